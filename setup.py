@@ -1,0 +1,43 @@
+"""One ament_python package; with plain pip the extras bring ROS 2, the tests' tools and speed."""
+
+from glob import glob
+
+from setuptools import find_packages, setup
+
+NAME = "sma_actuator"
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    packages=find_packages(include=["sma_actuator", "sma_actuator.*", "sma_msgs_py", "sma_msgs_py.*"]),
+    package_data={"sma_actuator": ["**/*.yaml", "**/*.html"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/config", glob("config/*.yaml")),
+        (f"share/{NAME}/launch", glob("launch/*.py")),
+    ],
+    python_requires=">=3.11",
+    install_requires=["numpy>=1.26", "scipy>=1.11", "PyYAML>=6.0", "PyVISA>=1.13", "PyVISA-py>=0.7", "rich>=13"],
+    extras_require={
+        # The wheels of ROS 2 Jazzy; leave out where ROS 2 is sourced.
+        "ros": ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
+        "speed": ["numba>=0.59"],
+        "report": ["matplotlib>=3.6", "Jinja2>=3.1"],
+        "bags": ["rosbags>=0.10"],
+        "baselines": ["scikit-learn>=1.3"],
+        "pymeasure": ["PyMeasure>=0.14"],
+        "test": ["pytest>=7.4", "hypothesis>=6.82", "simple-pid==2.0.1"],
+    },
+    entry_points={
+        "console_scripts": [
+            "sma-actuator = sma_actuator.cli:main",
+            "sma_actuator_node = sma_actuator.node:main",
+        ],
+    },
+    zip_safe=True,
+    maintainer="sma_actuator developers",
+    maintainer_email="maintainers@sma-actuator.invalid",
+    description="ROS 2 driver for shape memory alloy wire actuators that sense their own position",
+    license="Apache-2.0",
+)

@@ -1,0 +1,81 @@
+"""The edge to hardware: what a power supply and a data acquisition unit must do for the loop.
+
+Three families stand behind these interfaces: SCPI instruments over pyvisa (``scpi.py``), classes
+of pymeasure (``pymeasure_adapter.py``), and the virtual bench in the same process
+(``sma_actuator.bench``).
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from ..signals import Reading, SupplyState
+
+
+class InstrumentError(OSError):
+    """Something is wrong with an instrument.  The message names it, and what to do."""
+
+
+class InstrumentLost(InstrumentError):
+    """It does not answer any more (time-out, closed connection).  Reopening may help."""
+
+
+class InstrumentRefused(InstrumentError):
+    """It answers, but it is not what was configured, or will not do what is needed."""
+
+
+class PowerSupply(Protocol):
+    """A current-controlled supply.  Every method but ``shut_down`` and ``close`` may raise InstrumentError.
+
+    Not thread-safe: one owner.
+    """
+
+    identity: str  #: answer to ``*IDN?``, "" before ``open``
+
+    def open(self) -> None:
+        """Connect, check who answers, output off, program compliance voltage, over-voltage and
+        over-current trips, arm the watchdog, read all of it back; refuse where it does not hold."""
+
+    def set_current(self, current_A: float) -> None:
+        """Program the current limit [A]."""
+
+    def set_output(self, on: bool) -> None:
+        """Switch the output."""
+
+    def read_back(self) -> SupplyState:
+        """Ask the instrument for its settings and measurements."""
+
+    def clear_trip(self) -> None:
+        """Clear a tripped protection; the output stays off."""
+
+    def shut_down(self) -> None:
+        """Current to zero and output off, whatever else fails.  Never raises; may be called
+        twice, from a signal handler's thread, after the connection died (it tries to reopen)."""
+
+    def close(self) -> None:
+        """Give up the connection.  Never raises."""
+
+
+class Daq(Protocol):
+    """A scanning data acquisition unit.  Not thread-safe: one owner."""
+
+    identity: str
+
+    def open(self) -> None:
+        """Connect, check who answers, configure the channel list and the block size."""
+
+    def read_block(self) -> Reading:
+        """The average of the newest block, stamped with the loop's monotonic clock."""
+
+    def close(self) -> None:
+        """Give up the connection.  Never raises."""
+
+
+class Clock(Protocol):
+    """Time for whoever drives instruments: the machine's, or the virtual bench's."""
+
+    def now_s(self) -> float:
+        """Monotonic time [s]."""
+
+    def sleep_until_s(self, deadline_s: float) -> None:
+        """Return at ``deadline_s`` or, when it has passed, at once."""

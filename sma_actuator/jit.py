@@ -1,0 +1,27 @@
+"""Compile a kernel where numba is installed, run it as plain Python where it is not.
+
+The kernels are written once, for one sample; the loop over many samples is a kernel too.  With
+numba a replay runs some hundred times faster; the node does not need it.
+"""
+
+from __future__ import annotations
+
+import os
+
+try:
+    if os.environ.get("SMA_ACTUATOR_NO_JIT"):
+        raise ImportError
+    from numba import njit
+
+    COMPILED = True
+
+    def jit(function):
+        """Compile ``function`` to machine code and keep it in the on-disk cache."""
+        return njit(cache=True, error_model="numpy")(function)
+
+except ImportError:
+    COMPILED = False
+
+    def jit(function):
+        """Leave ``function`` as it is: numba is not installed (extra ``speed``)."""
+        return function

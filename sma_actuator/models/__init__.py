@@ -1,0 +1,39 @@
+"""Strain models: resistance and stress in, displacement out.
+
+A model is a class with the attributes of :class:`StrainModel`; ``COEFFICIENTS`` names, for each
+``model.type`` a parameter file may hold, the section of its coefficients, which knows how to
+build the model (``build(wire) -> StrainModel``) and says why it does not suit a wire
+(``mismatches(wire) -> list[str]``).
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+
+class StrainModel(Protocol):
+    """One strain model of one wire, with its memory.  SI units; extension positive."""
+
+    stress_range_Pa: tuple[float, float]  #: the stresses its coefficients were fitted on
+    displacement_range_m: tuple[float, float]  #: its working range, the determinate part of the stroke
+
+    def reset(self, resistance_Ohm: float, stress_Pa: float, heating: bool = False) -> float:
+        """Forget the past and start on the cooling (or heating) curve; return δ [m]."""
+
+    def step(self, resistance_Ohm: float, stress_Pa: float, heating: bool) -> float:
+        """Advance by one sample; return δ [m]."""
+
+    def run(self, resistance_Ohm: np.ndarray, stress_Pa: np.ndarray, heating: np.ndarray) -> np.ndarray:
+        """Advance by n samples, arrays of shape (n,); return δ [m], shape (n,).
+
+        The same kernel as :meth:`step`, so the numbers are the same.
+        """
+
+    def limits_m(self, resistance_Ohm, stress_Pa):
+        """Displacements of the heating and the cooling curve at R and σ, (δ_H, δ_C) [m]."""
+
+from .flexinol import FlexinolCoefficients  # noqa: E402
+
+COEFFICIENTS = {"flexinol": FlexinolCoefficients}

@@ -1,0 +1,204 @@
+"""How a parameter is declared: once, with its description, unit and range.
+
+A section of parameters is a frozen dataclass whose fields are made by :func:`parameter`.  From
+that one declaration come the validation of YAML files, the ROS parameter descriptors of the node
+and the parameter table of the documentation.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+from collections.abc import Mapping
+from typing import Any
+
+_REQUIRED = object()
+
+
+class ConfigError(ValueError):
+    """A configuration that must not reach the wire.  ``problems`` holds one sentence each."""
+
+    def __init__(self, problems: list[str] | str):
+        self.problems = [problems] if isinstance(problems, str) else list(problems)
+        super().__init__("\n".join(self.problems))
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class Declaration:
+    """What is known of a parameter besides its value."""
+
+    description: str
+    unit: str = ""
+    lo: float = -math.inf
+    hi: float = math.inf
+    choices: tuple[str, ...] = ()
+    live: bool = False  #: may be changed while the wire is driven
+    optional: bool = False  #: NaN, "" or an empty list stand for "not given"
+    hint: str = ""  #: what a value outside the range usually means
+
+
+def parameter(
+    default: Any = _REQUIRED,
+    description: str = "",
+    unit: str = "",
+    lo: float = -math.inf,
+    hi: float = math.inf,
+    choices: tuple[str, ...] = (),
+    live: bool = False,
+    optional: bool = False,
+    hint: str = "",
+) -> Any:
+    """Declare one parameter as a dataclass field; without ``default`` it must be given."""
+    declaration = Declaration(description, unit, lo, hi, tuple(choices), live, optional, hint)
+    metadata = {"parameter": declaration}
+    if default is _REQUIRED:
+        return dataclasses.field(metadata=metadata, kw_only=True)
+    if isinstance(default, (list, tuple)):
+        return dataclasses.field(default=tuple(default), metadata=metadata, kw_only=True)
+    return dataclasses.field(default=default, metadata=metadata, kw_only=True)
+
+
+def section(default_factory: Any, description: str) -> Any:
+    """Declare a nested section (another dataclass of parameters)."""
+    return dataclasses.field(default_factory=default_factory, metadata={"section": description}, kw_only=True)
+
+
+def declaration_of(field: dataclasses.Field) -> Declaration:
+    """The :class:`Declaration` of a dataclass field made by :func:`parameter`."""
+    return field.metadata["parameter"]
+
+
+def check(name: str, value: Any, declaration: Declaration, kind: str) -> tuple[Any, str]:
+    """Convert ``value`` to the declared type; return it and a sentence when it will not do.
+
+    ``kind`` is the annotation of the field as text: ``float``, ``int``, ``bool``, ``str``,
+    ``tuple[float, ...]`` or ``tuple[str, ...]``.
+    """
+    if kind.startswith("tuple"):
+        if isinstance(value, str) or not hasattr(value, "__iter__"):
+            return value, f"{name}: {value!r} is not a list"
+        inner = "float" if "float" in kind else "int" if "int" in kind else "str"
+        items = []
+        for i, item in enumerate(value):
+            converted, problem = check(f"{name}[{i}]", item, declaration, inner)
+            if problem:
+                return value, problem
+            items.append(converted)
+        if not items and not declaration.optional:
+            return value, f"{name}: the list is empty; {_wanted(declaration)}"
+        return tuple(items), ""
+    if kind == "bool":
+        return (value, "") if isinstance(value, bool) else (value, f"{name}: {value!r} is not true or false")
+    if kind == "str":
+        if not isinstance(value, str):
+            return value, f"{name}: {value!r} is not text"
+        if declaration.choices and value not in declaration.choices and not (declaration.optional and value == ""):
+            return value, f"{name}: '{value}' is not one of {', '.join(declaration.choices)}"
+        return value, ""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        text = f"{name}: {value!r} is not a number; {_wanted(declaration)}"
+        if isinstance(value, str) and _is_number(value):
+            text += f" (YAML reads {value} as text: write it with a decimal point, 1.0e-6)"
+        return value, text
+    if kind == "int":
+        if int(value) != value:
+            return value, f"{name}: {value!r} is not a whole number; {_wanted(declaration)}"
+        value = int(value)
+    else:
+        value = float(value)
+        if math.isnan(value) and declaration.optional:
+            return value, ""
+    if not (math.isfinite(value) and declaration.lo <= value <= declaration.hi):
+        hint = f"; {declaration.hint}" if declaration.hint else ""
+        return value, f"{name}: {value:g} is outside its range; {_wanted(declaration)}{hint}"
+    return value, ""
+
+
+def _wanted(declaration: Declaration) -> str:
+    if declaration.choices:
+        return f"one of {', '.join(declaration.choices)} is wanted ({declaration.description})"
+    unit = f" {declaration.unit}" if declaration.unit else ""
+    lo, hi = declaration.lo, declaration.hi
+    if math.isinf(lo) and math.isinf(hi):
+        return f"a finite number{unit} is wanted ({declaration.description})"
+    if math.isinf(hi):
+        return f"at least {lo:g}{unit} is wanted ({declaration.description})"
+    if math.isinf(lo):
+        return f"at most {hi:g}{unit} is wanted ({declaration.description})"
+    return f"{lo:g} to {hi:g}{unit} is wanted ({declaration.description})"
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def from_mapping(cls: type, mapping: Mapping[str, Any], prefix: str = "") -> tuple[Any, list[str]]:
+    """Build ``cls`` from a nested mapping; return it (or None) and every problem found."""
+    problems: list[str] = []
+    if not isinstance(mapping, Mapping):
+        return None, [f"{prefix.rstrip('.') or 'configuration'}: {mapping!r} is not a section of parameters"]
+    fields = {f.name: f for f in dataclasses.fields(cls) if f.init}
+    values: dict[str, Any] = {}
+    for key in mapping:
+        if key not in fields:
+            near = difflib.get_close_matches(str(key), fields, n=1)
+            help_ = f"did you mean {prefix}{near[0]}?" if near else f"known here: {', '.join(fields)}"
+            problems.append(f"{prefix}{key}: no such parameter; {help_}")
+    for name, field in fields.items():
+        if "section" in field.metadata:
+            if name in mapping:
+                value, found = from_mapping(field.default_factory, mapping[name], f"{prefix}{name}.")
+                problems += found
+                values[name] = value
+            elif any(_is_required(f) for f in dataclasses.fields(field.default_factory)):
+                _, found = from_mapping(field.default_factory, {}, f"{prefix}{name}.")
+                problems += found
+            continue
+        declaration = declaration_of(field)
+        if name in mapping:
+            values[name], problem = check(f"{prefix}{name}", mapping[name], declaration, str(field.type))
+            if problem:
+                problems.append(problem)
+        elif _is_required(field):
+            problems.append(f"{prefix}{name}: missing; {_wanted(declaration)}")
+    if problems:
+        return None, problems
+    return cls(**values), []
+
+
+def _is_required(field: dataclasses.Field) -> bool:
+    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+
+
+def walk(instance: Any, prefix: str = ""):
+    """Yield ``(dotted name, value, Declaration, kind)`` of every parameter of a section."""
+    for field in dataclasses.fields(instance):
+        value = getattr(instance, field.name)
+        if "parameter" in field.metadata:
+            yield f"{prefix}{field.name}", value, declaration_of(field), str(field.type)
+        elif dataclasses.is_dataclass(value):
+            yield from walk(value, f"{prefix}{field.name}.")
+
+
+def to_mapping(instance: Any) -> dict[str, Any]:
+    """The nested mapping, fit for YAML, from which the section would be built again.
+
+    Optional parameters that are not given are left out.
+    """
+    out: dict[str, Any] = {}
+    for field in dataclasses.fields(instance):
+        value = getattr(instance, field.name)
+        if "parameter" in field.metadata:
+            if declaration_of(field).optional and (value in ("", ()) or value != value):
+                continue
+            out[field.name] = list(value) if isinstance(value, tuple) else value
+        elif dataclasses.is_dataclass(value):
+            nested = to_mapping(value)
+            if nested:
+                out[field.name] = nested
+    return out

@@ -1,0 +1,108 @@
+"""The records that pass along the loop, from a raw reading to a current command.
+
+Every name carries its SI unit (degrees Celsius for temperatures).  A quantity that was not
+measured is NaN, never zero and never None.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+from math import nan
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One averaged block of raw channels, as the DAQ gives it.
+
+    ``time_s`` is on the clock of the loop (monotonic), at the end of the block.
+    """
+
+    time_s: float
+    supply_voltage_V: float
+    reference_voltage_V: float
+    load_cell_voltage_V: float
+    lvdt_current_A: float = nan
+    ambient_temperature_C: float = nan
+
+
+@dataclass(frozen=True, slots=True)
+class SupplyState:
+    """What the supply answers when it is asked; not what we believe we told it."""
+
+    time_s: float
+    current_setting_A: float
+    output_on: bool
+    voltage_V: float
+    current_A: float
+    tripped: str = ""  #: "" or a comma-joined list of OVP, OCP, OTP, WDOG
+
+
+@dataclass(frozen=True, slots=True)
+class Signals:
+    """Physical quantities of the wire, after the calibrations of chapter 3 of the thesis."""
+
+    time_s: float
+    resistance_Ohm: float
+    current_A: float
+    power_W: float  #: electrical power in the wire alone, I²R
+    load_N: float
+    stress_Pa: float
+    reference_displacement_m: float = nan
+    ambient_temperature_C: float = nan
+
+
+class Branch(enum.IntEnum):
+    """Which transformation the wire is taken to undergo."""
+
+    COOLING = 0
+    HEATING = 1
+
+
+class Quality(enum.IntEnum):
+    """How far an estimate can be trusted, best first."""
+
+    DETERMINATE = 0
+    INDETERMINATE_COLD = 1  #: near full extension: R moves with temperature, δ does not
+    INDETERMINATE_HOT = 2  #: near full contraction: likewise
+    OUTSIDE_CALIBRATION = 3  #: stress or resistance beyond what the coefficients were fitted on
+    INVALID = 4  #: an input was not finite
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """What the strain model makes of the signals.  Extension is positive."""
+
+    time_s: float
+    displacement_m: float
+    strain: float
+    velocity_m_s: float
+    branch: Branch
+    quality: Quality
+
+
+class Mode(enum.Enum):
+    """What the controller is doing with the wire."""
+
+    OFF = "off"  #: supply output off, no current at all
+    HOLD = "hold"  #: holding the position it had when it was enabled or lost its setpoint
+    TRACKING = "tracking"  #: following setpoints
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """What the supply is to be told.  Built by the supervisor alone."""
+
+    current_A: float
+    output_on: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """The state of one actuator in a form that can be published."""
+
+    mode: Mode
+    fault: str = ""  #: name of the latched or active fault, "" when there is none
+    limits: tuple[str, ...] = ()  #: names of the limits acting now
+    message: str = ""  #: the same in words
+    values: dict[str, float | str] = field(default_factory=dict)
