@@ -1,0 +1,28 @@
+# make demo   the node holds a wire of the virtual bench at setpoints, live in the terminal
+# make test   every test
+# Both do all their own set-up: a virtual environment with pinned ROS 2 wheels in .venv.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+DURATION ?= 60
+WIRE ?= flexinol
+EXTRAS := ros,speed,report,bags,baselines,pymeasure,test
+
+.PHONY: demo test tables benchmarks coefficients clean
+
+demo: $(VENV)/ready
+	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION)
+
+test: $(VENV)/ready
+	$(BIN)/python -m pytest
+
+$(VENV)/ready: setup.py constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is wanted; set PYTHON=python3.12 or so"; exit 1; }
+	$(PYTHON) -m venv $(VENV) || { echo "the venv module is missing: apt-get install python3-venv"; exit 1; }
+	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[$(EXTRAS)]'
+	touch $@
+
+clean:
+	rm -rf $(VENV) build install log out
