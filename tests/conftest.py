@@ -1,0 +1,58 @@
+"""What the tests of every area share: one complete configuration, changed where a test needs it."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import pytest
+
+#: A 0.1524 mm × 100 mm Ni-Ti wire; every required parameter, and no other.
+_NI_TI: dict[str, Any] = {
+    "wire": {"alloy": "ni-ti", "length": 0.100, "diameter": 0.1524e-3},
+    "circuit": {"lead_resistance": 0.25},
+    "reference_sensor": {"slope": 0.315842, "offset": -0.0012195},
+    "supply": {"max_current": 0.40, "max_voltage": 6.0, "over_current_trip": 0.45},
+    "estimator": {"heating_power": 0.20},
+    "controller": {"kp": 200.0, "ki": 200.0},
+    "thermal": {"heat_capacity": 5.5e-3, "heat_loss": 5.0e-3},
+    "safety": {"resistance_min": 1.0, "resistance_max": 20.0, "load_spike": 2.0},
+    "model": {
+        "type": "flexinol",
+        "calibrated_length": 0.100,
+        "calibrated_diameter": 0.1524e-3,
+        "heating_slope": [4.3e-3],
+        "heating_intercept": [-19.4e-3],
+        "cooling_slope": [4.3e-3],
+        "cooling_intercept": [-18.6e-3],
+        "initial_slope": 1.0e-3,
+        "transition_rate": 10.0,
+        "stress_range": [0.0, 175.0e6],
+        "displacement_range": [0.2e-3, 4.2e-3],
+    },
+}
+
+
+def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """``base`` with ``changes`` put into it, section by section."""
+    out = copy.deepcopy(dict(base))
+    for key, value in changes.items():
+        head, _, rest = key.partition(".")
+        if rest:
+            out[head] = merged(out.get(head, {}), {rest: value})
+        elif isinstance(value, Mapping) and isinstance(out.get(head), Mapping):
+            out[head] = merged(out[head], value)
+        else:
+            out[head] = copy.deepcopy(value)
+    return out
+
+
+@pytest.fixture(scope="session")
+def make_config() -> Callable[..., dict[str, Any]]:
+    """``make_config(supply={"max_current": 0.3}, **{"loop.rate": 100.0})``: a nested mapping for Config.from_mapping."""
+
+    def make(**changes: Any) -> dict[str, Any]:
+        return merged(_NI_TI, changes)
+
+    return make
