@@ -224,8 +224,10 @@ class Config(_Sections):
             rest = {k: v for k, v in model.items() if k != "type"}
             coefficients, found = from_mapping(COEFFICIENTS[model_type], rest, "model.")
             problems += found
+        if common is not None:
+            problems += _cross_checks(common)
         if common is not None and coefficients is not None:
-            problems += _cross_checks(common, coefficients)
+            problems += coefficients.mismatches(common.wire)
         if problems:
             raise ConfigError([f"{source}: {p}" if source else p for p in problems])
         values = {f.name: getattr(common, f.name) for f in dataclasses.fields(common)}
@@ -254,6 +256,20 @@ class Config(_Sections):
         return Config.from_mapping(mapping)
 
 
+def bench_from_mapping(mapping: Mapping[str, Any], source: str = "") -> _Sections:
+    """The parameters of a bench whose wire has no model yet: everything in ``mapping`` but ``model`` and ``effects``.
+
+    Raises ConfigError as :meth:`Config.from_mapping` does.
+    """
+    rest = {k: v for k, v in mapping.items() if k not in ("model", "effects")}
+    sections, problems = from_mapping(_Sections, rest)
+    if sections is not None:
+        problems += _cross_checks(sections)
+    if problems:
+        raise ConfigError([f"{source}: {p}" if source else p for p in problems])
+    return sections
+
+
 def read_parameter_file(path: str | Path, node: str = NODE_NAME) -> dict[str, Any]:
     """The mapping below ``ros__parameters`` of ``node`` (or of ``/**``) in a YAML file."""
     path = Path(path)
@@ -273,10 +289,10 @@ def read_parameter_file(path: str | Path, node: str = NODE_NAME) -> dict[str, An
     raise ConfigError(f"{path}: has no section '{node}: ros__parameters:'; found {', '.join(map(str, document))}")
 
 
-def _cross_checks(common: _Sections, coefficients: Any) -> list[str]:
+def _cross_checks(common: _Sections) -> list[str]:
     """What no single range can say."""
     problems = []
-    supply, safety, wire, loop = common.supply, common.safety, common.wire, common.loop
+    supply, safety, loop = common.supply, common.safety, common.loop
     if not supply.bias_current < supply.max_current:
         problems.append(f"supply.bias_current: {supply.bias_current:g} A is not below supply.max_current, {supply.max_current:g} A")
     if not supply.max_current <= supply.over_current_trip:
@@ -303,4 +319,4 @@ def _cross_checks(common: _Sections, coefficients: Any) -> list[str]:
             f"supply.watchdog_timeout: {supply.watchdog_timeout:g} s is less than two periods of loop.rate, {loop.rate:g} Hz: "
             "the watchdog would trip in normal use"
         )
-    return problems + list(coefficients.mismatches(wire))
+    return problems
