@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf, nan
@@ -270,6 +271,17 @@ def bench_from_mapping(mapping: Mapping[str, Any], source: str = "") -> _Section
     return sections
 
 
+class _Loader(yaml.SafeLoader):
+    """Reads 175.0e6 as a number, as the YAML parser of ROS does; PyYAML wants 175.0e+6."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"),
+    list("-+.0123456789"),
+)
+
+
 def read_parameter_file(path: str | Path, node: str = NODE_NAME) -> dict[str, Any]:
     """The mapping below ``ros__parameters`` of ``node`` (or of ``/**``) in a YAML file."""
     path = Path(path)
@@ -278,7 +290,7 @@ def read_parameter_file(path: str | Path, node: str = NODE_NAME) -> dict[str, An
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror}); a YAML parameter file is wanted") from error
     try:
-        document = yaml.safe_load(text)
+        document = yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as error:
         raise ConfigError(f"{path}: is not YAML: {' '.join(str(error).split())}") from error
     if not isinstance(document, Mapping):
