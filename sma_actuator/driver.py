@@ -1,0 +1,501 @@
+"""The loop that drives one wire: instruments in, actuator, instruments out.  No ROS.
+
+One control thread per wire runs on absolute deadlines of the monotonic clock; nothing else touches
+the instruments or the actuator.  What other threads want is handed over: setpoints through a
+bounded queue, everything else as a call that is executed between two steps.  Whatever ends the
+loop (``stop``, an exception, the end of the interpreter), the supply is shut down: current zero and
+output off.
+
+Tests and tools step the same loop by hand, in the virtual time of a bench in this process.
+"""
+
+from __future__ import annotations
+
+import atexit
+import collections
+import contextlib
+import logging
+import math
+import signal
+import threading
+import weakref
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from .actuator import Actuator, Output
+from .config import Config
+from .instruments import Clock, Daq, InstrumentError, PowerSupply
+from .signals import Command, Reading
+
+if TYPE_CHECKING:
+    from .signals import SupplyState
+
+_log = logging.getLogger(__name__)
+
+#: Changes of the commanded current smaller than this are not sent: the finest step of the supplies
+#: in use is 0.02 mA (thesis, ch. 3), and each message costs time on the bus.
+CURRENT_RESOLUTION_A = 5e-6
+_LONGEST_SLEEP_s = 0.05  #: so that a stop and a call do not wait for a slow loop's next deadline
+_JOIN_TIMEOUT_s = 0.4  #: what ``stop`` leaves a thread that waits for an instrument, of the second it has
+_SETPOINT_QUEUE = 1024
+_STATISTICS_WINDOW = 2048
+
+
+class DriverStopped(RuntimeError):
+    """The loop does not run any more, so the call was not made."""
+
+
+class Recording(Protocol):
+    """What the loop needs of a recorder."""
+
+    def record(self, reading: Reading, output: Output) -> None:
+        """Take one step's row; never wait."""
+
+
+@dataclass(frozen=True, slots=True)
+class LoopStatistics:
+    """How well the loop keeps its period; means and percentiles over the last 2048 steps."""
+
+    steps: int = 0
+    overruns: int = 0  #: deadlines that passed while a step was still busy
+    period_mean_s: float = math.nan
+    period_p99_s: float = math.nan
+    period_max_s: float = math.nan
+    busy_mean_s: float = math.nan  #: time from a step's deadline to the command being with the supply
+    busy_max_s: float = math.nan
+
+
+class _Link:
+    """One instrument, whether it answers, and when to try again if it does not."""
+
+    def __init__(self, name: str, instrument: PowerSupply | Daq, longest_wait_s: float):
+        self.name = name
+        self.instrument = instrument
+        self.answers = False
+        self.detail = ""  #: why it does not answer
+        self._longest_wait_s = longest_wait_s
+        self._wait_s = 0.0
+        self._next_attempt_s = -math.inf
+
+    def ask(self, question: Callable[[], Any]) -> Any:
+        """Answer of the instrument, or None where it has none; then ``answers`` is false."""
+        if not self.answers:
+            return None
+        try:
+            return question()
+        except InstrumentError as error:
+            self.lose(error)
+            return None
+
+    def lose(self, error: InstrumentError) -> None:
+        self.answers = False
+        self.detail = str(error)
+        self._wait_s = 0.0
+        self._next_attempt_s = -math.inf  # the first attempt is made at once: opening switches the output off
+
+    def reconnect(self, now_s: Callable[[], float]) -> None:
+        """Try to open it again, not more often than the back-off allows."""
+        if self.answers or now_s() < self._next_attempt_s:
+            return
+        self.instrument.close()
+        try:
+            self.instrument.open()
+        except InstrumentError as error:
+            self.detail = str(error)
+            self._wait_s = min(self._longest_wait_s, max(0.1, 2.0 * self._wait_s))
+            self._next_attempt_s = now_s() + self._wait_s
+        else:
+            self.answers = True
+
+
+class Driver:
+    """Drives one wire.
+
+    ``on_output(output)`` is called in the control thread after every step and must return at once;
+    ``on_failure(exception)`` likewise when an exception has ended the loop, after the supply has
+    been shut down.  ``recorder`` gets every step that had a reading.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        supply: PowerSupply,
+        daq: Daq,
+        clock: Clock,
+        on_output: Callable[[Output], None] | None = None,
+        recorder: Recording | None = None,
+        on_failure: Callable[[BaseException], None] | None = None,
+        name: str = "sma_actuator",
+    ):
+        self.name = name
+        self.failure: BaseException | None = None  #: the exception that ended the loop
+        self._config = config
+        self._clock = clock
+        self._actuator = Actuator(config)
+        self._supply_instrument = supply
+        self._supply = _Link("supply", supply, config.instruments.reconnect_backoff_max)
+        self._daq = _Link("daq", daq, config.instruments.reconnect_backoff_max)
+        self._links = (self._supply, self._daq)
+        self._on_output = on_output
+        self._on_failure = on_failure
+        self._recorder = recorder
+        self._written: Command | None = None  #: what the supply was last told; None: not known
+        self._thread: threading.Thread | None = None
+        self._stopping = threading.Event()
+        self._gate = threading.Lock()  #: guards _ended and the mailbox against each other
+        self._ended = False
+        self._mailbox: collections.deque[tuple[Callable[[Actuator, float], Any], Future]] = collections.deque()
+        self._setpoints: collections.deque[tuple[float, Callable[[Actuator, float], str]]] = collections.deque()
+        self._flooded = 0
+        self._refusals: collections.deque[str] = collections.deque(maxlen=16)
+        self._period_s = 1.0 / config.loop.rate
+        self._schedule: tuple[float, int] | None = None  #: time of deadline 0, number of the next deadline
+        self._last_step_s = math.nan
+        self._late_in_a_row = 0
+        self._steps = 0
+        self._overruns = 0
+        self._periods_s = np.full(_STATISTICS_WINDOW, np.nan)
+        self._busy_s = np.full(_STATISTICS_WINDOW, np.nan)
+
+    # --- life ------------------------------------------------------------------------------------
+
+    def open(self) -> None:
+        """Connect both instruments; the output is off afterwards.  Raises InstrumentError."""
+        try:
+            for link in self._links:
+                link.instrument.open()
+                link.answers = True
+        except BaseException:
+            self._finish()
+            raise
+
+    def start(self) -> None:
+        """Run the loop in a thread of its own, after :meth:`open`."""
+        self._require_open()
+        _stop_at_exit(self)
+        # A daemon: at the interpreter's end atexit stops it, where joining it would wait for ever.
+        self._thread = threading.Thread(target=self._loop, name=f"{self.name} control", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the loop with the current at zero and the output off, within a second.
+
+        May be called from any thread but the control thread, and more than once.  A thread that
+        hangs in an instrument's answer is not waited for: the supply is then shut down from here.
+        """
+        self._stopping.set()
+        if self._thread is not None:
+            self._thread.join(_JOIN_TIMEOUT_s)
+            if not self._thread.is_alive():
+                return
+            _log.warning("%s: an instrument holds up the loop; shutting the supply down beside it", self.name)
+            self._supply_instrument.shut_down()
+            return
+        self._finish()
+
+    def __enter__(self) -> Driver:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop()
+
+    # --- requests, from any thread ----------------------------------------------------------------
+
+    def submit(self, request: Callable[[Actuator, float], Any]) -> Future:
+        """Have ``request(actuator, now_s)`` executed between two steps; its result comes as a Future.
+
+        Without a control thread it is executed at once.
+        """
+        future: Future = Future()
+        with self._gate:
+            if self._ended:
+                future.set_exception(DriverStopped(f"{self.name}: the loop has ended"))
+            elif self._thread is not None and threading.current_thread() is not self._thread:
+                self._mailbox.append((request, future))
+            else:
+                _fulfil(future, request, self._actuator, self._clock.now_s())
+        return future
+
+    def call(self, request: Callable[[Actuator, float], Any], timeout_s: float = 5.0) -> Any:
+        """Result of ``request(actuator, now_s)``, executed between two steps.
+
+        Raises DriverStopped, TimeoutError (then it will not be executed later either), and
+        whatever the request raises.
+        """
+        future = self.submit(request)
+        try:
+            return future.result(timeout_s)
+        except TimeoutError:
+            if not future.cancel():  # it began in the last moment
+                return future.result(timeout_s)
+            raise TimeoutError(f"{self.name}: the loop did not answer within {timeout_s:g} s: an instrument holds it up") from None
+
+    def offer_setpoint(self, position_m: float) -> None:
+        """Hand over a setpoint [m]; never waits.  Refusals come back by :meth:`refusals`."""
+        self._offer(lambda actuator, now_s: actuator.offer_setpoint(now_s, position_m))
+
+    def offer_trajectory(self, times_s: list[float], positions_m: list[float]) -> None:
+        """Hand over a trajectory: positions [m] at times [s] from now; never waits."""
+        self._offer(lambda actuator, now_s: actuator.offer_trajectory(now_s, times_s, positions_m))
+
+    def refusals(self) -> list[str]:
+        """Sentences of the setpoints refused since the last call."""
+        out = []
+        with contextlib.suppress(IndexError):
+            while True:
+                out.append(self._refusals.popleft())
+        return out
+
+    def enable(self, on: bool) -> tuple[bool, str]:
+        """Switch the current on or off; whether that was done, and the sentence that says so."""
+        return self.call(lambda actuator, now_s: actuator.enable(now_s, on))
+
+    def clear_fault(self) -> tuple[bool, str]:
+        """Clear a latched fault and the supply's own trips; the output stays off."""
+        return self.call(self._clear_fault)
+
+    def reset_estimator(self) -> tuple[bool, str]:
+        """Forget the past of the estimate."""
+        return self.call(lambda actuator, _: actuator.reset_estimator())
+
+    def tare_load(self) -> tuple[bool, str]:
+        """Take the present load for zero."""
+        return self.call(lambda actuator, _: actuator.tare_load())
+
+    def measure_lead_resistance(self) -> tuple[bool, str, float]:
+        """Lead resistance [Ω], with a short in place of the wire."""
+        return self.call(lambda actuator, _: actuator.measure_lead_resistance())
+
+    def update(self, config: Config) -> None:
+        """Take over changed parameters; only those declared ``live`` may differ."""
+        self.call(lambda actuator, _: self._update(actuator, config))
+
+    @property
+    def lost_instruments(self) -> dict[str, str]:
+        """Instruments that do not answer, and why."""
+        return {link.name: link.detail for link in self._links if not link.answers}
+
+    def statistics(self) -> LoopStatistics:
+        """Period and overruns of the loop."""
+        periods_s = self._periods_s[np.isfinite(self._periods_s)]
+        busy_s = self._busy_s[np.isfinite(self._busy_s)]
+        if not len(periods_s):
+            return LoopStatistics(self._steps, self._overruns)
+        return LoopStatistics(
+            self._steps, self._overruns,
+            float(periods_s.mean()), float(np.quantile(periods_s, 0.99)), float(periods_s.max()),
+            float(busy_s.mean()), float(busy_s.max()),
+        )
+
+    # --- the loop ---------------------------------------------------------------------------------
+
+    def run_for(self, seconds: float) -> Output | None:
+        """Step by hand, deadline after deadline, for a time; the last output.  Not with a thread."""
+        until_s = self._clock.now_s() + seconds
+        output = None
+        while self._next_deadline_s() < until_s - 1e-9:
+            output = self._step_at_deadline()
+        self._clock.sleep_until_s(until_s)
+        return output
+
+    def tick(self) -> Output:
+        """One step: read, think, write.  Any exception ends the driver, with the output off."""
+        try:
+            self._require_open()
+            return self._tick()
+        except BaseException as error:
+            self._fail(error)
+            raise
+
+    def _loop(self) -> None:
+        try:
+            while not self._stopping.is_set():
+                self._step_at_deadline()
+        except BaseException as error:  # reported: nobody awaits this thread
+            if self.failure is None:
+                self._fail(error)
+        finally:
+            self._finish()
+
+    def _step_at_deadline(self) -> Output | None:
+        deadline_s = self._next_deadline_s()
+        while (now_s := self._clock.now_s()) < deadline_s:
+            self._clock.sleep_until_s(min(deadline_s, now_s + _LONGEST_SLEEP_s))
+            self._run_calls()
+            if self._stopping.is_set():
+                return None
+        self._account_start(self._clock.now_s())
+        output = self.tick()
+        self._account_end(deadline_s, self._clock.now_s())
+        return output
+
+    def _next_deadline_s(self) -> float:
+        if self._schedule is None:
+            self._schedule = (self._clock.now_s(), 0)
+        start_s, number = self._schedule
+        return start_s + number * self._period_s
+
+    def _account_start(self, now_s: float) -> None:
+        self._periods_s[self._steps % _STATISTICS_WINDOW] = now_s - self._last_step_s
+        self._last_step_s = now_s
+
+    def _account_end(self, deadline_s: float, now_s: float) -> None:
+        self._busy_s[self._steps % _STATISTICS_WINDOW] = now_s - deadline_s
+        self._steps += 1
+        start_s, number = self._schedule
+        missed = max(0, math.floor((now_s - start_s) / self._period_s + 1e-9) - number)
+        # Missed deadlines are skipped, not caught up with: old readings help nobody.
+        self._schedule = (start_s, number + 1 + missed)
+        self._overruns += missed
+        self._late_in_a_row = self._late_in_a_row + missed if missed else 0
+        if self._late_in_a_row >= self._config.loop.overruns_to_fault:
+            self._late_in_a_row = 0
+            detail = f"{self._config.loop.overruns_to_fault} deadlines in a row were missed at {self._config.loop.rate:g} Hz"
+            self._actuator.raise_fault(now_s, "loop_overrun", detail)
+
+    def _tick(self) -> Output:
+        self._run_calls()
+        self._reconnect()
+        reading: Reading | None = self._daq.ask(self._daq.instrument.read_block)
+        state: SupplyState | None = self._supply.ask(self._supply.instrument.read_back)
+        now_s = self._clock.now_s()
+        self._report_losses(now_s)
+        self._offer_setpoints(now_s)
+        output = self._actuator.step(now_s, reading, state)
+        self._supply.ask(lambda: self._write(output.command, state))
+        self._report_losses(now_s)
+        if self._recorder is not None and reading is not None:
+            self._recorder.record(reading, output)
+        if self._on_output is not None:
+            self._on_output(output)
+        return output
+
+    def _write(self, command: Command, state: SupplyState | None) -> None:
+        """Tell the supply what it does not know yet."""
+        written = self._written
+        self._written = None  # until all of it is sent
+        if command.output_on:
+            if written is None or abs(command.current_A - written.current_A) > CURRENT_RESOLUTION_A:
+                self._supply.instrument.set_current(command.current_A)
+            else:
+                command = Command(written.current_A, True)
+            if written is None or not written.output_on:
+                self._supply.instrument.set_output(True)
+        elif written is None or written.output_on or (state is not None and state.output_on):
+            self._supply.instrument.set_output(False)
+            self._supply.instrument.set_current(0.0)
+        self._written = command
+
+    def _reconnect(self) -> None:
+        for link in self._links:
+            if not link.answers:
+                link.reconnect(self._clock.now_s)
+                if link is self._supply:
+                    self._written = None
+
+    def _report_losses(self, now_s: float) -> None:
+        for link in self._links:
+            if not link.answers:
+                self._actuator.raise_fault(now_s, f"{link.name}_lost", link.detail)
+
+    def _clear_fault(self, actuator: Actuator, now_s: float) -> tuple[bool, str]:
+        lost = self.lost_instruments
+        if lost:
+            return False, "; ".join(f"the {name} still does not answer: {detail}" for name, detail in lost.items())
+        self._supply.ask(self._supply.instrument.clear_trip)
+        self._supply.ask(lambda: self._write(Command(0.0, False), None))
+        return actuator.clear_fault(now_s)
+
+    def _update(self, actuator: Actuator, config: Config) -> None:
+        self._config = config
+        actuator.update(config)
+
+    # --- hand-over --------------------------------------------------------------------------------
+
+    def _offer(self, offer: Callable[[Actuator, float], str]) -> None:
+        if len(self._setpoints) >= _SETPOINT_QUEUE:
+            self._flooded += 1
+        else:
+            self._setpoints.append((self._clock.now_s(), offer))
+
+    def _offer_setpoints(self, now_s: float) -> None:
+        flooded, self._flooded = self._flooded, 0
+        if flooded:
+            self._actuator.raise_fault(now_s, "setpoint_flood", f"{flooded} setpoints came faster than the loop could look at them")
+        for _ in range(len(self._setpoints)):
+            arrived_s, offer = self._setpoints.popleft()
+            refusal = offer(self._actuator, arrived_s)
+            if refusal:
+                self._refusals.append(refusal)
+
+    def _run_calls(self) -> None:
+        while self._mailbox:
+            request, future = self._mailbox.popleft()
+            _fulfil(future, request, self._actuator, self._clock.now_s())
+
+    # --- the end ----------------------------------------------------------------------------------
+
+    def _require_open(self) -> None:
+        if self._ended:
+            raise DriverStopped(f"{self.name}: the driver has ended; make a new one")
+
+    def _fail(self, error: BaseException) -> None:
+        self.failure = error
+        self._finish()
+        _log.error("%s: the loop ended, the output is off: %r", self.name, error)
+        if self._on_failure is not None:
+            self._on_failure(error)
+
+    def _finish(self) -> None:
+        """Supply shut down, instruments closed, waiting calls answered.  May be called twice."""
+        self._supply_instrument.shut_down()
+        with self._gate:
+            self._ended = True
+            waiting, self._mailbox = self._mailbox, collections.deque()
+        for _, future in waiting:
+            if future.set_running_or_notify_cancel():
+                future.set_exception(DriverStopped(f"{self.name}: the loop has ended"))
+        for link in self._links:
+            link.answers = False
+            link.instrument.close()
+
+
+def _fulfil(future: Future, request: Callable[[Actuator, float], Any], actuator: Actuator, now_s: float) -> None:
+    if not future.set_running_or_notify_cancel():
+        return
+    try:
+        future.set_result(request(actuator, now_s))
+    except Exception as error:
+        future.set_exception(error)
+
+
+def _stop_at_exit(driver: Driver) -> None:
+    """Stop the driver when the interpreter ends, unless it is gone by then."""
+    reference = weakref.ref(driver)
+
+    def stop() -> None:
+        alive = reference()
+        if alive is not None:
+            alive.stop()
+
+    atexit.register(stop)
+
+
+@contextlib.contextmanager
+def signals_end_the_program() -> Iterator[None]:
+    """SIGTERM and SIGHUP raise SystemExit, as SIGINT raises KeyboardInterrupt: every ``finally`` and
+    atexit function runs, so every driver is stopped.  For tools; in the main thread."""
+
+    def leave(number: int, _frame: object) -> None:
+        raise SystemExit(128 + number)
+
+    before = {number: signal.signal(number, leave) for number in (signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
