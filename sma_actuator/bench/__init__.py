@@ -3,3 +3,12 @@
 Nothing here knows of the estimator, its models or the measuring circuit's equations: the bench
 stands for the world, and shares no mathematics with what is judged against it.
 """
+
+from .bench import Setup, Truth, VirtualBench
+from .chain import Chain
+from .in_process import InProcessDaq, InProcessSupply, VirtualClock
+from .loads import Schedule, Spring, Weight
+
+__all__ = [
+    "Chain", "InProcessDaq", "InProcessSupply", "Schedule", "Setup", "Spring", "Truth", "VirtualBench", "VirtualClock", "Weight",
+]  # fmt: skip

@@ -1,0 +1,208 @@
+"""One wire in its test stand, with its supply and its DAQ, in one object and one time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import inf, nan
+
+import numpy as np
+
+from . import physics
+from .chain import CHANNELS, SATURATED, Chain, Noise, convert
+from .faults import check_fault
+from .loads import Load, Schedule, Weight
+from .materials import WIRES, Wire
+from .supply import SimulatedSupply
+
+STEP_S = 1e-3
+RING = 8192
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What stands on the bench."""
+
+    wire: Wire
+    chain: Chain = field(default_factory=Chain)
+    load: Load = field(default_factory=lambda: Weight(0.98))
+    ambient_C: float = 22.0
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What is so, at one bench time."""
+
+    time_s: float
+    displacement_m: float
+    strain: float
+    temperature_C: float
+    martensite: float
+    r_phase: float
+    resistance_Ohm: float
+    load_N: float
+    stress_Pa: float
+    current_A: float
+    power_W: float
+
+
+class VirtualBench:
+    """The virtual bench.  Time stands still but for :meth:`advance`; the same calls give the same numbers."""
+
+    def __init__(self, setup: Setup, seed: int = 0):
+        self.setup = setup
+        self.load: Load = setup.load
+        self.ambient_C = setup.ambient_C
+        self.faults: dict[str, float] = {}
+        self.supply = SimulatedSupply()
+        self.daq = SimulatedDaq(self)
+        self.constants = physics.constants(setup.wire, setup.chain.series_Ohm)
+        self._noise = Noise(seed)
+        force_N, stiffness_N_m, spring_at_m = self.load.at(0.0)
+        self._state, self._memory_m, self._memory_r = physics.cold_state(self.constants, self.ambient_C, force_N)
+        self._state[physics.LOAD] = physics.load_at(
+            self.constants, self._state[physics.MARTENSITE], self._state[physics.R_SHARE], self.ambient_C,
+            force_N, force_N, stiffness_N_m, spring_at_m,
+        )  # fmt: skip
+        self._inputs = np.zeros(physics.INPUTS)
+        self._ring = np.zeros((RING, len(physics.COLUMNS)))
+        self._row = 0
+        self.samples = 0  #: taken since the beginning, one per millisecond
+        self._pending: list[tuple[float, str, float]] = []
+        self._stuck: dict[int, np.ndarray] = {}
+
+    @classmethod
+    def from_name(cls, name: str, seed: int = 0, load: Load | None = None, **setup) -> VirtualBench:
+        """A bench with the wire ``flexinol`` or ``furukawa``; ``setup`` may hold other fields of :class:`Setup`."""
+        if name not in WIRES:
+            raise ValueError(f"'{name}' is no wire of the bench; one of {', '.join(WIRES)} is wanted")
+        if load is not None:
+            setup["load"] = load
+        return cls(Setup(WIRES[name], **setup), seed)
+
+    @property
+    def time_s(self) -> float:
+        """Bench time [s], a whole number of milliseconds."""
+        return self.samples * STEP_S
+
+    @property
+    def truth(self) -> Truth:
+        """The true state now."""
+        s = [float(x) for x in self._state]
+        return Truth(
+            self.time_s, s[physics.DISPLACEMENT], s[physics.STRAIN], s[physics.TEMPERATURE], s[physics.MARTENSITE],
+            s[physics.R_SHARE] * (1.0 - s[physics.MARTENSITE]), s[physics.RESISTANCE], s[physics.LOAD],
+            s[physics.LOAD] / self.constants.area_m2, s[physics.CURRENT], s[physics.POWER],
+        )  # fmt: skip
+
+    @property
+    def voltage_V(self) -> float:
+        """Voltage at the supply's terminals [V]."""
+        return float(self._state[physics.VOLTAGE])
+
+    @property
+    def heat_J(self) -> tuple[float, float, float]:
+        """Electrical heat put in, heat lost to the surroundings, heat content, each since the beginning [J]."""
+        return tuple(float(self._state[i]) for i in (physics.HEAT_IN, physics.HEAT_OUT, physics.ENTHALPY))
+
+    def advance(self, until_s: float) -> None:
+        """Let the physics run to bench time ``until_s`` [s] (rounded to a millisecond); the past is left alone."""
+        end = round(until_s / STEP_S)
+        while self.samples < end:
+            self._fire_pending()
+            steps = end - self.samples
+            for event_s in self._next_events():
+                ahead = int(np.ceil((event_s - self.time_s) / STEP_S - 1e-6))
+                steps = min(steps, max(ahead, 1))
+            self._run(steps)
+            if self.supply.watchdog_expires_s <= self.time_s + 1e-9 and "watchdog_dead" not in self.faults:
+                self.supply.trip("WDOG")
+        self._fire_pending()
+
+    def inject(self, name: str, value: float = nan, at_s: float | None = None) -> None:
+        """Make the bench misbehave (see ``faults.FAULTS``), now or at bench time ``at_s``.
+
+        Raises ValueError for an unknown name.
+        """
+        value = check_fault(name, value)
+        if at_s is not None and at_s > self.time_s:
+            self._pending = sorted([*self._pending, (at_s, name, value)])
+            return
+        if name == "second_commander":
+            self.supply.set_current(value)
+            return
+        if name == "channel_stuck":
+            self._stuck[int(value)] = self.daq.block(1)[0][0] if self.samples else np.zeros(len(CHANNELS))
+        self.faults[name] = value
+
+    def clear(self, name: str | None = None) -> None:
+        """End one misbehaviour, or all of them."""
+        if name is not None:
+            check_fault(name)
+        for each in [name] if name is not None else list(self.faults):
+            self.faults.pop(each, None)
+
+    def _fire_pending(self) -> None:
+        while self._pending and self._pending[0][0] <= self.time_s + 1e-9:
+            _, name, value = self._pending.pop(0)
+            self.inject(name, value)
+
+    def _next_events(self) -> list[float]:
+        events = [at_s for at_s, _, _ in self._pending[:1]]
+        if "watchdog_dead" not in self.faults:
+            events.append(self.supply.watchdog_expires_s)
+        if isinstance(self.load, Schedule):
+            events += [start_s for start_s, _ in self.load.steps if start_s > self.time_s + 1e-9][:1]
+        return [e for e in events if e < inf]
+
+    def _run(self, steps: int) -> None:
+        inputs, supply, faults = self._inputs, self.supply, self.faults
+        force_N, stiffness_N_m, spring_at_m = self.load.at(self.time_s)
+        inputs[physics.CURRENT_SET] = supply.current_A
+        inputs[physics.VOLTAGE_LIMIT] = supply.voltage_V
+        inputs[physics.OUTPUT_ON] = supply.output_on
+        inputs[physics.OCP] = supply.effective_ocp_A
+        inputs[physics.OVP] = supply.effective_ovp_V
+        inputs[physics.FORCE] = force_N + faults.get("load_spike", 0.0)
+        inputs[physics.STIFFNESS] = stiffness_N_m
+        inputs[physics.SPRING_AT] = spring_at_m
+        inputs[physics.AMBIENT] = faults.get("hot_ambient", self.ambient_C)
+        inputs[physics.LOSS_FACTOR] = faults.get("draught", 1.0)
+        inputs[physics.CURRENT_FACTOR] = faults.get("current_disagrees", 1.0)
+        inputs[physics.WIRE_CONDITION] = (
+            physics.OPEN if "open_wire" in faults else physics.SHORT if "short_wire" in faults else physics.NORMAL
+        )
+        self._row = physics.simulate(
+            steps, STEP_S, self.constants, self._state, inputs, self._memory_m, self._memory_r, self._ring, self._row
+        )
+        self.samples += steps
+        trip = self._state[physics.TRIP]
+        if trip:
+            supply.trip("OVP" if trip == physics.TRIP_OVP else "OCP")
+            self._state[physics.TRIP] = 0.0
+
+
+class SimulatedDaq:
+    """The scanning DAQ: the newest samples of the bench, as its converter gives them."""
+
+    def __init__(self, bench: VirtualBench):
+        self._bench = bench
+
+    def block(self, n: int) -> tuple[np.ndarray, np.ndarray]:
+        """The newest ``n`` samples of all channels, shape (n, 5), and their times [s], shape (n,).
+
+        Raises ValueError where fewer exist, or more were asked for than the memory holds.
+        """
+        bench = self._bench
+        if not 1 <= n <= min(bench.samples, RING):
+            raise ValueError(f"{n} samples were asked for and {min(bench.samples, RING)} exist")
+        rows = np.arange(bench._row - n, bench._row) % RING
+        first = bench.samples - n
+        chain = bench.setup.chain
+        read = convert(chain.volts(bench._ring[rows]), bench._noise.of(first, n), chain)
+        for name, reading in (("channel_saturated", SATURATED), ("channel_nan", nan)):
+            if name in bench.faults:
+                read[:, CHANNELS.index(int(bench.faults[name]))] = reading
+        if "channel_stuck" in bench.faults:
+            column = CHANNELS.index(int(bench.faults["channel_stuck"]))
+            read[:, column] = bench._stuck[CHANNELS[column]][column]
+        return read, np.arange(first + 1, first + n + 1) * STEP_S

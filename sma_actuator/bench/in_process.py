@@ -1,0 +1,181 @@
+"""The bench's instruments without sockets, in virtual time: for tests, fitting and characterisation."""
+
+from __future__ import annotations
+
+from math import nan
+
+import numpy as np
+
+from ..config import Config
+from ..instruments import InstrumentLost, InstrumentRefused
+from ..signals import Reading, SupplyState
+from .bench import VirtualBench
+from .chain import CHANNELS
+from .supply import SettingRefused
+
+
+class VirtualClock:
+    """Time of the bench; sleeping lets the physics run."""
+
+    def __init__(self, bench: VirtualBench):
+        self._bench = bench
+
+    def now_s(self) -> float:
+        """Bench time [s]."""
+        return self._bench.time_s
+
+    def sleep_until_s(self, deadline_s: float) -> None:
+        """Advance the bench to ``deadline_s``."""
+        self._bench.advance(deadline_s)
+
+
+class _InProcess:
+    """What both instruments have in common: they may stay silent, hang up or be slow."""
+
+    name = ""
+
+    def __init__(self, bench: VirtualBench, config: Config):
+        self._bench = bench
+        self._config = config
+        self._open = False
+        self.identity = ""
+
+    def _reach(self, timeout_s: float) -> None:
+        """Spend the time a query takes; raise InstrumentLost where a real one would."""
+        bench = self._bench
+        if f"{self.name}_hangup" in bench.faults:
+            self._open = False
+            raise InstrumentLost(f"virtual {self.name}: the connection was closed")
+        delay_s = bench.faults.get("slow_answers", 0.0)
+        if f"{self.name}_silent" in bench.faults or delay_s > timeout_s:
+            bench.advance(bench.time_s + timeout_s)
+            raise InstrumentLost(f"virtual {self.name}: no answer within {timeout_s:g} s")
+        if delay_s:
+            bench.advance(bench.time_s + delay_s)
+
+    def _must_be_open(self) -> None:
+        if not self._open:
+            raise InstrumentLost(f"virtual {self.name}: not open")
+
+    def close(self) -> None:
+        """Give up the connection."""
+        self._open = False
+
+
+class InProcessSupply(_InProcess):
+    """The bench's supply behind the interface :class:`~sma_actuator.instruments.PowerSupply`."""
+
+    name = "supply"
+
+    def open(self) -> None:
+        """Output off, limits and protections programmed and read back, watchdog armed.
+
+        Raises InstrumentLost or InstrumentRefused.
+        """
+        self._reach(self._timeout_s)
+        self._open = True
+        self.identity = "SMA Actuator,Virtual Supply,0,in process"
+        limits, supply = self._config.supply, self._bench.supply
+        self._command(supply.set_output, False)
+        self._command(supply.clear_trips)
+        self._command(supply.set_current, 0.0)
+        self._command(supply.set_voltage, limits.max_voltage)
+        self._command(supply.set_ovp, 1.05 * limits.max_voltage + 0.1)
+        self._command(supply.set_ocp, limits.over_current_trip)
+        if limits.watchdog_timeout > 0.0:
+            self._command(supply.set_watchdog_delay, limits.watchdog_timeout)
+            supply.watchdog_on = self._bench.faults.get("watchdog_dead") != 0.0
+            if not supply.watchdog_on:
+                raise InstrumentRefused("virtual supply: the watchdog was armed and reads back off")
+        else:
+            supply.watchdog_on = False
+
+    def set_current(self, current_A: float) -> None:
+        """Program the current limit [A]."""
+        self._command(self._bench.supply.set_current, current_A)
+
+    def set_output(self, on: bool) -> None:
+        """Switch the output."""
+        self._command(self._bench.supply.set_output, on)
+
+    def read_back(self) -> SupplyState:
+        """Settings and measurements."""
+        self._command()
+        bench, supply = self._bench, self._bench.supply
+        return SupplyState(
+            time_s=bench.time_s,
+            current_setting_A=supply.current_A,
+            output_on=supply.output_on,
+            voltage_V=bench.voltage_V,
+            current_A=bench.truth.current_A,
+            tripped=",".join(supply.trips),
+        )
+
+    def clear_trip(self) -> None:
+        """Clear a tripped protection; the output stays off."""
+        self._command(self._bench.supply.clear_trips)
+
+    def shut_down(self) -> None:
+        """Current to zero and output off, where the supply can still be reached.  Never raises."""
+        supply = self._bench.supply
+        try:
+            self._reach(self._timeout_s)
+        except InstrumentLost:
+            return
+        supply.set_current(0.0)
+        supply.set_output(False)
+
+    @property
+    def _timeout_s(self) -> float:
+        return self._config.instruments.supply.timeout
+
+    def _command(self, setter=None, *values) -> None:
+        self._must_be_open()
+        self._reach(self._timeout_s)
+        self._bench.supply.heard(self._bench.time_s)
+        if setter is None:
+            return
+        try:
+            setter(*values)
+        except SettingRefused as error:
+            raise InstrumentRefused(f"virtual supply: {error} ({error.code})") from error
+
+
+class InProcessDaq(_InProcess):
+    """The bench's DAQ behind the interface :class:`~sma_actuator.instruments.Daq`."""
+
+    name = "daq"
+
+    def open(self) -> None:
+        """Check the channel list.  Raises InstrumentLost or InstrumentRefused."""
+        self._reach(self._config.instruments.daq.timeout)
+        daq = self._config.instruments.daq
+        wanted = (daq.supply_voltage_channel, daq.reference_voltage_channel, daq.load_cell_channel)
+        optional = tuple(c for c in (daq.lvdt_channel, daq.ambient_temperature_channel) if c)
+        for channel in wanted + optional:
+            if channel not in CHANNELS:
+                raise InstrumentRefused(f"virtual daq: has no channel {channel}; {CHANNELS[0]} to {CHANNELS[-1]} exist")
+        self._open = True
+        self.identity = "SMA Actuator,Virtual DAQ,0,in process"
+
+    def read_block(self) -> Reading:
+        """The average of the newest block; waits for the first one to fill."""
+        self._must_be_open()
+        daq, n, bench = self._config.instruments.daq, self._config.loop.samples_per_block, self._bench
+        self._reach(daq.timeout)
+        if bench.samples < n:
+            bench.advance(n * 1e-3)
+        samples, times_s = bench.daq.block(n)
+        mean = np.mean(samples, axis=0)
+
+        def channel(number: int) -> float:
+            return float(mean[CHANNELS.index(number)]) if number else nan
+
+        return Reading(
+            time_s=float(times_s[-1]),
+            supply_voltage_V=channel(daq.supply_voltage_channel),
+            reference_voltage_V=channel(daq.reference_voltage_channel),
+            load_cell_voltage_V=channel(daq.load_cell_channel),
+            lvdt_current_A=channel(daq.lvdt_channel) / daq.lvdt_shunt_resistance,
+            ambient_temperature_C=channel(daq.ambient_temperature_channel),
+        )

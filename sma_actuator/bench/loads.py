@@ -1,0 +1,53 @@
+"""What hangs on the wire."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Weight:
+    """A constant tension [N]."""
+
+    force_N: float
+
+    def at(self, time_s: float) -> tuple[float, float, float]:
+        """Tension [N], stiffness [N/m] and the displacement [m] where the tension holds."""
+        return self.force_N, 0.0, 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Spring:
+    """A spring that the wire stretches as it contracts: F = preload + k (δ_preload − δ), never below zero."""
+
+    stiffness_N_m: float
+    preload_N: float
+    preload_displacement_m: float = 0.004
+
+    def at(self, time_s: float) -> tuple[float, float, float]:
+        """As :meth:`Weight.at`."""
+        return self.preload_N, self.stiffness_N_m, self.preload_displacement_m
+
+
+@dataclass(frozen=True, slots=True)
+class Schedule:
+    """Loads that replace one another: ``[(time_s, load), ...]``, in order of time; the first holds before its time too."""
+
+    steps: Sequence[tuple[float, Weight | Spring]]
+
+    def __post_init__(self) -> None:
+        times = [time_s for time_s, _ in self.steps]
+        if not times or times != sorted(times):
+            raise ValueError("a schedule of loads needs at least one (time_s, load), in order of time")
+
+    def at(self, time_s: float) -> tuple[float, float, float]:
+        """As :meth:`Weight.at`."""
+        current = self.steps[0][1]
+        for start_s, load in self.steps:
+            if start_s <= time_s + 1e-9:
+                current = load
+        return current.at(time_s)
+
+
+Load = Weight | Spring | Schedule

@@ -1,0 +1,139 @@
+"""What the wires of the bench are made of, with where each figure comes from.
+
+Sources
+    [D]  Dynalloy Inc., *Technical characteristics of Flexinol actuator wires*, F1140: density 6.45 g/cm³,
+         specific heat 0.20 cal/(g·°C), latent heat 5.78 cal/g, expansion 6.6e-6 and 11.0e-6 /°C, moduli
+         28–41 and 83 GPa, resistivity 80–100 µΩ·cm, 0.006 in wire: 55 Ω/m, 410 mA contracts in 1 s.
+    [B]  H. Brammajyosula, G. Buravalla, A. Khandelwal, "Model for resistance evolution in shape memory alloys
+         including R-phase", Smart Materials and Structures 20 (2011) 035015: three phases, each with its
+         resistivity and temperature coefficient; R-phase the most resistive; steep stress slope of R.
+    [L]  C. Liang, C. A. Rogers, "One-dimensional thermomechanical constitutive relations for shape memory
+         materials", J. Intell. Mater. Syst. Struct. 1 (1990) 207: cosine kinetics, constitutive equation.
+    [W]  Ni-Ti-Cu with 5–10 % Cu: narrow hysteresis of about 10 K, no R-phase; K. R. Melton, O. Mercier,
+         "Deformation behavior of NiTi-based alloys", Metall. Trans. A 9 (1978) 1487; T. H. Nam, T. Saburi,
+         K. Shimizu, Mater. Trans. JIM 31 (1990) 959.
+    [T]  The thesis's figures 40–56 (Flexinol) and 49–56, 101 (NT-H): shape of the loops, strokes, ends of R.
+    [F]  chosen here inside the ranges of the sources, so that ends of R and stroke come out as in [T] and
+         Ω/m as in [D].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Phase:
+    """One crystal structure.  Resistivity is ρ(T) = ρ_ref [1 + α (T − T_ref)]."""
+
+    resistivity_Ohm_m: float
+    resistivity_temperature_coefficient_1_K: float
+    modulus_Pa: float
+    expansion_1_K: float
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """An alloy as drawn, trained and annealed.  Temperatures are those at zero stress."""
+
+    name: str
+    density_kg_m3: float
+    specific_heat_J_kgK: float
+    latent_heat_J_kg: float  #: austenite → martensite, in all
+    latent_heat_r_J_kg: float  #: the part of it that austenite → R-phase releases
+    martensite: Phase
+    austenite: Phase
+    r_phase: Phase
+    austenite_start_C: float
+    austenite_finish_C: float
+    martensite_start_C: float
+    martensite_finish_C: float
+    r_start_C: float
+    r_finish_C: float
+    r_hysteresis_K: float  #: R → austenite on heating lags austenite → R on cooling by this
+    has_r_phase: bool
+    stress_slope_Pa_K: float  #: C_M = C_A (Clausius–Clapeyron)
+    stress_slope_r_Pa_K: float  #: C_R
+    saturation_strain: float  #: transformation strain of martensite at high stress
+    saturation_strain_r: float
+    training_stress_Pa: float  #: ε_L(σ) = ε_sat (1 − exp(−(σ + σ_training)/σ_scale))
+    strain_stress_scale_Pa: float
+    strain_shape: float  #: κ: transformation strain ∝ ξ (1 + κ (1 − ξ))
+    martensite_resistivity_stress_1_Pa: float  #: relative rise of ρ_M per stress (orientation)
+    geometric_factor: float  #: R ∝ 1 + g ε; 2 at constant volume
+    reference_temperature_C: float
+
+
+@dataclass(frozen=True, slots=True)
+class Wire:
+    """One wire between two crimps."""
+
+    name: str
+    material: Material
+    length_m: float
+    diameter_m: float
+    heat_transfer_W_m2K: float  #: still air and conduction into the crimps together
+
+
+NI_TI = Material(
+    name="ni-ti",
+    density_kg_m3=6450.0,  # [D]
+    specific_heat_J_kgK=837.0,  # [D]
+    latent_heat_J_kg=24.2e3,  # [D]
+    latent_heat_r_J_kg=5.5e3,  # [B] about a quarter of the whole
+    martensite=Phase(0.90e-6, 0.8e-3, 28e9, 6.6e-6),  # [F], modulus and expansion [D]
+    austenite=Phase(0.775e-6, 0.4e-3, 75e9, 11.0e-6),  # [F], modulus and expansion [D]
+    r_phase=Phase(0.91e-6, 0.3e-3, 40e9, 9.0e-6),  # [B], [F]
+    austenite_start_C=50.0,  # [D] 68 at 172 MPa
+    austenite_finish_C=62.0,
+    martensite_start_C=38.0,
+    martensite_finish_C=28.0,
+    r_start_C=48.0,
+    r_finish_C=37.0,
+    r_hysteresis_K=2.0,  # [B]
+    has_r_phase=True,
+    stress_slope_Pa_K=8.0e6,  # [D], [L] 7–10 MPa/K
+    stress_slope_r_Pa_K=18.0e6,  # [B]
+    saturation_strain=0.045,  # [T]
+    saturation_strain_r=0.004,  # [B]
+    training_stress_Pa=35e6,
+    strain_stress_scale_Pa=36e6,
+    strain_shape=0.0,
+    martensite_resistivity_stress_1_Pa=0.0,
+    geometric_factor=2.0,
+    reference_temperature_C=20.0,
+)
+
+NI_TI_CU = Material(
+    name="ni-ti-cu",
+    density_kg_m3=6450.0,
+    specific_heat_J_kgK=500.0,  # [W] 0.45–0.55 J/(g·K)
+    latent_heat_J_kg=16.0e3,  # [W] 12–18 J/g
+    latent_heat_r_J_kg=0.0,
+    martensite=Phase(1.02e-6, 0.3e-3, 23e9, 6.6e-6),  # [F]
+    austenite=Phase(0.80e-6, 0.3e-3, 60e9, 11.0e-6),  # [F]
+    r_phase=Phase(0.80e-6, 0.3e-3, 60e9, 11.0e-6),  # never present
+    austenite_start_C=48.0,  # [W] hysteresis about 10 K
+    austenite_finish_C=58.0,
+    martensite_start_C=47.0,
+    martensite_finish_C=37.0,
+    r_start_C=-100.0,
+    r_finish_C=-110.0,
+    r_hysteresis_K=2.0,
+    has_r_phase=False,
+    stress_slope_Pa_K=9.0e6,
+    stress_slope_r_Pa_K=9.0e6,
+    saturation_strain=0.042,  # [T]
+    saturation_strain_r=0.0,
+    training_stress_Pa=3.4e6,
+    strain_stress_scale_Pa=24e6,
+    strain_shape=0.35,  # [T] orthorhombic martensite, first to form, strains most
+    martensite_resistivity_stress_1_Pa=5e-10,  # [T] R_max rises with load, R_min does not
+    geometric_factor=2.0,
+    reference_temperature_C=20.0,
+)
+
+WIRES = {
+    "flexinol": Wire("flexinol", NI_TI, 0.100, 0.1524e-3, 125.0),
+    "furukawa": Wire("furukawa", NI_TI_CU, 0.060, 0.20e-3, 110.0),
+}
