@@ -1,0 +1,41 @@
+"""The arrows between the rooms of the house run one way."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parents[1] / "sma_actuator"
+CORE = ("signals", "parameters", "config", "circuit", "branch", "estimator", "controller", "setpoints", "thermal",
+        "faults", "supervisor", "actuator", "tracking", "models", "effects")
+EDGES = {"rclpy", "pyvisa", "matplotlib", "rich", "jinja2", "sklearn", "joblib", "scipy"}
+
+
+def _imports(path: Path) -> set[str]:
+    """Dotted names of the modules a file imports, those of the package without its name."""
+    names = set()
+    depth = len(path.relative_to(PACKAGE).parts)
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = path.relative_to(PACKAGE).parts[: depth - node.level] if node.level else ()
+            module = ".".join((*base, *([node.module] if node.module else [])))
+            names.add(module)
+            names |= {f"{module}.{alias.name}".lstrip(".") for alias in node.names}
+    return {name.removeprefix("sma_actuator.") for name in names}
+
+
+def test_the_core_loads_without_ros_instruments_or_plotting():
+    modules = ", ".join(f"sma_actuator.{name}" for name in CORE)
+    code = f"import sys, {modules}; print(*sorted({EDGES!r} & set(sys.modules)))"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=120)
+    assert loaded.stdout.split() == []
+
+
+@pytest.mark.parametrize("path", sorted((PACKAGE / "bench").rglob("*.py")), ids=lambda p: p.name)
+def test_the_physics_knows_nothing_of_the_models_under_test(path):
+    rooms = {name.split(".")[0] for name in _imports(path)}
+    assert not rooms & {"models", "estimator", "effects", "circuit", "branch", "identify", "trace", "actuator", "supervisor"}

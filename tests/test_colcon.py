@@ -1,0 +1,46 @@
+"""With ROS 2 sourced the package is built by colcon; colcon itself comes as a wheel, so that is tested here."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+COLCON = shutil.which("colcon", path=str(Path(sys.executable).parent)) or shutil.which("colcon")
+pytestmark = pytest.mark.skipif(COLCON is None, reason="colcon is not installed (extra 'test')")
+
+
+@pytest.fixture(scope="module")
+def workspace(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("workspace")
+    ignore = shutil.ignore_patterns(".venv", ".git", "__pycache__", "*.egg-info", "build", "install", "log", "out", ".hypothesis")
+    shutil.copytree(ROOT, folder / "src" / "sma_actuator", ignore=ignore)
+    return folder
+
+
+def _colcon(workspace: Path, *words: str) -> str:
+    done = subprocess.run([COLCON, *words], cwd=workspace, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def test_colcon_sees_an_ament_python_package(workspace):
+    # An invalid package.xml would silently demote it to a plain (python) package.
+    assert "(ros.ament_python)" in _colcon(workspace, "list")
+
+
+def test_colcon_installs_node_launch_file_and_configurations(workspace):
+    _colcon(workspace, "build")
+    prefix = workspace / "install" / "sma_actuator"
+    installed = {str(path.relative_to(prefix)) for path in prefix.rglob("*") if path.is_file()}
+    assert {
+        "lib/sma_actuator/sma_actuator_node",
+        "lib/sma_actuator/sma-actuator",
+        "share/ament_index/resource_index/packages/sma_actuator",
+        "share/sma_actuator/package.xml",
+        "share/sma_actuator/launch/sma_actuator.launch.py",
+        "share/sma_actuator/config/flexinol.yaml",
+        "share/sma_actuator/config/furukawa.yaml",
+    } <= installed
