@@ -1,0 +1,104 @@
+"""``sma-actuator characterise``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from ..bench_log import write_atomically
+from ..config import bench_from_mapping, read_parameter_file
+from ..share import shared_file
+from .operators import BenchOperator, ScpiBenchOperator, TerminalOperator
+from .page import write_page
+from .plan import PlanOptions, make_plan
+from .parts import RUN
+from .rig import Rig
+from .session import characterise
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``sma-actuator characterise``."""
+    parser.add_argument("--config", type=Path, metavar="BENCH.yaml", help="parameters of the bench (a model in it is ignored)")
+    parser.add_argument("--virtual", metavar="WIRE", help="the virtual bench in this process, unattended: flexinol or furukawa")
+    parser.add_argument("--unattended-bench", metavar="VISA", help="the instruments are a virtual bench; its BENCh: commands are at this resource")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of logs; one that holds finished parts is resumed")
+    parser.add_argument("--loads", type=_numbers, default=(), metavar="N,N,...", help="weights in newtons, probe included (default: 10 to 80 %% of wire.max_stress)")
+    parser.add_argument("--spring", type=_numbers, action="append", default=[], metavar="N/m,N", help="also a spring: stiffness and preload; may be repeated")
+    parser.add_argument("--masses", type=_numbers, default=(), metavar="g,g,...", help="calibration masses in grams")
+    parser.add_argument("--heat-current", type=float, default=0.0, metavar="A", help="amplitude of the pulses (default: from the thermal section)")
+    parser.add_argument("--heat-time", type=float, default=0.0, metavar="S", help="length of a pulse (default: from the thermal section)")
+    parser.add_argument("--cool-time", type=float, default=0.0, metavar="S", help="pause after a pulse (default: from the thermal section)")
+    parser.add_argument("--pulses", type=int, default=3, help="pulses at each load (default %(default)s)")
+    parser.add_argument("--set-points", type=int, default=5, help="set points of the partial cycles (default %(default)s)")
+    parser.add_argument("--training-cycles", type=int, default=40, help="cycles of a new wire before anything is measured (default %(default)s)")
+    parser.add_argument("--fatigue-cycles", type=int, default=100, help="cycles at the end (default %(default)s)")
+    parser.add_argument("--average", type=float, default=10.0, metavar="S", help="time averaged at each calibration point (default %(default)s)")
+    parser.add_argument("--skip", action="append", default=[], choices=sorted(RUN), help="leave out this kind of part; may be repeated")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the virtual bench's noise")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the manifest here as well")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure what the folder lacks; 0 when every part is finished."""
+    console = Console(stderr=True)
+    path = args.config or shared_file(f"config/{args.virtual}_bench.yaml" if args.virtual else "config/flexinol_bench.yaml")
+    mapping = read_parameter_file(path)
+    config = bench_from_mapping(mapping, str(path))
+    options = PlanOptions(
+        loads_N=args.loads,
+        springs_N_m=tuple(args.spring),
+        masses_kg=tuple(m * 1e-3 for m in args.masses),
+        heat_current_A=args.heat_current,
+        heat_s=args.heat_time,
+        cool_s=args.cool_time,
+        pulses=args.pulses,
+        set_points=args.set_points,
+        training_cycles=args.training_cycles,
+        fatigue_cycles=args.fatigue_cycles,
+        average_s=args.average,
+        skip=tuple(args.skip),
+    )
+    plan = make_plan(config, options)
+    largest_force_N = config.wire.max_stress * config.wire.area_m2
+    if args.virtual:
+        from ..bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
+
+        bench = VirtualBench.from_name(args.virtual, seed=args.seed)
+        rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
+        operator = BenchOperator(bench, largest_force_N)
+    else:
+        from ..instruments import open_daq, open_supply
+        from ..instruments.clock import MonotonicClock
+
+        clock = MonotonicClock()
+        rig = Rig(config, open_supply(config), open_daq(config, clock), clock)
+        if args.unattended_bench:
+            operator = ScpiBenchOperator(args.unattended_bench, largest_force_N)
+        else:
+            operator = TerminalOperator(console)
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn())
+    with Progress(*columns, console=console) as bar:
+        task = bar.add_task("characterise", total=sum(part.duration_s for part in plan))
+        before_s = {part.name: sum(p.duration_s for p in plan[:i]) for i, part in enumerate(plan)}
+
+        def progress(part, elapsed_s):
+            bar.update(task, completed=before_s[part.name] + min(elapsed_s, part.duration_s), description=part.name)
+
+        manifest = characterise(mapping, plan, rig, operator, args.out, progress)
+    write_page(args.out, manifest)
+    if args.json:
+        text = json.dumps(manifest.data, indent=1) + "\n"
+        write_atomically(args.json, lambda stream: stream.write(text.encode()))
+    console.print(f"{len(plan)} parts are in {args.out}: logs, {manifest.path.name}, bench.yaml and calibration.html")
+    return 0
+
+
+def _numbers(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(word) for word in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a list of numbers separated by commas") from None

@@ -1,0 +1,142 @@
+"""Who hangs masses and shorts the wire: a person at the terminal, or the virtual bench itself."""
+
+from __future__ import annotations
+
+import re
+from typing import Protocol
+
+from rich.console import Console
+
+
+class Operator(Protocol):
+    """Does by hand what no instrument can.  Every method returns when it is done."""
+
+    def short_wire(self) -> None:
+        """Replace the wire by a short between its crimps."""
+
+    def fit_wire(self) -> None:
+        """Put the wire back."""
+
+    def hang_mass(self, force_N: float) -> None:
+        """Hang a calibration mass (its weight, hook included) from the load cell."""
+
+    def hang_load(self, force_N: float) -> None:
+        """Hang a weight from the wire."""
+
+    def fit_spring(self, stiffness_N_m: float, preload_N: float) -> None:
+        """Load the wire by a spring."""
+
+    def place_probe(self, number: int, count: int) -> float:
+        """Move the displacement sensor to the next of ``count`` places; return its true displacement [m]."""
+
+
+class TerminalOperator:
+    """Asks a person, and waits for Enter."""
+
+    def __init__(self, console: Console):
+        self._console = console
+
+    def _ask(self, text: str) -> str:
+        return self._console.input(f"[bold yellow]►[/] {text} ")
+
+    def short_wire(self) -> None:
+        self._ask("Replace the wire by a short between its crimps, then press Enter.")
+
+    def fit_wire(self) -> None:
+        self._ask("Fit the wire again, then press Enter.")
+
+    def hang_mass(self, force_N: float) -> None:
+        self._ask(f"Hang {_in_grams(force_N)}, hook included, from the load cell; when it hangs still, press Enter.")
+
+    def hang_load(self, force_N: float) -> None:
+        self._ask(f"Hang {_in_grams(force_N)}, probe and hook included, from the wire; when it hangs still, press Enter.")
+
+    def fit_spring(self, stiffness_N_m: float, preload_N: float) -> None:
+        self._ask(f"Fit the spring of {stiffness_N_m:g} N/m with {preload_N:g} N at full extension, then press Enter.")
+
+    def place_probe(self, number: int, count: int) -> float:
+        while True:
+            text = self._ask(f"Move the sensor to place {number + 1} of {count}; micrometer reading in mm:")
+            try:
+                return float(text.replace(",", ".")) * 1e-3
+            except ValueError:
+                self._console.print(f"'{text}' is not a number of millimetres")
+
+
+class BenchOperator:
+    """Acts on a virtual bench in this process."""
+
+    def __init__(self, bench, largest_force_N: float):
+        self._bench, self._largest_force_N = bench, largest_force_N
+
+    def _put(self, load) -> None:
+        self._bench.load = load
+        self._bench.advance(self._bench.time_s + 0.01)  # until then nothing has moved
+
+    def short_wire(self) -> None:
+        self._bench.inject("short_wire")
+
+    def fit_wire(self) -> None:
+        self._bench.clear("short_wire")
+
+    def hang_mass(self, force_N: float) -> None:
+        self.hang_load(force_N)
+
+    def hang_load(self, force_N: float) -> None:
+        from ..bench import Weight
+
+        self._put(Weight(force_N))
+
+    def fit_spring(self, stiffness_N_m: float, preload_N: float) -> None:
+        from ..bench import Spring
+
+        self._put(Spring(stiffness_N_m, preload_N))
+
+    def place_probe(self, number: int, count: int) -> float:
+        self.hang_load(self._largest_force_N * (number + 0.5) / count)  # the cold wire moves the probe
+        return self._bench.truth.displacement_m
+
+
+class ScpiBenchOperator:
+    """Acts on a virtual bench over its ``BENCh:`` commands, on a connection of its own."""
+
+    def __init__(self, resource: str, largest_force_N: float):
+        import pyvisa
+
+        self._largest_force_N = largest_force_N
+        self._session = pyvisa.ResourceManager("@py").open_resource(
+            resource, read_termination="\n", write_termination="\n", timeout=2000
+        )
+
+    def _do(self, command: str) -> None:
+        answer = self._session.query(f"{command};:SYST:ERR?")
+        if not re.match(r"\+?0\b", answer):
+            raise RuntimeError(f"the virtual bench refused '{command}': {answer.strip()}")
+
+    def short_wire(self) -> None:
+        self._do("BENC:FAUL short_wire")
+
+    def fit_wire(self) -> None:
+        self._do("BENC:FAUL:CLE short_wire")
+
+    def hang_mass(self, force_N: float) -> None:
+        self.hang_load(force_N)
+
+    def hang_load(self, force_N: float) -> None:
+        self._do(f"BENC:LOAD:WEIG {force_N:.9g}")
+        while abs(self._truth(7) - force_N) > 1e-6:  # until the bench has taken its next step
+            pass
+
+    def fit_spring(self, stiffness_N_m: float, preload_N: float) -> None:
+        self._do(f"BENC:LOAD:SPR {stiffness_N_m:.9g},{preload_N:.9g}")
+
+    def place_probe(self, number: int, count: int) -> float:
+        self.hang_load(self._largest_force_N * (number + 0.5) / count)
+        return self._truth(1)
+
+    def _truth(self, column: int) -> float:
+        return float(self._session.query("BENC:TRUT?").split(",")[column])
+
+
+def _in_grams(force_N: float) -> str:
+    return f"{force_N / 9.80665 * 1e3:.1f} g ({force_N:.3f} N)"

@@ -1,0 +1,157 @@
+"""How each kind of part is measured: what the person does, what is driven, what comes of it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..bench_log import BenchLog, signals_from_log
+from ..circuit import resistance_and_current
+from ..parameters import ConfigError
+from .calibration import Line, fit_line
+from .operators import Operator
+from .plan import Part
+from .programs import Program, hold, partial_cycles, square_pulses
+from .rig import Rig
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a part gave: logs by name, results for the manifest, parameters it determined (dotted)."""
+
+    logs: dict[str, BenchLog]
+    results: dict[str, Any] = field(default_factory=dict)
+    calibration: dict[str, float] = field(default_factory=dict)
+
+
+def lead_resistance(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
+    """R_lead with the wire shorted (3.4), at the bias current."""
+    operator.short_wire()
+    try:
+        log = _record(rig, part, hold(rig.config.supply.bias_current, part.parameters["average_s"]), progress)
+    finally:
+        operator.fit_wire()
+    resistance_Ohm, _ = resistance_and_current(
+        log["supply_voltage_V"], log["reference_voltage_V"], rig.config.circuit.reference_resistance, 0.0
+    )
+    mean_Ohm, spread_Ohm = float(np.nanmean(resistance_Ohm)), float(np.nanstd(resistance_Ohm))
+    if not 0.0 <= mean_Ohm <= 0.5 * rig.config.safety.resistance_min + 1.0:
+        raise ConfigError(f"lead resistance: {mean_Ohm:.3f} Ω reads like a wire, not like leads; is the wire shorted?")
+    return Outcome(
+        {f"calibration/{part.name}": log},
+        {"lead_resistance_Ohm": mean_Ohm, "standard_deviation_Ohm": spread_Ohm},
+        {"circuit.lead_resistance": mean_Ohm},
+    )
+
+
+def load_cell(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
+    """Load against voltage for a series of masses (appendix A)."""
+    recorded, volts = {}, []
+    for i, force_N in enumerate(part.parameters["forces_N"]):
+        operator.hang_mass(force_N)
+        log = _point(rig, part, i, progress, {"force_N": force_N})
+        recorded[f"calibration/load_cell_{i:02d}"] = log
+        volts.append(float(np.mean(log["load_cell_voltage_V"])))
+    line = fit_line(volts, part.parameters["forces_N"], "load cell")
+    return Outcome(
+        recorded,
+        _line_results(line, volts, part.parameters["forces_N"]),
+        {"load_cell.slope": line.slope, "load_cell.offset": line.offset},
+    )
+
+
+def lvdt(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
+    """Displacement against LVDT current at a series of places (appendix B)."""
+    recorded, amperes, places_m = {}, [], []
+    for i in range(part.parameters["places"]):
+        place_m = operator.place_probe(i, part.parameters["places"])
+        log = _point(rig, part, i, progress, {"place_m": place_m})
+        if "lvdt_current_A" not in log:
+            raise ConfigError("instruments.daq.lvdt_channel: no displacement is measured; it is needed to characterise a wire")
+        recorded[f"calibration/lvdt_{i:02d}"] = log
+        amperes.append(float(np.mean(log["lvdt_current_A"])))
+        places_m.append(place_m)
+    line = fit_line(amperes, places_m, "LVDT")
+    return Outcome(
+        recorded,
+        _line_results(line, amperes, places_m),
+        {"reference_sensor.slope": line.slope, "reference_sensor.offset": line.offset},
+    )
+
+
+def pulses(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
+    """Open-loop square pulses at one load (4.1.1); also the training and fatigue cycles (4.1.4)."""
+    _apply_load(part, operator)
+    p = part.parameters
+    log = _record(
+        rig,
+        part,
+        square_pulses(p["cycles"], p["heat_current_A"], rig.config.supply.bias_current, p["heat_s"], p["cool_s"]),
+        progress,
+    )
+    return Outcome({part.name: log}, {"stroke_m": _stroke_m(log, rig.config)})
+
+
+def partial(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
+    """Minor loops between every pair of set points, spread over the stroke the pulses showed (4.1.3)."""
+    p = part.parameters
+    shortest_m, longest_m = _stroke_m(logs[p["after"]], rig.config)
+    set_points_m = np.linspace(longest_m, shortest_m, p["set_points"] + 2)[1:-1]
+    _apply_load(part, operator)
+    program = partial_cycles(
+        list(set_points_m), p["heat_current_A"], rig.config.supply.bias_current, p["heat_s"] + p["cool_s"], p["cool_s"]
+    )
+    return Outcome({part.name: _record(rig, part, program, progress)}, {"set_points_m": [float(s) for s in set_points_m]})
+
+
+RUN: dict[str, Callable[[Part, Rig, Operator, Mapping[str, BenchLog], Progress], Outcome]] = {
+    "lead_resistance": lead_resistance,
+    "load_cell": load_cell,
+    "lvdt": lvdt,
+    "training": pulses,
+    "pulses": pulses,
+    "partial": partial,
+    "fatigue": pulses,
+}
+
+
+def _apply_load(part: Part, operator: Operator) -> None:
+    p = part.parameters
+    if "stiffness_N_m" in p:
+        operator.fit_spring(p["stiffness_N_m"], p["preload_N"])
+    else:
+        operator.hang_load(p["load_N"])
+
+
+def _record(rig: Rig, part: Part, program: Program, progress: Progress, **more: Any) -> BenchLog:
+    wire = rig.config.wire
+    metadata = {
+        "kind": part.kind,
+        "wire": {"alloy": wire.alloy, "length_m": wire.length, "diameter_m": wire.diameter},
+        **part.parameters,
+        **more,
+    }
+    return dataclasses.replace(rig.record(program, progress), metadata=metadata)
+
+
+def _point(rig: Rig, part: Part, number: int, progress: Progress, more: Mapping[str, float]) -> BenchLog:
+    """One calibration point: some seconds at the bias current."""
+    average_s = part.parameters["average_s"]
+    program = hold(rig.config.supply.bias_current, average_s)
+    return _record(rig, part, program, lambda elapsed_s: progress(number * average_s + elapsed_s), **more)
+
+
+def _stroke_m(log: BenchLog, config) -> tuple[float, float]:
+    """Shortest and longest displacement in a log, spikes left out."""
+    displacement_m = signals_from_log(log, config).reference_displacement_m
+    return tuple(float(v) for v in np.percentile(displacement_m, (0.5, 99.5)))
+
+
+def _line_results(line: Line, x: list[float], y: list[float]) -> dict[str, Any]:
+    return {**dataclasses.asdict(line), "x": x, "y": y}

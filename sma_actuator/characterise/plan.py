@@ -1,0 +1,104 @@
+"""What is to be measured: a list of parts, each of which is finished or is not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..parameters import ConfigError
+from .programs import every_ordered_pair
+
+GRAVITY_m_s2 = 9.80665
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One stretch of work between two things the person does."""
+
+    name: str  #: unique; the name of its log
+    kind: str  #: a key of :data:`sma_actuator.characterise.parts.RUN`
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    duration_s: float = 0.0  #: roughly, for the progress bar
+
+
+@dataclass(frozen=True, slots=True)
+class PlanOptions:
+    """What a person may choose.  Zero or empty: chosen from the bench's parameters."""
+
+    loads_N: tuple[float, ...] = ()
+    springs_N_m: tuple[tuple[float, float], ...] = ()  #: (stiffness [N/m], preload [N])
+    masses_kg: tuple[float, ...] = ()
+    heat_current_A: float = 0.0
+    heat_s: float = 0.0
+    cool_s: float = 0.0
+    pulses: int = 3
+    set_points: int = 5
+    training_cycles: int = 40
+    fatigue_cycles: int = 100
+    probe_places: int = 8
+    average_s: float = 10.0  #: as in appendices A and B
+    skip: tuple[str, ...] = ()  #: kinds of parts to leave out
+
+
+def make_plan(config, options: PlanOptions) -> list[Part]:
+    """The parts, in the order of the thesis's chapter 4 and appendices.
+
+    Raises ConfigError for loads the wire must not carry or a current that would overheat it.
+    """
+    wire, thermal = config.wire, config.thermal
+    strongest_N = wire.max_stress * wire.area_m2
+    loads_N = options.loads_N or tuple(round(strongest_N * f, 3) for f in (0.1, 0.2, 0.32, 0.46, 0.62, 0.8))
+    masses_kg = options.masses_kg or tuple(m for m in (0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3) if m * GRAVITY_m_s2 < 0.9 * strongest_N)
+    for load_N in loads_N:
+        if not 0.0 < load_N <= strongest_N:
+            raise ConfigError(f"loads: {load_N:g} N is outside what the wire may carry, 0 to {strongest_N:.3g} N (wire.max_stress)")
+    heat_A = options.heat_current_A or default_heat_current_A(config)
+    resistance_Ohm = typical_resistance_Ohm(wire)
+    hottest_C = thermal.ambient_temperature + heat_A**2 * resistance_Ohm / thermal.heat_loss
+    if not config.supply.bias_current < heat_A <= config.supply.max_current:
+        raise ConfigError(f"heat current: {heat_A:g} A is not between supply.bias_current and supply.max_current, {config.supply.max_current:g} A")
+    if not hottest_C <= thermal.max_temperature:
+        raise ConfigError(f"heat current: {heat_A:g} A would bring the wire to {hottest_C:.0f} °C, above thermal.max_temperature")
+    time_constant_s = thermal.heat_capacity / thermal.heat_loss
+    heat_s = options.heat_s or math.ceil(3.0 * time_constant_s)
+    cool_s = options.cool_s or math.ceil(6.0 * time_constant_s)
+    pulse = {"heat_current_A": round(heat_A, 4), "heat_s": heat_s, "cool_s": cool_s}
+    cycle_s = heat_s + cool_s
+    moves = len(every_ordered_pair(options.set_points)) - 1
+    parts = [
+        Part("lead_resistance", "lead_resistance", {"average_s": options.average_s}, options.average_s),
+        Part("load_cell", "load_cell", {"forces_N": [round(m * GRAVITY_m_s2, 6) for m in masses_kg], "average_s": options.average_s}, len(masses_kg) * options.average_s),
+        Part("lvdt", "lvdt", {"places": options.probe_places, "average_s": options.average_s}, options.probe_places * options.average_s),
+        *_cycled("training", options.training_cycles, 20, {"load_N": loads_N[len(loads_N) // 2], **pulse}, cycle_s),
+    ]
+    named = [(f"{load_N:.3f}N", {"load_N": load_N}) for load_N in loads_N]
+    named += [(f"spring_{k:g}N_m_{p:g}N", {"stiffness_N_m": k, "preload_N": p}) for k, p in options.springs_N_m]
+    for label, load in named:
+        parts.append(Part(f"pulses_{label}", "pulses", {**load, "cycles": options.pulses, **pulse}, options.pulses * cycle_s))
+        parts.append(
+            Part(f"partial_{label}", "partial", {**load, "set_points": options.set_points, "after": f"pulses_{label}", **pulse}, moves * 2.0 + cool_s)
+        )
+    parts += _cycled("fatigue", options.fatigue_cycles, 25, {"load_N": loads_N[len(loads_N) // 2], **pulse}, cycle_s)
+    return [part for part in parts if part.kind not in options.skip]
+
+
+def _cycled(kind: str, cycles: int, batch: int, parameters: dict, cycle_s: float) -> list[Part]:
+    """Many cycles in batches, so that an interruption costs one batch."""
+    return [
+        Part(f"{kind}_{first:04d}", kind, {**parameters, "first_cycle": first, "cycles": (n := min(batch, cycles - first + 1))}, n * cycle_s)
+        for first in range(1, cycles + 1, batch)
+    ]
+
+
+def typical_resistance_Ohm(wire) -> float:
+    """Resistance of a wire of this geometry, from a resistivity between those of the phases (≈ 0.9 µΩ·m)."""
+    return 0.9e-6 * wire.length / wire.area_m2
+
+
+def default_heat_current_A(config) -> float:
+    """The current whose steady temperature lies well above every transformation and below derating."""
+    thermal = config.thermal
+    power_W = thermal.heat_loss * 0.95 * (thermal.derate_temperature - thermal.ambient_temperature)
+    return min(math.sqrt(power_W / typical_resistance_Ohm(config.wire)), config.supply.max_current)

@@ -1,0 +1,68 @@
+"""Running a plan: part after part, each finished for good before the next begins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ..bench_log import BenchLog, read_bench_log, write_atomically, write_bench_log
+from ..config import NODE_NAME, bench_from_mapping
+from .manifest import Manifest
+from .operators import Operator
+from .parts import RUN
+from .plan import Part
+from .rig import Rig
+
+BENCH_FILE = "bench.yaml"
+
+
+def characterise(
+    mapping: dict[str, Any],
+    plan: Sequence[Part],
+    rig: Rig,
+    operator: Operator,
+    folder: Path,
+    progress: Callable[[Part, float], None] = lambda part, elapsed_s: None,
+) -> Manifest:
+    """Measure every part of ``plan`` that ``folder`` does not hold yet.
+
+    Writes ``NAME.csv`` with its metadata for every log, ``manifest.json`` after every part, and
+    ``bench.yaml``: ``mapping`` (the bench's parameters) with the calibrations that were measured.
+    Raises ConfigError, InstrumentError or BenchLogError; what was finished stays, and the current is off.
+    """
+    folder = Path(folder)
+    wire = rig.config.wire
+    manifest = Manifest(folder, {"alloy": wire.alloy, "length_m": wire.length, "diameter_m": wire.diameter})
+    todo = [part for part in plan if not manifest.finished(part)]
+    logs: dict[str, BenchLog] = {}
+    for part in plan:
+        if part not in todo:
+            logs.update({n: read_bench_log(folder / f"{n}.csv") for n in manifest.data["parts"][part.name]["logs"]})
+            progress(part, part.duration_s)
+    _use_calibration(mapping, manifest, rig, folder)
+    if not todo:
+        return manifest
+    with rig.opened():
+        for part in todo:
+            outcome = RUN[part.kind](part, rig, operator, logs, lambda elapsed_s, part=part: progress(part, elapsed_s))
+            for name, log in outcome.logs.items():
+                write_bench_log(folder / f"{name}.csv", log)
+            logs.update(outcome.logs)
+            manifest.finish(part, list(outcome.logs), outcome.results, outcome.calibration)
+            _use_calibration(mapping, manifest, rig, folder)
+            progress(part, part.duration_s)
+    return manifest
+
+
+def _use_calibration(mapping: dict[str, Any], manifest: Manifest, rig: Rig, folder: Path) -> None:
+    """Let the rig, and ``bench.yaml``, use the calibrations measured so far."""
+    merged = {k: dict(v) if isinstance(v, dict) else v for k, v in mapping.items()}
+    for dotted, value in manifest.data["calibration"].items():
+        section, name = dotted.split(".")
+        merged.setdefault(section, {})[name] = value
+    rig.config = bench_from_mapping(merged)
+    text = yaml.safe_dump({NODE_NAME: {"ros__parameters": merged}}, sort_keys=False, allow_unicode=True)
+    write_atomically(folder / BENCH_FILE, lambda stream: stream.write(text.encode()))
