@@ -14,8 +14,8 @@ from ..config import bench_from_mapping, read_parameter_file
 from ..share import shared_file
 from .operators import BenchOperator, ScpiBenchOperator, TerminalOperator
 from .page import write_page
-from .plan import PlanOptions, make_plan
 from .parts import RUN
+from .plan import PlanOptions, make_plan
 from .rig import Rig
 from .session import characterise
 

@@ -15,9 +15,9 @@ import matplotlib
 
 matplotlib.use("Agg")
 
-from matplotlib.figure import Figure  # noqa: E402
+from matplotlib.figure import Figure
 
-from ..bench_log import write_atomically  # noqa: E402
+from ..bench_log import write_atomically
 
 __all__ = ["Page", "figure"]
 
