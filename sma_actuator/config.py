@@ -182,6 +182,10 @@ class Instruments:
 class _Sections:
     """Everything but the model and its effects, whose parameters depend on their type."""
 
+    autostart: bool = parameter(True, "configure and activate the node by itself; no current flows before ~/enable")
+    wait_for_instruments: bool = parameter(
+        False, "with autostart: keep trying while the instruments do not answer; else the node ends with a sentence"
+    )
     joint_name: str = parameter("sma_joint", "name in the published JointState")
     frame_id: str = parameter("sma_base", "frame of the published load")
     wire: Wire = section(Wire, "the wire")
@@ -282,19 +286,28 @@ _Loader.add_implicit_resolver(
 )
 
 
-def read_parameter_file(path: str | Path, node: str = NODE_NAME) -> dict[str, Any]:
-    """The mapping below ``ros__parameters`` of ``node`` (or of ``/**``) in a YAML file."""
+def parse_yaml(text: str) -> Any:
+    """The document in ``text``.  Raises yaml.YAMLError."""
+    return yaml.load(text, Loader=_Loader)
+
+
+def read_yaml(path: str | Path) -> Mapping[str, Any]:
+    """The sections of a YAML parameter file.  Raises ConfigError; its sentence names the file."""
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        document = parse_yaml(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read ({error.strerror}); a YAML parameter file is wanted") from error
-    try:
-        document = yaml.load(text, Loader=_Loader)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: is not YAML: {' '.join(str(error).split())}") from error
     if not isinstance(document, Mapping):
-        raise ConfigError(f"{path}: holds no parameters; a section '{node}: ros__parameters:' is wanted")
+        raise ConfigError(f"{path}: holds no parameters; a section '{NODE_NAME}: ros__parameters:' is wanted")
+    return document
+
+
+def read_parameter_file(path: str | Path, node: str = NODE_NAME) -> dict[str, Any]:
+    """The mapping below ``ros__parameters`` of ``node`` (or of ``/**``) in a YAML file."""
+    document = read_yaml(path)
     for name in (node, f"/{node}", "/**"):
         if isinstance(document.get(name), Mapping) and "ros__parameters" in document[name]:
             return dict(document[name]["ros__parameters"] or {})
