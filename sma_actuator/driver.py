@@ -22,7 +22,7 @@ import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 
@@ -117,7 +117,8 @@ class Driver:
 
     ``on_output(output)`` is called in the control thread after every step and must return at once;
     ``on_failure(exception)`` likewise when an exception has ended the loop, after the supply has
-    been shut down.  ``recorder`` gets every step that had a reading.
+    been shut down.  ``recorder`` gets every step that had a reading.  With a ``feed_timeout_s``
+    somebody must call :meth:`feed` that often, or the wire is switched off: its commander is gone.
     """
 
     def __init__(
@@ -129,6 +130,7 @@ class Driver:
         on_output: Callable[[Output], None] | None = None,
         recorder: Recording | None = None,
         on_failure: Callable[[BaseException], None] | None = None,
+        feed_timeout_s: float = math.inf,
         name: str = "sma_actuator",
     ):
         self.name = name
@@ -143,10 +145,13 @@ class Driver:
         self._on_output = on_output
         self._on_failure = on_failure
         self._recorder = recorder
+        self._feed_timeout_s = feed_timeout_s
+        self._fed_at_s = clock.now_s()
         self._written: Command | None = None  #: what the supply was last told; None: not known
         self._thread: threading.Thread | None = None
         self._stopping = threading.Event()
         self._gate = threading.Lock()  #: guards _ended and the mailbox against each other
+        self._opened = False
         self._ended = False
         self._mailbox: collections.deque[tuple[Callable[[Actuator, float], Any], Future]] = collections.deque()
         self._setpoints: collections.deque[tuple[float, Callable[[Actuator, float], str]]] = collections.deque()
@@ -155,7 +160,6 @@ class Driver:
         self._period_s = 1.0 / config.loop.rate
         self._schedule: tuple[float, int] | None = None  #: time of deadline 0, number of the next deadline
         self._last_step_s = math.nan
-        self._late_in_a_row = 0
         self._steps = 0
         self._overruns = 0
         self._periods_s = np.full(_STATISTICS_WINDOW, np.nan)
@@ -165,18 +169,21 @@ class Driver:
 
     def open(self) -> None:
         """Connect both instruments; the output is off afterwards.  Raises InstrumentError."""
+        self._require_alive()
         try:
             for link in self._links:
                 link.instrument.open()
                 link.answers = True
+            self._opened = True
         except BaseException:
             self._finish()
             raise
 
     def start(self) -> None:
-        """Run the loop in a thread of its own, after :meth:`open`."""
-        self._require_open()
+        """Run the loop in a thread of its own.  Opens the instruments where :meth:`open` has not."""
+        self._open_once()
         _stop_at_exit(self)
+        self.feed()
         # A daemon: at the interpreter's end atexit stops it, where joining it would wait for ever.
         self._thread = threading.Thread(target=self._loop, name=f"{self.name} control", daemon=True)
         self._thread.start()
@@ -197,7 +204,7 @@ class Driver:
             return
         self._finish()
 
-    def __enter__(self) -> Driver:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -242,6 +249,10 @@ class Driver:
         """Hand over a trajectory: positions [m] at times [s] from now; never waits."""
         self._offer(lambda actuator, now_s: actuator.offer_trajectory(now_s, times_s, positions_m))
 
+    def feed(self) -> None:
+        """Say that the commander is alive."""
+        self._fed_at_s = self._clock.now_s()
+
     def refusals(self) -> list[str]:
         """Sentences of the setpoints refused since the last call."""
         out = []
@@ -250,29 +261,34 @@ class Driver:
                 out.append(self._refusals.popleft())
         return out
 
-    def enable(self, on: bool) -> tuple[bool, str]:
+    def enable(self, on: bool, timeout_s: float = 5.0) -> tuple[bool, str]:
         """Switch the current on or off; whether that was done, and the sentence that says so."""
-        return self.call(lambda actuator, now_s: actuator.enable(now_s, on))
+        return self.call(lambda actuator, now_s: actuator.enable(now_s, on), timeout_s)
 
-    def clear_fault(self) -> tuple[bool, str]:
+    def clear_fault(self, timeout_s: float = 5.0) -> tuple[bool, str]:
         """Clear a latched fault and the supply's own trips; the output stays off."""
-        return self.call(self._clear_fault)
+        return self.call(self._clear_fault, timeout_s)
 
-    def reset_estimator(self) -> tuple[bool, str]:
+    def reset_estimator(self, timeout_s: float = 5.0) -> tuple[bool, str]:
         """Forget the past of the estimate."""
-        return self.call(lambda actuator, _: actuator.reset_estimator())
+        return self.call(lambda actuator, _: actuator.reset_estimator(), timeout_s)
 
-    def tare_load(self) -> tuple[bool, str]:
+    def tare_load(self, timeout_s: float = 5.0) -> tuple[bool, str]:
         """Take the present load for zero."""
-        return self.call(lambda actuator, _: actuator.tare_load())
+        return self.call(lambda actuator, _: actuator.tare_load(), timeout_s)
 
-    def measure_lead_resistance(self) -> tuple[bool, str, float]:
+    def measure_lead_resistance(self, timeout_s: float = 5.0) -> tuple[bool, str, float]:
         """Lead resistance [Ω], with a short in place of the wire."""
-        return self.call(lambda actuator, _: actuator.measure_lead_resistance())
+        return self.call(lambda actuator, _: actuator.measure_lead_resistance(), timeout_s)
 
-    def update(self, config: Config) -> None:
+    def update(self, config: Config, timeout_s: float = 5.0) -> None:
         """Take over changed parameters; only those declared ``live`` may differ."""
-        self.call(lambda actuator, _: self._update(actuator, config))
+        self.call(lambda actuator, _: self._update(actuator, config), timeout_s)
+
+    @property
+    def hardware_id(self) -> str:
+        """What the supply calls itself."""
+        return self._supply_instrument.identity
 
     @property
     def lost_instruments(self) -> dict[str, str]:
@@ -305,7 +321,7 @@ class Driver:
     def tick(self) -> Output:
         """One step: read, think, write.  Any exception ends the driver, with the output off."""
         try:
-            self._require_open()
+            self._open_once()
             return self._tick()
         except BaseException as error:
             self._fail(error)
@@ -315,7 +331,7 @@ class Driver:
         try:
             while not self._stopping.is_set():
                 self._step_at_deadline()
-        except BaseException as error:  # reported: nobody awaits this thread
+        except BaseException as error:  # noqa: BLE001 - reported by _fail: nobody awaits this thread
             if self.failure is None:
                 self._fail(error)
         finally:
@@ -351,11 +367,6 @@ class Driver:
         # Missed deadlines are skipped, not caught up with: old readings help nobody.
         self._schedule = (start_s, number + 1 + missed)
         self._overruns += missed
-        self._late_in_a_row = self._late_in_a_row + missed if missed else 0
-        if self._late_in_a_row >= self._config.loop.overruns_to_fault:
-            self._late_in_a_row = 0
-            detail = f"{self._config.loop.overruns_to_fault} deadlines in a row were missed at {self._config.loop.rate:g} Hz"
-            self._actuator.raise_fault(now_s, "loop_overrun", detail)
 
     def _tick(self) -> Output:
         self._run_calls()
@@ -364,6 +375,8 @@ class Driver:
         state: SupplyState | None = self._supply.ask(self._supply.instrument.read_back)
         now_s = self._clock.now_s()
         self._report_losses(now_s)
+        if now_s - self._fed_at_s > self._feed_timeout_s:
+            self._actuator.raise_fault(now_s, "node_lost", f"the node has not been heard of for {self._feed_timeout_s:g} s")
         self._offer_setpoints(now_s)
         output = self._actuator.step(now_s, reading, state)
         self._supply.ask(lambda: self._write(output.command, state))
@@ -439,9 +452,14 @@ class Driver:
 
     # --- the end ----------------------------------------------------------------------------------
 
-    def _require_open(self) -> None:
+    def _require_alive(self) -> None:
         if self._ended:
             raise DriverStopped(f"{self.name}: the driver has ended; make a new one")
+
+    def _open_once(self) -> None:
+        self._require_alive()
+        if not self._opened:
+            self.open()
 
     def _fail(self, error: BaseException) -> None:
         self.failure = error
@@ -451,11 +469,13 @@ class Driver:
             self._on_failure(error)
 
     def _finish(self) -> None:
-        """Supply shut down, instruments closed, waiting calls answered.  May be called twice."""
-        self._supply_instrument.shut_down()
+        """Supply shut down, instruments closed, waiting calls answered.  Does so once."""
         with self._gate:
+            if self._ended:
+                return
             self._ended = True
             waiting, self._mailbox = self._mailbox, collections.deque()
+        self._supply_instrument.shut_down()
         for _, future in waiting:
             if future.set_running_or_notify_cancel():
                 future.set_exception(DriverStopped(f"{self.name}: the loop has ended"))
@@ -469,7 +489,7 @@ def _fulfil(future: Future, request: Callable[[Actuator, float], Any], actuator:
         return
     try:
         future.set_result(request(actuator, now_s))
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - it is the caller's
         future.set_exception(error)
 
 

@@ -1,0 +1,143 @@
+"""Records of ``sma_actuator.signals`` to standard messages, and back where a client needs it.
+
+Positions in m (extension is positive), velocities in m/s, tension and load in N, currents in A.
+``stamp`` is a ``builtin_interfaces/Time``: the time of sampling, in ROS time.
+"""
+
+from __future__ import annotations
+
+import math
+
+from builtin_interfaces.msg import Duration, Time
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from geometry_msgs.msg import WrenchStamped
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from sma_actuator.signals import Command, Estimate, Mode, Signals, Status
+
+_OWN_KEYS = ("mode", "fault", "limits")
+
+
+def joint_state_message(joint_name: str, estimate: Estimate, signals: Signals, stamp: Time) -> JointState:
+    """Estimated position [m] and velocity [m/s], and the tension of the wire [N]."""
+    message = JointState(name=[joint_name], position=[estimate.displacement_m])
+    message.velocity = [estimate.velocity_m_s]
+    message.effort = [signals.load_N]
+    message.header.stamp = stamp
+    return message
+
+
+def position_velocity_tension_from(message: JointState) -> tuple[float, float, float]:
+    """Position [m], velocity [m/s] and tension [N] of the only joint; NaN where it has none."""
+    return tuple(values[0] if len(values) else math.nan for values in (message.position, message.velocity, message.effort))
+
+
+def reference_message(joint_name: str, signals: Signals, stamp: Time) -> JointState:
+    """Displacement measured by the reference sensor [m]."""
+    message = JointState(name=[joint_name], position=[signals.reference_displacement_m])
+    message.header.stamp = stamp
+    return message
+
+
+def load_message(frame_id: str, signals: Signals, stamp: Time) -> WrenchStamped:
+    """Load on the wire, ``force.x`` [N]."""
+    message = WrenchStamped()
+    message.header.stamp = stamp
+    message.header.frame_id = frame_id
+    message.wrench.force.x = signals.load_N
+    return message
+
+
+def load_from(message: WrenchStamped) -> float:
+    """Load [N]."""
+    return message.wrench.force.x
+
+
+def command_current_message(command: Command) -> Float64:
+    """Current that flows by command [A]: zero where the output is off."""
+    return Float64(data=command.current_A if command.output_on else 0.0)
+
+
+def setpoint_message(position_m: float) -> Float64:
+    """Setpoint [m]."""
+    return Float64(data=float(position_m))
+
+
+def position_from(message: Float64) -> float:
+    """Setpoint [m], as it came: it may be NaN."""
+    return message.data
+
+
+def trajectory_message(joint_name: str, times_s: list[float], positions_m: list[float]) -> JointTrajectory:
+    """Positions [m] at times [s] from now."""
+    message = JointTrajectory(joint_names=[joint_name])
+    for time_s, position_m in zip(times_s, positions_m, strict=True):
+        seconds = math.floor(time_s)
+        nanoseconds = min(999_999_999, round((time_s - seconds) * 1e9))
+        message.points.append(
+            JointTrajectoryPoint(positions=[float(position_m)], time_from_start=Duration(sec=seconds, nanosec=nanoseconds))
+        )
+    return message
+
+
+def trajectory_from(message: JointTrajectory, joint_name: str) -> tuple[list[float], list[float]]:
+    """Times [s] from now and positions [m] of one joint.
+
+    The joint is found by its name; a message that names no joint, or whose points hold one position
+    each, needs none.  Raises ValueError with a sentence where it cannot be told which.
+    """
+    names = list(message.joint_names)
+    if joint_name in names:
+        column = names.index(joint_name)
+    elif len(names) == 0 or names == [""]:
+        column = 0
+    else:
+        raise ValueError(f"trajectory refused: it moves {', '.join(names)}, this joint is {joint_name}")
+    width = max(1, len(names))
+    times_s, positions_m = [], []
+    for number, point in enumerate(message.points):
+        if len(point.positions) != width:
+            raise ValueError(
+                f"trajectory refused: point {number} has {len(point.positions)} positions for {width} joint{'s' * (width > 1)}"
+            )
+        times_s.append(point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec)
+        positions_m.append(point.positions[column])
+    return times_s, positions_m
+
+
+def diagnostic_status_from(name: str, hardware_id: str, status: Status) -> DiagnosticStatus:
+    """Level ERROR with a fault, WARN while a limit acts, else OK; the words; the values as text."""
+    level = DiagnosticStatus.ERROR if status.fault else DiagnosticStatus.WARN if status.limits else DiagnosticStatus.OK
+    values = {"mode": status.mode.value, "fault": status.fault, "limits": ", ".join(status.limits), **status.values}
+    return DiagnosticStatus(
+        level=level,
+        name=name,
+        hardware_id=hardware_id,
+        message=status.message,
+        values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()],
+    )
+
+
+def status_from(message: DiagnosticStatus) -> Status:
+    """The Status a message was made of; numbers among its values are numbers again."""
+    values = {pair.key: pair.value for pair in message.values}
+    return Status(
+        mode=Mode(values["mode"]),
+        fault=values["fault"],
+        limits=tuple(filter(None, values["limits"].split(", "))),
+        message=message.message,
+        values={key: _number(value) for key, value in values.items() if key not in _OWN_KEYS},
+    )
+
+
+def _text(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.6g}"
+
+
+def _number(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
