@@ -68,7 +68,7 @@ class VirtualBench:
         self._row = 0
         self.samples = 0  #: taken since the beginning, one per millisecond
         self._pending: list[tuple[float, str, float]] = []
-        self._stuck: dict[int, np.ndarray] = {}
+        self._stuck = np.zeros(len(CHANNELS))  #: sample that a stuck channel repeats
 
     @classmethod
     def from_name(cls, name: str, seed: int = 0, load: Load | None = None, **setup) -> VirtualBench:
@@ -131,7 +131,7 @@ class VirtualBench:
             self.supply.set_current(value)
             return
         if name == "channel_stuck":
-            self._stuck[int(value)] = self.daq.block(1)[0][0] if self.samples else np.zeros(len(CHANNELS))
+            self._stuck = self.daq.block(1)[0][0] if self.samples else np.zeros(len(CHANNELS))
         self.faults[name] = value
 
     def clear(self, name: str | None = None) -> None:
@@ -168,6 +168,7 @@ class VirtualBench:
         inputs[physics.AMBIENT] = faults.get("hot_ambient", self.ambient_C)
         inputs[physics.LOSS_FACTOR] = faults.get("draught", 1.0)
         inputs[physics.CURRENT_FACTOR] = faults.get("current_disagrees", 1.0)
+        inputs[physics.BRIDGE] = faults.get("short_wire", 0.0)
         inputs[physics.WIRE_CONDITION] = (
             physics.OPEN if "open_wire" in faults else physics.SHORT if "short_wire" in faults else physics.NORMAL
         )
@@ -204,5 +205,5 @@ class SimulatedDaq:
                 read[:, CHANNELS.index(int(bench.faults[name]))] = reading
         if "channel_stuck" in bench.faults:
             column = CHANNELS.index(int(bench.faults["channel_stuck"]))
-            read[:, column] = bench._stuck[CHANNELS[column]][column]
+            read[:, column] = bench._stuck[column]
         return read, np.arange(first + 1, first + n + 1) * STEP_S

@@ -4,6 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
+
+
+def _check(name: str, value: float) -> None:
+    if not 0.0 <= value < inf:
+        raise ValueError(f"{name} {value:g} is not a number of at least zero")
 
 
 @dataclass(frozen=True, slots=True)
@@ -11,6 +17,9 @@ class Weight:
     """A constant tension [N]."""
 
     force_N: float
+
+    def __post_init__(self) -> None:
+        _check("weight", self.force_N)
 
     def at(self, time_s: float) -> tuple[float, float, float]:
         """Tension [N], stiffness [N/m] and the displacement [m] where the tension holds."""
@@ -24,6 +33,11 @@ class Spring:
     stiffness_N_m: float
     preload_N: float
     preload_displacement_m: float = 0.004
+
+    def __post_init__(self) -> None:
+        _check("stiffness", self.stiffness_N_m)
+        _check("preload", self.preload_N)
+        _check("displacement of the preload", self.preload_displacement_m)
 
     def at(self, time_s: float) -> tuple[float, float, float]:
         """As :meth:`Weight.at`."""
@@ -51,3 +65,19 @@ class Schedule:
 
 
 Load = Weight | Spring | Schedule
+
+
+def parse_load(text: str) -> Load:
+    """A load in words: ``weight:N``, ``spring:N/m,N[,m]`` or ``schedule:s,N,s,N,…``.  Raises ValueError."""
+    kind, _, values = text.partition(":")
+    try:
+        numbers = [float(v) for v in values.split(",")]
+        if kind == "weight" and len(numbers) == 1:
+            return Weight(*numbers)
+        if kind == "spring" and len(numbers) in (2, 3):
+            return Spring(*numbers)
+        if kind == "schedule" and len(numbers) % 2 == 0:
+            return Schedule([(t, Weight(f)) for t, f in zip(numbers[::2], numbers[1::2], strict=True)])
+    except ValueError as error:
+        raise ValueError(f"'{text}' is no load: {error}") from error
+    raise ValueError(f"'{text}' is no load; weight:N, spring:N/m,N[,m] or schedule:s,N,s,N is wanted")

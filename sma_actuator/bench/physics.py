@@ -23,14 +23,13 @@ TIME, ENTHALPY, TEMPERATURE, MARTENSITE, R_SHARE, LOAD, DISPLACEMENT, RESISTANCE
     HEAT_IN, HEAT_OUT = range(15)
 STATES = 15
 # Indices of the inputs array.
-CURRENT_SET, VOLTAGE_LIMIT, OUTPUT_ON, OCP, OVP, FORCE, STIFFNESS, SPRING_AT, AMBIENT, LOSS_FACTOR, WIRE_CONDITION, CURRENT_FACTOR = \
-    range(12)
-INPUTS = 12
+CURRENT_SET, VOLTAGE_LIMIT, OUTPUT_ON, OCP, OVP, FORCE, STIFFNESS, SPRING_AT, AMBIENT, LOSS_FACTOR, WIRE_CONDITION, CURRENT_FACTOR, \
+    BRIDGE = range(13)
+INPUTS = 13
 # Columns of the ring of samples.
 COLUMNS = ("current_A", "voltage_V", "load_N", "displacement_m", "ambient_C")
 NORMAL, OPEN, SHORT = 0.0, 1.0, 2.0
 TRIP_OVP, TRIP_OCP = 1.0, 2.0
-SHORT_RESISTANCE_OHM = 0.02
 SUPPLY_TIME_CONSTANT_S = 0.4e-3  #: settles within about 1 ms
 
 
@@ -374,6 +373,7 @@ def simulate(steps, step_s, c, state, inputs, memory_m, memory_r, ring, first):
     ambient = float(inputs[AMBIENT])
     loss = c.heat_loss_W_K * float(inputs[LOSS_FACTOR])
     condition = float(inputs[WIRE_CONDITION])
+    bridge = float(inputs[BRIDGE])
     response = 1.0 - exp(-step_s / SUPPLY_TIME_CONSTANT_S)
     rows = ring.shape[0]
     row = first
@@ -384,12 +384,14 @@ def simulate(steps, step_s, c, state, inputs, memory_m, memory_r, ring, first):
     for _ in range(steps):
         seen = resistance
         if condition == SHORT:
-            seen = SHORT_RESISTANCE_OHM
+            seen = bridge
         total = seen + c.series_Ohm
         target = 0.0
         if on and condition != OPEN:
             target = min(setting, limit / total)
         current += response * (target - current)
+        if current < 1e-9:
+            current = 0.0
         if condition == OPEN:
             current = 0.0
             voltage = limit if on and setting > 0.0 else 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import inf
 
 CURRENT_RANGE_A = (0.0, 1.0)
+CURRENT_STEP_A = 20e-6
 VOLTAGE_RANGE_V = (0.0, 20.0)
 OCP_RANGE_A = (0.01, 1.2)
 OVP_RANGE_V = (0.1, 22.0)
@@ -41,8 +42,8 @@ class SimulatedSupply:
         self.last_command_s = 0.0
 
     def set_current(self, current_A: float) -> None:
-        """Current setting [A]; raises SettingRefused outside 0–1 A."""
-        self.current_A = _ranged(current_A, CURRENT_RANGE_A, "A")
+        """Current setting [A], rounded to its 20 µA steps; raises SettingRefused outside 0–1 A."""
+        self.current_A = round(_ranged(current_A, CURRENT_RANGE_A, "A") / CURRENT_STEP_A) * CURRENT_STEP_A
 
     def set_voltage(self, voltage_V: float) -> None:
         """Compliance voltage [V]; raises SettingRefused outside 0–20 V."""

@@ -1,0 +1,311 @@
+"""The virtual bench as a process: its two instruments on TCP ports, in real time or faster.
+
+One thread serves everything, so no lock is needed: physics, instruments and connections take
+turns.  The bench is advanced before every command to the time it is then, and between commands
+often enough that no command ever waits for a long past to be caught up.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import json
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from ..bench_log import write_atomically
+from ..instruments import InstrumentError
+from .bench import VirtualBench
+from .faults import FAULTS, parse_fault
+from .loads import parse_load
+from .materials import WIRES
+from .scpi import Client, Instrument, ScpiDaq, ScpiError, ScpiSupply
+
+TICK_S = 0.02
+LONGEST_TURN_S = 0.05  #: real time spent on physics before connections are served again
+CHUNK_S = 0.25
+SUMMARY = "the virtual bench: a wire behind two SCPI instruments"
+
+
+class Pacer:
+    """Holds the time of a bench to that of the machine, times ``speed``.
+
+    A machine that cannot keep up, or that slept, lets the bench's time lag instead of freezing
+    its instruments.
+    """
+
+    def __init__(self, bench: VirtualBench, speed: float, now_s: Callable[[], float] = time.monotonic):
+        self.bench = bench
+        self.speed = speed
+        self._now_s = now_s
+        self._real_0_s = now_s()
+        self._bench_0_s = bench.time_s
+
+    def catch_up(self) -> None:
+        """Advance the bench to now."""
+        began_s = self._now_s()
+        target_s = self._bench_0_s + (began_s - self._real_0_s) * self.speed
+        while self.bench.time_s < target_s - 1e-3:
+            self.bench.advance(min(target_s, self.bench.time_s + CHUNK_S))
+            if self._now_s() - began_s > LONGEST_TURN_S:
+                self._real_0_s, self._bench_0_s = self._now_s(), self.bench.time_s
+                return
+
+    def real_s_until(self, bench_s: float) -> float:
+        """Real seconds until the bench's time is ``bench_s``."""
+        return max(bench_s - self.bench.time_s, 0.0) / self.speed
+
+
+class BenchServer:
+    """One or more benches, each behind a supply port and a DAQ port."""
+
+    def __init__(self, benches: VirtualBench | Sequence[VirtualBench], speed: float = 1.0):
+        self.benches = [benches] if isinstance(benches, VirtualBench) else list(benches)
+        self.ports: list[dict[str, Any]] = []
+        self._pacers = [Pacer(bench, speed) for bench in self.benches]
+        self._servers: list[asyncio.Server] = []
+        self._writers: dict[Instrument, set[asyncio.StreamWriter]] = {}
+        self._tasks: set[asyncio.Task] = set()
+
+    async def start(self, host: str = "127.0.0.1", supply_port: int = 0, daq_port: int = 0) -> None:
+        """Open the ports (0: any free one; else consecutive pairs).  Raises InstrumentError where one is taken."""
+        for number, pacer in enumerate(self._pacers):
+            ports: dict[str, Any] = {"host": host, "wire": pacer.bench.setup.wire.name}
+            for kind, first in ((ScpiSupply, supply_port), (ScpiDaq, daq_port)):
+                instrument = kind(pacer.bench, serial=str(number))
+                port = first + 2 * number if first else 0
+                try:
+                    server = await asyncio.start_server(self._serve(instrument, pacer), host, port)
+                except (OSError, OverflowError) as error:
+                    await self.stop()
+                    raise InstrumentError(f"{host}:{port} cannot be opened for the {instrument.name}: {error}") from error
+                self._servers.append(server)
+                self._writers[instrument] = set()
+                ports[instrument.name] = server.sockets[0].getsockname()[1]
+            self.ports.append(ports)
+        self._tasks.add(asyncio.create_task(self._keep_time()))
+
+    async def stop(self) -> None:
+        """Close every port and connection."""
+        for server in self._servers:
+            server.close()
+        for task in self._tasks:
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    async def _keep_time(self) -> None:
+        while True:
+            for pacer in self._pacers:
+                pacer.catch_up()
+            for instrument in self._writers:
+                if f"{instrument.name}_hangup" in instrument.bench.faults:
+                    self._hang_up(instrument)
+            await asyncio.sleep(TICK_S)
+
+    def _hang_up(self, instrument: Instrument) -> None:
+        for writer in self._writers[instrument]:
+            writer.close()
+
+    def _serve(self, instrument: Instrument, pacer: Pacer):
+        faults = instrument.bench.faults
+
+        async def connection(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            client = Client()
+            task = asyncio.current_task()
+            self._tasks.add(task)
+            self._writers[instrument].add(writer)
+            try:
+                while f"{instrument.name}_hangup" not in faults:
+                    try:
+                        raw = await reader.readline()
+                    except ValueError:  # no end of line within 64 KiB
+                        instrument.report(ScpiError(-363))
+                        continue
+                    if not raw:
+                        break
+                    line = raw.decode("ascii", errors="replace").strip()
+                    pacer.catch_up()
+                    for_the_bench = line.lstrip(":").upper().startswith("BENC")
+                    if not for_the_bench:
+                        if f"{instrument.name}_silent" in faults or f"{instrument.name}_hangup" in faults:
+                            continue
+                        if delay_s := faults.get("slow_answers", 0.0):
+                            await asyncio.sleep(delay_s)
+                            pacer.catch_up()
+                    answer = await self._answer(instrument, pacer, line, client)
+                    if answer is not None:
+                        writer.write(answer.encode("ascii", errors="replace") + b"\n")
+                        await writer.drain()
+            except (OSError, asyncio.CancelledError):
+                pass  # the other side is gone, or we are going
+            finally:
+                self._tasks.discard(task)
+                self._writers[instrument].discard(writer)
+                instrument.disconnected(client)
+                writer.close()
+
+        return connection
+
+    async def _answer(self, instrument: Instrument, pacer: Pacer, line: str, client: Client) -> str | None:
+        steps = instrument.steps(line, client)
+        while True:
+            try:
+                until_s = next(steps)
+            except StopIteration as end:
+                return end.value
+            while pacer.bench.time_s < until_s - 1e-9:
+                await asyncio.sleep(max(pacer.real_s_until(until_s), 1e-4))
+                pacer.catch_up()
+
+
+async def _run(server: BenchServer, host: str, supply_port: int, daq_port: int, ready: Callable[[], None], stop: asyncio.Event) -> None:
+    await server.start(host, supply_port, daq_port)
+    try:
+        ready()
+        await stop.wait()
+    finally:
+        await server.stop()
+
+
+@contextlib.contextmanager
+def background(
+    benches: VirtualBench | Sequence[VirtualBench], speed: float = 1.0, host: str = "127.0.0.1", supply_port: int = 0, daq_port: int = 0
+) -> Iterator[BenchServer]:
+    """Serve benches from a thread of this process while the block lasts; ``server.ports`` says where.
+
+    The benches belong to that thread: reach them through their ports (``BENCh:`` commands) alone.
+    """
+    server = BenchServer(benches, speed)
+    loop = asyncio.new_event_loop()
+    started = threading.Event()
+    stop = asyncio.Event()
+    failed: list[BaseException] = []
+
+    def work() -> None:
+        try:
+            loop.run_until_complete(_run(server, host, supply_port, daq_port, started.set, stop))
+        except BaseException as error:
+            failed.append(error)
+        finally:
+            started.set()
+
+    thread = threading.Thread(target=work, name="virtual bench", daemon=True)
+    thread.start()
+    started.wait()
+    try:
+        if failed:
+            raise failed[0]
+        yield server
+    finally:
+        with contextlib.suppress(RuntimeError):
+            loop.call_soon_threadsafe(stop.set)
+        thread.join()
+        loop.close()
+
+
+def serve(
+    benches: VirtualBench | Sequence[VirtualBench],
+    host: str = "127.0.0.1",
+    supply_port: int = 0,
+    daq_port: int = 0,
+    speed: float = 1.0,
+    ports_file: Path | None = None,
+) -> None:
+    """Serve until SIGINT or SIGTERM.  The ports are printed and, when ready, written to ``ports_file`` (JSON).
+
+    Raises InstrumentError where a port cannot be opened.
+    """
+    server = BenchServer(benches, speed)
+
+    def announce() -> None:
+        for number, ports in enumerate(server.ports):
+            print(
+                f"bench {number} ({ports['wire']}): supply TCPIP::{host}::{ports['supply']}::SOCKET, "
+                f"DAQ TCPIP::{host}::{ports['daq']}::SOCKET",
+                flush=True,
+            )
+        if ports_file is not None:
+            text = json.dumps(server.ports) + "\n"
+            write_atomically(ports_file, lambda stream: stream.write(text.encode()))
+
+    async def work() -> None:
+        stop = asyncio.Event()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            asyncio.get_running_loop().add_signal_handler(number, stop.set)
+        await _run(server, host, supply_port, daq_port, announce, stop)
+
+    asyncio.run(work())
+
+
+def _checked(function: Callable[[str], Any]) -> Callable[[str], Any]:
+    """Let argparse show the sentence of a ValueError."""
+
+    def convert(text: str) -> Any:
+        try:
+            return function(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from error
+
+    return convert
+
+
+def _number_within(low: float, high: float, kind: type = float) -> Callable[[str], Any]:
+    def convert(text: str) -> Any:
+        value = kind(text)
+        if not low <= value <= high:
+            raise ValueError(f"{text} is outside {low:g} to {high:g}")
+        return value
+
+    return _checked(convert)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``sma-actuator bench``."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("--wire", choices=sorted(WIRES), default="flexinol", help="default %(default)s")
+    parser.add_argument(
+        "--load", type=_checked(parse_load), default="weight:0.98", metavar="LOAD",
+        help="weight:N, spring:N/m,N[,m] (stiffness, tension, displacement where it has it) or schedule:s,N,s,N,… (default %(default)s)",
+    )  # fmt: skip
+    parser.add_argument("--ambient", type=_number_within(-40, 100), default=22.0, metavar="°C", help="default %(default)s")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the noise; bench i takes seed + i")
+    parser.add_argument("--speed", type=_number_within(0.01, 1e4), default=1.0, help="bench seconds per second (default %(default)s)")
+    parser.add_argument("--count", type=_number_within(1, 256, int), default=1, help="benches, each on its own pair of ports")
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default %(default)s)")
+    parser.add_argument("--supply-port", type=_number_within(0, 65535, int), default=5025, help="0: any free port (default %(default)s)")
+    parser.add_argument("--daq-port", type=_number_within(0, 65535, int), default=5026, help="0: any free port (default %(default)s)")
+    parser.add_argument("--ports-file", type=Path, metavar="FILE", help="write the ports here, as JSON, once they are open")
+    parser.add_argument(
+        "--fault", type=_checked(parse_fault), action="append", default=[], metavar="NAME[=VALUE][@SECONDS]",
+        help="misbehave, from a bench time on; may be given often",
+    )  # fmt: skip
+    parser.epilog = "faults:\n" + "\n".join(
+        f"  {name:18} {fault.effect}" + (f" (value in {fault.value}, {fault.default:g} if not given)" if fault.value else "")
+        for name, fault in FAULTS.items()
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Serve the benches that the options ask for; 0 after SIGINT or SIGTERM."""
+    benches = []
+    for number in range(args.count):
+        bench = VirtualBench.from_name(args.wire, seed=args.seed + number, load=args.load, ambient_C=args.ambient)
+        for name, value, at_s in args.fault:
+            bench.inject(name, value, at_s=at_s)
+        benches.append(bench)
+    # Compiling takes seconds where the kernels were never compiled: before the ports open, not after.
+    VirtualBench.from_name(args.wire).advance(0.01)
+    serve(benches, args.host, args.supply_port, args.daq_port, args.speed, args.ports_file)
+    return 0
+
+
+if __name__ == "__main__":
+    command = argparse.ArgumentParser(prog="python -m sma_actuator.bench.server", description=SUMMARY)
+    add_arguments(command)
+    sys.exit(run(command.parse_args()))
