@@ -12,6 +12,16 @@ from typing import Protocol
 
 import numpy as np
 
+from .flexinol import FlexinolCoefficients, FlexinolNormalisedCoefficients
+from .furukawa import FurukawaCoefficients, FurukawaNormalisedCoefficients
+
+COEFFICIENTS = {
+    "flexinol": FlexinolCoefficients,
+    "flexinol_normalised": FlexinolNormalisedCoefficients,
+    "furukawa": FurukawaCoefficients,
+    "furukawa_normalised": FurukawaNormalisedCoefficients,
+}
+
 
 class StrainModel(Protocol):
     """One strain model of one wire, with its memory.  SI units; extension positive."""
@@ -33,7 +43,3 @@ class StrainModel(Protocol):
 
     def limits_m(self, resistance_Ohm, stress_Pa):
         """Displacements of the heating and the cooling curve at R and σ, (δ_H, δ_C) [m]."""
-
-from .flexinol import FlexinolCoefficients  # noqa: E402
-
-COEFFICIENTS = {"flexinol": FlexinolCoefficients}

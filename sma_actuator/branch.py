@@ -1,0 +1,89 @@
+"""Heating or cooling: which branch the wire is on (thesis, 5.1.4).
+
+``power``: the electrical power against a threshold with hysteresis.  Right under on/off control and
+wherever power changes much from one branch to the other; under a PID that holds a position, power
+settles near a threshold and says little.
+
+``resistance_rate``: where R rises or falls.  R is followed with a deadband: the branch turns when R
+has moved back from its extreme by more than the deadband, so noise below it turns nothing.  Right
+in the determinate region, where R falls on heating and rises on cooling.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .config import Estimator as Parameters
+from .jit import jit
+
+
+@jit
+def _by_power(power, state, on, off):
+    """``state`` = [heating, –]."""
+    if power >= on:
+        state[0] = 1.0
+    elif power <= off:
+        state[0] = 0.0
+    return state[0] > 0.5
+
+
+@jit
+def _by_resistance(resistance, state, deadband):
+    """``state`` = [heating, extreme of R on this branch]."""
+    if state[0] > 0.5:
+        if resistance > state[1] + deadband:
+            state[0], state[1] = 0.0, resistance
+        elif resistance < state[1]:
+            state[1] = resistance
+    else:
+        if resistance < state[1] - deadband:
+            state[0], state[1] = 1.0, resistance
+        elif resistance > state[1]:
+            state[1] = resistance
+    return state[0] > 0.5
+
+
+@jit
+def _by_power_all(power, state, on, off, heating):
+    for i in range(len(power)):
+        heating[i] = _by_power(power[i], state, on, off)
+
+
+@jit
+def _by_resistance_all(resistance, state, deadband, heating):
+    for i in range(len(resistance)):
+        heating[i] = _by_resistance(resistance[i], state, deadband)
+
+
+class BranchDetector:
+    """Decides the branch, one sample or many at a time, with one memory."""
+
+    def __init__(self, parameters: Parameters):
+        self._state = np.zeros(2)
+        self.configure(parameters)
+
+    def configure(self, parameters: Parameters) -> None:
+        """Take over parameters; the memory stays."""
+        self._by_power = parameters.branch_decision == "power"
+        half = parameters.heating_power_hysteresis
+        self._thresholds_W = (parameters.heating_power * (1.0 + half), parameters.heating_power * (1.0 - half))
+        self._deadband_Ohm = parameters.resistance_deadband
+
+    def reset(self, resistance_Ohm: float, heating: bool = False) -> None:
+        """Start on one branch."""
+        self._state[:] = heating, resistance_Ohm
+
+    def step(self, resistance_Ohm: float, power_W: float) -> bool:
+        """Whether the wire is heating."""
+        if self._by_power:
+            return bool(_by_power(power_W, self._state, *self._thresholds_W))
+        return bool(_by_resistance(resistance_Ohm, self._state, self._deadband_Ohm))
+
+    def run(self, resistance_Ohm: np.ndarray, power_W: np.ndarray) -> np.ndarray:
+        """Whether the wire is heating, of n samples: arrays of shape (n,), bool."""
+        heating = np.empty(len(resistance_Ohm), dtype=np.bool_)
+        if self._by_power:
+            _by_power_all(power_W, self._state, *self._thresholds_W, heating)
+        else:
+            _by_resistance_all(resistance_Ohm, self._state, self._deadband_Ohm, heating)
+        return heating

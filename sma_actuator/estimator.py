@@ -1,0 +1,152 @@
+"""From the wire's signals to its displacement: branch, strain model, quality.
+
+The chain is the same for one sample in the node and for a whole log in replay, kernel by kernel,
+so both give the same numbers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf, isfinite, nan
+
+import numpy as np
+
+from .branch import BranchDetector
+from .config import Config
+from .jit import jit
+from .signals import Branch, Estimate, Quality, Signals
+
+#: Share of the calibrated stress range by which a stress may lie outside it.
+STRESS_MARGIN = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class EstimateTrace:
+    """Estimates of n samples: the fields of :class:`Estimate`, each an array of shape (n,)."""
+
+    time_s: np.ndarray
+    displacement_m: np.ndarray
+    strain: np.ndarray
+    velocity_m_s: np.ndarray
+    branch: np.ndarray
+    quality: np.ndarray
+
+
+@jit
+def _velocity(time, displacement, state, time_constant):
+    """Difference quotient through a first-order low-pass; ``state`` = [time, δ, velocity]."""
+    step = time - state[0]
+    if step > 0.0:
+        state[2] += (displacement - state[1] - state[2] * step) / (time_constant + step)
+        state[0], state[1] = time, displacement
+    return state[2]
+
+
+@jit
+def _velocity_all(time, displacement, state, time_constant, velocity):
+    for i in range(len(time)):
+        velocity[i] = _velocity(time[i], displacement[i], state, time_constant)
+
+
+@jit
+def _quality(displacement, stress, bounds):
+    """``bounds`` = [σ_lo, σ_hi, δ_lo, δ_hi]."""
+    if not bounds[0] <= stress <= bounds[1]:
+        return 3
+    if not displacement <= bounds[3]:
+        return 1
+    if not displacement >= bounds[2]:
+        return 2
+    return 0
+
+
+@jit
+def _quality_all(displacement, stress, bounds, quality):
+    for i in range(len(displacement)):
+        quality[i] = _quality(displacement[i], stress[i], bounds)
+
+
+class Estimator:
+    """Estimates the displacement of one wire; remembers its past.
+
+    A reading that is not finite leaves the memory untouched: the last good displacement comes
+    back, marked INVALID.  The first good sample starts the model on its cooling curve, which is
+    where a wire at rest is.
+    """
+
+    def __init__(self, config: Config):
+        self._model = config.model.build(config.wire)
+        self._branch = BranchDetector(config.estimator)
+        self._length_m = config.wire.length
+        stress_lo, stress_hi = self._model.stress_range_Pa
+        margin_Pa = STRESS_MARGIN * (stress_hi - stress_lo)
+        self._bounds = np.array([stress_lo - margin_Pa, stress_hi + margin_Pa, *self._model.displacement_range_m])
+        self._velocity_state = np.zeros(3)
+        self._velocity_time_constant_s = config.estimator.velocity_time_constant
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._started = False
+        self._last = Estimate(-inf, nan, nan, 0.0, Branch.COOLING, Quality.INVALID)
+
+    def update(self, config: Config) -> None:
+        """Take over live parameters; the memory stays."""
+        self._branch.configure(config.estimator)
+        self._velocity_time_constant_s = config.estimator.velocity_time_constant
+
+    def step(self, signals: Signals) -> Estimate:
+        """Estimate from one sample."""
+        resistance_Ohm, stress_Pa, power_W = signals.resistance_Ohm, signals.stress_Pa, signals.power_W
+        if not isfinite(resistance_Ohm + stress_Pa + power_W):
+            last = self._last
+            self._last = Estimate(signals.time_s, last.displacement_m, last.strain, 0.0, last.branch, Quality.INVALID)
+            return self._last
+        if not self._started:
+            self._start(signals.time_s, resistance_Ohm, stress_Pa)
+        heating = self._branch.step(resistance_Ohm, power_W)
+        displacement_m = self._model.step(resistance_Ohm, stress_Pa, heating)
+        velocity_m_s = _velocity(signals.time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s)
+        self._last = Estimate(
+            signals.time_s, displacement_m, displacement_m / self._length_m, velocity_m_s,
+            Branch(heating), Quality(_quality(displacement_m, stress_Pa, self._bounds)),
+        )
+        return self._last
+
+    def run(self, signals: Signals) -> EstimateTrace:
+        """Estimate from n samples: every field of ``signals`` is an array of shape (n,).
+
+        The memory is carried on, so a log may come in pieces.
+        """
+        good = np.isfinite(signals.resistance_Ohm + signals.stress_Pa + signals.power_W)
+        n = len(good)
+        displacement_m, velocity_m_s = np.full(n, self._last.displacement_m), np.zeros(n)
+        branch, quality = np.full(n, int(self._last.branch)), np.full(n, int(Quality.INVALID))
+        if good.any():
+            time_s, resistance_Ohm = signals.time_s[good], np.ascontiguousarray(signals.resistance_Ohm[good])
+            stress_Pa = np.ascontiguousarray(signals.stress_Pa[good])
+            if not self._started:
+                self._start(time_s[0], resistance_Ohm[0], stress_Pa[0])
+            heating = self._branch.run(resistance_Ohm, signals.power_W[good])
+            delta = self._model.run(resistance_Ohm, stress_Pa, heating)
+            velocity, quality_of_good = np.empty(len(delta)), np.empty(len(delta), dtype=np.int64)
+            _velocity_all(time_s, delta, self._velocity_state, self._velocity_time_constant_s, velocity)
+            _quality_all(delta, stress_Pa, self._bounds, quality_of_good)
+            velocity_m_s[good], quality[good] = velocity, quality_of_good
+            latest = np.cumsum(good) - 1  # index of the last good sample at each place; −1 before the first
+            known = latest >= 0
+            displacement_m[known], branch[known] = delta[latest[known]], heating[latest[known]]
+        if n:
+            self._last = Estimate(
+                float(signals.time_s[-1]), float(displacement_m[-1]), float(displacement_m[-1] / self._length_m),
+                float(velocity_m_s[-1]), Branch(int(branch[-1])), Quality(int(quality[-1])),
+            )
+        return EstimateTrace(
+            signals.time_s, displacement_m, displacement_m / self._length_m, velocity_m_s, branch, quality
+        )
+
+    def _start(self, time_s: float, resistance_Ohm: float, stress_Pa: float) -> None:
+        displacement_m = self._model.reset(resistance_Ohm, stress_Pa)
+        self._branch.reset(resistance_Ohm)
+        self._velocity_state[:] = time_s, displacement_m, 0.0
+        self._started = True
