@@ -12,9 +12,7 @@ needs ROS.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import dataclasses
-import difflib
 import gc
 import math
 import signal
@@ -347,7 +345,7 @@ class SmaActuatorNode(LifecycleNode):
         except (InstrumentError, ConfigError) as error:
             self._refusal = str(error)
             self.get_logger().error(self._refusal)
-            self.stop_driver()
+            self._give_up_driver()
             self._publish_status()
             return TransitionCallbackReturn.FAILURE
         return super().on_configure(state)
@@ -364,44 +362,45 @@ class SmaActuatorNode(LifecycleNode):
             self._driver.enable(False, timeout_s=CALL_TIMEOUT_s)
         except (DriverStopped, TimeoutError) as error:
             self.get_logger().error(f"the loop did not switch off ({error}); it is ended")
-            self.stop_driver()
+            self._give_up_driver()
             return TransitionCallbackReturn.ERROR
         return super().on_deactivate(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Output off, instruments given up."""
-        self.stop_driver()
+        self._give_up_driver()
         return super().on_cleanup(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Output off, instruments given up, for good."""
-        self.stop_driver()
+        self._give_up_driver()
         return super().on_shutdown(state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Output off after an exception in a transition; the node may be configured again."""
-        self.stop_driver()
+        self._give_up_driver()
         return TransitionCallbackReturn.SUCCESS
 
-    def stop_driver(self) -> None:
-        """Output off within a second; needs no ROS and may be called from any thread, twice."""
+    def halt(self) -> None:
+        """Output off within a second, the log complete; needs no ROS, from any thread, more than once."""
         self._active = False
         driver, recorder = self._driver, self._recorder
         if driver is not None:
             driver.stop()
         if recorder is not None:
             recorder.close()
+
+    def _give_up_driver(self) -> None:
+        self.halt()
         self._driver = self._recorder = None
 
     def _loop_failed(self, error: BaseException) -> None:
         """Called in the control thread, with the output off already."""
         self._on_fatal(f"{self.get_name()}: the control loop ended with {type(error).__name__}: {error}; the output is off")
 
-    def destroy_node(self) -> None:
-        """Leave the ROS graph, with the output off."""
-        self.stop_driver()
+    def wake_no_more(self) -> None:
+        """End the hand-off, so that ROS can be shut down."""
         self._handoff.close()
-        super().destroy_node()
 
 
 def _descriptor(declaration: Declaration, kind: str) -> ParameterDescriptor:
@@ -444,13 +443,16 @@ def main(arguments: list[str] | None = None) -> int:
     sys.setswitchinterval(GIL_INTERVAL_s)
     fatal: list[str] = []
     nodes: list[SmaActuatorNode] = []
+    threads: list[threading.Thread] = []
     try:
         ros, names = _names(sys.argv[1:] if arguments is None else arguments)
         rclpy.init(args=ros.rclpy, signal_handler_options=SignalHandlerOptions.NO)
         for name in names:
             nodes.append(SmaActuatorNode(name, ros, fatal.append))
         for node in nodes:
-            threading.Thread(target=_spin, args=(node, fatal.append), name=f"{node.get_name()} ROS", daemon=True).start()
+            thread = threading.Thread(target=_spin, args=(node, fatal.append), name=f"{node.get_name()} ROS", daemon=True)
+            thread.start()
+            threads.append(thread)
         gc.collect()
         gc.freeze()  # what was imported stays: collecting it would take milliseconds out of the loop
         while not fatal and signal.sigtimedwait(ending, 0.1) is None:
@@ -458,10 +460,11 @@ def main(arguments: list[str] | None = None) -> int:
     except ConfigError as error:
         fatal += error.problems
     finally:
-        _stop(nodes)
-    for sentence in fatal:
+        sentences = tuple(fatal)  # what is said while everything ends is no reason for ending
+        _stop(nodes, threads)
+    for sentence in sentences:
         print(f"sma_actuator_node: {sentence}", file=sys.stderr)
-    return 1 if fatal else 0
+    return 1 if sentences else 0
 
 
 def _names(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str]]:
@@ -477,12 +480,16 @@ def _names(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str]]
     return ros, names
 
 
-def _stop(nodes: list[SmaActuatorNode]) -> None:
+def _stop(nodes: list[SmaActuatorNode], threads: list[threading.Thread]) -> None:
     """All outputs off, at the same time; then ROS."""
     if nodes:
         with ThreadPoolExecutor(len(nodes)) as pool:
-            list(pool.map(SmaActuatorNode.stop_driver, nodes))
+            list(pool.map(SmaActuatorNode.halt, nodes))
+    for node in nodes:
+        node.wake_no_more()
     rclpy.try_shutdown()
+    for thread in threads:
+        thread.join(1.0)
 
 
 if __name__ == "__main__":

@@ -111,7 +111,7 @@ class BenchLogRecorder:
                 self.dropped_rows += 1
 
     def _write_row(self, row: tuple[float, ...]) -> None:
-        line = ("%.6f," % row[0] + ",".join("%.9g" % value for value in row[1:]) + "\n").encode()
+        line = (f"{row[0]:.6f}," + ",".join(f"{value:.9g}" for value in row[1:]) + "\n").encode()
         self._file.write(line)
         self._size += len(line)
 
