@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, nan
+from math import inf, isnan, nan
 
 from .chain import CHANNELS
 
@@ -41,7 +41,7 @@ def check_fault(name: str, value: float = nan) -> float:
     """The value to inject ``name`` with.  Raises ValueError with the known names."""
     if name not in FAULTS:
         raise ValueError(f"'{name}' is no fault of the bench; one of {', '.join(FAULTS)} is wanted")
-    value = FAULTS[name].default if value != value else float(value)
+    value = FAULTS[name].default if isnan(value) else float(value)
     if name.startswith("channel_") and value not in CHANNELS:
         raise ValueError(f"{name}: there is no channel {value:g}; {CHANNELS[0]} to {CHANNELS[-1]} exist")
     if FAULTS[name].value and not 0.0 <= value < inf:

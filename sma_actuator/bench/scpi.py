@@ -88,7 +88,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from dataclasses import astuple
 from itertools import product
-from math import isfinite
+from math import isfinite, isnan
 
 from .bench import RING, STEP_S, VirtualBench
 from .chain import CHANNELS, SATURATED
@@ -490,7 +490,7 @@ class ScpiDaq(Instrument):
 
 
 def _reading(value: float) -> str:
-    if value != value:
+    if isnan(value):
         return "NAN"
     return f"{value if abs(value) < 1e30 else SATURATED:.8E}"
 

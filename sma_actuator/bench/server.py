@@ -185,12 +185,12 @@ def background(
     loop = asyncio.new_event_loop()
     started = threading.Event()
     stop = asyncio.Event()
-    failed: list[BaseException] = []
+    failed: list[Exception] = []
 
     def work() -> None:
         try:
             loop.run_until_complete(_run(server, host, supply_port, daq_port, started.set, stop))
-        except BaseException as error:
+        except (InstrumentError, OSError) as error:
             failed.append(error)
         finally:
             started.set()
