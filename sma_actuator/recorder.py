@@ -17,13 +17,15 @@ import os
 import queue
 import threading
 from pathlib import Path
-from typing import IO
+from typing import IO, TYPE_CHECKING
 
-from .actuator import Output
 from .bench_log import COLUMNS
 from .config import Config
 from .parameters import ConfigError
 from .signals import Reading
+
+if TYPE_CHECKING:
+    from .actuator import Output
 
 _log = logging.getLogger(__name__)
 
@@ -107,6 +109,7 @@ class BenchLogRecorder:
         except OSError as error:
             self.problem = f"the bench log in {self._folder} ended: {error.strerror or error}"
             _log.error("%s: %s", self._name, self.problem)
+            self.dropped_rows += 1  # the row at hand
             while self._queue.get() is not _STOP:
                 self.dropped_rows += 1
 
