@@ -26,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--virtual", metavar="WIRE", help="the virtual bench in this process, unattended: flexinol or furukawa")
     parser.add_argument("--unattended-bench", metavar="VISA", help="the instruments are a virtual bench; its BENCh: commands are at this resource")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of logs; one that holds finished parts is resumed")
-    parser.add_argument("--loads", type=_numbers, default=(), metavar="N,N,...", help="weights in newtons, probe included (default: 10 to 80 %% of wire.max_stress)")
+    parser.add_argument("--loads", type=_numbers, default=(), metavar="N,N,...", help="weights in newtons, probe included (default: 15 to 120 MPa)")
     parser.add_argument("--spring", type=_numbers, action="append", default=[], metavar="N/m,N", help="also a spring: stiffness and preload; may be repeated")
     parser.add_argument("--masses", type=_numbers, default=(), metavar="g,g,...", help="calibration masses in grams")
     parser.add_argument("--heat-current", type=float, default=0.0, metavar="A", help="amplitude of the pulses (default: from the thermal section)")

@@ -11,6 +11,7 @@ from ..parameters import ConfigError
 from .programs import every_ordered_pair
 
 GRAVITY_m_s2 = 9.80665
+STRESSES_Pa = (15e6, 22e6, 32e6, 45e6, 62e6, 85e6, 120e6)  #: default loads; from the thesis's lightest to above its judged ones
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +50,7 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
     """
     wire, thermal = config.wire, config.thermal
     strongest_N = wire.max_stress * wire.area_m2
-    loads_N = options.loads_N or tuple(round(strongest_N * f, 3) for f in (0.1, 0.2, 0.32, 0.46, 0.62, 0.8))
+    loads_N = options.loads_N or tuple(round(s * wire.area_m2, 3) for s in STRESSES_Pa if s < 0.9 * wire.max_stress)
     masses_kg = options.masses_kg or tuple(m for m in (0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3) if m * GRAVITY_m_s2 < 0.9 * strongest_N)
     for load_N in loads_N:
         if not 0.0 < load_N <= strongest_N:

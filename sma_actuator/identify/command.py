@@ -1,0 +1,90 @@
+"""``sma-actuator identify``."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+from pathlib import Path
+
+import yaml
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from ..bench_log import read_bench_log, write_atomically
+from ..config import NODE_NAME, read_parameter_file
+from .identification import METHODS, MODELS, Identification, identify
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``sma-actuator identify``."""
+    parser.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="bench logs; calibration and training logs are left out")
+    parser.add_argument("--config", type=Path, required=True, metavar="BENCH.yaml", help="parameters of the bench (a model in it is replaced)")
+    parser.add_argument("--model", required=True, choices=MODELS, help="model to fit")
+    parser.add_argument("--out", type=Path, required=True, metavar="MODEL.yaml", help="parameter file to write: the bench's with the model in it")
+    parser.add_argument("--method", choices=METHODS, default="joint", help="flexinol: all together, or the thesis's appendix C (default %(default)s)")
+    parser.add_argument("--variant", choices=("average", "direct_switching", "transition"), default="average", help="furukawa: how the curves are used (default %(default)s)")
+    parser.add_argument("--order", type=int, help="order of the stress polynomials (default: chosen on held-out cycles)")
+    parser.add_argument("--report", type=Path, metavar="FILE.html", help="page with the pictures (default: beside MODEL.yaml)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write coefficients, intervals and errors here")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Fit, write and report; 0 when MODEL.yaml was written."""
+    console = Console(stderr=True)
+    mapping = read_parameter_file(args.config)
+    with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console) as bar:
+        reading = bar.add_task("reading", total=len(args.logs))
+        logs = []
+        for path in args.logs:
+            logs.append(read_bench_log(path))
+            bar.advance(reading)
+        fitting = bar.add_task("fitting", total=1.0)
+        result = identify(
+            logs, mapping, args.model, args.method, args.variant, args.order,
+            lambda fraction: bar.update(fitting, completed=fraction),
+        )  # fmt: skip
+        bar.update(fitting, completed=1.0)
+    write_model(args.out, result)
+    page = args.report or args.out.with_suffix(".html")
+    from .page import write_page
+
+    write_page(page, result)
+    if args.json:
+        text = json.dumps(summary(result), indent=1) + "\n"
+        write_atomically(args.json, lambda stream: stream.write(text.encode()))
+    console.print(_table(result))
+    for note in result.notes:
+        console.print(f"note: {note}")
+    console.print(f"wrote {args.out} and {page}")
+    return 0
+
+
+def write_model(path: Path, result: Identification) -> None:
+    """Write the parameter file for the node, whole or not at all."""
+    text = "# Written by `sma-actuator identify`; 95 % intervals and pictures are in the page beside it.\n"
+    text += yaml.safe_dump({NODE_NAME: {"ros__parameters": result.mapping}}, sort_keys=False, allow_unicode=True)
+    write_atomically(path, lambda stream: stream.write(text.encode()))
+
+
+def summary(result: Identification) -> dict:
+    """The result for machines."""
+    out = {
+        "model": result.mapping["model"],
+        "intervals_95_percent": result.intervals,
+        "errors": [dataclasses.asdict(e) for e in result.errors],
+        "notes": result.notes,
+    }
+    if result.fatigue:
+        out["fatigue"] = {name: dataclasses.asdict(d) for name, d in result.fatigue.drift.items()}
+    return out
+
+
+def _table(result: Identification) -> Table:
+    table = Table(title="Mean absolute error, % of full stroke (on the logs it was fitted on)")
+    for header in ("log", "load [N]", "working range", "samples in it", "full range"):
+        table.add_column(header, justify="left" if header == "log" else "right")
+    for e in result.errors:
+        table.add_row(e.name, f"{e.load_N:.2f}", f"{e.working_percent:.2f}", f"{e.working_share:.0%}", f"{e.full_percent:.2f}")
+    return table

@@ -1,0 +1,40 @@
+"""Errors of a model on traces, as the thesis counts them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .fitting import predict
+from .traces import Trace
+
+
+@dataclass(frozen=True, slots=True)
+class LogError:
+    """Mean absolute errors of one log, in % of the full stroke."""
+
+    name: str
+    load_N: float  #: mean
+    working_percent: float  #: over the samples whose measured displacement is in the working range
+    working_share: float  #: the share of samples that is
+    full_percent: float  #: over all samples
+
+
+def log_errors(model, traces: Sequence[Trace], range_m: tuple[float, float], full_stroke_m: float) -> list[LogError]:
+    """Errors of ``model`` on every trace; NaN where no sample is in the working range."""
+    return [_error(t, predict(model, [t]), range_m, full_stroke_m) for t in traces]
+
+
+def _error(trace: Trace, estimate_m: np.ndarray, range_m: tuple[float, float], full_stroke_m: float) -> LogError:
+    measured_m = trace.displacement_m
+    error = np.abs(estimate_m - measured_m) / full_stroke_m * 100.0
+    inside = (range_m[0] <= measured_m) & (measured_m <= range_m[1])
+    return LogError(
+        trace.name,
+        float(np.mean(trace.signals.load_N)),
+        float(error[inside].mean()) if inside.any() else float("nan"),
+        float(inside.mean()),
+        float(error.mean()),
+    )

@@ -1,0 +1,65 @@
+"""Drift with the number of cycles, y = g₁ ln N + g₂ (4.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .traces import IdentificationError, Trace
+
+QUANTITIES = ("resistance_min_Ohm", "resistance_max_Ohm", "displacement_min_m", "displacement_max_m")
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """One quantity against the cycle number."""
+
+    g1: float  #: change per e-fold of the cycle number, in the quantity's unit
+    g2: float  #: value at the first cycle
+    g1_interval: tuple[float, float]  #: 95 %
+    rms: float  #: of what is left over
+
+
+@dataclass(frozen=True, slots=True)
+class Fatigue:
+    """Extremes of every cycle, shape (n,) each, and the lines through them in ln N."""
+
+    cycle: np.ndarray
+    extremes: dict[str, np.ndarray]
+    drift: dict[str, Drift]
+
+
+def fit_fatigue(traces: Sequence[Trace]) -> Fatigue:
+    """ln N lines of the extremes of R and δ over the fatigue logs; ``first_cycle`` of their metadata numbers the cycles.
+
+    Raises IdentificationError where there are fewer than five cycles.
+    """
+    number, rows = [], []
+    for trace in traces:
+        first = int(trace.log.metadata.get("first_cycle", 1))
+        for cycle in range(1, int(trace.cycle.max()) + 1):
+            inside = trace.cycle == cycle
+            resistance_Ohm, displacement_m = trace.resistance_Ohm[inside], trace.displacement_m[inside]
+            number.append(first + cycle - 1)
+            rows.append((*_ends(resistance_Ohm), *_ends(displacement_m)))
+    if len(number) < 5:
+        raise IdentificationError(f"fatigue: {len(number)} cycles in the logs; at least 5 are needed for a line in ln N")
+    order = np.argsort(number)
+    number, values = np.array(number)[order], np.array(rows)[order].T
+    return Fatigue(
+        number, dict(zip(QUANTITIES, values, strict=True)), {q: _line(number, v) for q, v in zip(QUANTITIES, values, strict=True)}
+    )
+
+
+def _ends(values: np.ndarray) -> tuple[float, float]:
+    return float(np.percentile(values, 1)), float(np.percentile(values, 99))
+
+
+def _line(number: np.ndarray, y: np.ndarray) -> Drift:
+    x = np.log(number)
+    g1, g2 = np.polyfit(x, y, 1)
+    left = y - g1 * x - g2
+    error = np.sqrt(left @ left / max(len(y) - 2, 1) / np.sum((x - x.mean()) ** 2))
+    return Drift(float(g1), float(g2), (float(g1 - 1.96 * error), float(g1 + 1.96 * error)), float(np.sqrt(np.mean(left**2))))

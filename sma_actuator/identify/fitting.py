@@ -1,0 +1,148 @@
+"""Robust least squares over traces through a model's own ``run``, held-out cycles, bootstrap by cycle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from .ranges import determinate_interval_m, distinct_stresses, full_cycles
+from .traces import IdentificationError, Trace
+
+LOSS_SCALE = 0.01  #: residual, as a share of the full stroke, above which it counts linearly
+FOLDS = 3
+BOOTSTRAP_SAMPLES = 300
+
+Model = Callable[[np.ndarray], object]  #: parameter vector → StrainModel
+
+
+@dataclass(frozen=True, slots=True)
+class Data:
+    """Traces with the samples that count, and a number for every cycle of every trace."""
+
+    traces: tuple[Trace, ...]
+    counts: np.ndarray  #: bool, shape (N,): the sample is in the determinate part of its stroke
+    unit: np.ndarray  #: int, shape (N,): which cycle it belongs to, over all traces
+    displacement_m: np.ndarray  #: shape (N,)
+    full_stroke_m: float
+
+
+def make_data(traces: Sequence[Trace], full_stroke_m: float) -> Data:
+    """Concatenate traces; the indeterminate ends, found per load, do not count.
+
+    A log that is not of full cycles takes the ends of the full cycles nearest in stress.
+    """
+    full = full_cycles(traces)
+    intervals = [determinate_interval_m(t) for t in full]
+    stresses = np.array([t.mean_stress_Pa for t in full])
+    counts, unit, offset = [], [], 0
+    for trace in traces:
+        low_m, high_m = intervals[int(np.argmin(np.abs(stresses - trace.mean_stress_Pa)))]
+        displacement_m = trace.displacement_m
+        counts.append((displacement_m >= low_m) & (displacement_m <= high_m) & np.isfinite(trace.resistance_Ohm))
+        unit.append(trace.cycle + offset)
+        offset += int(trace.cycle.max()) + 1
+    return Data(
+        tuple(traces), np.concatenate(counts), np.concatenate(unit), np.concatenate([t.displacement_m for t in traces]), full_stroke_m
+    )
+
+
+def predict(model, traces: Sequence[Trace]) -> np.ndarray:
+    """Displacement by a model over traces, each begun cold as the estimator does; concatenated, [m]."""
+    out = []
+    for trace in traces:
+        model.reset(float(trace.resistance_Ohm[0]), float(trace.stress_Pa[0]))
+        out.append(model.run(trace.resistance_Ohm, trace.stress_Pa, trace.heating))
+    return np.concatenate(out)
+
+
+def residuals(build: Model, theta: np.ndarray, data: Data, weight: np.ndarray) -> np.ndarray:
+    """Weighted residuals of the samples with weight, as shares of the full stroke."""
+    chosen = weight > 0.0
+    error = (predict(build(theta), data.traces) - data.displacement_m)[chosen] / data.full_stroke_m
+    return np.clip(np.nan_to_num(error, nan=10.0, posinf=10.0, neginf=-10.0), -10.0, 10.0) * np.sqrt(weight[chosen])
+
+
+def fit(build: Model, start: np.ndarray, data: Data, weight: np.ndarray | None = None, max_evaluations: int = 60):
+    """Robust least squares from ``start``; returns scipy's result (``x``, ``jac``, ``fun``)."""
+    weight = data.counts.astype(float) if weight is None else weight
+    return least_squares(
+        lambda theta: residuals(build, theta, data, weight),
+        start,
+        loss="soft_l1",
+        f_scale=LOSS_SCALE,
+        x_scale="jac",
+        max_nfev=max_evaluations,
+    )
+
+
+def held_out_errors(build: Model, start: np.ndarray, data: Data) -> np.ndarray:
+    """Mean absolute error of every cycle, as a share of the full stroke, by fits that did not see it.
+
+    Every FOLDS-th cycle is held out in turn; the model still runs through it, but nothing is
+    learnt from it.
+    """
+    errors = {}
+    for fold in range(FOLDS):
+        held_out = data.unit % FOLDS == fold
+        found = fit(build, start, data, (data.counts & ~held_out).astype(float), max_evaluations=25)
+        judged = data.counts & held_out
+        error = np.abs(predict(build(found.x), data.traces) - data.displacement_m) / data.full_stroke_m
+        errors.update({int(unit): error[judged & (data.unit == unit)].mean() for unit in np.unique(data.unit[judged])})
+    return np.array([errors[unit] for unit in sorted(errors)])
+
+
+def choose_simplest(errors: dict, size: Callable[[object], float]):
+    """The smallest choice that is not clearly worse than the best: by at most one standard error of
+    the difference, cycle by cycle.  ``errors`` maps each choice to its held-out errors."""
+    best = min(errors, key=lambda choice: errors[choice].mean())
+
+    def as_good(choice) -> bool:
+        worse = errors[choice] - errors[best]
+        return worse.mean() <= worse.std() / np.sqrt(len(worse))
+
+    return min((c for c in errors if as_good(c)), key=lambda c: (size(c), errors[c].mean()))
+
+
+def bootstrap(build: Model, theta: np.ndarray, data: Data, seed: int = 0) -> np.ndarray:
+    """Parameter vectors of fits to cycles drawn with replacement, shape (BOOTSTRAP_SAMPLES, parameters).
+
+    Each is one Gauss–Newton step from the fit, which is what a refit amounts to so near its optimum.
+    """
+    chosen = data.counts
+    solution = least_squares(
+        lambda x: residuals(build, x, data, chosen.astype(float)), theta, loss="linear", x_scale="jac", max_nfev=1
+    )
+    jacobian, residual = solution.jac, solution.fun
+    robust = 1.0 / np.sqrt(1.0 + (residual / LOSS_SCALE) ** 2)
+    unit = data.unit[chosen]
+    units, index = np.unique(unit, return_inverse=True)
+    normal = np.zeros((len(units), len(theta), len(theta)))
+    gradient = np.zeros((len(units), len(theta)))
+    for k in range(len(units)):
+        rows = index == k
+        weighted = jacobian[rows] * robust[rows, None]
+        normal[k], gradient[k] = weighted.T @ jacobian[rows], weighted.T @ residual[rows]
+    scale = np.sqrt(np.maximum(np.diag(normal.sum(axis=0)), 1e-300))
+    random = np.random.default_rng(seed)
+    whole = np.linalg.lstsq(normal.sum(0) / np.outer(scale, scale), gradient.sum(0) / scale, rcond=1e-10)[0]
+    out = np.empty((BOOTSTRAP_SAMPLES, len(theta)))
+    for i in range(BOOTSTRAP_SAMPLES):
+        times = np.bincount(random.integers(len(units), size=len(units)), minlength=len(units))
+        h, g = np.tensordot(times, normal, 1) / np.outer(scale, scale), (times @ gradient) / scale
+        out[i] = theta - (np.linalg.lstsq(h, g, rcond=1e-10)[0] - whole) / scale
+    return out
+
+
+def require_loads(traces: Sequence[Trace], order: int, what: str) -> None:
+    """Raise IdentificationError where a polynomial of ``order`` in stress has more coefficients than there are loads."""
+    full = full_cycles(traces)
+    loads = distinct_stresses(full)
+    if loads < order + 1:
+        listed = ", ".join(f"{np.mean(t.signals.load_N):.2f} N" for t in full)
+        raise IdentificationError(
+            f"{what}: a polynomial of order {order} in stress needs full cycles at {order + 1} different loads; "
+            f"the logs hold {loads} ({listed}); measure at more loads or choose a lower order"
+        )

@@ -1,0 +1,164 @@
+"""Coefficients of the R-phase model: appendix C, and all loads and minor loops fitted together."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..models import COEFFICIENTS
+from . import fitting
+from .appendix_c import Asymptotes, asymptotes
+from .fitting import Data
+from .ranges import distinct_stresses, full_cycles, working_range_m
+from .traces import Trace
+
+STRESS_UNIT_Pa = 100e6  #: polynomials are fitted in units of this, so that their coefficients are of one size
+HIGHEST_ORDER = 3
+_LOG_RATE = (np.log(0.1), np.log(1000.0))  #: of τ [1/Ω]; a transition narrower than a milliohm drowns in noise
+_NAMES = ("heating_slope", "heating_intercept", "cooling_slope", "cooling_intercept")
+
+
+@dataclass(frozen=True, slots=True)
+class FlexinolFit:
+    """What was found: coefficients, and how."""
+
+    coefficients: object  #: FlexinolCoefficients
+    orders: tuple[int, int]  #: order of the stress polynomials of the heating and of the cooling asymptote
+    lines: tuple[Asymptotes, ...] = ()  #: appendix C: the asymptotes of each load
+    order_errors: dict[tuple[int, int], np.ndarray] = field(default_factory=dict)  #: held-out errors of the orders tried
+    samples: dict[str, np.ndarray] = field(default_factory=dict)  #: bootstrap: (samples, coefficients) of every field
+
+
+def fit_appendix_c(traces: Sequence[Trace], wire, order: int = 2) -> FlexinolFit:
+    """Appendix C, then polynomials in stress (5.3–5.6); τ and a_0, found by trial in the thesis, by least squares here.
+
+    Raises IdentificationError naming what the logs lack.
+    """
+    fitting.require_loads(traces, order, "asymptotes")
+    data = fitting.make_data(traces, wire.full_stroke_m)
+    lines = tuple(asymptotes(t) for t in full_cycles(traces))
+    stress = np.array([line.stress_Pa for line in lines]) / STRESS_UNIT_Pa
+    values = np.array([[*line.heating, *line.cooling] for line in lines])
+    polynomials = np.polynomial.polynomial.polyfit(stress, values, order).T  # (4, order + 1)
+    base = _coefficients(polynomials, wire, traces)
+
+    def build(theta):
+        return dataclasses.replace(base, initial_slope=theta[0] * 1e-3, transition_rate=float(np.exp(theta[1]))).build(wire)
+
+    theta = _best_start(build, data, [(a, t) for a in (0.2, 0.6, 1.5) for t in (2.0, 3.0, 4.0)])
+    found = fitting.fit(build, theta, data)
+    coefficients = dataclasses.replace(base, initial_slope=float(found.x[0] * 1e-3), transition_rate=float(np.exp(found.x[1])))
+    return FlexinolFit(coefficients, (order, order), lines)
+
+
+def fit_joint(
+    traces: Sequence[Trace],
+    wire,
+    orders: tuple[int, int] | None = None,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> FlexinolFit:
+    """All loads and minor loops together, through the model itself.
+
+    ``orders`` of the stress polynomials (heating, cooling); None: the lowest that are as good
+    as the best on held-out cycles.  Raises IdentificationError.
+    """
+    fitting.require_loads(traces, max(orders) if orders else 1, "asymptotes")
+    data = fitting.make_data(traces, wire.full_stroke_m)
+    problem = _Joint(traces, wire, data)
+    errors: dict[tuple[int, int], np.ndarray] = {}
+    if orders is None:
+        highest = min(HIGHEST_ORDER, distinct_stresses(full_cycles(traces)) - 1)
+        tried = [(h, c) for h in range(1, highest + 1) for c in range(h, highest + 1)]
+        for i, pair in enumerate(tried):
+            errors[pair] = fitting.held_out_errors(problem.builder(pair), problem.start(pair), data)
+            progress(0.8 * (i + 1) / len(tried))
+        orders = fitting.choose_simplest(errors, sum)
+    build = problem.builder(orders)
+    found = fitting.fit(build, problem.start(orders), data)
+    progress(0.95)
+    draws = fitting.bootstrap(build, found.x, data)
+    samples = {
+        name: np.array([np.atleast_1d(getattr(problem.coefficients(orders, theta), name)) for theta in draws])
+        for name in (*_NAMES, "initial_slope", "transition_rate")
+    }
+    progress(1.0)
+    return FlexinolFit(problem.coefficients(orders, found.x), orders, (), errors, samples)
+
+
+class _Joint:
+    """The parameter vector of the joint fit: for each asymptote the displacement [mm] it has at a
+    resistance in mid-range and its slope [mm/Ω], as polynomials in stress; then a_0 [mm/Ω] and ln τ."""
+
+    def __init__(self, traces: Sequence[Trace], wire, data: Data):
+        self._traces, self._wire, self._data = traces, wire, data
+        resistance_Ohm = np.concatenate([t.resistance_Ohm for t in traces])[data.counts]
+        self._centre_Ohm = float(np.median(resistance_Ohm))
+        self._range_m = working_range_m(traces, wire.full_stroke_m)
+
+    def coefficients(self, orders: tuple[int, int], theta: np.ndarray):
+        """FlexinolCoefficients of a parameter vector."""
+        heating, cooling = orders[0] + 1, orders[1] + 1
+        d_h, a_h, d_c, a_c = np.split(theta[:-2], np.cumsum([heating, heating, cooling]))
+        polynomials = [a_h, d_h - a_h * self._centre_Ohm, a_c, d_c - a_c * self._centre_Ohm]
+        return _coefficients(
+            [p * 1e-3 for p in polynomials],
+            self._wire,
+            self._traces,
+            float(theta[-2]) * 1e-3,
+            float(np.exp(np.clip(theta[-1], *_LOG_RATE))),
+            self._range_m,
+        )
+
+    def builder(self, orders: tuple[int, int]):
+        """Parameter vector → model."""
+        return lambda theta: self.coefficients(orders, theta).build(self._wire)
+
+    def start(self, orders: tuple[int, int]) -> np.ndarray:
+        """Lines through the middle of each branch at each load, polynomials through those."""
+        stresses, values = [], []
+        for trace in full_cycles(self._traces):
+            low_m, high_m = np.percentile(trace.displacement_m, (0.5, 99.5))
+            middle = np.abs(trace.displacement_m - 0.5 * (low_m + high_m)) < 0.25 * (high_m - low_m)
+            row = []
+            for branch in (trace.driven, ~trace.driven):
+                x = trace.resistance_Ohm[middle & branch] - self._centre_Ohm
+                slope, at_centre = np.polyfit(x, trace.displacement_m[middle & branch] * 1e3, 1)
+                row += [at_centre, slope]
+            stresses.append(trace.mean_stress_Pa / STRESS_UNIT_Pa)
+            values.append(row)
+        d_h, a_h, d_c, a_c = np.array(values).T
+        fits = [(d_h, orders[0]), (a_h, orders[0]), (d_c, orders[1]), (a_c, orders[1])]
+        lines = np.concatenate([np.polynomial.polynomial.polyfit(stresses, y, order) for y, order in fits])
+        build = self.builder(orders)
+        tails = [(a, t) for a in (0.3, 1.0) for t in (2.0, 3.0, 4.0)]
+        return _best_start(build, self._data, [np.concatenate([lines, tail]) for tail in tails])
+
+
+def _best_start(build, data: Data, candidates) -> np.ndarray:
+    weight = data.counts.astype(float)
+    return min((np.asarray(c, float) for c in candidates), key=lambda c: float(np.abs(fitting.residuals(build, c, data, weight)).mean()))
+
+
+def _coefficients(polynomials, wire, traces, initial_slope=1e-3, transition_rate=20.0, range_m=None):
+    """FlexinolCoefficients from polynomials in units of STRESS_UNIT_Pa."""
+    stress_Pa = [t.mean_stress_Pa for t in full_cycles(traces)]
+    scaled = [tuple(float(b) / STRESS_UNIT_Pa**i for i, b in enumerate(p)) for p in polynomials]
+    return COEFFICIENTS["flexinol"](
+        calibrated_length=wire.length,
+        calibrated_diameter=wire.diameter,
+        **dict(zip(_NAMES, scaled, strict=True)),
+        initial_slope=initial_slope,
+        transition_rate=transition_rate,
+        stress_range=stress_range_Pa(traces),
+        displacement_range=range_m or working_range_m(traces, wire.full_stroke_m),
+    )
+
+
+def stress_range_Pa(traces: Sequence[Trace]) -> tuple[float, float]:
+    """Lowest and highest stress the polynomials rest on, with a margin of 2 % for noise."""
+    values = [t.mean_stress_Pa for t in full_cycles(traces)]
+    margin = 0.02 * max(values)
+    return float(min(values) - margin), float(max(values) + margin)

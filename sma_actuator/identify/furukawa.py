@@ -1,0 +1,136 @@
+"""Coefficients of the model without R-phase: heating and cooling polynomials and their transition."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ..models import COEFFICIENTS
+from . import fitting
+from .fitting import Data
+from .flexinol import HIGHEST_ORDER, STRESS_UNIT_Pa, stress_range_Pa
+from .ranges import distinct_stresses, full_cycles, working_range_m
+from .traces import Trace
+
+ORDER_R = 2  #: G_2 R² + G_1 R + G_0 (5.55, 5.56)
+_LOG_RATE = (np.log(0.1), np.log(1000.0))  #: of η [1/Ω]
+
+
+@dataclass(frozen=True, slots=True)
+class FurukawaFit:
+    """What was found."""
+
+    coefficients: object  #: FurukawaCoefficients
+    order: int  #: of the stress polynomials
+    order_errors: dict[int, np.ndarray] = field(default_factory=dict)  #: held-out errors of the orders tried
+    samples: dict[str, np.ndarray] = field(default_factory=dict)  #: bootstrap: (samples, coefficients) of every field
+
+
+def fit_furukawa(
+    traces: Sequence[Trace],
+    wire,
+    variant: str = "average",
+    order: int | None = None,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> FurukawaFit:
+    """Heating curve, cooling curve and transition rate η, all loads and minor loops together.
+
+    The curves are fitted through the variant they are for.  The average variant says nothing of
+    their difference: that is taken from the transition model, and their mean from all samples.
+    ``order`` of the stress polynomials; None: the lowest that is as good as the best on held-out
+    cycles.  Raises IdentificationError.
+    """
+    fitting.require_loads(traces, order or 1, "curves")
+    data = fitting.make_data(traces, wire.full_stroke_m)
+    fitted_as = "transition" if variant == "average" else variant
+    problem = _Curves(traces, wire, data, fitted_as)
+    errors: dict[int, np.ndarray] = {}
+    if order is None:
+        highest = min(HIGHEST_ORDER, distinct_stresses(full_cycles(traces)) - 1)
+        for tried in range(1, highest + 1):
+            errors[tried] = fitting.held_out_errors(problem.builder(tried), problem.start(tried), data)
+            progress(0.6 * tried / highest)
+        order = fitting.choose_simplest(errors, int)
+    build = problem.builder(order)
+    found = fitting.fit(build, problem.start(order), data)
+    progress(0.9)
+    shift = problem.to_mean_of_all(order, found.x) if variant == "average" else 0.0
+    draws = [problem.coefficients(order, theta + shift, variant) for theta in fitting.bootstrap(build, found.x, data)]
+    names = [f.name for f in dataclasses.fields(draws[0]) if f.name[:7] in ("heating", "cooling") or f.name == "transition_rate"]
+    samples = {name: np.array([np.atleast_1d(getattr(d, name)) for d in draws]) for name in names}
+    progress(1.0)
+    return FurukawaFit(problem.coefficients(order, found.x + shift, variant), order, errors, samples)
+
+
+class _Curves:
+    """The parameter vector: c_H[i, j], c_C[i, j] of δ = Σ c[i, j] x^i s^j in mm, with x the resistance
+    centred and scaled and s = σ / STRESS_UNIT_Pa; then ln η."""
+
+    def __init__(self, traces: Sequence[Trace], wire, data: Data, variant: str):
+        self._traces, self._wire, self._data, self._variant = traces, wire, data, variant
+        resistance_Ohm = np.concatenate([t.resistance_Ohm for t in traces])[data.counts]
+        low, high = np.percentile(resistance_Ohm, (1, 99))
+        self._centre_Ohm, self._scale_Ohm = 0.5 * (low + high), 0.5 * (high - low)
+        self._range_m = working_range_m(traces, wire.full_stroke_m)
+
+    def coefficients(self, order: int, theta: np.ndarray, variant: str):
+        """FurukawaCoefficients of a parameter vector."""
+        curves = theta[:-1].reshape(2, ORDER_R + 1, order + 1)
+        values = {}
+        for name, curve in zip(("heating", "cooling"), curves, strict=True):
+            in_R = np.array([_uncentred(curve[:, j], self._centre_Ohm, self._scale_Ohm) for j in range(order + 1)]).T
+            for i, row in enumerate(in_R):
+                values[f"{name}_G{i}"] = tuple(float(c) * 1e-3 / STRESS_UNIT_Pa**j for j, c in enumerate(row))
+        return COEFFICIENTS["furukawa"](
+            calibrated_length=self._wire.length,
+            calibrated_diameter=self._wire.diameter,
+            variant=variant,
+            transition_rate=float(np.exp(np.clip(theta[-1], *_LOG_RATE))),
+            stress_range=stress_range_Pa(self._traces),
+            displacement_range=self._range_m,
+            **values,
+        )
+
+    def builder(self, order: int):
+        """Parameter vector → model."""
+        return lambda theta: self.coefficients(order, theta, self._variant).build(self._wire)
+
+    def start(self, order: int) -> np.ndarray:
+        """Robust polynomials through the full cycles' heating and cooling samples."""
+        full = full_cycles(self._traces)
+        counts = fitting.make_data(full, self._wire.full_stroke_m).counts
+        driven = np.concatenate([t.driven for t in full])
+        parts = [self._polynomial(full, counts & branch, order) for branch in (driven, ~driven)]
+        candidates = [np.append(np.concatenate(parts), rate) for rate in np.log((3.0, 10.0, 30.0, 100.0))]
+        build, weight = self.builder(order), self._data.counts.astype(float)
+        return min(candidates, key=lambda c: float(np.abs(fitting.residuals(build, c, self._data, weight)).mean()))
+
+    def to_mean_of_all(self, order: int, theta: np.ndarray) -> np.ndarray:
+        """What to add to a parameter vector so that the mean of its curves is the one through all samples."""
+        heating, cooling = theta[:-1].reshape(2, -1)
+        shift = self._polynomial(self._traces, self._data.counts, order) - 0.5 * (heating + cooling)
+        return np.concatenate([shift, shift, [0.0]])
+
+    def _polynomial(self, traces: Sequence[Trace], chosen: np.ndarray, order: int) -> np.ndarray:
+        x = (np.concatenate([t.resistance_Ohm for t in traces]) - self._centre_Ohm) / self._scale_Ohm
+        stress = np.concatenate([t.stress_Pa for t in traces]) / STRESS_UNIT_Pa
+        displacement_mm = np.concatenate([t.displacement_m for t in traces]) * 1e3
+        basis = np.polynomial.polynomial.polyvander2d(x, stress, (ORDER_R, order))
+        return robust_linear(basis[chosen], displacement_mm[chosen], fitting.LOSS_SCALE * self._wire.full_stroke_m * 1e3)
+
+
+def robust_linear(basis: np.ndarray, y: np.ndarray, scale: float) -> np.ndarray:
+    """Coefficients (k,) of y ≈ basis @ c with a loss that is linear beyond ``scale``; basis (n, k), y (n,)."""
+    start = np.linalg.lstsq(basis, y, rcond=None)[0]
+    return least_squares(lambda c: basis @ c - y, start, jac=lambda c: basis, loss="soft_l1", f_scale=scale).x
+
+
+def _uncentred(coefficients: np.ndarray, centre: float, scale: float) -> np.ndarray:
+    """Coefficients in R of a polynomial in (R − centre)/scale, lowest order first, the same number of them."""
+    inner = np.polynomial.Polynomial([-centre / scale, 1.0 / scale])
+    out = np.polynomial.Polynomial(coefficients)(inner).coef
+    return np.pad(out, (0, len(coefficients) - len(out)))

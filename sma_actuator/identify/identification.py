@@ -1,0 +1,106 @@
+"""Logs in, a complete parameter file out."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..bench_log import BenchLog
+from ..config import Config, bench_from_mapping
+from ..parameters import ConfigError, to_mapping
+from .errors import LogError, log_errors
+from .fatigue import Fatigue, fit_fatigue
+from .flexinol import FlexinolFit, fit_appendix_c, fit_joint
+from .furukawa import FurukawaFit, fit_furukawa
+from .normalised import as_one_wire, fit_furukawa_normalised, flexinol_normalised
+from .traces import Trace, make_traces
+
+METHODS = ("joint", "appendix-c")
+MODELS = ("flexinol", "flexinol_normalised", "furukawa", "furukawa_normalised")
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Identification:
+    """A calibrated model, and how good it is."""
+
+    mapping: dict[str, Any]  #: the bench's parameters with the model in them: what the node runs on
+    config: Config  #: the same, checked
+    intervals: dict[str, list[tuple[float, float]]]  #: 95 % of every coefficient, by bootstrap over cycles
+    errors: list[LogError]  #: of the logs it was fitted on
+    fit: FlexinolFit | FurukawaFit | None  #: how it was found
+    traces: tuple[Trace, ...]
+    fatigue: Fatigue | None = None
+    notes: list[str] = field(default_factory=list)  #: what the user should know
+
+
+def identify(
+    logs: Sequence[BenchLog],
+    config_mapping: Mapping[str, Any],
+    model_type: str,
+    method: str = "joint",
+    variant: str = "average",
+    order: int | None = None,
+    progress: Progress = lambda fraction: None,
+) -> Identification:
+    """Fit a model of ``model_type`` on bench logs.
+
+    ``config_mapping`` holds the bench's parameters (a model in it is replaced).  ``order`` of the
+    stress polynomials; None: chosen on held-out cycles (appendix C: 2).  ``variant`` of the
+    Ni-Ti-Cu model.  Raises IdentificationError naming what the logs lack, BenchLogError, ConfigError.
+    """
+    if model_type not in MODELS:
+        raise ConfigError(f"model: '{model_type}' is not one of {', '.join(MODELS)}")
+    if method not in METHODS:
+        raise ConfigError(f"method: '{method}' is not one of {', '.join(METHODS)}")
+    if method == "appendix-c" and not model_type.startswith("flexinol"):
+        raise ConfigError("method: appendix-c is for the R-phase wire (flexinol, flexinol_normalised)")
+    bench = bench_from_mapping(config_mapping)
+    normalised = model_type.endswith("_normalised")
+    everything = as_one_wire(logs, config_mapping) if normalised else make_traces(logs, bench)
+    fatigue_traces = [t for t in everything if t.kind == "fatigue"]
+    traces = [t for t in everything if t.kind != "fatigue"]
+    notes = []
+    if model_type.startswith("flexinol"):
+        if method == "appendix-c":
+            fit = fit_appendix_c(traces, bench.wire, 2 if order is None else order)
+        else:
+            fit = fit_joint(traces, bench.wire, None if order is None else (order, order), progress)
+        coefficients, samples = fit.coefficients, fit.samples
+        if normalised:
+            coefficients, samples = flexinol_normalised(fit, traces, bench.wire)
+    elif normalised:
+        fit = None
+        coefficients, samples = fit_furukawa_normalised(traces, bench.wire, 2 if order is None else order)
+    else:
+        fit = fit_furukawa(traces, bench.wire, variant, order, progress)
+        coefficients, samples = fit.coefficients, fit.samples
+    mapping = copy.deepcopy(dict(config_mapping))
+    mapping.pop("effects", None)
+    mapping["model"] = {"type": model_type, **to_mapping(coefficients)}
+    config = Config.from_mapping(mapping)
+    model = config.model.build(bench.wire)
+    fatigue = None
+    if fatigue_traces:
+        fatigue = fit_fatigue(fatigue_traces)
+    if not any(t.kind == "partial" for t in traces):
+        notes.append("no log of partial cycles: minor loops, and with them the transition, rest on full cycles alone")
+    return Identification(
+        mapping=mapping,
+        config=config,
+        intervals={name: _interval(draws) for name, draws in samples.items()},
+        errors=log_errors(model, traces, model.displacement_range_m, bench.wire.full_stroke_m),
+        fit=fit,
+        traces=tuple(traces),
+        fatigue=fatigue,
+        notes=notes,
+    )
+
+
+def _interval(draws: np.ndarray) -> list[tuple[float, float]]:
+    low, high = np.percentile(draws, (2.5, 97.5), axis=0)
+    return [(float(a), float(b)) for a, b in zip(low, high, strict=True)]

@@ -1,0 +1,149 @@
+"""The page of an identification: the pictures the thesis draws."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ..report import Page, figure
+from .fitting import predict
+from .identification import Identification
+from .ranges import full_cycles
+
+
+def write_page(path: Path, result: Identification) -> None:
+    """Write the HTML page."""
+    wire, model = result.config.wire, result.config.model.build(result.config.wire)
+    page = Page(f"Identification: {result.mapping['model']['type']}")
+    low_m, high_m = model.displacement_range_m
+    stress_lo, stress_hi = model.stress_range_Pa
+    page.text(
+        f"Wire {wire.alloy}, {wire.length * 1e3:g} mm × {wire.diameter * 1e3:g} mm. Working range {low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm, "
+        f"stress {stress_lo / 1e6:.0f} to {stress_hi / 1e6:.0f} MPa."
+    )
+    for note in result.notes:
+        page.text(f"Note: {note}.")
+    page.heading("Errors")
+    page.table(
+        ("log", "load [N]", "working range [%]", "share of samples in it", "full range [%]"),
+        [(e.name, e.load_N, e.working_percent, e.working_share, e.full_percent) for e in result.errors],
+        "Mean absolute error in % of full_stroke_strain × length, on the logs that were fitted.",
+    )
+    _loops(page, result, model)
+    _coefficients(page, result)
+    _transitions(page, result, model)
+    _orders(page, result)
+    _traces(page, result, model)
+    _fatigue(page, result)
+    page.write(path)
+
+
+def _loops(page: Page, result: Identification, model) -> None:
+    page.heading("Loops with their curves")
+    drawing, axes = figure(2, width_in=5.5, height_in=4.2)
+    for ax, heating in zip(axes[0], (True, False), strict=True):
+        for trace in full_cycles(result.traces):
+            resistance_Ohm = np.linspace(trace.resistance_Ohm.min(), trace.resistance_Ohm.max(), 60)
+            curve_m = model.limits_m(resistance_Ohm, np.full(60, trace.mean_stress_Pa))[0 if heating else 1]
+            branch = trace.driven == heating
+            (line,) = ax.plot(trace.resistance_Ohm[branch], trace.displacement_m[branch] * 1e3, ".", ms=2)
+            ax.plot(resistance_Ohm, curve_m * 1e3, lw=1, color=line.get_color(), label=f"{np.mean(trace.signals.load_N):.2f} N")
+        ax.set(title="heating" if heating else "cooling", xlabel="resistance [Ω]", ylabel="displacement [mm]")
+        ax.set_ylim(-0.05 * 1e3 * np.max(trace.displacement_m), 1.1e3 * max(t.displacement_m.max() for t in result.traces))
+    axes[0, 0].legend(fontsize=7)
+    page.figure(drawing, "Full cycles at every load (dots) and the model's curves (lines); thesis, Figs. 59, 81.")
+
+
+def _coefficients(page: Page, result: Identification) -> None:
+    page.heading("Coefficients against stress")
+    names = [n for n, v in result.mapping["model"].items() if isinstance(v, list) and n in result.intervals]
+    if names:
+        columns = 3 if len(names) > 4 else 2
+        drawing, axes = figure(columns, -(-len(names) // columns), width_in=3.8, height_in=2.8)
+        stress_Pa = np.linspace(*result.config.model.stress_range, 50)
+        lines = getattr(result.fit, "lines", ())
+        for ax, name in zip(axes.flat, names, strict=False):
+            ax.plot(stress_Pa / 1e6, np.polynomial.polynomial.polyval(stress_Pa, result.mapping["model"][name]))
+            if lines:
+                branch, which = name.split("_")
+                values = [getattr(line, branch)[0 if which == "slope" else 1] for line in lines]
+                ax.plot([line.stress_Pa / 1e6 for line in lines], values, "o")
+            ax.set(title=name, xlabel="stress [MPa]")
+        page.figure(drawing, "Every coefficient as a polynomial in stress; thesis, Figs. 61, 82.")
+    rows = []
+    for name, intervals in result.intervals.items():
+        value = result.mapping["model"].get(name)
+        for i, (low, high) in enumerate(intervals):
+            rows.append((name, i, f"{np.atleast_1d(value)[i]:.6g}", f"{low:.6g}", f"{high:.6g}"))
+    if rows:
+        page.table(("coefficient", "order", "value", "low", "high"), rows, "95 % intervals, bootstrap over cycles")
+    _material(page, result)
+
+
+def _material(page: Page, result: Identification) -> None:
+    """The thesis's Fig. 79: fitted slopes beside those from material properties."""
+    if result.mapping["model"]["type"] != "flexinol":
+        return
+    from .material import RPhaseAlloy, asymptotes_from_material
+
+    wire, model = result.config.wire, result.config.model
+    stress_Pa = np.linspace(*model.stress_range, 30)
+    from_material = np.array([np.ravel(asymptotes_from_material(RPhaseAlloy(), wire.length, wire.area_m2, s)) for s in stress_Pa])
+    drawing, axes = figure(4, width_in=3.2, height_in=2.8)
+    for i, (ax, name) in enumerate(zip(axes[0], ("heating_slope", "heating_intercept", "cooling_slope", "cooling_intercept"), strict=True)):
+        ax.plot(stress_Pa / 1e6, np.polynomial.polynomial.polyval(stress_Pa, getattr(model, name)), label="identified")
+        ax.plot(stress_Pa / 1e6, from_material[:, i], "--", label="material properties")
+        ax.set(title=name, xlabel="stress [MPa]")
+    axes[0, 0].legend(fontsize=7)
+    page.figure(drawing, "Asymptotes identified and from material properties (5.41–5.54); thesis, Fig. 79.")
+
+
+def _transitions(page: Page, result: Identification, model) -> None:
+    partial = [t for t in result.traces if t.kind == "partial"] or list(result.traces)
+    trace = partial[len(partial) // 2]
+    page.heading("Transition curves")
+    drawing, axes = figure(1, width_in=7, height_in=4.5)
+    axes[0, 0].plot(trace.resistance_Ohm, trace.displacement_m * 1e3, lw=0.8, label="measured")
+    axes[0, 0].plot(trace.resistance_Ohm, predict(model, [trace]) * 1e3, lw=0.8, label="model")
+    axes[0, 0].set(xlabel="resistance [Ω]", ylabel="displacement [mm]")
+    axes[0, 0].legend()
+    page.figure(drawing, f"Minor loops of {trace.name}; thesis, Fig. 63.")
+
+
+def _orders(page: Page, result: Identification) -> None:
+    errors = getattr(result.fit, "order_errors", {})
+    if not errors:
+        return
+    page.heading("Error against polynomial order")
+    drawing, axes = figure(1, width_in=6)
+    labels = [str(order) for order in errors]
+    means = [100 * e.mean() for e in errors.values()]
+    axes[0, 0].errorbar(labels, means, [100 * e.std() / np.sqrt(len(e)) for e in errors.values()], fmt="o-", capsize=3)
+    axes[0, 0].set(xlabel="order in stress (heating, cooling)", ylabel="held-out error [% of full stroke]")
+    page.figure(drawing, "Mean absolute error on cycles that were not fitted; the simplest order as good as the best is used (thesis, Fig. 62).")
+
+
+def _traces(page: Page, result: Identification, model) -> None:
+    page.heading("Replay")
+    shown = result.traces[:: max(1, len(result.traces) // 6)]
+    drawing, axes = figure(2, -(-len(shown) // 2), width_in=5.5, height_in=2.6)
+    for ax, trace in zip(axes.flat, shown, strict=False):
+        ax.plot(trace.signals.time_s, trace.displacement_m * 1e3, lw=0.9, label="measured")
+        ax.plot(trace.signals.time_s, predict(model, [trace]) * 1e3, lw=0.9, label="model")
+        ax.set(title=trace.name, xlabel="time [s]", ylabel="displacement [mm]")
+    axes[0, 0].legend(fontsize=7)
+    page.figure(drawing, "Displacement measured and estimated.")
+
+
+def _fatigue(page: Page, result: Identification) -> None:
+    if result.fatigue is None:
+        return
+    page.heading("Fatigue")
+    drawing, axes = figure(2, 2, width_in=4.5, height_in=2.8)
+    for ax, (name, drift) in zip(axes.flat, result.fatigue.drift.items(), strict=True):
+        ax.semilogx(result.fatigue.cycle, result.fatigue.extremes[name], ".")
+        ax.semilogx(result.fatigue.cycle, drift.g1 * np.log(result.fatigue.cycle) + drift.g2)
+        ax.set(title=name, xlabel="cycle")
+    page.figure(drawing, "Extremes of every cycle and y = g₁ ln N + g₂ (4.1); thesis, Figs. 48, 57.")
+    page.table(("quantity", "g₁", "g₂", "g₁ low", "g₁ high"), [(n, d.g1, d.g2, *d.g1_interval) for n, d in result.fatigue.drift.items()])

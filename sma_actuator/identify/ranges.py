@@ -1,0 +1,89 @@
+"""Where resistance tells displacement: the determinate part of the stroke, found in the data.
+
+At the ends of the stroke the resistance moves with the temperature while the wire stands still.
+There the local slope dδ/dR of a full cycle falls far below that of the branch as a whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .traces import IdentificationError, Trace
+
+_SMOOTH = 3  #: samples either side that a local slope is taken over
+_FLAT = 0.4  #: share of the branch's slope below which it is called flat
+_CORE = (0.25, 0.75)  #: part of the stroke that is determinate beyond doubt
+
+
+def determinate_interval_m(trace: Trace) -> tuple[float, float]:
+    """Displacements between which one log of full cycles is determinate.
+
+    The contracted end is where heating goes flat: on cooling from there the R-phase moves the
+    resistance alone, but that is a transition the models know.  The extended end is where either
+    branch goes flat.  Raises IdentificationError where the log holds no full stroke.
+    """
+    displacement_m, resistance_Ohm = trace.displacement_m, trace.resistance_Ohm
+    low_m, high_m = np.percentile(displacement_m, (0.5, 99.5))
+    stroke_m = high_m - low_m
+    if not stroke_m > 0.0:
+        raise IdentificationError(f"{trace.log.source}: the displacement does not move")
+    core = (displacement_m > low_m + _CORE[0] * stroke_m) & (displacement_m < low_m + _CORE[1] * stroke_m)
+    hot_m, cold_m = low_m, high_m
+    for name, branch in (("heating", trace.driven), ("cooling", ~trace.driven)):
+        inside = core & branch
+        if np.count_nonzero(inside) < 5:
+            raise IdentificationError(f"{trace.log.source}: the {name} branch has {np.count_nonzero(inside)} samples in mid-stroke; there is no {name} branch to fit")
+        slope = np.polyfit(resistance_Ohm[inside], displacement_m[inside], 1)[0]
+        flat = branch & _is_flat(resistance_Ohm, displacement_m, slope)
+        middle_m = low_m + 0.5 * stroke_m
+        if name == "heating" and (ends := displacement_m[flat & (displacement_m < middle_m)]).size:
+            hot_m = max(hot_m, float(np.percentile(ends, 95)))
+        if (ends := displacement_m[flat & (displacement_m > middle_m)]).size:
+            cold_m = min(cold_m, float(np.percentile(ends, 5)))
+    return hot_m, cold_m
+
+
+def _is_flat(resistance_Ohm: np.ndarray, displacement_m: np.ndarray, slope: float) -> np.ndarray:
+    """Whether δ moves less than a share of what the slope promises for the way R goes, or the other way."""
+    k = _SMOOTH
+    dr, dd = np.zeros_like(resistance_Ohm), np.zeros_like(resistance_Ohm)
+    dr[k:-k] = resistance_Ohm[2 * k :] - resistance_Ohm[: -2 * k]
+    dd[k:-k] = displacement_m[2 * k :] - displacement_m[: -2 * k]
+    return dd * np.sign(dr) < _FLAT * slope * np.abs(dr)
+
+
+def working_range_m(traces: Sequence[Trace], full_stroke_m: float) -> tuple[float, float]:
+    """The part of the stroke that is determinate at every load, with a margin of 2 % of the full stroke."""
+    intervals = np.array([determinate_interval_m(t) for t in full_cycles(traces)])
+    low_m, high_m = intervals[:, 0].max() + 0.02 * full_stroke_m, intervals[:, 1].min() - 0.02 * full_stroke_m
+    if not high_m - low_m > 0.1 * full_stroke_m:
+        raise IdentificationError(
+            f"the determinate parts of the stroke at the {len(intervals)} loads share less than a tenth of the full stroke "
+            f"({low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm); leave out the extreme loads, or check the displacement's calibration"
+        )
+    return float(low_m), float(high_m)
+
+
+def full_cycles(traces: Sequence[Trace]) -> list[Trace]:
+    """The traces of open-loop pulses at a constant load: by their metadata or, without any, those of a full stroke.
+
+    Raises IdentificationError where there is none.
+    """
+    found = [t for t in traces if t.kind == "pulses" and t.constant_load]
+    if not found:
+        strokes_m = [float(np.ptp(t.displacement_m)) for t in traces]
+        found = [t for t, s in zip(traces, strokes_m, strict=True) if not t.kind and t.constant_load and s > 0.7 * max(strokes_m)]
+    if not found:
+        raise IdentificationError("no log of full cycles at a constant load (open-loop pulses); they are needed to find the branches and the ends of the stroke")
+    return found
+
+
+def distinct_stresses(traces: Sequence[Trace], tolerance: float = 0.05) -> int:
+    """How many loads there are, those within a share ``tolerance`` of each other counted once."""
+    count, last = 0, -np.inf
+    for stress in sorted(t.mean_stress_Pa for t in traces):
+        if stress > last + tolerance * max(abs(last), 1e6) if np.isfinite(last) else True:
+            count, last = count + 1, stress
+    return count
