@@ -4,17 +4,19 @@ Sources
     [D]  Dynalloy Inc., *Technical characteristics of Flexinol actuator wires*, F1140: density 6.45 g/cm³,
          specific heat 0.20 cal/(g·°C), latent heat 5.78 cal/g, expansion 6.6e-6 and 11.0e-6 /°C, moduli
          28–41 and 83 GPa, resistivity 80–100 µΩ·cm, 0.006 in wire: 55 Ω/m, 410 mA contracts in 1 s.
-    [B]  H. Brammajyosula, G. Buravalla, A. Khandelwal, "Model for resistance evolution in shape memory alloys
+    [B]  R. Brammajyosula, V. Buravalla, A. Khandelwal, "Model for resistance evolution in shape memory alloys
          including R-phase", Smart Materials and Structures 20 (2011) 035015: three phases, each with its
-         resistivity and temperature coefficient; R-phase the most resistive; steep stress slope of R.
+         resistivity and temperature coefficient; R-phase the most resistive, its band the steepest in stress.
     [L]  C. Liang, C. A. Rogers, "One-dimensional thermomechanical constitutive relations for shape memory
-         materials", J. Intell. Mater. Syst. Struct. 1 (1990) 207: cosine kinetics, constitutive equation.
-    [W]  Ni-Ti-Cu with 5–10 % Cu: narrow hysteresis of about 10 K, no R-phase; K. R. Melton, O. Mercier,
+         materials", J. Intell. Mater. Syst. Struct. 1 (1990) 207: cosine kinetics, constitutive equation,
+         slopes of 7–14 MPa/K.
+    [W]  That copper narrows the hysteresis to about 10 K and suppresses the R-phase: K. R. Melton, O. Mercier,
          "Deformation behavior of NiTi-based alloys", Metall. Trans. A 9 (1978) 1487; T. H. Nam, T. Saburi,
-         K. Shimizu, Mater. Trans. JIM 31 (1990) 959.
-    [T]  The thesis's figures 40–56 (Flexinol) and 49–56, 101 (NT-H): shape of the loops, strokes, ends of R.
-    [F]  chosen here inside the ranges of the sources, so that ends of R and stroke come out as in [T] and
-         Ω/m as in [D].
+         K. Shimizu, "Cu-content dependence of shape memory characteristics in Ti-Ni-Cu alloys", Mater. Trans.
+         JIM 31 (1990) 959.
+    [T]  The thesis's figures 40–48 (Flexinol) and 49–56, 101 (NT-H): shape of the loops, strokes, ends of R.
+    [F]  No measurement of these very wires: chosen inside the ranges of the sources, so that the ends of R
+         and the stroke come out as in [T], and Ω/m as in [D].
 """
 
 from __future__ import annotations
@@ -80,7 +82,7 @@ NI_TI = Material(
     density_kg_m3=6450.0,  # [D]
     specific_heat_J_kgK=837.0,  # [D]
     latent_heat_J_kg=24.2e3,  # [D]
-    latent_heat_r_J_kg=5.5e3,  # [B] about a quarter of the whole
+    latent_heat_r_J_kg=5.5e3,  # [F] about a quarter of the whole
     martensite=Phase(0.90e-6, 0.6e-3, 28e9, 6.6e-6),  # [F], modulus and expansion [D]
     austenite=Phase(0.775e-6, 0.4e-3, 75e9, 11.0e-6),  # [F], modulus and expansion [D]
     r_phase=Phase(0.91e-6, 0.3e-3, 40e9, 9.0e-6),  # [B], [F]
@@ -90,12 +92,12 @@ NI_TI = Material(
     martensite_finish_C=28.0,
     r_start_C=49.0,
     r_finish_C=37.0,
-    r_hysteresis_K=2.0,  # [B]
+    r_hysteresis_K=2.0,  # [F] a few kelvin
     has_r_phase=True,
-    stress_slope_Pa_K=8.0e6,  # [D], [L] 7–10 MPa/K
-    stress_slope_r_Pa_K=18.0e6,  # [B]
+    stress_slope_Pa_K=8.0e6,  # [L]
+    stress_slope_r_Pa_K=18.0e6,  # [B], [F]
     saturation_strain=0.045,  # [T]
-    saturation_strain_r=0.004,  # [B]
+    saturation_strain_r=0.004,  # [F] some tenths of a percent
     training_stress_Pa=35e6,
     strain_stress_scale_Pa=36e6,
     strain_shape=0.0,
@@ -107,8 +109,8 @@ NI_TI = Material(
 NI_TI_CU = Material(
     name="ni-ti-cu",
     density_kg_m3=6450.0,
-    specific_heat_J_kgK=500.0,  # [W] 0.45–0.55 J/(g·K)
-    latent_heat_J_kg=16.0e3,  # [W] 12–18 J/g
+    specific_heat_J_kgK=500.0,  # [F]
+    latent_heat_J_kg=16.0e3,  # [F]
     latent_heat_r_J_kg=0.0,
     martensite=Phase(1.02e-6, 0.3e-3, 23e9, 6.6e-6),  # [F]
     austenite=Phase(0.80e-6, 0.3e-3, 60e9, 11.0e-6),  # [F]

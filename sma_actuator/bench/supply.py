@@ -38,7 +38,6 @@ class SimulatedSupply:
         self.ovp_on = True
         self.watchdog_on = False
         self.watchdog_delay_s = 60.0
-        self.watchdog_reads_off = False
         self.last_command_s = 0.0
 
     def set_current(self, current_A: float) -> None:
