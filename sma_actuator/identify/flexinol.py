@@ -144,7 +144,6 @@ def _best_start(build, data: Data, candidates) -> np.ndarray:
 
 def _coefficients(polynomials, wire, traces, initial_slope=1e-3, transition_rate=20.0, range_m=None):
     """FlexinolCoefficients from polynomials in units of STRESS_UNIT_Pa."""
-    stress_Pa = [t.mean_stress_Pa for t in full_cycles(traces)]
     scaled = [tuple(float(b) / STRESS_UNIT_Pa**i for i, b in enumerate(p)) for p in polynomials]
     return COEFFICIENTS["flexinol"](
         calibrated_length=wire.length,

@@ -86,8 +86,8 @@ def make_trace(log: BenchLog, config) -> Trace:
             f"({config.wire.max_stress / 1e6:.0f} MPa); check wire.diameter and the load's unit"
         )
     detector = BranchDetector(config.estimator)
-    detector.reset(float(signals.resistance_Ohm[0]))
-    heating = detector.run(signals.resistance_Ohm, signals.power_W)
+    detector.reset(float(signals.time_s[0]), float(signals.resistance_Ohm[0]), float(signals.power_W[0]))
+    heating = detector.run(signals.time_s, signals.resistance_Ohm, signals.power_W)
     middle_A = 0.5 * (signals.current_A.min() + signals.current_A.max())
     driven = signals.current_A > middle_A
     switched_on = np.flatnonzero(driven & ~np.roll(driven, 1))
