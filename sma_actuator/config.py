@@ -95,9 +95,10 @@ class Loop:
 
 @dataclass(frozen=True, slots=True)
 class Estimator:
-    branch_decision: str = parameter("power", "how heating is told from cooling", choices=("power", "resistance_rate"))
-    heating_power: float = parameter(description="wire power above which it is heating", unit="W", lo=1e-6, hi=1e3, live=True)
-    heating_power_hysteresis: float = parameter(0.15, "half-width of the band around heating_power, as a fraction of it", "1", 0.0, 0.9, live=True)
+    branch_decision: str = parameter("heat_balance", "how heating is told from cooling", choices=("heat_balance", "power", "resistance_rate"))
+    heating_power: float = parameter(0.2, "wire power above which it is heating (power)", "W", 1e-6, 1e3, live=True)
+    heating_power_hysteresis: float = parameter(0.1, "half-width of the band around the power that decides, as a fraction of it", "1", 0.0, 0.9, live=True)
+    thermal_time_constant: float = parameter(5.0, "lag of the wire's temperature behind power, latent heat included (heat_balance)", "s", 0.01, 600.0, live=True)
     resistance_deadband: float = parameter(2e-3, "change of resistance against the branch that turns the branch (resistance_rate)", "Ω", 0.0, 10.0, live=True)
     velocity_time_constant: float = parameter(0.1, "low-pass of the published velocity", "s", 0.0, 10.0, live=True)
 

@@ -103,8 +103,8 @@ class Estimator:
             self._last = Estimate(signals.time_s, last.displacement_m, last.strain, 0.0, last.branch, Quality.INVALID)
             return self._last
         if not self._started:
-            self._start(signals.time_s, resistance_Ohm, stress_Pa)
-        heating = self._branch.step(resistance_Ohm, power_W)
+            self._start(signals.time_s, resistance_Ohm, stress_Pa, power_W)
+        heating = self._branch.step(signals.time_s, resistance_Ohm, power_W)
         displacement_m = self._model.step(resistance_Ohm, stress_Pa, heating)
         velocity_m_s = _velocity(signals.time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s)
         self._last = Estimate(
@@ -124,10 +124,10 @@ class Estimator:
         branch, quality = np.full(n, int(self._last.branch)), np.full(n, int(Quality.INVALID))
         if good.any():
             time_s, resistance_Ohm = signals.time_s[good], np.ascontiguousarray(signals.resistance_Ohm[good])
-            stress_Pa = np.ascontiguousarray(signals.stress_Pa[good])
+            stress_Pa, power_W = np.ascontiguousarray(signals.stress_Pa[good]), np.ascontiguousarray(signals.power_W[good])
             if not self._started:
-                self._start(time_s[0], resistance_Ohm[0], stress_Pa[0])
-            heating = self._branch.run(resistance_Ohm, signals.power_W[good])
+                self._start(time_s[0], resistance_Ohm[0], stress_Pa[0], power_W[0])
+            heating = self._branch.run(time_s, resistance_Ohm, power_W)
             delta = self._model.run(resistance_Ohm, stress_Pa, heating)
             velocity, quality_of_good = np.empty(len(delta)), np.empty(len(delta), dtype=np.int64)
             _velocity_all(time_s, delta, self._velocity_state, self._velocity_time_constant_s, velocity)
@@ -145,8 +145,8 @@ class Estimator:
             signals.time_s, displacement_m, displacement_m / self._length_m, velocity_m_s, branch, quality
         )
 
-    def _start(self, time_s: float, resistance_Ohm: float, stress_Pa: float) -> None:
+    def _start(self, time_s: float, resistance_Ohm: float, stress_Pa: float, power_W: float) -> None:
         displacement_m = self._model.reset(resistance_Ohm, stress_Pa)
-        self._branch.reset(resistance_Ohm)
+        self._branch.reset(time_s, resistance_Ohm, power_W)
         self._velocity_state[:] = time_s, displacement_m, 0.0
         self._started = True
