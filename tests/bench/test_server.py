@@ -1,0 +1,202 @@
+"""The bench as a process and over TCP: real time, several clients, faults of the connection, a clean end."""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+
+from sma_actuator.bench import VirtualBench
+from sma_actuator.bench.server import Pacer, background
+from sma_actuator.instruments import InstrumentError
+
+
+class Connection:
+    """A bare socket: what these tests are about is below pyvisa."""
+
+    def __init__(self, port, timeout_s=5.0):
+        self.socket = socket.create_connection(("127.0.0.1", port), timeout=timeout_s)
+        self.file = self.socket.makefile("rw", newline="\n")
+
+    def ask(self, line):
+        self.tell(line)
+        return self.file.readline().strip()
+
+    def tell(self, line):
+        self.file.write(line + "\n")
+        self.file.flush()
+
+    def close(self):
+        self.file.close()
+        self.socket.close()
+
+
+@pytest.fixture
+def served():
+    with background(VirtualBench.from_name("flexinol")) as server:
+        connections = []
+
+        def connect(instrument, **kwargs):
+            connections.append(Connection(server.ports[0][instrument], **kwargs))
+            return connections[-1]
+
+        yield connect
+        for connection in connections:
+            connection.close()
+
+
+def poll(condition, within_s=5.0):
+    deadline = time.monotonic() + within_s
+    while not condition():
+        assert time.monotonic() < deadline, "did not happen in time"
+
+
+def bench_time_s(connection):
+    return float(connection.ask("BENC:TRUT?").split(",")[0])
+
+
+def test_both_instruments_see_the_same_wire(served):
+    supply, daq = served("supply"), served("daq")
+    supply.tell("VOLT 6;CURR 0.2;:OUTP ON")
+    assert supply.ask("OUTP?") == "1"
+    daq.tell("ROUT:SCAN (@102);:SAMP:COUN 50")
+    time_s, reference_V = map(float, daq.ask("READ:AVER?").split(","))
+    assert reference_V == pytest.approx(0.2, abs=0.02) and time_s == pytest.approx(bench_time_s(daq), abs=0.5)
+
+
+def test_time_is_real_time(served):
+    daq = served("daq")
+    real_0_s, bench_0_s = time.monotonic(), bench_time_s(daq)
+    daq.tell("SAMP:COUN 500")
+    daq.ask("READ:AVER?")
+    assert bench_time_s(daq) - bench_0_s == pytest.approx(time.monotonic() - real_0_s, abs=0.1)
+    assert time.monotonic() - real_0_s > 0.45
+
+
+def test_speed_multiplies_time():
+    with background(VirtualBench.from_name("flexinol"), speed=50.0) as server:
+        daq = Connection(server.ports[0]["daq"])
+        daq.tell("SAMP:COUN 5000")
+        real_0_s = time.monotonic()
+        daq.ask("READ:AVER?")
+        assert time.monotonic() - real_0_s < 2.5
+        daq.close()
+
+
+def test_a_second_client_commands_the_same_supply_unless_it_is_locked(served):
+    first, second = served("supply"), served("supply")
+    first.tell("CURR 0.1")
+    second.tell("CURR 0.2")
+    assert second.ask("*OPC?") == "1" and float(first.ask("CURR?")) == pytest.approx(0.2)
+    assert first.ask("SYST:RWL;LOCK:OWN?") == "SELF"
+    assert second.ask("CURR 0.3;:SYST:ERR?").startswith("-203")
+    first.close()
+    poll(lambda: second.ask("SYST:LOCK:OWN?") == "NONE")
+
+
+def test_the_watchdog_cuts_when_the_client_dies(served):
+    supply, daq = served("supply"), served("daq")
+    assert supply.ask("VOLT 6;CURR 0.2;:OUTP:PROT:WDOG:DEL 0.2;:OUTP:PROT:WDOG ON;:OUTP ON;:OUTP?") == "1"
+    supply.close()
+    poll(lambda: float(daq.ask("BENC:TRUT?").split(",")[9]) < 1e-6, within_s=2.0)
+
+
+@pytest.mark.parametrize("name", ["supply", "daq"])
+def test_fault_silence(served, name):
+    instrument, other = served(name, timeout_s=0.3), served("daq" if name == "supply" else "supply")
+    assert other.ask(f"BENC:FAUL {name}_silent;:SYST:ERR?").startswith("0")
+    with pytest.raises(TimeoutError):
+        instrument.ask("*IDN?")
+    assert other.ask("*OPC?") == "1"
+    assert other.ask("BENC:FAUL:CLE;:SYST:ERR?").startswith("0")
+    assert served(name).ask("*OPC?") == "1"
+
+
+@pytest.mark.parametrize("name", ["supply", "daq"])
+def test_fault_hangup(served, name):
+    instrument, other = served(name), served("daq" if name == "supply" else "supply")
+    assert instrument.ask("*OPC?") == "1"
+    other.tell(f"BENC:FAUL {name}_hangup")
+    assert instrument.file.readline() == ""  # closed by the other side
+    assert served(name).file.readline() == ""
+    assert other.ask("BENC:FAUL:CLE;:SYST:ERR?").startswith("0")
+    assert served(name).ask("*OPC?") == "1"
+
+
+def test_fault_slow_answers(served):
+    supply = served("supply")
+    supply.tell("BENC:FAUL slow_answers,0.3")
+    began_s = time.monotonic()
+    assert supply.ask("*OPC?") == "1"
+    assert 0.29 < time.monotonic() - began_s < 2.0
+
+
+def test_a_line_without_end_is_an_error_and_not_the_end(served):
+    supply = served("supply")
+    supply.tell("X" * 200_000)
+    poll(lambda: supply.ask("SYST:ERR?").startswith("-363"))
+    assert supply.ask("*CLS;*OPC?") == "1"
+
+
+def test_a_taken_port_is_named():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(InstrumentError, match=f"127.0.0.1:{port}"), background(VirtualBench.from_name("flexinol"), supply_port=port):
+            pass
+
+
+def test_a_machine_that_sleeps_delays_the_bench_and_does_not_freeze_it():
+    now_s = [0.0]
+    bench = VirtualBench.from_name("flexinol")
+    pacer = Pacer(bench, 1.0, lambda: now_s[0])
+
+    def tick_during_physics(until_s, advance=bench.advance):
+        advance(until_s)
+        now_s[0] += 0.06  # as on a machine that needs longer than it may
+
+    now_s[0] = 3600.0
+    bench.advance = tick_during_physics
+    pacer.catch_up()
+    lag_from_s = bench.time_s
+    assert lag_from_s < 1.0
+    now_s[0] += 0.1
+    pacer.catch_up()
+    assert bench.time_s == pytest.approx(lag_from_s + 0.1, abs=2e-3)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda s: s.name)
+def test_the_command_serves_many_benches_and_ends_clean(tmp_path, number):
+    ports_file = tmp_path / "ports.json"
+    command = [sys.executable, "-m", "sma_actuator.cli", "bench", "--wire", "furukawa", "--load", "spring:100,0.5", "--count", "2",
+               "--supply-port", "0", "--daq-port", "0", "--ports-file", str(ports_file), "--fault", "load_spike=2@0.01"]  # fmt: skip
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        poll(lambda: ports_file.exists() or process.poll() is not None, within_s=60.0)
+        ports = json.loads(ports_file.read_text())
+        assert len({p[k] for p in ports for k in ("supply", "daq")}) == 4
+        first, second = Connection(ports[0]["supply"]), Connection(ports[1]["supply"])
+        assert first.ask("*IDN?").split(",")[2] != second.ask("*IDN?").split(",")[2]
+        poll(lambda: first.ask("BENC:FAUL?") == "load_spike=2")
+        process.send_signal(number)
+        output, errors = process.communicate(timeout=10)
+        assert process.returncode == 0 and errors == ""
+        assert output.count("TCPIP::127.0.0.1::") == 4
+        first.close()
+        second.close()
+    finally:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "word"),
+    [("--load", "rope:1", "rope:1"), ("--fault", "earthquake", "open_wire"), ("--speed", "0", "outside"), ("--wire", "steel", "flexinol")],
+)
+def test_a_wrong_option_is_refused_in_a_sentence(option, value, word):
+    done = subprocess.run([sys.executable, "-m", "sma_actuator.bench.server", option, value], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2 and word in done.stderr and "Traceback" not in done.stderr
