@@ -10,5 +10,14 @@ from .in_process import InProcessDaq, InProcessSupply, VirtualClock
 from .loads import Schedule, Spring, Weight
 
 __all__ = [
-    "Chain", "InProcessDaq", "InProcessSupply", "Schedule", "Setup", "Spring", "Truth", "VirtualBench", "VirtualClock", "Weight",
-]  # fmt: skip
+    "Chain",
+    "InProcessDaq",
+    "InProcessSupply",
+    "Schedule",
+    "Setup",
+    "Spring",
+    "Truth",
+    "VirtualBench",
+    "VirtualClock",
+    "Weight",
+]

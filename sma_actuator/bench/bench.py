@@ -60,9 +60,15 @@ class VirtualBench:
         force_N, stiffness_N_m, spring_at_m = self.load.at(0.0)
         self._state, self._memory_m, self._memory_r = physics.cold_state(self.constants, self.ambient_C, force_N)
         self._state[physics.LOAD] = physics.load_at(
-            self.constants, self._state[physics.MARTENSITE], self._state[physics.R_SHARE], self.ambient_C,
-            force_N, force_N, stiffness_N_m, spring_at_m,
-        )  # fmt: skip
+            self.constants,
+            self._state[physics.MARTENSITE],
+            self._state[physics.R_SHARE],
+            self.ambient_C,
+            force_N,
+            force_N,
+            stiffness_N_m,
+            spring_at_m,
+        )
         self._inputs = np.zeros(physics.INPUTS)
         self._ring = np.zeros((RING, len(physics.COLUMNS)))
         self._row = 0
@@ -89,10 +95,18 @@ class VirtualBench:
         """The true state now."""
         s = [float(x) for x in self._state]
         return Truth(
-            self.time_s, s[physics.DISPLACEMENT], s[physics.STRAIN], s[physics.TEMPERATURE], s[physics.MARTENSITE],
-            s[physics.R_SHARE] * (1.0 - s[physics.MARTENSITE]), s[physics.RESISTANCE], s[physics.LOAD],
-            s[physics.LOAD] / self.constants.area_m2, s[physics.CURRENT], s[physics.POWER],
-        )  # fmt: skip
+            self.time_s,
+            s[physics.DISPLACEMENT],
+            s[physics.STRAIN],
+            s[physics.TEMPERATURE],
+            s[physics.MARTENSITE],
+            s[physics.R_SHARE] * (1.0 - s[physics.MARTENSITE]),
+            s[physics.RESISTANCE],
+            s[physics.LOAD],
+            s[physics.LOAD] / self.constants.area_m2,
+            s[physics.CURRENT],
+            s[physics.POWER],
+        )
 
     @property
     def voltage_V(self) -> float:

@@ -65,7 +65,9 @@ class Noise:
             if chunk not in self._chunks:
                 if len(self._chunks) > 8:
                     self._chunks.pop(min(self._chunks))
-                self._chunks[chunk] = np.random.default_rng((self._seed, chunk)).standard_normal((_CHUNK, len(CHANNELS)))
+                self._chunks[chunk] = np.random.default_rng((self._seed, chunk)).standard_normal(
+                    (_CHUNK, len(CHANNELS))
+                )
             begin = max(first - chunk * _CHUNK, 0)
             end = min(first + n - chunk * _CHUNK, _CHUNK)
             parts.append(self._chunks[chunk][begin:end])

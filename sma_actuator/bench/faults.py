@@ -30,7 +30,9 @@ FAULTS: dict[str, BenchFault] = {
     "daq_hangup": BenchFault("the DAQ closes its connections and refuses new ones"),
     "current_disagrees": BenchFault("the supply delivers its setting times this factor", "factor", 0.5),
     "second_commander": BenchFault("someone at the front panel sets another current, once, lock or not", "A", 0.2),
-    "watchdog_dead": BenchFault("the watchdog takes its settings and never cuts; 0: it also reads back off", "1 or 0", 1.0),
+    "watchdog_dead": BenchFault(
+        "the watchdog takes its settings and never cuts; 0: it also reads back off", "1 or 0", 1.0
+    ),
     "draught": BenchFault("heat loss times this factor", "factor", 3.0),
     "hot_ambient": BenchFault("the surroundings are this warm", "°C", 45.0),
     "slow_answers": BenchFault("both instruments answer late", "s", 0.2),

@@ -46,7 +46,7 @@ class Spring:
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """Loads that replace one another: ``[(time_s, load), ...]``, in order of time; the first holds before its time too."""
+    """Loads that replace one another: ``[(time_s, load), ...]``, in order of time; the first holds before too."""
 
     steps: Sequence[tuple[float, Weight | Spring]]
 

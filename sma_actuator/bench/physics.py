@@ -19,12 +19,40 @@ _MEMORY = 5 + 4 * DEPTH
 _EPS = 1e-9
 
 # Indices of the state array.
-TIME, ENTHALPY, TEMPERATURE, MARTENSITE, R_SHARE, LOAD, DISPLACEMENT, RESISTANCE, CURRENT, VOLTAGE, TRIP, STRAIN, POWER, \
-    HEAT_IN, HEAT_OUT = range(15)
+(
+    TIME,
+    ENTHALPY,
+    TEMPERATURE,
+    MARTENSITE,
+    R_SHARE,
+    LOAD,
+    DISPLACEMENT,
+    RESISTANCE,
+    CURRENT,
+    VOLTAGE,
+    TRIP,
+    STRAIN,
+    POWER,
+    HEAT_IN,
+    HEAT_OUT,
+) = range(15)
 STATES = 15
 # Indices of the inputs array.
-CURRENT_SET, VOLTAGE_LIMIT, OUTPUT_ON, OCP, OVP, FORCE, STIFFNESS, SPRING_AT, AMBIENT, LOSS_FACTOR, WIRE_CONDITION, CURRENT_FACTOR, \
-    BRIDGE = range(13)
+(
+    CURRENT_SET,
+    VOLTAGE_LIMIT,
+    OUTPUT_ON,
+    OCP,
+    OVP,
+    FORCE,
+    STIFFNESS,
+    SPRING_AT,
+    AMBIENT,
+    LOSS_FACTOR,
+    WIRE_CONDITION,
+    CURRENT_FACTOR,
+    BRIDGE,
+) = range(13)
 INPUTS = 13
 # Columns of the ring of samples.
 COLUMNS = ("current_A", "voltage_V", "load_N", "displacement_m", "ambient_C")
@@ -81,18 +109,44 @@ def constants(wire: Wire, series_Ohm: float) -> Constants:
     area_m2 = pi * wire.diameter_m**2 / 4.0
     mass_kg = m.density_kg_m3 * area_m2 * wire.length_m
     return Constants(
-        wire.length_m, area_m2, mass_kg * m.specific_heat_J_kgK, mass_kg * m.latent_heat_J_kg, mass_kg * m.latent_heat_r_J_kg,
+        wire.length_m,
+        area_m2,
+        mass_kg * m.specific_heat_J_kgK,
+        mass_kg * m.latent_heat_J_kg,
+        mass_kg * m.latent_heat_r_J_kg,
         wire.heat_transfer_W_m2K * pi * wire.diameter_m * wire.length_m,
-        m.austenite_start_C, m.austenite_finish_C, m.martensite_start_C, m.martensite_finish_C,
-        m.r_start_C, m.r_finish_C, m.r_hysteresis_K, m.has_r_phase, 1.0 / m.stress_slope_Pa_K, 1.0 / m.stress_slope_r_Pa_K,
-        m.martensite.resistivity_Ohm_m, m.austenite.resistivity_Ohm_m, m.r_phase.resistivity_Ohm_m,
-        m.martensite.resistivity_temperature_coefficient_1_K, m.austenite.resistivity_temperature_coefficient_1_K,
+        m.austenite_start_C,
+        m.austenite_finish_C,
+        m.martensite_start_C,
+        m.martensite_finish_C,
+        m.r_start_C,
+        m.r_finish_C,
+        m.r_hysteresis_K,
+        m.has_r_phase,
+        1.0 / m.stress_slope_Pa_K,
+        1.0 / m.stress_slope_r_Pa_K,
+        m.martensite.resistivity_Ohm_m,
+        m.austenite.resistivity_Ohm_m,
+        m.r_phase.resistivity_Ohm_m,
+        m.martensite.resistivity_temperature_coefficient_1_K,
+        m.austenite.resistivity_temperature_coefficient_1_K,
         m.r_phase.resistivity_temperature_coefficient_1_K,
-        m.martensite.modulus_Pa, m.austenite.modulus_Pa, m.r_phase.modulus_Pa,
-        m.martensite.expansion_1_K, m.austenite.expansion_1_K, m.r_phase.expansion_1_K,
-        m.saturation_strain, m.saturation_strain_r, m.training_stress_Pa, m.strain_stress_scale_Pa, m.strain_shape,
-        m.martensite_resistivity_stress_1_Pa, m.geometric_factor, m.reference_temperature_C, series_Ohm,
-    )  # fmt: skip
+        m.martensite.modulus_Pa,
+        m.austenite.modulus_Pa,
+        m.r_phase.modulus_Pa,
+        m.martensite.expansion_1_K,
+        m.austenite.expansion_1_K,
+        m.r_phase.expansion_1_K,
+        m.saturation_strain,
+        m.saturation_strain_r,
+        m.training_stress_Pa,
+        m.strain_stress_scale_Pa,
+        m.strain_shape,
+        m.martensite_resistivity_stress_1_Pa,
+        m.geometric_factor,
+        m.reference_temperature_C,
+        series_Ohm,
+    )
 
 
 @jit
@@ -252,7 +306,9 @@ def strain_of(c, martensite, r_share, temperature_C, stress_Pa):
     r = r_share * (1.0 - martensite)
     a = 1.0 - martensite - r
     saturation = 1.0 - exp(-(stress_Pa + c.strain_stress_0) / c.strain_stress_scale)
-    transformation = saturation * (c.strain_m * martensite * (1.0 + c.strain_shape * (1.0 - martensite)) + c.strain_r * r)
+    transformation = saturation * (
+        c.strain_m * martensite * (1.0 + c.strain_shape * (1.0 - martensite)) + c.strain_r * r
+    )
     modulus = martensite * c.modulus_m + r * c.modulus_r + a * c.modulus_a
     expansion = martensite * c.expansion_m + r * c.expansion_r + a * c.expansion_a
     return transformation + stress_Pa / modulus + expansion * (temperature_C - c.reference_C)

@@ -68,7 +68,7 @@ DAQ (1 kHz simultaneous sampling, 16 bit, ±10 V)
 
 The test stand itself (either port; no real instrument has these)
     ============================================= ===================================================
-    ``BENCh:FAULt <name>[,<value>]``              misbehave (:data:`~sma_actuator.bench.faults.FAULTS`); ``?`` lists those active
+    ``BENCh:FAULt <name>[,<value>]``              misbehave (``sma_actuator.bench.faults.FAULTS``); ``?`` lists them
     ``BENCh:FAULt:CLEar [<name>]``                one of them, or all
     ``BENCh:FAULt:CATalog?``                      the names
     ``BENCh:LOAD:WEIGht <N>``                     hang a weight
@@ -206,7 +206,10 @@ class Instrument:
         self._add("*ESR?", lambda a, c: self._take_event_status())
         self._add("*ESE", self._set_event_enable, 1)
         self._add("*ESE?", lambda a, c: str(self._event_enable))
-        self._add("*STB?", lambda a, c: str((4 if self._errors else 0) | (32 if self._event_status & self._event_enable else 0)))
+        self._add(
+            "*STB?",
+            lambda a, c: str((4 if self._errors else 0) | (32 if self._event_status & self._event_enable else 0)),
+        )
         self._add("SYSTem:ERRor[:NEXT]?", lambda a, c: self._next_error())
         self._add("SYSTem:VERSion?", lambda a, c: "1999.0")
         self._add("BENCh:FAULt", self._inject, 1, 2)
@@ -215,7 +218,9 @@ class Instrument:
         self._add("BENCh:FAULt:CATalog?", lambda a, c: ",".join(FAULTS))
         self._add("BENCh:LOAD:WEIGht", lambda a, c: self._set_load(Weight(number(a[0]))), 1)
         self._add("BENCh:LOAD:SPRing", lambda a, c: self._set_load(Spring(*map(number, a))), 2, 3)
-        self._add("BENCh:LOAD:SCHedule", lambda a, c: self._set_load(parse_load("schedule:" + ",".join(a))), 2, float("inf"))
+        self._add(
+            "BENCh:LOAD:SCHedule", lambda a, c: self._set_load(parse_load("schedule:" + ",".join(a))), 2, float("inf")
+        )
         self._add("BENCh:LOAD?", lambda a, c: str(bench.load))
         self._add("BENCh:AMBient", self._set_ambient, 1)
         self._add("BENCh:AMBient?", lambda a, c: f"{bench.ambient_C:g}")
@@ -362,15 +367,21 @@ class ScpiSupply(Instrument):
         self._add("[SOURce:]VOLTage:PROTection:TRIPped?", lambda a, c: str(int("OVP" in supply.trips)))
         self._add("OUTPut:PROTection:TRIPped?", lambda a, c: ",".join(supply.trips) or "NONE")
         self._add("OUTPut:PROTection:CLEar", lambda a, c: self._guarded(c, supply.clear_trips))
-        for name, read in (("VOLTage", lambda t: bench.voltage_V), ("CURRent", lambda t: t.current_A),
-                           ("POWer", lambda t: bench.voltage_V * t.current_A)):  # fmt: skip
+        for name, read in (
+            ("VOLTage", lambda t: bench.voltage_V),
+            ("CURRent", lambda t: t.current_A),
+            ("POWer", lambda t: bench.voltage_V * t.current_A),
+        ):
             self._add(f"MEASure[:SCALar]:{name}[:DC]?", lambda a, c, read=read: f"{read(bench.truth):.6E}")
         self._add("STATus:OPERation:CONDition?", lambda a, c: str(self._operation()))
         self._add("STATus:QUEStionable:CONDition?", lambda a, c: str(self._questionable()))
         self._add("SYSTem:REMote", lambda a, c: self._guarded(c, lambda: None))
         self._add("SYSTem:LOCal", lambda a, c: self._guarded(c, self._unlock))
         self._add("SYSTem:RWLock", lambda a, c: self._lock(c))
-        self._add("SYSTem:LOCK:OWNer?", lambda a, c: "NONE" if self._owner is None else "SELF" if self._owner is c else "OTHER")
+        self._add(
+            "SYSTem:LOCK:OWNer?",
+            lambda a, c: "NONE" if self._owner is None else "SELF" if self._owner is c else "OTHER",
+        )
 
     def reset(self) -> None:
         """Output off, nothing set, watchdog disarmed; latched trips and the lock stay."""
@@ -391,7 +402,9 @@ class ScpiSupply(Instrument):
 
     def _setting(self, pattern: str, name: str, setter: Callable[[float], None], limits: tuple[float, float]) -> None:
         self._add(pattern, lambda a, c: self._guarded(c, lambda: setter(number(a[0], limits, limits[0]))), 1)
-        self._add(pattern + "?", lambda a, c: f"{number(a[0], limits) if a else getattr(self.bench.supply, name):.6E}", 0, 1)
+        self._add(
+            pattern + "?", lambda a, c: f"{number(a[0], limits) if a else getattr(self.bench.supply, name):.6E}", 0, 1
+        )
 
     def _switch(self, pattern: str, name: str, setter: Callable[[bool], None] | None = None) -> None:
         supply = self.bench.supply

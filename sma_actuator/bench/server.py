@@ -84,7 +84,9 @@ class BenchServer:
                     server = await asyncio.start_server(self._serve(instrument, pacer), host, port)
                 except (OSError, OverflowError) as error:
                     await self.stop()
-                    raise InstrumentError(f"{host}:{port} cannot be opened for the {instrument.name}: {error}") from error
+                    raise InstrumentError(
+                        f"{host}:{port} cannot be opened for the {instrument.name}: {error}"
+                    ) from error
                 self._servers.append(server)
                 self._writers[instrument] = set()
                 ports[instrument.name] = server.sockets[0].getsockname()[1]
@@ -164,7 +166,9 @@ class BenchServer:
                 pacer.catch_up()
 
 
-async def _run(server: BenchServer, host: str, supply_port: int, daq_port: int, ready: Callable[[], None], stop: asyncio.Event) -> None:
+async def _run(
+    server: BenchServer, host: str, supply_port: int, daq_port: int, ready: Callable[[], None], stop: asyncio.Event
+) -> None:
     await server.start(host, supply_port, daq_port)
     try:
         ready()
@@ -175,7 +179,11 @@ async def _run(server: BenchServer, host: str, supply_port: int, daq_port: int, 
 
 @contextlib.contextmanager
 def background(
-    benches: VirtualBench | Sequence[VirtualBench], speed: float = 1.0, host: str = "127.0.0.1", supply_port: int = 0, daq_port: int = 0
+    benches: VirtualBench | Sequence[VirtualBench],
+    speed: float = 1.0,
+    host: str = "127.0.0.1",
+    supply_port: int = 0,
+    daq_port: int = 0,
 ) -> Iterator[BenchServer]:
     """Serve benches from a thread of this process while the block lasts; ``server.ports`` says where.
 
@@ -270,23 +278,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--wire", choices=sorted(WIRES), default="flexinol", help="default %(default)s")
     parser.add_argument(
-        "--load", type=_checked(parse_load), default="weight:0.98", metavar="LOAD",
-        help="weight:N, spring:N/m,N[,m] (stiffness, tension, displacement where it has it) or schedule:s,N,s,N,… (default %(default)s)",
-    )  # fmt: skip
-    parser.add_argument("--ambient", type=_number_within(-40, 100), default=22.0, metavar="°C", help="default %(default)s")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the noise; bench i takes seed + i")
-    parser.add_argument("--speed", type=_number_within(0.01, 1e4), default=1.0, help="bench seconds per second (default %(default)s)")
-    parser.add_argument("--count", type=_number_within(1, 256, int), default=1, help="benches, each on its own pair of ports")
-    parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default %(default)s)")
-    parser.add_argument("--supply-port", type=_number_within(0, 65535, int), default=5025, help="0: any free port (default %(default)s)")
-    parser.add_argument("--daq-port", type=_number_within(0, 65535, int), default=5026, help="0: any free port (default %(default)s)")
-    parser.add_argument("--ports-file", type=Path, metavar="FILE", help="write the ports here, as JSON, once they are open")
+        "--load",
+        type=_checked(parse_load),
+        default="weight:0.98",
+        metavar="LOAD",
+        help="weight:N, spring:N/m,N[,m] (stiffness, tension, displacement where it has it) or schedule:s,N,s,N,… "
+        "(default %(default)s)",
+    )
     parser.add_argument(
-        "--fault", type=_checked(parse_fault), action="append", default=[], metavar="NAME[=VALUE][@SECONDS]",
+        "--ambient", type=_number_within(-40, 100), default=22.0, metavar="°C", help="default %(default)s"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="seed of the noise; bench i takes seed + i")
+    parser.add_argument(
+        "--speed", type=_number_within(0.01, 1e4), default=1.0, help="bench seconds per second (default %(default)s)"
+    )
+    parser.add_argument(
+        "--count", type=_number_within(1, 256, int), default=1, help="benches, each on its own pair of ports"
+    )
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default %(default)s)")
+    parser.add_argument(
+        "--supply-port", type=_number_within(0, 65535, int), default=5025, help="0: any free port (default %(default)s)"
+    )
+    parser.add_argument(
+        "--daq-port", type=_number_within(0, 65535, int), default=5026, help="0: any free port (default %(default)s)"
+    )
+    parser.add_argument(
+        "--ports-file", type=Path, metavar="FILE", help="write the ports here, as JSON, once they are open"
+    )
+    parser.add_argument(
+        "--fault",
+        type=_checked(parse_fault),
+        action="append",
+        default=[],
+        metavar="NAME[=VALUE][@SECONDS]",
         help="misbehave, from a bench time on; may be given often",
-    )  # fmt: skip
+    )
     parser.epilog = "faults:\n" + "\n".join(
-        f"  {name:18} {fault.effect}" + (f" (value in {fault.value}, {fault.default:g} if not given)" if fault.value else "")
+        f"  {name:18} {fault.effect}"
+        + (f" (value in {fault.value}, {fault.default:g} if not given)" if fault.value else "")
         for name, fault in FAULTS.items()
     )
 

@@ -93,7 +93,9 @@ def test_loads_act_when_they_should():
     assert bench.truth.load_N == pytest.approx(1.0 + 100.0 * (0.004 - bench.truth.displacement_m), abs=1e-6)
 
 
-@pytest.mark.parametrize("text", ["", "weight", "weight:x", "weight:-1", "weight:nan", "spring:5", "schedule:1,2,0,3", "rope:1"])
+@pytest.mark.parametrize(
+    "text", ["", "weight", "weight:x", "weight:-1", "weight:nan", "spring:5", "schedule:1,2,0,3", "rope:1"]
+)
 def test_an_impossible_load_is_refused_in_a_sentence(text):
     with pytest.raises(ValueError, match="no load"):
         parse_load(text)

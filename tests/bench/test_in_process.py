@@ -11,13 +11,15 @@ from sma_actuator.instruments import InstrumentLost, InstrumentRefused
 
 @pytest.fixture
 def rig(make_config):
-    config = Config.from_mapping(make_config(instruments={"daq": {"lvdt_channel": 104, "ambient_temperature_channel": 105}}))
+    config = Config.from_mapping(
+        make_config(instruments={"daq": {"lvdt_channel": 104, "ambient_temperature_channel": 105}})
+    )
     bench = VirtualBench.from_name("flexinol")
     return bench, VirtualClock(bench), InProcessSupply(bench, config), InProcessDaq(bench, config)
 
 
 def test_open_sets_the_limits_and_drives_nothing(rig):
-    bench, clock, supply, daq = rig
+    bench, _clock, supply, daq = rig
     supply.open()
     daq.open()
     assert not bench.supply.output_on and bench.supply.voltage_V == 6.0 and bench.supply.ocp_A == 0.45
@@ -54,7 +56,7 @@ def test_silence_costs_the_timeout_and_is_a_loss(rig):
 
 
 def test_after_a_hangup_it_must_be_opened_again(rig):
-    bench, clock, supply, daq = rig
+    bench, _clock, supply, _daq = rig
     supply.open()
     bench.inject("supply_hangup")
     with pytest.raises(InstrumentLost):
@@ -67,7 +69,7 @@ def test_after_a_hangup_it_must_be_opened_again(rig):
 
 
 def test_silence_lets_the_watchdog_cut(rig):
-    bench, clock, supply, daq = rig
+    bench, clock, supply, _daq = rig
     supply.open()
     supply.set_current(0.1)
     supply.set_output(True)
@@ -81,7 +83,7 @@ def test_silence_lets_the_watchdog_cut(rig):
 
 
 def test_a_watchdog_that_reads_back_off_is_refused(rig):
-    bench, clock, supply, daq = rig
+    bench, _clock, supply, _daq = rig
     bench.inject("watchdog_dead", 0)
     with pytest.raises(InstrumentRefused, match="watchdog"):
         supply.open()
@@ -89,14 +91,14 @@ def test_a_watchdog_that_reads_back_off_is_refused(rig):
 
 @pytest.mark.parametrize("current_A", [-0.1, 1.5, math.nan, math.inf])
 def test_an_impossible_current_is_refused(rig, current_A):
-    bench, clock, supply, daq = rig
+    _bench, _clock, supply, _daq = rig
     supply.open()
     with pytest.raises(InstrumentRefused, match="-222"):
         supply.set_current(current_A)
 
 
 def test_slow_answers_take_bench_time(rig):
-    bench, clock, supply, daq = rig
+    bench, clock, supply, _daq = rig
     supply.open()
     bench.inject("slow_answers", 0.2)
     supply.read_back()
@@ -107,7 +109,7 @@ def test_slow_answers_take_bench_time(rig):
 
 
 def test_shut_down_never_raises_and_cuts_where_it_can(rig):
-    bench, clock, supply, daq = rig
+    bench, _clock, supply, _daq = rig
     supply.shut_down()
     supply.open()
     supply.set_current(0.3)

@@ -7,7 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sma_actuator.bench import VirtualBench
-from sma_actuator.bench.scpi import QUEUE_DEPTH, Client, ScpiDaq, ScpiSupply, accepted_headers
+from sma_actuator.bench.scpi import (
+    QUEUE_DEPTH,
+    Client,
+    ScpiDaq,
+    ScpiSupply,
+    accepted_headers,
+)
 
 
 class Session:
@@ -51,7 +57,14 @@ def test_optional_parts_and_short_forms_spell_the_same_header():
 
 @pytest.mark.parametrize(
     "line",
-    ["CURR 0.25", "curr 250mA", ":SOURce:CURRent:LEVel:IMMediate:AMPLitude 2.5E-1", "SOUR:CURR:LEV .25 A", "VOLT 5;CURR 0.25", "  CURR   0.25  "],
+    [
+        "CURR 0.25",
+        "curr 250mA",
+        ":SOURce:CURRent:LEVel:IMMediate:AMPLitude 2.5E-1",
+        "SOUR:CURR:LEV .25 A",
+        "VOLT 5;CURR 0.25",
+        "  CURR   0.25  ",
+    ],
 )
 def test_one_setting_has_many_spellings(supply, line):
     supply(line)
@@ -59,20 +72,37 @@ def test_one_setting_has_many_spellings(supply, line):
 
 
 def test_a_header_after_a_semicolon_continues_the_path_or_begins_anew(supply):
-    assert supply("OUTP:PROT:WDOG:DEL 2;:OUTP:PROT:WDOG ON;WDOG?;:CURR?;:OUTP:PROT:WDOG:DEL?") == "1;0.000000E+00;2.000000E+00"
+    assert (
+        supply("OUTP:PROT:WDOG:DEL 2;:OUTP:PROT:WDOG ON;WDOG?;:CURR?;:OUTP:PROT:WDOG:DEL?")
+        == "1;0.000000E+00;2.000000E+00"
+    )
     assert supply.error() == 0
 
 
 @pytest.mark.parametrize(
     ("line", "code"),
     [
-        ("FOO", -113), ("CURR:FOO 1", -113), ("*FOO?", -113), ("CURRE 1", -113), ("é", -113),
-        ("CURR", -109), ("CURR 0.1,0.2", -108), ("OUTP:PROT:CLE 1", -108),
-        ("CURR abc", -104), ("CURR 1 parsec", -104), ("CURR nan", -104), ("OUTP maybe", -141),
-        ("CURR 1.5", -222), ("CURR -0.1", -222), ("CURR 1e999", -222), ("VOLT 100", -222), ("OUTP:PROT:WDOG:DEL 0", -222),
-        ("BENC:FAUL earthquake", -222), ("BENC:LOAD:WEIG -1", -222),
+        ("FOO", -113),
+        ("CURR:FOO 1", -113),
+        ("*FOO?", -113),
+        ("CURRE 1", -113),
+        ("é", -113),
+        ("CURR", -109),
+        ("CURR 0.1,0.2", -108),
+        ("OUTP:PROT:CLE 1", -108),
+        ("CURR abc", -104),
+        ("CURR 1 parsec", -104),
+        ("CURR nan", -104),
+        ("OUTP maybe", -141),
+        ("CURR 1.5", -222),
+        ("CURR -0.1", -222),
+        ("CURR 1e999", -222),
+        ("VOLT 100", -222),
+        ("OUTP:PROT:WDOG:DEL 0", -222),
+        ("BENC:FAUL earthquake", -222),
+        ("BENC:LOAD:WEIG -1", -222),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_obeyed_is_reported_and_changes_nothing(supply, bench, line, code):
     before = vars(bench.supply).copy()
     assert supply(line) is None
@@ -197,8 +227,17 @@ def test_a_block_that_is_not_there_yet_is_an_error(daq, bench):
     assert daq.error() == -230
 
 
-@pytest.mark.parametrize(("line", "code"), [("ROUT:SCAN 101", -102), ("ROUT:SCAN (@99)", -222), ("ROUT:SCAN (@101:99)", -222),
-                                            ("SAMP:COUN 0", -222), ("SAMP:COUN 2.5", -222), ("SAMP:COUN 5001", -222)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("line", "code"),
+    [
+        ("ROUT:SCAN 101", -102),
+        ("ROUT:SCAN (@99)", -222),
+        ("ROUT:SCAN (@101:99)", -222),
+        ("SAMP:COUN 0", -222),
+        ("SAMP:COUN 2.5", -222),
+        ("SAMP:COUN 5001", -222),
+    ],
+)
 def test_an_impossible_scan_is_refused(daq, line, code):
     daq(line)
     assert daq.error() == code and daq("SAMP:COUN?;:ROUT:SCAN?") == "1;(@101,102,103,104,105)"
@@ -222,7 +261,15 @@ def test_loads_and_truth_over_scpi(supply, bench):
     assert "stiffness_N_m=100" in supply("BENC:LOAD?") and supply("BENC:AMB?") == "30" and supply.error() == 0
 
 
-@given(st.lists(st.one_of(st.text(max_size=30), st.sampled_from(["CURR", "CURR?", "OUTP ", ";", ":", "MAX", " ", ",", "*RST", "READ?", "1e400", "(@101)"])), max_size=8))
+@given(
+    st.lists(
+        st.one_of(
+            st.text(max_size=30),
+            st.sampled_from(["CURR", "CURR?", "OUTP ", ";", ":", "MAX", " ", ",", "*RST", "READ?", "1e400", "(@101)"]),
+        ),
+        max_size=8,
+    )
+)
 def test_no_line_whatsoever_breaks_the_instruments(parts):
     bench = VirtualBench.from_name("flexinol")
     for kind in (ScpiSupply, ScpiDaq):

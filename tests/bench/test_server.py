@@ -146,7 +146,10 @@ def test_a_taken_port_is_named():
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        with pytest.raises(InstrumentError, match=f"127.0.0.1:{port}"), background(VirtualBench.from_name("flexinol"), supply_port=port):
+        with (
+            pytest.raises(InstrumentError, match=f"127.0.0.1:{port}"),
+            background(VirtualBench.from_name("flexinol"), supply_port=port),
+        ):
             pass
 
 
@@ -172,8 +175,26 @@ def test_a_machine_that_sleeps_delays_the_bench_and_does_not_freeze_it():
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda s: s.name)
 def test_the_command_serves_many_benches_and_ends_clean(tmp_path, number):
     ports_file = tmp_path / "ports.json"
-    command = [sys.executable, "-m", "sma_actuator.cli", "bench", "--wire", "furukawa", "--load", "spring:100,0.5", "--count", "2",
-               "--supply-port", "0", "--daq-port", "0", "--ports-file", str(ports_file), "--fault", "load_spike=2@0.01"]  # fmt: skip
+    command = [
+        sys.executable,
+        "-m",
+        "sma_actuator.cli",
+        "bench",
+        "--wire",
+        "furukawa",
+        "--load",
+        "spring:100,0.5",
+        "--count",
+        "2",
+        "--supply-port",
+        "0",
+        "--daq-port",
+        "0",
+        "--ports-file",
+        str(ports_file),
+        "--fault",
+        "load_spike=2@0.01",
+    ]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         poll(lambda: ports_file.exists() or process.poll() is not None, within_s=60.0)
@@ -195,8 +216,14 @@ def test_the_command_serves_many_benches_and_ends_clean(tmp_path, number):
 
 @pytest.mark.parametrize(
     ("option", "value", "word"),
-    [("--load", "rope:1", "rope:1"), ("--fault", "earthquake", "open_wire"), ("--speed", "0", "outside"), ("--wire", "steel", "flexinol")],
+    [
+        ("--load", "rope:1", "rope:1"),
+        ("--fault", "earthquake", "open_wire"),
+        ("--speed", "0", "outside"),
+        ("--wire", "steel", "flexinol"),
+    ],
 )
 def test_a_wrong_option_is_refused_in_a_sentence(option, value, word):
-    done = subprocess.run([sys.executable, "-m", "sma_actuator.bench.server", option, value], capture_output=True, text=True, timeout=60)
+    command = [sys.executable, "-m", "sma_actuator.bench.server", option, value]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2 and word in done.stderr and "Traceback" not in done.stderr

@@ -8,7 +8,13 @@ from hypothesis import strategies as st
 
 from sma_actuator.bench import physics
 from sma_actuator.bench.materials import WIRES
-from sma_actuator.bench.physics import constants, half_cosine, martensite_at, new_memory, transform
+from sma_actuator.bench.physics import (
+    constants,
+    half_cosine,
+    martensite_at,
+    new_memory,
+    transform,
+)
 
 FLEXINOL = constants(WIRES["flexinol"], 1.25)
 
@@ -31,7 +37,11 @@ class Sample:
 
 def liang_rogers_heating(temperature_C, from_fraction, stress_Pa=0.0):
     c = FLEXINOL
-    return from_fraction / 2 * (math.cos(math.pi / (c.af_C - c.as_C) * (temperature_C - c.as_C - stress_Pa * c.slope_K_Pa)) + 1)
+    return (
+        from_fraction
+        / 2
+        * (math.cos(math.pi / (c.af_C - c.as_C) * (temperature_C - c.as_C - stress_Pa * c.slope_K_Pa)) + 1)
+    )
 
 
 def liang_rogers_cooling(temperature_C, from_fraction, stress_Pa=0.0):
