@@ -5,13 +5,13 @@ import math
 import pytest
 
 pytest.importorskip("rclpy")
-from builtin_interfaces.msg import Time  # noqa: E402
-from diagnostic_msgs.msg import DiagnosticStatus  # noqa: E402
-from hypothesis import given  # noqa: E402
-from hypothesis import strategies as st  # noqa: E402
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticStatus
+from hypothesis import given
+from hypothesis import strategies as st
 
-import sma_msgs_py as conversions  # noqa: E402
-from sma_actuator.signals import Branch, Command, Estimate, Mode, Quality, Signals, Status  # noqa: E402
+import sma_msgs_py as conversions
+from sma_actuator.signals import Branch, Command, Estimate, Mode, Quality, Signals, Status
 
 NUMBER = st.floats(allow_nan=False)
 STAMP = Time(sec=12, nanosec=34)

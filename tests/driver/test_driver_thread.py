@@ -1,0 +1,305 @@
+"""The control thread: who may do what from where, and that every way out ends with the output off."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+from stand_ins import RealClock, StandInDaq, StandInSupply
+
+from sma_actuator.config import Config
+from sma_actuator.driver import Driver, DriverStopped
+from sma_actuator.instruments import InstrumentLost
+
+SOON_s = 10.0  #: bound of every wait; none is expected to take long
+
+
+@pytest.fixture
+def make_driver(make_config):
+    drivers = []
+
+    def make(daq=None, supply=None, changes=None, **arguments):
+        supply = supply or StandInSupply()
+        daq = daq or StandInDaq(supply)
+        config = Config.from_mapping(make_config(**{"loop.rate": 100.0, "loop.samples_per_block": 10, **(changes or {})}))
+        driver = Driver(config, supply, daq, RealClock(), **arguments)
+        driver.stand_ins = supply, daq
+        drivers.append(driver)
+        return driver
+
+    yield make
+    for driver in drivers:
+        driver.stand_ins[1].release.set()
+        driver.stop()
+
+
+class Outputs:
+    """Collects outputs and wakes who waits for one."""
+
+    def __init__(self):
+        self.all = []
+        self._changed = threading.Condition()
+
+    def __call__(self, output):
+        with self._changed:
+            self.all.append(output)
+            self._changed.notify_all()
+
+    def wait_for(self, condition):
+        with self._changed:
+            assert self._changed.wait_for(lambda: self.all and condition(self.all[-1]), SOON_s), self.all[-1:]
+
+
+def test_instruments_are_touched_by_the_control_thread_alone(make_driver):
+    outputs = Outputs()
+    driver = make_driver(on_output=outputs)
+    driver.open()
+    supply, _ = driver.stand_ins
+    driver.start()
+    outputs.wait_for(lambda _: len(outputs.all) > 3)
+    driver.clear_fault()
+    driver.enable(True)
+    outputs.wait_for(lambda output: output.command.output_on)
+    assert supply.threads == {"sma_actuator control"}
+
+
+def test_a_call_is_executed_in_the_control_thread_and_brings_its_result(make_driver):
+    driver = make_driver()
+    driver.start()
+    assert driver.call(lambda actuator, now_s: threading.current_thread().name) == "sma_actuator control"
+
+
+def test_a_call_brings_back_its_exception_and_the_loop_goes_on(make_driver):
+    outputs = Outputs()
+    driver = make_driver(on_output=outputs)
+    driver.start()
+    with pytest.raises(ZeroDivisionError):
+        driver.call(lambda actuator, now_s: 1 / 0)
+    seen = len(outputs.all)
+    outputs.wait_for(lambda _: len(outputs.all) > seen)
+
+
+def test_a_call_does_not_wait_for_a_slow_loops_deadline(make_driver):
+    driver = make_driver(changes={"loop.rate": 1.0, "supply.watchdog_timeout": 3.0})
+    driver.start()
+    driver.call(lambda actuator, now_s: None)
+    start_s = time.monotonic()
+    driver.call(lambda actuator, now_s: None)
+    assert time.monotonic() - start_s < 0.5
+
+
+def test_a_call_that_times_out_is_not_executed_later(make_driver):
+    driver = make_driver()
+    _, daq = driver.stand_ins
+    driver.start()
+    daq.hang = True
+    assert daq.hanging.wait(SOON_s)
+    executed = []
+    with pytest.raises(TimeoutError, match="an instrument holds it up"):
+        driver.call(lambda actuator, now_s: executed.append(1), timeout_s=0.05)
+    daq.hang = False
+    daq.release.set()
+    driver.call(lambda actuator, now_s: None)
+    assert executed == []
+
+
+def test_calls_on_an_ended_driver_are_refused(make_driver):
+    driver = make_driver()
+    driver.start()
+    driver.stop()
+    with pytest.raises(DriverStopped):
+        driver.enable(True)
+    with pytest.raises(DriverStopped):
+        driver.start()
+
+
+def test_stop_ends_with_the_supply_shut_down(make_driver):
+    driver = make_driver()
+    supply, _ = driver.stand_ins
+    driver.start()
+    driver.enable(True)
+    driver.stop()
+    driver.stop()
+    assert supply.shut_downs == 1
+    assert (supply.output_on, supply.current_A) == (False, 0.0)
+
+
+def test_stop_does_not_wait_for_a_daq_that_hangs(make_driver):
+    driver = make_driver()
+    supply, daq = driver.stand_ins
+    driver.start()
+    daq.hang = True
+    assert daq.hanging.wait(SOON_s)
+    start_s = time.monotonic()
+    driver.stop()
+    assert time.monotonic() - start_s < 1.0
+    assert supply.shut_downs == 1
+
+
+def test_stop_does_not_wait_for_a_slow_loop(make_driver):
+    driver = make_driver(changes={"loop.rate": 1.0, "supply.watchdog_timeout": 3.0})
+    supply, _ = driver.stand_ins
+    driver.start()
+    driver.call(lambda actuator, now_s: None)
+    start_s = time.monotonic()
+    driver.stop()
+    assert time.monotonic() - start_s < 0.5
+    assert supply.shut_downs == 1
+
+
+@pytest.mark.parametrize("where", ["on_output", "recorder", "daq"])
+def test_an_exception_nobody_handles_ends_the_loop_with_the_output_off(make_driver, where):
+    failed = threading.Event()
+    errors = []
+    supply = StandInSupply()
+    daq = StandInDaq(supply)
+
+    def broken(*_):
+        raise ZeroDivisionError(where)
+
+    def on_failure(error):
+        errors.append((error, supply.shut_downs))
+        failed.set()
+
+    arguments = {"on_failure": on_failure}
+    if where == "on_output":
+        arguments["on_output"] = broken
+    elif where == "recorder":
+        arguments["recorder"] = type("Broken", (), {"record": broken})()
+    else:
+        daq.read_block = broken
+    driver = make_driver(daq, supply, **arguments)
+    driver.start()
+    assert failed.wait(SOON_s)
+    ((error, shut_downs),) = errors
+    assert str(error) == where
+    assert shut_downs == 1, "told before the supply was shut down"
+    assert driver.failure is error
+
+
+def test_an_instrument_that_does_not_open_leaves_the_supply_shut_down(make_driver):
+    driver = make_driver()
+    supply, daq = driver.stand_ins
+    daq.lost = True
+    with pytest.raises(InstrumentLost, match="stand-in DAQ"):
+        driver.start()
+    assert supply.shut_downs == 1
+
+
+def test_the_supply_is_told_only_what_is_new(make_driver):
+    outputs = Outputs()
+    driver = make_driver(on_output=outputs)
+    supply, _ = driver.stand_ins
+    driver.start()
+    outputs.wait_for(lambda _: len(outputs.all) > 20)
+    assert supply.settings == [("output", False), ("current", 0.0)]
+
+
+def test_an_output_that_somebody_else_switches_on_is_switched_off(make_driver):
+    outputs = Outputs()
+    driver = make_driver(on_output=outputs)
+    supply, _ = driver.stand_ins
+    driver.start()
+    outputs.wait_for(lambda _: len(outputs.all) > 3)
+    supply.output_on = True
+    seen = len(outputs.all)
+    outputs.wait_for(lambda _: len(outputs.all) > seen + 2)
+    assert not supply.output_on
+
+
+def test_current_is_set_before_the_output_is_switched_on(make_driver):
+    outputs = Outputs()
+    driver = make_driver(on_output=outputs)
+    supply, _ = driver.stand_ins
+    driver.start()
+    outputs.wait_for(lambda _: len(outputs.all) > 3)
+    ok, sentence = driver.enable(True)
+    assert ok, sentence
+    outputs.wait_for(lambda output: output.command.output_on)
+    driver.stop()
+    first_on = supply.settings.index(("output", True))
+    what, current_A = supply.settings[first_on - 1]
+    assert what == "current"
+    assert current_A == pytest.approx(0.05)
+
+
+def test_more_setpoints_than_can_be_looked_at_are_a_flood(make_driver):
+    outputs = Outputs()
+    driver = make_driver(on_output=outputs)
+    driver.start()
+    outputs.wait_for(lambda _: len(outputs.all) > 3)
+    assert driver.enable(True)[0]
+    outputs.wait_for(lambda output: output.command.output_on)
+    for _ in range(3000):
+        driver.offer_setpoint(0.002)
+    outputs.wait_for(lambda output: output.status.fault == "setpoint_flood")
+
+
+def test_sixteen_wires_in_one_process_keep_their_rate(make_driver):
+    drivers = [make_driver(changes={"loop.rate": 20.0}, name=f"wire{i}") for i in range(16)]
+    done = threading.Barrier(17)
+    for driver in drivers:
+        count = [0]
+
+        def on_output(_, count=count):
+            count[0] += 1
+            if count[0] == 20:
+                done.wait(SOON_s)
+
+        driver._on_output = on_output
+    for driver in drivers:
+        driver.start()
+    done.wait(SOON_s)
+    for driver in drivers:
+        assert driver.statistics().period_mean_s == pytest.approx(0.05, rel=0.2)
+        driver.stop()
+        assert driver.stand_ins[0].shut_downs == 1
+
+
+_PROGRAM = """
+import json, sys, threading
+from stand_ins import RealClock, StandInDaq, StandInSupply
+from sma_actuator.config import Config
+from sma_actuator.driver import Driver, signals_end_the_program
+
+class Supply(StandInSupply):
+    def shut_down(self):
+        super().shut_down()
+        print("shut down", flush=True)
+
+supply = Supply()
+driver = Driver(Config.from_mapping(json.loads(sys.argv[1])), supply, StandInDaq(supply), RealClock())
+driver.start()
+print("runs", flush=True)
+"""
+
+
+@pytest.mark.parametrize(
+    ("ending", "kill_with", "code"),
+    [
+        ("", None, 0),
+        ("sys.exit(3)", None, 3),
+        ("raise ZeroDivisionError", None, 1),
+        ("threading.Event().wait()", signal.SIGINT, -signal.SIGINT),
+        ("with signals_end_the_program(): threading.Event().wait()", signal.SIGTERM, 128 + signal.SIGTERM),
+        ("with signals_end_the_program(): threading.Event().wait()", signal.SIGHUP, 128 + signal.SIGHUP),
+    ],
+    ids=["end of the program", "sys.exit", "exception", "SIGINT", "SIGTERM", "SIGHUP"],
+)
+def test_however_a_program_ends_the_supply_is_shut_down(make_config, ending, kill_with, code):
+    process = subprocess.Popen(
+        [sys.executable, "-c", _PROGRAM + ending, json.dumps(make_config())],
+        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        env={**os.environ, "PYTHONPATH": os.path.dirname(__file__)},
+    )
+    assert process.stdout.readline() == "runs\n"
+    if kill_with is not None:
+        process.send_signal(kill_with)
+    start_s = time.monotonic()
+    assert process.stdout.readline() == "shut down\n"
+    assert time.monotonic() - start_s < 1.0
+    assert process.wait(SOON_s) == code

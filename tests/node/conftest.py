@@ -1,0 +1,55 @@
+"""Real processes: benches and nodes under test, and a ROS 2 client in this one."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+# Before rclpy is imported: nothing outside this machine, and no other test run, is heard.
+os.environ["ROS_DOMAIN_ID"] = str(20 + os.getpid() % 80)
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+
+from processes import Bench, Client, NodeProcess, parameter_file
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("node")
+
+
+@pytest.fixture
+def start_bench(folder):
+    benches = []
+
+    def start(*arguments):
+        benches.append(Bench(folder, *arguments))
+        return benches[-1]
+
+    yield start
+    for bench in benches:
+        bench.close()
+
+
+@pytest.fixture
+def start_node(folder):
+    nodes = []
+
+    def start(parameters, *arguments, names=(), **how):
+        sections = parameters if names else {"sma_actuator": parameters}
+        user = ["--nodes", *names] if names else []
+        path = parameter_file(folder, sections)
+        nodes.append(NodeProcess([*user, "--ros-args", "--params-file", str(path), *arguments], folder, **how))
+        return nodes[-1]
+
+    yield start
+    for node in nodes:
+        node.close()
+
+
+@pytest.fixture
+def client():
+    pytest.importorskip("rclpy")
+    client = Client()
+    yield client
+    client.close()
