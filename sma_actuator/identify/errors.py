@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..signals import Signals
 from .fitting import predict
 from .traces import Trace
 
@@ -23,18 +24,23 @@ class LogError:
 
 
 def log_errors(model, traces: Sequence[Trace], range_m: tuple[float, float], full_stroke_m: float) -> list[LogError]:
-    """Errors of ``model`` on every trace; NaN where no sample is in the working range."""
-    return [_error(t, predict(model, [t]), range_m, full_stroke_m) for t in traces]
+    """Errors of ``model`` on every trace."""
+    return [log_error(t.name, t.signals, predict(model, [t]), range_m, full_stroke_m) for t in traces]
 
 
-def _error(trace: Trace, estimate_m: np.ndarray, range_m: tuple[float, float], full_stroke_m: float) -> LogError:
-    measured_m = trace.displacement_m
+def log_error(name: str, signals: Signals, estimate_m: np.ndarray, range_m: tuple[float, float], full_stroke_m: float) -> LogError:
+    """Errors of an estimate, shape (n,); samples where it or the measurement is NaN are not judged.
+
+    An error over no sample is NaN.
+    """
+    measured_m = signals.reference_displacement_m
     error = np.abs(estimate_m - measured_m) / full_stroke_m * 100.0
-    inside = (range_m[0] <= measured_m) & (measured_m <= range_m[1])
+    judged = np.isfinite(error)
+    inside = judged & (range_m[0] <= measured_m) & (measured_m <= range_m[1])
     return LogError(
-        trace.name,
-        float(np.mean(trace.signals.load_N)),
+        name,
+        float(np.nanmean(signals.load_N)),
         float(error[inside].mean()) if inside.any() else float("nan"),
         float(inside.mean()),
-        float(error.mean()),
+        float(error[judged].mean()) if judged.any() else float("nan"),
     )
