@@ -85,6 +85,11 @@ class Estimator:
         self._velocity_time_constant_s = config.estimator.velocity_time_constant
         self.reset()
 
+    @property
+    def displacement_range_m(self) -> tuple[float, float]:
+        """The model's working range [m]."""
+        return self._model.displacement_range_m
+
     def reset(self) -> None:
         """Forget the past."""
         self._started = False
