@@ -53,13 +53,13 @@ print(seconds, (peak_kB() - before) * 1024, sum(v.nbytes for v in log.columns.va
 """
 
 
-def best_of(function: Callable[[], object], times: int = 3) -> float:
+def best_of(times: int, function: Callable[..., object], *arguments: object) -> float:
     """Shortest time of several calls [s], after one to warm up."""
-    function()
+    function(*arguments)
     durations = []
     for _ in range(times):
         start = time.perf_counter()
-        function()
+        function(*arguments)
         durations.append(time.perf_counter() - start)
     return min(durations)
 
@@ -90,14 +90,14 @@ def main() -> int:
         columns = [repeated(a, SAMPLES) for a in (trace.resistance_Ohm, trace.stress_Pa, trace.heating)]
         if wire == "flexinol":
             short = [list(c[:LOOP_SAMPLES]) for c in columns]
-            loop_rate = LOOP_SAMPLES / best_of(lambda: forward_step(*short, result.config.model), 1)
+            loop_rate = LOOP_SAMPLES / best_of(1, forward_step, *short, result.config.model)
             numbers["plain loop of the forward step, samples/s"] = loop_rate
             table.add_row("thesis's forward step, plain Python loop", f"{loop_rate / 1e6:.3f}", "1")
         for model_type in (wire, f"{wire}_normalised"):
             fitted = result if model_type == wire else identify(ten, mapping, model_type, order=2)
             model = fitted.config.model.build(fitted.config.wire)
             model.reset(float(columns[0][0]), float(columns[1][0]))
-            rate = SAMPLES / best_of(lambda model=model: model.run(*columns))
+            rate = SAMPLES / best_of(3, model.run, *columns)
             numbers[f"{model_type}, samples/s"] = rate
             table.add_row(model_type, f"{rate / 1e6:.1f}", f"{rate / loop_rate:.0f}")
         signals = Signals(
@@ -108,7 +108,7 @@ def main() -> int:
             resistance_Ohm=columns[0],
             stress_Pa=columns[1],
         )
-        rate = SAMPLES / best_of(lambda config=result.config, signals=signals: Estimator(config).run(signals))
+        rate = SAMPLES / best_of(3, lambda config, x: Estimator(config).run(x), result.config, signals)
         numbers[f"{wire} whole estimator, samples/s"] = rate
         table.add_row(f"{wire}, whole estimator", f"{rate / 1e6:.1f}", f"{rate / loop_rate:.0f}")
     console.print(table)
