@@ -339,8 +339,10 @@ class Driver:
 
     def _step_at_deadline(self) -> Output | None:
         deadline_s = self._next_deadline_s()
-        while (now_s := self._clock.now_s()) < deadline_s:
-            self._clock.sleep_until_s(min(deadline_s, now_s + _LONGEST_SLEEP_s))
+        target_s = -math.inf
+        while target_s < deadline_s and (now_s := self._clock.now_s()) < deadline_s:
+            target_s = min(deadline_s, now_s + _LONGEST_SLEEP_s)
+            self._clock.sleep_until_s(target_s)
             self._run_calls()
             if self._stopping.is_set():
                 return None
