@@ -79,3 +79,24 @@ class Clock(Protocol):
 
     def sleep_until_s(self, deadline_s: float) -> None:
         """Return at ``deadline_s`` or, when it has passed, at once."""
+
+
+def open_supply(config) -> PowerSupply:
+    """The supply that ``config`` names, not connected yet.
+
+    Raises ConfigError for a dialect that will not do, or a pymeasure class that is not there.
+    """
+    if config.instruments.supply.pymeasure_class:
+        from .pymeasure_adapter import PymeasureSupply
+
+        return PymeasureSupply(config)
+    from .scpi import ScpiSupply
+
+    return ScpiSupply(config)
+
+
+def open_daq(config, clock: Clock) -> Daq:
+    """The data acquisition unit that ``config`` names, not connected yet.  Raises ConfigError."""
+    from .scpi import ScpiDaq
+
+    return ScpiDaq(config, clock)

@@ -1,0 +1,184 @@
+"""How a family of instruments wants to be spoken to: data, not code.
+
+A dialect is a YAML file (``docs/dialects.md`` describes it; those that come with the package are in
+``dialects/``).  Everything in it is checked when it is loaded, so a mistake is found before any
+current flows.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+import string
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from ..parameters import ConfigError
+
+FOLDER = Path(__file__).parent / "dialects"
+#: Placeholders each entry may use.
+_SUPPLY_COMMANDS = {
+    "prepare": {"channel"},
+    "lock": {"channel"},
+    "unlock": {"channel"},
+    "output_on": {"channel"},
+    "output_off": {"channel"},
+    "set_current": {"channel", "value"},
+    "set_voltage": {"channel", "value"},
+    "set_over_voltage": {"channel", "value"},
+    "set_over_current": {"channel", "value"},
+    "clear_trips": {"channel"},
+    "arm_watchdog": {"channel", "value"},
+    "disarm_watchdog": {"channel"},
+}
+_SUPPLY_QUERIES = {
+    name: {"channel"}
+    for name in ("current_setting", "voltage_setting", "output", "voltage", "current", "watchdog_armed", "watchdog_delay", "error")
+}
+_DAQ_COMMANDS = {"prepare": {"channels", "samples", "readings"}, "before_read": {"channels", "samples", "readings"}}
+_DAQ_QUERIES = {"read": {"channels", "samples", "readings"}, "error": set()}
+_NEEDED = {
+    "supply": {
+        "commands": ("output_on", "output_off", "set_current", "set_voltage", "clear_trips"),
+        "queries": ("current_setting", "output", "voltage", "current"),
+    },
+    "daq": {"commands": ("prepare",), "queries": ("read",)},
+}
+_KEYS = {
+    "supply": {"kind", "family", "source", "notes", "identity", "termination", "chained_queries", "watchdog_range_s",
+               "watchdog_step_s", "commands", "queries", "trips"},
+    "daq": {"kind", "family", "source", "notes", "identity", "termination", "commands", "queries"},
+}
+_YES = {"1", "on", "yes", "true"}
+_NO = {"0", "off", "no", "false", "none", ""}
+
+
+@dataclass(frozen=True, slots=True)
+class Dialect:
+    """One family of instruments; see ``docs/dialects.md`` for every entry."""
+
+    path: Path
+    kind: str  #: supply or daq
+    family: str
+    identity: re.Pattern
+    termination: str
+    commands: Mapping[str, tuple[str, ...]]
+    queries: Mapping[str, str]
+    trips: Mapping[str, str]  #: word (OVP, OCP, OTP, WDOG) or ``*`` → query
+    chained_queries: bool
+    watchdog_range_s: tuple[float, float] | None
+    watchdog_step_s: float
+
+    @classmethod
+    def load(cls, name_or_path: str, kind: str) -> Dialect:
+        """Read and check a dialect, by the name of one that comes with the package or by a path.
+
+        Raises ConfigError; its sentences name the file and the entry.
+        """
+        path = Path(name_or_path)
+        if path.suffix not in (".yaml", ".yml"):
+            path = FOLDER / f"{name_or_path}.yaml"
+            if not path.exists():
+                known = sorted(p.stem for p in FOLDER.glob("*.yaml"))
+                near = difflib.get_close_matches(name_or_path, known, n=1)
+                raise ConfigError(
+                    f"instruments.{kind}.dialect: there is no dialect '{name_or_path}'; "
+                    + (f"did you mean {near[0]}?" if near else f"there are {', '.join(known)}, or give the path of a YAML file")
+                )
+        try:
+            document = yaml.safe_load(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise ConfigError(f"instruments.{kind}.dialect: {path} cannot be read ({error.strerror})") from error
+        except yaml.YAMLError as error:
+            raise ConfigError(f"{path}: is not YAML: {' '.join(str(error).split())}") from error
+        return cls._checked(path, document, kind)
+
+    @classmethod
+    def _checked(cls, path: Path, document: Any, kind: str) -> Dialect:
+        problems: list[str] = []
+        if not isinstance(document, Mapping) or document.get("kind") != kind:
+            raise ConfigError(f"{path}: is not a dialect of kind '{kind}'; 'kind: {kind}' is wanted")
+        for key in document:
+            if key not in _KEYS[kind]:
+                problems.append(f"{key}: no such entry; known are {', '.join(sorted(_KEYS[kind]))}")
+        allowed = (_SUPPLY_COMMANDS, _SUPPLY_QUERIES) if kind == "supply" else (_DAQ_COMMANDS, _DAQ_QUERIES)
+        texts: dict[str, dict[str, tuple[str, ...]]] = {}
+        for group, known in zip(("commands", "queries"), allowed):
+            entries = document.get(group)
+            if not isinstance(entries, Mapping):
+                problems.append(f"{group}: missing; a section of SCPI texts is wanted")
+                entries = {}
+            texts[group] = {}
+            for name, text in entries.items():
+                lines = (text,) if isinstance(text, str) else tuple(text) if isinstance(text, list) else ()
+                if name not in known:
+                    problems.append(f"{group}.{name}: no such entry; known are {', '.join(known)}")
+                    continue
+                if not lines or not all(isinstance(line, str) and line for line in lines):
+                    problems.append(f"{group}.{name}: {text!r} is neither a SCPI text nor a list of them")
+                    continue
+                problems += _wrong_placeholders(f"{group}.{name}", lines, known[name])
+                texts[group][name] = lines
+            for name in _NEEDED[kind][group]:
+                if name not in entries:
+                    problems.append(f"{group}.{name}: missing; the driver cannot do without it")
+        trips = document.get("trips", {})
+        for word, query in trips.items():
+            if word not in ("OVP", "OCP", "OTP", "WDOG", "*"):
+                problems.append(f"trips.{word}: no such trip; OVP, OCP, OTP, WDOG or * is wanted")
+            problems += _wrong_placeholders(f"trips.{word}", (query,), {"channel"})
+        watchdog = {name for name in ("arm_watchdog", "disarm_watchdog") if name in texts["commands"]}
+        if watchdog and not {"watchdog_armed", "watchdog_delay"} <= set(texts["queries"]):
+            problems.append("queries.watchdog_armed, watchdog_delay: missing; a watchdog that cannot be read back is none")
+        if watchdog and "watchdog_range_s" not in document:
+            problems.append("watchdog_range_s: missing; shortest and longest delay in seconds are wanted")
+        try:
+            identity = re.compile(document["identity"])
+        except (KeyError, TypeError, re.error) as error:
+            problems.append(f"identity: a regular expression for the answer to *IDN? is wanted ({error})")
+            identity = re.compile("")
+        if problems:
+            raise ConfigError([f"{path}: {problem}" for problem in problems])
+        span = document.get("watchdog_range_s")
+        return cls(
+            path, kind, document.get("family", path.stem), identity, document.get("termination", "\n"),
+            texts["commands"], {name: lines[0] for name, lines in texts["queries"].items()}, trips,
+            bool(document.get("chained_queries", False)), (float(span[0]), float(span[1])) if span else None,
+            float(document.get("watchdog_step_s", 0.0)),
+        )
+
+    def lines(self, name: str, **values: Any) -> list[str]:
+        """The texts of a command, filled in; none where the family has no such command."""
+        return [line.format(**values) for line in self.commands.get(name, ())]
+
+    def query(self, name: str, **values: Any) -> str:
+        """The text of a query, filled in."""
+        return self.queries[name].format(**values)
+
+
+def yes(reply: str) -> bool:
+    """A boolean reply.  Raises ValueError for one that is none."""
+    word = reply.strip().lower()
+    if word in _YES:
+        return True
+    if word in _NO:
+        return False
+    raise ValueError(f"'{reply}' is neither on nor off")
+
+
+def _wrong_placeholders(name: str, lines: tuple[str, ...], allowed: set[str]) -> list[str]:
+    problems = []
+    for line in lines:
+        try:
+            used = {field for _, field, _, _ in string.Formatter().parse(line) if field is not None}
+        except ValueError as error:
+            problems.append(f"{name}: '{line}' cannot be filled in ({error})")
+            continue
+        for field in sorted(used - allowed):
+            choice = ", ".join("{" + a + "}" for a in sorted(allowed)) or "none"
+            problems.append(f"{name}: '{line}' has the placeholder {{{field}}}; allowed are {choice}")
+    return problems

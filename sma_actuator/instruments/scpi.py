@@ -1,0 +1,368 @@
+"""SCPI instruments over pyvisa; what they understand comes from a dialect.
+
+A session that has timed out or broken is closed at once and never used again: a late reply would
+otherwise be taken for the answer to the next question, and pyvisa-py does not recover a broken
+connection.  ``open`` makes a new one.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Sequence
+from math import inf, isfinite, nan
+
+import numpy as np
+import pyvisa
+
+from ..config import Config
+from ..signals import Reading, SupplyState
+from . import Clock, InstrumentError, InstrumentLost, InstrumentRefused
+from .dialect import Dialect, yes
+
+_log = logging.getLogger(__name__)
+
+#: The over-voltage trip sits this much above the compliance voltage, so that noise does not trip it.
+OVER_VOLTAGE_MARGIN = 1.1
+#: Readback of a setting may differ by the instrument's resolution.
+SETTING_TOLERANCE = 0.02
+#: How long ``shut_down`` waits for a query in another thread to end.
+_LOCK_TIMEOUT_s = 0.4
+_OPEN_TIMEOUT_ms = 2000
+
+
+class Session:
+    """One connection: texts out, texts in, every failure an InstrumentError that says who and what."""
+
+    def __init__(self, role: str, resource: str, termination: str, timeout_s: float):
+        self.role = role
+        self.resource = resource
+        self.lock = threading.RLock()
+        self._termination = termination
+        self._timeout_s = timeout_s
+        self._visa: pyvisa.resources.MessageBasedResource | None = None
+
+    @property
+    def name(self) -> str:
+        """Role and resource, as messages have it."""
+        return f"{self.role} at {self.resource}"
+
+    def open(self, lock: bool) -> None:
+        """Connect; with ``lock``, under VISA's exclusive lock where the resource class has one."""
+        self.close()
+        if not self.resource:
+            raise InstrumentRefused(
+                f"instruments.{self.role}.resource: is empty; a VISA resource is wanted, as TCPIP::192.168.0.5::5025::SOCKET"
+            )
+        try:
+            visa = pyvisa.ResourceManager("@py").open_resource(
+                self.resource,
+                read_termination=self._termination,
+                write_termination=self._termination,
+                open_timeout=_OPEN_TIMEOUT_ms,
+            )
+            visa.timeout = self._timeout_s * 1e3
+        except (pyvisa.Error, OSError, ValueError) as error:
+            raise InstrumentLost(f"{self.name}: cannot be opened ({error}); is it switched on, and is the address right?") from error
+        self._visa = visa
+        if lock:
+            try:
+                visa.lock_excl(timeout=0)
+            except (pyvisa.Error, NotImplementedError, AttributeError):
+                _log.debug("%s: this VISA resource has no exclusive lock", self.name)
+
+    def tell(self, *lines: str) -> None:
+        """Send lines that have no answer."""
+        with self.lock:
+            for line in lines:
+                self._do(line, lambda visa, line=line: visa.write(line))
+
+    def ask(self, line: str) -> str:
+        """Send a query; its answer."""
+        with self.lock:
+            return self._do(line, lambda visa: visa.query(line)).strip()
+
+    def _do(self, line: str, action):
+        if self._visa is None:
+            raise InstrumentLost(f"{self.name}: not connected")
+        try:
+            return action(self._visa)
+        except pyvisa.VisaIOError as error:
+            self.close()
+            late = error.error_code == pyvisa.constants.StatusCode.error_timeout
+            why = f"no answer to '{line}' within {self._timeout_s:g} s" if late else f"'{line}' failed ({error})"
+            raise InstrumentLost(f"{self.name}: {why}") from error
+        except (OSError, UnicodeDecodeError) as error:
+            self.close()
+            raise InstrumentLost(f"{self.name}: the connection broke at '{line}' ({error})") from error
+
+    def garbled(self, line: str, reply: str) -> InstrumentLost:
+        """The error for an answer that is none; the session is given up, since its order is lost."""
+        self.close()
+        return InstrumentLost(f"{self.name}: answered '{reply}' to '{line}', which is not an answer to that")
+
+    def close(self) -> None:
+        """Give up the connection.  Never raises."""
+        visa, self._visa = self._visa, None
+        if visa is not None:
+            try:
+                visa.close()
+            except Exception as error:  # noqa: BLE001 - nothing depends on a connection that is given up
+                _log.debug("%s: closing: %s", self.name, error)
+
+
+def _identify(session: Session, dialect: Dialect) -> str:
+    identity = session.ask("*IDN?")
+    if not dialect.identity.search(identity):
+        session.close()
+        raise InstrumentRefused(
+            f"{session.name}: says it is '{identity}', which is no {dialect.family}; "
+            f"instruments.{session.role}.resource or instruments.{session.role}.dialect is wrong"
+        )
+    session.tell("*CLS")
+    return identity
+
+
+def _no_errors(session: Session, dialect: Dialect) -> None:
+    """Raise InstrumentRefused where the instrument's error queue holds anything."""
+    if "error" not in dialect.queries:
+        return
+    reply = session.ask(dialect.query("error", channel=""))
+    code = reply.split(",")[0].strip()
+    try:
+        number = int(code)
+    except ValueError:
+        raise session.garbled(dialect.queries["error"], reply) from None
+    if number != 0:
+        raise InstrumentRefused(f"{session.name}: refused its configuration: {reply}; is the dialect '{dialect.path.stem}' the right one?")
+
+
+class ScpiSupply:
+    """A current-controlled supply; see :class:`sma_actuator.instruments.PowerSupply`."""
+
+    def __init__(self, config: Config):
+        self._limits = config.supply
+        self._instrument = config.instruments.supply
+        self._dialect = Dialect.load(self._instrument.dialect, "supply")
+        self._channel = self._instrument.channel
+        self._session = Session("supply", self._instrument.resource, self._dialect.termination, self._instrument.timeout)
+        self.identity = ""
+
+    def open(self) -> None:
+        """Connect, output off, limits, protections and watchdog programmed and read back.
+
+        Raises InstrumentLost or InstrumentRefused; no current flows afterwards in either case.
+        """
+        session, limits = self._session, self._limits
+        with session.lock:
+            session.open(self._instrument.exclusive_lock)
+            self.identity = _identify(session, self._dialect)
+            self._tell("prepare")
+            if self._instrument.exclusive_lock:
+                self._tell("lock")
+            self._tell("output_off")
+            self._tell("clear_trips")
+            self._tell("set_current", 0.0)
+            self._tell("set_voltage", limits.max_voltage)
+            self._tell("set_over_voltage", OVER_VOLTAGE_MARGIN * limits.max_voltage)
+            self._tell("set_over_current", limits.over_current_trip)
+            self._arm_watchdog()
+            _no_errors(session, self._dialect)
+            self._holds("output", 0.0, "output off")
+            if "voltage_setting" in self._dialect.queries:
+                self._holds("voltage_setting", limits.max_voltage, f"supply.max_voltage, {limits.max_voltage:g} V")
+
+    def set_current(self, current_A: float) -> None:
+        """Program the current limit [A].  The last gate: nothing but 0 to supply.max_current passes."""
+        if not 0.0 <= current_A <= self._limits.max_current:
+            raise InstrumentRefused(
+                f"{self._session.name}: was to be set to {current_A} A; 0 to supply.max_current, {self._limits.max_current:g} A, is allowed"
+            )
+        self._tell("set_current", current_A)
+
+    def set_output(self, on: bool) -> None:
+        """Switch the output."""
+        self._tell("output_on" if on else "output_off")
+
+    def read_back(self) -> SupplyState:
+        """Settings and measurements, as the instrument gives them; ``time_s`` is left NaN."""
+        names = ["current_setting", "output", "voltage", "current"]
+        lines = [self._dialect.query(name, channel=self._channel) for name in names]
+        lines += [query.format(channel=self._channel) for query in self._dialect.trips.values()]
+        replies = self._ask_all(lines)
+        try:
+            setting_A, voltage_V, current_A = (float(replies[i]) for i in (0, 2, 3))
+            output_on = yes(replies[1])
+            tripped = [self._trip(word, reply) for word, reply in zip(self._dialect.trips, replies[4:])]
+        except ValueError:
+            raise self._session.garbled("; ".join(lines), "; ".join(replies)) from None
+        return SupplyState(nan, setting_A, output_on, voltage_V, current_A, ",".join(filter(None, tripped)))
+
+    def clear_trip(self) -> None:
+        """Clear a tripped protection; the output stays off."""
+        self._tell("output_off")
+        self._tell("clear_trips")
+
+    def shut_down(self) -> None:
+        """Current to zero and output off, through a new connection where the old one is gone.  Never raises."""
+        held = self._session.lock.acquire(timeout=_LOCK_TIMEOUT_s)
+        try:
+            if held:
+                try:
+                    self._off()
+                    return
+                except InstrumentError:
+                    pass
+            # The session is lost, or hangs in another thread: a second one speaks for it.
+            beside = Session("supply", self._session.resource, self._dialect.termination, self._instrument.timeout)
+            try:
+                beside.open(lock=False)
+                self._off(beside)
+            finally:
+                beside.close()
+        except Exception as error:  # noqa: BLE001 - the last thing a program does must not fail
+            _log.error("%s: could not be told to switch off (%s); its watchdog has to", self._session.name, error)
+        finally:
+            if held:
+                self._session.lock.release()
+
+    def close(self) -> None:
+        """Give up the connection, and the lock on the instrument.  Never raises."""
+        try:
+            self._tell("unlock")
+        except InstrumentError:
+            pass
+        self._session.close()
+
+    def _off(self, session: Session | None = None) -> None:
+        session = session or self._session
+        session.tell(*self._dialect.lines("output_off", channel=self._channel))
+        session.tell(*self._dialect.lines("set_current", channel=self._channel, value=0.0))
+        # The answer proves that both were heard.
+        session.ask(self._dialect.query("output", channel=self._channel))
+
+    def _tell(self, name: str, value: float = nan) -> None:
+        self._session.tell(*self._dialect.lines(name, channel=self._channel, value=value))
+
+    def _ask_all(self, lines: Sequence[str]) -> list[str]:
+        if not self._dialect.chained_queries:
+            return [self._session.ask(line) for line in lines]
+        line = ";".join(lines)
+        reply = self._session.ask(line)
+        parts = reply.split(";")
+        if len(parts) != len(lines):
+            raise self._session.garbled(line, reply)
+        return parts
+
+    def _trip(self, word: str, reply: str) -> str:
+        if word == "*":
+            return "" if reply.strip().strip('"').upper() in ("NONE", "0", "") else reply.strip().strip('"')
+        return word if yes(reply) else ""
+
+    def _arm_watchdog(self) -> None:
+        wanted_s, dialect = self._limits.watchdog_timeout, self._dialect
+        if "arm_watchdog" not in dialect.commands:
+            if wanted_s > 0.0 and not self._limits.allow_no_watchdog:
+                raise InstrumentRefused(
+                    f"{self._session.name}: {dialect.family} has no communication watchdog, so a killed computer leaves the current on; "
+                    "set supply.allow_no_watchdog: true to drive it all the same"
+                )
+            return
+        if wanted_s == 0.0:
+            self._tell("disarm_watchdog")
+            return
+        lo_s, hi_s = dialect.watchdog_range_s
+        if not lo_s <= wanted_s <= hi_s:
+            raise InstrumentRefused(
+                f"supply.watchdog_timeout: {wanted_s:g} s; {dialect.family} can do {lo_s:g} to {hi_s:g} s"
+            )
+        self._tell("arm_watchdog", wanted_s)
+        armed = self._session.ask(dialect.query("watchdog_armed", channel=self._channel))
+        delay = self._session.ask(dialect.query("watchdog_delay", channel=self._channel))
+        try:
+            holds = yes(armed) and float(delay) <= wanted_s + dialect.watchdog_step_s + 1e-3
+        except ValueError:
+            raise self._session.garbled(dialect.queries["watchdog_delay"], f"{armed}; {delay}") from None
+        if not holds and not self._limits.allow_no_watchdog:
+            raise InstrumentRefused(
+                f"{self._session.name}: its watchdog was armed with {wanted_s:g} s and reads back {armed}, {delay} s: "
+                "a killed computer would leave the current on (supply.allow_no_watchdog accepts that)"
+            )
+
+    def _holds(self, query: str, wanted: float, what: str) -> None:
+        line = self._dialect.query(query, channel=self._channel)
+        reply = self._session.ask(line)
+        try:
+            found = float(yes(reply)) if query == "output" else float(reply)
+        except ValueError:
+            raise self._session.garbled(line, reply) from None
+        if not abs(found - wanted) <= SETTING_TOLERANCE * abs(wanted) + 1e-6:
+            raise InstrumentRefused(f"{self._session.name}: does not take {what}: it reads back {reply}")
+
+
+class ScpiDaq:
+    """A scanning data acquisition unit; see :class:`sma_actuator.instruments.Daq`."""
+
+    def __init__(self, config: Config, clock: Clock):
+        self._instrument = daq = config.instruments.daq
+        self._clock = clock
+        self._dialect = Dialect.load(daq.dialect, "daq")
+        self._session = Session("daq", daq.resource, self._dialect.termination, daq.timeout)
+        channels = {
+            "supply_voltage_V": daq.supply_voltage_channel,
+            "reference_voltage_V": daq.reference_voltage_channel,
+            "load_cell_voltage_V": daq.load_cell_channel,
+            "lvdt_current_A": daq.lvdt_channel,
+            "ambient_temperature_C": daq.ambient_temperature_channel,
+        }
+        # Instruments scan in ascending order, whatever order they are told.
+        self._channels = dict(sorted(((n, c) for n, c in channels.items() if c), key=lambda item: item[1]))
+        samples = config.loop.samples_per_block
+        self._values = {
+            "channels": ",".join(str(channel) for channel in self._channels.values()),
+            "samples": samples,
+            "readings": samples * len(self._channels),
+        }
+        self.identity = ""
+
+    def open(self) -> None:
+        """Connect, check who answers, program channel list and block.  Raises InstrumentLost or InstrumentRefused."""
+        if len(set(self._channels.values())) < len(self._channels):
+            raise InstrumentRefused("instruments.daq: two quantities are read from one channel; every channel is wanted once")
+        with self._session.lock:
+            self._session.open(lock=False)
+            self.identity = _identify(self._session, self._dialect)
+            self._session.tell(*self._dialect.lines("prepare", **self._values))
+            _no_errors(self._session, self._dialect)
+
+    def read_block(self) -> Reading:
+        """The mean of the newest block; NaN for channels that are not configured."""
+        self._session.tell(*self._dialect.lines("before_read", **self._values))
+        line = self._dialect.query("read", **self._values)
+        reply = self._session.ask(line)
+        try:
+            values = np.array([_number(text) for text in reply.split(",")]).reshape(-1, len(self._channels)).mean(axis=0)
+        except ValueError:
+            raise self._session.garbled(line, reply) from None
+        reading = dict(zip(self._channels, values.tolist()))
+        shunt_Ohm = self._instrument.lvdt_shunt_resistance
+        return Reading(
+            time_s=self._clock.now_s(),
+            supply_voltage_V=reading["supply_voltage_V"],
+            reference_voltage_V=reading["reference_voltage_V"],
+            load_cell_voltage_V=reading["load_cell_voltage_V"],
+            lvdt_current_A=reading.get("lvdt_current_A", nan) / shunt_Ohm,
+            ambient_temperature_C=reading.get("ambient_temperature_C", nan),
+        )
+
+    def close(self) -> None:
+        """Give up the connection.  Never raises."""
+        self._session.close()
+
+
+def _number(text: str) -> float:
+    """A SCPI number; 9.91e37 is its NaN, ±9.9e37 its infinity (SCPI-99, 7.2.1.4, 7.2.1.5)."""
+    value = float(text)
+    if isfinite(value) and abs(value) >= 9.9e37:
+        return nan if abs(value) > 9.905e37 else float(np.copysign(inf, value))
+    return value
