@@ -30,7 +30,7 @@ class Data:
 
 
 def make_data(traces: Sequence[Trace], full_stroke_m: float) -> Data:
-    """Concatenate traces; the indeterminate ends, found per load, do not count.
+    """Concatenate traces; the indeterminate ends, found per load, and the rest before the first cycle do not count.
 
     A log that is not of full cycles takes the ends of the full cycles nearest in stress.
     """
@@ -41,7 +41,8 @@ def make_data(traces: Sequence[Trace], full_stroke_m: float) -> Data:
     for trace in traces:
         low_m, high_m = intervals[int(np.argmin(np.abs(stresses - trace.mean_stress_Pa)))]
         displacement_m = trace.displacement_m
-        counts.append((displacement_m >= low_m) & (displacement_m <= high_m) & np.isfinite(trace.resistance_Ohm))
+        inside = (displacement_m >= low_m) & (displacement_m <= high_m) & np.isfinite(trace.resistance_Ohm)
+        counts.append(inside & (trace.cycle > 0))
         unit.append(trace.cycle + offset)
         offset += int(trace.cycle.max()) + 1
     return Data(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -53,13 +54,20 @@ class Trace:
     @property
     def mean_stress_Pa(self) -> float:
         """Mean stress."""
-        return float(np.mean(self.stress_Pa))
+        return float(np.nanmean(self.stress_Pa))
 
     @property
     def constant_load(self) -> bool:
         """Whether the load is a weight: spread within a twentieth of its mean (or noise)."""
-        spread_N = float(np.subtract(*np.percentile(self.signals.load_N, (97.5, 2.5))))
-        return spread_N <= max(0.05 * abs(float(np.mean(self.signals.load_N))), 0.02)
+        spread_N = float(np.subtract(*np.nanpercentile(self.signals.load_N, (97.5, 2.5))))
+        return spread_N <= max(0.05 * abs(float(np.nanmean(self.signals.load_N))), 0.02)
+
+    def rows(self, chosen: np.ndarray) -> Trace:
+        """The trace with some of its samples only (bool, shape (n,))."""
+        fields = {f.name: getattr(self.signals, f.name) for f in dataclasses.fields(self.signals)}
+        signals = Signals(**{name: v[chosen] if np.ndim(v) else v for name, v in fields.items()})
+        log = dataclasses.replace(self.log, columns={k: v[chosen] for k, v in self.log.columns.items()})
+        return Trace(log, self.kind, signals, self.heating[chosen], self.driven[chosen], self.cycle[chosen])
 
 
 def make_trace(log: BenchLog, config) -> Trace:
@@ -71,7 +79,10 @@ def make_trace(log: BenchLog, config) -> Trace:
     _same_wire(log, config)
     _not_saturated(log, config)
     signals = signals_from_log(log, config)
-    resistance_Ohm = np.median(signals.resistance_Ohm)
+    good = np.isfinite(signals.resistance_Ohm + signals.stress_Pa + signals.power_W)
+    if not good.any():
+        raise BenchLogError(f"{log.source}: line 2: no reading has a resistance and a load; is reference_voltage_V zero throughout?")
+    resistance_Ohm = np.median(signals.resistance_Ohm[good])
     safety = config.safety
     if not safety.resistance_min <= resistance_Ohm <= safety.resistance_max:
         raise BenchLogError(
@@ -79,16 +90,18 @@ def make_trace(log: BenchLog, config) -> Trace:
             f"resistance_max ({safety.resistance_min:g} to {safety.resistance_max:g} Ω); is it the log of another wire, or "
             "circuit.reference_resistance of another circuit?"
         )
-    stress_Pa = np.median(signals.stress_Pa)
+    stress_Pa = np.median(signals.stress_Pa[good])
     if not stress_Pa <= 1.5 * config.wire.max_stress:
         raise BenchLogError(
             f"{log.source}: line 2: the stress is about {stress_Pa / 1e6:.0f} MPa, beyond wire.max_stress "
             f"({config.wire.max_stress / 1e6:.0f} MPa); check wire.diameter and the load's unit"
         )
     detector = BranchDetector(config.estimator)
-    detector.reset(float(signals.time_s[0]), float(signals.resistance_Ohm[0]), float(signals.power_W[0]))
-    heating = detector.run(signals.time_s, signals.resistance_Ohm, signals.power_W)
-    middle_A = 0.5 * (signals.current_A.min() + signals.current_A.max())
+    seen = [np.ascontiguousarray(v[good]) for v in (signals.time_s, signals.resistance_Ohm, signals.power_W)]
+    detector.reset(*(float(v[0]) for v in seen))
+    latest = np.maximum(np.cumsum(good) - 1, 0)  # a reading that is missing stays on the branch of the one before
+    heating = detector.run(*seen)[latest]
+    middle_A = 0.5 * (np.nanmin(signals.current_A) + np.nanmax(signals.current_A))
     driven = signals.current_A > middle_A
     switched_on = np.flatnonzero(driven & ~np.roll(driven, 1))
     cycle = np.searchsorted(switched_on[switched_on > 0], np.arange(len(driven)), side="right")

@@ -22,8 +22,8 @@ def log_from_bag(path: str | Path, topics: Mapping[str, str]) -> BenchLog:
 
     ``topics`` maps a column to ``/topic:field.path``, as ``load_N → /wire/load:wrench.force.x`` or
     ``displacement_m → /joint_states:position.0``.  Rows stand at the times of the first column's
-    messages (their header stamps where they have any); the other columns are interpolated, and NaN
-    before their first and after their last message.  Raises BenchLogError naming the topic or field.
+    messages (their header stamps where they have any); the other columns are interpolated, and NaN more
+    than a period before their first and after their last message.  Raises BenchLogError naming the topic or field.
     """
     from rosbags.highlevel import AnyReader, AnyReaderError
     from rosbags.typesys import Stores, get_typestore
@@ -56,7 +56,9 @@ def log_from_bag(path: str | Path, topics: Mapping[str, str]) -> BenchLog:
     time_s = np.unique(next(iter(arrays.values()))[:, 0])
     columns = {"time_s": time_s - time_s[0]}
     for column, rows in arrays.items():
-        columns[column] = np.interp(time_s, rows[:, 0], rows[:, 1], left=np.nan, right=np.nan)
+        columns[column] = np.interp(time_s, rows[:, 0], rows[:, 1])
+        period_s = np.median(np.diff(rows[:, 0])) if len(rows) > 1 else 0.0
+        columns[column][(time_s < rows[0, 0] - period_s) | (time_s > rows[-1, 0] + period_s)] = np.nan
     return BenchLog(columns, {"recording": path.name}, str(path))
 
 

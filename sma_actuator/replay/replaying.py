@@ -60,10 +60,18 @@ def replay(
     for i, log in enumerate(logs):
         trace = make_trace(log, first)
         estimates = {name: estimate_m(trace, config) for name, config in models.items()}
-        estimates.update({baseline.name: baseline.predict(trace) for baseline in baselines})
+        estimates.update({baseline.name: _where_read(baseline, trace) for baseline in baselines})
         errors = {n: log_error(trace.name, trace.signals, e, range_m, full_stroke_m) for n, e in estimates.items()}
         out.append(Replay(trace, estimates, errors))
         progress(1.0 - 0.2 * (1.0 - (i + 1) / len(logs)))
+    return out
+
+
+def _where_read(baseline, trace: Trace) -> np.ndarray:
+    """A baseline's estimate; NaN where a reading is missing."""
+    good = np.isfinite(trace.resistance_Ohm + trace.stress_Pa)
+    out = np.full(len(good), np.nan)
+    out[good] = baseline.predict(trace.rows(good))
     return out
 
 

@@ -1,0 +1,137 @@
+"""Characterisation: what it measures, that it loses nothing, and that the current is off on every way out."""
+
+import dataclasses
+import itertools
+import json
+
+import numpy as np
+import pytest
+from characterised import SHORT, bench_mapping, virtual_rig
+
+from sma_actuator.bench_log import read_bench_log
+from sma_actuator.characterise import PlanOptions, characterise, make_plan
+from sma_actuator.characterise.calibration import fit_line
+from sma_actuator.characterise.programs import every_ordered_pair, hold
+from sma_actuator.instruments import InstrumentLost, InstrumentRefused
+from sma_actuator.parameters import ConfigError
+
+
+@pytest.mark.parametrize("n", [2, 3, 5, 8])
+def test_the_walk_takes_every_ordered_pair_of_set_points_once(n):
+    walk = every_ordered_pair(n)
+    steps = list(itertools.pairwise(walk))
+    assert sorted(steps) == sorted((i, j) for i in range(n) for j in range(n) if i != j)
+
+
+def test_the_calibrations_of_the_bench_are_found(flexinol):
+    found = flexinol.manifest.data["calibration"]
+    assert found["load_cell.slope"] == pytest.approx(12.7297, rel=1e-3)
+    assert found["load_cell.offset"] == pytest.approx(-0.0598, abs=2e-3)
+    assert found["reference_sensor.slope"] == pytest.approx(0.315842, rel=2e-3)
+    assert found["reference_sensor.offset"] == pytest.approx(-1.2195e-3, abs=2e-5)
+    assert found["circuit.lead_resistance"] == pytest.approx(0.25, abs=2e-3)
+    assert flexinol.mapping["circuit"]["lead_resistance"] == found["circuit.lead_resistance"]
+
+
+def test_correlation_and_residuals_of_a_calibration_are_reported(flexinol):
+    line = flexinol.manifest.data["parts"]["load_cell"]["results"]
+    assert line["correlation"] > 0.99999 and len(line["residuals"]) == len(SHORT.masses_kg)
+
+
+def test_pulses_show_a_full_stroke_and_partial_cycles_stay_inside_it(flexinol):
+    pulses, partial = flexinol.only("pulses_1.200N")[0], flexinol.only("partial_1.200N")[0]
+    assert np.ptp(pulses["lvdt_current_A"]) * 0.3158 > 3.5e-3
+    moving = np.isfinite(partial["setpoint_m"])
+    assert len(np.unique(partial["setpoint_m"][moving])) == 3
+    inside = partial["lvdt_current_A"][moving]
+    assert inside.min() > pulses["lvdt_current_A"].min() + 1e-3
+
+
+def test_metadata_says_which_wire_and_load_a_log_is_of(flexinol):
+    metadata = flexinol.only("pulses_0.600N")[0].metadata
+    assert metadata["kind"] == "pulses" and metadata["load_N"] == 0.6
+    assert metadata["wire"] == {"alloy": "ni-ti", "length_m": 0.1, "diameter_m": 0.1524e-3}
+
+
+QUICK = dataclasses.replace(SHORT, loads_N=(0.5,), pulses=1, fatigue_cycles=0, skip=("load_cell", "lvdt", "partial"))
+
+
+def interrupt_after(part_name):
+    def progress(part, elapsed_s):
+        if part.name == part_name and elapsed_s > 1.0:
+            raise KeyboardInterrupt
+
+    return progress
+
+
+def test_an_interrupted_characterisation_keeps_what_is_finished_and_resumes_there(tmp_path):
+    bench, rig, operator = virtual_rig("flexinol")
+    plan = make_plan(rig.config, QUICK)
+    with pytest.raises(KeyboardInterrupt):
+        characterise(bench_mapping("flexinol"), plan, rig, operator, tmp_path, interrupt_after("pulses_0.500N"))
+    assert not bench.supply.output_on and bench.supply.current_A == 0.0
+    assert list(json.loads((tmp_path / "manifest.json").read_text())["parts"]) == ["lead_resistance"]
+    assert not list(tmp_path.glob("*.csv"))
+    kept = (tmp_path / "calibration" / "lead_resistance.csv").read_bytes()
+    _, rig, operator = virtual_rig("flexinol", seed=5)
+    manifest = characterise(bench_mapping("flexinol"), plan, rig, operator, tmp_path)
+    assert set(manifest.data["parts"]) == {"lead_resistance", "pulses_0.500N"}
+    assert (tmp_path / "calibration" / "lead_resistance.csv").read_bytes() == kept
+    assert len(read_bench_log(tmp_path / "pulses_0.500N.csv")) > 100
+
+
+def test_other_settings_in_the_same_folder_are_refused(tmp_path):
+    _, rig, operator = virtual_rig("flexinol")
+    characterise(bench_mapping("flexinol"), make_plan(rig.config, QUICK), rig, operator, tmp_path)
+    other = make_plan(rig.config, dataclasses.replace(QUICK, pulses=3))
+    with pytest.raises(ConfigError, match="pulses_0.500N was measured with other settings"):
+        characterise(bench_mapping("flexinol"), other, rig, operator, tmp_path)
+    _, rig, operator = virtual_rig("furukawa")
+    with pytest.raises(ConfigError, match="belongs to another wire"):
+        characterise(bench_mapping("furukawa"), make_plan(rig.config, QUICK), rig, operator, tmp_path)
+
+
+def test_the_current_is_off_when_the_daq_is_lost(tmp_path):
+    bench, rig, operator = virtual_rig("flexinol")
+    bench.inject("daq_silent", at_s=3.0)
+    with pytest.raises(InstrumentLost):
+        characterise(bench_mapping("flexinol"), make_plan(rig.config, QUICK), rig, operator, tmp_path)
+    assert not bench.supply.output_on and bench.supply.current_A == 0.0
+
+
+def test_too_much_stress_stops_the_experiment_with_the_current_off():
+    bench, rig, operator = virtual_rig("flexinol")
+    operator.hang_load(4.0)
+    with pytest.raises(InstrumentRefused, match="above wire.max_stress"), rig.opened():
+        rig.record(hold(0.3, 5.0))
+    assert not bench.supply.output_on
+
+
+def test_a_tripped_supply_is_noticed():
+    bench, rig, _ = virtual_rig("flexinol")
+    bench.inject("current_disagrees", 2.0, at_s=0.5)
+    with pytest.raises(InstrumentRefused, match="OCP"), rig.opened():
+        rig.record(hold(0.3, 5.0))
+    assert not bench.supply.output_on
+
+
+@pytest.mark.parametrize(
+    "options, sentence",
+    [
+        (PlanOptions(loads_N=(9.0,)), "9 N is outside what the wire may carry"),
+        (PlanOptions(heat_current_A=0.9), "0.9 A is not between"),
+        (PlanOptions(heat_current_A=0.39), "above thermal.max_temperature"),
+    ],
+    ids=["a load beyond the wire", "a current beyond the limit", "a current that overheats"],
+)
+def test_a_plan_that_would_harm_the_wire_is_refused(options, sentence):
+    _, rig, _ = virtual_rig("flexinol")
+    with pytest.raises(ConfigError, match=sentence):
+        make_plan(rig.config, options)
+
+
+def test_a_calibration_whose_channel_does_not_move_is_refused():
+    with pytest.raises(ConfigError, match="load cell: the channel does not move"):
+        fit_line([0.1, 0.1, 0.1], [0.1, 0.5, 1.0], "load cell")
+    with pytest.raises(ConfigError, match="no straight line"):
+        fit_line([0.0, 1.0, 2.0, 3.0], [0.0, 5.0, 1.0, 4.0], "load cell")
