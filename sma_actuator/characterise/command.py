@@ -67,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
     if args.virtual:
         from ..bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
 
-        bench = VirtualBench.from_name(args.virtual, seed=args.seed)
+        bench = VirtualBench.from_name(args.virtual, seed=args.seed, size_m=(config.wire.length, config.wire.diameter))
         rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
         operator = BenchOperator(bench, largest_force_N)
     else:

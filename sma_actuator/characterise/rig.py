@@ -41,6 +41,11 @@ class Rig:
     @contextlib.contextmanager
     def _output(self) -> Iterator[None]:
         try:
+            tripped = self.supply.read_back().tripped
+            if tripped == "WDOG":  # nobody spoke to it while the person was hanging a mass
+                self.supply.clear_trip()
+            elif tripped:
+                raise InstrumentRefused(f"the supply's protection has tripped ({tripped}); find out why before going on")
             self.supply.set_current(self.config.supply.bias_current)
             self.supply.set_output(True)
             yield

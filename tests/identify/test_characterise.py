@@ -6,12 +6,18 @@ import json
 
 import numpy as np
 import pytest
+import yaml
 from characterised import SHORT, bench_mapping, virtual_rig
 
+from sma_actuator.bench import VirtualBench
+from sma_actuator.bench.server import background
 from sma_actuator.bench_log import read_bench_log
 from sma_actuator.characterise import PlanOptions, characterise, make_plan
 from sma_actuator.characterise.calibration import fit_line
+from sma_actuator.characterise.operators import TerminalOperator
 from sma_actuator.characterise.programs import every_ordered_pair, hold
+from sma_actuator.cli import main
+from sma_actuator.config import bench_from_mapping
 from sma_actuator.instruments import InstrumentLost, InstrumentRefused
 from sma_actuator.parameters import ConfigError
 
@@ -115,19 +121,76 @@ def test_a_tripped_supply_is_noticed():
     assert not bench.supply.output_on
 
 
+def test_a_watchdog_that_cut_an_idle_supply_while_the_person_was_busy_stops_nothing():
+    bench, rig, _ = virtual_rig("flexinol")
+    with rig.opened():
+        rig.record(hold(0.05, 0.5))
+        bench.supply.trip("WDOG")
+        assert rig.supply.read_back().tripped == "WDOG"
+        assert len(rig.record(hold(0.05, 0.5))) > 8
+
+
+def test_the_same_characterisation_over_tcp(tmp_path):
+    mapping = bench_mapping("flexinol")
+    with background(VirtualBench.from_name("flexinol")) as server:
+        ports = server.ports[0]
+        for name in ("supply", "daq"):
+            mapping["instruments"][name]["resource"] = f"TCPIP::127.0.0.1::{ports[name]}::SOCKET"
+        (tmp_path / "in.yaml").write_text(yaml.safe_dump({"sma_actuator": {"ros__parameters": mapping}}))
+        code = main(["characterise", "--config", str(tmp_path / "in.yaml"), "--unattended-bench", mapping["instruments"]["daq"]["resource"],
+                     "--out", str(tmp_path / "out"), "--loads", "0.6", "--pulses", "1", "--heat-time", "0.5", "--cool-time", "0.5",
+                     "--average", "0.2", "--masses", "20,100,200", "--skip", "partial", "--skip", "training", "--skip", "fatigue"])  # fmt: skip
+    assert code == 0
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
+    assert manifest["calibration"]["circuit.lead_resistance"] == pytest.approx(0.25, abs=0.01)
+    assert manifest["calibration"]["reference_sensor.slope"] == pytest.approx(0.315842, rel=0.01)
+    log = read_bench_log(tmp_path / "out" / "pulses_0.600N.csv")
+    assert log["reference_voltage_V"].max() > 0.25 and len(log) >= 20
+    assert "data:image/png" in (tmp_path / "out" / "calibration.html").read_text()
+
+
+class Person:
+    """Answers the questions of a terminal."""
+
+    def __init__(self, answers=()):
+        self.questions, self._answers = [], list(answers)
+
+    def input(self, question):
+        self.questions.append(question)
+        return self._answers.pop(0) if self._answers else ""
+
+    def print(self, text):
+        self.questions.append(text)
+
+
+def test_a_person_is_told_what_to_hang_and_asked_again_after_a_typing_error():
+    person = Person(["", "two", "2,5"])
+    operator = TerminalOperator(person)
+    operator.hang_load(0.980665)
+    assert operator.place_probe(0, 8) == pytest.approx(2.5e-3)
+    assert "100.0 g (0.981 N)" in person.questions[0]
+    assert "'two' is not a number" in person.questions[2] and len(person.questions) == 4
+
+
 @pytest.mark.parametrize(
     "options, sentence",
     [
         (PlanOptions(loads_N=(9.0,)), "9 N is outside what the wire may carry"),
         (PlanOptions(heat_current_A=0.9), "0.9 A is not between"),
-        (PlanOptions(heat_current_A=0.39), "above thermal.max_temperature"),
     ],
-    ids=["a load beyond the wire", "a current beyond the limit", "a current that overheats"],
+    ids=["a load beyond the wire", "a current beyond the limit"],
 )
 def test_a_plan_that_would_harm_the_wire_is_refused(options, sentence):
     _, rig, _ = virtual_rig("flexinol")
     with pytest.raises(ConfigError, match=sentence):
         make_plan(rig.config, options)
+
+
+def test_a_current_that_would_overheat_a_badly_cooled_wire_is_refused():
+    mapping = bench_mapping("flexinol")
+    mapping["thermal"] = {**mapping["thermal"], "heat_loss": 0.002}
+    with pytest.raises(ConfigError, match=r"0\.3 A would bring the wire to .* above thermal.max_temperature"):
+        make_plan(bench_from_mapping(mapping), PlanOptions(heat_current_A=0.3))
 
 
 def test_a_calibration_whose_channel_does_not_move_is_refused():
