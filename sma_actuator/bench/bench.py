@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf, nan
 
 import numpy as np
@@ -77,13 +77,21 @@ class VirtualBench:
         self._stuck = np.zeros(len(CHANNELS))  #: sample that a stuck channel repeats
 
     @classmethod
-    def from_name(cls, name: str, seed: int = 0, load: Load | None = None, **setup) -> VirtualBench:
-        """A bench with the wire ``flexinol`` or ``furukawa``; ``setup`` may hold other fields of :class:`Setup`."""
+    def from_name(
+        cls, name: str, seed: int = 0, load: Load | None = None, size_m: tuple[float, float] | None = None, **setup
+    ) -> VirtualBench:
+        """A bench with the wire ``flexinol`` or ``furukawa``, or one of that alloy and another size.
+
+        ``size_m`` is length and diameter; ``setup`` may hold other fields of :class:`Setup`.
+        """
         if name not in WIRES:
             raise ValueError(f"'{name}' is no wire of the bench; one of {', '.join(WIRES)} is wanted")
         if load is not None:
             setup["load"] = load
-        return cls(Setup(WIRES[name], **setup), seed)
+        wire = WIRES[name]
+        if size_m is not None:
+            wire = replace(wire, length_m=size_m[0], diameter_m=size_m[1])
+        return cls(Setup(wire, **setup), seed)
 
     @property
     def time_s(self) -> float:

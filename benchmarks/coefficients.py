@@ -1,0 +1,77 @@
+"""The coefficients in ``config/``: every wire characterised on the virtual bench, then identified.
+
+    python benchmarks/coefficients.py     (make coefficients)
+
+The exclusive models come from the wire of ``config/<wire>_bench.yaml``, the normalised ones from
+three other wires of the alloy, of other lengths and diameters, so that neither is judged on a wire
+it was fitted on when it is used there.  Logs and pages are left in ``out/coefficients``.
+"""
+
+from __future__ import annotations
+
+import copy
+import sys
+from pathlib import Path
+
+import yaml
+
+from sma_actuator.cli import main as sma_actuator
+from sma_actuator.config import NODE_NAME, read_parameter_file
+
+ROOT = Path(__file__).resolve().parents[1]
+OUT = ROOT / "out" / "coefficients"
+#: Length and diameter as parts of those of the bench's wire; the LVDT's 5 mm leave no room for longer ones.
+OTHER_SIZES = ((0.6, 1.0), (0.8, 0.85), (0.9, 1.15))
+
+
+def resized(parameters: dict, length: float, diameter: float) -> dict:
+    """Parameters of a wire of another size: what depends on the size is scaled with it."""
+    out = copy.deepcopy(parameters)
+    out["wire"]["length"] *= length
+    out["wire"]["diameter"] *= diameter
+    out["thermal"]["heat_capacity"] *= length * diameter**2
+    out["thermal"]["heat_loss"] *= length * diameter
+    for bound in ("resistance_min", "resistance_max"):
+        out["safety"][bound] *= length / diameter**2
+    # Power per surface decides how hot a wire gets: I² R ∝ I² L/d², surface ∝ L d.
+    for current in ("max_current", "over_current_trip"):
+        out["supply"][current] *= diameter**1.5
+    out["supply"]["max_voltage"] *= max(1.0, length / diameter**0.5)
+    return out
+
+
+def characterised(name: str, parameters: dict, seed: int) -> list[str]:
+    """Logs of one wire of the virtual bench; those of an earlier run are used again."""
+    folder = OUT / f"{name}_{parameters['wire']['length'] * 1e3:.0f}x{parameters['wire']['diameter'] * 1e6:.0f}"
+    folder.mkdir(parents=True, exist_ok=True)
+    config = folder / "wire.yaml"
+    config.write_text(yaml.safe_dump({NODE_NAME: {"ros__parameters": parameters}}, sort_keys=False))
+    _run("characterise", "--virtual", name, "--config", str(config), "--out", str(folder), "--skip", "fatigue", "--seed", str(seed))
+    return sorted(str(path) for kind in ("pulses", "partial") for path in folder.glob(f"{kind}_*.csv"))
+
+
+def _run(*words: str) -> None:
+    if code := sma_actuator(list(words)):
+        sys.exit(code)
+
+
+def main() -> None:
+    """Write the four parameter files."""
+    for name in ("flexinol", "furukawa"):
+        bench = ROOT / "config" / f"{name}_bench.yaml"
+        parameters = read_parameter_file(bench)
+        logs = characterised(name, parameters, seed=1)
+        _run("identify", *logs, "--config", str(bench), "--model", name, "--out", str(ROOT / "config" / f"{name}.yaml"),
+             "--report", str(OUT / f"{name}.html"))
+        others = [
+            log
+            for seed, size in enumerate(OTHER_SIZES, start=2)
+            for log in characterised(name, resized(parameters, *size), seed)
+        ]
+        model = f"{name}_normalised"
+        _run("identify", *others, "--config", str(bench), "--model", model, "--out", str(ROOT / "config" / f"{model}.yaml"),
+             "--report", str(OUT / f"{model}.html"))
+
+
+if __name__ == "__main__":
+    main()
