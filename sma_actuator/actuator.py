@@ -9,6 +9,7 @@ from __future__ import annotations
 import collections
 import dataclasses
 import logging
+from collections.abc import Collection
 from dataclasses import dataclass
 from math import inf, isfinite, nan
 
@@ -16,10 +17,11 @@ from .circuit import signals_from_reading
 from .config import Config
 from .controller import PidController
 from .estimator import Estimator
-from .faults import FAULTS, FLOOD_BURST_MIN, FLOOD_BURST_S, LIMITS, Action, Fault, Limit
+from .faults import FAULTS, LIMITS, Action, Fault, Limit
+from .parameters import ConfigError, walk
 from .setpoints import Trajectory
 from .signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status, SupplyState
-from .supervisor import MEASURABLE, Step, Supervisor
+from .supervisor import MEASURABLE, SetpointFlood, Step, Supervisor, setpoint_not_finite, setpoint_stale
 
 _log = logging.getLogger(__name__)
 
@@ -28,7 +30,9 @@ EVENT_SHOWN_S = 1.0
 #: Readings that ``tare_load`` and ``measure_lead_resistance`` average, at the most.
 AVERAGED_READINGS = 20
 #: And at the least.
-FEWEST_READINGS = 5
+FEWEST_READINGS = 3
+#: Share of the load at wire.max_stress that may be tared away: drift of a load cell, not a load.
+MOST_TARE = 0.1
 _NOTHING = Signals(nan, nan, nan, nan, nan, nan)
 _NO_ESTIMATE = Estimate(nan, nan, nan, 0.0, Branch.COOLING, Quality.INVALID)
 _SEVERITY = {fault: number for number, fault in enumerate(Fault)}
@@ -55,6 +59,7 @@ class Actuator:
         self._supervisor = Supervisor(config)
         self._mode = Mode.OFF
         self._starting = False  #: the controller starts where the wire is, once that is known
+        self._lost = ""  #: why the setpoint counts as lost
         self._bias_only = False  #: the setpoint is lost, and the parameters say bias
         self._setpoint_m = nan
         self._setpoint_s = nan
@@ -62,15 +67,16 @@ class Actuator:
         self._tare_N = 0.0
         self._now_s = nan
         self._reading_s = -inf  #: time stamp of the last usable reading
+        self._controlled_s = nan  #: when the controller was last stepped
         self._readings: collections.deque[Reading] = collections.deque(maxlen=AVERAGED_READINGS)
+        #: Those with current since the output went on; they outlast it.
+        self._readings_with_current: collections.deque[Reading] = collections.deque(maxlen=AVERAGED_READINGS)
         self._signals = _NOTHING
         self._estimate = _NO_ESTIMATE
         self._told = Command(0.0, False)
         self._power_W = 0.0
-        self._tokens = inf
-        self._tokens_s = nan
+        self._flood = SetpointFlood()
         self._events: dict[Fault, tuple[float, str]] = {}  #: fault without duration → when, detail
-        self._present: dict[Fault, str] = {}  #: faults of the last step
 
     # --- what others may ask ----------------------------------------------------------------------
 
@@ -81,14 +87,16 @@ class Actuator:
             return True, "the output is off"
         if self._supervisor.latched is not None:
             return False, f"not enabled: {self._fault_words()}; call ~/clear_fault first"
-        if not now_s - self._reading_s <= self._config.safety.reading_timeout:
-            return False, "not enabled: there is no reading of the DAQ yet"
-        blocking = [fault for fault in self._present if FAULTS[fault].action in (Action.OFF, Action.BIAS)]
-        if blocking:
-            return False, f"not enabled: {FAULTS[blocking[0]].words}: {self._present[blocking[0]]}"
         if self._mode is not Mode.OFF:
             return True, "the output is on already"
+        present = self._supervisor.present
+        blocking = sorted((f for f in present if FAULTS[f].action in (Action.OFF, Action.BIAS)), key=_SEVERITY.__getitem__)
+        if blocking:
+            return False, f"not enabled: {FAULTS[blocking[0]].words}: {present[blocking[0]]}"
+        if not now_s - self._reading_s <= self._config.safety.reading_timeout:
+            return False, "not enabled: there is no reading of the DAQ yet"
         self._mode, self._starting = Mode.HOLD, True
+        self._readings_with_current.clear()
         self._forget_setpoints()
         self._supervisor.enabled(now_s)
         return True, "the output is on; the wire is held where it is"
@@ -109,7 +117,7 @@ class Actuator:
             if self._mode is not Mode.OFF or FAULTS[fault].while_off:
                 self._latch(fault, detail)
             else:
-                self._present[fault] = detail
+                self._supervisor.present[fault] = detail
         else:
             self._events[fault] = (now_s, detail)
 
@@ -118,13 +126,11 @@ class Actuator:
         refusal = self._refuses_setpoints(now_s)
         if refusal:
             return refusal
-        if not isfinite(position_m):
-            detail = f"setpoint {position_m}: a finite position in metres is wanted"
-            self._events[Fault.SETPOINT_NOT_FINITE] = (now_s, detail)
-            return detail
-        self._trajectory = None
-        self._setpoint_m, self._setpoint_s = float(position_m), now_s
-        self._mode, self._bias_only = Mode.TRACKING, False
+        refusal = setpoint_not_finite(position_m)
+        if refusal:
+            self._events[Fault.SETPOINT_NOT_FINITE] = (now_s, refusal)
+            return refusal
+        self._track(now_s, float(position_m), None)
         return ""
 
     def offer_trajectory(self, now_s: float, times_s, positions_m) -> str:
@@ -137,9 +143,7 @@ class Actuator:
         except (TypeError, ValueError) as error:
             self._events[Fault.SETPOINT_NOT_FINITE] = (now_s, str(error))
             return str(error)
-        self._trajectory = (now_s, trajectory)
-        self._setpoint_m, self._setpoint_s = trajectory(0.0), now_s
-        self._mode, self._bias_only = Mode.TRACKING, False
+        self._track(now_s, trajectory(0.0), (now_s, trajectory))
         return ""
 
     def reset_estimator(self) -> tuple[bool, str]:
@@ -151,41 +155,59 @@ class Actuator:
         return True, "the estimator starts anew on the cooling curve; the wire is held there"
 
     def tare_load(self) -> tuple[bool, str]:
-        """Take the mean load of the last readings for zero."""
+        """Take the mean load of the last readings for zero: the drift of a load cell, with the load taken off.
+
+        More than a tenth of what the wire may carry is refused: a load that is tared away is a
+        stress nobody watches any more.
+        """
         if self._mode is not Mode.OFF:
             return False, "not tared: the wire is driven; switch it off with ~/enable first"
-        if len(self._readings) < FEWEST_READINGS:
-            return False, f"not tared: {len(self._readings)} readings so far, {FEWEST_READINGS} are wanted"
-        cell = self._config.load_cell
-        load_N = cell.slope * self._mean("load_cell_voltage_V") + cell.offset
-        bound_N = self._config.wire.max_stress * self._config.wire.area_m2
+        if len(self._readings) < FEWEST_READINGS or not self._now_s - self._reading_s <= self._config.safety.reading_timeout:
+            return False, f"not tared: {FEWEST_READINGS} readings of just now are wanted"
+        cell, wire = self._config.load_cell, self._config.wire
+        load_N = cell.slope * _mean(self._readings, "load_cell_voltage_V") + cell.offset
+        bound_N = MOST_TARE * wire.max_stress * wire.area_m2
         if not abs(load_N) <= bound_N:
-            return False, f"not tared: {load_N:.3g} N hang on the load cell, more than the wire may carry, {bound_N:.3g} N"
+            return False, f"not tared: {load_N:.3g} N is more than the drift of a load cell (up to {bound_N:.3g} N); take the load off"
         self._tare_N = load_N
+        self._estimator.reset()
         return True, f"tared: {load_N:.4f} N count as zero from now on"
 
     def measure_lead_resistance(self) -> tuple[bool, str, float]:
-        """Lead resistance [Ω] from the last readings, with a short in place of the wire and current flowing.
+        """Lead resistance [Ω] from the last readings with current, with a short in place of the wire.
 
-        The value is returned, not applied: it belongs in ``circuit.lead_resistance``.
+        Put the short in, enable, wait for the fault ``short`` (it comes once the bias current has
+        settled, and switches the output off), then ask.  The value is returned, not applied: it
+        belongs in ``circuit.lead_resistance``.
         """
-        if len(self._readings) < FEWEST_READINGS:
-            return False, f"not measured: {len(self._readings)} readings so far, {FEWEST_READINGS} are wanted", nan
-        circuit = self._config.circuit
-        reference_V = self._mean("reference_voltage_V")
-        current_A = reference_V / circuit.reference_resistance
-        if not current_A >= MEASURABLE * self._config.supply.bias_current:
-            return False, f"not measured: {current_A:.3g} A flow; replace the wire by a short and let the bias current flow", nan
-        total_Ohm = circuit.reference_resistance * (self._mean("supply_voltage_V") / reference_V - 1.0)
-        if not 0.0 <= total_Ohm < self._config.safety.resistance_min:
+        readings = self._readings_with_current
+        if len(readings) < FEWEST_READINGS:
             return False, (
-                f"not measured: {total_Ohm:.4g} Ω is not that of leads (0 to safety.resistance_min, "
-                f"{self._config.safety.resistance_min:g} Ω); is there a short in place of the wire?"
+                f"not measured: {len(readings)} readings with current since the output went on, {FEWEST_READINGS} are wanted; "
+                "put a short in place of the wire and call ~/enable"
+            ), nan
+        ratio = _mean(readings, "supply_voltage_V") / _mean(readings, "reference_voltage_V")
+        total_Ohm = self._config.circuit.reference_resistance * (ratio - 1.0)
+        most_Ohm = self._config.safety.resistance_min + self._config.circuit.lead_resistance
+        if not 0.0 <= total_Ohm < most_Ohm:
+            return False, (
+                f"not measured: {total_Ohm:.4g} Ω is not that of leads (0 to {most_Ohm:.4g} Ω); "
+                "is there a short in place of the wire?"
             ), nan
         return True, f"the leads have {total_Ohm:.4f} Ω; write it to circuit.lead_resistance", total_Ohm
 
     def update(self, config: Config) -> None:
-        """Take over live parameters, without a jump of the current."""
+        """Take over live parameters, without a jump of the current.
+
+        Raises ConfigError where a parameter differs that is not live; nothing is taken over then.
+        """
+        fixed = {name: repr(value) for name, value, declaration, _ in walk(self._config) if not declaration.live}
+        wanted = {name: repr(value) for name, value, declaration, _ in walk(config) if not declaration.live}
+        changed = [name for name in wanted if wanted[name] != fixed.get(name)]
+        if config.model_type != self._config.model_type:
+            changed.append("model.type")
+        if changed:
+            raise ConfigError([f"{name}: cannot be changed while the actuator runs; start it anew" for name in changed])
         self._config = self._supervisor.config = config
         self._controller.set_gains(config.controller)
         self._estimator.update(config)
@@ -211,7 +233,9 @@ class Actuator:
         dt_s = 0.0 if self._now_s != self._now_s else now_s - self._now_s
         if isfinite(now_s):
             self._now_s = now_s
-        reading = supervisor.usable(raw, self._reading_s)
+        if dt_s < 0.0:
+            self._reading_s = -inf  # else every reading until the old time would count as old
+        reading = supervisor.usable(raw, self._reading_s, now_s)
         if reading is not None:
             self._sense(reading)
         elif self._mode is Mode.OFF:
@@ -224,25 +248,23 @@ class Actuator:
             Step(now_s, dt_s, driven, settled, raw, reading, self._signals, self._estimate, supply, self._told,
                  supervisor.temperature_C)
         )
+        supervisor.watch_stress(self._signals.stress_Pa, self._estimate.displacement_m, self._told.current_A)
         limits: set[Limit] = set()
         setpoint_m = nan
         wanted_A = config.supply.bias_current
-        if driven and settled and supervisor.latched is None:
-            self._lose_setpoint(now_s, faults)
-        if driven and settled and supervisor.latched is None and Fault.ESTIMATE_INVALID not in faults:
+        if settled and supervisor.latched is None:
+            self._lose_setpoint(now_s)
+        if settled and supervisor.latched is None and Fault.ESTIMATE_INVALID not in faults:
             if self._starting:
                 self._start_controller()
-            if self._bias_only:
-                self._controller.reset(self._estimate.displacement_m, wanted_A)
-            else:
+            if not self._bias_only:
                 setpoint_m = self._setpoint(now_s, limits)
-                wanted_A = self._control(setpoint_m, dt_s, limits)
-        command, bent = supervisor.gate(wanted_A, driven, faults, self._signals.stress_Pa)
+                wanted_A = self._control(setpoint_m, reading is not None, limits)
+        command, bent = supervisor.gate(wanted_A, driven, faults)
         limits |= bent
         if supervisor.latched is not None:
             self._switch_off()
         self._told = command
-        self._present = faults
         self._show_events(now_s, faults)
         return Output(self._signals, self._estimate, command, self._status(faults, limits), setpoint_m)
 
@@ -255,6 +277,7 @@ class Actuator:
         if signals.current_A >= MEASURABLE * config.supply.bias_current:
             # The leads count with the wire: the heat balance errs on the hot side.
             self._power_W = signals.current_A * max(reading.supply_voltage_V - reading.reference_voltage_V, 0.0)
+            self._readings_with_current.append(reading)
         else:
             # Noise divided by noise is no resistance.
             self._power_W = 0.0
@@ -267,20 +290,23 @@ class Actuator:
         if self._trajectory is not None:
             start_s, trajectory = self._trajectory
             self._setpoint_m = trajectory(now_s - start_s)
-            if now_s - start_s < trajectory.duration_s:
-                self._setpoint_s = now_s
         setpoint_m = self._setpoint_m
         if self._mode is Mode.TRACKING:
             lo_m, hi_m = self._estimator.displacement_range_m
             if not lo_m <= setpoint_m <= hi_m:
                 limits.add(Limit.SETPOINT_RANGE)
                 setpoint_m = min(max(setpoint_m, lo_m), hi_m)
-        return setpoint_m
+        return max(setpoint_m, self._supervisor.stress_floor_m)
 
-    def _control(self, setpoint_m: float, dt_s: float, limits: set[Limit]) -> float:
-        """Current the controller asks for [A]."""
+    def _control(self, setpoint_m: float, is_new: bool, limits: set[Limit]) -> float:
+        """Current the controller asks for [A]; without a new estimate, the one it asked for last."""
         controller = self._controller
-        wanted_A = controller.step(self._estimate.displacement_m, setpoint_m, dt_s, self._supervisor.limit_A())
+        wanted_A = controller.output_A
+        if is_new:
+            # After a gap the integral must not leap.
+            dt_s = min(self._now_s - self._controlled_s, self._config.safety.reading_timeout)
+            self._controlled_s = self._now_s
+            wanted_A = controller.step(self._estimate.displacement_m, setpoint_m, dt_s, self._supervisor.limit_A())
         if controller.rate_limited:
             limits.add(Limit.SETPOINT_RATE)
         if controller.at_max:
@@ -289,31 +315,25 @@ class Actuator:
             limits.add(Limit.CURRENT_BIAS)
         return wanted_A
 
-    def _lose_setpoint(self, now_s: float, faults: dict[Fault, str]) -> None:
+    def _lose_setpoint(self, now_s: float) -> None:
         """What the parameters say when no setpoint has come for too long."""
-        gains = self._config.controller
-        if self._mode is not Mode.TRACKING or gains.setpoint_timeout == 0.0:
+        if self._mode is not Mode.TRACKING:
             return
-        if now_s - self._setpoint_s <= gains.setpoint_timeout:
+        if self._trajectory is not None and now_s - self._trajectory[0] < self._trajectory[1].duration_s:
+            self._setpoint_s = now_s
+        self._lost = setpoint_stale(now_s - self._setpoint_s, self._config)
+        if not self._lost:
             return
-        detail = f"none for {now_s - self._setpoint_s:.3g} s; controller.setpoint_timeout is {gains.setpoint_timeout:g} s"
-        if gains.on_setpoint_loss == "off":
-            self._supervisor.latch(Fault.SETPOINT_STALE, detail)
-        elif gains.on_setpoint_loss == "hold":
-            self._hold_here()
-        else:
-            self._bias_only = True
-        self._events[Fault.SETPOINT_STALE] = (now_s, detail)
-        faults[Fault.SETPOINT_STALE] = detail
-
-    def _hold_here(self) -> None:
-        """Hold the wire where it is, from the present current on."""
-        self._mode, self._trajectory = Mode.HOLD, None
-        self._start_controller()
+        self._mode, self._trajectory, self._starting = Mode.HOLD, None, True
+        action = self._config.controller.on_setpoint_loss
+        if action == "off":
+            self._supervisor.latch(Fault.SETPOINT_STALE, self._lost)
+        self._bias_only = action == "bias"
 
     def _start_controller(self) -> None:
         """Let the controller go on from the present position and current."""
         self._starting = False
+        self._controlled_s = self._now_s
         position_m = self._estimate.displacement_m
         if self._mode is Mode.HOLD:
             self._setpoint_m = position_m
@@ -327,7 +347,13 @@ class Actuator:
 
     def _forget_setpoints(self) -> None:
         self._setpoint_m = self._setpoint_s = nan
-        self._trajectory, self._bias_only = None, False
+        self._trajectory, self._bias_only, self._lost = None, False, ""
+
+    def _track(self, now_s: float, position_m: float, trajectory: tuple[float, Trajectory] | None) -> None:
+        """Follow a setpoint or trajectory from now on; after a loss, from the present current on."""
+        self._starting |= self._bias_only
+        self._mode, self._bias_only, self._lost = Mode.TRACKING, False, ""
+        self._setpoint_m, self._setpoint_s, self._trajectory = position_m, now_s, trajectory
 
     def _latch(self, fault: Fault, detail: str) -> None:
         self._supervisor.latch(fault, detail)
@@ -335,31 +361,23 @@ class Actuator:
 
     def _refuses_setpoints(self, now_s: float) -> str:
         """Why no setpoint is taken now, or ""."""
-        rate_Hz = self._config.safety.setpoint_flood_rate
-        burst = max(FLOOD_BURST_MIN, FLOOD_BURST_S * rate_Hz)
-        if isfinite(now_s - self._tokens_s):
-            self._tokens = min(burst, self._tokens + max(now_s - self._tokens_s, 0.0) * rate_Hz)
-        self._tokens = min(self._tokens, burst)
-        self._tokens_s = now_s
-        if self._tokens < 1.0:
-            detail = f"setpoints come faster than safety.setpoint_flood_rate, {rate_Hz:g} Hz; this one is refused"
-            self._events[Fault.SETPOINT_FLOOD] = (now_s, detail)
-            return detail
-        self._tokens -= 1.0
+        flooded = self._flood(now_s, self._config)
+        if flooded:
+            self._events[Fault.SETPOINT_FLOOD] = (now_s, flooded)
+            return flooded
         if self._mode is Mode.OFF:
             return "setpoint refused: the output is off; call ~/enable first"
         return ""
 
     def _show_events(self, now_s: float, faults: dict[Fault, str]) -> None:
-        """Let faults without duration stay in the status for a while."""
+        """Let faults without duration stay in the status for a while, a lost setpoint until the next."""
+        if self._lost:
+            faults.setdefault(Fault.SETPOINT_STALE, self._lost)
         for fault, (when_s, detail) in list(self._events.items()):
             if 0.0 <= now_s - when_s <= EVENT_SHOWN_S:
                 faults.setdefault(fault, detail)
             else:
                 del self._events[fault]
-
-    def _mean(self, channel: str) -> float:
-        return sum(getattr(reading, channel) for reading in self._readings) / len(self._readings)
 
     def _fault_words(self) -> str:
         return f"{FAULTS[self._supervisor.latched].words} ({self._supervisor.detail})"
@@ -389,7 +407,13 @@ class Actuator:
                 "load_N": signals.load_N,
                 "stress_Pa": signals.stress_Pa,
                 "temperature_C": supervisor.temperature_C,
+                "current_limit_A": supervisor.limit_A(),
+                "reference_m": self._controller.reference_m if self._mode is not Mode.OFF else nan,
                 "branch": estimate.branch.name.lower(),
                 "quality": estimate.quality.name.lower(),
             },
         )
+
+
+def _mean(readings: Collection[Reading], channel: str) -> float:
+    return sum(getattr(reading, channel) for reading in readings) / len(readings)

@@ -340,6 +340,11 @@ def _cross_checks(common: _Sections) -> list[str]:
             "supply.watchdog_timeout: 0 means that a killed computer leaves the current on; set supply.allow_no_watchdog: true "
             "if the supply has no watchdog and you accept that"
         )
+    if not safety.reading_timeout >= 2.0 / loop.rate:
+        problems.append(
+            f"safety.reading_timeout: {safety.reading_timeout:g} s is less than two periods of loop.rate, {loop.rate:g} Hz: "
+            "readings would count as stale in normal use"
+        )
     if 0.0 < supply.watchdog_timeout < 2.0 / loop.rate:
         problems.append(
             f"supply.watchdog_timeout: {supply.watchdog_timeout:g} s is less than two periods of loop.rate, {loop.rate:g} Hz: "

@@ -24,8 +24,10 @@ class PidController:
     that time by a tracking gain would start the next contraction from the wrong current.
     """
 
-    __slots__ = ("gains", "bias_A", "reference_m", "integral_A", "velocity_m_s", "position_m", "error_m", "output_A",
-                 "rate_limited", "at_max", "at_bias")
+    __slots__ = (
+        "at_bias", "at_max", "bias_A", "error_m", "gains", "integral_A", "output_A", "position_m", "rate_limited",
+        "reference_m", "velocity_m_s",
+    )
 
     def __init__(self, gains: Gains, bias_current_A: float):
         self.gains = gains

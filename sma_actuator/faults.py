@@ -110,7 +110,7 @@ LIMITS: dict[Limit, Entry] = {
     ),
     Limit.STRESS_NEAR_LIMIT: Entry(
         "stress near its bound: no further contraction",
-        "stress above safety.stress_limit_fraction × wire.max_stress",
+        "stress above safety.stress_limit_fraction × wire.max_stress; neither current nor setpoint may go beyond where they are",
         "1/loop.rate", Action.CLIP,
     ),
     Limit.TEMPERATURE_DERATING: Entry(
@@ -238,7 +238,7 @@ FAULTS: dict[Fault, Entry] = {
     Fault.SETPOINT_FLOOD: Entry(
         "setpoints flood in",
         f"setpoints faster than safety.setpoint_flood_rate, after a burst of {FLOOD_BURST_S:g} s of them (at least "
-        f"{FLOOD_BURST_MIN}); they are refused, and the last one stands, until the source is slower",
+        f"{FLOOD_BURST_MIN}); those above the rate are refused",
         f"max({FLOOD_BURST_S}, {FLOOD_BURST_MIN}/safety.setpoint_flood_rate)", Action.HOLD,
     ),
     Fault.READING_NOT_FINITE: Entry(

@@ -6,6 +6,8 @@ import math
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
 
+from .controller import POSITION_BOUND_m
+
 Setpoint = Callable[[float], float]  #: time since its start [s] → position [m]
 
 INTERPOLATIONS = ("linear", "cubic")
@@ -71,6 +73,8 @@ class Trajectory:
                 raise ValueError(f"trajectory point {i}: its time, {time}, is not finite")
             if not math.isfinite(position):
                 raise ValueError(f"trajectory point {i}: its position, {position}, is not finite")
+            if not -POSITION_BOUND_m <= position <= POSITION_BOUND_m:
+                raise ValueError(f"trajectory point {i}: its position, {position:g} m, is no position of a wire; metres are wanted")
             if time < 0.0:
                 raise ValueError(f"trajectory point {i}: its time, {time:g} s, is before the start; 0 or later is wanted")
             if i and not time > times[i - 1]:

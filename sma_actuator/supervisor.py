@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from math import inf, isfinite, nan
 
 from .config import Config
-from .faults import FAULTS, SETTLING_READINGS, SETTLING_TIME_S, Action, Fault, Limit
+from .faults import FAULTS, FLOOD_BURST_MIN, FLOOD_BURST_S, SETTLING_READINGS, SETTLING_TIME_S, Action, Fault, Limit
 from .signals import Command, Estimate, Quality, Reading, Signals, SupplyState
 from .thermal import HeatBalance, derated_limit_A
 
@@ -25,7 +25,10 @@ COMPLIANCE = 0.95
 SETTING_TOLERANCE_A = 2e-3
 #: Share of the bias current below which there is no current to measure resistance with.
 MEASURABLE = 0.5
+#: Surroundings a wire can be driven in [°C]; a sensor that says otherwise is not believed.
+AMBIENT_RANGE_C = (-60.0, 100.0)
 _OFF = Command(0.0, False)
+_ORDER = {fault: number for number, fault in enumerate(Fault)}
 
 
 @dataclass(slots=True)
@@ -71,7 +74,12 @@ class Memory:
 
 
 def _finite(reading: Reading) -> bool:
-    return isfinite(reading.time_s + reading.supply_voltage_V + reading.reference_voltage_V + reading.load_cell_voltage_V)
+    return (
+        isfinite(reading.time_s)
+        and isfinite(reading.supply_voltage_V)
+        and isfinite(reading.reference_voltage_V)
+        and isfinite(reading.load_cell_voltage_V)
+    )
 
 
 def _voltages(reading: Reading) -> dict[str, float]:
@@ -83,8 +91,8 @@ def _voltages(reading: Reading) -> dict[str, float]:
 
 
 def clock_jump(step: Step, memory: Memory, config: Config) -> str:
-    """Monotonic time that is not."""
-    if 0.0 <= step.dt_s <= config.safety.reading_timeout:
+    """Monotonic time that is not.  Without current a pause harms nobody."""
+    if not step.driven or 0.0 <= step.dt_s <= config.safety.reading_timeout:
         return ""
     return f"{step.dt_s:g} s since the step before; 0 to {config.safety.reading_timeout:g} s is plausible"
 
@@ -97,7 +105,7 @@ def supply_tripped(step: Step, memory: Memory, config: Config) -> str:
 def second_commander(step: Step, memory: Memory, config: Config) -> str:
     """The read-back changes without us."""
     supply, told = step.supply, step.told
-    if supply is None or supply.tripped:
+    if supply is None or supply.tripped or not isfinite(supply.current_setting_A):
         return ""
     same_setting = not told.output_on or abs(supply.current_setting_A - told.current_A) <= SETTING_TOLERANCE_A
     if memory.running("second_commander", not (same_setting and supply.output_on == told.output_on)) < 2:
@@ -266,10 +274,50 @@ def estimate_invalid(step: Step, memory: Memory, config: Config) -> str:
 
 def loop_overrun(step: Step, memory: Memory, config: Config) -> str:
     """The computer does not keep up."""
-    late = memory.running("loop_overrun", not step.dt_s <= OVERRUN_PERIODS / config.loop.rate)
+    late = memory.running("loop_overrun", step.driven and not step.dt_s <= OVERRUN_PERIODS / config.loop.rate)
     if late < config.loop.overruns_to_fault:
         return ""
     return f"{late} steps running came later than {OVERRUN_PERIODS:g} periods after the one before (loop.overruns_to_fault)"
+
+
+def setpoint_not_finite(position_m: float) -> str:
+    """NaN or infinity on entry."""
+    return "" if isfinite(position_m) else f"setpoint {position_m}: a finite position in metres is wanted"
+
+
+def setpoint_stale(age_s: float, config: Config) -> str:
+    """Nobody has said for too long where the wire should be."""
+    timeout_s = config.controller.setpoint_timeout
+    if timeout_s == 0.0 or -timeout_s <= age_s <= timeout_s:
+        return ""
+    return f"none for {age_s:.3g} s; controller.setpoint_timeout is {timeout_s:g} s"
+
+
+class SetpointFlood:
+    """A bucket of tokens, one per setpoint, that fills at ``safety.setpoint_flood_rate``."""
+
+    def __init__(self) -> None:
+        self._tokens = inf
+        self._filled_s = nan
+
+    def __call__(self, now_s: float, config: Config) -> str:
+        """Take one setpoint's token; why there is none, or ""."""
+        rate_Hz = config.safety.setpoint_flood_rate
+        passed_s = now_s - self._filled_s
+        if passed_s > 0.0:
+            self._tokens += passed_s * rate_Hz
+        self._tokens = min(self._tokens, max(FLOOD_BURST_MIN, FLOOD_BURST_S * rate_Hz))
+        if isfinite(now_s):
+            self._filled_s = now_s
+        if self._tokens < 1.0:
+            return f"setpoints come faster than safety.setpoint_flood_rate, {rate_Hz:g} Hz; this one is refused"
+        self._tokens -= 1.0
+        return ""
+
+
+def command_invalid(wanted_A: float) -> str:
+    """The last look at a command before it is a current."""
+    return "" if 0.0 <= wanted_A < inf else f"{wanted_A} A; a finite current of at least zero is wanted"
 
 
 Guard = Callable[[Step, Memory, Config], str]
@@ -291,19 +339,21 @@ class Supervisor:
         self.config = config
         self.latched: Fault | None = None
         self.detail = ""  #: of the latched fault
+        self.present: dict[Fault, str] = {}  #: of the last step, also those that only prevent enabling
         self.temperature_C = config.thermal.ambient_temperature
         self._heat = HeatBalance(self.temperature_C)
         self._memory = Memory()
         self._enabled_s = nan
         self._good_readings = 0
         self._stress_cap_A = inf
+        self.stress_floor_m = -inf  #: the shortest setpoint the stress allows
 
     def enabled(self, now_s: float) -> None:
         """The output is about to go on: silence is counted from now."""
         self._memory = Memory(reading_s=now_s, daq_s=now_s, supply_s=now_s)
         self._enabled_s = now_s
         self._good_readings = 0
-        self._stress_cap_A = inf
+        self._stress_cap_A, self.stress_floor_m = inf, -inf
 
     def settled(self, now_s: float) -> bool:
         """Whether current and readings belong together since the output went on."""
@@ -314,56 +364,76 @@ class Supervisor:
         if self.latched is None:
             self.latched, self.detail = fault, detail
 
-    def usable(self, reading: Reading | None, last_time_s: float) -> Reading | None:
-        """The reading where it is finite, new and inside the converter's range; else None."""
+    def usable(self, reading: Reading | None, last_time_s: float, now_s: float) -> Reading | None:
+        """The reading where it is finite, new, of about now and inside the converter's range; else None."""
         if reading is None or not _finite(reading) or not reading.time_s > last_time_s:
+            return None
+        if not abs(now_s - reading.time_s) <= self.config.safety.reading_timeout:
             return None
         bound_V = self.config.safety.channel_max_voltage
         return reading if all(-bound_V < value < bound_V for value in _voltages(reading).values()) else None
 
     def heat(self, power_W: float, dt_s: float, ambient_C: float) -> None:
         """Keep the heat balance, on measured power [W]; ambient from the parameters where it is not measured."""
-        if not isfinite(ambient_C):
+        if not AMBIENT_RANGE_C[0] <= ambient_C <= AMBIENT_RANGE_C[1]:
             ambient_C = self.config.thermal.ambient_temperature
         self.temperature_C = self._heat.step(power_W, dt_s, ambient_C, self.config.thermal)
 
     def inspect(self, step: Step) -> dict[Fault, str]:
-        """Every fault of this step and why; those that latch are latched."""
+        """The faults of this step and why; those that latch are latched.
+
+        While the output is off, most only prevent it from going on (``present``).
+        """
         if step.reading is not None and step.driven:
             self._good_readings += 1
-        found: dict[Fault, str] = {}
+        self.present = {}
         for fault, guard in GUARDS.items():
             detail = guard(step, self._memory, self.config)
-            if detail and (step.driven or FAULTS[fault].while_off or not FAULTS[fault].latches):
-                found[fault] = detail
-        for fault in sorted(found, key=list(Fault).index):
+            if detail:
+                self.present[fault] = detail
+        if not self.present:
+            return {}
+        found = {f: d for f, d in self.present.items() if step.driven or FAULTS[f].while_off or not FAULTS[f].latches}
+        for fault in sorted(found, key=_ORDER.__getitem__):
             if FAULTS[fault].latches:
                 self.latch(fault, found[fault])
         return found
 
+    def watch_stress(self, stress_Pa: float, position_m: float, told_A: float) -> None:
+        """Near the bound of stress: from here on no more current, and no shorter setpoint, than now.
+
+        Both are needed: the wire also contracts while the current stays what it is.
+        """
+        if stress_Pa <= self.config.safety.stress_limit_fraction * self.config.wire.max_stress:
+            self._stress_cap_A, self.stress_floor_m = inf, -inf
+            return
+        if self._stress_cap_A == inf:
+            self.stress_floor_m = position_m
+        self._stress_cap_A = max(min(self._stress_cap_A, told_A), self.config.supply.bias_current)
+
     def limit_A(self) -> float:
-        """Highest current the temperature leaves [A]."""
+        """Highest current that temperature and stress leave [A], from the bias to ``supply.max_current``."""
+        return min(self._derated_A(), self._stress_cap_A)
+
+    def _derated_A(self) -> float:
         supply = self.config.supply
         return derated_limit_A(self.temperature_C, supply.max_current, supply.bias_current, self.config.thermal)
 
-    def gate(self, wanted_A: float, driven: bool, faults: dict[Fault, str], stress_Pa: float) -> tuple[Command, set[Limit]]:
+    def gate(self, wanted_A: float, driven: bool, faults: dict[Fault, str]) -> tuple[Command, set[Limit]]:
         """The command that goes to the supply, and the limits that bent it."""
-        supply, limits = self.config.supply, set()
+        limits: set[Limit] = set()
         if not driven or self.latched is not None:
             return _OFF, limits
-        if not 0.0 <= wanted_A < inf:
-            self.latch(Fault.COMMAND_INVALID, f"{wanted_A} A; a finite current of at least zero is wanted")
+        invalid = command_invalid(wanted_A)
+        if invalid:
+            self.latch(Fault.COMMAND_INVALID, invalid)
             return _OFF, limits
-        current_A = wanted_A
+        max_A, limit_A = self.config.supply.max_current, self.limit_A()
         if any(FAULTS[fault].action is Action.BIAS for fault in faults):
-            current_A = min(current_A, supply.bias_current)
-        limit_A = self.limit_A()
-        if limit_A < supply.max_current:
+            limit_A = min(limit_A, self.config.supply.bias_current)
+        if self._derated_A() < max_A:
             limits.add(Limit.TEMPERATURE_DERATING)
-        if stress_Pa <= self.config.safety.stress_limit_fraction * self.config.wire.max_stress:
-            self._stress_cap_A = inf
-        else:
-            # Less current than at the moment before: the wire may relax, it may not contract further.
-            self._stress_cap_A = max(min(self._stress_cap_A, current_A), supply.bias_current)
+        if self._stress_cap_A < inf:
             limits.add(Limit.STRESS_NEAR_LIMIT)
-        return Command(min(current_A, limit_A, self._stress_cap_A, supply.max_current), True), limits
+        current_A = min(wanted_A, limit_A, max_A)
+        return (Command(current_A, True) if 0.0 <= current_A <= max_A else _OFF), limits

@@ -84,7 +84,7 @@ def test_a_call_brings_back_its_exception_and_the_loop_goes_on(make_driver):
 
 
 def test_a_call_does_not_wait_for_a_slow_loops_deadline(make_driver):
-    driver = make_driver(changes={"loop.rate": 1.0, "supply.watchdog_timeout": 3.0})
+    driver = make_driver(changes={"loop.rate": 1.0, "supply.watchdog_timeout": 3.0, "safety.reading_timeout": 3.0})
     driver.start()
     driver.call(lambda actuator, now_s: None)
     start_s = time.monotonic()
@@ -141,7 +141,7 @@ def test_stop_does_not_wait_for_a_daq_that_hangs(make_driver):
 
 
 def test_stop_does_not_wait_for_a_slow_loop(make_driver):
-    driver = make_driver(changes={"loop.rate": 1.0, "supply.watchdog_timeout": 3.0})
+    driver = make_driver(changes={"loop.rate": 1.0, "supply.watchdog_timeout": 3.0, "safety.reading_timeout": 3.0})
     supply, _ = driver.stand_ins
     driver.start()
     driver.call(lambda actuator, now_s: None)
