@@ -92,7 +92,7 @@ def run(experiment: Experiment, seed: int = 1) -> dict[str, float]:
     """Errors of one experiment in % of full stroke."""
     config = Config.load(shared_file(f"config/{experiment.config}.yaml")).replace(dict(experiment.changes))
     bench = VirtualBench.from_name(experiment.config.split("_")[0], seed=seed, load=experiment.load)
-    setpoint = program(experiment.program, *config.model.displacement_range)
+    setpoint = program(experiment.program, *config.model.build(config.wire).displacement_range_m)
     errors = TrackingErrors(config.wire.full_stroke_m)
     with Driver(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench)) as driver:
         driver.run_for(1.0)

@@ -94,7 +94,7 @@ def run(args) -> int:
 
 def _program(config: Config, duration_s: float) -> Setpoint:
     """Steps for the first half, then a sine, then a triangle, all within the working range."""
-    lo, hi = config.model.displacement_range
+    lo, hi = config.model.build(config.wire).displacement_range_m
     middle, half = (lo + hi) / 2.0, 0.4 * (hi - lo)
     duration_s = duration_s if duration_s > 0.0 else 90.0
     ups_and_downs = steps([middle + x * half for x in (0.6, -0.4, 0.2, -0.8, 0.8, 0.0)], 6.0)
@@ -215,7 +215,7 @@ class _Client:
 
     def picture(self, elapsed_s: float) -> Table:
         """The state as a table with position bars; full extension is to the right."""
-        stroke_m = self._config.model.displacement_range[1]
+        stroke_m = self._config.wire.full_stroke_m
         table = Table(title=f"sma_actuator on the virtual bench, {elapsed_s:5.1f} s", title_justify="left")
         table.add_column("")
         table.add_column("value", justify="right", min_width=12)
