@@ -22,17 +22,15 @@ import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 
 from .actuator import Actuator, Output
 from .config import Config
+from .faults import SETTLING_TIME_S
 from .instruments import Clock, Daq, InstrumentError, PowerSupply
-from .signals import Command, Reading
-
-if TYPE_CHECKING:
-    from .signals import SupplyState
+from .signals import Command, Reading, SupplyState
 
 _log = logging.getLogger(__name__)
 
@@ -170,6 +168,7 @@ class Driver:
     def open(self) -> None:
         """Connect both instruments; the output is off afterwards.  Raises InstrumentError."""
         self._require_alive()
+        _warm_up(self._config)
         try:
             for link in self._links:
                 link.instrument.open()
@@ -484,6 +483,25 @@ class Driver:
         for link in self._links:
             link.answers = False
             link.instrument.close()
+
+
+def _warm_up(config: Config) -> None:
+    """Drive a wire that does not exist, so that nothing is compiled or imported while the real one is driven.
+
+    Compiling the kernels takes some tenths of a second, which the loop would miss in its first step
+    with current.
+    """
+    actuator = Actuator(config)
+    current_A, circuit, safety = config.supply.bias_current, config.circuit, config.safety
+    wire_Ohm = math.sqrt(safety.resistance_min * safety.resistance_max)
+    load_V = (0.5 * config.wire.max_stress * config.wire.area_m2 - config.load_cell.offset) / config.load_cell.slope
+    for number in range(2 + math.ceil(2.0 * SETTLING_TIME_S * config.loop.rate)):
+        now_s = number / config.loop.rate
+        total_Ohm = circuit.reference_resistance + circuit.lead_resistance + wire_Ohm * (1.0 - 1e-4 * number)
+        reading = Reading(now_s, current_A * total_Ohm, current_A * circuit.reference_resistance, load_V)
+        actuator.step(now_s, reading, SupplyState(now_s, current_A, number > 0, current_A * total_Ohm, current_A))
+        if number == 0:
+            actuator.enable(now_s, True)
 
 
 def _fulfil(future: Future, request: Callable[[Actuator, float], Any], actuator: Actuator, now_s: float) -> None:

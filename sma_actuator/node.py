@@ -288,8 +288,11 @@ class SmaActuatorNode(LifecycleNode):
             status = Status(Mode.OFF, message=self._refusal or self._not_active())
         status = dataclasses.replace(status, values={**status.values, **self._health()})
         message = diagnostic_status_from(self.get_fully_qualified_name(), self._hardware_id(), status)
-        if output is None and self._refusal:
+        lost = self._driver.lost_instruments if self._driver is not None else {}
+        if lost or (output is None and self._refusal):
             message.level = DiagnosticStatus.ERROR
+        if lost:
+            message.message = "; ".join(f"the {name} does not answer: {detail}" for name, detail in lost.items())
         self._status.publish(message)
         array = DiagnosticArray(status=[message])
         array.header.stamp = self.get_clock().now().to_msg()
@@ -301,7 +304,6 @@ class SmaActuatorNode(LifecycleNode):
         if self._driver is not None:
             statistics = self._driver.statistics()
             values |= {name: getattr(statistics, name) for name in ("period_mean_s", "period_p99_s", "period_max_s", "overruns")}
-            values |= {f"{name} lost": detail for name, detail in self._driver.lost_instruments.items()}
         if self._recorder is not None:
             values["recorder"] = self._recorder.problem or f"{self._recorder.dropped_rows} rows dropped"
         return values

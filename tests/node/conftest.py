@@ -49,7 +49,19 @@ def start_node(folder):
 
 @pytest.fixture
 def client():
-    pytest.importorskip("rclpy")
     client = Client()
     yield client
     client.close()
+
+
+@pytest.fixture(scope="module")
+def client_of_running_node(folder, make_config):
+    """A client of a node /asked/sma_actuator that runs for all tests that only ask it something."""
+    bench = Bench(folder)
+    path = parameter_file(folder, {"/asked/sma_actuator": make_config(instruments=bench.instruments())})
+    node = NodeProcess(["--ros-args", "--params-file", str(path), "-r", "__ns:=/asked"], folder)
+    client = Client()
+    yield client
+    client.close()
+    node.close()
+    bench.close()

@@ -22,6 +22,7 @@ from sma_actuator.bench_log import read_bench_log
 from sma_msgs_py import setpoint_message, status_from, trajectory_message
 
 NAME = "/sma_actuator"
+ASKED = "/asked/sma_actuator"  # that of client_of_running_node
 
 
 def _enable(client, on=True, name=NAME):
@@ -50,7 +51,7 @@ def _set(client, **values):
     for name, value in values.items():
         kind, field = {float: (3, "double_value"), int: (2, "integer_value"), str: (4, "string_value")}[type(value)]
         request.parameters.append(Parameter(name=name.replace("__", "."), value=ParameterValue(type=kind, **{field: value})))
-    return client.call(f"{NAME}/set_parameters", SetParameters, request).results
+    return client.call(f"{ASKED}/set_parameters", SetParameters, request).results
 
 
 def _transition(client, number):
@@ -88,13 +89,12 @@ class TestHolding:
         assert 0.05 <= client.next(f"{NAME}/command_current", Float64).data <= 0.40
         assert _status(client).mode.value == "tracking"
 
-    def test_status_and_diagnostics_carry_the_key_values_at_1_hz(self, bench, parameters, start_node, client):
-        start_node(parameters())
-        array = client.next("/diagnostics", DiagnosticArray, lambda m: "period_p99_s" in {v.key for v in m.status[0].values})
+    def test_status_and_diagnostics_carry_the_key_values_at_1_hz(self, client_of_running_node):
+        client = client_of_running_node
+        array = client.next("/diagnostics", DiagnosticArray, lambda m: m.status[0].name == ASKED and "period_p99_s" in {v.key for v in m.status[0].values})
         keys = {pair.key for pair in array.status[0].values}
         assert {"mode", "fault", "limits", "lifecycle", "overruns", "period_mean_s", "period_p99_s", "period_max_s"} <= keys
         assert {"resistance_Ohm", "stress_Pa", "branch", "quality"} <= keys
-        assert array.status[0].name == NAME
         assert "Virtual Supply" in array.status[0].hardware_id
         first_s = time.monotonic()
         client.next("/diagnostics", DiagnosticArray)
@@ -148,7 +148,7 @@ class TestBadMessages:
         client.next(f"{NAME}/joint_states", JointState, lambda m: abs(m.position[0] - 0.0025) < 2e-4)
 
     def test_no_setpoint_makes_more_than_the_configured_current_flow(self, bench, parameters, start_node, client):
-        start_node(parameters(**{"supply.max_current": 0.15, "supply.over_current_trip": 0.2}))
+        start_node(parameters(**{"supply.max_current": 0.15, "supply.over_current_trip": 0.2, "controller.kp": 250}))
         _enabled(client)
         client.publish(f"{NAME}/setpoint", setpoint_message(-1e9))
         currents = client.listen(f"{NAME}/command_current", Float64)
@@ -159,20 +159,18 @@ class TestBadMessages:
 
 
 class TestParameters:
-    def test_each_is_described_with_unit_and_range(self, bench, parameters, start_node, client):
-        start_node(parameters())
-        request = DescribeParameters.Request(names=["wire.diameter", "controller.kp", "estimator.branch_decision", "model.type"])
-        diameter, kp, decision, model = client.call(f"{NAME}/describe_parameters", DescribeParameters, request).descriptors
+    def test_each_is_described_with_unit_and_range(self, client_of_running_node):
+        request = DescribeParameters.Request(names=["wire.diameter", "controller.kp", "controller.on_setpoint_loss", "model.type"])
+        diameter, kp, loss, model = client_of_running_node.call(f"{ASKED}/describe_parameters", DescribeParameters, request).descriptors
         assert diameter.description == "diameter of the wire [m]"
         assert diameter.read_only and not kp.read_only and model.read_only
         assert (diameter.floating_point_range[0].from_value, diameter.floating_point_range[0].to_value) == (10e-6, 2e-3)
-        assert decision.additional_constraints == "one of power, resistance_rate"
+        assert loss.additional_constraints == "one of hold, bias, off"
 
-    def test_a_gain_changes_while_it_runs_and_a_whole_number_will_do(self, bench, parameters, start_node, client):
-        start_node(parameters(**{"controller.kp": 250}))
-        (result,) = _set(client, controller__kp=300)
+    def test_a_gain_changes_while_it_runs_and_a_whole_number_will_do(self, client_of_running_node):
+        (result,) = _set(client_of_running_node, controller__kp=300)
         assert result.successful, result.reason
-        value = client.call(f"{NAME}/get_parameters", GetParameters, GetParameters.Request(names=["controller.kp"])).values[0]
+        value = client_of_running_node.call(f"{ASKED}/get_parameters", GetParameters, GetParameters.Request(names=["controller.kp"])).values[0]
         assert (value.type, value.double_value) == (3, 300.0)
 
     @pytest.mark.parametrize(
@@ -185,9 +183,8 @@ class TestParameters:
             ("thermal__derate_temperature", 300.0, "thermal.derate_temperature: is not below thermal.max_temperature"),
         ],
     )
-    def test_a_wrong_one_is_refused_in_a_sentence(self, bench, parameters, start_node, client, name, value, sentence):
-        start_node(parameters())
-        (result,) = _set(client, **{name: value})
+    def test_a_wrong_one_is_refused_in_a_sentence(self, client_of_running_node, name, value, sentence):
+        (result,) = _set(client_of_running_node, **{name: value})
         assert not result.successful
         assert sentence in result.reason
 
@@ -203,14 +200,14 @@ class TestParameters:
         ],
         ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
     )
-    def test_a_wrong_file_ends_the_node_with_a_sentence_before_any_current(self, bench, parameters, start_node, changes, sentence):
-        node = start_node(parameters(**changes))
+    def test_a_wrong_file_ends_the_node_with_a_sentence_before_any_current(self, make_config, start_node, changes, sentence):
+        node = start_node(make_config(**changes))
         assert node.ends() == 1
         assert sentence in node.words
         assert "Traceback" not in node.words
 
-    def test_a_file_for_another_node_is_named(self, bench, parameters, start_node):
-        node = start_node({"left": parameters()}, names=["right"])
+    def test_a_file_for_another_node_is_named(self, make_config, start_node):
+        node = start_node({"left": make_config()}, names=["right"])
         assert node.ends() == 1
         assert "no section 'right: ros__parameters:' for the node /right; found /left" in node.words
 
@@ -242,7 +239,7 @@ class TestInstruments:
         response = client.call(f"{NAME}/clear_fault", Trigger)
         assert not response.success
         _tell_supply(bench, "BENC:FAUL:CLE")
-        _status(client, lambda s: "daq lost" not in s.values)
+        _status(client, lambda s: "does not answer" not in s.message)
         assert not _enable(client).success
         response = client.call(f"{NAME}/clear_fault", Trigger)
         assert response.success, response.message
