@@ -127,7 +127,13 @@ def long_log(console: Console, numbers: dict[str, float]) -> None:
     with tempfile.TemporaryDirectory(prefix="sma_speed_") as folder:
         path = Path(folder) / "long.csv"
         random = np.random.default_rng(0)
-        names = {"supply_voltage_V": 3.0, "reference_voltage_V": 0.3, "load_cell_voltage_V": 0.2, "lvdt_current_A": 0.01, "current_command_A": 0.3}
+        names = {
+            "supply_voltage_V": 3.0,
+            "reference_voltage_V": 0.3,
+            "load_cell_voltage_V": 0.2,
+            "lvdt_current_A": 0.01,
+            "current_command_A": 0.3,
+        }
         columns = {"time_s": np.arange(LONG_ROWS) * 0.001}
         columns.update({n: mean * (1 + 0.01 * random.standard_normal(LONG_ROWS)) for n, mean in names.items()})
         write_bench_log(path, BenchLog(columns))

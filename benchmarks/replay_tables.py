@@ -74,7 +74,9 @@ def judge(logs: list[BenchLog], config: Config, estimate=estimate_m) -> list[tup
         measured = np.concatenate([t.displacement_m for t in traces])
         load_N = np.concatenate([t.signals.load_N for t in traces])
         together = dataclasses.replace(traces[0].signals, reference_displacement_m=measured, load_N=load_N)
-        error = log_error(load, together, np.concatenate([estimate(t, config) for t in traces]), range_m, config.wire.full_stroke_m)
+        error = log_error(
+            load, together, np.concatenate([estimate(t, config) for t in traces]), range_m, config.wire.full_stroke_m
+        )
         rows.append((error.working_percent, error.working_share, error.full_percent))
     return rows
 
@@ -108,9 +110,20 @@ def main() -> int:
         variants = ("flexinol",) if wire == "flexinol" else ("average", "direct_switching", "transition")
         configs = {}
         for variant in variants:
-            configs[variant] = identify(calibration, mapping, wire, variant=variant if wire == "furukawa" else "average").config
+            configs[variant] = identify(
+                calibration, mapping, wire, variant=variant if wire == "furukawa" else "average"
+            ).config
         table = Table(title=f"{title}: mean absolute error, % of full stroke")
-        for header in ("model", "load", "working range", "thesis", "samples in it", "full range", "load taken for constant", "thesis"):
+        for header in (
+            "model",
+            "load",
+            "working range",
+            "thesis",
+            "samples in it",
+            "full range",
+            "load taken for constant",
+            "thesis",
+        ):
             table.add_column(header, justify="left" if header in ("model", "load") else "right")
         for variant, config in configs.items():
             rows, constant = judge(judged, config), judge(judged, config, wrongly_constant)

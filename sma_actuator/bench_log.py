@@ -115,7 +115,9 @@ def read_bench_log(
         with path.open("rb") as stream:
             columns = _parse(stream, path, progress)
     except OSError as error:
-        raise BenchLogError(f"{path}: cannot be read ({error.strerror or error}); a bench log (CSV) is wanted") from error
+        raise BenchLogError(
+            f"{path}: cannot be read ({error.strerror or error}); a bench log (CSV) is wanted"
+        ) from error
     columns = {name: values for name, values in columns.items() if not len(values) or not np.isnan(values).all()}
     log = BenchLog(columns, _read_metadata(path), str(path))
     check_bench_log(log, allow_gaps)
@@ -130,7 +132,7 @@ def write_bench_log(path: str | Path, log: BenchLog) -> None:
 
     def write(stream):
         stream.write(",".join(names).encode() + b"\n")
-        row = (",".join(formats) + "\n")
+        row = ",".join(formats) + "\n"
         for start in range(0, len(log), 50_000):
             block = np.column_stack([log[n][start : start + 50_000] for n in names])
             stream.write((row * len(block) % tuple(block.ravel())).encode())
@@ -206,7 +208,9 @@ def check_bench_log(log: BenchLog, allow_gaps: bool = False) -> None:
         raise BenchLogError(f"{source}: line 2: there are no readings after the header row")
     time_s = log["time_s"]
     if not np.isfinite(time_s).all():
-        raise BenchLogError(f"{source}: line {_first(~np.isfinite(time_s))}, column time_s: a time is missing or not finite")
+        raise BenchLogError(
+            f"{source}: line {_first(~np.isfinite(time_s))}, column time_s: a time is missing or not finite"
+        )
     step_s = np.diff(time_s)
     if (step_s <= 0.0).any():
         bad = int(np.argmax(step_s <= 0.0))
@@ -248,7 +252,9 @@ def check_bench_log(log: BenchLog, allow_gaps: bool = False) -> None:
 def require_reference(log: BenchLog) -> None:
     """Raise BenchLogError where the displacement was not measured."""
     if not log.has_reference:
-        raise BenchLogError(f"{log.source}: line 1: {_missing_column(_REFERENCE, log)}: nothing to compare an estimate with")
+        raise BenchLogError(
+            f"{log.source}: line 1: {_missing_column(_REFERENCE, log)}: nothing to compare an estimate with"
+        )
 
 
 def _first(mask: np.ndarray) -> int:
@@ -258,7 +264,11 @@ def _first(mask: np.ndarray) -> int:
 
 def _missing_column(alternatives: tuple[str, ...], log: BenchLog) -> str:
     unknown = [name for name in log.columns if name not in COLUMNS]
-    near = [(n, w) for w in alternatives for n in difflib.get_close_matches(w.lower(), [u.lower() for u in unknown], n=1, cutoff=0.6)]
+    near = [
+        (n, w)
+        for w in alternatives
+        for n in difflib.get_close_matches(w.lower(), [u.lower() for u in unknown], n=1, cutoff=0.6)
+    ]
     wanted = " or ".join(alternatives)
     if near:
         written = next(u for u in unknown if u.lower() == near[0][0])

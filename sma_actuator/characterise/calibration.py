@@ -23,7 +23,9 @@ def fit_line(x, y, what: str) -> Line:
     """Least squares through points (n,), n ≥ 3.  Raises ConfigError where they lie on one spot."""
     x, y = np.asarray(x, float), np.asarray(y, float)
     if len(x) < 3 or not np.ptp(x) > 0.0 or not np.ptp(y) > 0.0:
-        raise ConfigError(f"{what}: the channel does not move with the {len(x)} points; three different ones are needed (is the sensor connected?)")
+        raise ConfigError(
+            f"{what}: the channel does not move with the {len(x)} points; three different ones are needed (is the sensor connected?)"
+        )
     slope, offset = np.polyfit(x, y, 1)
     correlation = np.corrcoef(x, y)[0, 1]
     if abs(correlation) < 0.99:

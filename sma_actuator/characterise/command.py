@@ -22,22 +22,82 @@ from .session import characterise
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``sma-actuator characterise``."""
-    parser.add_argument("--config", type=Path, metavar="BENCH.yaml", help="parameters of the bench (a model in it is ignored)")
-    parser.add_argument("--virtual", metavar="WIRE", help="the virtual bench in this process, unattended: flexinol or furukawa")
-    parser.add_argument("--unattended-bench", metavar="VISA", help="the instruments are a virtual bench; its BENCh: commands are at this resource")
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of logs; one that holds finished parts is resumed")
-    parser.add_argument("--loads", type=_numbers, default=(), metavar="N,N,...", help="weights in newtons, probe included (default: 15 to 120 MPa)")
-    parser.add_argument("--spring", type=_numbers, action="append", default=[], metavar="N/m,N", help="also a spring: stiffness and preload; may be repeated")
+    parser.add_argument(
+        "--config", type=Path, metavar="BENCH.yaml", help="parameters of the bench (a model in it is ignored)"
+    )
+    parser.add_argument(
+        "--virtual", metavar="WIRE", help="the virtual bench in this process, unattended: flexinol or furukawa"
+    )
+    parser.add_argument(
+        "--unattended-bench",
+        metavar="VISA",
+        help="the instruments are a virtual bench; its BENCh: commands are at this resource",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="DIR",
+        help="folder of logs; one that holds finished parts is resumed",
+    )
+    parser.add_argument(
+        "--loads",
+        type=_numbers,
+        default=(),
+        metavar="N,N,...",
+        help="weights in newtons, probe included (default: 15 to 120 MPa)",
+    )
+    parser.add_argument(
+        "--spring",
+        type=_numbers,
+        action="append",
+        default=[],
+        metavar="N/m,N",
+        help="also a spring: stiffness and preload; may be repeated",
+    )
     parser.add_argument("--masses", type=_numbers, default=(), metavar="g,g,...", help="calibration masses in grams")
-    parser.add_argument("--heat-current", type=float, default=0.0, metavar="A", help="amplitude of the pulses (default: from the thermal section)")
-    parser.add_argument("--heat-time", type=float, default=0.0, metavar="S", help="length of a pulse (default: from the thermal section)")
-    parser.add_argument("--cool-time", type=float, default=0.0, metavar="S", help="pause after a pulse (default: from the thermal section)")
+    parser.add_argument(
+        "--heat-current",
+        type=float,
+        default=0.0,
+        metavar="A",
+        help="amplitude of the pulses (default: from the thermal section)",
+    )
+    parser.add_argument(
+        "--heat-time",
+        type=float,
+        default=0.0,
+        metavar="S",
+        help="length of a pulse (default: from the thermal section)",
+    )
+    parser.add_argument(
+        "--cool-time",
+        type=float,
+        default=0.0,
+        metavar="S",
+        help="pause after a pulse (default: from the thermal section)",
+    )
     parser.add_argument("--pulses", type=int, default=3, help="pulses at each load (default %(default)s)")
-    parser.add_argument("--set-points", type=int, default=5, help="set points of the partial cycles (default %(default)s)")
-    parser.add_argument("--training-cycles", type=int, default=40, help="cycles of a new wire before anything is measured (default %(default)s)")
+    parser.add_argument(
+        "--set-points", type=int, default=5, help="set points of the partial cycles (default %(default)s)"
+    )
+    parser.add_argument(
+        "--training-cycles",
+        type=int,
+        default=40,
+        help="cycles of a new wire before anything is measured (default %(default)s)",
+    )
     parser.add_argument("--fatigue-cycles", type=int, default=100, help="cycles at the end (default %(default)s)")
-    parser.add_argument("--average", type=float, default=10.0, metavar="S", help="time averaged at each calibration point (default %(default)s)")
-    parser.add_argument("--skip", action="append", default=[], choices=sorted(RUN), help="leave out this kind of part; may be repeated")
+    parser.add_argument(
+        "--average",
+        type=float,
+        default=10.0,
+        metavar="S",
+        help="time averaged at each calibration point (default %(default)s)",
+    )
+    parser.add_argument(
+        "--skip", action="append", default=[], choices=sorted(RUN), help="leave out this kind of part; may be repeated"
+    )
     parser.add_argument("--seed", type=int, default=0, help="seed of the virtual bench's noise")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the manifest here as well")
 
@@ -45,7 +105,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Measure what the folder lacks; 0 when every part is finished."""
     console = Console(stderr=True)
-    path = args.config or shared_file(f"config/{args.virtual}_bench.yaml" if args.virtual else "config/flexinol_bench.yaml")
+    path = args.config or shared_file(
+        f"config/{args.virtual}_bench.yaml" if args.virtual else "config/flexinol_bench.yaml"
+    )
     mapping = read_parameter_file(path)
     config = bench_from_mapping(mapping, str(path))
     options = PlanOptions(
@@ -80,7 +142,12 @@ def run(args: argparse.Namespace) -> int:
             operator = ScpiBenchOperator(args.unattended_bench, largest_force_N)
         else:
             operator = TerminalOperator(console)
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=console) as bar:
         task = bar.add_task("characterise", total=sum(part.duration_s for part in plan))
         before_s = {part.name: sum(p.duration_s for p in plan[:i]) for i, part in enumerate(plan)}

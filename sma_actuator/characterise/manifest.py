@@ -28,7 +28,9 @@ class Manifest:
             except (ValueError, KeyError, TypeError) as error:
                 raise ConfigError(f"{self.path}: is not a manifest of a characterisation ({error})") from error
             if found != dict(wire):
-                raise ConfigError(f"{self.path}: belongs to another wire ({found}); use another folder for {dict(wire)}")
+                raise ConfigError(
+                    f"{self.path}: belongs to another wire ({found}); use another folder for {dict(wire)}"
+                )
 
     def finished(self, part: Part) -> bool:
         """Whether this very part has been measured.  Raises ConfigError where it was planned differently."""
@@ -44,7 +46,12 @@ class Manifest:
 
     def finish(self, part: Part, logs: list[str], results: Mapping[str, Any], calibration: Mapping[str, Any]) -> None:
         """Record a part; its logs are on disk by now."""
-        self.data["parts"][part.name] = {"kind": part.kind, "parameters": dict(part.parameters), "logs": logs, "results": dict(results)}
+        self.data["parts"][part.name] = {
+            "kind": part.kind,
+            "parameters": dict(part.parameters),
+            "logs": logs,
+            "results": dict(results),
+        }
         self.data["calibration"].update(calibration)
         text = json.dumps(self.data, indent=1) + "\n"
         write_atomically(self.path, lambda stream: stream.write(text.encode()))

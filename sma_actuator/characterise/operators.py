@@ -49,7 +49,9 @@ class TerminalOperator:
         self._ask(f"Hang {_in_grams(force_N)}, hook included, from the load cell; when it hangs still, press Enter.")
 
     def hang_load(self, force_N: float) -> None:
-        self._ask(f"Hang {_in_grams(force_N)}, probe and hook included, from the wire; when it hangs still, press Enter.")
+        self._ask(
+            f"Hang {_in_grams(force_N)}, probe and hook included, from the wire; when it hangs still, press Enter."
+        )
 
     def fit_spring(self, stiffness_N_m: float, preload_N: float) -> None:
         self._ask(f"Fit the spring of {stiffness_N_m:g} N/m with {preload_N:g} N at full extension, then press Enter.")

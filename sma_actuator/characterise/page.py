@@ -7,7 +7,10 @@ from pathlib import Path
 from ..report import Page, figure
 from .manifest import Manifest
 
-_LINES = {"load_cell": ("Load cell (appendix A)", "voltage [V]", "load [N]"), "lvdt": ("LVDT (appendix B)", "current [A]", "displacement [m]")}
+_LINES = {
+    "load_cell": ("Load cell (appendix A)", "voltage [V]", "load [N]"),
+    "lvdt": ("LVDT (appendix B)", "current [A]", "displacement [m]"),
+}
 
 
 def write_page(folder: Path, manifest: Manifest) -> None:
@@ -29,6 +32,9 @@ def write_page(folder: Path, manifest: Manifest) -> None:
         page.text(f"slope {line['slope']:.6g}, offset {line['offset']:.6g}, correlation {line['correlation']:.7f}")
         page.figure(drawing, "points, fitted line and residuals")
     page.heading("Parts")
-    rows = [(n, p["kind"], ", ".join(f"{k} {v:.5g}" for k, v in p["results"].items() if isinstance(v, float))) for n, p in manifest.data["parts"].items()]
+    rows = [
+        (n, p["kind"], ", ".join(f"{k} {v:.5g}" for k, v in p["results"].items() if isinstance(v, float)))
+        for n, p in manifest.data["parts"].items()
+    ]
     page.table(("part", "kind", "result"), rows)
     page.write(Path(folder) / "calibration.html")

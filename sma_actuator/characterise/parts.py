@@ -30,7 +30,9 @@ class Outcome:
     calibration: dict[str, float] = field(default_factory=dict)
 
 
-def lead_resistance(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
+def lead_resistance(
+    part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress
+) -> Outcome:
     """R_lead with the wire shorted (3.4), at the bias current."""
     operator.short_wire()
     try:
@@ -73,7 +75,9 @@ def lvdt(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog],
         place_m = operator.place_probe(i, part.parameters["places"])
         log = _point(rig, part, i, progress, {"place_m": place_m})
         if "lvdt_current_A" not in log:
-            raise ConfigError("instruments.daq.lvdt_channel: no displacement is measured; it is needed to characterise a wire")
+            raise ConfigError(
+                "instruments.daq.lvdt_channel: no displacement is measured; it is needed to characterise a wire"
+            )
         recorded[f"calibration/lvdt_{i:02d}"] = log
         amperes.append(float(np.mean(log["lvdt_current_A"])))
         places_m.append(place_m)
@@ -107,7 +111,9 @@ def partial(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLo
     program = partial_cycles(
         list(set_points_m), p["heat_current_A"], rig.config.supply.bias_current, p["heat_s"] + p["cool_s"], p["cool_s"]
     )
-    return Outcome({part.name: _record(rig, part, program, progress)}, {"set_points_m": [float(s) for s in set_points_m]})
+    return Outcome(
+        {part.name: _record(rig, part, program, progress)}, {"set_points_m": [float(s) for s in set_points_m]}
+    )
 
 
 RUN: dict[str, Callable[[Part, Rig, Operator, Mapping[str, BenchLog], Progress], Outcome]] = {

@@ -11,7 +11,15 @@ from ..parameters import ConfigError
 from .programs import every_ordered_pair
 
 GRAVITY_m_s2 = 9.80665
-STRESSES_Pa = (15e6, 22e6, 32e6, 45e6, 62e6, 85e6, 120e6)  #: default loads; from the thesis's lightest to above its judged ones
+STRESSES_Pa = (
+    15e6,
+    22e6,
+    32e6,
+    45e6,
+    62e6,
+    85e6,
+    120e6,
+)  #: default loads; from the thesis's lightest to above its judged ones
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,17 +59,25 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
     wire, thermal = config.wire, config.thermal
     strongest_N = wire.max_stress * wire.area_m2
     loads_N = options.loads_N or tuple(round(s * wire.area_m2, 3) for s in STRESSES_Pa if s < 0.9 * wire.max_stress)
-    masses_kg = options.masses_kg or tuple(m for m in (0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3) if m * GRAVITY_m_s2 < 0.9 * strongest_N)
+    masses_kg = options.masses_kg or tuple(
+        m for m in (0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3) if m * GRAVITY_m_s2 < 0.9 * strongest_N
+    )
     for load_N in loads_N:
         if not 0.0 < load_N <= strongest_N:
-            raise ConfigError(f"loads: {load_N:g} N is outside what the wire may carry, 0 to {strongest_N:.3g} N (wire.max_stress)")
+            raise ConfigError(
+                f"loads: {load_N:g} N is outside what the wire may carry, 0 to {strongest_N:.3g} N (wire.max_stress)"
+            )
     heat_A = options.heat_current_A or default_heat_current_A(config)
     resistance_Ohm = typical_resistance_Ohm(wire)
     hottest_C = thermal.ambient_temperature + heat_A**2 * resistance_Ohm / thermal.heat_loss
     if not config.supply.bias_current < heat_A <= config.supply.max_current:
-        raise ConfigError(f"heat current: {heat_A:g} A is not between supply.bias_current and supply.max_current, {config.supply.max_current:g} A")
+        raise ConfigError(
+            f"heat current: {heat_A:g} A is not between supply.bias_current and supply.max_current, {config.supply.max_current:g} A"
+        )
     if not hottest_C <= thermal.max_temperature:
-        raise ConfigError(f"heat current: {heat_A:g} A would bring the wire to {hottest_C:.0f} °C, above thermal.max_temperature")
+        raise ConfigError(
+            f"heat current: {heat_A:g} A would bring the wire to {hottest_C:.0f} °C, above thermal.max_temperature"
+        )
     time_constant_s = thermal.heat_capacity / thermal.heat_loss
     heat_s = options.heat_s or math.ceil(3.0 * time_constant_s)
     cool_s = options.cool_s or math.ceil(6.0 * time_constant_s)
@@ -70,16 +86,33 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
     moves = len(every_ordered_pair(options.set_points)) - 1
     parts = [
         Part("lead_resistance", "lead_resistance", {"average_s": options.average_s}, options.average_s),
-        Part("load_cell", "load_cell", {"forces_N": [round(m * GRAVITY_m_s2, 6) for m in masses_kg], "average_s": options.average_s}, len(masses_kg) * options.average_s),
-        Part("lvdt", "lvdt", {"places": options.probe_places, "average_s": options.average_s}, options.probe_places * options.average_s),
+        Part(
+            "load_cell",
+            "load_cell",
+            {"forces_N": [round(m * GRAVITY_m_s2, 6) for m in masses_kg], "average_s": options.average_s},
+            len(masses_kg) * options.average_s,
+        ),
+        Part(
+            "lvdt",
+            "lvdt",
+            {"places": options.probe_places, "average_s": options.average_s},
+            options.probe_places * options.average_s,
+        ),
         *_cycled("training", options.training_cycles, 20, {"load_N": loads_N[len(loads_N) // 2], **pulse}, cycle_s),
     ]
     named = [(f"{load_N:.3f}N", {"load_N": load_N}) for load_N in loads_N]
     named += [(f"spring_{k:g}N_m_{p:g}N", {"stiffness_N_m": k, "preload_N": p}) for k, p in options.springs_N_m]
     for label, load in named:
-        parts.append(Part(f"pulses_{label}", "pulses", {**load, "cycles": options.pulses, **pulse}, options.pulses * cycle_s))
         parts.append(
-            Part(f"partial_{label}", "partial", {**load, "set_points": options.set_points, "after": f"pulses_{label}", **pulse}, moves * 2.0 + cool_s)
+            Part(f"pulses_{label}", "pulses", {**load, "cycles": options.pulses, **pulse}, options.pulses * cycle_s)
+        )
+        parts.append(
+            Part(
+                f"partial_{label}",
+                "partial",
+                {**load, "set_points": options.set_points, "after": f"pulses_{label}", **pulse},
+                moves * 2.0 + cool_s,
+            )
         )
     parts += _cycled("fatigue", options.fatigue_cycles, 25, {"load_N": loads_N[len(loads_N) // 2], **pulse}, cycle_s)
     return [part for part in parts if part.kind not in options.skip]
@@ -88,7 +121,12 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
 def _cycled(kind: str, cycles: int, batch: int, parameters: dict, cycle_s: float) -> list[Part]:
     """Many cycles in batches, so that an interruption costs one batch."""
     return [
-        Part(f"{kind}_{first:04d}", kind, {**parameters, "first_cycle": first, "cycles": (n := min(batch, cycles - first + 1))}, n * cycle_s)
+        Part(
+            f"{kind}_{first:04d}",
+            kind,
+            {**parameters, "first_cycle": first, "cycles": (n := min(batch, cycles - first + 1))},
+            n * cycle_s,
+        )
         for first in range(1, cycles + 1, batch)
     ]
 

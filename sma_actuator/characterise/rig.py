@@ -14,7 +14,13 @@ from ..circuit import signals_from_reading
 from ..instruments import Clock, Daq, InstrumentRefused, PowerSupply
 from .programs import Program
 
-_CHANNELS = ("supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V", "lvdt_current_A", "ambient_temperature_C")
+_CHANNELS = (
+    "supply_voltage_V",
+    "reference_voltage_V",
+    "load_cell_voltage_V",
+    "lvdt_current_A",
+    "ambient_temperature_C",
+)
 
 
 class Rig:
@@ -45,7 +51,9 @@ class Rig:
             if tripped == "WDOG":  # nobody spoke to it while the person was hanging a mass
                 self.supply.clear_trip()
             elif tripped:
-                raise InstrumentRefused(f"the supply's protection has tripped ({tripped}); find out why before going on")
+                raise InstrumentRefused(
+                    f"the supply's protection has tripped ({tripped}); find out why before going on"
+                )
             self.supply.set_current(self.config.supply.bias_current)
             self.supply.set_output(True)
             yield

@@ -53,11 +53,15 @@ def asymptotes(trace: Trace, tolerances: Tolerances = Tolerances()) -> Asymptote
     branches = []
     for name, mask, line in (("heating", driven, _heating_line), ("cooling", ~driven, _cooling_line)):
         if np.count_nonzero(mask) < 2 * tolerances.cooling_window + 3:
-            raise IdentificationError(f"{source}: the {name} branch has {np.count_nonzero(mask)} samples; there is no {name} branch to fit")
+            raise IdentificationError(
+                f"{source}: the {name} branch has {np.count_nonzero(mask)} samples; there is no {name} branch to fit"
+            )
         points = np.column_stack((resistance_Ohm[mask], displacement_m[mask]))
         found = line(points, tolerances)
         if found is None:
-            raise IdentificationError(f"{source}: the {name} curve is nowhere as straight as appendix C wants it; slow the actuation down or use the joint fit")
+            raise IdentificationError(
+                f"{source}: the {name} curve is nowhere as straight as appendix C wants it; slow the actuation down or use the joint fit"
+            )
         branches.append(found)
     (heating, heating_points), (cooling, cooling_points) = branches
     return Asymptotes(trace.mean_stress_Pa, heating, cooling, heating_points, cooling_points)

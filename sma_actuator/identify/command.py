@@ -19,14 +19,42 @@ from .identification import METHODS, MODELS, Identification, identify
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``sma-actuator identify``."""
-    parser.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="bench logs; calibration and training logs are left out")
-    parser.add_argument("--config", type=Path, required=True, metavar="BENCH.yaml", help="parameters of the bench (a model in it is replaced)")
+    parser.add_argument(
+        "logs", nargs="+", type=Path, metavar="LOG", help="bench logs; calibration and training logs are left out"
+    )
+    parser.add_argument(
+        "--config",
+        type=Path,
+        required=True,
+        metavar="BENCH.yaml",
+        help="parameters of the bench (a model in it is replaced)",
+    )
     parser.add_argument("--model", required=True, choices=MODELS, help="model to fit")
-    parser.add_argument("--out", type=Path, required=True, metavar="MODEL.yaml", help="parameter file to write: the bench's with the model in it")
-    parser.add_argument("--method", choices=METHODS, default="joint", help="flexinol: all together, or the thesis's appendix C (default %(default)s)")
-    parser.add_argument("--variant", choices=("average", "direct_switching", "transition"), default="average", help="furukawa: how the curves are used (default %(default)s)")
-    parser.add_argument("--order", type=int, help="order of the stress polynomials (default: chosen on held-out cycles)")
-    parser.add_argument("--report", type=Path, metavar="FILE.html", help="page with the pictures (default: beside MODEL.yaml)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="MODEL.yaml",
+        help="parameter file to write: the bench's with the model in it",
+    )
+    parser.add_argument(
+        "--method",
+        choices=METHODS,
+        default="joint",
+        help="flexinol: all together, or the thesis's appendix C (default %(default)s)",
+    )
+    parser.add_argument(
+        "--variant",
+        choices=("average", "direct_switching", "transition"),
+        default="average",
+        help="furukawa: how the curves are used (default %(default)s)",
+    )
+    parser.add_argument(
+        "--order", type=int, help="order of the stress polynomials (default: chosen on held-out cycles)"
+    )
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE.html", help="page with the pictures (default: beside MODEL.yaml)"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write coefficients, intervals and errors here")
 
 
@@ -86,5 +114,7 @@ def _table(result: Identification) -> Table:
     for header in ("log", "load [N]", "working range", "samples in it", "full range"):
         table.add_column(header, justify="left" if header == "log" else "right")
     for e in result.errors:
-        table.add_row(e.name, f"{e.load_N:.2f}", f"{e.working_percent:.2f}", f"{e.working_share:.0%}", f"{e.full_percent:.2f}")
+        table.add_row(
+            e.name, f"{e.load_N:.2f}", f"{e.working_percent:.2f}", f"{e.working_share:.0%}", f"{e.full_percent:.2f}"
+        )
     return table

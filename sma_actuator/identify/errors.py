@@ -28,7 +28,9 @@ def log_errors(model, traces: Sequence[Trace], range_m: tuple[float, float], ful
     return [log_error(t.name, t.signals, predict(model, [t]), range_m, full_stroke_m) for t in traces]
 
 
-def log_error(name: str, signals: Signals, estimate_m: np.ndarray, range_m: tuple[float, float], full_stroke_m: float) -> LogError:
+def log_error(
+    name: str, signals: Signals, estimate_m: np.ndarray, range_m: tuple[float, float], full_stroke_m: float
+) -> LogError:
     """Errors of an estimate, shape (n,); samples where it or the measurement is NaN are not judged.
 
     An error over no sample is NaN.

@@ -45,11 +45,15 @@ def fit_fatigue(traces: Sequence[Trace]) -> Fatigue:
             number.append(first + cycle - 1)
             rows.append((*_ends(resistance_Ohm), *_ends(displacement_m)))
     if len(number) < 5:
-        raise IdentificationError(f"fatigue: {len(number)} cycles in the logs; at least 5 are needed for a line in ln N")
+        raise IdentificationError(
+            f"fatigue: {len(number)} cycles in the logs; at least 5 are needed for a line in ln N"
+        )
     order = np.argsort(number)
     number, values = np.array(number)[order], np.array(rows)[order].T
     return Fatigue(
-        number, dict(zip(QUANTITIES, values, strict=True)), {q: _line(number, v) for q, v in zip(QUANTITIES, values, strict=True)}
+        number,
+        dict(zip(QUANTITIES, values, strict=True)),
+        {q: _line(number, v) for q, v in zip(QUANTITIES, values, strict=True)},
     )
 
 
@@ -62,4 +66,6 @@ def _line(number: np.ndarray, y: np.ndarray) -> Drift:
     g1, g2 = np.polyfit(x, y, 1)
     left = y - g1 * x - g2
     error = np.sqrt(left @ left / max(len(y) - 2, 1) / np.sum((x - x.mean()) ** 2))
-    return Drift(float(g1), float(g2), (float(g1 - 1.96 * error), float(g1 + 1.96 * error)), float(np.sqrt(np.mean(left**2))))
+    return Drift(
+        float(g1), float(g2), (float(g1 - 1.96 * error), float(g1 + 1.96 * error)), float(np.sqrt(np.mean(left**2)))
+    )

@@ -46,7 +46,11 @@ def make_data(traces: Sequence[Trace], full_stroke_m: float) -> Data:
         unit.append(trace.cycle + offset)
         offset += int(trace.cycle.max()) + 1
     return Data(
-        tuple(traces), np.concatenate(counts), np.concatenate(unit), np.concatenate([t.displacement_m for t in traces]), full_stroke_m
+        tuple(traces),
+        np.concatenate(counts),
+        np.concatenate(unit),
+        np.concatenate([t.displacement_m for t in traces]),
+        full_stroke_m,
     )
 
 
@@ -75,6 +79,7 @@ def fit(build: Model, start: np.ndarray, data: Data, weight: np.ndarray | None =
         loss="soft_l1",
         f_scale=LOSS_SCALE,
         x_scale="jac",
+        tr_solver="lsmr",
         max_nfev=max_evaluations,
     )
 

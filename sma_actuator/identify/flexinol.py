@@ -12,6 +12,7 @@ from ..models import COEFFICIENTS
 from . import fitting
 from .appendix_c import Asymptotes, asymptotes
 from .fitting import Data
+from .material import RPhaseAlloy, asymptotes_from_material
 from .ranges import distinct_stresses, full_cycles, working_range_m
 from .traces import Trace
 
@@ -28,7 +29,9 @@ class FlexinolFit:
     coefficients: object  #: FlexinolCoefficients
     orders: tuple[int, int]  #: order of the stress polynomials of the heating and of the cooling asymptote
     lines: tuple[Asymptotes, ...] = ()  #: appendix C: the asymptotes of each load
-    order_errors: dict[tuple[int, int], np.ndarray] = field(default_factory=dict)  #: held-out errors of the orders tried
+    order_errors: dict[tuple[int, int], np.ndarray] = field(
+        default_factory=dict
+    )  #: held-out errors of the orders tried
     samples: dict[str, np.ndarray] = field(default_factory=dict)  #: bootstrap: (samples, coefficients) of every field
 
 
@@ -43,14 +46,18 @@ def fit_appendix_c(traces: Sequence[Trace], wire, order: int = 2) -> FlexinolFit
     stress = np.array([line.stress_Pa for line in lines]) / STRESS_UNIT_Pa
     values = np.array([[*line.heating, *line.cooling] for line in lines])
     polynomials = np.polynomial.polynomial.polyfit(stress, values, order).T  # (4, order + 1)
-    base = _coefficients(polynomials, wire, traces)
+    base = _coefficients(polynomials, wire, stress_range_Pa(traces), working_range_m(traces, wire.full_stroke_m))
 
     def build(theta):
-        return dataclasses.replace(base, initial_slope=theta[0] * 1e-3, transition_rate=float(np.exp(theta[1]))).build(wire)
+        return dataclasses.replace(base, initial_slope=theta[0] * 1e-3, transition_rate=float(np.exp(theta[1]))).build(
+            wire
+        )
 
     theta = _best_start(build, data, [(a, t) for a in (0.2, 0.6, 1.5) for t in (2.0, 3.0, 4.0)])
     found = fitting.fit(build, theta, data)
-    coefficients = dataclasses.replace(base, initial_slope=float(found.x[0] * 1e-3), transition_rate=float(np.exp(found.x[1])))
+    coefficients = dataclasses.replace(
+        base, initial_slope=float(found.x[0] * 1e-3), transition_rate=float(np.exp(found.x[1]))
+    )
     return FlexinolFit(coefficients, (order, order), lines)
 
 
@@ -96,7 +103,7 @@ class _Joint:
         self._traces, self._wire, self._data = traces, wire, data
         resistance_Ohm = np.concatenate([t.resistance_Ohm for t in traces])[data.counts]
         self._centre_Ohm = float(np.median(resistance_Ohm))
-        self._range_m = working_range_m(traces, wire.full_stroke_m)
+        self._ranges = stress_range_Pa(traces), working_range_m(traces, wire.full_stroke_m)
 
     def coefficients(self, orders: tuple[int, int], theta: np.ndarray):
         """FlexinolCoefficients of a parameter vector."""
@@ -106,10 +113,9 @@ class _Joint:
         return _coefficients(
             [p * 1e-3 for p in polynomials],
             self._wire,
-            self._traces,
-            float(theta[-2]) * 1e-3,
-            float(np.exp(np.clip(theta[-1], *_LOG_RATE))),
-            self._range_m,
+            *self._ranges,
+            initial_slope=float(theta[-2]) * 1e-3,
+            transition_rate=float(np.exp(np.clip(theta[-1], *_LOG_RATE))),
         )
 
     def builder(self, orders: tuple[int, int]):
@@ -117,32 +123,44 @@ class _Joint:
         return lambda theta: self.coefficients(orders, theta).build(self._wire)
 
     def start(self, orders: tuple[int, int]) -> np.ndarray:
-        """Lines through the middle of each branch at each load, polynomials through those."""
-        stresses, values = [], []
-        for trace in full_cycles(self._traces):
-            low_m, high_m = np.percentile(trace.displacement_m, (0.5, 99.5))
-            middle = np.abs(trace.displacement_m - 0.5 * (low_m + high_m)) < 0.25 * (high_m - low_m)
-            row = []
-            for branch in (trace.driven, ~trace.driven):
-                x = trace.resistance_Ohm[middle & branch] - self._centre_Ohm
-                slope, at_centre = np.polyfit(x, trace.displacement_m[middle & branch] * 1e3, 1)
-                row += [at_centre, slope]
-            stresses.append(trace.mean_stress_Pa / STRESS_UNIT_Pa)
-            values.append(row)
-        d_h, a_h, d_c, a_c = np.array(values).T
-        fits = [(d_h, orders[0]), (a_h, orders[0]), (d_c, orders[1]), (a_c, orders[1])]
-        lines = np.concatenate([np.polynomial.polynomial.polyfit(stresses, y, order) for y, order in fits])
-        build = self.builder(orders)
-        tails = [(a, t) for a in (0.3, 1.0) for t in (2.0, 3.0, 4.0)]
-        return _best_start(build, self._data, [np.concatenate([lines, tail]) for tail in tails])
+        """The better of two: lines through the middle of each branch at each load, and lines from
+        material properties (5.41–5.54); polynomials in stress through them."""
+        full = full_cycles(self._traces)
+        stress_Pa = np.array([t.mean_stress_Pa for t in full])
+        area_m2 = self._wire.area_m2
+        from_material = [asymptotes_from_material(RPhaseAlloy(), self._wire.length, area_m2, s) for s in stress_Pa]
+        candidates = []
+        for lines in ([self._middle_lines(t) for t in full], from_material):
+            (a_h, b_h), (a_c, b_c) = np.array(lines).transpose(1, 2, 0) * 1e3
+            wanted = [(b_h + a_h * self._centre_Ohm, 0), (a_h, 0), (b_c + a_c * self._centre_Ohm, 1), (a_c, 1)]
+            polynomials = [
+                np.polynomial.polynomial.polyfit(stress_Pa / STRESS_UNIT_Pa, y, orders[i]) for y, i in wanted
+            ]
+            candidates += [
+                np.concatenate([*polynomials, (slope, rate)]) for slope in (0.3, 1.0) for rate in (2.0, 3.0, 4.0)
+            ]
+        return _best_start(self.builder(orders), self._data, candidates)
+
+    @staticmethod
+    def _middle_lines(trace: Trace) -> list[tuple[float, float]]:
+        """(slope, intercept) of heating and cooling in the middle of the stroke."""
+        low_m, high_m = np.percentile(trace.displacement_m, (0.5, 99.5))
+        middle = np.abs(trace.displacement_m - 0.5 * (low_m + high_m)) < 0.25 * (high_m - low_m)
+        return [
+            tuple(np.polyfit(trace.resistance_Ohm[middle & branch], trace.displacement_m[middle & branch], 1))
+            for branch in (trace.driven, ~trace.driven)
+        ]
 
 
 def _best_start(build, data: Data, candidates) -> np.ndarray:
     weight = data.counts.astype(float)
-    return min((np.asarray(c, float) for c in candidates), key=lambda c: float(np.abs(fitting.residuals(build, c, data, weight)).mean()))
+    return min(
+        (np.asarray(c, float) for c in candidates),
+        key=lambda c: float(np.abs(fitting.residuals(build, c, data, weight)).mean()),
+    )
 
 
-def _coefficients(polynomials, wire, traces, initial_slope=1e-3, transition_rate=20.0, range_m=None):
+def _coefficients(polynomials, wire, stress_range, displacement_range, initial_slope=1e-3, transition_rate=20.0):
     """FlexinolCoefficients from polynomials in units of STRESS_UNIT_Pa."""
     scaled = [tuple(float(b) / STRESS_UNIT_Pa**i for i, b in enumerate(p)) for p in polynomials]
     return COEFFICIENTS["flexinol"](
@@ -151,8 +169,8 @@ def _coefficients(polynomials, wire, traces, initial_slope=1e-3, transition_rate
         **dict(zip(_NAMES, scaled, strict=True)),
         initial_slope=initial_slope,
         transition_rate=transition_rate,
-        stress_range=stress_range_Pa(traces),
-        displacement_range=range_m or working_range_m(traces, wire.full_stroke_m),
+        stress_range=stress_range,
+        displacement_range=displacement_range,
     )
 
 

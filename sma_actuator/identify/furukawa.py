@@ -60,7 +60,11 @@ def fit_furukawa(
     progress(0.9)
     shift = problem.to_mean_of_all(order, found.x) if variant == "average" else 0.0
     draws = [problem.coefficients(order, theta + shift, variant) for theta in fitting.bootstrap(build, found.x, data)]
-    names = [f.name for f in dataclasses.fields(draws[0]) if f.name[:7] in ("heating", "cooling") or f.name == "transition_rate"]
+    names = [
+        f.name
+        for f in dataclasses.fields(draws[0])
+        if f.name[:7] in ("heating", "cooling") or f.name == "transition_rate"
+    ]
     samples = {name: np.array([np.atleast_1d(getattr(d, name)) for d in draws]) for name in names}
     progress(1.0)
     return FurukawaFit(problem.coefficients(order, found.x + shift, variant), order, errors, samples)
@@ -75,6 +79,8 @@ class _Curves:
         resistance_Ohm = np.concatenate([t.resistance_Ohm for t in traces])[data.counts]
         low, high = np.percentile(resistance_Ohm, (1, 99))
         self._centre_Ohm, self._scale_Ohm = 0.5 * (low + high), 0.5 * (high - low)
+        self._to_R = _uncentring(self._centre_Ohm, self._scale_Ohm, ORDER_R)
+        self._stress_range_Pa = stress_range_Pa(traces)
         self._range_m = working_range_m(traces, wire.full_stroke_m)
 
     def coefficients(self, order: int, theta: np.ndarray, variant: str):
@@ -82,15 +88,14 @@ class _Curves:
         curves = theta[:-1].reshape(2, ORDER_R + 1, order + 1)
         values = {}
         for name, curve in zip(("heating", "cooling"), curves, strict=True):
-            in_R = np.array([_uncentred(curve[:, j], self._centre_Ohm, self._scale_Ohm) for j in range(order + 1)]).T
-            for i, row in enumerate(in_R):
+            for i, row in enumerate(self._to_R @ curve):
                 values[f"{name}_G{i}"] = tuple(float(c) * 1e-3 / STRESS_UNIT_Pa**j for j, c in enumerate(row))
         return COEFFICIENTS["furukawa"](
             calibrated_length=self._wire.length,
             calibrated_diameter=self._wire.diameter,
             variant=variant,
             transition_rate=float(np.exp(np.clip(theta[-1], *_LOG_RATE))),
-            stress_range=stress_range_Pa(self._traces),
+            stress_range=self._stress_range_Pa,
             displacement_range=self._range_m,
             **values,
         )
@@ -120,7 +125,9 @@ class _Curves:
         stress = np.concatenate([t.stress_Pa for t in traces]) / STRESS_UNIT_Pa
         displacement_mm = np.concatenate([t.displacement_m for t in traces]) * 1e3
         basis = np.polynomial.polynomial.polyvander2d(x, stress, (ORDER_R, order))
-        return robust_linear(basis[chosen], displacement_mm[chosen], fitting.LOSS_SCALE * self._wire.full_stroke_m * 1e3)
+        return robust_linear(
+            basis[chosen], displacement_mm[chosen], fitting.LOSS_SCALE * self._wire.full_stroke_m * 1e3
+        )
 
 
 def robust_linear(basis: np.ndarray, y: np.ndarray, scale: float) -> np.ndarray:
@@ -129,8 +136,11 @@ def robust_linear(basis: np.ndarray, y: np.ndarray, scale: float) -> np.ndarray:
     return least_squares(lambda c: basis @ c - y, start, jac=lambda c: basis, loss="soft_l1", f_scale=scale).x
 
 
-def _uncentred(coefficients: np.ndarray, centre: float, scale: float) -> np.ndarray:
-    """Coefficients in R of a polynomial in (R − centre)/scale, lowest order first, the same number of them."""
-    inner = np.polynomial.Polynomial([-centre / scale, 1.0 / scale])
-    out = np.polynomial.Polynomial(coefficients)(inner).coef
-    return np.pad(out, (0, len(coefficients) - len(out)))
+def _uncentring(centre: float, scale: float, order: int) -> np.ndarray:
+    """Matrix from coefficients in (R − centre)/scale to coefficients in R, lowest order first."""
+    out = np.zeros((order + 1, order + 1))
+    power = np.polynomial.Polynomial([1.0])
+    for i in range(order + 1):
+        out[: i + 1, i] = power.coef
+        power = power * np.polynomial.Polynomial([-centre / scale, 1.0 / scale])
+    return out

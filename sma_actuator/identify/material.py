@@ -50,7 +50,11 @@ def corners(alloy: RPhaseAlloy, length_m: float, area_m2: float, stress_Pa: floa
     """Start and finish of heating (``Hs``, ``Hf``) and of cooling (``Cs``, ``Cf``)."""
     p, sigma, g, t0 = alloy, stress_Pa, alloy.geometric_factor, alloy.reference_temperature_C
     unit_Ohm = length_m / area_m2
-    shift_a_K, shift_m_K, shift_r_K = sigma / p.stress_slope_a_Pa_K, sigma / p.stress_slope_m_Pa_K, sigma / p.stress_slope_r_Pa_K
+    shift_a_K, shift_m_K, shift_r_K = (
+        sigma / p.stress_slope_a_Pa_K,
+        sigma / p.stress_slope_m_Pa_K,
+        sigma / p.stress_slope_r_Pa_K,
+    )
     strain_hs, strain_hf = p.strain_m + sigma / p.modulus_m_Pa, sigma / p.modulus_a_Pa
     cold_C, start_C = p.martensite_finish_C + shift_m_K, p.martensite_start_C + shift_m_K
     argument = (start_C - p.r_finish_C - shift_r_K) / (p.r_start_C - p.r_finish_C)

@@ -38,7 +38,11 @@ def as_one_wire(logs: Sequence[BenchLog], mapping: Mapping[str, Any]) -> list[Tr
             continue
         said = log.metadata.get("wire", {})
         own = copy.deepcopy(dict(mapping))
-        own["wire"] = {**own["wire"], "length": said.get("length_m", reference.length), "diameter": said.get("diameter_m", reference.diameter)}
+        own["wire"] = {
+            **own["wire"],
+            "length": said.get("length_m", reference.length),
+            "diameter": said.get("diameter_m", reference.diameter),
+        }
         unscaled = bench_from_mapping(own).wire
         resistance = (reference.length / reference.area_m2) / (unscaled.length / unscaled.area_m2)
         own["safety"] = {**own["safety"]}
@@ -105,12 +109,20 @@ def fit_furukawa_normalised(traces: Sequence[Trace], wire, order: int = 2):
     d_low, d_high = np.array([np.percentile(t.displacement_m, (1, 99)) for t in full]).T
     per_resistivity = wire.length / wire.area_m2
     least_Ohm = float(np.mean(r_low))
-    lam = np.concatenate([(t.resistance_Ohm - least_Ohm) / (high - least_Ohm) for t, high in zip(full, r_high, strict=True)])
-    xi = np.concatenate([(t.displacement_m - low) / (high - low) for t, low, high in zip(full, d_low, d_high, strict=True)])
+    lam = np.concatenate(
+        [(t.resistance_Ohm - least_Ohm) / (high - least_Ohm) for t, high in zip(full, r_high, strict=True)]
+    )
+    xi = np.concatenate(
+        [(t.displacement_m - low) / (high - low) for t, low, high in zip(full, d_low, d_high, strict=True)]
+    )
     middle = (xi > 0.05) & (xi < 0.95)
     activation = polynomial.polyfit(lam[middle], xi[middle], 2)
-    starts = [polynomial.polyfit(stress, y, order) for y in (r_high / per_resistivity * 1e6, d_low / wire.length * 1e2, (d_high - d_low) / wire.length * 1e2)]
-    range_m = working_range_m(traces, wire.full_stroke_m)
+    starts = [
+        polynomial.polyfit(stress, y, order)
+        for y in (r_high / per_resistivity * 1e6, d_low / wire.length * 1e2, (d_high - d_low) / wire.length * 1e2)
+    ]
+    stress_range = stress_range_Pa(traces)
+    strain_range = tuple(d / wire.length for d in working_range_m(traces, wire.full_stroke_m))
 
     def coefficients(theta: np.ndarray):
         rho, mechanical, stroke = (p / STRESS_UNIT_Pa ** np.arange(order + 1) for p in theta[2:].reshape(3, order + 1))
@@ -121,8 +133,8 @@ def fit_furukawa_normalised(traces: Sequence[Trace], wire, order: int = 2):
             activation=(float(theta[0]), float(1.0 - theta[0] - theta[1]), float(theta[1])),
             mechanical_strain=tuple(float(v) * 1e-2 for v in mechanical),
             stroke_strain=tuple(float(v) * 1e-2 for v in stroke),
-            stress_range=stress_range_Pa(traces),
-            strain_range=tuple(d / wire.length for d in range_m),
+            stress_range=stress_range,
+            strain_range=strain_range,
         )
 
     def build(theta: np.ndarray):

@@ -48,9 +48,17 @@ def _loops(page: Page, result: Identification, model) -> None:
             curve_m = model.limits_m(resistance_Ohm, np.full(60, trace.mean_stress_Pa))[0 if heating else 1]
             branch = trace.driven == heating
             (line,) = ax.plot(trace.resistance_Ohm[branch], trace.displacement_m[branch] * 1e3, ".", ms=2)
-            ax.plot(resistance_Ohm, curve_m * 1e3, lw=1, color=line.get_color(), label=f"{np.mean(trace.signals.load_N):.2f} N")
+            ax.plot(
+                resistance_Ohm,
+                curve_m * 1e3,
+                lw=1,
+                color=line.get_color(),
+                label=f"{np.mean(trace.signals.load_N):.2f} N",
+            )
         ax.set(title="heating" if heating else "cooling", xlabel="resistance [Ω]", ylabel="displacement [mm]")
-        ax.set_ylim(-0.05 * 1e3 * np.max(trace.displacement_m), 1.1e3 * max(t.displacement_m.max() for t in result.traces))
+        ax.set_ylim(
+            -0.05 * 1e3 * np.max(trace.displacement_m), 1.1e3 * max(t.displacement_m.max() for t in result.traces)
+        )
     axes[0, 0].legend(fontsize=7)
     page.figure(drawing, "Full cycles at every load (dots) and the model's curves (lines); thesis, Figs. 59, 81.")
 
@@ -89,9 +97,13 @@ def _material(page: Page, result: Identification) -> None:
 
     wire, model = result.config.wire, result.config.model
     stress_Pa = np.linspace(*model.stress_range, 30)
-    from_material = np.array([np.ravel(asymptotes_from_material(RPhaseAlloy(), wire.length, wire.area_m2, s)) for s in stress_Pa])
+    from_material = np.array(
+        [np.ravel(asymptotes_from_material(RPhaseAlloy(), wire.length, wire.area_m2, s)) for s in stress_Pa]
+    )
     drawing, axes = figure(4, width_in=3.2, height_in=2.8)
-    for i, (ax, name) in enumerate(zip(axes[0], ("heating_slope", "heating_intercept", "cooling_slope", "cooling_intercept"), strict=True)):
+    for i, (ax, name) in enumerate(
+        zip(axes[0], ("heating_slope", "heating_intercept", "cooling_slope", "cooling_intercept"), strict=True)
+    ):
         ax.plot(stress_Pa / 1e6, np.polynomial.polynomial.polyval(stress_Pa, getattr(model, name)), label="identified")
         ax.plot(stress_Pa / 1e6, from_material[:, i], "--", label="material properties")
         ax.set(title=name, xlabel="stress [MPa]")
@@ -121,7 +133,10 @@ def _orders(page: Page, result: Identification) -> None:
     means = [100 * e.mean() for e in errors.values()]
     axes[0, 0].errorbar(labels, means, [100 * e.std() / np.sqrt(len(e)) for e in errors.values()], fmt="o-", capsize=3)
     axes[0, 0].set(xlabel="order in stress (heating, cooling)", ylabel="held-out error [% of full stroke]")
-    page.figure(drawing, "Mean absolute error on cycles that were not fitted; the simplest order as good as the best is used (thesis, Fig. 62).")
+    page.figure(
+        drawing,
+        "Mean absolute error on cycles that were not fitted; the simplest order as good as the best is used (thesis, Fig. 62).",
+    )
 
 
 def _traces(page: Page, result: Identification, model) -> None:
@@ -146,4 +161,7 @@ def _fatigue(page: Page, result: Identification) -> None:
         ax.semilogx(result.fatigue.cycle, drift.g1 * np.log(result.fatigue.cycle) + drift.g2)
         ax.set(title=name, xlabel="cycle")
     page.figure(drawing, "Extremes of every cycle and y = g₁ ln N + g₂ (4.1); thesis, Figs. 48, 57.")
-    page.table(("quantity", "g₁", "g₂", "g₁ low", "g₁ high"), [(n, d.g1, d.g2, *d.g1_interval) for n, d in result.fatigue.drift.items()])
+    page.table(
+        ("quantity", "g₁", "g₂", "g₁ low", "g₁ high"),
+        [(n, d.g1, d.g2, *d.g1_interval) for n, d in result.fatigue.drift.items()],
+    )

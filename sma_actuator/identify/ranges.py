@@ -34,7 +34,9 @@ def determinate_interval_m(trace: Trace) -> tuple[float, float]:
     for name, branch in (("heating", trace.driven), ("cooling", ~trace.driven)):
         inside = core & branch
         if np.count_nonzero(inside) < 5:
-            raise IdentificationError(f"{trace.log.source}: the {name} branch has {np.count_nonzero(inside)} samples in mid-stroke; there is no {name} branch to fit")
+            raise IdentificationError(
+                f"{trace.log.source}: the {name} branch has {np.count_nonzero(inside)} samples in mid-stroke; there is no {name} branch to fit"
+            )
         slope = np.polyfit(resistance_Ohm[inside], displacement_m[inside], 1)[0]
         flat = branch & _is_flat(resistance_Ohm, displacement_m, slope)
         middle_m = low_m + 0.5 * stroke_m
@@ -74,9 +76,15 @@ def full_cycles(traces: Sequence[Trace]) -> list[Trace]:
     found = [t for t in traces if t.kind == "pulses" and t.constant_load]
     if not found:
         strokes_m = [float(np.ptp(t.displacement_m)) for t in traces]
-        found = [t for t, s in zip(traces, strokes_m, strict=True) if not t.kind and t.constant_load and s > 0.7 * max(strokes_m)]
+        found = [
+            t
+            for t, s in zip(traces, strokes_m, strict=True)
+            if not t.kind and t.constant_load and s > 0.7 * max(strokes_m)
+        ]
     if not found:
-        raise IdentificationError("no log of full cycles at a constant load (open-loop pulses); they are needed to find the branches and the ends of the stroke")
+        raise IdentificationError(
+            "no log of full cycles at a constant load (open-loop pulses); they are needed to find the branches and the ends of the stroke"
+        )
     return found
 
 

@@ -81,7 +81,9 @@ def make_trace(log: BenchLog, config) -> Trace:
     signals = signals_from_log(log, config)
     good = np.isfinite(signals.resistance_Ohm + signals.stress_Pa + signals.power_W)
     if not good.any():
-        raise BenchLogError(f"{log.source}: line 2: no reading has a resistance and a load; is reference_voltage_V zero throughout?")
+        raise BenchLogError(
+            f"{log.source}: line 2: no reading has a resistance and a load; is reference_voltage_V zero throughout?"
+        )
     resistance_Ohm = np.median(signals.resistance_Ohm[good])
     safety = config.safety
     if not safety.resistance_min <= resistance_Ohm <= safety.resistance_max:
@@ -115,7 +117,9 @@ def make_traces(logs: Sequence[BenchLog], config) -> list[Trace]:
     """
     traces = [make_trace(log, config) for log in logs if log.metadata.get("kind") not in NOT_FITTED]
     if not traces:
-        raise IdentificationError("no log to fit: pulses or partial cycles of a wire with a measured displacement are needed")
+        raise IdentificationError(
+            "no log to fit: pulses or partial cycles of a wire with a measured displacement are needed"
+        )
     return traces
 
 
@@ -128,7 +132,9 @@ def _same_wire(log: BenchLog, config) -> None:
                 f"{log.source}: is a log of another wire: its {name} is {said[key] * 1e3:g} mm and wire.{name} is {ours * 1e3:g} mm"
             )
     if "alloy" in said and said["alloy"] != config.wire.alloy:
-        raise BenchLogError(f"{log.source}: is a log of another wire: its alloy is {said['alloy']} and wire.alloy is {config.wire.alloy}")
+        raise BenchLogError(
+            f"{log.source}: is a log of another wire: its alloy is {said['alloy']} and wire.alloy is {config.wire.alloy}"
+        )
 
 
 def _not_saturated(log: BenchLog, config) -> None:

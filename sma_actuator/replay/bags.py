@@ -39,7 +39,9 @@ def log_from_bag(path: str | Path, topics: Mapping[str, str]) -> BenchLog:
             present = {c.topic for c in reader.connections}
             for column, (topic, _) in wanted.items():
                 if topic not in present:
-                    raise BenchLogError(f"{path}: topic {topic} (for {column}) is not recorded; recorded are {', '.join(sorted(present)) or 'none'}")
+                    raise BenchLogError(
+                        f"{path}: topic {topic} (for {column}) is not recorded; recorded are {', '.join(sorted(present)) or 'none'}"
+                    )
             connections = [c for c in reader.connections if c.topic in {topic for topic, _ in wanted.values()}]
             for connection, stamp_ns, raw in reader.messages(connections=connections):
                 message = reader.deserialize(raw, connection.msgtype)
@@ -52,7 +54,9 @@ def log_from_bag(path: str | Path, topics: Mapping[str, str]) -> BenchLog:
     for column, rows in series.items():
         if not rows:
             raise BenchLogError(f"{path}: topic {wanted[column][0]} (for {column}) holds no message")
-    arrays = {column: np.array(rows)[np.argsort([t for t, _ in rows], kind="stable")] for column, rows in series.items()}
+    arrays = {
+        column: np.array(rows)[np.argsort([t for t, _ in rows], kind="stable")] for column, rows in series.items()
+    }
     time_s = np.unique(next(iter(arrays.values()))[:, 0])
     columns = {"time_s": time_s - time_s[0]}
     for column, rows in arrays.items():

@@ -101,11 +101,17 @@ class Duhem:
         low, high = np.percentile(resistance_Ohm[chosen], (1, 99))
         self._centre_Ohm, self._scale_Ohm = 0.5 * (low + high), 0.5 * (high - low)
         self._stroke_m = data.full_stroke_m
-        mean = np.polynomial.polynomial.polyfit((resistance_Ohm[chosen] - self._centre_Ohm) / self._scale_Ohm, data.displacement_m[chosen] / self._stroke_m, self._F - 1)
+        mean = np.polynomial.polynomial.polyfit(
+            (resistance_Ohm[chosen] - self._centre_Ohm) / self._scale_Ohm,
+            data.displacement_m[chosen] / self._stroke_m,
+            self._F - 1,
+        )
 
         def residuals(theta):
             self._theta = theta
-            error = (np.concatenate([self.predict(t) for t in data.traces]) - data.displacement_m)[chosen] / self._stroke_m
+            error = (np.concatenate([self.predict(t) for t in data.traces]) - data.displacement_m)[
+                chosen
+            ] / self._stroke_m
             return np.clip(np.nan_to_num(error, nan=10.0), -10.0, 10.0)
 
         slope = np.polynomial.polynomial.polyder(mean)
@@ -136,7 +142,9 @@ class NeuralNetwork:
 
         self._stroke_m = data.full_stroke_m
         features = np.concatenate([self._features(t) for t in data.traces])[data.counts]
-        network = MLPRegressor(hidden_layer_sizes=(16, 16), activation="tanh", alpha=1e-5, max_iter=400, random_state=0, solver="lbfgs")
+        network = MLPRegressor(
+            hidden_layer_sizes=(16, 16), activation="tanh", alpha=1e-5, max_iter=400, random_state=0, solver="lbfgs"
+        )
         self._network = make_pipeline(StandardScaler(), network)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ConvergenceWarning)  # max_iter is its early stopping
@@ -157,4 +165,10 @@ class NeuralNetwork:
 
 def all_baselines() -> list[Baseline]:
     """One of each, not yet fitted."""
-    return [PolynomialInResistance(1), *(PolynomialInResistance(n) for n in (3, 4, 6)), TwoLines(), Duhem(), NeuralNetwork()]
+    return [
+        PolynomialInResistance(1),
+        *(PolynomialInResistance(n) for n in (3, 4, 6)),
+        TwoLines(),
+        Duhem(),
+        NeuralNetwork(),
+    ]

@@ -19,11 +19,39 @@ from .replaying import Replay, replay, winners
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``sma-actuator replay``."""
-    parser.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="bench logs, or rosbag2 recordings (.mcap, .db3 or their folder)")
-    parser.add_argument("--config", type=Path, action="append", required=True, metavar="MODEL.yaml", help="parameter file with a model; may be repeated to compare")
-    parser.add_argument("--baselines", type=Path, nargs="+", default=[], metavar="LOG", help="calibration logs to fit the literature's models on, for comparison")
-    parser.add_argument("--topic", action="append", default=[], metavar="COLUMN=/TOPIC:FIELD", help="recordings: where a column of the bench log is found; may be repeated")
-    parser.add_argument("--save-log", type=Path, metavar="FILE.csv", help="recordings: also write the one recording as a bench log")
+    parser.add_argument(
+        "logs",
+        nargs="+",
+        type=Path,
+        metavar="LOG",
+        help="bench logs, or rosbag2 recordings (.mcap, .db3 or their folder)",
+    )
+    parser.add_argument(
+        "--config",
+        type=Path,
+        action="append",
+        required=True,
+        metavar="MODEL.yaml",
+        help="parameter file with a model; may be repeated to compare",
+    )
+    parser.add_argument(
+        "--baselines",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="LOG",
+        help="calibration logs to fit the literature's models on, for comparison",
+    )
+    parser.add_argument(
+        "--topic",
+        action="append",
+        default=[],
+        metavar="COLUMN=/TOPIC:FIELD",
+        help="recordings: where a column of the bench log is found; may be repeated",
+    )
+    parser.add_argument(
+        "--save-log", type=Path, metavar="FILE.csv", help="recordings: also write the one recording as a bench log"
+    )
     parser.add_argument("--allow-gaps", action="store_true", help="accept readings that are missing and pauses in time")
     parser.add_argument("--report", type=Path, metavar="FILE.html", help="page with traces and loops")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the errors here")

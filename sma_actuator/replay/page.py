@@ -14,11 +14,19 @@ def write_page(path: Path, replays: Sequence[Replay], config: Config) -> None:
     """Write the HTML page."""
     page = Page("Replay")
     low_m, high_m = config.model.build(config.wire).displacement_range_m
-    page.text(f"Working range {low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm; 100 % is {config.wire.full_stroke_m * 1e3:.2f} mm.")
+    page.text(
+        f"Working range {low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm; 100 % is {config.wire.full_stroke_m * 1e3:.2f} mm."
+    )
     names = list(replays[0].errors)
     for title, value in (("working range", "working_percent"), ("full range", "full_percent")):
         page.heading(f"Mean absolute error, {title} [% of full stroke]")
-        page.table(("log", "share judged", *names), [(r.trace.name, r.errors[names[0]].working_share, *(getattr(r.errors[n], value) for n in names)) for r in replays])
+        page.table(
+            ("log", "share judged", *names),
+            [
+                (r.trace.name, r.errors[names[0]].working_share, *(getattr(r.errors[n], value) for n in names))
+                for r in replays
+            ],
+        )
     page.table(("log", "best in the working range", "best in the full range"), winners(replays))
     for r in replays:
         page.heading(r.trace.name)

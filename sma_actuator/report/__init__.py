@@ -50,6 +50,8 @@ class Page:
 
     def figure(self, drawing: Figure, caption: str = "") -> None:
         """Embed a matplotlib figure as PNG."""
+        for ax in drawing.axes:
+            ax.set_visible(ax.has_data())  # a grid may have more places than pictures
         stream = io.BytesIO()
         drawing.savefig(stream, format="png", dpi=110)
         data = base64.b64encode(stream.getvalue()).decode()

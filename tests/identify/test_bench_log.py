@@ -81,22 +81,72 @@ def cut(text, n):
         pytest.param(HEADER + "\n", ["line 2", "no readings"], id="header only"),
         pytest.param(rows(), ["line 1", "header row"], id="no header"),
         pytest.param(HEADER.encode("utf-16"), ["line 1", "UTF-8"], id="utf-16"),
-        pytest.param(HEADER.replace("supply_voltage_V", "supply_volts_V") + "\n" + rows(), ["line 1", "supply_voltage_V", "'supply_volts_V'"], id="misnamed column"),
-        pytest.param(HEADER.replace("supply_voltage_V", "Supply_Voltage_V") + "\n" + rows(), ["supply_voltage_V", "'Supply_Voltage_V'"], id="column in capitals"),
-        pytest.param(HEADER.replace("load_cell_voltage_V", "x") + "\n" + rows(), ["load_cell_voltage_V or load_N"], id="missing column"),
-        pytest.param(HEADER.replace("load_cell_voltage_V", "time_s") + "\n" + rows(), ["time_s", "twice"], id="column twice"),
-        pytest.param(HEADER + "\n" + rows(current_command_A=lambda k: 300), ["line 2", "current_command_A", "300 A", "milliamperes"], id="milliampere column"),
-        pytest.param(HEADER + "\n" + rows(lvdt_current_A=lambda k: 10), ["line 2", "lvdt_current_A", "milliamperes"], id="lvdt in milliamperes"),
-        pytest.param(HEADER + "\n" + rows(time_s=lambda k: 50 * k), ["time_s", "milliseconds"], id="time in milliseconds"),
-        pytest.param(HEADER + "\n" + rows(time_s=lambda k: 0.05 * k if k != 7 else 0.1), ["line 9", "time_s", "runs back"], id="time runs back"),
-        pytest.param(HEADER + "\n" + rows(time_s=lambda k: 0.05 * k if k != 7 else 0.3), ["line 9", "time_s", "stands still"], id="time stands still"),
+        pytest.param(
+            HEADER.replace("supply_voltage_V", "supply_volts_V") + "\n" + rows(),
+            ["line 1", "supply_voltage_V", "'supply_volts_V'"],
+            id="misnamed column",
+        ),
+        pytest.param(
+            HEADER.replace("supply_voltage_V", "Supply_Voltage_V") + "\n" + rows(),
+            ["supply_voltage_V", "'Supply_Voltage_V'"],
+            id="column in capitals",
+        ),
+        pytest.param(
+            HEADER.replace("load_cell_voltage_V", "x") + "\n" + rows(),
+            ["load_cell_voltage_V or load_N"],
+            id="missing column",
+        ),
+        pytest.param(
+            HEADER.replace("load_cell_voltage_V", "time_s") + "\n" + rows(), ["time_s", "twice"], id="column twice"
+        ),
+        pytest.param(
+            HEADER + "\n" + rows(current_command_A=lambda k: 300),
+            ["line 2", "current_command_A", "300 A", "milliamperes"],
+            id="milliampere column",
+        ),
+        pytest.param(
+            HEADER + "\n" + rows(lvdt_current_A=lambda k: 10),
+            ["line 2", "lvdt_current_A", "milliamperes"],
+            id="lvdt in milliamperes",
+        ),
+        pytest.param(
+            HEADER + "\n" + rows(time_s=lambda k: 50 * k), ["time_s", "milliseconds"], id="time in milliseconds"
+        ),
+        pytest.param(
+            HEADER + "\n" + rows(time_s=lambda k: 0.05 * k if k != 7 else 0.1),
+            ["line 9", "time_s", "runs back"],
+            id="time runs back",
+        ),
+        pytest.param(
+            HEADER + "\n" + rows(time_s=lambda k: 0.05 * k if k != 7 else 0.3),
+            ["line 9", "time_s", "stands still"],
+            id="time stands still",
+        ),
         pytest.param(HEADER + "\n" + rows(time_s=lambda k: 0.05 * k + (k > 9)), ["line 12", "time_s", "gap"], id="gap"),
-        pytest.param(HEADER + "\n" + rows(load_cell_voltage_V=lambda k: "nan" if k == 5 else 0.1), ["line 7", "load_cell_voltage_V", "finite"], id="NaN"),
-        pytest.param(HEADER + "\n" + rows(load_cell_voltage_V=lambda k: "" if k == 5 else 0.1), ["line 7", "load_cell_voltage_V", "finite"], id="blank field"),
-        pytest.param(HEADER + "\n" + rows(time_s=lambda k: "inf" if k == 5 else 0.05 * k), ["line 7", "time_s", "finite"], id="infinite time"),
-        pytest.param(HEADER + "\n" + rows(load_cell_voltage_V=lambda k: "oops" if k == 5 else 0.1), ["line 7", "load_cell_voltage_V", "'oops'"], id="text"),
+        pytest.param(
+            HEADER + "\n" + rows(load_cell_voltage_V=lambda k: "nan" if k == 5 else 0.1),
+            ["line 7", "load_cell_voltage_V", "finite"],
+            id="NaN",
+        ),
+        pytest.param(
+            HEADER + "\n" + rows(load_cell_voltage_V=lambda k: "" if k == 5 else 0.1),
+            ["line 7", "load_cell_voltage_V", "finite"],
+            id="blank field",
+        ),
+        pytest.param(
+            HEADER + "\n" + rows(time_s=lambda k: "inf" if k == 5 else 0.05 * k),
+            ["line 7", "time_s", "finite"],
+            id="infinite time",
+        ),
+        pytest.param(
+            HEADER + "\n" + rows(load_cell_voltage_V=lambda k: "oops" if k == 5 else 0.1),
+            ["line 7", "load_cell_voltage_V", "'oops'"],
+            id="text",
+        ),
         pytest.param(HEADER + "\n" + cut(rows(), 12), ["line 41", "4 fields", "cut off"], id="half a line"),
-        pytest.param(HEADER + "\n" + rows().replace(".", ","), ["line 2", "semicolon"], id="decimal commas between commas"),
+        pytest.param(
+            HEADER + "\n" + rows().replace(".", ","), ["line 2", "semicolon"], id="decimal commas between commas"
+        ),
     ],
 )
 def test_a_bad_log_is_refused_in_a_sentence_that_names_the_place(file, content, names):
@@ -108,7 +158,11 @@ def test_a_bad_log_is_refused_in_a_sentence_that_names_the_place(file, content, 
 
 
 def test_gaps_and_missing_readings_are_accepted_on_request(file):
-    path = file(HEADER + "\n" + rows(time_s=lambda k: 0.05 * k + (k > 9), load_cell_voltage_V=lambda k: "nan" if k == 5 else 0.1))
+    path = file(
+        HEADER
+        + "\n"
+        + rows(time_s=lambda k: 0.05 * k + (k > 9), load_cell_voltage_V=lambda k: "nan" if k == 5 else 0.1)
+    )
     log = read_bench_log(path, allow_gaps=True)
     assert np.isnan(log["load_cell_voltage_V"][5]) and len(log) == 40
 

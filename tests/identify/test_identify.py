@@ -57,7 +57,9 @@ def mean_error_percent(logs, config):
     for log in logs:
         trace = make_trace(log, config)
         inside = (low_m <= trace.displacement_m) & (trace.displacement_m <= high_m)
-        errors.append(np.abs(estimate_m(trace, config) - trace.displacement_m)[inside] / config.wire.full_stroke_m * 100)
+        errors.append(
+            np.abs(estimate_m(trace, config) - trace.displacement_m)[inside] / config.wire.full_stroke_m * 100
+        )
     return float(np.concatenate(errors).mean())
 
 
@@ -124,7 +126,10 @@ def test_the_simplest_choice_wins_unless_it_is_clearly_worse():
 
 def test_the_joint_fit_beats_appendix_c_on_the_same_logs(flexinol, joint):
     by_appendix = identify(flexinol.logs, flexinol.mapping, "flexinol", method="appendix-c")
-    mean = {r: np.mean([e.working_percent for e in result.errors]) for r, result in (("joint", joint), ("appendix", by_appendix))}
+    mean = {
+        r: np.mean([e.working_percent for e in result.errors])
+        for r, result in (("joint", joint), ("appendix", by_appendix))
+    }
     assert mean["joint"] < 0.8 * mean["appendix"]
     assert len(by_appendix.fit.lines) == 4
 
@@ -327,7 +332,9 @@ def test_the_command_writes_a_file_that_the_node_accepts_and_a_page(flexinol, tm
 def test_the_command_fails_with_a_sentence_and_writes_nothing(flexinol, tmp_path, capsys):
     one = str(flexinol.folder / "pulses_0.600N.csv")
     out = tmp_path / "model.yaml"
-    code = main(["identify", one, "--config", str(flexinol.folder / "bench.yaml"), "--model", "flexinol", "--out", str(out)])
+    code = main(
+        ["identify", one, "--config", str(flexinol.folder / "bench.yaml"), "--model", "flexinol", "--out", str(out)]
+    )
     assert code != 0 and not out.exists()
     assert "different loads" in capsys.readouterr().err
 

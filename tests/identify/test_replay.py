@@ -67,7 +67,9 @@ def in_the_world_of(traces, rule):
 def make_all_count(data, traces):
     """Data in which every sample counts."""
     displacement_m = np.concatenate([t.displacement_m for t in traces])
-    return dataclasses.replace(data, traces=tuple(traces), displacement_m=displacement_m, counts=np.ones(len(displacement_m), bool))
+    return dataclasses.replace(
+        data, traces=tuple(traces), displacement_m=displacement_m, counts=np.ones(len(displacement_m), bool)
+    )
 
 
 @pytest.mark.parametrize(
@@ -175,7 +177,11 @@ def record(path, log, mcap):
             position_m = 0.315842 * float(log["lvdt_current_A"][k]) - 0.0012195
             wrench = t["geometry_msgs/msg/Wrench"](force=vector(load_N), torque=vector(0.0))
             joint = t["sensor_msgs/msg/JointState"](
-                header=header(time_s), name=["sma_joint"], position=np.array([position_m]), velocity=np.array([]), effort=np.array([])
+                header=header(time_s),
+                name=["sma_joint"],
+                position=np.array([position_m]),
+                velocity=np.array([]),
+                effort=np.array([]),
             )
             messages = {
                 "/supply_voltage": t["std_msgs/msg/Float64"](data=float(log["supply_voltage_V"][k])),
@@ -220,7 +226,10 @@ def test_a_recording_is_replayed_and_saved_by_the_command(readings, model, tmp_p
 @pytest.mark.parametrize(
     "topics, sentence",
     [
-        ({**TOPICS, "load_N": "/lode:wrench.force.x"}, "topic /lode .for load_N. is not recorded; recorded are /joint_states, /load"),
+        (
+            {**TOPICS, "load_N": "/lode:wrench.force.x"},
+            "topic /lode .for load_N. is not recorded; recorded are /joint_states, /load",
+        ),
         ({**TOPICS, "load_N": "/load:wrench.forces.x"}, "no field wrench.forces.x"),
         ({**TOPICS, "load_N": "/load:wrench"}, "field wrench is not a number"),
         ({**TOPICS, "load_N": "load"}, "does not name a topic and a field"),
