@@ -149,13 +149,13 @@ FAULTS: dict[Fault, Entry] = {
     ),
     Fault.WATCHDOG_NOT_HELD: Entry(
         "the supply's watchdog does not hold",
-        "the driver: what was armed at start does not read back",
+        "reported by whoever opens the supply: the watchdog was armed and does not read back",
         "1/loop.rate", Action.OFF, latches=True, while_off=True,
     ),
     Fault.SECOND_COMMANDER: Entry(
         "somebody else commands the supply",
-        "current setting or output state reads back, twice running, as something that was not commanded",
-        "3/loop.rate", Action.OFF, latches=True, while_off=True,
+        "current setting or output state reads back as something that was not commanded",
+        "2/loop.rate", Action.OFF, latches=True, while_off=True,
     ),
     Fault.SUPPLY_LOST: Entry(
         "the supply is silent",

@@ -108,7 +108,7 @@ def second_commander(step: Step, memory: Memory, config: Config) -> str:
     if supply is None or supply.tripped or not isfinite(supply.current_setting_A):
         return ""
     same_setting = not told.output_on or abs(supply.current_setting_A - told.current_A) <= SETTING_TOLERANCE_A
-    if memory.running("second_commander", not (same_setting and supply.output_on == told.output_on)) < 2:
+    if same_setting and supply.output_on == told.output_on:
         return ""
     return (
         f"the supply says {supply.current_setting_A:g} A, output {'on' if supply.output_on else 'off'}; "
