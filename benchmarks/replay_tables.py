@@ -134,7 +134,8 @@ def main() -> int:
                     f"{constant[i][0]:.2f}", f"{thesis_constant[i]:.2f}" if thesis_constant else "",
                 )  # fmt: skip
                 numbers[f"{variant} {load}"] = {
-                    "working": rows[i][0], "share": rows[i][1], "full": rows[i][2], "constant": constant[i][0], "thesis": thesis[i],
+                    "working": rows[i][0], "share": rows[i][1], "full": rows[i][2],
+                    "constant": constant[i][0], "thesis": thesis[i],
                 }  # fmt: skip
             table.add_section()
         console.print(table)

@@ -239,12 +239,14 @@ def check_bench_log(log: BenchLog, allow_gaps: bool = False) -> None:
             )
         if not allow_gaps and name not in _MAY_BE_NAN and not np.isfinite(values).all():
             raise BenchLogError(
-                f"{source}: line {_first(~np.isfinite(values))}, column {name}: not a finite number; cut the log there, or allow gaps"
+                f"{source}: line {_first(~np.isfinite(values))}, column {name}: not a finite number; cut the log "
+                "there, or allow gaps"
             )
     if not allow_gaps and len(step_s) and step_s.max() > (limit_s := max(10.0 * period_s, 0.5)):
         bad = int(np.argmax(step_s > limit_s))
         raise BenchLogError(
-            f"{source}: line {bad + 3}, column time_s: a gap, {step_s[bad]:.4g} s without a reading where the period is {period_s:.4g} s; "
+            f"{source}: line {bad + 3}, column time_s: a gap, {step_s[bad]:.4g} s without a reading where the "
+            f"period is {period_s:.4g} s; "
             "split the log there, or allow gaps"
         )
 

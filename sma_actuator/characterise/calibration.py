@@ -24,7 +24,8 @@ def fit_line(x, y, what: str) -> Line:
     x, y = np.asarray(x, float), np.asarray(y, float)
     if len(x) < 3 or not np.ptp(x) > 0.0 or not np.ptp(y) > 0.0:
         raise ConfigError(
-            f"{what}: the channel does not move with the {len(x)} points; three different ones are needed (is the sensor connected?)"
+            f"{what}: the channel does not move with the {len(x)} points; three different ones are needed (is the "
+            "sensor connected?)"
         )
     slope, offset = np.polyfit(x, y, 1)
     correlation = np.corrcoef(x, y)[0, 1]

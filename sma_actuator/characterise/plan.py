@@ -72,7 +72,8 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
     hottest_C = thermal.ambient_temperature + heat_A**2 * resistance_Ohm / thermal.heat_loss
     if not config.supply.bias_current < heat_A <= config.supply.max_current:
         raise ConfigError(
-            f"heat current: {heat_A:g} A is not between supply.bias_current and supply.max_current, {config.supply.max_current:g} A"
+            f"heat current: {heat_A:g} A is not between supply.bias_current and supply.max_current, "
+            f"{config.supply.max_current:g} A"
         )
     if not hottest_C <= thermal.max_temperature:
         raise ConfigError(

@@ -60,7 +60,8 @@ def asymptotes(trace: Trace, tolerances: Tolerances = Tolerances()) -> Asymptote
         found = line(points, tolerances)
         if found is None:
             raise IdentificationError(
-                f"{source}: the {name} curve is nowhere as straight as appendix C wants it; slow the actuation down or use the joint fit"
+                f"{source}: the {name} curve is nowhere as straight as appendix C wants it; slow the actuation "
+                "down or use the joint fit"
             )
         branches.append(found)
     (heating, heating_points), (cooling, cooling_points) = branches

@@ -32,7 +32,7 @@ class Fatigue:
 
 
 def fit_fatigue(traces: Sequence[Trace]) -> Fatigue:
-    """ln N lines of the extremes of R and δ over the fatigue logs; ``first_cycle`` of their metadata numbers the cycles.
+    """ln N lines of the extremes of R and δ over the fatigue logs, numbered from ``first_cycle`` in their metadata.
 
     Raises IdentificationError where there are fewer than five cycles.
     """

@@ -143,7 +143,8 @@ def bootstrap(build: Model, theta: np.ndarray, data: Data, seed: int = 0) -> np.
 
 
 def require_loads(traces: Sequence[Trace], order: int, what: str) -> None:
-    """Raise IdentificationError where a polynomial of ``order`` in stress has more coefficients than there are loads."""
+    """Raise IdentificationError where a polynomial of ``order`` in stress has more coefficients than there are "
+    "loads."""
     full = full_cycles(traces)
     loads = distinct_stresses(full)
     if loads < order + 1:

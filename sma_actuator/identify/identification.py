@@ -75,7 +75,7 @@ def identify(
             coefficients, samples = flexinol_normalised(fit, traces, bench.wire)
     elif normalised:
         fit = None
-        coefficients, samples = fit_furukawa_normalised(traces, bench.wire, 2 if order is None else order)
+        coefficients, samples = fit_furukawa_normalised(traces, bench.wire, order)
     else:
         fit = fit_furukawa(traces, bench.wire, variant, order, progress)
         coefficients, samples = fit.coefficients, fit.samples

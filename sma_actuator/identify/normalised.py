@@ -19,8 +19,8 @@ from ..bench_log import BenchLog
 from ..config import bench_from_mapping
 from ..models import COEFFICIENTS
 from . import fitting
-from .flexinol import FlexinolFit, STRESS_UNIT_Pa, stress_range_Pa
-from .ranges import full_cycles, working_range_m
+from .flexinol import HIGHEST_ORDER, FlexinolFit, STRESS_UNIT_Pa, stress_range_Pa
+from .ranges import distinct_stresses, full_cycles, working_range_m
 from .traces import NOT_FITTED, IdentificationError, Trace, make_trace
 
 _ASYMPTOTES = ("heating_slope", "heating_intercept", "cooling_slope", "cooling_intercept")
@@ -98,10 +98,14 @@ def flexinol_normalised(fit: FlexinolFit, traces: Sequence[Trace], wire):
     return coefficients, convert(fit.samples) if fit.samples else {}
 
 
-def fit_furukawa_normalised(traces: Sequence[Trace], wire, order: int = 2):
+def fit_furukawa_normalised(traces: Sequence[Trace], wire, order: int | None = None):
     """FurukawaNormalisedCoefficients and bootstrap samples: ends of R and δ at every load as a start
-    (5.75–5.80), then everything but ρ_A together, robustly.  Raises IdentificationError."""
-    fitting.require_loads(traces, order, "curves")
+    (5.75–5.80), then everything but ρ_A together, robustly.
+
+    ``order`` of the stress polynomials; None: the lowest that is as good as the best on held-out
+    cycles.  Raises IdentificationError.
+    """
+    fitting.require_loads(traces, order or 1, "curves")
     data = fitting.make_data(traces, wire.full_stroke_m)
     full = full_cycles(traces)
     stress = np.array([t.mean_stress_Pa for t in full]) / STRESS_UNIT_Pa
@@ -117,15 +121,13 @@ def fit_furukawa_normalised(traces: Sequence[Trace], wire, order: int = 2):
     )
     middle = (xi > 0.05) & (xi < 0.95)
     activation = polynomial.polyfit(lam[middle], xi[middle], 2)
-    starts = [
-        polynomial.polyfit(stress, y, order)
-        for y in (r_high / per_resistivity * 1e6, d_low / wire.length * 1e2, (d_high - d_low) / wire.length * 1e2)
-    ]
+    ends = (r_high / per_resistivity * 1e6, d_low / wire.length * 1e2, (d_high - d_low) / wire.length * 1e2)
     stress_range = stress_range_Pa(traces)
     strain_range = tuple(d / wire.length for d in working_range_m(traces, wire.full_stroke_m))
 
     def coefficients(theta: np.ndarray):
-        rho, mechanical, stroke = (p / STRESS_UNIT_Pa ** np.arange(order + 1) for p in theta[2:].reshape(3, order + 1))
+        polynomials = theta[2:].reshape(3, -1)
+        rho, mechanical, stroke = polynomials / STRESS_UNIT_Pa ** np.arange(polynomials.shape[1])
         # λ = 1 is full stroke, ξ = 1: without that the scale of ξ and of the stroke could not be told apart.
         return COEFFICIENTS["furukawa_normalised"](
             austenite_resistivity=least_Ohm / per_resistivity,
@@ -140,7 +142,14 @@ def fit_furukawa_normalised(traces: Sequence[Trace], wire, order: int = 2):
     def build(theta: np.ndarray):
         return coefficients(theta).build(wire)
 
-    found = fitting.fit(build, np.concatenate([[activation[0], activation[2]], *starts]), data)
+    def start(order: int) -> np.ndarray:
+        return np.concatenate([[activation[0], activation[2]], *(polynomial.polyfit(stress, y, order) for y in ends)])
+
+    if order is None:
+        highest = min(HIGHEST_ORDER, distinct_stresses(full) - 1)
+        errors = {tried: fitting.held_out_errors(build, start(tried), data) for tried in range(1, highest + 1)}
+        order = fitting.choose_simplest(errors, int)
+    found = fitting.fit(build, start(order), data)
     draws = [coefficients(theta) for theta in fitting.bootstrap(build, found.x, data)]
     names = ("martensite_resistivity", "activation", "mechanical_strain", "stroke_strain")
     return coefficients(found.x), {name: np.array([getattr(d, name) for d in draws]) for name in names}

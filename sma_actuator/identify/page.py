@@ -19,7 +19,8 @@ def write_page(path: Path, result: Identification) -> None:
     low_m, high_m = model.displacement_range_m
     stress_lo, stress_hi = model.stress_range_Pa
     page.text(
-        f"Wire {wire.alloy}, {wire.length * 1e3:g} mm × {wire.diameter * 1e3:g} mm. Working range {low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm, "
+        f"Wire {wire.alloy}, {wire.length * 1e3:g} mm × {wire.diameter * 1e3:g} mm. Working range "
+        f"{low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm, "
         f"stress {stress_lo / 1e6:.0f} to {stress_hi / 1e6:.0f} MPa."
     )
     for note in result.notes:
@@ -135,7 +136,8 @@ def _orders(page: Page, result: Identification) -> None:
     axes[0, 0].set(xlabel="order in stress (heating, cooling)", ylabel="held-out error [% of full stroke]")
     page.figure(
         drawing,
-        "Mean absolute error on cycles that were not fitted; the simplest order as good as the best is used (thesis, Fig. 62).",
+        "Mean absolute error on cycles that were not fitted; the simplest order as good as the best is used "
+        "(thesis, Fig. 62).",
     )
 
 

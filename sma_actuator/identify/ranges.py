@@ -12,6 +12,7 @@ import numpy as np
 
 from .traces import IdentificationError, Trace
 
+SAME_LOAD = 0.05  #: relative difference of stress below which two loads count as one
 _SMOOTH = 3  #: samples either side that a local slope is taken over
 _FLAT = 0.4  #: share of the branch's slope below which it is called flat
 _CORE = (0.25, 0.75)  #: part of the stroke that is determinate beyond doubt
@@ -35,7 +36,8 @@ def determinate_interval_m(trace: Trace) -> tuple[float, float]:
         inside = core & branch
         if np.count_nonzero(inside) < 5:
             raise IdentificationError(
-                f"{trace.log.source}: the {name} branch has {np.count_nonzero(inside)} samples in mid-stroke; there is no {name} branch to fit"
+                f"{trace.log.source}: the {name} branch has {np.count_nonzero(inside)} samples in mid-stroke; "
+                f"there is no {name} branch to fit"
             )
         slope = np.polyfit(resistance_Ohm[inside], displacement_m[inside], 1)[0]
         flat = branch & _is_flat(resistance_Ohm, displacement_m, slope)
@@ -62,36 +64,41 @@ def working_range_m(traces: Sequence[Trace], full_stroke_m: float) -> tuple[floa
     low_m, high_m = intervals[:, 0].max() + 0.02 * full_stroke_m, intervals[:, 1].min() - 0.02 * full_stroke_m
     if not high_m - low_m > 0.1 * full_stroke_m:
         raise IdentificationError(
-            f"the determinate parts of the stroke at the {len(intervals)} loads share less than a tenth of the full stroke "
-            f"({low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm); leave out the extreme loads, or check the displacement's calibration"
+            f"the determinate parts of the stroke at the {len(intervals)} loads share less than a tenth of the "
+            "full stroke "
+            f"({low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm); leave out the extreme loads, or check the "
+            "displacement's calibration"
         )
     return float(low_m), float(high_m)
 
 
 def full_cycles(traces: Sequence[Trace]) -> list[Trace]:
-    """The traces of open-loop pulses at a constant load: by their metadata or, without any, those of a full stroke.
+    """The traces of open-loop pulses at a constant load.
 
+    By their metadata or, where no log has any, those with the longest stroke of their load.
     Raises IdentificationError where there is none.
     """
     found = [t for t in traces if t.kind == "pulses" and t.constant_load]
     if not found:
-        strokes_m = [float(np.ptp(t.displacement_m)) for t in traces]
-        found = [
-            t
-            for t, s in zip(traces, strokes_m, strict=True)
-            if not t.kind and t.constant_load and s > 0.7 * max(strokes_m)
-        ]
+        unnamed = [t for t in traces if not t.kind and t.constant_load]
+        stroke_m = np.array([float(np.ptp(t.displacement_m)) for t in unnamed])
+        stress_Pa = np.array([t.mean_stress_Pa for t in unnamed])
+        for t, stroke, stress in zip(unnamed, stroke_m, stress_Pa, strict=True):
+            same_load = np.abs(stress_Pa - stress) <= SAME_LOAD * np.abs(stress)
+            if stroke >= 0.95 * stroke_m[same_load].max() and stroke > 0.5 * stroke_m.max():
+                found.append(t)
     if not found:
         raise IdentificationError(
-            "no log of full cycles at a constant load (open-loop pulses); they are needed to find the branches and the ends of the stroke"
+            "no log of full cycles at a constant load (open-loop pulses); they are needed to find the branches "
+            "and the ends of the stroke"
         )
     return found
 
 
-def distinct_stresses(traces: Sequence[Trace], tolerance: float = 0.05) -> int:
-    """How many loads there are, those within a share ``tolerance`` of each other counted once."""
+def distinct_stresses(traces: Sequence[Trace]) -> int:
+    """How many loads there are, those within SAME_LOAD of each other counted once."""
     count, last = 0, -np.inf
     for stress in sorted(t.mean_stress_Pa for t in traces):
-        if stress > last + tolerance * max(abs(last), 1e6) if np.isfinite(last) else True:
+        if stress > last + SAME_LOAD * max(abs(last), 1e6) if np.isfinite(last) else True:
             count, last = count + 1, stress
     return count

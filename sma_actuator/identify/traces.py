@@ -88,8 +88,10 @@ def make_trace(log: BenchLog, config) -> Trace:
     safety = config.safety
     if not safety.resistance_min <= resistance_Ohm <= safety.resistance_max:
         raise BenchLogError(
-            f"{log.source}: line 2: the wire's resistance is about {resistance_Ohm:.3g} Ω, outside safety.resistance_min and "
-            f"resistance_max ({safety.resistance_min:g} to {safety.resistance_max:g} Ω); is it the log of another wire, or "
+            f"{log.source}: line 2: the wire's resistance is about {resistance_Ohm:.3g} Ω, outside "
+            "safety.resistance_min and "
+            f"resistance_max ({safety.resistance_min:g} to {safety.resistance_max:g} Ω); is it the log of another "
+            "wire, or "
             "circuit.reference_resistance of another circuit?"
         )
     stress_Pa = np.median(signals.stress_Pa[good])
@@ -129,11 +131,13 @@ def _same_wire(log: BenchLog, config) -> None:
         ours = getattr(config.wire, name)
         if key in said and abs(said[key] - ours) > 1e-3 * ours:
             raise BenchLogError(
-                f"{log.source}: is a log of another wire: its {name} is {said[key] * 1e3:g} mm and wire.{name} is {ours * 1e3:g} mm"
+                f"{log.source}: is a log of another wire: its {name} is {said[key] * 1e3:g} mm and wire.{name} is "
+                f"{ours * 1e3:g} mm"
             )
     if "alloy" in said and said["alloy"] != config.wire.alloy:
         raise BenchLogError(
-            f"{log.source}: is a log of another wire: its alloy is {said['alloy']} and wire.alloy is {config.wire.alloy}"
+            f"{log.source}: is a log of another wire: its alloy is {said['alloy']} and wire.alloy is "
+            f"{config.wire.alloy}"
         )
 
 

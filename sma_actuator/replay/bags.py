@@ -40,7 +40,8 @@ def log_from_bag(path: str | Path, topics: Mapping[str, str]) -> BenchLog:
             for column, (topic, _) in wanted.items():
                 if topic not in present:
                     raise BenchLogError(
-                        f"{path}: topic {topic} (for {column}) is not recorded; recorded are {', '.join(sorted(present)) or 'none'}"
+                        f"{path}: topic {topic} (for {column}) is not recorded; recorded are "
+                        f"{', '.join(sorted(present)) or 'none'}"
                     )
             connections = [c for c in reader.connections if c.topic in {topic for topic, _ in wanted.values()}]
             for connection, stamp_ns, raw in reader.messages(connections=connections):

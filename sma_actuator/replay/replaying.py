@@ -41,7 +41,7 @@ def replay(
     calibration: Sequence[BenchLog] = (),
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> list[Replay]:
-    """Replay every log through every model, and through the baselines where there are ``calibration`` logs to fit them on.
+    """Replay every log through every model, and through the baselines where there are ``calibration`` logs.
 
     The working range is the first model's, for all of them, so that all are judged on the same
     samples.  Raises BenchLogError.

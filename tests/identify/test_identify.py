@@ -167,6 +167,13 @@ def test_appendix_c_finds_the_lines_of_a_loop_and_passes_over_the_r_phase():
     assert found.cooling == pytest.approx((8e-3, -8e-3 * 4.9), rel=1e-6)
 
 
+def test_logs_that_do_not_say_what_they_are_are_told_apart_by_their_stroke(flexinol, joint):
+    logs = [dataclasses.replace(log, metadata={}) for log in flexinol.only("pulses", "partial")]
+    unnamed = identify(logs, flexinol.mapping, "flexinol", order=2)
+    assert unnamed.config.model.displacement_range == pytest.approx(joint.config.model.displacement_range, abs=2e-4)
+    assert mean_error_percent(logs, unnamed.config) < 1.0
+
+
 def test_appendix_c_uses_the_parameters_of_the_thesis():
     assert Tolerances() == Tolerances(4, 10, 0.999, 0.995, 0.001)
 
