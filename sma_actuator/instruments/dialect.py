@@ -40,7 +40,7 @@ _SUPPLY_QUERIES = {
     for name in ("current_setting", "voltage_setting", "output", "voltage", "current", "watchdog_armed", "watchdog_delay", "error")
 }
 _DAQ_COMMANDS = {"prepare": {"channels", "samples", "readings"}, "before_read": {"channels", "samples", "readings"}}
-_DAQ_QUERIES = {"read": {"channels", "samples", "readings"}, "error": set()}
+_DAQ_QUERIES = {"ready": {"channels", "samples", "readings"}, "read": {"channels", "samples", "readings"}, "error": set()}
 _NEEDED = {
     "supply": {
         "commands": ("output_on", "output_off", "set_current", "set_voltage", "clear_trips"),

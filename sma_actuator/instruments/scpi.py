@@ -8,6 +8,7 @@ connection.  ``open`` makes a new one.
 from __future__ import annotations
 
 import logging
+import socket
 import threading
 from collections.abc import Sequence
 from math import inf, isfinite, nan
@@ -62,6 +63,7 @@ class Session:
                 open_timeout=_OPEN_TIMEOUT_ms,
             )
             visa.timeout = self._timeout_s * 1e3
+            _send_at_once(visa)
         except (pyvisa.Error, OSError, ValueError) as error:
             raise InstrumentLost(f"{self.name}: cannot be opened ({error}); is it switched on, and is the address right?") from error
         self._visa = visa
@@ -109,6 +111,14 @@ class Session:
                 visa.close()
             except Exception as error:  # noqa: BLE001 - nothing depends on a connection that is given up
                 _log.debug("%s: closing: %s", self.name, error)
+
+
+def _send_at_once(visa: pyvisa.resources.Resource) -> None:
+    """Switch Nagle's algorithm off: else a query after a command waits some 40 ms for the other side's
+    delayed acknowledgement.  pyvisa-py has the attribute VI_ATTR_TCPIP_NODELAY but cannot set it."""
+    interface = getattr(getattr(visa.visalib, "sessions", {}).get(visa.session), "interface", None)
+    if isinstance(interface, socket.socket):
+        interface.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
 
 def _identify(session: Session, dialect: Dialect) -> str:
@@ -334,6 +344,8 @@ class ScpiDaq:
             self.identity = _identify(self._session, self._dialect)
             self._session.tell(*self._dialect.lines("prepare", **self._values))
             _no_errors(self._session, self._dialect)
+            if "ready" in self._dialect.queries:
+                self._session.ask(self._dialect.query("ready", **self._values))
 
     def read_block(self) -> Reading:
         """The mean of the newest block; NaN for channels that are not configured."""

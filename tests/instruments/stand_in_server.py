@@ -1,0 +1,76 @@
+"""A SCPI instrument over TCP that remembers settings by their header and notes every line: for dialects of real families."""
+
+import contextlib
+import socket
+import threading
+
+
+class ScpiStandIn:
+    """Answers ``replies`` (exact text → answer) and, for ``X?``, what ``X`` was last set to."""
+
+    def __init__(self, replies):
+        self.replies = dict(replies)
+        self.lines = []
+        self.silent_on = None  #: a line that gets no answer until ``release``
+        self.release = threading.Event()
+        self._settings = {}
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.port = self._server.getsockname()[1]
+        self._connections = []
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    @property
+    def resource(self):
+        return f"TCPIP::127.0.0.1::{self.port}::SOCKET"
+
+    def _accept(self):
+        with contextlib.suppress(OSError):
+            while True:
+                connection, _ = self._server.accept()
+                self._connections.append(connection)
+                threading.Thread(target=self._serve, args=(connection,), daemon=True).start()
+
+    def _serve(self, connection):
+        with contextlib.suppress(OSError), connection.makefile("rw", newline="\n") as stream:
+            for line in stream:
+                line = line.strip()
+                self.lines.append(line)
+                answer = self._answer(line)
+                if answer is None:
+                    continue
+                if line == self.silent_on:
+                    self.release.wait(10.0)
+                stream.write(answer + "\n")
+                stream.flush()
+
+    def _answer(self, line):
+        if line in self.replies:
+            return self.replies[line]
+        if "?" in line:
+            return self._settings.get(self._place(line.replace("?", "")), "0")
+        self._settings[self._place(line)] = self._value(line)
+        return None
+
+    @staticmethod
+    def _place(line):
+        """Header and channel of a command, without its value."""
+        header, _, rest = line.partition(" ")
+        channels = [part for part in rest.split(",") if part.strip().startswith(("(@", "CH"))]
+        return (header, *channels)
+
+    @staticmethod
+    def _value(line):
+        values = [part for part in line.partition(" ")[2].split(",") if not part.strip().startswith(("(@", "CH"))]
+        return values[0] if values else ""
+
+    def hang_up(self):
+        """Close every connection."""
+        for connection in self._connections:
+            with contextlib.suppress(OSError):
+                connection.shutdown(socket.SHUT_RDWR)
+                connection.close()
+
+    def close(self):
+        self.release.set()
+        self.hang_up()
+        self._server.close()

@@ -1,0 +1,160 @@
+"""Every dialect that comes with the package: complete, and saying exactly what the manual has."""
+
+import pytest
+import yaml
+from stand_in_server import ScpiStandIn
+
+from sma_actuator.config import Config
+from sma_actuator.instruments import InstrumentRefused, open_daq, open_supply
+from sma_actuator.instruments.clock import MonotonicClock
+from sma_actuator.instruments.dialect import FOLDER, Dialect
+from sma_actuator.parameters import ConfigError
+
+SHIPPED = sorted((path.stem, yaml.safe_load(path.read_text())["kind"]) for path in FOLDER.glob("*.yaml"))
+
+#: Identity, then the lines of opening with channel 2, driving 0.123 A, reading back and shutting down.
+SUPPLIES = {
+    "keysight_n6700": (
+        "Keysight Technologies,N6700C,MY123,D.01.08",
+        [
+            "*IDN?", "*CLS", "OUTP OFF,(@2)", "OUTP:PROT:CLE (@2)", "CURR 0.00000,(@2)", "VOLT 6.0000,(@2)", "VOLT:PROT 6.600,(@2)",
+            "OUTP:PROT:WDOG:DEL 1", "OUTP:PROT:WDOG ON", "OUTP:PROT:WDOG?", "OUTP:PROT:WDOG:DEL?", "SYST:ERR?", "OUTP? (@2)", "VOLT? (@2)",
+            "CURR 0.12300,(@2)", "OUTP ON,(@2)", "CURR? (@2)", "OUTP? (@2)", "MEAS:VOLT? (@2)", "MEAS:CURR? (@2)",
+            "OUTP OFF,(@2)", "CURR 0.00000,(@2)", "OUTP? (@2)",
+        ],
+    ),
+    "keithley_2260b": (
+        "KEITHLEY,2260B-30-36,1405537,1.72",
+        [
+            "*IDN?", "*CLS", "SYST:COMM:RLST REM", "OUTP OFF", "OUTP:PROT:CLE", "SOUR:CURR 0.0000", "SOUR:VOLT 6.000", "SOUR:VOLT:PROT 6.600",
+            "SOUR:CURR:PROT 0.450", "SOUR:CURR:PROT:STAT ON", "SYST:ERR?", "OUTP?", "SOUR:VOLT?",
+            "SOUR:CURR 0.1230", "OUTP ON", "SOUR:CURR?", "OUTP?", "MEAS:VOLT?", "MEAS:CURR?", "SOUR:VOLT:PROT:TRIP?", "SOUR:CURR:PROT:TRIP?",
+            "OUTP OFF", "SOUR:CURR 0.0000", "OUTP?",
+        ],
+    ),
+    "rigol_dp800": (
+        "RIGOL TECHNOLOGIES,DP832,DP8C1234567,00.01.16",
+        [
+            "*IDN?", "*CLS", ":SYST:REM", ":SYST:RWL", ":OUTP CH2,OFF", ":OUTP:OVP:CLEAR CH2", ":OUTP:OCP:CLEAR CH2", ":SOUR2:CURR 0.0000",
+            ":SOUR2:VOLT 6.000", ":OUTP:OVP:VAL CH2,6.600", ":OUTP:OVP CH2,ON", ":OUTP:OCP:VAL CH2,0.4500", ":OUTP:OCP CH2,ON", ":SYST:ERR?",
+            ":OUTP? CH2", ":SOUR2:VOLT?",
+            ":SOUR2:CURR 0.1230", ":OUTP CH2,ON", ":SOUR2:CURR?", ":OUTP? CH2", ":MEAS:VOLT? CH2", ":MEAS:CURR? CH2", ":OUTP:OVP:QUES? CH2",
+            ":OUTP:OCP:QUES? CH2",
+            ":OUTP CH2,OFF", ":SOUR2:CURR 0.0000", ":OUTP? CH2",
+        ],
+    ),
+}
+DAQS = {
+    "keysight_daq970a": (
+        "Keysight Technologies,DAQ970A,MY58000001,A.03.01",
+        [
+            "*IDN?", "*CLS", "CONF:VOLT:DC 10,(@101,102,103)", "ROUT:SCAN (@101,102,103)", "TRIG:SOUR IMM", "TRIG:COUN 2", "FORM:READ:TIME OFF",
+            "FORM:READ:CHAN OFF", "FORM:READ:ALAR OFF", "FORM:READ:UNIT OFF", "SYST:ERR?", "READ?",
+        ],
+    ),
+    "keithley_daq6510": (
+        "KEITHLEY INSTRUMENTS,MODEL DAQ6510,04340543,1.7.12",
+        [
+            "*IDN?", "*CLS", 'SENS:FUNC "VOLT:DC",(@101,102,103)', "SENS:VOLT:RANG 10,(@101,102,103)", "ROUT:SCAN:CRE (@101,102,103)",
+            "ROUT:SCAN:COUN:SCAN 2", "SYST:ERR?", 'TRAC:CLE "defbuffer1"', "INIT", "*WAI", 'TRAC:DATA? 1,6,"defbuffer1",READ',
+        ],
+    ),
+}
+
+
+@pytest.mark.parametrize(("name", "kind"), SHIPPED)
+def test_every_shipped_dialect_loads_and_cites_its_source(name, kind):
+    assert Dialect.load(name, kind).family
+    assert yaml.safe_load((FOLDER / f"{name}.yaml").read_text())["source"]
+
+
+def test_every_real_family_is_tested_below():
+    assert {name for name, _ in SHIPPED if not name.startswith("virtual_bench")} == {*SUPPLIES, *DAQS}
+
+
+@pytest.mark.parametrize("name", SUPPLIES)
+def test_a_supply_hears_its_manuals_commands_and_no_other(make_config, name):
+    identity, expected = SUPPLIES[name]
+    off_words = "OFF" if name == "rigol_dp800" else "0"
+    server = ScpiStandIn({"*IDN?": identity, "SYST:ERR?": '0,"No error"', ":SYST:ERR?": '0,"No error"', "OUTP:PROT:WDOG?": "1"})
+    try:
+        if "OUTP:PROT:WDOG:DEL?" in expected:
+            server.replies["OUTP:PROT:WDOG:DEL?"] = "1"
+        config = Config.from_mapping(
+            make_config(**{
+                "instruments": {"supply": {"resource": server.resource, "dialect": name, "channel": 2}},
+                "supply.allow_no_watchdog": name != "keysight_n6700",
+            })
+        )
+        supply = open_supply(config)
+        supply.open()
+        supply.set_current(0.123)
+        supply.set_output(True)
+        state = supply.read_back()
+        supply.shut_down()
+        supply._session.close()
+        assert server.lines == expected
+        assert state.current_setting_A == pytest.approx(0.123)
+        assert state.output_on
+        assert state.tripped == ""
+        assert off_words in ("OFF", "0")
+    finally:
+        server.close()
+
+
+@pytest.mark.parametrize("name", DAQS)
+def test_a_daq_hears_its_manuals_commands_and_its_raw_readings_are_averaged(make_config, name):
+    identity, expected = DAQS[name]
+    server = ScpiStandIn({"*IDN?": identity, "SYST:ERR?": '0,"No error"', expected[-1]: "1.0,0.10,0.5,1.2,0.12,0.7"})
+    try:
+        changes = {"instruments": {"daq": {"resource": server.resource, "dialect": name}}, "loop.samples_per_block": 2}
+        daq = open_daq(Config.from_mapping(make_config(**changes)), MonotonicClock())
+        daq.open()
+        reading = daq.read_block()
+        daq.close()
+        assert server.lines == expected
+        assert (reading.supply_voltage_V, reading.reference_voltage_V, reading.load_cell_voltage_V) == pytest.approx((1.1, 0.11, 0.6))
+        assert reading.lvdt_current_A != reading.lvdt_current_A  # no such channel: NaN
+    finally:
+        server.close()
+
+
+def test_a_supply_without_watchdog_is_refused_unless_that_is_accepted(make_config):
+    server = ScpiStandIn({"*IDN?": SUPPLIES["keithley_2260b"][0], "SYST:ERR?": '0,"No error"'})
+    try:
+        config = Config.from_mapping(make_config(instruments={"supply": {"resource": server.resource, "dialect": "keithley_2260b"}}))
+        with pytest.raises(InstrumentRefused, match="has no communication watchdog.*supply.allow_no_watchdog"):
+            open_supply(config).open()
+        assert "OUTP ON" not in server.lines
+    finally:
+        server.close()
+
+
+def test_an_unknown_dialect_names_its_neighbour():
+    with pytest.raises(ConfigError, match="did you mean keithley_2260b"):
+        Dialect.load("keithley_2260", "supply")
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    (
+        (lambda d: d["commands"].pop("output_off"), "commands.output_off: missing"),
+        (lambda d: d["queries"].pop("current"), "queries.current: missing"),
+        (lambda d: d["commands"].update(output_onn="OUTP ON"), "commands.output_onn: no such entry"),
+        (lambda d: d["commands"].update(set_current="CURR {valeu}"), r"commands.set_current: .*placeholder \{valeu\}"),
+        (lambda d: d["commands"].update(set_current="CURR {value"), "commands.set_current: .*cannot be filled in"),
+        (lambda d: d["queries"].pop("watchdog_armed"), "a watchdog that cannot be read back is none"),
+        (lambda d: d.update(identity="("), "identity: a regular expression"),
+        (lambda d: d.update(kind="daq"), "is not a dialect of kind 'supply'"),
+        (lambda d: d.update(trips={"OOPS": "X?"}), "trips.OOPS: no such trip"),
+        (lambda d: d["commands"].update(clear_trips=7), "commands.clear_trips: 7 is neither"),
+    ),
+)
+def test_a_faulty_dialect_is_refused_in_a_sentence_with_its_file(tmp_path, change, words):
+    document = yaml.safe_load((FOLDER / "virtual_bench_supply.yaml").read_text())
+    change(document)
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(document))
+    with pytest.raises(ConfigError, match=words) as caught:
+        Dialect.load(str(path), "supply")
+    assert str(path) in str(caught.value)

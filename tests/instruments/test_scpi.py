@@ -1,0 +1,240 @@
+"""Real pyvisa over TCP: to the virtual bench, and to a stand-in that can be made to misbehave."""
+
+import contextlib
+import threading
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from stand_in_server import ScpiStandIn
+
+from sma_actuator.bench import VirtualBench
+from sma_actuator.bench.server import background
+from sma_actuator.config import Config
+from sma_actuator.instruments import InstrumentError, InstrumentLost, InstrumentRefused, open_daq, open_supply
+from sma_actuator.instruments.clock import MonotonicClock
+from sma_actuator.instruments.scpi import ScpiSupply
+
+
+@pytest.fixture
+def bench(make_config):
+    """(supply, daq, config) of a virtual bench over TCP."""
+    with background(VirtualBench.from_name("flexinol")) as server:
+        config = Config.from_mapping(
+            make_config(
+                instruments={
+                    "supply": {"resource": f"TCPIP::127.0.0.1::{server.ports[0]['supply']}::SOCKET", "timeout": 0.3},
+                    "daq": {"resource": f"TCPIP::127.0.0.1::{server.ports[0]['daq']}::SOCKET", "lvdt_channel": 104, "timeout": 0.3},
+                }
+            )
+        )
+        supply, daq = open_supply(config), open_daq(config, MonotonicClock())
+        yield supply, daq, config
+        supply.close()
+        daq.close()
+
+
+def command(instrument, *lines):
+    """Tell the bench something no real instrument understands."""
+    instrument._session.tell(*lines)
+
+
+def test_opening_leaves_the_output_off_and_every_limit_programmed(bench):
+    supply, _, config = bench
+    supply.open()
+    state = supply.read_back()
+    assert "Virtual Supply" in supply.identity
+    assert (state.output_on, state.current_setting_A, state.tripped) == (False, 0.0, "")
+    assert float(supply._session.ask("VOLT?")) == pytest.approx(config.supply.max_voltage)
+    assert float(supply._session.ask("VOLT:PROT?")) == pytest.approx(1.1 * config.supply.max_voltage)
+    assert float(supply._session.ask("CURR:PROT?")) == pytest.approx(config.supply.over_current_trip)
+    assert supply._session.ask("OUTP:PROT:WDOG?") == "1"
+
+
+def test_a_current_flows_and_is_measured_by_both_instruments(bench):
+    supply, daq, _ = bench
+    supply.open()
+    daq.open()
+    supply.set_current(0.1)
+    supply.set_output(True)
+    for _ in range(100):  # until a whole block of samples is younger than the current
+        state, reading = supply.read_back(), daq.read_block()
+        if abs(reading.reference_voltage_V - 0.1) < 2e-3:
+            break
+    assert state.current_A == pytest.approx(0.1, abs=1e-3)
+    assert reading.reference_voltage_V == pytest.approx(0.1, abs=2e-3)
+    assert 4.0 < reading.supply_voltage_V / reading.reference_voltage_V - 1.25 < 6.0
+    assert 0.004 < reading.lvdt_current_A < 0.020
+
+
+def test_shut_down_works_through_a_new_connection_when_the_old_one_is_dead(bench):
+    supply, _, _ = bench
+    supply.open()
+    supply._session.tell("SYST:LOC")  # the lock would keep every other connection out
+    supply.set_current(0.1)
+    supply.set_output(True)
+    supply._session.close()
+    supply.shut_down()
+    supply._session.open(lock=False)
+    assert supply._session.ask("OUTP?") == "0"
+
+
+def test_a_tripped_protection_is_named_and_can_be_cleared(bench):
+    supply, _, _ = bench
+    supply.open()
+    supply.set_current(0.1)
+    supply.set_output(True)
+    command(supply, "CURR:PROT 0.05")
+    for _ in range(1000):
+        state = supply.read_back()
+        if state.tripped:
+            break
+    assert state.tripped == "OCP"
+    assert not state.output_on
+    command(supply, "CURR:PROT 0.45")
+    supply.clear_trip()
+    assert supply.read_back().tripped == ""
+
+
+def test_a_watchdog_that_does_not_hold_is_refused(bench):
+    supply, _, _ = bench
+    supply.open()
+    command(supply, "BENC:FAUL watchdog_dead,0")
+    with pytest.raises(InstrumentRefused, match="its watchdog was armed with 1 s and reads back 0"):
+        supply.open()
+
+
+@pytest.mark.parametrize("instrument", ("supply", "daq"))
+def test_a_silent_instrument_is_lost_within_its_timeout_and_comes_back_by_opening(bench, instrument):
+    supply, daq, _ = bench
+    supply.open()
+    daq.open()
+    lost, ask, other = (supply, supply.read_back, daq) if instrument == "supply" else (daq, daq.read_block, supply)
+    command(lost, f"BENC:FAUL {instrument}_silent")
+    with pytest.raises(InstrumentLost, match=f"{instrument} at .*no answer.* within 0.3 s"):
+        ask()
+    with pytest.raises(InstrumentLost, match="not connected"):
+        ask()
+    command(other, "BENC:FAUL:CLE")
+    lost.open()
+    ask()
+
+
+def test_a_hang_up_is_a_loss_not_a_crash(bench):
+    supply, daq, _ = bench
+    supply.open()
+    daq.open()
+    command(supply, "BENC:FAUL supply_hangup")
+    with pytest.raises(InstrumentLost), contextlib.ExitStack():
+        for _ in range(3):
+            supply.read_back()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    (
+        ({"instruments.supply.resource": "TCPIP::127.0.0.1::9::SOCKET"}, "supply at TCPIP::127.0.0.1::9::SOCKET"),
+        ({"instruments.supply.resource": ""}, "instruments.supply.resource: is empty"),
+        ({"instruments.supply.resource": "nonsense"}, "cannot be opened"),
+        ({"supply.watchdog_timeout": 3700.0}, "supply.watchdog_timeout"),
+    ),
+)
+def test_what_cannot_be_opened_is_refused_in_a_sentence(make_config, change, words):
+    with pytest.raises((InstrumentError, ValueError), match=words):
+        open_supply(Config.from_mapping(make_config(**change))).open()
+
+
+def test_the_wrong_instrument_is_refused_by_what_it_says_it_is(bench, make_config):
+    _, daq, config = bench
+    swapped = make_config(instruments={"supply": {"resource": config.instruments.daq.resource}})
+    with pytest.raises(InstrumentRefused, match="says it is 'SMA Actuator,Virtual DAQ.*which is no SMA Actuator virtual supply"):
+        open_supply(Config.from_mapping(swapped)).open()
+
+
+@pytest.fixture
+def stand_in():
+    server = ScpiStandIn(
+        {
+            "*IDN?": "SMA Actuator,Virtual Supply,7,stand-in", ":SYST:ERR?": '0,"No error"', ":OUTP:PROT:WDOG?": "1", ":OUTP:PROT:WDOG:DEL?": "1.0",
+            ":OUTP?": "0", ":VOLT?": "6.0", ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?": "0.1;1;0.65;0.1;NONE",
+        }
+    )
+    yield server
+    server.close()
+
+
+def opened(server, make_config):
+    supply = open_supply(Config.from_mapping(make_config(instruments={"supply": {"resource": server.resource, "timeout": 0.2}})))
+    supply.open()
+    return supply
+
+
+def test_a_late_reply_is_never_taken_for_the_answer_to_the_next_question(stand_in, make_config):
+    supply = opened(stand_in, make_config)
+    chain = ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?"
+    stand_in.silent_on, stand_in.replies[chain] = chain, "0.9;1;9.9;0.9;OCP"
+    with pytest.raises(InstrumentLost, match="no answer"):
+        supply.read_back()
+    stand_in.silent_on, stand_in.replies[chain] = None, "0.1;1;0.65;0.1;NONE"
+    stand_in.release.set()  # now the late reply goes out
+    supply.open()
+    assert supply.read_back().current_setting_A == 0.1
+
+
+@pytest.mark.parametrize("reply", ("0.1;1;0.65;0.1", "what;1;0.65;0.1;NONE", "0.1;maybe;0.65;0.1;NONE", ""))
+def test_a_garbled_reply_is_a_loss_that_quotes_it(stand_in, make_config, reply):
+    supply = opened(stand_in, make_config)
+    stand_in.replies[":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?"] = reply
+    with pytest.raises(InstrumentLost, match="is not an answer to that"):
+        supply.read_back()
+
+
+def test_shut_down_does_not_wait_for_a_query_that_hangs_in_another_thread(stand_in, make_config):
+    supply = opened(stand_in, make_config)
+    stand_in.silent_on = ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?"
+    supply._session._visa.timeout = 5000
+
+    def hang():
+        with contextlib.suppress(InstrumentLost):
+            supply.read_back()
+
+    thread = threading.Thread(target=hang)
+    thread.start()
+    before = len(stand_in.lines)
+    while stand_in.silent_on not in stand_in.lines[before - 1:]:
+        pass
+    supply.shut_down()
+    assert {"OUTP OFF", "CURR 0.000000"} <= set(stand_in.lines[stand_in.lines.index(stand_in.silent_on):])
+    stand_in.release.set()
+    thread.join(10.0)
+    assert not thread.is_alive()
+
+
+def test_shut_down_never_raises_even_where_nothing_answers(make_config):
+    supply = open_supply(Config.from_mapping(make_config(instruments={"supply": {"resource": "TCPIP::127.0.0.1::9::SOCKET"}})))
+    supply.shut_down()
+    supply.shut_down()
+    supply.close()
+
+
+class Recorded:
+    """A session that only notes what it is told."""
+
+    name = "supply"
+
+    def __init__(self):
+        self.lines = []
+
+    def tell(self, *lines):
+        self.lines += lines
+
+
+@given(current_A=st.one_of(st.floats(allow_nan=True, allow_infinity=True), st.sampled_from((0.0, 0.4, 0.4000001, -1e-9))))
+def test_no_number_beyond_the_limit_is_ever_sent(make_config, current_A):
+    supply = ScpiSupply(Config.from_mapping(make_config()))
+    supply._session = Recorded()
+    with contextlib.suppress(InstrumentRefused):
+        supply.set_current(current_A)
+    for line in supply._session.lines:
+        assert 0.0 <= float(line.removeprefix("CURR ")) <= 0.4
+    assert bool(supply._session.lines) == (0.0 <= current_A <= 0.4)
