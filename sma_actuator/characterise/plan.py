@@ -140,5 +140,5 @@ def typical_resistance_Ohm(wire) -> float:
 def default_heat_current_A(config) -> float:
     """The current whose steady temperature lies well above every transformation and below derating."""
     thermal = config.thermal
-    power_W = thermal.heat_loss * 0.95 * (thermal.derate_temperature - thermal.ambient_temperature)
+    power_W = thermal.heat_loss * 0.7 * (thermal.derate_temperature - thermal.ambient_temperature)
     return min(math.sqrt(power_W / typical_resistance_Ohm(config.wire)), config.supply.max_current)
