@@ -3,6 +3,7 @@
 import contextlib
 import socket
 import threading
+import time
 
 
 class ScpiStandIn:
@@ -62,6 +63,13 @@ class ScpiStandIn:
     def _value(line):
         values = [part for part in line.partition(" ")[2].split(",") if not part.strip().startswith(("(@", "CH"))]
         return values[0] if values else ""
+
+    def heard(self, line, times=1, within_s=5.0):
+        """Whether a line has come so often; waits for it, since a command has no answer."""
+        deadline_s = time.monotonic() + within_s
+        while self.lines.count(line) < times and time.monotonic() < deadline_s:
+            time.sleep(0.001)
+        return self.lines.count(line) >= times
 
     def hang_up(self):
         """Close every connection."""

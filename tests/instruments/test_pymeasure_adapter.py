@@ -36,6 +36,7 @@ def test_a_pymeasure_class_drives_its_instrument(server, make_config):
     supply.shut_down()
     supply.close()
     assert (state.current_setting_A, state.output_on, state.voltage_V, state.current_A) == (0.2, True, 1.3, 0.2)
+    assert server.heard("CURR 0, (@1)", times=2)  # on opening, and at the end
     assert server.lines[-2:] == ["OUTPut 0, (@1)", "CURR 0, (@1)"]
     assert "CURR 0.2, (@1)" in server.lines
 

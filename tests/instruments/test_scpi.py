@@ -147,7 +147,7 @@ def test_what_cannot_be_opened_is_refused_in_a_sentence(make_config, change, wor
 
 
 def test_the_wrong_instrument_is_refused_by_what_it_says_it_is(bench, make_config):
-    _, daq, config = bench
+    _, _daq, config = bench
     swapped = make_config(instruments={"supply": {"resource": config.instruments.daq.resource}})
     with pytest.raises(InstrumentRefused, match="says it is 'SMA Actuator,Virtual DAQ.*which is no SMA Actuator virtual supply"):
         open_supply(Config.from_mapping(swapped)).open()
