@@ -82,12 +82,11 @@ def _cooling_line(points: np.ndarray, tolerances: Tolerances):
     rate = np.gradient(correlation)  # d
     bend = np.gradient(rate)
     keep = (correlation > tolerances.cooling_correlation) & (np.abs(rate) < tolerances.cooling_correlation_rate)  # e, f
-    runs = _runs(keep)
+    runs = _merged(_runs(keep), tolerances.cooling_window)
     if not runs:
         return None
-    if len(runs) >= 2:  # g: the first is austenite → R-phase
-        runs = runs[1:]
-    candidates = np.concatenate([np.arange(r.start, r.stop) for r in runs])
+    last = runs[-1]  # g: the one before it is austenite → R-phase; noise may add more before that
+    candidates = last.start + np.flatnonzero(keep[last])
     size = np.abs(bend[candidates])
     if np.isnan(size).all():
         return None
@@ -120,6 +119,17 @@ def _line(points: np.ndarray) -> tuple[float, float]:
 def _runs(mask: np.ndarray) -> list[slice]:
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(int)))
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _merged(runs: list[slice], gap: int) -> list[slice]:
+    """Runs less than ``gap`` apart are one region: a window cannot tell them apart."""
+    out: list[slice] = []
+    for run in runs:
+        if out and run.start - out[-1].stop < gap:
+            out[-1] = slice(out[-1].start, run.stop)
+        else:
+            out.append(run)
+    return out
 
 
 def _longest_run(mask: np.ndarray) -> slice | None:
