@@ -18,6 +18,7 @@ import math
 import signal
 import sys
 import threading
+import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -65,8 +66,10 @@ FEED_PERIOD_s = 0.2
 FEED_TIMEOUT_s = 0.9  #: silence of the ROS thread after which the driver switches the wire off
 STATUS_PERIOD_s = 1.0
 RETRY_PERIOD_s = 1.0
+#: Outputs are published at the loop's rate, but not faster than this: at 1 kHz it would take the loop's own time.
+LEAST_PUBLISH_PERIOD_s = 5e-3
 #: The interpreter passes the GIL on at least this often; its default, 5 ms, would show in the loop's period.
-GIL_INTERVAL_s = 0.5e-3
+GIL_INTERVAL_s = 0.1e-3
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _DEPTH = 10
@@ -82,7 +85,7 @@ class _Handoff:
         self.latest: Output | None = None
         self._fresh = threading.Event()
         self._wake = wake
-        self._ended = False
+        self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"{name} hand-off", daemon=True)
         self._thread.start()
 
@@ -93,17 +96,16 @@ class _Handoff:
 
     def close(self) -> None:
         """End the thread; afterwards nobody is woken."""
-        self._ended = True
+        self._ended.set()
         self._fresh.set()
         self._thread.join()
 
     def _run(self) -> None:
-        while True:
+        while not self._ended.wait(LEAST_PUBLISH_PERIOD_s):
             self._fresh.wait()
             self._fresh.clear()
-            if self._ended:
-                return
-            self._wake()
+            if not self._ended.is_set():
+                self._wake()
 
 
 class SmaActuatorNode(LifecycleNode):
@@ -341,6 +343,7 @@ class SmaActuatorNode(LifecycleNode):
                 feed_timeout_s=FEED_TIMEOUT_s, name=self.get_name(),
             )
             self._driver.open()
+            gc.freeze()  # what was imported stays: looking through it would take milliseconds out of the loop
             # The loop runs from now on, also while the node is inactive: the watchdog of the supply
             # wants to be fed, and a lost instrument to be found again.
             self._driver.start()
@@ -350,6 +353,11 @@ class SmaActuatorNode(LifecycleNode):
             self._give_up_driver()
             self._publish_status()
             return TransitionCallbackReturn.FAILURE
+        except Exception as error:
+            # rclpy would go on to on_error without a word.
+            self._refusal = f"{type(error).__name__}: {error}"
+            self.get_logger().error(traceback.format_exc())
+            raise
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -451,12 +459,11 @@ def main(arguments: list[str] | None = None) -> int:
         rclpy.init(args=ros.rclpy, signal_handler_options=SignalHandlerOptions.NO)
         for name in names:
             nodes.append(SmaActuatorNode(name, ros, fatal.append))
+        gc.collect()
         for node in nodes:
             thread = threading.Thread(target=_spin, args=(node, fatal.append), name=f"{node.get_name()} ROS", daemon=True)
             thread.start()
             threads.append(thread)
-        gc.collect()
-        gc.freeze()  # what was imported stays: collecting it would take milliseconds out of the loop
         while not fatal and signal.sigtimedwait(ending, 0.1) is None:
             pass
     except ConfigError as error:
