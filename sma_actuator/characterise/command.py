@@ -13,7 +13,6 @@ from ..bench_log import write_atomically
 from ..config import bench_from_mapping, read_parameter_file
 from ..share import shared_file
 from .operators import BenchOperator, ScpiBenchOperator, TerminalOperator
-from .page import write_page
 from .parts import RUN
 from .plan import PlanOptions, make_plan
 from .rig import Rig
@@ -104,6 +103,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure what the folder lacks; 0 when every part is finished."""
+    from .page import write_page  # before the work, in case its packages are missing
+
     console = Console(stderr=True)
     path = args.config or shared_file(
         f"config/{args.virtual}_bench.yaml" if args.virtual else "config/flexinol_bench.yaml"

@@ -60,6 +60,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Fit, write and report; 0 when MODEL.yaml was written."""
+    from .page import write_page  # before the work, in case its packages are missing
+
     console = Console(stderr=True)
     mapping = read_parameter_file(args.config)
     with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console) as bar:
@@ -76,8 +78,6 @@ def run(args: argparse.Namespace) -> int:
         bar.update(fitting, completed=1.0)
     write_model(args.out, result)
     page = args.report or args.out.with_suffix(".html")
-    from .page import write_page
-
     write_page(page, result)
     if args.json:
         text = json.dumps(summary(result), indent=1) + "\n"

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..bench_log import COLUMNS, BenchLog, BenchLogError
+from ..parameters import ConfigError
 
 
 def is_bag(path: Path) -> bool:
@@ -25,8 +26,11 @@ def log_from_bag(path: str | Path, topics: Mapping[str, str]) -> BenchLog:
     messages (their header stamps where they have any); the other columns are interpolated, and NaN more
     than a period before their first and after their last message.  Raises BenchLogError naming the topic or field.
     """
-    from rosbags.highlevel import AnyReader, AnyReaderError
-    from rosbags.typesys import Stores, get_typestore
+    try:
+        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.typesys import Stores, get_typestore
+    except ModuleNotFoundError as error:
+        raise ConfigError(f"{path}: recordings need the Python package 'rosbags' (extra 'bags')") from error
 
     path = Path(path)
     if not topics:

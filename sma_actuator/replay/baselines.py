@@ -16,6 +16,7 @@ from scipy.optimize import least_squares
 from ..identify.fitting import LOSS_SCALE, Data
 from ..identify.traces import Trace
 from ..jit import jit
+from ..parameters import ConfigError
 
 
 class Baseline(Protocol):
@@ -135,10 +136,13 @@ class NeuralNetwork:
 
     def fit(self, data: Data) -> None:
         """Trains on the determinate samples, seeded."""
-        from sklearn.exceptions import ConvergenceWarning
-        from sklearn.neural_network import MLPRegressor
-        from sklearn.pipeline import make_pipeline
-        from sklearn.preprocessing import StandardScaler
+        try:
+            from sklearn.exceptions import ConvergenceWarning
+            from sklearn.neural_network import MLPRegressor
+            from sklearn.pipeline import make_pipeline
+            from sklearn.preprocessing import StandardScaler
+        except ModuleNotFoundError as error:
+            raise ConfigError("the neural network needs the package 'scikit-learn' (extra 'baselines')") from error
 
         self._stroke_m = data.full_stroke_m
         features = np.concatenate([self._features(t) for t in data.traces])[data.counts]

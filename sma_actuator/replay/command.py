@@ -59,6 +59,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Replay and judge; 0 when every log was replayed."""
+    if args.report:
+        from .page import write_page  # before the work, in case its packages are missing
     console = Console(stderr=True)
     models = {}
     for path in args.config:
@@ -86,8 +88,6 @@ def run(args: argparse.Namespace) -> int:
     for log, in_working, in_full in winners(replays):
         console.print(f"{log}: best in the working range {in_working}; in the full range {in_full}")
     if args.report:
-        from .page import write_page
-
         write_page(args.report, replays, next(iter(models.values())))
         console.print(f"wrote {args.report}")
     if args.json:

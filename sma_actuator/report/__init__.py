@@ -10,14 +10,17 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import jinja2
-import matplotlib
-
-matplotlib.use("Agg")
-
-from matplotlib.figure import Figure
-
 from ..bench_log import write_atomically
+from ..parameters import ConfigError
+
+try:
+    import jinja2
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib.figure import Figure
+except ModuleNotFoundError as error:
+    raise ConfigError(f"the page with pictures needs the Python package '{error.name}' (extra 'report')") from error
 
 __all__ = ["Page", "figure"]
 
