@@ -44,8 +44,9 @@ class Fault(str, enum.Enum):
     SECOND_COMMANDER = "second_commander"
     SUPPLY_LOST = "supply_lost"
     DAQ_LOST = "daq_lost"
-    READING_STALE = "reading_stale"
     READING_SATURATED = "reading_saturated"
+    READING_NOT_FINITE = "reading_not_finite"
+    READING_STALE = "reading_stale"
     OPEN_WIRE = "open_wire"
     SHORT = "short"
     READING_IMPLAUSIBLE = "reading_implausible"
@@ -58,7 +59,6 @@ class Fault(str, enum.Enum):
     LOOP_OVERRUN = "loop_overrun"
     SETPOINT_STALE = "setpoint_stale"
     SETPOINT_FLOOD = "setpoint_flood"
-    READING_NOT_FINITE = "reading_not_finite"
     ESTIMATE_INVALID = "estimate_invalid"
     SETPOINT_NOT_FINITE = "setpoint_not_finite"
 
@@ -167,15 +167,21 @@ FAULTS: dict[Fault, Entry] = {
         "no reading for safety.reading_timeout, or the driver reports the connection lost",
         "safety.reading_timeout + 1/loop.rate", Action.OFF, latches=True,
     ),
-    Fault.READING_STALE: Entry(
-        "the readings are stale",
-        "readings come, but the last finite one with a new time is older than safety.reading_timeout",
-        "safety.reading_timeout + 1/loop.rate", Action.OFF, latches=True,
-    ),
     Fault.READING_SATURATED: Entry(
         "a DAQ channel is saturated",
         "a channel at or beyond ±safety.channel_max_voltage",
         "2/loop.rate", Action.OFF, latches=True,
+    ),
+    Fault.READING_NOT_FINITE: Entry(
+        "a reading is not finite",
+        "NaN or infinity in a voltage, load cell or time of a reading; such a reading reaches neither estimator nor "
+        "controller, and becomes reading_stale when it lasts",
+        "1/loop.rate", Action.BIAS,
+    ),
+    Fault.READING_STALE: Entry(
+        "the readings are stale",
+        "readings come, but the last finite one with a new time is older than safety.reading_timeout",
+        "safety.reading_timeout + 1/loop.rate", Action.OFF, latches=True,
     ),
     Fault.OPEN_WIRE: Entry(
         "the wire is open",
@@ -240,12 +246,6 @@ FAULTS: dict[Fault, Entry] = {
         f"setpoints faster than safety.setpoint_flood_rate, after a burst of {FLOOD_BURST_S:g} s of them (at least "
         f"{FLOOD_BURST_MIN}); those above the rate are refused",
         f"max({FLOOD_BURST_S}, {FLOOD_BURST_MIN}/safety.setpoint_flood_rate)", Action.HOLD,
-    ),
-    Fault.READING_NOT_FINITE: Entry(
-        "a reading is not finite",
-        "NaN or infinity in a voltage, load cell or time of a reading; such a reading reaches neither estimator nor "
-        "controller, and becomes reading_stale when it lasts",
-        "1/loop.rate", Action.BIAS,
     ),
     Fault.ESTIMATE_INVALID: Entry(
         "there is no estimate",

@@ -402,3 +402,8 @@ def test_the_first_fault_is_the_one_that_stays(make_rig):
 def test_a_fault_that_is_not_in_the_table_is_refused(make_rig):
     with pytest.raises(ValueError, match="bad_weather"):
         make_rig().actuator.raise_fault(0.0, "bad_weather", "")
+
+
+def test_the_table_is_in_the_order_in_which_faults_are_named():
+    assert list(FAULTS) == list(Fault)
+    assert list(LIMITS) == list(Limit)

@@ -1,0 +1,341 @@
+"""Modes, setpoints and services of the actuator, on the virtual bench."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sma_actuator.actuator import Actuator
+from sma_actuator.bench.loads import Weight
+from sma_actuator.config import Config
+from sma_actuator.parameters import ConfigError
+from sma_actuator.signals import Command, Mode, Quality
+
+
+@pytest.fixture
+def rig(make_rig):
+    return make_rig()
+
+
+class TestEnable:
+    def test_without_a_reading_it_is_refused(self, config):
+        actuator = Actuator(config)
+        ok, sentence = actuator.enable(0.0, True)
+        assert not ok
+        assert "no reading" in sentence
+
+    def test_with_a_reading_that_has_become_old_it_is_refused(self, rig):
+        assert not rig.actuator.enable(rig.now_s + 1.0, True)[0]
+
+    @pytest.mark.parametrize(
+        ("lie", "words"),
+        [
+            (lambda r: replace(r, load_cell_voltage_V=-1.0), "implausible"),
+            (lambda r: replace(r, load_cell_voltage_V=math.nan), "not finite"),
+            (lambda r: replace(r, supply_voltage_V=11.0), "saturated"),
+            (lambda r: replace(r, load_cell_voltage_V=1.0), "stress above its limit"),
+            (lambda r: None, "the DAQ is silent"),
+        ],
+    )
+    def test_with_readings_that_would_be_a_fault_it_is_refused(self, rig, lie, words):
+        rig.reading_of = lie
+        rig.run(1.0)
+        ok, sentence = rig.actuator.enable(rig.now_s, True)
+        assert not ok
+        assert words in sentence
+        rig.reading_of = lambda reading: reading
+        rig.run(0.1)
+        assert rig.actuator.enable(rig.now_s, True)[0], "and nothing has latched"
+
+    def test_while_the_supply_is_silent_it_is_refused(self, rig):
+        rig.state_of = lambda state: None
+        rig.run(1.0)
+        ok, sentence = rig.actuator.enable(rig.now_s, True)
+        assert not ok
+        assert "the supply is silent" in sentence
+
+    def test_the_first_current_is_the_bias_and_the_wire_is_held(self, rig):
+        rig.actuator.enable(rig.now_s, True)
+        rig.run(0.2)
+        assert {output.command for output in rig.outputs[-4:]} == {Command(rig.config.supply.bias_current, True)}
+        assert rig.status.mode is Mode.HOLD
+        rig.run(0.5)
+        held = [output for output in rig.outputs if math.isfinite(output.setpoint_m)]
+        assert held[0].setpoint_m == held[0].estimate.displacement_m == held[-1].setpoint_m
+        assert max(output.command.current_A for output in held) < 0.1
+
+    def test_twice_is_once(self, rig):
+        rig.enable()
+        rig.track()
+        assert rig.actuator.enable(rig.now_s, True) == (True, "the output is on already")
+        rig.step()
+        assert rig.status.mode is Mode.TRACKING
+
+    def test_off_is_off_in_the_next_step_and_forgets_the_setpoint(self, rig):
+        rig.enable()
+        rig.track()
+        rig.actuator.enable(rig.now_s, False)
+        assert rig.step().command == Command(0.0, False)
+        rig.run(0.5)
+        rig.enable()
+        assert rig.status.mode is Mode.HOLD
+
+
+def test_a_setpoint_is_reached(rig):
+    rig.enable()
+    rig.track(0.0025)
+    rig.run(20.0)
+    assert rig.output.estimate.displacement_m == pytest.approx(0.0025, abs=5e-5)
+
+
+def test_setpoints_are_refused_while_the_output_is_off(rig):
+    assert "enable first" in rig.actuator.offer_setpoint(rig.now_s, 0.003)
+    assert "enable first" in rig.actuator.offer_trajectory(rig.now_s, [1.0], [0.003])
+    rig.enable()
+    assert rig.status.mode is Mode.HOLD
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_a_bad_setpoint_is_refused_in_a_sentence_and_the_last_one_stands(rig, bad):
+    rig.enable()
+    rig.track(0.0027)
+    assert "finite position in metres" in rig.actuator.offer_setpoint(rig.now_s, bad)
+    assert "is not finite" in rig.actuator.offer_trajectory(rig.now_s, [0.0, 1.0], [0.003, bad])
+    rig.step()
+    assert rig.output.setpoint_m == 0.0027
+    assert rig.status.mode is Mode.TRACKING
+
+
+def test_a_trajectory_is_followed_and_its_end_held(rig):
+    rig.enable()
+    start_s = rig.now_s
+    assert rig.actuator.offer_trajectory(start_s, [0.0, 2.0], [0.0040, 0.0030]) == ""
+    rig.run(1.0)
+    assert rig.output.setpoint_m == pytest.approx(0.0035)
+    rig.run(3.0)
+    assert rig.output.setpoint_m == 0.0030
+    assert rig.status.mode is Mode.TRACKING
+
+
+def test_the_setpoint_is_not_lost_while_a_trajectory_runs_but_after_it(make_rig):
+    rig = make_rig(**{"controller.setpoint_timeout": 0.5})
+    rig.enable()
+    rig.actuator.offer_trajectory(rig.now_s, [0.0, 2.0], [0.0040, 0.0030])
+    rig.run(2.3)
+    assert rig.status.mode is Mode.TRACKING
+    rig.run(0.5)
+    assert (rig.status.mode, rig.status.fault) == (Mode.HOLD, "setpoint_stale")
+
+
+class TestLostSetpoint:
+    def lost(self, make_rig, action):
+        rig = make_rig(**{"controller.setpoint_timeout": 2.0, "controller.on_setpoint_loss": action})
+        rig.enable()
+        rig.track(0.0025)
+        rig.run(1.3)
+        assert rig.status.mode is Mode.TRACKING
+        rig.run(0.3)
+        assert rig.status.fault == "setpoint_stale"
+        return rig
+
+    def test_hold_keeps_the_wire_where_it_is_without_a_jump(self, make_rig):
+        rig = self.lost(make_rig, "hold")
+        currents_A = np.array([output.command.current_A for output in rig.outputs[-10:]])
+        assert np.abs(np.diff(currents_A)).max() < 0.05
+        before_m = rig.output.setpoint_m
+        rig.run(10.0)
+        assert rig.output.setpoint_m == before_m
+        assert rig.status.mode is Mode.HOLD
+        assert rig.output.estimate.displacement_m == pytest.approx(before_m, abs=1e-4)
+        assert rig.status.fault == "setpoint_stale", "and says so until there is a new one"
+
+    def test_bias_lets_it_relax(self, make_rig):
+        rig = self.lost(make_rig, "bias")
+        assert rig.output.command == Command(rig.config.supply.bias_current, True)
+        rig.run(5.0)
+        assert rig.output.command == Command(rig.config.supply.bias_current, True)
+        assert rig.status.mode is Mode.HOLD
+
+    @pytest.mark.parametrize("action", ["hold", "bias"])
+    def test_a_new_setpoint_goes_on(self, make_rig, action):
+        rig = self.lost(make_rig, action)
+        before_A = rig.output.command.current_A
+        assert rig.actuator.offer_setpoint(rig.now_s, 0.0025) == ""
+        rig.step()
+        assert (rig.status.mode, rig.status.fault) == (Mode.TRACKING, "")
+        assert abs(rig.output.command.current_A - before_A) < 0.1
+
+    def test_off_latches(self, make_rig):
+        rig = self.lost(make_rig, "off")
+        assert rig.output.command == Command(0.0, False)
+        assert rig.actuator.offer_setpoint(rig.now_s, 0.0025)
+        assert rig.run(1.0).command == Command(0.0, False)
+
+    @pytest.mark.parametrize("stamp_s", [math.nan, -1e9, 1e9])
+    def test_a_setpoint_with_an_impossible_time_is_lost_at_once(self, make_rig, stamp_s):
+        rig = make_rig(**{"controller.setpoint_timeout": 2.0})
+        rig.enable()
+        rig.actuator.offer_setpoint(stamp_s, 0.0025)
+        rig.step()
+        assert rig.status.fault == "setpoint_stale"
+
+
+class TestSetpointFlood:
+    def test_a_source_within_the_rate_is_never_refused(self, rig):
+        rig.enable()
+        rate_Hz = rig.config.safety.setpoint_flood_rate
+        start_s = rig.now_s
+        assert not any(rig.actuator.offer_setpoint(start_s + k / rate_Hz, 0.003) for k in range(5000))
+
+    def test_of_a_source_twice_as_fast_half_is_refused(self, rig):
+        rig.enable()
+        rate_Hz = rig.config.safety.setpoint_flood_rate
+        start_s = rig.now_s
+        refused = sum(bool(rig.actuator.offer_setpoint(start_s + k / (2 * rate_Hz), 0.003)) for k in range(10000))
+        assert refused == pytest.approx(5000, abs=0.11 * rate_Hz)
+
+
+def test_an_estimate_without_current_is_the_last_one_and_marked_invalid(rig):
+    rig.enable()
+    rig.track()
+    rig.run(2.0)
+    rig.actuator.enable(rig.now_s, False)
+    rig.run(0.2)
+    last_m = rig.output.estimate.displacement_m
+    assert rig.output.estimate.quality is Quality.INVALID
+    assert math.isfinite(last_m)
+    assert math.isnan(rig.output.signals.resistance_Ohm)
+
+
+class TestUpdate:
+    def test_new_gains_do_not_move_the_current(self, rig):
+        rig.enable()
+        rig.track(0.0028)
+        rig.run(3.0)
+        quiet_A = max(abs(b.command.current_A - a.command.current_A) for a, b in zip(rig.outputs[-20:], rig.outputs[-19:]))
+        before_A = rig.output.command.current_A
+        rig.actuator.update(rig.config.replace({"controller.kp": 5.0, "controller.ki": 20.0}))
+        assert abs(rig.step().command.current_A - before_A) <= 3.0 * quiet_A + 1e-3
+
+    def test_a_new_limit_acts_in_the_next_step(self, rig):
+        rig.enable()
+        rig.actuator.update(rig.config.replace({"safety.load_min": 1.0}))
+        assert rig.step().status.fault == "reading_implausible"
+
+    def test_what_is_not_live_is_refused_and_nothing_is_taken_over(self, rig):
+        rig.enable()
+        with pytest.raises(ConfigError, match="supply.max_current: cannot be changed while the actuator runs"):
+            rig.actuator.update(rig.config.replace({"supply.max_current": 0.3, "safety.load_min": 1.0}))
+        assert rig.step().status.fault == ""
+
+    def test_coefficients_of_a_running_model_are_not_live_either(self, rig):
+        with pytest.raises(ConfigError, match="model.transition_rate"):
+            rig.actuator.update(rig.config.replace({"model.transition_rate": 20.0}))
+
+
+class TestTare:
+    def test_the_drift_of_an_unloaded_cell_is_taken_away(self, rig):
+        rig.bench.load = Weight(0.0)
+        rig.reading_of = lambda reading: replace(reading, load_cell_voltage_V=reading.load_cell_voltage_V + 0.02)
+        rig.run(2.0)
+        assert rig.output.signals.load_N == pytest.approx(0.02 * 12.7297, abs=0.01)
+        ok, sentence = rig.actuator.tare_load()
+        assert ok, sentence
+        rig.step()
+        assert rig.output.signals.load_N == pytest.approx(0.0, abs=0.01)
+        assert rig.output.signals.stress_Pa == pytest.approx(0.0, abs=0.01 / rig.config.wire.area_m2)
+
+    def test_a_load_is_not_tared_away(self, rig):
+        ok, sentence = rig.actuator.tare_load()
+        assert not ok
+        assert "take the load off" in sentence
+        rig.step()
+        assert rig.output.signals.load_N == pytest.approx(0.49, abs=0.02)
+
+    def test_not_while_the_wire_is_driven(self, rig):
+        rig.enable()
+        assert "driven" in rig.actuator.tare_load()[1]
+
+    def test_not_on_old_readings(self, rig):
+        rig.bench.load = Weight(0.0)
+        rig.run(2.0)
+        rig.reading_of = lambda reading: None
+        rig.run(1.0)
+        assert not rig.actuator.tare_load()[0]
+
+    def test_not_without_readings(self, config):
+        assert not Actuator(config).tare_load()[0]
+
+
+class TestLeadResistance:
+    def test_is_measured_with_a_short_in_place_of_the_wire(self, rig):
+        rig.bench.inject("short_wire", 0.0)
+        assert rig.actuator.enable(rig.now_s, True)[0]
+        rig.run(2.0)
+        assert rig.status.fault == "short", "which does switch the output off"
+        ok, sentence, value_Ohm = rig.actuator.measure_lead_resistance()
+        assert ok, sentence
+        assert value_Ohm == pytest.approx(rig.bench.setup.chain.lead_resistance_Ohm, abs=0.02)
+
+    def test_a_wire_is_no_lead(self, rig):
+        rig.enable()
+        ok, sentence, value_Ohm = rig.actuator.measure_lead_resistance()
+        assert not ok
+        assert "is there a short" in sentence
+        assert math.isnan(value_Ohm)
+
+    def test_without_current_there_is_nothing_to_measure(self, rig):
+        ok, sentence, _ = rig.actuator.measure_lead_resistance()
+        assert not ok
+        assert "~/enable" in sentence
+
+    def test_readings_of_an_earlier_short_do_not_count(self, rig):
+        rig.bench.inject("short_wire", 0.0)
+        rig.actuator.enable(rig.now_s, True)
+        rig.run(1.0)
+        rig.bench.clear("short_wire")
+        rig.actuator.clear_fault(rig.now_s)
+        rig.enable()
+        assert not rig.actuator.measure_lead_resistance()[0]
+
+
+def test_the_estimator_starts_anew_on_the_cooling_curve_and_the_wire_is_held_there(rig):
+    rig.enable()
+    rig.track(0.0025)
+    rig.run(5.0)
+    before_A = rig.output.command.current_A
+    assert rig.actuator.reset_estimator()[0]
+    rig.step()
+    assert rig.status.mode is Mode.HOLD
+    assert rig.output.setpoint_m == rig.output.estimate.displacement_m
+    assert rig.output.command.current_A == pytest.approx(before_A, abs=1e-9)
+
+
+def test_clearing_without_a_fault_says_so(rig):
+    assert rig.actuator.clear_fault(rig.now_s) == (True, "there is no fault to clear")
+
+
+def test_too_hot_comes_back_while_it_is_true(make_rig):
+    rig = make_rig(thermal={"ambient_temperature": 90.0, "derate_temperature": 60.0, "max_temperature": 80.0})
+    rig.run(0.1)
+    assert rig.status.fault == "too_hot"
+    rig.actuator.clear_fault(rig.now_s)
+    rig.step()
+    assert rig.status.fault == "too_hot"
+
+
+def test_readings_slower_than_their_timeout_are_refused_as_a_configuration(make_config):
+    with pytest.raises(ConfigError, match="safety.reading_timeout: 0.3 s is less than two periods"):
+        Config.from_mapping(make_config(**{"loop.rate": 5.0, "loop.samples_per_block": 100}))
+
+
+def test_the_same_readings_give_the_same_commands(make_rig):
+    def run():
+        rig = make_rig()
+        rig.enable()
+        rig.track(0.0025)
+        rig.run(3.0)
+        return [output.command for output in rig.outputs]
+
+    assert run() == run()

@@ -1,0 +1,103 @@
+"""Setpoints as functions of time."""
+
+import math
+
+import pytest
+
+from sma_actuator.setpoints import Trajectory, constant, sine, steps, triangle
+
+
+def test_constant_is_constant():
+    assert constant(0.003)(0.0) == constant(0.003)(1e6) == 0.003
+
+
+def test_steps_dwell_and_begin_again():
+    setpoint = steps([0.001, 0.003], dwell_s=10.0)
+    assert [setpoint(t) for t in (0.0, 9.9, 10.0, 19.9, 20.0)] == [0.001, 0.001, 0.003, 0.003, 0.001]
+
+
+def test_sine_has_its_offset_amplitude_period_and_phase():
+    setpoint = sine(0.002, 0.001, 60.0)
+    assert [setpoint(t) for t in (0.0, 15.0, 30.0, 45.0)] == pytest.approx([0.002, 0.003, 0.002, 0.001])
+    assert sine(0.002, 0.001, 60.0, phase_rad=math.pi / 2)(0.0) == pytest.approx(0.003)
+
+
+def test_triangle_has_straight_flanks_between_its_peaks():
+    setpoint = triangle(0.002, 0.001, 40.0)
+    assert [setpoint(t) for t in (0.0, 5.0, 10.0, 15.0, 20.0, 30.0, 40.0)] == pytest.approx(
+        [0.002, 0.0025, 0.003, 0.0025, 0.002, 0.001, 0.002]
+    )
+
+
+class TestTrajectory:
+    POINTS = ([1.0, 2.0, 4.0], [0.001, 0.003, 0.002])
+
+    @pytest.mark.parametrize("interpolation", ["linear", "cubic"])
+    def test_passes_through_its_points_and_rests_outside_them(self, interpolation):
+        trajectory = Trajectory(*self.POINTS, interpolation)
+        assert [trajectory(t) for t in (0.0, 1.0, 2.0, 4.0, 99.0)] == pytest.approx([0.001, 0.001, 0.003, 0.002, 0.002])
+        assert trajectory.duration_s == 4.0
+
+    def test_linear_is_straight_between_them(self):
+        assert Trajectory(*self.POINTS)(1.25) == pytest.approx(0.0015)
+
+    def test_cubic_starts_and_ends_at_rest(self):
+        trajectory = Trajectory([0.0, 1.0], [0.0, 1.0], "cubic")
+        assert trajectory(1e-4) == pytest.approx(3e-8, rel=1e-3)
+        assert 1.0 - trajectory(1.0 - 1e-4) == pytest.approx(3e-8, rel=1e-3)
+        assert trajectory(0.5) == pytest.approx(0.5)
+
+    def test_cubic_has_no_corner_where_the_motion_goes_on(self):
+        trajectory = Trajectory([0.0, 1.0, 3.0], [0.0, 1.0, 2.0], "cubic")
+        h = 1e-6
+        before, after = (trajectory(1.0) - trajectory(1.0 - h)) / h, (trajectory(1.0 + h) - trajectory(1.0)) / h
+        assert before == pytest.approx(after, rel=1e-4)
+        assert before == pytest.approx(2.0 * 1.0 * 0.5 / 1.5, rel=1e-4)  # harmonic mean of the two secants
+
+    def test_cubic_never_leaves_the_range_of_the_points_it_joins(self):
+        times = [0.0, 1.0, 1.1, 5.0, 5.2, 9.0]
+        positions = [0.0, 0.001, 0.004, 0.004, 0.001, 0.0]
+        trajectory = Trajectory(times, positions, "cubic")
+        for k in range(900):
+            t = 0.01 * k
+            i = max(j for j, time in enumerate(times) if time <= t)
+            lo, hi = sorted(positions[i : i + 2] if i + 1 < len(times) else [positions[i]] * 2)
+            assert lo - 1e-12 <= trajectory(t) <= hi + 1e-12
+
+    @pytest.mark.parametrize(
+        ("times_s", "positions_m", "sentence"),
+        [
+            ([], [], "no points"),
+            ([0.0, 1.0], [0.001], "2 times but 1 positions"),
+            ([0.0, math.nan], [0.001, 0.002], "point 1: its time, nan, is not finite"),
+            ([0.0, 1.0], [0.001, math.inf], "point 1: its position, inf, is not finite"),
+            ([0.0, 1.0], [0.001, 1e300], "point 1: its position, 1e.300 m"),
+            ([-1.0, 1.0], [0.001, 0.002], "point 0: its time, -1 s, is before the start"),
+            ([0.0, 2.0, 2.0], [0.001, 0.002, 0.003], "point 2: its time, 2 s, is not after that of point 1"),
+            ([0.0, 2.0, 1.0], [0.001, 0.002, 0.003], "point 2: its time, 1 s, is not after that of point 1"),
+        ],
+    )
+    def test_refuses_points_that_cannot_be_followed(self, times_s, positions_m, sentence):
+        with pytest.raises(ValueError, match=sentence):
+            Trajectory(times_s, positions_m)
+
+    def test_refuses_an_unknown_interpolation(self):
+        with pytest.raises(ValueError, match="'quintic' is not one of linear, cubic"):
+            Trajectory([0.0], [0.001], "quintic")
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda: constant(math.nan), "position_m"),
+        (lambda: steps([], 1.0), "positions_m"),
+        (lambda: steps([0.001, math.inf], 1.0), r"positions_m\[1\]"),
+        (lambda: steps([0.001], 0.0), "dwell_s"),
+        (lambda: sine(0.0, math.nan, 1.0), "amplitude_m"),
+        (lambda: sine(0.0, 1.0, -1.0), "period_s"),
+        (lambda: triangle(0.0, 1.0, math.nan), "period_s"),
+    ],
+)
+def test_refuses_what_is_no_number(make, name):
+    with pytest.raises(ValueError, match=name):
+        make()
