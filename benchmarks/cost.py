@@ -1,0 +1,97 @@
+"""What one sample costs: estimator, controller and the whole actuator beside simple-pid's call, in one run.
+
+    python benchmarks/cost.py [--json FILE]     (make benchmarks)
+
+The four take turns, so that a machine that slows down slows down all of them; the ratios are to
+be trusted, the microseconds only on this machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import time
+from pathlib import Path
+
+import numpy as np
+from simple_pid import PID
+
+from sma_actuator.actuator import Actuator
+from sma_actuator.circuit import signals_from_reading
+from sma_actuator.config import Config
+from sma_actuator.controller import PidController
+from sma_actuator.estimator import Estimator
+from sma_actuator.jit import COMPILED
+from sma_actuator.share import shared_file
+from sma_actuator.signals import Reading, SupplyState
+
+CALLS = 2000
+ROUNDS = 15
+
+
+def main() -> int:
+    """Time each call and print it beside simple-pid's."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--json", type=Path, metavar="FILE")
+    args = parser.parse_args()
+    config = Config.load(shared_file("config/flexinol.yaml"))
+    rng = np.random.default_rng(0)
+    count = CALLS * ROUNDS
+    current_A = 0.15 + 0.05 * np.sin(np.arange(count) / 50.0)
+    resistance_Ohm = 5.0 + 0.2 * np.cos(np.arange(count) / 50.0) + 1e-3 * rng.standard_normal(count)
+    readings = [
+        Reading(0.05 * i, float(a * (r + 1.25)), float(a), 0.081 + 1e-5 * float(n), 0.015, 22.0)
+        for i, (a, r, n) in enumerate(zip(current_A, resistance_Ohm, rng.standard_normal(count)))
+    ]
+    signals = [signals_from_reading(reading, config) for reading in readings]
+    lo_m, hi_m = config.model.build(config.wire).displacement_range_m
+    positions_m = rng.uniform(lo_m, hi_m, count).tolist()
+    setpoint_m = (lo_m + hi_m) / 2.0
+
+    peer = PID(800.0, 400.0, 100.0, setpoint=setpoint_m, sample_time=None, output_limits=(0.05, 0.4))
+    controller = PidController(config.controller, config.supply.bias_current)
+    estimator, actuator = Estimator(config), Actuator(config)
+    actuator.step(0.0, readings[0], SupplyState(0.0, 0.0, False, 0.0, 0.0))
+    actuator.enable(0.0, True)
+
+    told = SupplyState(0.0, 0.0, False, 0.0, 0.0)
+
+    def whole(i: int) -> None:
+        # Readings that follow the command, else the supervisor would rightly switch off.
+        nonlocal told
+        a, noise_V = told.current_setting_A, readings[i].load_cell_voltage_V - 0.081
+        reading = Reading(0.05 * i, a * float(resistance_Ohm[i] + 1.25) + noise_V, a + noise_V, 0.081 + noise_V, 0.015, 22.0)
+        command = actuator.step(0.05 * i, reading, told).command
+        told = SupplyState(0.05 * i, command.current_A, command.output_on, 0.6, command.current_A)
+
+    calls = {
+        "simple-pid call": lambda i: peer(positions_m[i], dt=0.05),
+        "controller": lambda i: controller.step(positions_m[i], setpoint_m, 0.05, 0.4),
+        "estimator": lambda i: estimator.step(signals[i]),
+        "actuator, all of it": whole,
+    }
+    seconds: dict[str, list[float]] = {name: [] for name in calls}
+    for turn in range(ROUNDS):
+        for name, call in calls.items():
+            first = turn * CALLS
+            start_s = time.perf_counter()
+            for i in range(first, first + CALLS):
+                call(i)
+            seconds[name].append((time.perf_counter() - start_s) / CALLS)
+    assert told.output_on, "the wire was not driven to the end"
+    base = seconds["simple-pid call"]
+    rows = {
+        name: {"us_per_call": 1e6 * statistics.median(times), "ratio_to_simple_pid": statistics.median(t / b for t, b in zip(times, base))}
+        for name, times in seconds.items()
+    }
+    print(f"median of {ROUNDS} turns of {CALLS} calls; kernels {'compiled by numba' if COMPILED else 'in plain Python'}")
+    for name, row in rows.items():
+        print(f"{name:22s} {row['us_per_call']:8.2f} µs   {row['ratio_to_simple_pid']:6.2f} × simple-pid")
+    if args.json:
+        args.json.write_text(json.dumps(rows, indent=2) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
