@@ -73,7 +73,7 @@ class PidController:
         ):
             return bias_A
         if dt_s < SHORTEST_STEP_s:
-            return self.output_A if self.output_A <= limit_A else limit_A
+            return min(self.output_A, limit_A)
         gains = self.gains
         most_m = gains.setpoint_rate_limit * dt_s
         change_m = setpoint_m - self.reference_m
@@ -101,5 +101,9 @@ class PidController:
             output_A = rest_A + self.integral_A
         else:
             self.integral_A = integral_A
-        self.output_A = limit_A if output_A > limit_A else bias_A if output_A < bias_A else output_A
-        return self.output_A
+        if output_A > limit_A:
+            output_A = limit_A
+        elif output_A < bias_A:
+            output_A = bias_A
+        self.output_A = output_A
+        return output_A

@@ -56,7 +56,7 @@ class Trajectory:
     and never leaves the range of the points it joins, as a plain spline would.
     """
 
-    __slots__ = ("times_s", "positions_m", "_slopes_m_s", "_cubic")
+    __slots__ = ("_cubic", "_slopes_m_s", "positions_m", "times_s")
 
     def __init__(self, times_s: Sequence[float], positions_m: Sequence[float], interpolation: str = "linear"):
         """Raises ValueError, in a sentence, for points that cannot be followed."""

@@ -233,7 +233,7 @@ class TestLatchingFault:
 @pytest.mark.parametrize("fault", PASSING, ids=by_name)
 class TestPassingFault:
     def test_leaves_the_output_on_at_no_more_than_its_action_allows(self, make_rig, fault):
-        rig, scenario = provoked(make_rig, fault)
+        rig, _ = provoked(make_rig, fault)
         before_A = rig.written.current_A
         rig.seconds_until(fault, 1.0)
         most_A = rig.config.supply.bias_current if FAULTS[fault].action is Action.BIAS else 1.5 * before_A + 0.01
