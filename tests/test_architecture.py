@@ -9,8 +9,8 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "sma_actuator"
 CORE = ("signals", "parameters", "config", "circuit", "branch", "estimator", "controller", "setpoints", "thermal",
-        "faults", "supervisor", "actuator", "tracking", "models", "effects")
-EDGES = {"rclpy", "pyvisa", "matplotlib", "rich", "jinja2", "sklearn", "joblib", "scipy"}
+        "faults", "supervisor", "actuator", "tracking", "models")
+EDGES = {"rclpy", "pyvisa", "matplotlib", "rich", "jinja2", "sklearn", "joblib"}
 
 
 def _imports(path: Path) -> set[str]:
