@@ -262,7 +262,7 @@ class Driver:
 
     def enable(self, on: bool, timeout_s: float = 5.0) -> tuple[bool, str]:
         """Switch the current on or off; whether that was done, and the sentence that says so."""
-        return self.call(lambda actuator, now_s: actuator.enable(now_s, on), timeout_s)
+        return self.call(self._enable_checked if on else lambda actuator, now_s: actuator.enable(now_s, False), timeout_s)
 
     def clear_fault(self, timeout_s: float = 5.0) -> tuple[bool, str]:
         """Clear a latched fault and the supply's own trips; the output stays off."""
@@ -423,6 +423,11 @@ class Driver:
         self._supply.ask(self._supply.instrument.clear_trip)
         self._supply.ask(lambda: self._write(Command(0.0, False), None))
         return actuator.clear_fault(now_s)
+
+    def _enable_checked(self, actuator: Actuator, now_s: float) -> tuple[bool, str]:
+        if self._supply.ask(self._supply.instrument.watchdog_holds) is False:
+            actuator.raise_fault(now_s, "watchdog_not_held", "armed on opening, and it does not read back so any more")
+        return actuator.enable(now_s, True)
 
     def _update(self, actuator: Actuator, config: Config) -> None:
         self._config = config

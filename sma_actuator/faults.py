@@ -149,7 +149,7 @@ FAULTS: dict[Fault, Entry] = {
     ),
     Fault.WATCHDOG_NOT_HELD: Entry(
         "the supply's watchdog does not hold",
-        "reported by whoever opens the supply: the watchdog was armed and does not read back",
+        "on opening the supply and on every ~/enable: the watchdog was armed and does not read back so",
         "1/loop.rate", Action.OFF, latches=True, while_off=True,
     ),
     Fault.SECOND_COMMANDER: Entry(

@@ -84,8 +84,8 @@ class InProcessSupply(_InProcess):
         self._command(supply.set_ocp, limits.over_current_trip)
         if limits.watchdog_timeout > 0.0:
             self._command(supply.set_watchdog_delay, limits.watchdog_timeout)
-            supply.watchdog_on = self._bench.faults.get("watchdog_dead") != 0.0
-            if not supply.watchdog_on:
+            supply.watchdog_on = True
+            if not self.watchdog_holds():
                 raise InstrumentRefused("virtual supply: the watchdog was armed and reads back off")
         else:
             supply.watchdog_on = False
@@ -110,6 +110,12 @@ class InProcessSupply(_InProcess):
             current_A=bench.truth.current_A,
             tripped=",".join(supply.trips),
         )
+
+    def watchdog_holds(self) -> bool:
+        """Whether the watchdog reads back as it was armed."""
+        self._command()
+        wanted = self._config.supply.watchdog_timeout > 0.0 and not self._config.supply.allow_no_watchdog
+        return not wanted or (self._bench.supply.watchdog_on and self._bench.faults.get("watchdog_dead") != 0.0)
 
     def clear_trip(self) -> None:
         """Clear a tripped protection; the output stays off."""

@@ -45,6 +45,10 @@ class PowerSupply(Protocol):
     def read_back(self) -> SupplyState:
         """Ask the instrument for its settings and measurements."""
 
+    def watchdog_holds(self) -> bool:
+        """Whether the communication watchdog still stands as it was armed; true where the
+        parameters do without one."""
+
     def clear_trip(self) -> None:
         """Clear a tripped protection; the output stays off."""
 

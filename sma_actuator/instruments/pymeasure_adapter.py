@@ -85,6 +85,10 @@ class PymeasureSupply:
             nan, self._get("current setting"), bool(self._get("output")), self._get("measured voltage"), self._get("measured current")
         )
 
+    def watchdog_holds(self) -> bool:
+        """True: ``open`` has made sure that doing without a watchdog was accepted."""
+        return True
+
     def clear_trip(self) -> None:
         """Nothing to clear: pymeasure's classes do not report trips."""
 

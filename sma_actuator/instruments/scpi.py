@@ -208,6 +208,17 @@ class ScpiSupply:
             raise self._session.garbled("; ".join(lines), "; ".join(replies)) from None
         return SupplyState(nan, setting_A, output_on, voltage_V, current_A, ",".join(filter(None, tripped)))
 
+    def watchdog_holds(self) -> bool:
+        """Ask the watchdog for its state and delay; see :class:`sma_actuator.instruments.PowerSupply`."""
+        dialect, wanted_s = self._dialect, self._limits.watchdog_timeout
+        if self._limits.allow_no_watchdog or wanted_s == 0.0:
+            return True
+        armed, delay = (self._session.ask(dialect.query(name, channel=self._channel)) for name in ("watchdog_armed", "watchdog_delay"))
+        try:
+            return yes(armed) and float(delay) <= wanted_s + dialect.watchdog_step_s + 1e-3
+        except ValueError:
+            raise self._session.garbled(dialect.queries["watchdog_delay"], f"{armed}; {delay}") from None
+
     def clear_trip(self) -> None:
         """Clear a tripped protection; the output stays off."""
         self._tell("output_off")
@@ -287,15 +298,9 @@ class ScpiSupply:
                 f"supply.watchdog_timeout: {wanted_s:g} s; {dialect.family} can do {lo_s:g} to {hi_s:g} s"
             )
         self._tell("arm_watchdog", wanted_s)
-        armed = self._session.ask(dialect.query("watchdog_armed", channel=self._channel))
-        delay = self._session.ask(dialect.query("watchdog_delay", channel=self._channel))
-        try:
-            holds = yes(armed) and float(delay) <= wanted_s + dialect.watchdog_step_s + 1e-3
-        except ValueError:
-            raise self._session.garbled(dialect.queries["watchdog_delay"], f"{armed}; {delay}") from None
-        if not holds and not self._limits.allow_no_watchdog:
+        if not self.watchdog_holds():
             raise InstrumentRefused(
-                f"{self._session.name}: its watchdog was armed with {wanted_s:g} s and reads back {armed}, {delay} s: "
+                f"{self._session.name}: its watchdog was armed with {wanted_s:g} s and does not read back so: "
                 "a killed computer would leave the current on (supply.allow_no_watchdog accepts that)"
             )
 

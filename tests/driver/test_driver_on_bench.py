@@ -210,3 +210,15 @@ def test_every_output_is_a_finite_current_below_the_limit_also_for_a_setpoint_of
         rig.driver.run_for(0.5)
     assert rig.driver.refusals()
     assert all(0.0 <= o.command.current_A <= rig.config.supply.max_current for o in rig.outputs)
+
+
+def test_a_watchdog_that_stopped_holding_is_noticed_before_the_next_enable(rig):
+    wire = rig()
+    wire.driver.run_for(0.5)
+    wire.bench.inject("watchdog_dead", 0.0)
+    done, words = wire.driver.enable(True)
+    assert not done
+    assert "the supply's watchdog does not hold" in words
+    wire.driver.run_for(0.5)
+    assert not wire.bench.supply.output_on
+    assert wire.status.fault == "watchdog_not_held"
