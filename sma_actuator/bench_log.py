@@ -27,10 +27,11 @@ import numpy as np
 
 from .circuit import signals_from_reading
 from .config import Config
+from .errors import UserError
 from .signals import Reading, Signals
 
 
-class BenchLogError(ValueError):
+class BenchLogError(UserError, ValueError):
     """A log that cannot be used.  The message names file, line and column, and what would be right."""
 
 

@@ -11,9 +11,7 @@ import argparse
 import importlib
 import sys
 
-from .bench_log import BenchLogError
-from .instruments import InstrumentError
-from .parameters import ConfigError
+from .errors import UserError
 
 COMMANDS = {
     "demo": ("sma_actuator.demo", "drive the virtual bench through the node, live in the terminal"),
@@ -23,9 +21,6 @@ COMMANDS = {
     "replay": ("sma_actuator.replay", "any model on any log: errors and traces"),
     "trace": ("sma_actuator.trace", "find the effect a model lacks and add it"),
 }
-
-#: What a user can mend: one sentence on stderr, no traceback.
-EXPECTED_ERRORS = (ConfigError, BenchLogError, InstrumentError)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -48,7 +43,7 @@ def main(argv: list[str] | None = None) -> int:
     args = parser.parse_args(argv)
     try:
         return args.run(args)
-    except EXPECTED_ERRORS as error:
+    except UserError as error:
         print(f"sma-actuator {args.command}: {error}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:

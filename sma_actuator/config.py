@@ -11,14 +11,14 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf, nan
+from math import nan
 from pathlib import Path
 from typing import Any
 
 import yaml
 
 from .models import COEFFICIENTS
-from .parameters import ConfigError, check, declaration_of, from_mapping, parameter, section, to_mapping
+from .parameters import ConfigError, from_mapping, parameter, section, to_mapping
 
 NODE_NAME = "sma_actuator"
 

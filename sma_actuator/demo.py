@@ -34,6 +34,7 @@ READY_TIMEOUT_s = 30.0
 STOP_TIMEOUT_s = 5.0
 SETPOINT_PERIOD_s = 0.05
 SETTLING_s = 2.0  #: after this the first setpoint counts in the errors
+PICTURES_Hz = 5
 BAR_WIDTH = 48
 
 
@@ -41,7 +42,7 @@ def add_arguments(parser) -> None:
     """Declare the options of ``sma-actuator demo``."""
     parser.add_argument("--wire", choices=("flexinol", "furukawa"), default="flexinol", help="wire and model")
     parser.add_argument("--load", default="weight:0.98", help="as for the bench: weight:N, spring:N/m,N (default %(default)s)")
-    parser.add_argument("--duration", type=float, default=60.0, metavar="S", help="seconds to run; 0: until Ctrl-C")
+    parser.add_argument("--duration", type=float, default=60.0, metavar="S", help="seconds to run; 0: until Ctrl-C (default %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="seed of the bench's noise")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the errors here")
 
@@ -121,18 +122,20 @@ def _drive(config: Config, duration_s: float, errors: TrackingErrors, console: C
         client.enable(children)
         program = _program(config, duration_s)
         start = next_setpoint = time.monotonic()
-        refresh = 5 if console.is_terminal else 1
-        with Live(console=console, refresh_per_second=refresh, transient=False) as live:
-            next_picture = start
-            while not 0.0 < duration_s <= (elapsed := time.monotonic() - start):
+        next_picture = start
+        with Live(console=console, refresh_per_second=PICTURES_Hz) if console.is_terminal else contextlib.nullcontext() as live:
+            while (elapsed := time.monotonic() - start) < (duration_s or math.inf):
                 for child in children:
                     child.check()
                 client.spin_until(next_setpoint)
                 client.send(program(elapsed), counts=elapsed > SETTLING_s)
                 next_setpoint += SETPOINT_PERIOD_s
                 if time.monotonic() >= next_picture:
-                    live.update(client.picture(elapsed))
-                    next_picture += 1.0 / refresh
+                    if live is not None:
+                        live.update(client.picture(elapsed))
+                    else:
+                        print(client.line(elapsed), flush=True)
+                    next_picture += 1.0 / PICTURES_Hz if live is not None else 1.0
         client.destroy()
     finally:
         rclpy.try_shutdown()
@@ -227,6 +230,15 @@ class _Client:
         table.add_row("current", f"{self._latest['current'] * 1e3:.1f} mA", _bar(self._latest["current"] / self._config.supply.max_current))
         table.add_row("status", "", self._status)
         return table
+
+    def line(self, elapsed_s: float) -> str:
+        """The state on one line, for where there is no terminal."""
+        now = self._latest
+        return (
+            f"{elapsed_s:6.1f} s  setpoint {now['setpoint'] * 1e3:6.3f} mm  estimate {now['estimate'] * 1e3:6.3f} mm  "
+            f"true displacement (LVDT) {now['measured'] * 1e3:6.3f} mm  load {now['load']:6.3f} N  "
+            f"current {now['current'] * 1e3:5.1f} mA  status {self._status}"
+        )
 
     def destroy(self) -> None:
         """Leave the ROS graph."""

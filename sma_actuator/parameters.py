@@ -13,10 +13,12 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from .errors import UserError
+
 _REQUIRED = object()
 
 
-class ConfigError(ValueError):
+class ConfigError(UserError, ValueError):
     """A configuration that must not reach the wire.  ``problems`` holds one sentence each."""
 
     def __init__(self, problems: list[str] | str):

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from typing import Protocol
 
+from ..errors import UserError
 from ..signals import Reading, SupplyState
 
 
-class InstrumentError(OSError):
+class InstrumentError(UserError, OSError):
     """Something is wrong with an instrument.  The message names it, and what to do."""
 
 
