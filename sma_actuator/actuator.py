@@ -97,7 +97,6 @@ class Actuator:
             return False, "not enabled: there is no reading of the DAQ yet"
         self._mode, self._starting = Mode.HOLD, True
         self._readings_with_current.clear()
-        self._forget_setpoints()
         self._supervisor.enabled(now_s)
         return True, "the output is on; the wire is held where it is"
 

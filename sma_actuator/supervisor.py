@@ -349,8 +349,7 @@ class Supervisor:
         self.stress_floor_m = -inf  #: the shortest setpoint the stress allows
 
     def enabled(self, now_s: float) -> None:
-        """The output is about to go on: silence is counted from now."""
-        self._memory = Memory(reading_s=now_s, daq_s=now_s, supply_s=now_s)
+        """The output is about to go on."""
         self._enabled_s = now_s
         self._good_readings = 0
         self._stress_cap_A, self.stress_floor_m = inf, -inf
@@ -365,8 +364,8 @@ class Supervisor:
             self.latched, self.detail = fault, detail
 
     def usable(self, reading: Reading | None, last_time_s: float, now_s: float) -> Reading | None:
-        """The reading where it is finite, new, of about now and inside the converter's range; else None."""
-        if reading is None or not _finite(reading) or not reading.time_s > last_time_s:
+        """The reading where it is new, of about now, and finite inside the converter's range; else None."""
+        if reading is None or not reading.time_s > last_time_s:
             return None
         if not abs(now_s - reading.time_s) <= self.config.safety.reading_timeout:
             return None

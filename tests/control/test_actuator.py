@@ -296,7 +296,8 @@ class TestLeadResistance:
         rig.run(1.0)
         rig.bench.clear("short_wire")
         rig.actuator.clear_fault(rig.now_s)
-        rig.enable()
+        assert rig.actuator.measure_lead_resistance()[0]
+        assert rig.actuator.enable(rig.now_s, True)[0]
         assert not rig.actuator.measure_lead_resistance()[0]
 
 
@@ -323,6 +324,19 @@ def test_too_hot_comes_back_while_it_is_true(make_rig):
     rig.actuator.clear_fault(rig.now_s)
     rig.step()
     assert rig.status.fault == "too_hot"
+
+
+@pytest.mark.parametrize("lie", [lambda reading: reading, lambda reading: None], ids=["with readings", "without"])
+def test_a_wire_without_current_cools_in_the_heat_balance(rig, lie):
+    rig.enable()
+    rig.track(0.0015)
+    rig.run(5.0)
+    hot_C = rig.status.values["temperature_C"]
+    assert hot_C > rig.config.thermal.ambient_temperature + 20.0
+    rig.actuator.enable(rig.now_s, False)
+    rig.reading_of = lie
+    rig.run(10.0)
+    assert rig.status.values["temperature_C"] == pytest.approx(rig.config.thermal.ambient_temperature, abs=1.0)
 
 
 def test_readings_slower_than_their_timeout_are_refused_as_a_configuration(make_config):

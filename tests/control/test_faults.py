@@ -13,7 +13,7 @@ from sma_actuator.actuator import Actuator
 from sma_actuator.bench.loads import Weight
 from sma_actuator.controller import PidController
 from sma_actuator.faults import FAULTS, LIMITS, Action, Fault, Limit, markdown, time_to_detect_s
-from sma_actuator.signals import Command, Mode
+from sma_actuator.signals import Command, Mode, Quality
 from sma_actuator.supervisor import GUARDS, SetpointFlood
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
@@ -384,9 +384,35 @@ def test_a_gap_of_one_reading_does_not_disturb_the_current(make_rig):
     rig = make_rig()
     rig.enable()
     rig.track()
+    rig.run(5.0)
     before_A = rig.written.current_A
+    assert rig.config.supply.bias_current < before_A < rig.config.supply.max_current
     rig.reading_of = lambda reading: None
     assert rig.step().command.current_A == before_A
+
+
+def test_while_there_is_no_estimate_the_controller_waits(make_rig):
+    rig = make_rig(**{"controller.kp": 0.0, "controller.ki": 50.0})  # the integral alone, far from saturation
+    rig.enable()
+    rig.track()
+    rig.run(2.0)
+    genuine, controller = rig.actuator._estimator.step, rig.actuator._controller
+    rig.actuator._estimator.step = lambda signals: replace(genuine(signals), quality=Quality.INVALID)
+    before_A = controller.integral_A
+    rig.run(2.0)
+    assert controller.integral_A == before_A
+    rig.actuator._estimator.step = genuine
+    rig.step()
+    assert abs(controller.integral_A - before_A) > 0.0
+    most_A = rig.config.controller.ki * abs(controller.error_m) * rig.config.safety.reading_timeout
+    assert abs(controller.integral_A - before_A) <= most_A * (1 + 1e-9), "nor does it catch up with the gap"
+
+
+def test_a_pause_of_the_loop_while_the_output_is_off_harms_nobody(make_rig):
+    rig = make_rig()
+    rig.bench.advance(rig.bench.time_s + 5.0)
+    rig.step()
+    rig.enable()
 
 
 def test_the_first_fault_is_the_one_that_stays(make_rig):
