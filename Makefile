@@ -1,5 +1,6 @@
 # make demo   the node holds a wire of the virtual bench at setpoints, live in the terminal
 # make test   every test
+# make tables, make benchmarks, make coefficients   the figures and the models, made again
 # Both do all their own set-up: a virtual environment with pinned ROS 2 wheels in .venv.
 
 PYTHON ?= python3
@@ -23,6 +24,20 @@ $(VENV)/ready: setup.py constraints.txt
 	$(BIN)/python -m pip install --quiet --upgrade pip
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[$(EXTRAS)]'
 	touch $@
+
+# Every figure in README.md comes from one of these.
+tables: $(VENV)/ready
+	$(BIN)/python benchmarks/control_tables.py
+	$(BIN)/python benchmarks/replay_tables.py
+
+benchmarks: $(VENV)/ready
+	$(BIN)/python benchmarks/cost.py
+	$(BIN)/python benchmarks/loop.py
+	$(BIN)/python benchmarks/replay_speed.py
+
+# Characterise the wires of the virtual bench and identify the four models in config/.
+coefficients: $(VENV)/ready
+	$(BIN)/python benchmarks/coefficients.py
 
 clean:
 	rm -rf $(VENV) build install log out

@@ -27,7 +27,7 @@ setup(
         "bags": ["rosbags>=0.10"],
         "baselines": ["scikit-learn>=1.3"],
         "pymeasure": ["PyMeasure>=0.14"],
-        "test": ["pytest>=7.4", "hypothesis>=6.82", "simple-pid==2.0.1"],
+        "test": ["pytest>=7.4", "hypothesis>=6.82", "simple-pid==2.0.1", "colcon-common-extensions>=0.3"],
     },
     entry_points={
         "console_scripts": [

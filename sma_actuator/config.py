@@ -18,7 +18,7 @@ from typing import Any
 import yaml
 
 from .models import COEFFICIENTS
-from .parameters import ConfigError, from_mapping, parameter, section, to_mapping
+from .parameters import ConfigError, declaration_of, from_mapping, parameter, section, to_mapping
 
 NODE_NAME = "sma_actuator"
 
@@ -351,3 +351,43 @@ def _cross_checks(common: _Sections) -> list[str]:
             "the watchdog would trip in normal use"
         )
     return problems
+
+
+def markdown() -> str:
+    """The text of ``docs/parameters.md``, printed by ``python -m sma_actuator.config``."""
+    out = [
+        "# Parameters",
+        "",
+        "Printed from the declarations by `python -m sma_actuator.config > docs/parameters.md`.",
+        "",
+        "One YAML file serves the node and every tool. A wrong or unknown parameter is refused before any current flows, in a",
+        "sentence that names it and its range. **Live** ones can be changed while the wire is driven (`ros2 param set`).",
+    ]
+    sections = [("", _Sections), *((f"model. (type: {name})", cls) for name, cls in COEFFICIENTS.items())]
+    while sections:
+        title, cls = sections.pop(0)
+        rows, nested = [], []
+        for field in dataclasses.fields(cls):
+            if "section" in field.metadata:
+                nested.append((f"{title}{field.name}.", field.default_factory))
+            else:
+                rows.append(_row(field))
+        sections[:0] = nested
+        if rows:
+            out += ["", f"## `{title}`" if title else "## Top level", "", "| name | default | unit | range | live | what |", "|---|---|---|---|---|---|", *rows]
+    return "\n".join(out) + "\n"
+
+
+def _row(field: dataclasses.Field) -> str:
+    declaration = declaration_of(field)
+    default = "**required**" if field.default is dataclasses.MISSING else f"`{field.default}`"
+    if declaration.optional and (field.default in ("", ()) or field.default != field.default):
+        default = "none"
+    lo, hi = declaration.lo, declaration.hi
+    span = ", ".join(declaration.choices) if declaration.choices else "" if math.isinf(lo) and math.isinf(hi) else f"{lo:g} … {hi:g}"
+    unit = declaration.unit if declaration.unit != "1" else ""
+    return f"| `{field.name}` | {default} | {unit} | {span} | {'yes' if declaration.live else ''} | {declaration.description} |"
+
+
+if __name__ == "__main__":
+    print(markdown(), end="")
