@@ -430,8 +430,8 @@ class Driver:
         return actuator.enable(now_s, True)
 
     def _update(self, actuator: Actuator, config: Config) -> None:
-        self._config = config
         actuator.update(config)
+        self._config = config
 
     # --- hand-over --------------------------------------------------------------------------------
 
