@@ -1,4 +1,4 @@
-"""The edge to a person: ``sma-actuator demo | bench | characterise | identify | replay | trace``.
+"""The edge to a person: ``sma-actuator demo | bench | characterise | identify | replay``.
 
 Each command lives in the package it drives, which offers ``SUMMARY``, ``add_arguments(parser)``
 and ``run(args) -> int``; only the one asked for is imported, so ``--help`` is quick and a missing
@@ -19,14 +19,13 @@ COMMANDS = {
     "characterise": ("sma_actuator.characterise", "run the bench experiments and write logs"),
     "identify": ("sma_actuator.identify", "logs to a calibrated model file"),
     "replay": ("sma_actuator.replay", "any model on any log: errors and traces"),
-    "trace": ("sma_actuator.trace", "find the effect a model lacks and add it"),
 }
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns its exit code (0 only on success)."""
     argv = sys.argv[1:] if argv is None else argv
-    parser = argparse.ArgumentParser(prog="sma-actuator", description="Drive, calibrate and trace shape memory alloy wires.")
+    parser = argparse.ArgumentParser(prog="sma-actuator", description="Drive and calibrate shape memory alloy wires.")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     chosen = next((word for word in argv if not word.startswith("-")), None)
     for name, (module_name, summary) in COMMANDS.items():
