@@ -7,9 +7,11 @@ connection.  ``open`` makes a new one.
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import socket
 import threading
+import time
 from collections.abc import Sequence
 from math import inf, isfinite, nan
 
@@ -29,6 +31,8 @@ OVER_VOLTAGE_MARGIN = 1.1
 SETTING_TOLERANCE = 0.02
 #: How long ``shut_down`` waits for a query in another thread to end.
 _LOCK_TIMEOUT_s = 0.4
+#: ``shut_down`` repeats itself: the lock of a lost connection may take a moment to go.
+_OFF_ATTEMPTS, _OFF_PAUSE_s = 5, 0.02
 _OPEN_TIMEOUT_ms = 2000
 
 
@@ -98,6 +102,16 @@ class Session:
             self.close()
             raise InstrumentLost(f"{self.name}: the connection broke at '{line}' ({error})") from error
 
+    def cut(self) -> None:
+        """Break the connection under a query that hangs in another thread; that query then fails.
+
+        The instrument's exclusive lock goes with the connection, so that another one can be heard.
+        """
+        wire = _socket_of(self._visa)
+        if wire is not None:
+            with contextlib.suppress(OSError):
+                wire.shutdown(socket.SHUT_RDWR)
+
     def garbled(self, line: str, reply: str) -> InstrumentLost:
         """The error for an answer that is none; the session is given up, since its order is lost."""
         self.close()
@@ -113,12 +127,23 @@ class Session:
                 _log.debug("%s: closing: %s", self.name, error)
 
 
+def _socket_of(visa: pyvisa.resources.Resource | None) -> socket.socket | None:
+    """The socket beneath a session of pyvisa-py, where there is one."""
+    if visa is None:
+        return None
+    try:
+        interface = getattr(getattr(visa.visalib, "sessions", {}).get(visa.session), "interface", None)
+    except pyvisa.errors.InvalidSession:  # closed by another thread
+        return None
+    return interface if isinstance(interface, socket.socket) else None
+
+
 def _send_at_once(visa: pyvisa.resources.Resource) -> None:
     """Switch Nagle's algorithm off: else a query after a command waits some 40 ms for the other side's
     delayed acknowledgement.  pyvisa-py has the attribute VI_ATTR_TCPIP_NODELAY but cannot set it."""
-    interface = getattr(getattr(visa.visalib, "sessions", {}).get(visa.session), "interface", None)
-    if isinstance(interface, socket.socket):
-        interface.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    wire = _socket_of(visa)
+    if wire is not None:
+        wire.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
 
 def _identify(session: Session, dialect: Dialect) -> str:
@@ -230,14 +255,17 @@ class ScpiSupply:
         try:
             if held:
                 try:
-                    self._off()
+                    self._off(self._session)
                     return
                 except InstrumentError:
-                    pass
-            # The session is lost, or hangs in another thread: a second one speaks for it.
+                    self._session.close()
+            else:
+                self._session.cut()
+            # The session is lost, or hung in another thread: a second one speaks for it.
             beside = Session("supply", self._session.resource, self._dialect.termination, self._instrument.timeout)
             try:
                 beside.open(lock=False)
+                beside.tell(*self._dialect.lines("unlock", channel=self._channel))  # an instrument may think the lost one alive
                 self._off(beside)
             finally:
                 beside.close()
@@ -255,12 +283,20 @@ class ScpiSupply:
             pass
         self._session.close()
 
-    def _off(self, session: Session | None = None) -> None:
-        session = session or self._session
-        session.tell(*self._dialect.lines("output_off", channel=self._channel))
-        session.tell(*self._dialect.lines("set_current", channel=self._channel, value=0.0))
-        # The answer proves that both were heard.
-        session.ask(self._dialect.query("output", channel=self._channel))
+    def _off(self, session: Session) -> None:
+        """Output off and 0 A.  The answer proves that both were heard, and obeyed; else InstrumentRefused."""
+        query = self._dialect.query("output", channel=self._channel)
+        for _ in range(_OFF_ATTEMPTS):
+            session.tell(*self._dialect.lines("output_off", channel=self._channel))
+            session.tell(*self._dialect.lines("set_current", channel=self._channel, value=0.0))
+            reply = session.ask(query)
+            try:
+                if not yes(reply):
+                    return
+            except ValueError:
+                raise session.garbled(query, reply) from None
+            time.sleep(_OFF_PAUSE_s)
+        raise InstrumentRefused(f"{session.name}: was told to switch off and answers that its output is on")
 
     def _tell(self, name: str, value: float = nan) -> None:
         self._session.tell(*self._dialect.lines(name, channel=self._channel, value=value))

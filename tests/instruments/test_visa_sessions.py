@@ -81,6 +81,48 @@ def test_shut_down_works_through_a_new_connection_when_the_old_one_is_dead(bench
     assert supply._session.ask("OUTP?") == "0"
 
 
+@pytest.fixture
+def locked(make_config):
+    """(virtual bench, supply) with a current flowing and the instrument's exclusive lock taken."""
+    virtual = VirtualBench.from_name("flexinol")
+    with background(virtual) as server:
+        resource = f"TCPIP::127.0.0.1::{server.ports[0]['supply']}::SOCKET"
+        supply = open_supply(Config.from_mapping(make_config(instruments={"supply": {"resource": resource}})))
+        supply.open()
+        supply.set_current(0.1)
+        supply.set_output(True)
+        assert supply._session.ask("SYST:LOCK:OWN?") == "SELF"
+        assert supply.read_back().output_on
+        yield virtual, supply
+        supply.close()
+
+
+def test_shut_down_switches_a_locked_supply_off_though_its_session_hangs_in_another_thread(locked):
+    virtual, supply = locked
+    held, release = threading.Event(), threading.Event()
+
+    def hang():
+        with supply._session.lock:
+            held.set()
+            release.wait(10.0)
+
+    thread = threading.Thread(target=hang)
+    thread.start()
+    assert held.wait(10.0)
+    supply.shut_down()
+    on, setting_A = virtual.supply.output_on, virtual.supply.current_A
+    release.set()
+    thread.join(10.0)
+    assert (on, setting_A) == (False, 0.0)
+
+
+def test_shut_down_says_so_where_the_output_stays_on(stand_in, make_config, caplog):
+    supply = opened(stand_in, make_config)
+    stand_in.replies[":OUTP?"] = "1"  # whatever it is told
+    supply.shut_down()
+    assert "was told to switch off and answers that its output is on" in caplog.text
+
+
 def test_a_tripped_protection_is_named_and_can_be_cleared(bench):
     supply, _, _ = bench
     supply.open()
