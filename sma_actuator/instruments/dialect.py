@@ -37,7 +37,8 @@ _SUPPLY_COMMANDS = {
 }
 _SUPPLY_QUERIES = {
     name: {"channel"}
-    for name in ("current_setting", "voltage_setting", "output", "voltage", "current", "watchdog_armed", "watchdog_delay", "error")
+    for name in ("current_setting", "voltage_setting", "over_voltage_setting", "over_current_setting", "output", "voltage",
+                 "current", "watchdog_armed", "watchdog_delay", "error")
 }
 _DAQ_COMMANDS = {"prepare": {"channels", "samples", "readings"}, "before_read": {"channels", "samples", "readings"}}
 _DAQ_QUERIES = {"ready": {"channels", "samples", "readings"}, "read": {"channels", "samples", "readings"}, "error": set()}

@@ -55,7 +55,7 @@ class PymeasureSupply:
                 self._instrument.resource, visa_library="@py", timeout=int(1e3 * self._instrument.timeout),
                 read_termination="\n", write_termination="\n",
             )
-        except Exception as error:  # noqa: BLE001 - pymeasure and pyvisa raise of all kinds
+        except Exception as error:  # pymeasure and pyvisa raise of all kinds
             raise InstrumentLost(f"supply at {self._instrument.resource}: cannot be opened ({error})") from error
         self._output = getattr(self._device, f"ch_{self._instrument.channel}", self._device)
         self._names = {what: self._name_of(what, names) for what, names in NAMES.items()}
@@ -130,7 +130,7 @@ class PymeasureSupply:
             raise InstrumentLost(f"supply at {self._instrument.resource}: not connected")
         try:
             return action()
-        except Exception as error:  # noqa: BLE001 - pymeasure and pyvisa raise of all kinds
+        except Exception as error:  # pymeasure and pyvisa raise of all kinds
             self.close()
             raise InstrumentLost(f"supply at {self._instrument.resource}: {what} failed ({error})") from error
 

@@ -13,6 +13,7 @@ import socket
 import threading
 import time
 from collections.abc import Sequence
+from decimal import Decimal
 from math import inf, isfinite, nan
 
 import numpy as np
@@ -68,7 +69,7 @@ class Session:
             )
             visa.timeout = self._timeout_s * 1e3
             _send_at_once(visa)
-        except (pyvisa.Error, OSError, ValueError) as error:
+        except Exception as error:  # pyvisa-py raises a bare Exception for a host that has no address
             raise InstrumentLost(f"{self.name}: cannot be opened ({error}); is it switched on, and is the address right?") from error
         self._visa = visa
         if lock:
@@ -98,7 +99,7 @@ class Session:
             late = error.error_code == pyvisa.constants.StatusCode.error_timeout
             why = f"no answer to '{line}' within {self._timeout_s:g} s" if late else f"'{line}' failed ({error})"
             raise InstrumentLost(f"{self.name}: {why}") from error
-        except (OSError, UnicodeDecodeError) as error:
+        except (pyvisa.Error, OSError, ValueError) as error:
             self.close()
             raise InstrumentLost(f"{self.name}: the connection broke at '{line}' ({error})") from error
 
@@ -172,6 +173,17 @@ def _no_errors(session: Session, dialect: Dialect) -> None:
         raise InstrumentRefused(f"{session.name}: refused its configuration: {reply}; is the dialect '{dialect.path.stem}' the right one?")
 
 
+class _RoundedDown(float):
+    """A number that is never written as more than it is: the last digit must not lift a current over its limit."""
+
+    def __format__(self, spec: str) -> str:
+        text = float.__format__(self, spec)
+        if float(text) <= self:
+            return text
+        number = Decimal(text)
+        return float.__format__(float(number - Decimal(1).scaleb(number.as_tuple().exponent)), spec)
+
+
 class ScpiSupply:
     """A current-controlled supply; see :class:`sma_actuator.instruments.PowerSupply`."""
 
@@ -188,24 +200,13 @@ class ScpiSupply:
 
         Raises InstrumentLost or InstrumentRefused; no current flows afterwards in either case.
         """
-        session, limits = self._session, self._limits
-        with session.lock:
-            session.open(self._instrument.exclusive_lock)
-            self.identity = _identify(session, self._dialect)
-            self._tell("prepare")
-            if self._instrument.exclusive_lock:
-                self._tell("lock")
-            self._tell("output_off")
-            self._tell("clear_trips")
-            self._tell("set_current", 0.0)
-            self._tell("set_voltage", limits.max_voltage)
-            self._tell("set_over_voltage", OVER_VOLTAGE_MARGIN * limits.max_voltage)
-            self._tell("set_over_current", limits.over_current_trip)
-            self._arm_watchdog()
-            _no_errors(session, self._dialect)
-            self._holds("output", 0.0, "output off")
-            if "voltage_setting" in self._dialect.queries:
-                self._holds("voltage_setting", limits.max_voltage, f"supply.max_voltage, {limits.max_voltage:g} V")
+        with self._session.lock:
+            self._session.open(self._instrument.exclusive_lock)
+            try:
+                self._configure()
+            except InstrumentError:
+                self._session.close()  # nobody shall switch on what was refused
+                raise
 
     def set_current(self, current_A: float) -> None:
         """Program the current limit [A].  The last gate: nothing but 0 to supply.max_current passes."""
@@ -213,7 +214,7 @@ class ScpiSupply:
             raise InstrumentRefused(
                 f"{self._session.name}: was to be set to {current_A} A; 0 to supply.max_current, {self._limits.max_current:g} A, is allowed"
             )
-        self._tell("set_current", current_A)
+        self._tell("set_current", _RoundedDown(current_A))
 
     def set_output(self, on: bool) -> None:
         """Switch the output."""
@@ -238,6 +239,8 @@ class ScpiSupply:
         dialect, wanted_s = self._dialect, self._limits.watchdog_timeout
         if self._limits.allow_no_watchdog or wanted_s == 0.0:
             return True
+        if "arm_watchdog" not in dialect.commands:
+            return False
         armed, delay = (self._session.ask(dialect.query(name, channel=self._channel)) for name in ("watchdog_armed", "watchdog_delay"))
         try:
             return yes(armed) and float(delay) <= wanted_s + dialect.watchdog_step_s + 1e-3
@@ -298,6 +301,26 @@ class ScpiSupply:
             time.sleep(_OFF_PAUSE_s)
         raise InstrumentRefused(f"{session.name}: was told to switch off and answers that its output is on")
 
+    def _configure(self) -> None:
+        session, limits = self._session, self._limits
+        self.identity = _identify(session, self._dialect)
+        self._tell("prepare")
+        if self._instrument.exclusive_lock:
+            self._tell("lock")
+        self._tell("output_off")
+        self._tell("clear_trips")
+        self._tell("set_current", 0.0)
+        self._tell("set_voltage", limits.max_voltage)
+        over_voltage_V = OVER_VOLTAGE_MARGIN * limits.max_voltage
+        self._tell("set_over_voltage", over_voltage_V)
+        self._tell("set_over_current", limits.over_current_trip)
+        self._arm_watchdog()
+        _no_errors(session, self._dialect)
+        self._holds("output", 0.0, "output off")
+        self._holds("voltage_setting", limits.max_voltage, f"supply.max_voltage, {limits.max_voltage:g} V")
+        self._holds("over_voltage_setting", over_voltage_V, f"an over-voltage trip of {over_voltage_V:g} V")
+        self._holds("over_current_setting", limits.over_current_trip, f"supply.over_current_trip, {limits.over_current_trip:g} A")
+
     def _tell(self, name: str, value: float = nan) -> None:
         self._session.tell(*self._dialect.lines(name, channel=self._channel, value=value))
 
@@ -341,6 +364,9 @@ class ScpiSupply:
             )
 
     def _holds(self, query: str, wanted: float, what: str) -> None:
+        """Ask for a setting, where the dialect can; raise InstrumentRefused where it is not as wanted."""
+        if query not in self._dialect.queries:
+            return
         line = self._dialect.query(query, channel=self._channel)
         reply = self._session.ask(line)
         try:
@@ -378,6 +404,9 @@ class ScpiDaq:
 
     def open(self) -> None:
         """Connect, check who answers, program channel list and block.  Raises InstrumentLost or InstrumentRefused."""
+        for quantity in ("supply_voltage", "reference_voltage", "load_cell"):
+            if getattr(self._instrument, f"{quantity}_channel") == 0:
+                raise InstrumentRefused(f"instruments.daq.{quantity}_channel: is 0; the driver cannot do without that channel")
         if len(set(self._channels.values())) < len(self._channels):
             raise InstrumentRefused("instruments.daq: two quantities are read from one channel; every channel is wanted once")
         with self._session.lock:
@@ -394,7 +423,10 @@ class ScpiDaq:
         line = self._dialect.query("read", **self._values)
         reply = self._session.ask(line)
         try:
-            values = np.array([_number(text) for text in reply.split(",")]).reshape(-1, len(self._channels)).mean(axis=0)
+            numbers = np.array([_number(text) for text in reply.split(",")])
+            if len(numbers) not in (len(self._channels), self._values["readings"]):
+                raise ValueError("neither one mean nor all readings of every channel")
+            values = numbers.reshape(-1, len(self._channels)).mean(axis=0)
         except ValueError:
             raise self._session.garbled(line, reply) from None
         reading = dict(zip(self._channels, values.tolist()))

@@ -146,6 +146,18 @@ def test_a_watchdog_that_does_not_hold_is_refused(bench):
     command(supply, "BENC:FAUL watchdog_dead,0")
     with pytest.raises(InstrumentRefused, match="its watchdog was armed with 1 s and does not read back so"):
         supply.open()
+    with pytest.raises(InstrumentLost, match="not connected"):  # nobody can switch on what was refused
+        supply.set_output(True)
+
+
+@pytest.mark.parametrize(
+    ("query", "words"),
+    ((":VOLT?", "supply.max_voltage, 6 V"), (":VOLT:PROT?", "an over-voltage trip of 6.6 V"), (":CURR:PROT?", "supply.over_current_trip, 0.45 A")),
+)
+def test_a_limit_that_the_supply_does_not_take_is_refused(stand_in, make_config, query, words):
+    stand_in.replies[query] = "20.0"
+    with pytest.raises(InstrumentRefused, match=f"does not take {words}: it reads back 20.0"):
+        opened(stand_in, make_config)
 
 
 @pytest.mark.parametrize("instrument", ("supply", "daq"))
@@ -180,6 +192,7 @@ def test_a_hang_up_is_a_loss_not_a_crash(bench):
         ({"instruments.supply.resource": "TCPIP::127.0.0.1::9::SOCKET"}, "supply at TCPIP::127.0.0.1::9::SOCKET"),
         ({"instruments.supply.resource": ""}, "instruments.supply.resource: is empty"),
         ({"instruments.supply.resource": "nonsense"}, "cannot be opened"),
+        ({"instruments.supply.resource": "TCPIP::127.0.0.1::99999::SOCKET"}, "cannot be opened"),
         ({"supply.watchdog_timeout": 3700.0}, "supply.watchdog_timeout"),
     ),
 )
@@ -195,12 +208,33 @@ def test_the_wrong_instrument_is_refused_by_what_it_says_it_is(bench, make_confi
         open_supply(Config.from_mapping(swapped)).open()
 
 
+@pytest.mark.parametrize("quantity", ("supply_voltage", "reference_voltage", "load_cell"))
+def test_a_daq_without_a_channel_that_is_needed_is_refused(bench, make_config, quantity):
+    _, _, config = bench
+    changes = {"instruments": {"daq": {"resource": config.instruments.daq.resource, f"{quantity}_channel": 0}}}
+    with pytest.raises(InstrumentRefused, match=f"instruments.daq.{quantity}_channel: is 0"):
+        open_daq(Config.from_mapping(make_config(**changes)), MonotonicClock()).open()
+
+
+@pytest.mark.parametrize("reply", ("1.0,0.1", "1.0,0.1,0.5,1.0,0.1,0.5", "1.0,0.1,what", ""))
+def test_a_block_with_a_wrong_number_of_readings_is_a_loss(make_config, reply):
+    server = ScpiStandIn({"*IDN?": "SMA Actuator,Virtual DAQ,7,stand-in", "SYST:ERR?": '0,"No error"', "READ:AVER?": "1,1,1", "FETC:AVER?": reply})
+    try:
+        daq = open_daq(Config.from_mapping(make_config(instruments={"daq": {"resource": server.resource}})), MonotonicClock())
+        daq.open()
+        with pytest.raises(InstrumentLost, match="is not an answer to that"):
+            daq.read_block()
+    finally:
+        server.close()
+
+
 @pytest.fixture
 def stand_in():
     server = ScpiStandIn(
         {
             "*IDN?": "SMA Actuator,Virtual Supply,7,stand-in", ":SYST:ERR?": '0,"No error"', ":OUTP:PROT:WDOG?": "1", ":OUTP:PROT:WDOG:DEL?": "1.0",
-            ":OUTP?": "0", ":VOLT?": "6.0", ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?": "0.1;1;0.65;0.1;NONE",
+            ":OUTP?": "0", ":VOLT?": "6.0", ":VOLT:PROT?": "6.6", ":CURR:PROT?": "0.45",
+            ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?": "0.1;1;0.65;0.1;NONE",
         }
     )
     yield server
@@ -273,12 +307,20 @@ class Recorded:
         self.lines += lines
 
 
-@given(current_A=st.one_of(st.floats(allow_nan=True, allow_infinity=True), st.sampled_from((0.0, 0.4, 0.4000001, -1e-9))))
-def test_no_number_beyond_the_limit_is_ever_sent(make_config, current_A):
-    supply = ScpiSupply(Config.from_mapping(make_config()))
+@given(
+    current_A=st.one_of(st.floats(allow_nan=True, allow_infinity=True), st.floats(-0.1, 1.0)),
+    max_current_A=st.floats(0.01, 0.45),
+    at_the_limit=st.booleans(),
+    dialect=st.sampled_from(("virtual_bench_supply", "rigol_dp800", "keithley_2260b", "keysight_n6700")),
+)
+def test_no_number_beyond_the_limit_is_ever_sent(make_config, current_A, max_current_A, at_the_limit, dialect):
+    changes = {"supply.max_current": max_current_A, "supply.bias_current": 0.005, "instruments": {"supply": {"dialect": dialect}}}
+    supply = ScpiSupply(Config.from_mapping(make_config(**changes)))
     supply._session = Recorded()
+    current_A = max_current_A if at_the_limit else current_A
     with contextlib.suppress(InstrumentRefused):
         supply.set_current(current_A)
     for line in supply._session.lines:
-        assert 0.0 <= float(line.removeprefix("CURR ")) <= 0.4
-    assert bool(supply._session.lines) == (0.0 <= current_A <= 0.4)
+        sent_A = float(line.split()[1].split(",")[0])
+        assert current_A - 1.01e-4 <= sent_A <= max_current_A
+    assert bool(supply._session.lines) == (0.0 <= current_A <= max_current_A)
