@@ -42,6 +42,13 @@ _SUPPLY_QUERIES = {
 }
 _DAQ_COMMANDS = {"prepare": {"channels", "samples", "readings"}, "before_read": {"channels", "samples", "readings"}}
 _DAQ_QUERIES = {"ready": {"channels", "samples", "readings"}, "read": {"channels", "samples", "readings"}, "error": set()}
+#: Placeholders without which an entry would say the same whatever is wanted.
+_NEEDED_PLACEHOLDERS = {
+    **dict.fromkeys(("set_current", "set_voltage", "set_over_voltage", "set_over_current", "arm_watchdog"), "value"),
+    "prepare": "channels",
+}
+#: What stands in for the placeholders when a file is checked.
+_TRIAL = {"channel": 1, "value": 0.5, "channels": "101,102", "samples": 50, "readings": 100}
 _NEEDED = {
     "supply": {
         "commands": ("output_on", "output_off", "set_current", "set_voltage", "clear_trips"),
@@ -92,8 +99,8 @@ class Dialect:
                 )
         try:
             document = yaml.safe_load(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise ConfigError(f"instruments.{kind}.dialect: {path} cannot be read ({error.strerror})") from error
+        except (OSError, UnicodeDecodeError) as error:
+            raise ConfigError(f"instruments.{kind}.dialect: {path} cannot be read ({error})") from error
         except yaml.YAMLError as error:
             raise ConfigError(f"{path}: is not YAML: {' '.join(str(error).split())}") from error
         return cls._checked(path, document, kind)
@@ -122,12 +129,17 @@ class Dialect:
                 if not lines or not all(isinstance(line, str) and line for line in lines):
                     problems.append(f"{group}.{name}: {text!r} is neither a SCPI text nor a list of them")
                     continue
+                if group == "queries" and len(lines) != 1:
+                    problems.append(f"queries.{name}: {text!r} has {len(lines)} texts; a query has one")
                 problems += _wrong_placeholders(f"{group}.{name}", lines, known[name])
                 texts[group][name] = lines
             for name in _NEEDED[kind][group]:
                 if name not in entries:
                     problems.append(f"{group}.{name}: missing; the driver cannot do without it")
         trips = document.get("trips", {})
+        if not isinstance(trips, Mapping) or not all(isinstance(query, str) and query for query in trips.values()):
+            problems.append(f"trips: {trips!r} is no section of SCPI texts")
+            trips = {}
         for word, query in trips.items():
             if word not in ("OVP", "OCP", "OTP", "WDOG", "*"):
                 problems.append(f"trips.{word}: no such trip; OVP, OCP, OTP, WDOG or * is wanted")
@@ -137,19 +149,28 @@ class Dialect:
             problems.append("queries.watchdog_armed, watchdog_delay: missing; a watchdog that cannot be read back is none")
         if watchdog and "watchdog_range_s" not in document:
             problems.append("watchdog_range_s: missing; shortest and longest delay in seconds are wanted")
+        span, step_s = document.get("watchdog_range_s"), document.get("watchdog_step_s", 0.0)
+        if span is not None and not (isinstance(span, list) and len(span) == 2 and all(map(_is_number, span)) and 0.0 <= span[0] <= span[1]):
+            problems.append(f"watchdog_range_s: {span!r} is not shortest and longest delay in seconds, as [1, 3600]")
+        if not (_is_number(step_s) and step_s >= 0.0):
+            problems.append(f"watchdog_step_s: {step_s!r} is not a number of seconds")
+        termination, chained = document.get("termination", "\n"), document.get("chained_queries", False)
+        if termination not in ("\n", "\r\n", "\r"):
+            problems.append(f'termination: {termination!r} ends no line; "\\n", "\\r\\n" or "\\r" is wanted, in double quotes')
+        if not isinstance(chained, bool):
+            problems.append(f"chained_queries: {chained!r} is neither true nor false")
         try:
             identity = re.compile(document["identity"])
-        except (KeyError, TypeError, re.error) as error:
+            if identity.search(""):
+                raise ValueError("this one lets any instrument pass")
+        except (KeyError, TypeError, ValueError, re.error) as error:
             problems.append(f"identity: a regular expression for the answer to *IDN? is wanted ({error})")
-            identity = re.compile("")
         if problems:
             raise ConfigError([f"{path}: {problem}" for problem in problems])
-        span = document.get("watchdog_range_s")
         return cls(
-            path, kind, document.get("family", path.stem), identity, document.get("termination", "\n"),
+            path, kind, document.get("family", path.stem), identity, termination,
             texts["commands"], {name: lines[0] for name, lines in texts["queries"].items()}, trips,
-            bool(document.get("chained_queries", False)), (float(span[0]), float(span[1])) if span else None,
-            float(document.get("watchdog_step_s", 0.0)),
+            chained, (float(span[0]), float(span[1])) if span else None, float(step_s),
         )
 
     def lines(self, name: str, **values: Any) -> list[str]:
@@ -171,8 +192,13 @@ def yes(reply: str) -> bool:
     raise ValueError(f"'{reply}' is neither on nor off")
 
 
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
 def _wrong_placeholders(name: str, lines: tuple[str, ...], allowed: set[str]) -> list[str]:
     problems = []
+    seen: set[str] = set()
     for line in lines:
         try:
             used = {field for _, field, _, _ in string.Formatter().parse(line) if field is not None}
@@ -182,4 +208,13 @@ def _wrong_placeholders(name: str, lines: tuple[str, ...], allowed: set[str]) ->
         for field in sorted(used - allowed):
             choice = ", ".join("{" + a + "}" for a in sorted(allowed)) or "none"
             problems.append(f"{name}: '{line}' has the placeholder {{{field}}}; allowed are {choice}")
+        seen |= used
+        if used <= allowed:
+            try:
+                line.format(**_TRIAL)
+            except (ValueError, TypeError) as error:
+                problems.append(f"{name}: '{line}' cannot be filled in ({error})")
+    needed = _NEEDED_PLACEHOLDERS.get(name.partition(".")[2])
+    if name.startswith("commands.") and needed in allowed and needed not in seen:
+        problems.append(f"{name}: {' | '.join(lines)!r} has no placeholder {{{needed}}}")
     return problems

@@ -129,6 +129,20 @@ def test_a_supply_without_watchdog_is_refused_unless_that_is_accepted(make_confi
         server.close()
 
 
+def test_a_daq_that_is_not_told_its_channels_is_refused(tmp_path):
+    document = yaml.safe_load((FOLDER / "virtual_bench_daq.yaml").read_text())
+    document["commands"]["prepare"] = "ROUT:SCAN (@101)"
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(document))
+    with pytest.raises(ConfigError, match=r"commands.prepare: .* has no placeholder \{channels\}"):
+        Dialect.load(str(tmp_path / "mine.yaml"), "daq")
+
+
+def test_a_file_that_is_no_text_is_refused_in_a_sentence(tmp_path):
+    (tmp_path / "mine.yaml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ConfigError, match="mine.yaml cannot be read"):
+        Dialect.load(str(tmp_path / "mine.yaml"), "supply")
+
+
 def test_an_unknown_dialect_names_its_neighbour():
     with pytest.raises(ConfigError, match="did you mean keithley_2260b"):
         Dialect.load("keithley_2260", "supply")
@@ -147,6 +161,17 @@ def test_an_unknown_dialect_names_its_neighbour():
         (lambda d: d.update(kind="daq"), "is not a dialect of kind 'supply'"),
         (lambda d: d.update(trips={"OOPS": "X?"}), "trips.OOPS: no such trip"),
         (lambda d: d["commands"].update(clear_trips=7), "commands.clear_trips: 7 is neither"),
+        (lambda d: d["commands"].update(set_current="CURR 0.4"), r"commands.set_current: 'CURR 0.4' has no placeholder \{value\}"),
+        (lambda d: d["commands"].update(set_current="CURR {value:.4q}"), "commands.set_current: .*cannot be filled in"),
+        (lambda d: d["queries"].update(current=["A?", "B?"]), "queries.current: .* has 2 texts; a query has one"),
+        (lambda d: d.update(trips=["OVP"]), "trips: .* is no section of SCPI texts"),
+        (lambda d: d.update(trips={"OVP": 5}), "trips: .* is no section of SCPI texts"),
+        (lambda d: d.update(watchdog_range_s=5), "watchdog_range_s: 5 is not shortest and longest"),
+        (lambda d: d.update(watchdog_range_s=[3600, 1]), "watchdog_range_s: .* is not shortest and longest"),
+        (lambda d: d.update(watchdog_step_s="one"), "watchdog_step_s: 'one' is not a number"),
+        (lambda d: d.update(chained_queries="no"), "chained_queries: 'no' is neither true nor false"),
+        (lambda d: d.update(termination="LF"), "termination: 'LF' ends no line"),
+        (lambda d: d.update(identity=""), "identity: .*lets any instrument pass"),
     ),
 )
 def test_a_faulty_dialect_is_refused_in_a_sentence_with_its_file(tmp_path, change, words):

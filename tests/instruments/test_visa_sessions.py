@@ -17,6 +17,12 @@ from sma_actuator.instruments.clock import MonotonicClock
 from sma_actuator.instruments.scpi import ScpiSupply
 
 
+@pytest.fixture(scope="module", autouse=True)
+def compiled():
+    """On a fresh machine the bench's physics is compiled first: that takes longer than an instrument may."""
+    VirtualBench.from_name("flexinol").advance(0.01)
+
+
 @pytest.fixture
 def bench(make_config):
     """(supply, daq, config) of a virtual bench over TCP."""
