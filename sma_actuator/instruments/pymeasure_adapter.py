@@ -49,6 +49,14 @@ class PymeasureSupply:
                 f"instruments.supply.pymeasure_class: {self._class.__name__} has no communication watchdog, so a killed computer "
                 "leaves the current on; set supply.allow_no_watchdog: true to drive it all the same"
             )
+        self._connect()
+        try:
+            self._configure()
+        except InstrumentRefused:
+            self.close()  # nobody shall switch on what was refused
+            raise
+
+    def _connect(self) -> None:
         self.close()
         try:
             self._device = self._class(
@@ -59,6 +67,8 @@ class PymeasureSupply:
             raise InstrumentLost(f"supply at {self._instrument.resource}: cannot be opened ({error})") from error
         self._output = getattr(self._device, f"ch_{self._instrument.channel}", self._device)
         self._names = {what: self._name_of(what, names) for what, names in NAMES.items()}
+
+    def _configure(self) -> None:
         self.identity = str(self._do("*IDN?", lambda: self._device.id))
         self.set_output(False)
         self._set("current setting", 0.0)
@@ -93,12 +103,21 @@ class PymeasureSupply:
         """Nothing to clear: pymeasure's classes do not report trips."""
 
     def shut_down(self) -> None:
-        """Output off and current to zero.  Never raises."""
-        for action in (lambda: self.set_output(False), lambda: self._set("current setting", 0.0)):
+        """Output off and current to zero, through a new connection where the old one is gone.  Never raises."""
+        try:
             try:
-                action()
-            except Exception as error:  # noqa: BLE001 - the last thing a program does must not fail
-                _log.error("%s: could not be switched off: %s", self.identity, error)
+                self._off()
+            except InstrumentLost:
+                self._connect()
+                self._off()
+        except Exception as error:  # noqa: BLE001 - the last thing a program does must not fail
+            _log.error("supply at %s: could not be told to switch off (%s)", self._instrument.resource, error)
+
+    def _off(self) -> None:
+        self.set_output(False)
+        self._set("current setting", 0.0)
+        if self._get("output"):
+            raise InstrumentRefused(f"{self.identity}: was told to switch off and answers that its output is on")
 
     def close(self) -> None:
         """Give up the connection.  Never raises."""

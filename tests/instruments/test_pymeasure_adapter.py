@@ -27,7 +27,7 @@ def supply_of(server, make_config, dotted=E36312A, accepted=True):
 
 
 def test_a_pymeasure_class_drives_its_instrument(server, make_config):
-    server.replies.update({"VOLT? (@1)": "6.0", "CURR? (@1)": "0.2", "MEASure:VOLTage? (@1)": "1.3", "MEAS:CURRent? (@1)": "0.2", "OUTPut? (@1)": "1"})
+    server.replies.update({"VOLT? (@1)": "6.0", "CURR? (@1)": "0.2", "MEASure:VOLTage? (@1)": "1.3", "MEAS:CURRent? (@1)": "0.2"})
     supply = supply_of(server, make_config)
     supply.open()
     supply.set_current(0.2)
@@ -37,8 +37,31 @@ def test_a_pymeasure_class_drives_its_instrument(server, make_config):
     supply.close()
     assert (state.current_setting_A, state.output_on, state.voltage_V, state.current_A) == (0.2, True, 1.3, 0.2)
     assert server.heard("CURR 0, (@1)", times=2)  # on opening, and at the end
-    assert server.lines[-2:] == ["OUTPut 0, (@1)", "CURR 0, (@1)"]
+    assert server.lines[-3:] == ["OUTPut 0, (@1)", "CURR 0, (@1)", "OUTPut? (@1)"]
     assert "CURR 0.2, (@1)" in server.lines
+
+
+def test_shut_down_works_through_a_new_connection_when_the_old_one_is_dead(server, make_config, caplog):
+    server.replies.update({"VOLT? (@1)": "6.0"})
+    supply = supply_of(server, make_config)
+    supply.open()
+    supply.set_output(True)
+    assert server.heard("OUTPut 1, (@1)")
+    server.hang_up()
+    supply.shut_down()
+    last_on = len(server.lines) - server.lines[::-1].index("OUTPut 1, (@1)")
+    assert {"OUTPut 0, (@1)", "CURR 0, (@1)"} <= set(server.lines[last_on:])
+    assert caplog.text == ""
+    supply.close()
+
+
+def test_shut_down_says_so_where_the_output_stays_on(server, make_config, caplog):
+    server.replies.update({"VOLT? (@1)": "6.0", "OUTPut? (@1)": "1"})
+    supply = supply_of(server, make_config)
+    supply.open()
+    supply.shut_down()
+    assert "was told to switch off and answers that its output is on" in caplog.text
+    supply.close()
 
 
 def test_more_than_the_limit_is_refused_before_pymeasure_sees_it(server, make_config):
