@@ -56,7 +56,7 @@ class ScpiStandIn:
     def _place(line):
         """Header and channel of a command, without its value."""
         header, _, rest = line.partition(" ")
-        channels = [part for part in rest.split(",") if part.strip().startswith(("(@", "CH"))]
+        channels = [part.strip() for part in rest.split(",") if part.strip().startswith(("(@", "CH"))]
         return (header, *channels)
 
     @staticmethod
