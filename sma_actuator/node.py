@@ -18,6 +18,7 @@ import math
 import signal
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -70,6 +71,8 @@ RETRY_PERIOD_s = 1.0
 LEAST_PUBLISH_PERIOD_s = 5e-3
 #: The interpreter passes the GIL on at least this often; its default, 5 ms, would show in the loop's period.
 GIL_INTERVAL_s = 0.1e-3
+#: How often the main thread looks whether a signal was noted.
+SIGNAL_INTERVAL_s = 0.05
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _DEPTH = 10
@@ -445,11 +448,12 @@ def _spin(node: SmaActuatorNode, on_fatal: Callable[[str], None]) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Run until a signal comes (exit code 0) or something fatal happens (1, with a sentence on stderr).
 
-    Signals are waited for, not handled: whatever they interrupt, the outputs are switched off by
+    A signal is only noted: whatever it interrupts goes on, and the outputs are switched off by
     this thread, without ROS.
     """
-    ending = {signal.SIGINT, signal.SIGTERM, signal.SIGHUP}
-    signal.pthread_sigmask(signal.SIG_BLOCK, ending)  # inherited by every thread
+    noted: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, lambda number, _frame: noted.append(number))
     sys.setswitchinterval(GIL_INTERVAL_s)
     fatal: list[str] = []
     nodes: list[SmaActuatorNode] = []
@@ -464,8 +468,8 @@ def main(arguments: list[str] | None = None) -> int:
             thread = threading.Thread(target=_spin, args=(node, fatal.append), name=f"{node.get_name()} ROS", daemon=True)
             thread.start()
             threads.append(thread)
-        while not fatal and signal.sigtimedwait(ending, 0.1) is None:
-            pass
+        while not fatal and not noted:
+            time.sleep(SIGNAL_INTERVAL_s)  # a signal does not end a sleep; it need not, it is short
     except ConfigError as error:
         fatal += error.problems
     finally:
