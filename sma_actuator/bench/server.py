@@ -66,6 +66,8 @@ class BenchServer:
     """One or more benches, each behind a supply port and a DAQ port."""
 
     def __init__(self, benches: VirtualBench | Sequence[VirtualBench], speed: float = 1.0):
+        # Compiling takes seconds where the kernels were never compiled: before the ports open, not after.
+        VirtualBench.from_name("flexinol").advance(0.01)
         self.benches = [benches] if isinstance(benches, VirtualBench) else list(benches)
         self.ports: list[dict[str, Any]] = []
         self._pacers = [Pacer(bench, speed) for bench in self.benches]
@@ -328,8 +330,6 @@ def run(args: argparse.Namespace) -> int:
         for name, value, at_s in args.fault:
             bench.inject(name, value, at_s=at_s)
         benches.append(bench)
-    # Compiling takes seconds where the kernels were never compiled: before the ports open, not after.
-    VirtualBench.from_name(args.wire).advance(0.01)
     serve(benches, args.host, args.supply_port, args.daq_port, args.speed, args.ports_file)
     return 0
 

@@ -274,19 +274,22 @@ class Supply(StandInSupply):
 supply = Supply()
 driver = Driver(Config.from_mapping(json.loads(sys.argv[1])), supply, StandInDaq(supply), RealClock())
 driver.start()
-print("runs", flush=True)
+
+def runs():
+    print("runs", flush=True)
+
 """
 
 
 @pytest.mark.parametrize(
     ("ending", "kill_with", "code"),
     [
-        ("", None, 0),
-        ("sys.exit(3)", None, 3),
-        ("raise ZeroDivisionError", None, 1),
-        ("threading.Event().wait()", signal.SIGINT, -signal.SIGINT),
-        ("with signals_end_the_program(): threading.Event().wait()", signal.SIGTERM, 128 + signal.SIGTERM),
-        ("with signals_end_the_program(): threading.Event().wait()", signal.SIGHUP, 128 + signal.SIGHUP),
+        ("runs()", None, 0),
+        ("runs(); sys.exit(3)", None, 3),
+        ("runs(); raise ZeroDivisionError", None, 1),
+        ("runs(); threading.Event().wait()", signal.SIGINT, -signal.SIGINT),
+        ("with signals_end_the_program(): runs(); threading.Event().wait()", signal.SIGTERM, 128 + signal.SIGTERM),
+        ("with signals_end_the_program(): runs(); threading.Event().wait()", signal.SIGHUP, 128 + signal.SIGHUP),
     ],
     ids=["end of the program", "sys.exit", "exception", "SIGINT", "SIGTERM", "SIGHUP"],
 )
