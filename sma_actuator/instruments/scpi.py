@@ -99,6 +99,11 @@ class Session:
             late = error.error_code == pyvisa.constants.StatusCode.error_timeout
             why = f"no answer to '{line}' within {self._timeout_s:g} s" if late else f"'{line}' failed ({error})"
             raise InstrumentLost(f"{self.name}: {why}") from error
+        except ConnectionRefusedError as error:
+            self.close()
+            raise InstrumentLost(
+                f"{self.name}: nothing listens there; is it switched on, and is instruments.{self.role}.resource right?"
+            ) from error
         except (pyvisa.Error, OSError, ValueError) as error:
             self.close()
             raise InstrumentLost(f"{self.name}: the connection broke at '{line}' ({error})") from error
