@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +12,16 @@ os.environ["ROS_DOMAIN_ID"] = str(20 + os.getpid() % 80)
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 from processes import Bench, Client, NodeProcess, parameter_file
+
+from sma_actuator.config import read_parameter_file
+
+
+@pytest.fixture(scope="session")
+def make_config(make_config):
+    """The shared configuration with the model identified on the bench: these tests wait for positions to be reached."""
+    identified = read_parameter_file(Path(__file__).resolve().parents[2] / "config" / "flexinol.yaml")
+    real = {section: identified[section] for section in ("model", "controller", "thermal", "estimator")}
+    return lambda **changes: make_config(**{**real, **changes})
 
 
 @pytest.fixture(scope="module")
