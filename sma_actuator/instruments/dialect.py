@@ -59,7 +59,7 @@ _NEEDED = {
 _KEYS = {
     "supply": {"kind", "family", "source", "notes", "identity", "termination", "chained_queries", "watchdog_range_s",
                "watchdog_step_s", "commands", "queries", "trips"},
-    "daq": {"kind", "family", "source", "notes", "identity", "termination", "commands", "queries"},
+    "daq": {"kind", "family", "source", "notes", "identity", "termination", "measures_celsius", "commands", "queries"},
 }
 _YES = {"1", "on", "yes", "true"}
 _NO = {"0", "off", "no", "false", "none", ""}
@@ -78,6 +78,7 @@ class Dialect:
     queries: Mapping[str, str]
     trips: Mapping[str, str]  #: word (OVP, OCP, OTP, WDOG) or ``*`` → query
     chained_queries: bool
+    measures_celsius: bool  #: whether the channel of a temperature sensor answers in °C
     watchdog_range_s: tuple[float, float] | None
     watchdog_step_s: float
 
@@ -154,11 +155,13 @@ class Dialect:
             problems.append(f"watchdog_range_s: {span!r} is not shortest and longest delay in seconds, as [1, 3600]")
         if not (_is_number(step_s) and step_s >= 0.0):
             problems.append(f"watchdog_step_s: {step_s!r} is not a number of seconds")
-        termination, chained = document.get("termination", "\n"), document.get("chained_queries", False)
+        termination = document.get("termination", "\n")
         if termination not in ("\n", "\r\n", "\r"):
             problems.append(f'termination: {termination!r} ends no line; "\\n", "\\r\\n" or "\\r" is wanted, in double quotes')
-        if not isinstance(chained, bool):
-            problems.append(f"chained_queries: {chained!r} is neither true nor false")
+        flags = {key: document.get(key, False) for key in ("chained_queries", "measures_celsius")}
+        for key, value in flags.items():
+            if not isinstance(value, bool):
+                problems.append(f"{key}: {value!r} is neither true nor false")
         try:
             identity = re.compile(document["identity"])
             if identity.search(""):
@@ -170,7 +173,8 @@ class Dialect:
         return cls(
             path, kind, document.get("family", path.stem), identity, termination,
             texts["commands"], {name: lines[0] for name, lines in texts["queries"].items()}, trips,
-            chained, (float(span[0]), float(span[1])) if span else None, float(step_s),
+            flags["chained_queries"], flags["measures_celsius"],
+            (float(span[0]), float(span[1])) if span else None, float(step_s),
         )
 
     def lines(self, name: str, **values: Any) -> list[str]:

@@ -54,7 +54,10 @@ class Session:
         return f"{self.role} at {self.resource}"
 
     def open(self, lock: bool) -> None:
-        """Connect; with ``lock``, under VISA's exclusive lock where the resource class has one."""
+        """Connect; with ``lock``, under VISA's exclusive lock where the resource class has one.
+
+        Raises InstrumentLost, or InstrumentRefused where somebody else holds that lock.
+        """
         self.close()
         if not self.resource:
             raise InstrumentRefused(
@@ -75,7 +78,13 @@ class Session:
         if lock:
             try:
                 visa.lock_excl(timeout=0)
-            except (pyvisa.Error, NotImplementedError, AttributeError):
+            except (pyvisa.Error, NotImplementedError, AttributeError) as error:
+                if getattr(error, "error_code", None) == pyvisa.constants.StatusCode.error_resource_locked:
+                    self.close()
+                    raise InstrumentRefused(
+                        f"{self.name}: somebody else holds its VISA lock; only one program may command it "
+                        f"(instruments.{self.role}.exclusive_lock: false does without the lock)"
+                    ) from error
                 _log.debug("%s: this VISA resource has no exclusive lock", self.name)
 
     def tell(self, *lines: str) -> None:
@@ -414,6 +423,13 @@ class ScpiDaq:
                 raise InstrumentRefused(f"instruments.daq.{quantity}_channel: is 0; the driver cannot do without that channel")
         if len(set(self._channels.values())) < len(self._channels):
             raise InstrumentRefused("instruments.daq: two quantities are read from one channel; every channel is wanted once")
+        ambient_channel = self._instrument.ambient_temperature_channel
+        if ambient_channel != 0 and not self._dialect.measures_celsius:
+            # 0.02 V would pass for a room of 0.02 °C, and the heat balance would take the wire for colder than it is.
+            raise InstrumentRefused(
+                f"instruments.daq.ambient_temperature_channel: is {ambient_channel}, but dialect '{self._dialect.path.stem}' "
+                "reads every channel in volts; 0 is wanted, and the room's temperature in thermal.ambient_temperature"
+            )
         with self._session.lock:
             self._session.open(lock=False)
             self.identity = _identify(self._session, self._dialect)

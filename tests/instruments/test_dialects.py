@@ -118,6 +118,17 @@ def test_a_daq_hears_its_manuals_commands_and_its_raw_readings_are_averaged(make
         server.close()
 
 
+@pytest.mark.parametrize("name", DAQS)
+def test_a_daq_that_reads_volts_is_refused_an_ambient_temperature_channel(make_config, name):
+    server = ScpiStandIn({"*IDN?": DAQS[name][0], "SYST:ERR?": '0,"No error"'})
+    try:
+        changes = {"instruments": {"daq": {"resource": server.resource, "dialect": name, "ambient_temperature_channel": 105}}}
+        with pytest.raises(InstrumentRefused, match=f"ambient_temperature_channel: is 105, but dialect '{name}' reads every channel in volts"):
+            open_daq(Config.from_mapping(make_config(**changes)), MonotonicClock()).open()
+    finally:
+        server.close()
+
+
 def test_a_supply_without_watchdog_is_refused_unless_that_is_accepted(make_config):
     server = ScpiStandIn({"*IDN?": SUPPLIES["keithley_2260b"][0], "SYST:ERR?": '0,"No error"'})
     try:
@@ -134,6 +145,14 @@ def test_a_daq_that_is_not_told_its_channels_is_refused(tmp_path):
     document["commands"]["prepare"] = "ROUT:SCAN (@101)"
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(document))
     with pytest.raises(ConfigError, match=r"commands.prepare: .* has no placeholder \{channels\}"):
+        Dialect.load(str(tmp_path / "mine.yaml"), "daq")
+
+
+def test_a_daq_that_neither_measures_celsius_nor_not_is_refused(tmp_path):
+    document = yaml.safe_load((FOLDER / "virtual_bench_daq.yaml").read_text())
+    document["measures_celsius"] = "no"
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(document))
+    with pytest.raises(ConfigError, match="measures_celsius: 'no' is neither true nor false"):
         Dialect.load(str(tmp_path / "mine.yaml"), "daq")
 
 

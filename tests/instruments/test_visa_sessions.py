@@ -5,6 +5,7 @@ import threading
 import time
 
 import pytest
+import pyvisa
 from hypothesis import given
 from hypothesis import strategies as st
 from stand_in_server import ScpiStandIn
@@ -31,7 +32,7 @@ def bench(make_config):
             make_config(
                 instruments={
                     "supply": {"resource": f"TCPIP::127.0.0.1::{server.ports[0]['supply']}::SOCKET", "timeout": 0.3},
-                    "daq": {"resource": f"TCPIP::127.0.0.1::{server.ports[0]['daq']}::SOCKET", "lvdt_channel": 104, "timeout": 0.3},
+                    "daq": {"resource": f"TCPIP::127.0.0.1::{server.ports[0]['daq']}::SOCKET", "lvdt_channel": 104, "ambient_temperature_channel": 105, "timeout": 0.3},
                 }
             )
         )
@@ -73,6 +74,7 @@ def test_a_current_flows_and_is_measured_by_both_instruments(bench):
     assert reading.reference_voltage_V == pytest.approx(0.1, abs=2e-3)
     assert 4.0 < reading.supply_voltage_V / reading.reference_voltage_V - 1.25 < 6.0
     assert 0.004 < reading.lvdt_current_A < 0.020
+    assert 15.0 < reading.ambient_temperature_C < 35.0
 
 
 def test_shut_down_works_through_a_new_connection_when_the_old_one_is_dead(bench):
@@ -212,6 +214,16 @@ def test_the_wrong_instrument_is_refused_by_what_it_says_it_is(bench, make_confi
     swapped = make_config(instruments={"supply": {"resource": config.instruments.daq.resource}})
     with pytest.raises(InstrumentRefused, match="says it is 'SMA Actuator,Virtual DAQ.*which is no SMA Actuator virtual supply"):
         open_supply(Config.from_mapping(swapped)).open()
+
+
+def test_a_supply_that_another_client_has_locked_is_refused(stand_in, make_config, monkeypatch):
+    def locked_elsewhere(self, timeout="default"):
+        raise pyvisa.VisaIOError(pyvisa.constants.StatusCode.error_resource_locked)
+
+    monkeypatch.setattr(pyvisa.resources.TCPIPSocket, "lock_excl", locked_elsewhere)
+    with pytest.raises(InstrumentRefused, match="somebody else holds its VISA lock.*instruments.supply.exclusive_lock"):
+        opened(stand_in, make_config)
+    assert stand_in.lines == []
 
 
 @pytest.mark.parametrize("quantity", ("supply_voltage", "reference_voltage", "load_cell"))
