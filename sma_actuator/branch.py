@@ -91,7 +91,8 @@ class BranchDetector:
         """Take over parameters; the memory stays."""
         self._decision = parameters.branch_decision
         hysteresis = parameters.heating_power_hysteresis
-        self._thresholds_W = (parameters.heating_power * (1.0 + hysteresis), parameters.heating_power * (1.0 - hysteresis))
+        threshold_W = parameters.heating_power
+        self._thresholds_W = (threshold_W * (1.0 + hysteresis), threshold_W * (1.0 - hysteresis))
         self._lag = (parameters.thermal_time_constant, hysteresis)
         self._deadband_Ohm = parameters.resistance_deadband
 

@@ -16,7 +16,8 @@ from .config import Config
 from .jit import jit
 from .signals import Branch, Estimate, Quality, Signals
 
-#: Share of the calibrated stress range by which a stress may lie outside it.
+#: Share of the calibrated stress range by which a stress may lie outside it.  Beyond that the model sees the
+#: stress at the margin: polynomials in stress go astray quickly outside the data they were fitted on.
 STRESS_MARGIN = 0.05
 
 
@@ -38,6 +39,7 @@ def _velocity(time, displacement, state, time_constant):
     step = time - state[0]
     if step > 0.0:
         state[2] += (displacement - state[1] - state[2] * step) / (time_constant + step)
+    if step != 0.0:  # also where the clock was set back: else the velocity would stand until it has caught up
         state[0], state[1] = time, displacement
     return state[2]
 
@@ -69,9 +71,14 @@ def _quality_all(displacement, stress, bounds, quality):
 class Estimator:
     """Estimates the displacement of one wire; remembers its past.
 
-    A reading that is not finite leaves the memory untouched: the last good displacement comes
-    back, marked INVALID.  The first good sample starts the model on its cooling curve, which is
-    where a wire at rest is.
+    A reading that is not finite, or whose resistance no wire of this circuit can have
+    (``safety.resistance_min``, ``resistance_max``), leaves the memory untouched: the last good
+    displacement comes back, marked INVALID.  The first good sample starts the model on its cooling
+    curve, which is where a wire at rest is.
+
+    Beyond the working range, where R moves with temperature and δ hardly at all, the model goes on
+    and the quality says so (INDETERMINATE_COLD, INDETERMINATE_HOT): an estimate that stood still
+    there would not see the wire come back.
     """
 
     def __init__(self, config: Config):
@@ -80,7 +87,9 @@ class Estimator:
         self._length_m = config.wire.length
         stress_lo, stress_hi = self._model.stress_range_Pa
         margin_Pa = STRESS_MARGIN * (stress_hi - stress_lo)
-        self._bounds = np.array([stress_lo - margin_Pa, stress_hi + margin_Pa, *self._model.displacement_range_m])
+        self._stress_Pa = stress_lo - margin_Pa, stress_hi + margin_Pa
+        self._bounds = np.array([*self._stress_Pa, *self._model.displacement_range_m])
+        self._resistances_Ohm = config.safety.resistance_min, config.safety.resistance_max
         self._velocity_state = np.zeros(3)
         self._velocity_time_constant_s = config.estimator.velocity_time_constant
         self.reset()
@@ -103,14 +112,15 @@ class Estimator:
     def step(self, signals: Signals) -> Estimate:
         """Estimate from one sample."""
         resistance_Ohm, stress_Pa, power_W = signals.resistance_Ohm, signals.stress_Pa, signals.power_W
-        if not isfinite(resistance_Ohm + stress_Pa + power_W):
+        lowest_Ohm, highest_Ohm = self._resistances_Ohm
+        if not (lowest_Ohm <= resistance_Ohm <= highest_Ohm and isfinite(signals.time_s + stress_Pa + power_W)):
             last = self._last
             self._last = Estimate(signals.time_s, last.displacement_m, last.strain, 0.0, last.branch, Quality.INVALID)
             return self._last
         if not self._started:
             self._start(signals.time_s, resistance_Ohm, stress_Pa, power_W)
         heating = self._branch.step(signals.time_s, resistance_Ohm, power_W)
-        displacement_m = self._model.step(resistance_Ohm, stress_Pa, heating)
+        displacement_m = self._model.step(resistance_Ohm, self._in_reach(stress_Pa), heating)
         velocity_m_s = _velocity(signals.time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s)
         self._last = Estimate(
             signals.time_s, displacement_m, displacement_m / self._length_m, velocity_m_s,
@@ -123,17 +133,20 @@ class Estimator:
 
         The memory is carried on, so a log may come in pieces.
         """
-        good = np.isfinite(signals.resistance_Ohm + signals.stress_Pa + signals.power_W)
+        lowest_Ohm, highest_Ohm = self._resistances_Ohm
+        good = (signals.resistance_Ohm >= lowest_Ohm) & (signals.resistance_Ohm <= highest_Ohm)
+        good &= np.isfinite(signals.time_s + signals.stress_Pa + signals.power_W)
         n = len(good)
         displacement_m, velocity_m_s = np.full(n, self._last.displacement_m), np.zeros(n)
         branch, quality = np.full(n, int(self._last.branch)), np.full(n, int(Quality.INVALID))
         if good.any():
             time_s, resistance_Ohm = signals.time_s[good], np.ascontiguousarray(signals.resistance_Ohm[good])
-            stress_Pa, power_W = np.ascontiguousarray(signals.stress_Pa[good]), np.ascontiguousarray(signals.power_W[good])
+            stress_Pa = np.ascontiguousarray(signals.stress_Pa[good])
+            power_W = np.ascontiguousarray(signals.power_W[good])
             if not self._started:
                 self._start(time_s[0], resistance_Ohm[0], stress_Pa[0], power_W[0])
             heating = self._branch.run(time_s, resistance_Ohm, power_W)
-            delta = self._model.run(resistance_Ohm, stress_Pa, heating)
+            delta = self._model.run(resistance_Ohm, np.clip(stress_Pa, *self._stress_Pa), heating)
             velocity, quality_of_good = np.empty(len(delta)), np.empty(len(delta), dtype=np.int64)
             _velocity_all(time_s, delta, self._velocity_state, self._velocity_time_constant_s, velocity)
             _quality_all(delta, stress_Pa, self._bounds, quality_of_good)
@@ -150,8 +163,12 @@ class Estimator:
             signals.time_s, displacement_m, displacement_m / self._length_m, velocity_m_s, branch, quality
         )
 
+    def _in_reach(self, stress_Pa: float) -> float:
+        """The stress, or the margin of the calibrated range where it lies beyond."""
+        return min(max(stress_Pa, self._stress_Pa[0]), self._stress_Pa[1])
+
     def _start(self, time_s: float, resistance_Ohm: float, stress_Pa: float, power_W: float) -> None:
-        displacement_m = self._model.reset(resistance_Ohm, stress_Pa)
+        displacement_m = self._model.reset(resistance_Ohm, self._in_reach(stress_Pa))
         self._branch.reset(time_s, resistance_Ohm, power_W)
         self._velocity_state[:] = time_s, displacement_m, 0.0
         self._started = True

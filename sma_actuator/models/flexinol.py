@@ -18,13 +18,23 @@ Beyond an asymptote
 A change of stress, or the cold end, where the asymptotes cross, can leave the state on the far
 side of the asymptote it should approach (z < 0).  There R moves with temperature and δ hardly at
 all: as long as R moves towards the asymptote δ stands still, until z = 0; when R moves away, |z|
-decays by the same law as on the near side, so the state is always drawn to the asymptote.
+decays by the same law as on the near side, so the state is always drawn to the asymptote.  On the
+asymptote itself (z = 0) δ follows it both ways.
+
+Outside the loop
+----------------
+δ is kept between the two asymptotes at (R, σ), give or take ``LOOP_SLACK`` of the working range.
+Without that, one bad reading, a sudden change of load or a branch decided late leaves δ outside the
+loop, where only the next full cycle would bring it back.  The slack is there because a block of
+readings that straddles a reversal belongs to both branches, and because at a cold rest δ does stand
+a little beyond both asymptotes.  The bounds lie outside both
+asymptotes, so they never push δ across one, and inside them the step is the exact one.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, expm1, log1p
+from math import exp, expm1, log, log1p
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
@@ -34,7 +44,10 @@ from ..parameters import parameter
 from .checks import wrong_alloy, wrong_ranges, wrong_size
 
 _POLYNOMIAL = "polynomial in stress [Pa], lowest order first"
-_LINEAR_ABOVE = 30.0  # e^30 ≈ 1e13: there ln(e^y − e^s) is y to the last digit
+LOOP_SLACK = 0.05  #: how far δ may lie outside the loop, as a share of the working range
+#: |z| below this is zero, for it is rounding, which must not decide whether R, turning back, leaves the asymptote.
+_ON_ASYMPTOTE_Ohm = 1e-12
+_LARGE = 40.0  # e^40 ≈ 2e17: beyond it ln(e^y ± 1) is y to the last digit
 
 
 @jit
@@ -48,26 +61,25 @@ def _polynomial(coefficients, x):
 @jit
 def _decayed(x, s):
     """``ln(1 + (e^x − 1) e^s)`` for x ≥ 0, without overflow or cancellation."""
-    y = x + s
-    if y > _LINEAR_ABOVE:
-        return y
-    if x > _LINEAR_ABOVE:
-        return log1p(exp(y) - exp(s))
-    return log1p(expm1(x) * exp(s))
+    if x <= 0.0:
+        return 0.0
+    if x < _LARGE and s < _LARGE:
+        return log1p(expm1(x) * exp(s))
+    y = s + (x if x > _LARGE else log(expm1(x)))
+    return y if y > _LARGE else log1p(exp(y))
 
 
 @jit
-def advance(resistance, stress, heating, previous_resistance, displacement, a_h, b_h, a_c, b_c, a_0, tau):
-    """δ after the resistance moved from ``previous_resistance`` to ``resistance`` on one branch, at one stress."""
-    if heating:
-        a, b, sign = _polynomial(a_h, stress), _polynomial(b_h, stress), 1.0
-    else:
-        a, b, sign = _polynomial(a_c, stress), _polynomial(b_c, stress), -1.0
+def _along_branch(resistance, heating, previous_resistance, displacement, a, b, a_0, tau):
+    """The exact step towards or away from the asymptote a R + b of the present branch."""
     # In x = ± R both branches are the heating branch: z = x − x_asymptote(δ).
+    sign = 1.0 if heating else -1.0
     x = sign * resistance
     z = sign * previous_resistance - sign * (displacement - b) / a
     dx = x - sign * previous_resistance
     rate = tau * (1.0 - a_0 / a)
+    if abs(z) < _ON_ASYMPTOTE_Ohm:
+        return a * resistance + b
     if z < 0.0:
         if dx > 0.0:
             still = min(dx, -z)  # δ stands still until the asymptote is reached
@@ -84,11 +96,25 @@ def advance(resistance, stress, heating, previous_resistance, displacement, a_h,
 
 
 @jit
-def advance_all(resistance, stress, heating, state, a_h, b_h, a_c, b_c, a_0, tau, displacement):
+def advance(resistance, stress, heating, previous_resistance, displacement, a_h, b_h, a_c, b_c, a_0, tau, slack):
+    """δ after the resistance moved from ``previous_resistance`` to ``resistance`` on one branch, at one stress."""
+    slope_h, intercept_h = _polynomial(a_h, stress), _polynomial(b_h, stress)
+    slope_c, intercept_c = _polynomial(a_c, stress), _polynomial(b_c, stress)
+    if heating:
+        a, b = slope_h, intercept_h
+    else:
+        a, b = slope_c, intercept_c
+    displacement = _along_branch(resistance, heating, previous_resistance, displacement, a, b, a_0, tau)
+    on_h, on_c = slope_h * resistance + intercept_h, slope_c * resistance + intercept_c
+    return min(max(displacement, min(on_h, on_c) - slack), max(on_h, on_c) + slack)
+
+
+@jit
+def advance_all(resistance, stress, heating, state, a_h, b_h, a_c, b_c, a_0, tau, slack, displacement):
     """``advance`` over arrays; ``state`` = [previous resistance, displacement] is carried on."""
     previous, delta = state[0], state[1]
     for i in range(len(resistance)):
-        delta = advance(resistance[i], stress[i], heating[i], previous, delta, a_h, b_h, a_c, b_c, a_0, tau)
+        delta = advance(resistance[i], stress[i], heating[i], previous, delta, a_h, b_h, a_c, b_c, a_0, tau, slack)
         previous = resistance[i]
         displacement[i] = delta
     state[0], state[1] = previous, delta
@@ -98,9 +124,11 @@ class FlexinolModel:
     """The model of one wire; see :class:`sma_actuator.models.StrainModel`."""
 
     def __init__(self, a_h, b_h, a_c, b_c, a_0, tau, stress_range_Pa, displacement_range_m):
-        self._coefficients = (*(np.asarray(p, dtype=float) for p in (a_h, b_h, a_c, b_c)), float(a_0), float(tau))
         self.stress_range_Pa = tuple(stress_range_Pa)
         self.displacement_range_m = tuple(displacement_range_m)
+        polynomials = (np.asarray(p, dtype=float) for p in (a_h, b_h, a_c, b_c))
+        slack_m = LOOP_SLACK * float(np.ptp(self.displacement_range_m))
+        self._coefficients = (*polynomials, float(a_0), float(tau), slack_m)
         self._state = np.zeros(2)
 
     def reset(self, resistance_Ohm: float, stress_Pa: float, heating: bool = False) -> float:
@@ -124,7 +152,7 @@ class FlexinolModel:
 
     def limits_m(self, resistance_Ohm, stress_Pa):
         """Heating and cooling asymptote at R and σ, (δ_H, δ_C) [m]; floats or arrays."""
-        a_h, b_h, a_c, b_c, _, _ = self._coefficients
+        a_h, b_h, a_c, b_c, *_ = self._coefficients
         return (
             polyval(stress_Pa, a_h) * resistance_Ohm + polyval(stress_Pa, b_h),
             polyval(stress_Pa, a_c) * resistance_Ohm + polyval(stress_Pa, b_c),
@@ -135,7 +163,9 @@ class FlexinolModel:
 class FlexinolCoefficients:
     """Asymptotes of one particular wire (exclusive model, eq. 5.1–5.6, 5.22, 5.23)."""
 
-    calibrated_length: float = parameter(description="length of the wire the coefficients were fitted on", unit="m", lo=0.005, hi=20.0)
+    calibrated_length: float = parameter(
+        description="length of the wire the coefficients were fitted on", unit="m", lo=0.005, hi=20.0
+    )
     calibrated_diameter: float = parameter(description="its diameter", unit="m", lo=10e-6, hi=2e-3)
     heating_slope: tuple[float, ...] = parameter(description=f"a_H, {_POLYNOMIAL}", unit="m/Ω")
     heating_intercept: tuple[float, ...] = parameter(description=f"b_H, {_POLYNOMIAL}", unit="m")
@@ -143,8 +173,12 @@ class FlexinolCoefficients:
     cooling_intercept: tuple[float, ...] = parameter(description=f"b_C, {_POLYNOMIAL}", unit="m")
     initial_slope: float = parameter(description="a_0, slope far from the asymptote", unit="m/Ω")
     transition_rate: float = parameter(description="τ of the transition", unit="1/Ω", lo=1e-6, hi=1e9)
-    stress_range: tuple[float, ...] = parameter(description="lowest and highest stress of the calibration", unit="Pa", lo=-1e9, hi=1e9)
-    displacement_range: tuple[float, ...] = parameter(description="determinate part of the stroke", unit="m", lo=-10.0, hi=10.0)
+    stress_range: tuple[float, ...] = parameter(
+        description="lowest and highest stress of the calibration", unit="Pa", lo=-1e9, hi=1e9
+    )
+    displacement_range: tuple[float, ...] = parameter(
+        description="determinate part of the stroke", unit="m", lo=-10.0, hi=10.0
+    )
 
     def mismatches(self, wire) -> list[str]:
         """Why these coefficients do not suit ``wire``."""
@@ -171,14 +205,18 @@ class FlexinolNormalisedCoefficients:
     the strain at λ = 0, not at R = 0.
     """
 
-    martensite_resistivity: float = parameter(description="ρ_M, which gives R_0 = ρ_M L_0/A_0", unit="Ω·m", lo=1e-8, hi=1e-4)
+    martensite_resistivity: float = parameter(
+        description="ρ_M, which gives R_0 = ρ_M L_0/A_0", unit="Ω·m", lo=1e-8, hi=1e-4
+    )
     heating_slope: tuple[float, ...] = parameter(description=f"â_H, {_POLYNOMIAL}", unit="1")
     heating_intercept: tuple[float, ...] = parameter(description=f"b̂_H, {_POLYNOMIAL}", unit="1")
     cooling_slope: tuple[float, ...] = parameter(description=f"â_C, {_POLYNOMIAL}", unit="1")
     cooling_intercept: tuple[float, ...] = parameter(description=f"b̂_C, {_POLYNOMIAL}", unit="1")
     initial_slope: float = parameter(description="â_0, slope far from the asymptote", unit="1")
     transition_rate: float = parameter(description="τ̂ of the transition", unit="1", lo=1e-6, hi=1e9)
-    stress_range: tuple[float, ...] = parameter(description="lowest and highest stress of the calibration", unit="Pa", lo=-1e9, hi=1e9)
+    stress_range: tuple[float, ...] = parameter(
+        description="lowest and highest stress of the calibration", unit="Pa", lo=-1e9, hi=1e9
+    )
     strain_range: tuple[float, ...] = parameter(description="determinate part of the stroke", unit="1", lo=-1.0, hi=1.0)
 
     def mismatches(self, wire) -> list[str]:

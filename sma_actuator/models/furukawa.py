@@ -155,7 +155,9 @@ class FurukawaNormalisedModel:
 class FurukawaCoefficients:
     """Heating and cooling curve of one particular wire (exclusive model, eq. 5.55–5.58, 5.72–5.74)."""
 
-    calibrated_length: float = parameter(description="length of the wire the coefficients were fitted on", unit="m", lo=0.005, hi=20.0)
+    calibrated_length: float = parameter(
+        description="length of the wire the coefficients were fitted on", unit="m", lo=0.005, hi=20.0
+    )
     calibrated_diameter: float = parameter(description="its diameter", unit="m", lo=10e-6, hi=2e-3)
     variant: str = parameter("average", "how the two curves are used", choices=VARIANTS)
     heating_G0: tuple[float, ...] = parameter(description=f"G_H0, {_POLYNOMIAL}", unit="m")
@@ -165,8 +167,12 @@ class FurukawaCoefficients:
     cooling_G1: tuple[float, ...] = parameter(description=f"G_C1, {_POLYNOMIAL}", unit="m/Ω")
     cooling_G2: tuple[float, ...] = parameter(description=f"G_C2, {_POLYNOMIAL}", unit="m/Ω²")
     transition_rate: float = parameter(10.0, "η of the transition curves", "1/Ω", 1e-6, 1e9)
-    stress_range: tuple[float, ...] = parameter(description="lowest and highest stress of the calibration", unit="Pa", lo=-1e9, hi=1e9)
-    displacement_range: tuple[float, ...] = parameter(description="determinate part of the stroke", unit="m", lo=-10.0, hi=10.0)
+    stress_range: tuple[float, ...] = parameter(
+        description="lowest and highest stress of the calibration", unit="Pa", lo=-1e9, hi=1e9
+    )
+    displacement_range: tuple[float, ...] = parameter(
+        description="determinate part of the stroke", unit="m", lo=-10.0, hi=10.0
+    )
 
     def mismatches(self, wire) -> list[str]:
         """Why these coefficients do not suit ``wire``."""
@@ -190,12 +196,18 @@ class FurukawaCoefficients:
 class FurukawaNormalisedCoefficients:
     """One activation curve for any wire of the alloy (eq. 5.75–5.87)."""
 
-    austenite_resistivity: float = parameter(description="ρ_A, which gives R_min = ρ_A L_0/A_0", unit="Ω·m", lo=1e-8, hi=1e-4)
-    martensite_resistivity: tuple[float, ...] = parameter(description=f"ρ_M, which gives R_max, {_POLYNOMIAL}", unit="Ω·m")
+    austenite_resistivity: float = parameter(
+        description="ρ_A, which gives R_min = ρ_A L_0/A_0", unit="Ω·m", lo=1e-8, hi=1e-4
+    )
+    martensite_resistivity: tuple[float, ...] = parameter(
+        description=f"ρ_M, which gives R_max, {_POLYNOMIAL}", unit="Ω·m"
+    )
     activation: tuple[float, ...] = parameter(description="C, polynomial in λ, lowest order first", unit="1")
     mechanical_strain: tuple[float, ...] = parameter(description=f"ε_M, {_POLYNOMIAL}", unit="1")
     stroke_strain: tuple[float, ...] = parameter(description=f"ε_L, {_POLYNOMIAL}", unit="1")
-    stress_range: tuple[float, ...] = parameter(description="lowest and highest stress of the calibration", unit="Pa", lo=-1e9, hi=1e9)
+    stress_range: tuple[float, ...] = parameter(
+        description="lowest and highest stress of the calibration", unit="Pa", lo=-1e9, hi=1e9
+    )
     strain_range: tuple[float, ...] = parameter(description="determinate part of the stroke", unit="1", lo=-1.0, hi=1.0)
 
     def mismatches(self, wire) -> list[str]:

@@ -18,7 +18,8 @@ def parameters(decision, **changes):
 def test_power_turns_at_the_thresholds_of_its_band():
     detector = BranchDetector(parameters("power", heating_power=0.2, heating_power_hysteresis=0.1))
     detector.reset(0.0, 5.0, 0.0)
-    answers = [detector.step(i * 0.05, 5.0, power) for i, power in enumerate((0.0, 0.2, 0.219, 0.221, 0.2, 0.181, 0.179, 0.2))]
+    powers_W = (0.0, 0.2, 0.219, 0.221, 0.2, 0.181, 0.179, 0.2)
+    answers = [detector.step(i * 0.05, 5.0, power) for i, power in enumerate(powers_W)]
     assert answers == [False, False, False, True, True, True, False, False]
 
 
