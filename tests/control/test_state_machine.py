@@ -236,7 +236,7 @@ def test_the_state_machine_does_reach_a_driven_wire(make_config):
 
     Looking.base = make_config()
     Looking.TestCase.settings = settings(
-        max_examples=60, stateful_step_count=40, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True,
+        max_examples=200, stateful_step_count=40, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True,
     )
     Looking.TestCase("runTest").runTest()
     assert len(tracked) > 50
