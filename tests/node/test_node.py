@@ -30,12 +30,21 @@ def _enable(client, on=True, name=NAME):
 
 
 def _enabled(client, name=NAME):
-    """Enable the wire once it has readings."""
-    client.listen(f"{name}/joint_states", JointState)
+    """Enable the wire once it has readings; wait until current is commanded."""
     client.next(f"{name}/joint_states", JointState)
+    currents = client.listen(f"{name}/command_current", Float64)
+    client.next(f"{name}/command_current", Float64)
+    statuses = client.listen(f"{name}/status", DiagnosticStatus, latched=True)
+    statuses.clear()
     response = _enable(client, name=name)
     assert response.success, response.message
-    client.next(f"{name}/command_current", Float64, lambda message: message.data > 0.0)
+
+    def flows():
+        said = [status_from(message) for message in statuses]
+        assert not any(status.fault for status in said), [status.message for status in said]
+        return any(message.data > 0.0 for message in currents)
+
+    client.spin_until(flows, what="current")
 
 
 def _status(client, condition=lambda _: True, name=NAME):
@@ -234,7 +243,7 @@ class TestInstruments:
         _enabled(client)
 
     def test_one_that_is_lost_switches_off_is_found_again_and_stays_off_until_cleared(self, bench, parameters, start_node, client):
-        start_node(parameters())
+        start_node(parameters(**{"instruments.daq.timeout": 0.5}))
         _enabled(client)
         client.listen(f"{NAME}/status", DiagnosticStatus, latched=True)
         bench.tell("BENC:FAUL daq_silent")
@@ -248,6 +257,7 @@ class TestInstruments:
         assert not _enable(client).success
         response = client.call(f"{NAME}/clear_fault", Trigger)
         assert response.success, response.message
+        _status(client, lambda s: not s.fault)
         _enabled(client)
 
 
@@ -295,14 +305,15 @@ class TestEnd:
         assert _status(client, lambda s: s.fault).fault in ("supply_tripped", "clock_jump", "node_lost", "reading_stale")
         assert bench.current_A() == 0.0
 
-    def test_an_exception_in_the_loop_switches_off_and_is_an_error(self, bench, parameters, start_node, client):
-        program = """
-import sys
+    def test_an_exception_in_the_loop_switches_off_and_is_an_error(self, bench, parameters, start_node, client, tmp_path):
+        now = tmp_path / "now"
+        program = f"""
+import os, sys
 from sma_actuator import driver, node
 steps = driver.Driver._tick
 def tick(self):
     output = steps(self)
-    if output.command.output_on and self.statistics().steps > 40:
+    if os.path.exists({str(now)!r}):
         raise ZeroDivisionError("provoked")
     return output
 driver.Driver._tick = tick
@@ -310,6 +321,8 @@ sys.exit(node.main())
 """
         node = start_node(parameters(), program=("-c", program))
         _enabled(client)
+        wait_until(lambda: bench.current_A() > 0.04)
+        now.touch()
         assert node.ends() == 1
         assert "the control loop ended with ZeroDivisionError: provoked; the output is off" in node.words
         assert bench.current_A() == 0.0
