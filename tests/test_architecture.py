@@ -9,7 +9,7 @@ import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "sma_actuator"
 CORE = ("signals", "parameters", "config", "circuit", "branch", "estimator", "controller", "setpoints", "thermal",
-        "faults", "supervisor", "actuator", "tracking", "models")
+        "faults", "supervisor", "actuator", "tracking", "models", "effects")
 EDGES = {"rclpy", "pyvisa", "matplotlib", "rich", "jinja2", "sklearn", "joblib"}
 
 
