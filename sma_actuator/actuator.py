@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from math import inf, isfinite, nan
 
 from .circuit import signals_from_reading
+from .effects import EffectChain, Place
 from .config import Config
 from .controller import PidController
 from .estimator import Estimator
@@ -55,6 +56,7 @@ class Actuator:
     def __init__(self, config: Config):
         self._config = config
         self._estimator = Estimator(config)
+        self._measuring = EffectChain(config.effects.active, Place.of(config))
         self._controller = PidController(config.controller, config.supply.bias_current)
         self._supervisor = Supervisor(config)
         self._mode = Mode.OFF
@@ -272,7 +274,7 @@ class Actuator:
         config = self._config
         self._reading_s = reading.time_s
         self._readings.append(reading)
-        signals = signals_from_reading(reading, config, self._tare_N)
+        signals = self._measuring.measure(signals_from_reading(reading, config, self._tare_N))
         if signals.current_A >= MEASURABLE * config.supply.bias_current:
             # The leads count with the wire: the heat balance errs on the hot side.
             self._power_W = signals.current_A * max(reading.supply_voltage_V - reading.reference_voltage_V, 0.0)

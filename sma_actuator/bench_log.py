@@ -27,6 +27,7 @@ import numpy as np
 
 from .circuit import signals_from_reading
 from .config import Config
+from .effects import EffectChain, Place
 from .errors import UserError
 from .signals import Reading, Signals
 
@@ -189,13 +190,16 @@ def to_reading(log: BenchLog, config: Config) -> Reading:
 
 
 def signals_from_log(log: BenchLog, config: Config) -> Signals:
-    """Physical quantities of a whole log, arrays of shape (n,), with ``config``'s calibrations.
+    """Physical quantities of a whole log, arrays of shape (n,), with ``config``'s calibrations (and a model's effects
+    of circuit and load cell, where it is a Config).
 
     ``displacement_m`` in the log is used as it is, also where ``config`` has no reference sensor.
     """
     signals = signals_from_reading(to_reading(log, config), config)
     if "lvdt_current_A" not in log and "displacement_m" in log:
         signals = dataclasses.replace(signals, reference_displacement_m=log["displacement_m"])
+    if isinstance(config, Config):
+        signals = EffectChain(config.effects.active, Place.of(config)).measure(signals)
     return signals
 
 

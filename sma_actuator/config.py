@@ -17,6 +17,7 @@ from typing import Any
 
 import yaml
 
+from .effects import EFFECTS, Effects, effects_from_mapping
 from .models import COEFFICIENTS
 from .parameters import ConfigError, declaration_of, from_mapping, parameter, section, to_mapping
 
@@ -150,6 +151,24 @@ class Recorder:
 
 
 @dataclass(frozen=True, slots=True)
+class Calibration:
+    """What the logs looked like that the model was fitted on; `identify` writes it, `trace` measures against it.
+
+    A list holds a value for each load, in the order of ``stress``.
+    """
+
+    error: float = parameter(nan, "mean absolute error of the model on its own logs, full range", "% of full stroke", 0.0, 1e3, optional=True)
+    error_spread: float = parameter(nan, "largest such error of a single log", "% of full stroke", 0.0, 1e3, optional=True)
+    ambient_temperature: float = parameter(nan, "mean ambient temperature", "°C", -60.0, 100.0, optional=True)
+    stress: tuple[float, ...] = parameter((), "stress at each load", "Pa", -1e9, 1e9, optional=True)
+    cold_resistance: tuple[float, ...] = parameter((), "resistance at cold rest", "Ω", 0.0, 1e6, optional=True)
+    cold_displacement: tuple[float, ...] = parameter((), "displacement at cold rest", "m", -10.0, 10.0, optional=True)
+    hot_resistance: tuple[float, ...] = parameter((), "resistance at the hot end", "Ω", 0.0, 1e6, optional=True)
+    hot_displacement: tuple[float, ...] = parameter((), "displacement at the hot end", "m", -10.0, 10.0, optional=True)
+    hot_power: tuple[float, ...] = parameter((), "power at the hot end", "W", 0.0, 1e6, optional=True)
+
+
+@dataclass(frozen=True, slots=True)
 class SupplyInstrument:
     resource: str = parameter("", "VISA resource, as TCPIP::192.168.0.5::5025::SOCKET", optional=True)
     dialect: str = parameter("virtual_bench_supply", "name of a dialect in sma_actuator/instruments/dialects, or path of a YAML file")
@@ -183,6 +202,9 @@ class Instruments:
 class _Sections:
     """Everything but the model and its effects, whose parameters depend on their type."""
 
+    file_format: int = parameter(
+        1, "version of the parameter file's layout", "1", 1, 1, hint="the file was written for a newer version of sma_actuator"
+    )
     autostart: bool = parameter(True, "configure and activate the node by itself; no current flows before ~/enable")
     wait_for_instruments: bool = parameter(
         False, "with autostart: keep trying while the instruments do not answer; else the node ends with a sentence"
@@ -200,6 +222,7 @@ class _Sections:
     thermal: Thermal = section(Thermal, "heat balance")
     safety: Safety = section(Safety, "thresholds of faults and limits")
     recorder: Recorder = section(Recorder, "bench log recorder")
+    calibration: Calibration = section(Calibration, "what the model was fitted on")
     instruments: Instruments = section(Instruments, "instruments")
 
 
@@ -209,6 +232,7 @@ class Config(_Sections):
 
     model_type: str
     model: Any  #: the coefficients' section of that type (see ``sma_actuator.models``)
+    effects: Effects  #: what tracing has added to the model (see ``sma_actuator.effects``)
 
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any], source: str = "") -> Config:
@@ -218,7 +242,9 @@ class Config(_Sections):
         """
         mapping = dict(mapping) if isinstance(mapping, Mapping) else {}
         model = mapping.pop("model", None)
+        effects, problems_of_effects = effects_from_mapping(mapping.pop("effects", None))
         common, problems = from_mapping(_Sections, mapping)
+        problems += problems_of_effects
         coefficients = None
         model_type = ""
         if not isinstance(model, Mapping) or "type" not in model:
@@ -237,7 +263,7 @@ class Config(_Sections):
         if problems:
             raise ConfigError([f"{source}: {p}" if source else p for p in problems])
         values = {f.name: getattr(common, f.name) for f in dataclasses.fields(common)}
-        return cls(**values, model_type=model_type, model=coefficients)
+        return cls(**values, model_type=model_type, model=coefficients, effects=effects)
 
     @classmethod
     def load(cls, path: str | Path, node: str = NODE_NAME) -> Config:
@@ -248,6 +274,8 @@ class Config(_Sections):
         """The nested mapping from which this configuration would be built again."""
         out = to_mapping(_Sections(**{f.name: getattr(self, f.name) for f in dataclasses.fields(_Sections)}))
         out["model"] = {"type": self.model_type, **to_mapping(self.model)}
+        if effects := to_mapping(self.effects):
+            out["effects"] = effects
         return out
 
     def replace(self, changes: Mapping[str, Any]) -> Config:
@@ -364,13 +392,15 @@ def markdown() -> str:
         "sentence that names it and its range. **Live** ones can be changed while the wire is driven (`ros2 param set`).",
     ]
     sections = [("", _Sections), *((f"model. (type: {name})", cls) for name, cls in COEFFICIENTS.items())]
+    sections += [("effects.", Effects)]
+    sections += [(f"effects.{name}.", cls) for name, cls in EFFECTS.items() if cls.STAGE != "reference"]
     while sections:
         title, cls = sections.pop(0)
         rows, nested = [], []
         for field in dataclasses.fields(cls):
             if "section" in field.metadata:
                 nested.append((f"{title}{field.name}.", field.default_factory))
-            else:
+            elif "parameter" in field.metadata:
                 rows.append(_row(field))
         sections[:0] = nested
         if rows:

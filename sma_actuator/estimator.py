@@ -1,4 +1,4 @@
-"""From the wire's signals to its displacement: branch, strain model, quality.
+"""From the wire's signals to its displacement: branch, strain model and its effects, quality.
 
 The chain is the same for one sample in the node and for a whole log in replay, kernel by kernel,
 so both give the same numbers.
@@ -6,6 +6,7 @@ so both give the same numbers.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from math import inf, isfinite, nan
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from .branch import BranchDetector
 from .config import Config
+from .effects import EffectChain, Place
 from .jit import jit
 from .signals import Branch, Estimate, Quality, Signals
 
@@ -79,10 +81,14 @@ class Estimator:
     Beyond the working range, where R moves with temperature and δ hardly at all, the model goes on
     and the quality says so (INDETERMINATE_COLD, INDETERMINATE_HOT): an estimate that stood still
     there would not see the wire come back.
+
+    ``effects``: those of the wire and the mechanism (those of ``config`` where none are given); the signals
+    come with circuit and load cell corrected (:meth:`EffectChain.measure`).
     """
 
-    def __init__(self, config: Config):
+    def __init__(self, config: Config, effects: EffectChain | None = None):
         self._model = config.model.build(config.wire)
+        self._effects = effects or EffectChain(config.effects.active, Place.of(config))
         self._branch = BranchDetector(config.estimator)
         self._length_m = config.wire.length
         stress_lo, stress_hi = self._model.stress_range_Pa
@@ -102,6 +108,7 @@ class Estimator:
     def reset(self) -> None:
         """Forget the past."""
         self._started = False
+        self._effects.reset()
         self._last = Estimate(-inf, nan, nan, 0.0, Branch.COOLING, Quality.INVALID)
 
     def update(self, config: Config) -> None:
@@ -117,10 +124,20 @@ class Estimator:
             last = self._last
             self._last = Estimate(signals.time_s, last.displacement_m, last.strain, 0.0, last.branch, Quality.INVALID)
             return self._last
-        if not self._started:
+        effects = self._effects
+        if effects.changes_strain:
+            frame = effects.run("resistance", effects.frame(signals))
+            resistance_Ohm = float(frame.resistance_Ohm[0])
+        started = self._started
+        if not started:
             self._start(signals.time_s, resistance_Ohm, stress_Pa, power_W)
         heating = self._branch.step(signals.time_s, resistance_Ohm, power_W)
         displacement_m = self._model.step(resistance_Ohm, self._in_reach(stress_Pa), heating)
+        if effects.changes_strain:
+            frame.heating, frame.displacement_m = np.array([heating]), np.array([displacement_m])
+            displacement_m = float(effects.run("displacement", frame).displacement_m[0])
+        if not started:
+            self._velocity_state[:] = signals.time_s, displacement_m, 0.0
         velocity_m_s = _velocity(signals.time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s)
         self._last = Estimate(
             signals.time_s, displacement_m, displacement_m / self._length_m, velocity_m_s,
@@ -143,10 +160,20 @@ class Estimator:
             time_s, resistance_Ohm = signals.time_s[good], np.ascontiguousarray(signals.resistance_Ohm[good])
             stress_Pa = np.ascontiguousarray(signals.stress_Pa[good])
             power_W = np.ascontiguousarray(signals.power_W[good])
-            if not self._started:
+            effects = self._effects
+            if effects.changes_strain:
+                frame = effects.run("resistance", effects.frame(_some(signals, good)))
+                resistance_Ohm = np.ascontiguousarray(frame.resistance_Ohm)
+            started = self._started
+            if not started:
                 self._start(time_s[0], resistance_Ohm[0], stress_Pa[0], power_W[0])
             heating = self._branch.run(time_s, resistance_Ohm, power_W)
             delta = self._model.run(resistance_Ohm, np.clip(stress_Pa, *self._stress_Pa), heating)
+            if effects.changes_strain:
+                frame.heating, frame.displacement_m = heating, delta
+                delta = np.ascontiguousarray(effects.run("displacement", frame).displacement_m)
+            if not started:
+                self._velocity_state[:] = time_s[0], delta[0], 0.0
             velocity, quality_of_good = np.empty(len(delta)), np.empty(len(delta), dtype=np.int64)
             _velocity_all(time_s, delta, self._velocity_state, self._velocity_time_constant_s, velocity)
             _quality_all(delta, stress_Pa, self._bounds, quality_of_good)
@@ -168,7 +195,12 @@ class Estimator:
         return min(max(stress_Pa, self._stress_Pa[0]), self._stress_Pa[1])
 
     def _start(self, time_s: float, resistance_Ohm: float, stress_Pa: float, power_W: float) -> None:
-        displacement_m = self._model.reset(resistance_Ohm, self._in_reach(stress_Pa))
+        self._model.reset(resistance_Ohm, self._in_reach(stress_Pa))
         self._branch.reset(time_s, resistance_Ohm, power_W)
-        self._velocity_state[:] = time_s, displacement_m, 0.0
         self._started = True
+
+
+def _some(signals: Signals, chosen: np.ndarray) -> Signals:
+    """Some of n samples; a field that is one number for all stays it."""
+    fields = {f.name: getattr(signals, f.name) for f in dataclasses.fields(signals)}
+    return Signals(**{name: v[chosen] if np.ndim(v) else np.full(int(chosen.sum()), v) for name, v in fields.items()})
