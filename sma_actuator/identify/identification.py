@@ -12,6 +12,7 @@ import numpy as np
 from ..bench_log import BenchLog
 from ..config import Config, bench_from_mapping
 from ..parameters import ConfigError, to_mapping
+from .calibration import calibration_of
 from .errors import LogError, log_errors
 from .fatigue import Fatigue, fit_fatigue
 from .flexinol import FlexinolFit, fit_appendix_c, fit_joint
@@ -80,8 +81,11 @@ def identify(
         fit = fit_furukawa(traces, bench.wire, variant, order, progress)
         coefficients, samples = fit.coefficients, fit.samples
     mapping = copy.deepcopy(dict(config_mapping))
-    mapping.pop("effects", None)
+    for stale in ("effects", "calibration"):
+        mapping.pop(stale, None)
     mapping["model"] = {"type": model_type, **to_mapping(coefficients)}
+    config = Config.from_mapping(mapping)
+    mapping["calibration"] = to_mapping(calibration_of(traces, config, at_rest=not normalised))
     config = Config.from_mapping(mapping)
     model = config.model.build(bench.wire)
     fatigue = None

@@ -1,0 +1,53 @@
+"""Where the wire stands still: cold at the bias current, and hot at full contraction.
+
+There resistance and displacement depend on load and surroundings alone and repeat from cycle to
+cycle far better than the loop between; so they witness faults that the displacement hides.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .traces import Trace
+
+WINDOW_s = 1.0  #: averaged
+STEADY = 0.015  #: share of its range that R or δ may move from half a window to the next
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """One stretch of WINDOW_s at rest: samples ``start`` … ``stop`` − 1 of its trace."""
+
+    hot: bool
+    start: int
+    stop: int
+    cycle: int
+
+
+def find_rests(trace: Trace) -> list[Rest]:
+    """Rests of a trace: the last second before the current is switched on (cold) or off (hot), where all is steady.
+
+    A load that changed, or a wire still moving, is no rest.
+    """
+    time_s, driven = trace.signals.time_s, trace.driven
+    turns = np.flatnonzero(driven[1:] != driven[:-1]) + 1
+    ranges = [
+        (values, np.subtract(*np.nanpercentile(values, (99.0, 1.0))))
+        for values in (trace.resistance_Ohm, trace.displacement_m)
+    ]
+    rests = []
+    for turn in np.append(turns, len(time_s)):
+        start = int(np.searchsorted(time_s, time_s[turn - 1] - WINDOW_s))
+        hot = bool(driven[turn - 1])
+        if turn - start < 4 or time_s[turn - 1] - time_s[start] < 0.8 * WINDOW_s or (driven[start:turn] != hot).any():
+            continue
+        middle = (start + turn) // 2
+        load_N = trace.signals.load_N
+        steady = all(
+            abs(np.mean(values[start:middle]) - np.mean(values[middle:turn])) <= STEADY * span for values, span in ranges
+        ) and abs(np.mean(load_N[start:middle]) - np.mean(load_N[middle:turn])) <= 0.02 * abs(np.mean(load_N[start:turn])) + 0.005
+        if steady:
+            rests.append(Rest(hot, start, turn, int(trace.cycle[start])))
+    return rests
