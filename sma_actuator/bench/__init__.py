@@ -6,11 +6,16 @@ stands for the world, and shares no mathematics with what is judged against it.
 
 from .bench import Setup, Truth, VirtualBench
 from .chain import Chain
+from .hidden import EFFECTS, FOREIGN, Hidden, HiddenBench
 from .in_process import InProcessDaq, InProcessSupply, VirtualClock
 from .loads import Schedule, Spring, Weight
 
 __all__ = [
     "Chain",
+    "EFFECTS",
+    "FOREIGN",
+    "Hidden",
+    "HiddenBench",
     "InProcessDaq",
     "InProcessSupply",
     "Schedule",

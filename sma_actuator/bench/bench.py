@@ -57,24 +57,28 @@ class VirtualBench:
         self.daq = SimulatedDaq(self)
         self.constants = physics.constants(setup.wire, setup.chain.series_Ohm)
         self._noise = Noise(seed)
-        force_N, stiffness_N_m, spring_at_m = self.load.at(0.0)
-        self._state, self._memory_m, self._memory_r = physics.cold_state(self.constants, self.ambient_C, force_N)
-        self._state[physics.LOAD] = physics.load_at(
-            self.constants,
-            self._state[physics.MARTENSITE],
-            self._state[physics.R_SHARE],
-            self.ambient_C,
-            force_N,
-            force_N,
-            stiffness_N_m,
-            spring_at_m,
-        )
+        self._rest(self.ambient_C)
         self._inputs = np.zeros(physics.INPUTS)
         self._ring = np.zeros((RING, len(physics.COLUMNS)))
         self._row = 0
         self.samples = 0  #: taken since the beginning, one per millisecond
         self._pending: list[tuple[float, str, float]] = []
         self._stuck = np.zeros(len(CHANNELS))  #: sample that a stuck channel repeats
+
+    def _rest(self, ambient_C: float) -> None:
+        """The wire has cooled to ``ambient_C`` under its load, and nothing has happened yet."""
+        force_N, stiffness_N_m, spring_at_m = self.load.at(0.0)
+        self._state, self._memory_m, self._memory_r = physics.cold_state(self.constants, ambient_C, force_N)
+        self._state[physics.LOAD] = physics.load_at(
+            self.constants,
+            self._state[physics.MARTENSITE],
+            self._state[physics.R_SHARE],
+            ambient_C,
+            force_N,
+            force_N,
+            stiffness_N_m,
+            spring_at_m,
+        )
 
     @classmethod
     def from_name(
@@ -176,7 +180,8 @@ class VirtualBench:
             events += [start_s for start_s, _ in self.load.steps if start_s > self.time_s + 1e-9][:1]
         return [e for e in events if e < inf]
 
-    def _run(self, steps: int) -> None:
+    def _set_inputs(self) -> None:
+        """What holds now, for the physics."""
         inputs, supply, faults = self._inputs, self.supply, self.faults
         force_N, stiffness_N_m, spring_at_m = self.load.at(self.time_s)
         inputs[physics.CURRENT_SET] = supply.current_A
@@ -194,13 +199,24 @@ class VirtualBench:
         inputs[physics.WIRE_CONDITION] = (
             physics.OPEN if "open_wire" in faults else physics.SHORT if "short_wire" in faults else physics.NORMAL
         )
+
+    def _run(self, steps: int) -> None:
+        self._set_inputs()
         self._row = physics.simulate(
-            steps, STEP_S, self.constants, self._state, inputs, self._memory_m, self._memory_r, self._ring, self._row
+            steps,
+            STEP_S,
+            self.constants,
+            self._state,
+            self._inputs,
+            self._memory_m,
+            self._memory_r,
+            self._ring,
+            self._row,
         )
         self.samples += steps
         trip = self._state[physics.TRIP]
         if trip:
-            supply.trip("OVP" if trip == physics.TRIP_OVP else "OCP")
+            self.supply.trip("OVP" if trip == physics.TRIP_OVP else "OCP")
             self._state[physics.TRIP] = 0.0
 
 

@@ -52,8 +52,10 @@ STATES = 15
     WIRE_CONDITION,
     CURRENT_FACTOR,
     BRIDGE,
-) = range(13)
-INPUTS = 13
+    MORE_SERIES,
+    SHUNT,
+) = range(15)
+INPUTS = 15
 # Columns of the ring of samples.
 COLUMNS = ("current_A", "voltage_V", "load_N", "displacement_m", "ambient_C")
 NORMAL, OPEN, SHORT = 0.0, 1.0, 2.0
@@ -430,6 +432,8 @@ def simulate(steps, step_s, c, state, inputs, memory_m, memory_r, ring, first):
     loss = c.heat_loss_W_K * float(inputs[LOSS_FACTOR])
     condition = float(inputs[WIRE_CONDITION])
     bridge = float(inputs[BRIDGE])
+    series = c.series_Ohm + float(inputs[MORE_SERIES])
+    shunt = float(inputs[SHUNT])
     response = 1.0 - exp(-step_s / SUPPLY_TIME_CONSTANT_S)
     rows = ring.shape[0]
     row = first
@@ -438,10 +442,10 @@ def simulate(steps, step_s, c, state, inputs, memory_m, memory_r, ring, first):
     power = 0.0
     displacement = 0.0
     for _ in range(steps):
-        seen = resistance
+        seen = resistance / (1.0 + shunt * resistance)
         if condition == SHORT:
             seen = bridge
-        total = seen + c.series_Ohm
+        total = seen + series
         target = 0.0
         if on and condition != OPEN:
             target = min(setting, limit / total)
@@ -456,7 +460,8 @@ def simulate(steps, step_s, c, state, inputs, memory_m, memory_r, ring, first):
         if on and (current > ocp or voltage > ovp):
             trip = TRIP_OCP if current > ocp else TRIP_OVP
             on = False
-        power = current * current * resistance if condition == NORMAL else 0.0
+        through = current / (1.0 + shunt * resistance)
+        power = through * through * resistance if condition == NORMAL else 0.0
         stress = load / c.area_m2
         gained = power * step_s
         lost = loss * (temperature - ambient) * step_s
