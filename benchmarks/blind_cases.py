@@ -1,0 +1,301 @@
+"""Sessions on the virtual bench with effects that nobody declared, for judging whether tracing finds them.
+
+    python benchmarks/blind_cases.py --survey [--jobs 2] [--json FILE]
+
+A case is one session of two logs, driven open loop: full pulses that settle at both ends, partial
+cycles, and a slow triangle of current.  Nothing in the logs tells what is hidden in the bench.  The
+survey shows how far each effect raises the replay error of a model that was identified on the same
+kind of wire without it: strength 1 of :data:`UNITS` is chosen so that it is 2 to 3 times, or where
+no plausible value does that, the largest plausible one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import functools
+import itertools
+import json
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from zlib import crc32
+
+import numpy as np
+from replay_tables import CALIBRATION, logs_of
+from rich.console import Console
+from rich.table import Table
+
+from sma_actuator.bench import InProcessDaq, InProcessSupply, Schedule, Spring, VirtualClock, Weight
+from sma_actuator.bench.hidden import EFFECTS, FOREIGN, HiddenBench
+from sma_actuator.bench_log import BenchLog, read_bench_log, write_atomically, write_bench_log
+from sma_actuator.characterise import Rig
+from sma_actuator.characterise.plan import default_heat_current_A
+from sma_actuator.characterise.programs import Drive
+from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
+from sma_actuator.identify import identify
+from sma_actuator.replay import replay
+from sma_actuator.share import shared_file
+
+ALLOYS = ("flexinol", "furukawa")
+LOADS = ("weight", "spring", "steps")
+LOAD_EFFECTS = ("load_cell_drift", "load_cell_gain", "elastic_compliance", "creep", "load_cell_nonlinearity")
+LOG_S, PAUSE_S = 230.0, 60.0
+SESSION_S = 2 * LOG_S + PAUSE_S
+LADDER_N = (0.98, 1.47, 0.49, 1.18, 1.96, 0.69, 1.67, 0.49, 1.37, 0.78, 1.96)
+
+#: What strength 1 is, in the effect's unit, for each alloy.
+UNITS: dict[str, tuple[float, float]] = {
+    "lead_resistance": (0.08, 0.03),
+    "contact_drift": (0.1, 0.04),
+    "voltage_offset": (0.01, 0.005),
+    "reference_self_heating": (0.1, 0.05),
+    "shunt": (0.004, 0.01),
+    "self_heating": (4e-4, 4e-4),
+    "ambient_temperature": (6.0, 6.0),
+    "thermal_expansion": (4e-5, 4e-5),
+    "elastic_compliance": (2e-4, 2e-4),
+    "fatigue": (1e-4, 6e-5),
+    "creep": (3e-4, 2e-4),
+    "minor_loop_memory": (5e-4, 3e-4),
+    "rate": (0.1, 0.1),
+    "load_cell_drift": (0.15, 0.15),
+    "load_cell_gain": (0.15, 0.15),
+    "slip": (3e-4, 2e-4),
+    "backlash": (3e-4, 2e-4),
+    "reference_lag": (0.1, 0.1),
+    "reference_gain": (0.06, 0.06),
+    "reference_drift": (3e-4, 2e-4),
+    "draught": (0.3, 0.3),
+    "hum": (2e-4, 1e-4),
+    "lvdt_nonlinearity": (2e-4, 1e-4),
+    "contact_bounce": (0.15, 0.06),
+    "stick_slip": (2e-4, 1e-4),
+    "thermo_voltage": (2e-4, 1e-4),
+    "clock_skew": (0.2, 0.2),
+    "load_cell_nonlinearity": (0.1, 0.1),
+    "cross_talk": (0.02, 0.01),
+}  # fmt: skip
+PAIRS = (
+    ("lead_resistance", "slip"), ("thermal_expansion", "contact_drift"), ("fatigue", "backlash"),
+    ("self_heating", "elastic_compliance"), ("creep", "voltage_offset"), ("load_cell_gain", "rate"),
+    ("ambient_temperature", "minor_loop_memory"), ("slip", "load_cell_drift"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Case:
+    """One session to be made, and what is hidden in it."""
+
+    name: str
+    alloy: str
+    hidden: dict[str, float]
+    load: str  #: one of :data:`LOADS`
+    seed: int
+    ambient_logged: bool
+    kind: str  #: "none", "single", "pair" or "foreign"
+
+
+@functools.cache
+def calibration(alloy: str) -> tuple[list[BenchLog], dict]:
+    """Calibration logs of the wire without hidden effects, and its calibrated parameters."""
+    return logs_of(alloy, CALIBRATION, seed=1)
+
+
+@functools.cache
+def identified(alloy: str) -> Config:
+    """The model identified on the calibration logs."""
+    logs, mapping = calibration(alloy)
+    return identify(logs, mapping, alloy).config
+
+
+def load_of(case: Case):
+    """What hangs on the wire."""
+    if case.load == "weight":
+        return Weight(0.98)
+    if case.load == "spring":
+        return Spring(300.0, 0.5)
+    rng = np.random.default_rng((case.seed, 7))
+    steps, start = [(0.0, Weight(LADDER_N[0]))], int(rng.integers(1, len(LADDER_N)))
+    for number, share in enumerate((0.12, 0.31, 0.5, 0.68, 0.86)):
+        for log, begin_s in enumerate((0.0, LOG_S + PAUSE_S)):
+            at_s = begin_s + share * LOG_S + rng.uniform(-8.0, 8.0)
+            steps.append((round(at_s, 3), Weight(LADDER_N[(start + number + 5 * log) % len(LADDER_N)])))
+    return Schedule(sorted(steps, key=lambda step: step[0]))
+
+
+def currents_A(config, number: int, seed: int) -> np.ndarray:
+    """The current of log ``number`` at every reading: pulses, partial cycles and a triangle, never twice alike."""
+    rng = np.random.default_rng((seed, number, 11))
+    rate, low = config.loop.rate, config.supply.bias_current
+    high = default_heat_current_A(config)
+    slow = config.thermal.heat_capacity / config.thermal.heat_loss
+    parts = [(low, 3.0)]
+
+    def pulses(count):
+        for _ in range(count):
+            parts.extend(((high * rng.uniform(0.92, 1.0), 5.0 * slow), (low, 8.0 * slow)))
+
+    pulses(3)
+    for _ in range(7):
+        parts.extend(((high * rng.uniform(0.9, 1.0), rng.uniform(0.6, 1.8) * slow), (low, rng.uniform(0.6, 2.2) * slow)))
+    parts.append((low, 6.0 * slow))
+    pulses(1)
+    current = np.concatenate([np.full(round(s * rate), level) for level, s in parts])
+    left = round(LOG_S * rate) - len(current)
+    tail = round(8.0 * rate)
+    # The triangle turns at different heights: some of its cycles are complete, some not.
+    t = np.arange(max(left - tail, 0)) / rate
+    period_s = max(t[-1] / round(t[-1] / (22.0 if number == 0 else 17.0)), 1.0) if len(t) else 1.0
+    heights = rng.permutation([1.0, 0.82, 0.92, 0.76, 1.0, 0.88, 0.8, 0.95])
+    cycle = (t / period_s).astype(int) % len(heights)
+    triangle = 1.0 - np.abs(2.0 * (t / period_s % 1.0) - 1.0)
+    triangle_A = low + (heights[cycle] * high - low) * triangle
+    return np.concatenate((current, triangle_A, np.full(tail, low)))[: round(LOG_S * rate)]
+
+
+def make_logs(case: Case, folder: Path) -> list[Path]:
+    """Run the session; returns the paths of its two logs, whose times belong to one clock."""
+    config = bench_from_mapping(calibration(case.alloy)[1])
+    bench = HiddenBench.from_name(
+        case.alloy, seed=case.seed, load=load_of(case), hidden=case.hidden, session_s=SESSION_S
+    )
+    rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
+    wire = {"alloy": config.wire.alloy, "length_m": config.wire.length, "diameter_m": config.wire.diameter}
+    paths = []
+    with rig.opened():
+        for number in range(2):
+            bench.advance(number * (LOG_S + PAUSE_S))
+            log = rig.record(_open_loop(currents_A(config, number, case.seed)))
+            columns = dict(log.columns)
+            columns["time_s"] = columns["time_s"] + (bench.time_s - columns["time_s"][-1])
+            if not case.ambient_logged:
+                columns.pop("ambient_temperature_C", None)
+            path = Path(folder) / f"{case.name}_{number + 1}.csv"
+            write_bench_log(path, BenchLog(columns, {"kind": "session", "wire": wire}))
+            paths.append(path)
+    return paths
+
+
+def _open_loop(currents):
+    for current_A in currents:
+        yield Drive(float(current_A))
+
+
+def _case(kind: str, alloy: str, hidden: dict[str, float], load: str, seed: int, ambient_logged: bool = True) -> Case:
+    # The name must not tell what is hidden: it becomes the logs' name.
+    word = crc32(repr((kind, alloy, sorted(hidden.items()), load, seed, ambient_logged)).encode())
+    return Case(f"case_{alloy}_{word:08x}", alloy, hidden, load, seed, ambient_logged, kind)
+
+
+def _signs(name: str, number: int) -> float:
+    """Some effects may go either way."""
+    both = ("voltage_offset", "load_cell_drift", "load_cell_gain", "reference_gain", "reference_drift", "slip",
+            "ambient_temperature", "thermo_voltage", "load_cell_nonlinearity")  # fmt: skip
+    return -1.0 if name in both and number % 2 else 1.0
+
+
+def single(name: str, alloy: str, strength: float, load: str, seed: int, sign: float = 1.0, ambient_logged=True) -> Case:
+    """A case with one effect, ``strength`` in multiples of :data:`UNITS`."""
+    value = sign * strength * UNITS[name][ALLOYS.index(alloy)]
+    return _case("single" if name in EFFECTS else "foreign", alloy, {name: value}, load, seed, ambient_logged)
+
+
+def cases(n_seeds: int = 1, strengths: tuple[float, ...] = (0.5, 1, 2)) -> list[Case]:
+    """The whole list: every effect alone, none, pairs and what no model has a name for; the same on every call."""
+    out, number = [], 0
+    for turn in range(n_seeds):
+        for position, name in enumerate(EFFECTS):
+            for level, strength in enumerate(strengths):
+                for which, alloy in enumerate(ALLOYS):
+                    out.append(
+                        single(
+                            name, alloy, strength, _load_for(name, position + level + which + turn),
+                            1000 + number, _signs(name, position + level + turn), (number // 2) % 3 != 1,
+                        )  # fmt: skip
+                    )
+                    number += 1
+        for position, (alloy, load, again) in enumerate(itertools.product(ALLOYS, LOADS, range(3))):
+            if position % 9 != 8:
+                out.append(_case("none", alloy, {}, load, 3000 + 100 * turn + position, again != 1))
+        for position, (pair, alloy) in enumerate(itertools.product(PAIRS, ALLOYS)):
+            hidden = {n: _signs(n, position // 2) * UNITS[n][ALLOYS.index(alloy)] * 1.5 for n in pair}
+            load = _load_for(next((n for n in pair if n in LOAD_EFFECTS), pair[0]), position + turn)
+            out.append(_case("pair", alloy, hidden, load, 4000 + 100 * turn + position, position % 4 < 3))
+        for position, (name, alloy) in enumerate(itertools.product(FOREIGN, ALLOYS)):
+            load = _load_for(name, position + position // 2 + turn)
+            strength = 2.0 if position % 4 < 2 else 1.0
+            out.append(single(name, alloy, strength, load, 5000 + 100 * turn + position, _signs(name, position // 2)))
+    return out
+
+
+def _load_for(name: str, number: int) -> str:
+    loads = ("spring", "steps") if name in LOAD_EFFECTS else LOADS
+    return loads[number % len(loads)]
+
+
+def error_percent(case: Case) -> float:
+    """Mean |estimate − measurement| of the session, in % of the full stroke, over the full range."""
+    config = identified(case.alloy)
+    with tempfile.TemporaryDirectory(prefix="sma_blind_") as folder:
+        logs = [read_bench_log(path) for path in make_logs(case, Path(folder))]
+    errors = [r.errors["model"].full_percent for r in replay(logs, {"model": config})]
+    return float(np.average(errors, weights=[len(log) for log in logs]))
+
+
+def survey(jobs: int, names: list[str], strengths=(0.5, 1.0, 2.0)) -> dict[str, dict[str, list[float]]]:
+    """Error over the error without the effect: per effect, per alloy, at every strength; the mean over the loads."""
+    asked: list[Case] = []
+    for name, alloy, strength in itertools.product(names, ALLOYS, strengths):
+        loads = ("spring", "steps") if name in LOAD_EFFECTS else LOADS
+        asked += [single(name, alloy, strength, load, 9000) for load in loads]
+    none = [_case("none", alloy, {}, load, 9000, True) for alloy in ALLOYS for load in LOADS]
+    todo = none + asked
+    with ProcessPoolExecutor(jobs) as pool:
+        errors = list(pool.map(error_percent, todo, chunksize=4))
+    base = {(c.alloy, c.load): e for c, e in zip(none, errors)}
+    out: dict[str, dict[str, list[float]]] = {"none": {a: [base[a, load] for load in LOADS] for a in ALLOYS}}
+    found: dict[tuple[str, str, float], list[float]] = {}
+    for case, error in zip(asked, errors[len(none) :]):
+        (name, value), = case.hidden.items()  # fmt: skip
+        key = (name, case.alloy, round(value / UNITS[name][ALLOYS.index(case.alloy)], 6))
+        found.setdefault(key, []).append(error / base[case.alloy, case.load])
+    for name in names:
+        out[name] = {a: [float(np.mean(found[name, a, s])) for s in strengths] for a in ALLOYS}
+    return out
+
+
+def main() -> int:
+    """Print the survey, or the list of cases; returns 0."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--survey", action="store_true", help="how far each effect raises the replay error")
+    parser.add_argument("--only", nargs="*", choices=[*EFFECTS, *FOREIGN], help="these effects alone")
+    parser.add_argument("--jobs", type=int, default=1, help="processes (default %(default)s)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers here")
+    args = parser.parse_args()
+    console = Console(width=130)
+    if not args.survey:
+        for case in cases():
+            console.print(json.dumps(dataclasses.asdict(case)), soft_wrap=True)
+        return 0
+    numbers = survey(args.jobs, args.only or [*EFFECTS, *FOREIGN])
+    table = Table(title="replay error with the effect over that without it, at strength 0.5, 1 and 2")
+    for header in ("effect", "unit", *(f"{a}: {h}" for a in ALLOYS for h in ("strength 1", "0.5", "1", "2"))):
+        table.add_column(header, justify="left" if header in ("effect", "unit") else "right")
+    for name, row in numbers.items():
+        if name == "none":
+            for alloy in ALLOYS:
+                console.print(f"{alloy} without: " + ", ".join(f"{m} {e:.2f} %" for m, e in zip(LOADS, row[alloy])))
+            continue
+        cells = [c for i, a in enumerate(ALLOYS) for c in (f"{UNITS[name][i]:g}", *(f"{r:.2f}" for r in row[a]))]
+        table.add_row(name, (EFFECTS | FOREIGN)[name].unit, *cells)
+    console.print(table)
+    if args.json:
+        text = json.dumps(numbers, indent=1) + "\n"
+        write_atomically(args.json, lambda stream: stream.write(text.encode()))
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
