@@ -126,7 +126,7 @@ class Estimator:
             return self._last
         effects = self._effects
         if effects.changes_strain:
-            frame = effects.run("resistance", effects.frame(signals))
+            frame = effects.run("at_resistance", effects.frame(signals))
             resistance_Ohm = float(frame.resistance_Ohm[0])
         started = self._started
         if not started:
@@ -135,7 +135,7 @@ class Estimator:
         displacement_m = self._model.step(resistance_Ohm, self._in_reach(stress_Pa), heating)
         if effects.changes_strain:
             frame.heating, frame.displacement_m = np.array([heating]), np.array([displacement_m])
-            displacement_m = float(effects.run("displacement", frame).displacement_m[0])
+            displacement_m = float(effects.run("at_displacement", frame).displacement_m[0])
         if not started:
             self._velocity_state[:] = signals.time_s, displacement_m, 0.0
         velocity_m_s = _velocity(signals.time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s)
@@ -162,7 +162,7 @@ class Estimator:
             power_W = np.ascontiguousarray(signals.power_W[good])
             effects = self._effects
             if effects.changes_strain:
-                frame = effects.run("resistance", effects.frame(_some(signals, good)))
+                frame = effects.run("at_resistance", effects.frame(_some(signals, good)))
                 resistance_Ohm = np.ascontiguousarray(frame.resistance_Ohm)
             started = self._started
             if not started:
@@ -171,7 +171,7 @@ class Estimator:
             delta = self._model.run(resistance_Ohm, np.clip(stress_Pa, *self._stress_Pa), heating)
             if effects.changes_strain:
                 frame.heating, frame.displacement_m = heating, delta
-                delta = np.ascontiguousarray(effects.run("displacement", frame).displacement_m)
+                delta = np.ascontiguousarray(effects.run("at_displacement", frame).displacement_m)
             if not started:
                 self._velocity_state[:] = time_s[0], delta[0], 0.0
             velocity, quality_of_good = np.empty(len(delta)), np.empty(len(delta), dtype=np.int64)

@@ -4,8 +4,8 @@ An effect is a section of parameters with its mathematics: a method for every st
 acts, which changes a :class:`Frame` of n samples in place.
 
 * ``measured``: circuit and load cell, before anything is made of the signals;
-* ``resistance``: the wire, on the resistance that the strain model sees;
-* ``displacement``: the wire and the mechanism, on the displacement that it gives;
+* ``at_resistance``: the wire, on the resistance that the strain model sees;
+* ``at_displacement``: the wire and the mechanism, on the displacement that it gives;
 * ``shown``: the reference sensor, only where a log is judged.
 
 The node calls them with one sample at a time, replay with a whole log: the same code, so the same
@@ -148,7 +148,7 @@ class EffectChain:
         self._given_start_s = start_s
         self._by_stage = {
             stage: [(i, e) for i, e in enumerate(ordered) if hasattr(e, stage)]
-            for stage in ("measured", "resistance", "displacement", "shown")
+            for stage in ("measured", "at_resistance", "at_displacement", "shown")
         }
         self._states = [np.empty(e.STATES) for e in ordered]
         self.reset()
@@ -161,7 +161,7 @@ class EffectChain:
     @property
     def changes_strain(self) -> bool:
         """Whether wire or mechanism have effects."""
-        return bool(self._by_stage["resistance"] or self._by_stage["displacement"])
+        return bool(self._by_stage["at_resistance"] or self._by_stage["at_displacement"])
 
     def reset(self) -> None:
         """Forget the past."""

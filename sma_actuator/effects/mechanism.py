@@ -19,7 +19,7 @@ class Slip:
     length: float = parameter(0.0, "length that slipped through", "m", -1.0, 1.0)
     time: float = parameter(0.0, "when, since the session began", "s", 0.0, 1e9)
 
-    def displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+    def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add the length from then on."""
         frame.displacement_m = frame.displacement_m + self.length * (frame.elapsed_s >= self.time)
 
@@ -32,7 +32,7 @@ class Backlash:
     STATES = 1
     width: float = parameter(0.0, "free play from side to side", "m", 0.0, 1.0)
 
-    def displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+    def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """What the joint follows."""
         joint_m = np.empty(len(frame.displacement_m))
         play(np.ascontiguousarray(frame.displacement_m), state, 0.5 * self.width, joint_m)

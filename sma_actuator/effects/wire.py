@@ -32,7 +32,7 @@ class SelfHeating:
     time_constant: float = parameter(2.0, "thermal lag, C/h", "s", 0.01, 600.0)
     heat_loss: float = parameter(0.006, "heat lost per kelvin above ambient", "W/K", 1e-6, 1e2)
 
-    def resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+    def at_resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """The resistance at the onset's temperature."""
         above_K = np.maximum(0.0, _rise_K(frame, state, self.time_constant, self.heat_loss) - self.onset)
         frame.resistance_Ohm = frame.resistance_Ohm / (1.0 + self.temperature_coefficient * above_K)
@@ -54,7 +54,7 @@ class AmbientTemperature:
     time_constant: float = parameter(2.0, "thermal lag, C/h", "s", 0.01, 600.0)
     heat_loss: float = parameter(0.006, "heat lost per kelvin above ambient", "W/K", 1e-6, 1e2)
 
-    def resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+    def at_resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """The resistance at the calibration's ambient temperature."""
         ambient_C = np.where(np.isnan(frame.ambient_C), place.ambient_C, frame.ambient_C)
         fade = np.exp(-np.maximum(0.0, _rise_K(frame, state, self.time_constant, self.heat_loss)) / self.fading)
@@ -72,7 +72,7 @@ class ThermalExpansion:
     time_constant: float = parameter(2.0, "thermal lag, C/h", "s", 0.01, 1e4)
     heat_loss: float = parameter(0.006, "heat lost per kelvin above ambient", "W/K", 1e-6, 1e2)
 
-    def displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+    def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add the expansion."""
         rise_K = _rise_K(frame, state, self.time_constant, self.heat_loss)
         frame.displacement_m = frame.displacement_m + place.length_m * self.coefficient * rise_K
@@ -86,7 +86,7 @@ class ElasticCompliance:
     STATES = 0
     compliance: float = parameter(0.0, "stretch per newton", "m/N", -1.0, 1.0)
 
-    def displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+    def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add the stretch."""
         frame.displacement_m = frame.displacement_m + self.compliance * frame.load_N
 
@@ -102,13 +102,13 @@ class Fatigue:
     cycle_power: float = parameter(0.2, "power above which a heating cycle begins", "W", 1e-6, 1e3)
     first_cycle: float = parameter(1.0, "number of the first cycle of the session", "1", 1.0, 1e9)
 
-    def resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+    def at_resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Take the drift of the resistance off."""
         frame.cycles = np.empty(len(frame.power_W))
         count_cycles(np.ascontiguousarray(frame.power_W), state, self.cycle_power, frame.cycles)
         frame.resistance_Ohm = frame.resistance_Ohm - self.resistance_per_ln_cycle * self._ln(frame)
 
-    def displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+    def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add the drift of the displacement."""
         frame.displacement_m = frame.displacement_m + self.displacement_per_ln_cycle * self._ln(frame)
 
@@ -125,7 +125,7 @@ class Creep:
     compliance: float = parameter(0.0, "stretch per newton in the end", "m/N", -1.0, 1.0)
     time_constant: float = parameter(300.0, "how slowly it comes", "s", 1.0, 1e7)
 
-    def displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+    def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add the stretch so far."""
         slow_N = frame.lag(frame.load_N, state, self.time_constant, from_zero=True)
         frame.displacement_m = frame.displacement_m + self.compliance * slow_N
@@ -140,7 +140,7 @@ class MinorLoopMemory:
     after_heating: float = parameter(0.0, "shift of the cooling branch, per incompleteness of the heating", "m", -1.0, 1.0)
     after_cooling: float = parameter(0.0, "shift of the heating branch, per incompleteness of the cooling", "m", -1.0, 1.0)
 
-    def displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+    def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add the shift."""
         missing = np.empty(len(frame.displacement_m))
         hot_m, cold_m = place.working_range_m
@@ -157,7 +157,7 @@ class Rate:
     STATES = 2
     displacement_per_rate: float = parameter(0.0, "shift of δ against dR/dt", "m·s/Ω", -10.0, 10.0)
 
-    def displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+    def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add the shift."""
         slope = (frame.resistance_Ohm - frame.lag(frame.resistance_Ohm, state, RATE_WINDOW_s)) / RATE_WINDOW_s
         frame.displacement_m = frame.displacement_m - self.displacement_per_rate * slope

@@ -1,0 +1,217 @@
+"""The candidates compete; one is named only if it earns its parameters on cycles it has not seen."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from ..effects import EFFECTS, NOT_THE_MODEL
+from .candidates import Candidate, Scales, candidate, untestable
+from .evidence import INDEPENDENT, Evidence, Prediction
+from .fitting import Fit, fit
+
+MOST_EFFECTS = 3
+LAST_BLOCK = 0.15  #: share of the cycles, the latest, that is looked at once, when all is chosen
+SIGNIFICANT = 2.5  #: standard errors of the gain on held-out cycles
+WORTH = 0.1  #: share of what is in excess that an effect must at least explain
+PAIR_FIRST = 3  #: so many of the best single candidates are tried with every other
+#: An error within this of the calibration's largest of a single log is the model's own.
+NONE_ERROR = 1.15
+#: Clean: mean loss, over that of a log like the calibration's, up to which nothing more is to be found …
+CLEAN_LOSS = 2.0
+#: … or the share of the excess loss that is explained …
+CLEAN_SHARE = 0.9
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One entry of the race."""
+
+    names: tuple[str, ...]
+    gain: float  #: mean fall of a held-out cycle's loss
+    gain_error: float  #: its standard error over cycles
+    fit: Fit
+
+
+@dataclass(slots=True)
+class Round:
+    """What competed after what, and who won."""
+
+    before: tuple[str, ...]
+    trials: list[Trial]
+    winner: Trial | None
+    alternatives: list[Trial] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class Tracing:
+    """The result."""
+
+    verdict: str  #: none, traced or unexplained
+    fit: Fit | None
+    rounds: list[Round]
+    alternatives: list[tuple[str, float]]  #: other names for the same thing, with confidence
+    untestable: dict[str, str]
+    train: np.ndarray  #: bool, shape (units,): cycles of which some were held out in turn; the others are the last block
+    losses: dict[str, np.ndarray]  #: held-out loss of every unit, before and after
+    errors_percent: dict[str, np.ndarray]  #: mean absolute error of every unit, % of full stroke, before and after
+    predictions: dict[str, list[Prediction]]  #: before and after
+    floor_percent: float
+    expected_loss: float
+    share: float  #: of the excess loss that is explained
+
+
+def trace(
+    evidence: Evidence, only: Sequence[str] = (), without: Sequence[str] = (), jobs: int = 2,
+    progress: Progress = lambda what, fraction: None,
+) -> Tracing:
+    """Find what the model lacks in these logs.
+
+    ``only``: names of the only candidates; ``without``: of those left out.
+    """
+    scales = Scales.of(evidence)
+    names = [n for n in EFFECTS if (not only or n in only) and n not in without]
+    reasons = {n: untestable(n, scales, evidence) for n in names}
+    field_ = [candidate(n, scales, evidence) for n in names if not reasons[n]]
+    last = max(1, round(LAST_BLOCK * evidence.units))
+    train = np.arange(evidence.units) < evidence.units - last
+    before = evidence.predict({})
+    base = evidence.losses(evidence.residual({}))
+    errors = evidence.errors_percent(before)
+    weight = evidence.samples_of_unit
+    floor = _floor_percent(evidence)
+    expected = _expected_loss(evidence)
+    result = Tracing(
+        "none", None, [], [], {n: r for n, r in reasons.items() if r}, train, {"before": base, "after": base},
+        {"before": errors, "after": errors}, {"before": before, "after": before}, floor, expected, 0.0,
+    )
+    if float(np.average(errors, weights=weight)) <= floor and not only:
+        return result
+    with Parallel(n_jobs=jobs) as pool:
+        current, held = None, base
+        while len(current.names if current else ()) < MOST_EFFECTS:
+            chosen = current.candidates if current else ()
+            rest = [c for c in field_ if c.name not in {x.name for x in chosen}]
+            trials = _race(pool, evidence, [(*chosen, c) for c in rest], train, current, held, progress)
+            round_ = _decide(evidence, tuple(c.name for c in chosen), trials, train, held, expected)
+            result.rounds.append(round_)
+            if round_.winner is None:
+                break
+            if len(chosen) == 0 and not only and not _clean(evidence, round_.winner.fit.held_out, base, train, expected):
+                pairs = _pairs(trials, rest)
+                more = _race(pool, evidence, pairs, train, None, held, progress)
+                best_pair = max(more, key=lambda t: t.gain, default=None)
+                if best_pair is not None and _pays(best_pair, round_.winner, train):
+                    round_.trials += more
+                    round_.winner = best_pair
+                    round_.alternatives = []
+            current = round_.winner.fit
+            held = current.held_out
+            if only or _clean(evidence, held, base, train, expected):
+                break
+    if current is not None:
+        result.fit = current
+        result.predictions["after"] = evidence.predict(current.effects)
+        result.losses["after"] = held
+        result.errors_percent["after"] = evidence.errors_percent(result.predictions["after"])
+        result.share = _share(held, base, train, expected)
+        result.alternatives = _alternatives(result.rounds, current)
+    clean = current is not None and _clean(evidence, held, base, train, expected)
+    result.verdict = "traced" if clean or (only and current is not None) else "unexplained"
+    return result
+
+
+def _floor_percent(evidence: Evidence) -> float:
+    c = evidence.calibration
+    return NONE_ERROR * max(c.error, c.largest_error) if c.known else 1.0
+
+
+def _expected_loss(evidence: Evidence) -> float:
+    """Mean loss of a cycle that is like those of the calibration."""
+    rests = sum(map(len, evidence.rests))
+    return 0.5 * (INDEPENDENT + 2.0 * rests / evidence.units)
+
+
+def _race(pool, evidence, entries, train, known, held, progress) -> list[Trial]:
+    trials = []
+    fits = pool(delayed(fit)(evidence, entry, train, known) for entry in entries) if entries else []
+    for f in fits:
+        difference = (held - f.held_out)[train]
+        trials.append(Trial(f.names, float(difference.mean()), _standard_error(difference), f))
+        progress("race", len(trials) / len(entries))
+    return sorted(trials, key=lambda t: -t.gain)
+
+
+def _standard_error(values: np.ndarray) -> float:
+    return float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else float("inf")
+
+
+def _decide(evidence, before, trials: list[Trial], train, held, expected) -> Round:
+    """The winner, if there is one, and those that do as well."""
+    round_ = Round(before, trials, None)
+    excess = max(float(held[train].mean()) - expected, 1e-9)
+    good = [t for t in trials if t.gain > SIGNIFICANT * t.gain_error and t.gain > WORTH * excess and not t.fit.at_bound]
+    if not good:
+        return round_
+    best = good[0]
+    alike = [t for t in good if _alike(t, best, train)]
+    winner = min(alike, key=lambda t: (t.fit.parameters, -t.gain))
+    if winner is not best and winner.gain < 0.95 * best.gain:
+        winner = best
+    round_.winner = winner
+    round_.alternatives = [t for t in alike if t is not winner]
+    return round_
+
+
+def _alike(trial: Trial, best: Trial, train: np.ndarray) -> bool:
+    """Whether held-out cycles cannot tell two fits apart: within a standard error of their paired difference."""
+    difference = (trial.fit.held_out - best.fit.held_out)[train]
+    return float(difference.mean()) <= max(_standard_error(difference), 0.03 * best.gain)
+
+
+def _pays(pair: Trial, single: Trial, train: np.ndarray) -> bool:
+    difference = (single.fit.held_out - pair.fit.held_out)[train]
+    return difference.mean() > SIGNIFICANT * _standard_error(difference) and not pair.fit.at_bound
+
+
+def _pairs(trials: list[Trial], rest: Sequence[Candidate]) -> list[tuple[Candidate, Candidate]]:
+    seen, out = set(), []
+    for trial in trials[:PAIR_FIRST]:
+        (first,) = trial.fit.candidates
+        for other in rest:
+            key = frozenset((first.name, other.name))
+            if len(key) == 2 and key not in seen:
+                seen.add(key)
+                out.append((first, other))
+    return out
+
+
+def _share(held, base, train, expected) -> float:
+    excess = float(base[train].mean()) - expected
+    return (float(base[train].mean()) - float(held[train].mean())) / excess if excess > 0 else 0.0
+
+
+def _clean(evidence, held, base, train, expected) -> bool:
+    return float(held[train].mean()) <= CLEAN_LOSS * expected or _share(held, base, train, expected) >= CLEAN_SHARE
+
+
+def _alternatives(rounds: list[Round], current: Fit) -> list[tuple[str, float]]:
+    out = []
+    for r in rounds:
+        for t in r.alternatives:
+            name = t.names[-1]
+            if name not in current.names:
+                out.append((name, 0.5))
+    return out
+
+
+def of_the_model(names: Sequence[str]) -> list[str]:
+    """Those of the effects that belong into a model file; the others are named and left alone."""
+    return [n for n in names if EFFECTS[n].STAGE not in NOT_THE_MODEL]
+
+
