@@ -47,35 +47,35 @@ LADDER_N = (0.98, 1.47, 0.49, 1.18, 1.96, 0.69, 1.67, 0.49, 1.37, 0.78, 1.96)
 
 #: What strength 1 is, in the effect's unit, for each alloy.
 UNITS: dict[str, tuple[float, float]] = {
-    "lead_resistance": (0.08, 0.03),
-    "contact_drift": (0.1, 0.04),
-    "voltage_offset": (0.01, 0.005),
-    "reference_self_heating": (0.1, 0.05),
-    "shunt": (0.004, 0.01),
-    "self_heating": (4e-4, 4e-4),
-    "ambient_temperature": (6.0, 6.0),
-    "thermal_expansion": (4e-5, 4e-5),
-    "elastic_compliance": (2e-4, 2e-4),
-    "fatigue": (1e-4, 6e-5),
-    "creep": (3e-4, 2e-4),
-    "minor_loop_memory": (5e-4, 3e-4),
-    "rate": (0.1, 0.1),
-    "load_cell_drift": (0.15, 0.15),
-    "load_cell_gain": (0.15, 0.15),
-    "slip": (3e-4, 2e-4),
-    "backlash": (3e-4, 2e-4),
-    "reference_lag": (0.1, 0.1),
-    "reference_gain": (0.06, 0.06),
-    "reference_drift": (3e-4, 2e-4),
-    "draught": (0.3, 0.3),
-    "hum": (2e-4, 1e-4),
-    "lvdt_nonlinearity": (2e-4, 1e-4),
-    "contact_bounce": (0.15, 0.06),
-    "stick_slip": (2e-4, 1e-4),
-    "thermo_voltage": (2e-4, 1e-4),
-    "clock_skew": (0.2, 0.2),
-    "load_cell_nonlinearity": (0.1, 0.1),
-    "cross_talk": (0.02, 0.01),
+    "lead_resistance": (0.018, 0.015),
+    "contact_drift": (0.03, 0.025),
+    "voltage_offset": (0.0012, 0.0015),
+    "reference_self_heating": (0.09, 0.14),
+    "shunt": (6e-4, 4.5e-3),
+    "self_heating": (1.5e-4, 2e-4),
+    "ambient_temperature": (5.0, 5.0),
+    "thermal_expansion": (2.5e-5, 2.5e-5),
+    "elastic_compliance": (7e-5, 3.5e-5),
+    "fatigue": (6e-5, 2.2e-5),
+    "creep": (1.5e-4, 8e-5),
+    "minor_loop_memory": (6e-4, 4e-4),
+    "rate": (0.18, 0.18),
+    "load_cell_drift": (0.2, 0.2),
+    "load_cell_gain": (0.2, 0.18),
+    "slip": (1.4e-4, 8e-5),
+    "backlash": (3e-4, 1.8e-4),
+    "reference_lag": (0.2, 0.2),
+    "reference_gain": (0.035, 0.035),
+    "reference_drift": (1.5e-4, 9e-5),
+    "draught": (0.4, 0.4),
+    "hum": (1.6e-4, 9e-5),
+    "lvdt_nonlinearity": (2e-4, 1.4e-4),
+    "contact_bounce": (0.03, 0.022),
+    "stick_slip": (2.6e-4, 1.8e-4),
+    "thermo_voltage": (5e-5, 5e-5),
+    "clock_skew": (0.35, 0.35),
+    "load_cell_nonlinearity": (0.15, 0.15),
+    "cross_talk": (3.5e-3, 4.5e-3),
 }  # fmt: skip
 PAIRS = (
     ("lead_resistance", "slip"), ("thermal_expansion", "contact_drift"), ("fatigue", "backlash"),
@@ -244,18 +244,18 @@ def error_percent(case: Case) -> float:
     return float(np.average(errors, weights=[len(log) for log in logs]))
 
 
-def survey(jobs: int, names: list[str], strengths=(0.5, 1.0, 2.0)) -> dict[str, dict[str, list[float]]]:
+def survey(jobs: int, names: list[str], loads_asked=LOADS, strengths=(0.5, 1.0, 2.0)) -> dict[str, dict[str, list[float]]]:
     """Error over the error without the effect: per effect, per alloy, at every strength; the mean over the loads."""
     asked: list[Case] = []
     for name, alloy, strength in itertools.product(names, ALLOYS, strengths):
-        loads = ("spring", "steps") if name in LOAD_EFFECTS else LOADS
+        loads = [load for load in loads_asked if load != "weight" or name not in LOAD_EFFECTS]
         asked += [single(name, alloy, strength, load, 9000) for load in loads]
-    none = [_case("none", alloy, {}, load, 9000, True) for alloy in ALLOYS for load in LOADS]
+    none = [_case("none", alloy, {}, load, 9000) for alloy in ALLOYS for load in loads_asked]
     todo = none + asked
     with ProcessPoolExecutor(jobs) as pool:
         errors = list(pool.map(error_percent, todo, chunksize=4))
     base = {(c.alloy, c.load): e for c, e in zip(none, errors)}
-    out: dict[str, dict[str, list[float]]] = {"none": {a: [base[a, load] for load in LOADS] for a in ALLOYS}}
+    out: dict[str, dict[str, list[float]]] = {"none": {a: [base[a, load] for load in loads_asked] for a in ALLOYS}}
     found: dict[tuple[str, str, float], list[float]] = {}
     for case, error in zip(asked, errors[len(none) :]):
         (name, value), = case.hidden.items()  # fmt: skip
@@ -271,6 +271,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--survey", action="store_true", help="how far each effect raises the replay error")
     parser.add_argument("--only", nargs="*", choices=[*EFFECTS, *FOREIGN], help="these effects alone")
+    parser.add_argument("--loads", nargs="*", choices=LOADS, default=LOADS, help="under these loads alone")
     parser.add_argument("--jobs", type=int, default=1, help="processes (default %(default)s)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers here")
     args = parser.parse_args()
@@ -279,14 +280,17 @@ def main() -> int:
         for case in cases():
             console.print(json.dumps(dataclasses.asdict(case)), soft_wrap=True)
         return 0
-    numbers = survey(args.jobs, args.only or [*EFFECTS, *FOREIGN])
+    numbers = survey(args.jobs, args.only or [*EFFECTS, *FOREIGN], args.loads)
     table = Table(title="replay error with the effect over that without it, at strength 0.5, 1 and 2")
-    for header in ("effect", "unit", *(f"{a}: {h}" for a in ALLOYS for h in ("strength 1", "0.5", "1", "2"))):
-        table.add_column(header, justify="left" if header in ("effect", "unit") else "right")
+    table.add_column("effect", no_wrap=True)
+    table.add_column("unit")
+    for alloy in ALLOYS:
+        for header in (f"{alloy}: 1 is", "× 0.5", "× 1", "× 2"):
+            table.add_column(header, justify="right")
     for name, row in numbers.items():
         if name == "none":
             for alloy in ALLOYS:
-                console.print(f"{alloy} without: " + ", ".join(f"{m} {e:.2f} %" for m, e in zip(LOADS, row[alloy])))
+                console.print(f"{alloy} without: " + ", ".join(f"{m} {e:.2f} %" for m, e in zip(args.loads, row[alloy])))
             continue
         cells = [c for i, a in enumerate(ALLOYS) for c in (f"{UNITS[name][i]:g}", *(f"{r:.2f}" for r in row[a]))]
         table.add_row(name, (EFFECTS | FOREIGN)[name].unit, *cells)
