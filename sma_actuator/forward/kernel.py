@@ -25,7 +25,7 @@ def _advance(c, p, share, shift, loss_factor, memory_m, memory_r, duty, step_s, 
     """Fill ``out`` (n, 6), row i at the end of step i; ``p`` is the array made by :func:`simulate`."""
     supply, mean_heats, ambient, stiffness, preload = p[0], p[1] > 0.0, p[2], p[3], p[4]
     friction, breakaway, backlash, lag = p[5], p[6], p[7], p[8]
-    cooling_factor, exponent, radiation, surround, beyond, start_strain = p[9], p[10], p[11], p[12], p[13], p[14]
+    cooling_factor, exponent, radiation, surround, beyond, start_strain, slack = p[9], p[10], p[11], p[12], p[13], p[14], p[15]
     parts = share.shape[0]
     temperature = np.full(parts, ambient)
     enthalpy = np.zeros(parts)
@@ -119,6 +119,8 @@ def _advance(c, p, share, shift, loss_factor, memory_m, memory_r, duty, step_s, 
             slider = c.length_m * strain_of(c, mean_m, mean_r, mean_t, load / c.area_m2) - lasting
         resistance = resistance_of(c, mean_m, mean_r, mean_t, load / c.area_m2, slider / c.length_m)
         position = start - slider
+        if slack > 0.0:
+            position = max(position - slack, 0.0)
         if position > seen + 0.5 * backlash:
             seen = position - 0.5 * backlash
         elif position < seen - 0.5 * backlash:
@@ -147,8 +149,13 @@ def simulate(wire: ForwardWire, duty: np.ndarray, step_s: float) -> np.ndarray:
         wire.drive.supply_V, float(wire.drive.heats == "mean"), wire.surroundings.ambient_C, wire.bias.stiffness_N_m,
         wire.bias.preload_N, e.friction_N, e.breakaway_N, e.backlash_m, e.sensor_lag_s, e.cooling_loss_factor,
         e.convection_exponent, e.emissivity * STEFAN_BOLTZMANN * area_m2, e.surround_J_K, e.surround_share, e.start_strain,
+        e.slack_m,
     ])  # fmt: skip
     memory_m = np.array([new_memory(0.0) for _ in share])
     out = np.empty((len(duty), 6))
+    if e.dead_time_s > 0.0:
+        # Shift the energy, not the samples, so that the result is smooth in the dead time.
+        ends = np.arange(len(duty) + 1) * step_s
+        duty = np.diff(np.interp(ends - e.dead_time_s, ends, np.concatenate([[0.0], np.cumsum(duty)])))
     _advance(wire.constants(), p, share, shift, loss, memory_m, memory_m.copy(), np.ascontiguousarray(duty, float), step_s, out)
     return out

@@ -81,6 +81,8 @@ class Effects:
     breakaway_N: float = parameter(0.0, "friction at rest above the sliding one", "N", 0.0, 20.0)
     backlash_m: float = parameter(0.0, "play between slider and position sensor", "m", 0.0, 0.01)
     sensor_lag_s: float = parameter(0.0, "time constant of the position sensor", "s", 0.0, 10.0)
+    dead_time_s: float = parameter(0.0, "pure delay between the duty as logged and the power in the wire", "s", 0.0, 10.0)
+    slack_m: float = parameter(0.0, "contraction that takes up slack before the slider leaves its stop", "m", 0.0, 0.05)
     r_strain: float = parameter(0.0, "transformation strain of the R-phase", "", 0.0, 0.01)
     r_start_C: float = parameter(80.0, "austenite begins to turn to R-phase, at zero stress", "°C", -50.0, 200.0)
     r_width_K: float = parameter(15.0, "width of that transformation", "K", 1.0, 80.0)
@@ -142,8 +144,8 @@ class ForwardWire:
         return constants(wire, e.lead_Ohm)
 
 
-#: Quantiles and weights of a normal distribution in seven parts (Gauss–Hermite, probabilists').
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
+#: Quantiles and weights of a normal distribution in five parts (Gauss–Hermite, probabilists').
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 _WEIGHTS = _WEIGHTS / _WEIGHTS.sum()
 
 
@@ -151,17 +153,17 @@ def segments(effects: Effects) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Parts of the wire: share of the length, shift of the transformation temperatures [K], factor of the heat loss."""
     share, shift, loss = np.ones(1), np.zeros(1), np.ones(1)
     if effects.spread_K > 0.0:
-        share, shift, loss = _WEIGHTS.copy(), _NODES * effects.spread_K, np.ones(7)
+        share, shift, loss = _WEIGHTS.copy(), _NODES * effects.spread_K, np.ones(len(_NODES))
     if effects.early_share > 0.0:
         f = effects.early_share
         share = np.concatenate([share * (1.0 - f), [f]])
         shift, loss = np.concatenate([shift, [-effects.early_by_K]]), np.concatenate([loss, [1.0]])
     if effects.cold_share > 0.0:
-        # From the rest of the wire towards the crimps the loss rises linearly, in three steps.
+        # From the rest of the wire towards the crimps the loss rises linearly, in two steps.
         f, k = effects.cold_share, effects.cold_loss_factor - 1.0
-        share = np.concatenate([share * (1.0 - f), *(share * f / 3.0 for _ in range(3))])
-        shift = np.tile(shift, 4)
-        loss = np.concatenate([loss, *(loss * (1.0 + k * x) for x in (1 / 6, 0.5, 5 / 6))])
+        share = np.concatenate([share * (1.0 - f), *(share * f / 2.0 for _ in range(2))])
+        shift = np.tile(shift, 3)
+        loss = np.concatenate([loss, *(loss * (1.0 + k * x) for x in (0.25, 0.75))])
     return share, shift, loss
 
 

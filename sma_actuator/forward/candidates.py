@@ -1,0 +1,124 @@
+"""What a real bench may have and Liang & Rogers do not: each with its parameters, units, bounds and sentence.
+
+Bounds are those of the physics, not of the data: an effect whose value ends at one has not been
+measured, and is not named.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .fitting import Free
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect that may be switched on."""
+
+    name: str
+    sentence: str  #: what would be said of the bench if it earned its place
+    free: tuple[Free, ...]
+    place: str  #: mechanism, sensor, heat, alloy or circuit
+    signature: str  #: what in the record tells it from the others
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of its values in the ``effects`` section."""
+        return tuple(f.name for f in self.free)
+
+
+def _f(name: str, unit: str, lo: float, hi: float, start: float) -> Free:
+    return Free(f"effects.{name}", unit, lo, hi, start)
+
+
+CANDIDATES = (
+    Candidate(
+        "friction",
+        "the slider rubs: it stands until the tension has changed by twice the friction",
+        (_f("friction_N", "N", 0.0, 6.0, 0.5),),
+        "mechanism",
+        "a standstill at every reversal, longest where the wire is stiff and slow; the wire's expansion before it transforms is not seen",
+    ),
+    Candidate(
+        "stiction",
+        "the slider rubs, and sticks more when it stands than when it moves",
+        (_f("friction_N", "N", 0.0, 6.0, 0.5), _f("breakaway_N", "N", 0.0, 4.0, 0.2)),
+        "mechanism",
+        "as friction, with a jump where it lets go",
+    ),
+    Candidate(
+        "backlash",
+        "there is play between the slider and the position sensor",
+        (_f("backlash_m", "m", 0.0, 2e-3, 2e-4),),
+        "sensor",
+        "a standstill of the same width at every reversal, hot or cold",
+    ),
+    Candidate(
+        "sensor lag", "the position sensor or its filter lags",
+        # More than a tenth of a second would be a filter that also takes the noise from sample to sample away.
+        (_f("sensor_lag_s", "s", 0.0, 0.1, 0.03),), "sensor", "an error in proportion to the speed, corners rounded",
+    ),
+    Candidate(
+        "dead time",
+        "the power reaches the wire later than the duty was logged (drive or logger)",
+        (_f("dead_time_s", "s", 0.0, 2.0, 0.3),),
+        "circuit",
+        "an abrupt begin of every movement, late by the same time whatever the speed",
+    ),
+    Candidate(
+        "slack",
+        "the first contraction takes up slack before the slider leaves its stop",
+        (_f("slack_m", "m", 0.0, 3e-3, 3e-4),),
+        "mechanism",
+        "the slider leaves its cold place abruptly, and comes back to it abruptly",
+    ),
+    Candidate(
+        "R-phase",
+        "on cooling, part of the austenite passes through the R-phase first",
+        (_f("r_strain", "", 0.0, 0.008, 0.001), _f("r_start_C", "°C", 0.0, 150.0, 70.0), _f("r_width_K", "K", 1.0, 60.0, 15.0)),
+        "alloy",
+        "a small early lengthening on cooling that heating does not have",
+    ),
+    Candidate(
+        "cooling loss", "without power the wire loses heat at another rate than with it (an airflow, an idle bridge)",
+        (_f("cooling_loss_factor", "", 0.3, 3.0, 1.1),), "heat", "heating and cooling ask for different heat transfers",
+    ),
+    Candidate(
+        "natural convection", "heat transfer rises with the wire's excess temperature",
+        (_f("convection_exponent", "", 0.0, 0.5, 0.15),), "heat", "cooling that is fast at first and slow at last",
+    ),
+    Candidate("radiation", "the surface radiates", (_f("emissivity", "", 0.0, 1.0, 0.3),), "heat", "as convection, weaker"),
+    Candidate(
+        "warm surroundings", "what touches the wire (air in the duct, crimps, a sleeve) warms up with it and stays warm",
+        (_f("surround_J_K", "J/K", 0.05, 60.0, 3.0), _f("surround_share", "", 0.02, 0.9, 0.2)), "heat", "a slow tail after a fast cooling, a slow drift while hot",
+    ),
+    Candidate(
+        "spread", "the wire does not transform everywhere at one temperature (local stress, composition, training)",
+        (_f("spread_K", "K", 0.0, 25.0, 5.0),), "alloy", "long rounded ends of both transformations where the cosine ends sharply",
+    ),
+    Candidate(
+        "two populations", "part of the wire transforms at temperatures of its own",
+        (_f("early_share", "", 0.0, 0.5, 0.08), _f("early_by_K", "K", -40.0, 40.0, 20.0)), "alloy", "a shoulder before or after the main transformation",
+    ),
+    Candidate(
+        "cold ends", "the wire is colder near its crimps",
+        (_f("cold_share", "", 0.0, 0.5, 0.1), _f("cold_loss_factor", "", 1.0, 20.0, 3.0)), "heat", "a late end of heating and an early begin of cooling",
+    ),
+    Candidate(
+        "lead resistance", "leads and bridge take part of the voltage", (_f("lead_Ohm", "Ω", 0.0, 4.0, 0.3),), "circuit",
+        "less power, and less of it as the wire's resistance falls",
+    ),
+    Candidate(
+        "resistance with temperature", "the resistivity rises with temperature", (_f("resistivity_coefficient_1_K", "1/K", -1e-3, 3e-3, 3e-4),), "circuit",
+        "less power when hot",
+    ),
+    Candidate(
+        "lasting strain", "the first cold state holds strain that cooling under this bias does not restore",
+        (_f("start_strain", "", -0.003, 0.005, 3e-4),), "alloy", "the slider does not come back to where it began",
+    ),
+)  # fmt: skip
+
+
+def named(name: str) -> Candidate:
+    """The candidate of a name."""
+    return next(c for c in CANDIDATES if c.name == name)

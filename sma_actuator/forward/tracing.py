@@ -1,0 +1,255 @@
+"""From the plain model's residual to the effects that earn their parameters on runs they were not fitted on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+
+from .candidates import CANDIDATES, Candidate
+from .fitting import Fit, fit, plain_parameters, plain_starts, residual_m
+from .runs import Run
+from .wire import ForwardWire
+
+EARNS_RATIO = 0.95  #: held-out error with the effect over that without, geometric mean over runs
+EARNS_STROKE = 0.001  #: and at least this share of the stroke: less is noise
+WORSE_RATIO = 1.10  #: no run may become this much worse
+ROUNDS = 5
+_PAIRS_OF = 4  #: the best few singles also compete in pairs
+_HOPELESS = 1.25  #: a candidate this much worse on held-out runs does not compete again
+_RACE_EVALUATIONS = 12
+_FINAL_EVALUATIONS = 60
+
+#: A fold: runs to fit, runs to judge.
+Fold = tuple[tuple[Run, ...], tuple[Run, ...]]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One competitor in one round."""
+
+    names: tuple[str, ...]
+    held_out_m: tuple[float, ...]  #: RMS on each judged run
+    ratio: float  #: geometric mean over runs, against what it was added to
+    verdict: str  #: "" if it earned its place
+    fits: tuple[Fit, ...] = field(repr=False)
+
+    @property
+    def earns(self) -> bool:
+        """Whether it may be named."""
+        return not self.verdict
+
+    @property
+    def values(self) -> dict[str, list[float]]:
+        """Its values in each fold."""
+        mine = [f.name for c in CANDIDATES if c.name in self.names for f in c.free]
+        return {name: [float(f.wire.value(name)) for f in self.fits] for name in mine}
+
+
+@dataclass(frozen=True)
+class Tracing:
+    """All that was found."""
+
+    folds: tuple[Fold, ...]
+    heats: dict[str, tuple[float, ...]]  #: held-out RMS [m] of the plain model for each voltage, on each judged run
+    without_expansion_m: tuple[float, ...]  #: the plain model with no thermal expansion
+    plain: Entry
+    rounds: tuple[tuple[Entry, ...], ...]
+    chosen: tuple[Candidate, ...]
+    held_out: Entry  #: the plain model and the named effects
+    dropped: tuple[tuple[str, float], ...]  #: (effect, ratio without it), what each is worth in the end
+    fitted_plain: Fit  #: on all fitted runs
+    fitted: Fit
+    repeat_m: tuple[tuple[str, str, float], ...]  #: pairs of runs with one duty, and how far they differ (RMS)
+
+    @property
+    def judged(self) -> tuple[Run, ...]:
+        """Judged runs, in the order of every ``held_out_m``."""
+        return tuple(run for _, judged in self.folds for run in judged)
+
+    @property
+    def heated_by(self) -> str:
+        """The voltage with the smaller held-out error."""
+        return min(self.heats, key=lambda name: _mean(self.heats[name]))
+
+    @property
+    def left(self) -> float:
+        """Held-out error of the end over that of the plain model."""
+        return _mean(self.held_out.held_out_m) / _mean(self.plain.held_out_m)
+
+
+def folds_of(runs: Sequence[Run], judge: Sequence[Run]) -> tuple[Fold, ...]:
+    """``judge`` judged after a fit to ``runs``; without it, each run judged after a fit to the others."""
+    if judge:
+        return ((tuple(runs), tuple(judge)),)
+    return tuple((tuple(r for r in runs if r is not out), (out,)) for out in runs)
+
+
+def trace(
+    wire: ForwardWire,
+    runs: Sequence[Run],
+    judge: Sequence[Run] = (),
+    progress: Callable[[str, float], None] = lambda what, share: None,
+    pool: Executor | None = None,
+    candidates: Sequence[Candidate] = CANDIDATES,
+) -> Tracing:
+    """Fit the plain model, let the candidates compete, and name those that earn it."""
+    folds = folds_of(runs, judge)
+    do = pool.map if pool else map
+    progress("plain model, mean or RMS", 0.0)
+    variants = [wire.with_values({"drive.heats": heats}) for heats in ("rms", "mean")]
+    cold = wire.with_values({"wire.martensite_expansion_1_K": 0.0, "wire.austenite_expansion_1_K": 0.0})
+    fitted = list(do(_fit_plain, [(v, folds) for v in (*variants, cold)]))
+    heats = {v.drive.heats: _held_out(f, folds) for v, f in zip(variants, fitted, strict=False)}
+    best = min(range(2), key=lambda i: _mean(_held_out(fitted[i], folds)))
+    base = variants[best]
+    plain = Entry((), _held_out(fitted[best], folds), 1.0, "", tuple(fitted[best]))
+    no_expansion = _held_out(
+        fitted[2] if base.drive.heats == cold.drive.heats
+        else _fit_plain((cold.with_values({"drive.heats": base.drive.heats}), folds)), folds,
+    )  # fmt: skip
+
+    current, chosen, rounds = plain, [], []
+    running = list(candidates)
+    for number in range(ROUNDS):
+        sets = [(c,) for c in running if c not in chosen and not _covered(c, chosen)]
+        if not sets:
+            break
+        entries = []
+        for entry in _race(do, current, sets, folds):
+            entries.append(entry)
+            progress(f"round {number + 1}: {' + '.join(entry.names)}", (number + len(entries) / (len(sets) + 6)) / ROUNDS)
+        running = [c for c in running if not any(e.names == (c.name,) and e.ratio > _HOPELESS for e in entries)]
+        if number == 0:
+            first = sorted(entries, key=lambda e: e.ratio)[:_PAIRS_OF]
+            pairs = [tuple(c for c in candidates if c.name in a.names + b.names) for a, b in combinations(first, 2)]
+            for entry in _race(do, current, [p for p in pairs if _independent(p)], folds):
+                alone = min(e.ratio for e in entries if set(e.names) < set(entry.names))
+                if entry.earns and entry.ratio > EARNS_RATIO * alone:
+                    entry = _replace_verdict(entry, "no better than one of the two alone")
+                entries.append(entry)
+                progress(f"round 1: {' + '.join(entry.names)}", 0.9 / ROUNDS)
+        entries.sort(key=lambda e: e.ratio)
+        rounds.append(tuple(entries))
+        winner = next((e for e in entries if e.earns), None)
+        if winner is None:
+            break
+        current = winner
+        chosen += [c for c in candidates if c.name in winner.names]
+
+    chosen, current, dropped = _prune(do, plain, chosen, current, folds)
+    progress("last fit, on all the runs", 0.97)
+    all_plain = fit(base, plain_parameters(base), runs, plain_starts(plain_parameters(base)), _FINAL_EVALUATIONS)
+    final = all_plain
+    if chosen:
+        final = fit(base, current.fits[0].free, runs, [f.values for f in current.fits], _FINAL_EVALUATIONS)
+    progress("done", 1.0)
+    return Tracing(
+        folds, heats, no_expansion, plain, tuple(rounds), tuple(chosen), current, dropped, all_plain, final, repeats([*runs, *judge])
+    )
+
+
+def repeats(runs: Sequence[Run]) -> tuple[tuple[str, str, float], ...]:
+    """Pairs of runs driven alike, and the RMS of their difference [m]: no model of the duty alone can do much better on both."""
+    out = []
+    for a, b in combinations(runs, 2):
+        n = min(len(a.coarse_duty), len(b.coarse_duty))
+        alike = len(a.coarse_duty) == len(b.coarse_duty) and abs(a.step_s - b.step_s) < 1e-6
+        if alike and np.max(np.abs(a.coarse_duty[:n] - b.coarse_duty[:n])) < 5e-3:
+            out.append((a.name, b.name, float(np.sqrt(np.mean((a.coarse_position_m[:n] - b.coarse_position_m[:n]) ** 2)))))
+    return tuple(out)
+
+
+def _mean(values: Sequence[float]) -> float:
+    """Geometric, so that a run that nobody can explain does not drown the others."""
+    return float(np.exp(np.mean(np.log(np.maximum(values, 1e-9)))))
+
+
+def _held_out(fits: Sequence[Fit], folds: Sequence[Fold]) -> tuple[float, ...]:
+    return tuple(
+        float(np.sqrt(np.mean(residual_m(f.wire, run) ** 2))) for f, (_, judged) in zip(fits, folds, strict=True) for run in judged
+    )
+
+
+def _fit_plain(job: tuple[ForwardWire, Sequence[Fold]]) -> list[Fit]:
+    wire, folds = job
+    free = plain_parameters(wire)
+    return [fit(wire, free, fitted, plain_starts(free)) for fitted, _ in folds]
+
+
+def _fit_with(job: tuple[Sequence[Fit], Sequence[Candidate], Sequence[Fold]]) -> list[Fit]:
+    """Each fold's fit with the candidates' values free as well, from where it was."""
+    fits, added, folds = job
+    out = []
+    for base, (runs, _) in zip(fits, folds, strict=True):
+        have = {f.name for f in base.free}
+        new = [f for c in added for f in c.free if f.name not in have]
+        starts = [np.concatenate([base.values, [f.start for f in new]])]
+        if len(new) == 2 and len(added) == 1:  # two values bend into one another: try the other side too
+            starts.append(np.concatenate([base.values, [0.7 * f.lo + 0.3 * f.hi for f in new]]))
+        out.append(fit(base.wire, (*base.free, *new), runs, starts, _RACE_EVALUATIONS))
+    return out
+
+
+def _race(do, current: Entry, sets: Sequence[tuple[Candidate, ...]], folds: Sequence[Fold]) -> Iterator[Entry]:
+    fitted = do(_fit_with, [(current.fits, s, folds) for s in sets])
+    for added, fits in zip(sets, fitted, strict=True):
+        yield _entry(current, added, fits, folds)
+
+
+def _entry(current: Entry, added: tuple[Candidate, ...], fits: Sequence[Fit], folds: Sequence[Fold]) -> Entry:
+    errors = _held_out(fits, folds)
+    ratio = _mean(errors) / _mean(current.held_out_m)
+    judged = [run for _, runs in folds for run in runs]
+    stroke_m = float(np.mean([run.stroke_m for run in judged]))
+    better = sum(after < before for after, before in zip(errors, current.held_out_m, strict=True))
+    worst = max(after / before for after, before in zip(errors, current.held_out_m, strict=True))
+    entry = Entry(tuple(c.name for c in added), errors, ratio, "", tuple(fits))
+    if ratio > EARNS_RATIO:
+        return _replace_verdict(entry, "held-out error not 5 % less")
+    if np.mean(current.held_out_m) - np.mean(errors) < EARNS_STROKE * stroke_m:
+        return _replace_verdict(entry, f"gains less than {EARNS_STROKE:.1%} of the stroke")
+    if better < 0.6 * len(errors):
+        return _replace_verdict(entry, f"better on only {better} of {len(errors)} held-out runs")
+    if worst > WORSE_RATIO:
+        return _replace_verdict(entry, f"makes one held-out run {worst:.2f} times worse")
+    for c in added:
+        for f in c.free:
+            values = [fold.wire.value(f.name) for fold in fits]
+            if sum(f.at_bound(v) for v in values) > len(values) / 2:
+                return _replace_verdict(entry, f"{f.name} runs to its bound: {f.lo:g} to {f.hi:g} {f.unit}".rstrip())
+            if np.ptp(values) > 0.5 * (f.hi - f.lo):
+                return _replace_verdict(entry, f"{f.name} differs from fold to fold: {min(values):.3g} to {max(values):.3g} {f.unit}".rstrip())
+    return entry
+
+
+def _replace_verdict(entry: Entry, verdict: str) -> Entry:
+    return Entry(entry.names, entry.held_out_m, entry.ratio, verdict, entry.fits)
+
+
+def _covered(candidate: Candidate, chosen: Sequence[Candidate]) -> bool:
+    return set(candidate.parameters) <= {name for c in chosen for name in c.parameters}
+
+
+def _independent(pair: Sequence[Candidate]) -> bool:
+    return len(pair) == 2 and not set(pair[0].parameters) & set(pair[1].parameters)
+
+
+def _prune(do, plain: Entry, chosen: list[Candidate], current: Entry, folds: Sequence[Fold]):
+    """Take out effects that those named after them have made superfluous."""
+    while True:
+        if len(chosen) < 2:
+            return chosen, current, tuple((c.name, _mean(plain.held_out_m) / _mean(current.held_out_m)) for c in chosen)
+        rest = [[c for c in chosen if c is not out] for out in chosen]
+        trials = [
+            Entry(tuple(c.name for c in kept), _held_out(fits, folds), _mean(_held_out(fits, folds)) / _mean(current.held_out_m), "", tuple(fits))
+            for kept, fits in zip(rest, do(_fit_with, [(plain.fits, kept, folds) for kept in rest]), strict=True)
+        ]
+        least = min(range(len(chosen)), key=lambda i: trials[i].ratio)
+        if trials[least].ratio > 1.0 + 0.5 * (1.0 - EARNS_RATIO):
+            full = Entry(tuple(c.name for c in chosen), current.held_out_m, _mean(current.held_out_m) / _mean(plain.held_out_m), "", current.fits)
+            return chosen, full, tuple((c.name, t.ratio) for c, t in zip(chosen, trials, strict=True))
+        chosen, current = rest[least], trials[least]
