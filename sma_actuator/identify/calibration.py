@@ -61,7 +61,7 @@ def calibration_of(traces: Sequence[Trace], config: Config, at_rest: bool = True
     }
     if len(ambient):
         values["ambient_temperature"] = float(ambient.mean())
-    values.update(_at_rest(traces))
+    values.update(_at_rest(traces, config.thermal.heat_capacity / config.thermal.heat_loss))
     return Calibration(**values)
 
 
@@ -142,10 +142,10 @@ def _look_up(position, stress, table, estimate, sample_stress, heating, out):
         out[i] = low * (1.0 - y) + high * y
 
 
-def _at_rest(traces: Sequence[Trace]) -> dict:
+def _at_rest(traces: Sequence[Trace], thermal_time_constant_s: float) -> dict:
     points: dict[bool, list] = {False: [], True: []}
     for trace in traces:
-        for rest in find_rests(trace):
+        for rest in find_rests(trace, thermal_time_constant_s):
             here = slice(rest.start, rest.stop)
             values = (trace.stress_Pa, trace.resistance_Ohm, trace.displacement_m, trace.signals.power_W)
             points[rest.hot].append([float(np.mean(v[here])) for v in values])

@@ -13,6 +13,8 @@ import numpy as np
 from .traces import Trace
 
 WINDOW_s = 1.0  #: averaged
+SETTLED = {False: 4.0, True: 2.0}  #: thermal time constants that the current has stood, cold and hot (heated, it does not wait)
+STILL = 0.06  #: share of its range that the current may move meanwhile
 STEADY = 0.015  #: share of its range that R or δ may move from half a window to the next
 
 
@@ -26,22 +28,28 @@ class Rest:
     cycle: int
 
 
-def find_rests(trace: Trace) -> list[Rest]:
+def find_rests(trace: Trace, thermal_time_constant_s: float) -> list[Rest]:
     """Rests of a trace: the last second before the current is switched on (cold) or off (hot), where all is steady.
 
-    A load that changed, or a wire still moving, is no rest.
+    The current must have stood for SETTLED thermal time constants: a wire that has just been switched
+    off does not move yet, and is not at rest.  A load that changed is none either.
     """
-    time_s, driven = trace.signals.time_s, trace.driven
+    time_s, driven, current_A = trace.signals.time_s, trace.driven, trace.signals.current_A
     turns = np.flatnonzero(driven[1:] != driven[:-1]) + 1
     ranges = [
         (values, np.subtract(*np.nanpercentile(values, (99.0, 1.0))))
         for values in (trace.resistance_Ohm, trace.displacement_m)
     ]
+    still_A = STILL * np.subtract(*np.nanpercentile(current_A, (99.0, 1.0)))
     rests = []
     for turn in np.append(turns, len(time_s)):
-        start = int(np.searchsorted(time_s, time_s[turn - 1] - WINDOW_s))
         hot = bool(driven[turn - 1])
-        if turn - start < 4 or time_s[turn - 1] - time_s[start] < 0.8 * WINDOW_s or (driven[start:turn] != hot).any():
+        settling_s = max(SETTLED[hot] * thermal_time_constant_s, 2.0 * WINDOW_s)
+        begun = int(np.searchsorted(time_s, time_s[turn - 1] - settling_s))
+        start = int(np.searchsorted(time_s, time_s[turn - 1] - WINDOW_s))
+        if turn - start < 4 or time_s[turn - 1] - time_s[begun] < 0.9 * settling_s or (driven[begun:turn] != hot).any():
+            continue
+        if np.ptp(current_A[begun + 1 : turn - 1]) > still_A:
             continue
         middle = (start + turn) // 2
         load_N = trace.signals.load_N
@@ -49,5 +57,5 @@ def find_rests(trace: Trace) -> list[Rest]:
             abs(np.mean(values[start:middle]) - np.mean(values[middle:turn])) <= STEADY * span for values, span in ranges
         ) and abs(np.mean(load_N[start:middle]) - np.mean(load_N[middle:turn])) <= 0.02 * abs(np.mean(load_N[start:turn])) + 0.005
         if steady:
-            rests.append(Rest(hot, start, turn, int(trace.cycle[start])))
+            rests.append(Rest(hot, start, int(turn), int(trace.cycle[start])))
     return rests

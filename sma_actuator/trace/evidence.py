@@ -26,6 +26,7 @@ INDEPENDENT = 8.0  #: samples of one cycle that say something new, all others ar
 LIMIT = 3.0  #: residual, in standard deviations, above which it counts linearly (Huber)
 WORST = 30.0  #: and the largest that counts at all
 FLOOR_percent = 1.0  #: of full stroke, where the model does not say how good it was
+SCATTER_FLOOR = 0.6  #: of the mean scatter, which is added to that of every position
 FEWEST_UNITS = 8
 LARGEST = 60_000  #: samples; longer logs are thinned
 
@@ -61,7 +62,7 @@ class Evidence:
         logs = sorted(logs, key=lambda log: float(log["time_s"][0]))
         thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST))
         self.traces = [_usable(make_trace(log, self.config)) for log in logs]
-        self.rests = [find_rests(trace) for trace in self.traces]
+        self.rests = [find_rests(trace, config.thermal.heat_capacity / config.thermal.heat_loss) for trace in self.traces]
         if thin > 1:
             self.rests = [
                 [dataclasses.replace(r, start=-(-r.start // thin), stop=r.stop // thin) for r in rests] for rests in self.rests
@@ -154,7 +155,7 @@ class Evidence:
         scatter_m = expected_residual_m(
             c.residual_position, (0.0,), c.scatter_heating, c.scatter_cooling, model_m, stress_Pa, heating
         )
-        return expected_m, np.hypot(scatter_m, 0.3 * c.scatter / 100 * self.full_stroke_m)
+        return expected_m, np.hypot(scatter_m, SCATTER_FLOOR * c.scatter / 100 * self.full_stroke_m)
 
     def residual(self, effects: Mapping[str, object]) -> np.ndarray:
         """Rows to be made small: half their squares, summed over a cycle, is that cycle's loss.

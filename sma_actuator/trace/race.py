@@ -21,6 +21,7 @@ WORTH = 0.1  #: share of what is in excess that an effect must at least explain
 PAIR_FIRST = 3  #: so many of the best single candidates are tried with every other
 #: An error within this of the calibration's largest of a single log is the model's own.
 NONE_ERROR = 1.15
+ALIKE = 0.05  #: share of the gain within which two fits count as alike in any case
 #: Clean: mean loss, over that of a log like the calibration's, up to which nothing more is to be found …
 CLEAN_LOSS = 2.0
 #: … or the share of the excess loss that is explained …
@@ -102,7 +103,7 @@ def trace(
             result.rounds.append(round_)
             if round_.winner is None:
                 break
-            if len(chosen) == 0 and not only and not _clean(evidence, round_.winner.fit.held_out, base, train, expected):
+            if len(chosen) == 0 and not only and not _clean(evidence, round_.winner.fit, base, train, expected):
                 pairs = _pairs(trials, rest)
                 more = _race(pool, evidence, pairs, train, None, held, progress)
                 best_pair = max(more, key=lambda t: t.gain, default=None)
@@ -112,7 +113,7 @@ def trace(
                     round_.alternatives = []
             current = round_.winner.fit
             held = current.held_out
-            if only or _clean(evidence, held, base, train, expected):
+            if only or _clean(evidence, current, base, train, expected):
                 break
     if current is not None:
         result.fit = current
@@ -121,7 +122,7 @@ def trace(
         result.errors_percent["after"] = evidence.errors_percent(result.predictions["after"])
         result.share = _share(held, base, train, expected)
         result.alternatives = _alternatives(result.rounds, current)
-    clean = current is not None and _clean(evidence, held, base, train, expected)
+    clean = current is not None and _clean(evidence, current, base, train, expected)
     result.verdict = "traced" if clean or (only and current is not None) else "unexplained"
     return result
 
@@ -160,9 +161,7 @@ def _decide(evidence, before, trials: list[Trial], train, held, expected) -> Rou
         return round_
     best = good[0]
     alike = [t for t in good if _alike(t, best, train)]
-    winner = min(alike, key=lambda t: (t.fit.parameters, -t.gain))
-    if winner is not best and winner.gain < 0.95 * best.gain:
-        winner = best
+    winner = min((t for t in alike if t.gain >= 0.99 * best.gain), key=lambda t: (t.fit.parameters, -t.gain))
     round_.winner = winner
     round_.alternatives = [t for t in alike if t is not winner]
     return round_
@@ -171,7 +170,7 @@ def _decide(evidence, before, trials: list[Trial], train, held, expected) -> Rou
 def _alike(trial: Trial, best: Trial, train: np.ndarray) -> bool:
     """Whether held-out cycles cannot tell two fits apart: within a standard error of their paired difference."""
     difference = (trial.fit.held_out - best.fit.held_out)[train]
-    return float(difference.mean()) <= max(_standard_error(difference), 0.03 * best.gain)
+    return float(difference.mean()) <= max(_standard_error(difference), ALIKE * best.gain)
 
 
 def _pays(pair: Trial, single: Trial, train: np.ndarray) -> bool:
@@ -196,8 +195,9 @@ def _share(held, base, train, expected) -> float:
     return (float(base[train].mean()) - float(held[train].mean())) / excess if excess > 0 else 0.0
 
 
-def _clean(evidence, held, base, train, expected) -> bool:
-    return float(held[train].mean()) <= CLEAN_LOSS * expected or _share(held, base, train, expected) >= CLEAN_SHARE
+def _clean(evidence, fit_: Fit, base, train, expected) -> bool:
+    errors = evidence.errors_percent(evidence.predict(fit_.effects))
+    return float(np.average(errors, weights=evidence.samples_of_unit)) <= _floor_percent(evidence)
 
 
 def _alternatives(rounds: list[Round], current: Fit) -> list[tuple[str, float]]:
