@@ -10,7 +10,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,bags,baselines,pymeasure,test
 
-.PHONY: demo test tables benchmarks coefficients clean
+.PHONY: demo test tables benchmarks coefficients forward clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION)
@@ -38,6 +38,14 @@ benchmarks: $(VENV)/ready
 # Characterise the wires of the virtual bench and identify the four models in config/.
 coefficients: $(VENV)/ready
 	$(BIN)/python benchmarks/coefficients.py
+
+# Fit the forward model to measurements of a real bench, and name what it lacks.
+FORWARD_DATA ?= ../shared/data/flexinol_050_bench
+FORWARD_RUNS ?= $(wildcard $(FORWARD_DATA)/*.csv)
+
+forward: $(VENV)/ready
+	@test -n "$(FORWARD_RUNS)" || { echo "no runs in $(FORWARD_DATA); set FORWARD_DATA to a folder of CSV files"; exit 1; }
+	$(BIN)/sma-actuator forward $(FORWARD_RUNS) --wire config/flexinol_050_forward.yaml --out out/forward
 
 clean:
 	rm -rf $(VENV) build install log out

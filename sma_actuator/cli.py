@@ -1,4 +1,4 @@
-"""The edge to a person: ``sma-actuator demo | bench | characterise | identify | replay``.
+"""The edge to a person: ``sma-actuator demo | bench | characterise | identify | replay | forward``.
 
 Each command lives in the package it drives, which offers ``SUMMARY``, ``add_arguments(parser)``
 and ``run(args) -> int``; only the one asked for is imported, so ``--help`` is quick and a missing
@@ -19,6 +19,7 @@ COMMANDS = {
     "characterise": ("sma_actuator.characterise", "run the bench experiments and write logs"),
     "identify": ("sma_actuator.identify", "logs to a calibrated model file"),
     "replay": ("sma_actuator.replay", "any model on any log: errors and traces"),
+    "forward": ("sma_actuator.forward", "fit power-to-displacement physics to a real bench and find what it lacks"),
 }
 
 

@@ -109,8 +109,12 @@ CANDIDATES = (
         "less power, and less of it as the wire's resistance falls",
     ),
     Candidate(
-        "resistance with temperature", "the resistivity rises with temperature", (_f("resistivity_coefficient_1_K", "1/K", -1e-3, 3e-3, 3e-4),), "circuit",
+        "resistance with temperature", "the resistivity rises with temperature", (_f("resistivity_coefficient_1_K", "1/K", -2e-4, 1.2e-3, 3e-4),), "circuit",
         "less power when hot",
+    ),
+    Candidate(
+        "other expansion", "the hot wire expands less, or more, than the maker's coefficient says",
+        (Free("wire.austenite_expansion_1_K", "1/K", 5e-6, 15e-6, 9e-6),), "alloy", "the size of the movement between power off and the first martensite",
     ),
     Candidate(
         "lasting strain", "the first cold state holds strain that cooling under this bias does not restore",

@@ -15,9 +15,9 @@ from .runs import Run
 from .wire import ForwardWire
 
 EARNS_RATIO = 0.95  #: held-out error with the effect over that without, geometric mean over runs
-EARNS_STROKE = 0.001  #: and at least this share of the stroke: less is noise
+EARNS_STROKE = 0.0005  #: and at least this share of the stroke: less is noise
 WORSE_RATIO = 1.10  #: no run may become this much worse
-ROUNDS = 5
+ROUNDS = 4
 _PAIRS_OF = 4  #: the best few singles also compete in pairs
 _HOPELESS = 1.25  #: a candidate this much worse on held-out runs does not compete again
 _RACE_EVALUATIONS = 12
@@ -211,7 +211,7 @@ def _entry(current: Entry, added: tuple[Candidate, ...], fits: Sequence[Fit], fo
     if ratio > EARNS_RATIO:
         return _replace_verdict(entry, "held-out error not 5 % less")
     if np.mean(current.held_out_m) - np.mean(errors) < EARNS_STROKE * stroke_m:
-        return _replace_verdict(entry, f"gains less than {EARNS_STROKE:.1%} of the stroke")
+        return _replace_verdict(entry, f"gains less than {EARNS_STROKE:.2%} of the stroke")
     if better < 0.6 * len(errors):
         return _replace_verdict(entry, f"better on only {better} of {len(errors)} held-out runs")
     if worst > WORSE_RATIO:
@@ -219,7 +219,7 @@ def _entry(current: Entry, added: tuple[Candidate, ...], fits: Sequence[Fit], fo
     for c in added:
         for f in c.free:
             values = [fold.wire.value(f.name) for fold in fits]
-            if sum(f.at_bound(v) for v in values) > len(values) / 2:
+            if sum(f.at_bound(v) for v in values) > 0.4 * len(values):
                 return _replace_verdict(entry, f"{f.name} runs to its bound: {f.lo:g} to {f.hi:g} {f.unit}".rstrip())
             if np.ptp(values) > 0.5 * (f.hi - f.lo):
                 return _replace_verdict(entry, f"{f.name} differs from fold to fold: {min(values):.3g} to {max(values):.3g} {f.unit}".rstrip())
