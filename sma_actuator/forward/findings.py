@@ -100,7 +100,7 @@ def summary(found: Tracing) -> dict:
     names = [run.name for run in found.judged]
     entry = lambda e: {  # noqa: E731
         "effects": list(e.names), "held_out_rms_m": dict(zip(names, e.held_out_m, strict=True)), "ratio": e.ratio,
-        "earns": e.earns, "verdict": e.verdict or "earns its parameters", "values": e.values,
+        "earns": bool(e.earns), "verdict": e.verdict or "earns its parameters", "values": e.values,
     }  # fmt: skip
     return {
         "heated_by": found.heated_by,
@@ -119,7 +119,7 @@ def summary(found: Tracing) -> dict:
         ],
         "rounds": [[entry(e) for e in entries] for entries in found.rounds],
         "fitted": {
-            f.name: {"value": float(v), "unit": f.unit, "lo": f.lo, "hi": f.hi, "at_bound": f.at_bound(v)}
+            f.name: {"value": float(v), "unit": f.unit, "lo": f.lo, "hi": f.hi, "at_bound": bool(f.at_bound(v))}
             for f, v in zip(found.fitted.free, found.fitted.values, strict=True)
         },
         "wire": to_mapping(found.fitted.wire),
