@@ -19,6 +19,7 @@ COMMANDS = {
     "characterise": ("sma_actuator.characterise", "run the bench experiments and write logs"),
     "identify": ("sma_actuator.identify", "logs to a calibrated model file"),
     "replay": ("sma_actuator.replay", "any model on any log: errors and traces"),
+    "trace": ("sma_actuator.trace", "find the effect a model lacks, and add it"),
     "forward": ("sma_actuator.forward", "fit power-to-displacement physics to a real bench and find what it lacks"),
 }
 

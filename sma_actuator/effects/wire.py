@@ -151,13 +151,17 @@ class MinorLoopMemory:
 
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """The loop opens with the rate: δ lags behind what R says, in proportion to dR/dt."""
+    """The loop opens with the rate: δ lags behind what R says, in proportion to dR/dt, or by relaxing towards it."""
 
     STAGE = "wire"
-    STATES = 2
+    STATES = 4
     displacement_per_rate: float = parameter(0.0, "shift of δ against dR/dt", "m·s/Ω", -10.0, 10.0)
+    relaxation_time: float = parameter(0.0, "time constant with which δ follows", "s", 0.0, 100.0)
 
     def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
-        """Add the shift."""
-        slope = (frame.resistance_Ohm - frame.lag(frame.resistance_Ohm, state, RATE_WINDOW_s)) / RATE_WINDOW_s
-        frame.displacement_m = frame.displacement_m - self.displacement_per_rate * slope
+        """Relax, and add the shift."""
+        slope = (frame.resistance_Ohm - frame.lag(frame.resistance_Ohm, state[:2], RATE_WINDOW_s)) / RATE_WINDOW_s
+        displacement_m = frame.displacement_m
+        if self.relaxation_time > 0.0:
+            displacement_m = frame.lag(displacement_m, state[2:], self.relaxation_time)
+        frame.displacement_m = displacement_m - self.displacement_per_rate * slope

@@ -60,6 +60,7 @@ class Scales:
     cycle_power_W: float
     cycles: int
     reference_Ohm: float
+    thermal_s: float
     ambient_logged: bool
 
     @classmethod
@@ -86,7 +87,8 @@ class Scales:
             float(np.percentile(current_A * resistance_Ohm, 98.0)), float(np.median(np.abs(load_N))), spread(load_N), high_W,
             high_W / evidence.place.heat_loss_W_K, evidence.duration_s,
             float(np.median([np.median(np.diff(s.time_s)) for s in signals])), change_K,
-            0.5 * (float(np.percentile(power_W, 5.0)) + high_W), evidence.units, evidence.place.reference_resistance_Ohm, bool(len(known)),
+            0.5 * (float(np.percentile(power_W, 5.0)) + high_W), evidence.units, evidence.place.reference_resistance_Ohm,
+            evidence.config.thermal.heat_capacity / evidence.config.thermal.heat_loss, bool(len(known)),
         )
 
 
@@ -113,7 +115,7 @@ _FREE: dict[str, Callable[[Scales], list[Free]]] = {
     "voltage_offset": lambda s: [_size("offset", 0.2 * s.voltage_V, 0.01 * s.voltage_V)],
     "reference_self_heating": lambda s: [
         _size("coefficient", 0.3 / (s.current_A**2 * s.reference_Ohm), 0.02 / (s.current_A**2 * s.reference_Ohm)),
-        _time_constant("time_constant", 0.5, 300.0, 2.0, 20.0, 80.0),
+        _time_constant("time_constant", max(3.0, 2.0 * s.thermal_s), 300.0, 5.0, 20.0, 80.0),  # a resistor has more mass than a wire
     ],
     "shunt": lambda s: [_size("conductance", 0.3 / s.resistance_Ohm, 0.02 / s.resistance_Ohm, 0.0)],
     "load_cell_drift": lambda s: [
@@ -123,7 +125,7 @@ _FREE: dict[str, Callable[[Scales], list[Free]]] = {
     "self_heating": lambda s: [
         _size("temperature_coefficient", 5e-3, 2e-4),
         Free("onset", 0.02 * s.rise_K, 0.95 * s.rise_K, 1.0, (0.1 * s.rise_K, 0.4 * s.rise_K, 0.7 * s.rise_K)),
-        _time_constant("time_constant", 0.1, 60.0, 2.0),
+        _time_constant("time_constant", 0.3 * s.thermal_s, 4.0 * s.thermal_s, s.thermal_s),
     ],
     "ambient_temperature": lambda s: [
         _size("temperature_coefficient", 2e-2, 5e-4),
@@ -144,9 +146,14 @@ _FREE: dict[str, Callable[[Scales], list[Free]]] = {
     "minor_loop_memory": lambda s: [
         _size("after_heating", 0.6 * s.stroke_m, 0.05 * s.stroke_m), _size("after_cooling", 0.6 * s.stroke_m, 0.05 * s.stroke_m),
     ],
-    "rate": lambda s: [_size("displacement_per_rate", 2.0 * s.stroke_m / s.range_Ohm, 0.1 * s.stroke_m / s.range_Ohm)],
+    "rate": lambda s: [
+        _size("displacement_per_rate", 2.0 * s.stroke_m / s.range_Ohm, 0.1 * s.stroke_m / s.range_Ohm),
+        Free("relaxation_time", 1e-3, 5.0, 1.0, (1e-2, 0.2)),
+    ],
     "slip": lambda s: [_size("length", s.stroke_m, 0.02 * s.stroke_m)],  # and a time, which is searched for
-    "backlash": lambda s: [_size("width", 0.5 * s.stroke_m, 0.02 * s.stroke_m, 0.0)],
+    "backlash": lambda s: [
+        Free("width", 1e-4 * s.stroke_m, 0.5 * s.stroke_m, 1.0, (0.02 * s.stroke_m, 0.06 * s.stroke_m, 0.15 * s.stroke_m)),
+    ],
     "reference_lag": lambda s: [Free("time_constant", 1e-3, 5.0, 1.0, (0.1, 0.5))],
     "reference_gain": lambda s: [_size("gain", 0.5, 0.03)],
     "reference_drift": lambda s: [

@@ -96,7 +96,7 @@ class Evidence:
         """Which unit each row of the residual belongs to, and its weight."""
         samples = np.concatenate(self.unit)
         per_unit = np.bincount(samples, minlength=self.units)
-        self._sample_weight = np.sqrt(INDEPENDENT / per_unit[samples])
+        self.sample_weight = np.sqrt(INDEPENDENT / per_unit[samples])
         rests = [int(self.unit[i][r.start]) for i, rests in enumerate(self.rests) for r in rests]
         self.unit_of_row = np.concatenate((samples, np.repeat(rests, 2).astype(int)))
         self.rows_of_samples = len(samples)
@@ -158,17 +158,19 @@ class Evidence:
         return expected_m, np.hypot(scatter_m, SCATTER_FLOOR * c.scatter / 100 * self.full_stroke_m)
 
     def residual(self, effects: Mapping[str, object]) -> np.ndarray:
-        """Rows to be made small: half their squares, summed over a cycle, is that cycle's loss.
+        """Rows to be made small by a fit of ``effects`` (see :meth:`rows`)."""
+        return self.rows(self.predict(effects))
+
+    def rows(self, predictions: Sequence[Prediction]) -> np.ndarray:
+        """Rows of which half the squares, summed over a cycle, are that cycle's loss.
 
         Samples first, log after log, then R and δ of every rest; each in standard deviations of the
         calibration, Huber-limited.
         """
-        predictions = self.predict(effects)
         samples = [
             (measured - p.shown_m - p.expected_m) / p.scatter_m for measured, p in zip(self._measured_m, predictions, strict=True)
         ]
-        rows = np.concatenate((limited(np.concatenate(samples)) * self._sample_weight, limited(self.at_rest(predictions))))
-        return rows
+        return np.concatenate((limited(np.concatenate(samples)) * self.sample_weight, limited(self.at_rest(predictions))))
 
     def at_rest(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """R and δ of every rest against the calibration's, in its standard deviations, shape (2 · rests,)."""

@@ -26,6 +26,7 @@ class Fit:
     intervals: dict[str, dict[str, tuple[float, float]]]  #: 95 %, cycles taken as independent, samples not
     losses: np.ndarray  #: of every unit, by the fit to all of them, shape (units,)
     held_out: np.ndarray  #: of every unit, by a fit that has not seen it, shape (units,)
+    held_out_percent: np.ndarray  #: mean absolute error of every unit by the same fits, % of full stroke, shape (units,)
     at_bound: tuple[str, ...] = ()  #: parameters at the end of what is physically possible
 
     @property
@@ -61,9 +62,12 @@ class _Problem:
             out[c.name][f.name] = f.from_unit(float(x))
         return out
 
-    def residual(self, u: np.ndarray) -> np.ndarray:
+    def effects(self, u: np.ndarray) -> dict[str, object]:
         values = self.values(u)
-        return self.evidence.residual({c.name: c.build(values[c.name]) for c in self.candidates})
+        return {c.name: c.build(values[c.name]) for c in self.candidates}
+
+    def residual(self, u: np.ndarray) -> np.ndarray:
+        return self.evidence.residual(self.effects(u))
 
     def jacobian(self, u: np.ndarray, at_u: np.ndarray) -> np.ndarray:
         columns = []
@@ -113,15 +117,23 @@ def fit(
         elif c.scanned:
             problem.scanned[c.name] = {c.scanned: _scan(problem, c, u, rows)}
     u = _start(problem, u, new, rows)
-    solution = problem.solve(u, rows)
-    u = solution.x
+    u = problem.solve(u, rows).x
+    for c in candidates:
+        if c.scanned:  # the others are known now, so its time may be another
+            before = problem.scanned[c.name]
+            problem.scanned[c.name] = {c.scanned: _scan(problem, c, u, rows)}
+            again = problem.solve(u, rows).x
+            if np.sum(problem.residual(again)[rows] ** 2) < _squares(problem, u, rows, c.name, before):
+                u = again
+            else:
+                problem.scanned[c.name] = before
     at_u = problem.residual(u)
     J = problem.jacobian(u, at_u)
     losses = evidence.losses(at_u)
     values = problem.values(u)
     return Fit(
         problem.candidates, values, _intervals(problem, u, J, at_u, rows), losses,
-        _held_out(problem, u, J, at_u, train, folds), _at_bound(problem, u),
+        *_held_out(problem, u, J, at_u, train, folds), _at_bound(problem, u),
     )
 
 
@@ -150,6 +162,15 @@ def _start(problem: _Problem, u: np.ndarray, new: list[int], rows: np.ndarray) -
     return best
 
 
+def _squares(problem: _Problem, u: np.ndarray, rows: np.ndarray, name: str, scanned: dict[str, float]) -> float:
+    """Loss with another value of a scanned parameter."""
+    now, problem.scanned[name] = problem.scanned[name], scanned
+    try:
+        return float(np.sum(problem.residual(u)[rows] ** 2))
+    finally:
+        problem.scanned[name] = now
+
+
 def _with(u: np.ndarray, i: int, value: float) -> np.ndarray:
     out = u.copy()
     out[i] = value
@@ -166,7 +187,7 @@ def _scan(problem: _Problem, candidate: Candidate, u: np.ndarray, rows: np.ndarr
     sizes = [i for i, (c, f) in enumerate(problem.slots) if c is candidate]
     at = problem.residual(_with(u, sizes[0], 0.0))
     n = evidence.rows_of_samples
-    weight, rows = evidence._sample_weight, rows[:n]  # noqa: SLF001
+    weight, rows = evidence.sample_weight, rows[:n]
     elapsed_s = np.concatenate([p.elapsed_s for p in evidence.predict({})])
     order = np.argsort(elapsed_s, kind="stable")
     order = order[rows[order]]
@@ -180,10 +201,11 @@ def _scan(problem: _Problem, candidate: Candidate, u: np.ndarray, rows: np.ndarr
     return float(elapsed_s[order[int(np.argmax(gain))]])
 
 
-def _held_out(problem: _Problem, u: np.ndarray, J: np.ndarray, at_u: np.ndarray, train: np.ndarray, folds: int) -> np.ndarray:
-    """Losses by fits that have not seen each unit: one Gauss–Newton step from the joint fit is as good as a new one."""
+def _held_out(problem: _Problem, u: np.ndarray, J: np.ndarray, at_u: np.ndarray, train: np.ndarray, folds: int):
+    """Losses and errors by fits that have not seen each unit: one Gauss–Newton step from the joint fit is as good as a new one."""
     evidence = problem.evidence
     losses = evidence.losses(at_u)
+    percent = evidence.errors_percent(evidence.predict(problem.effects(u)))
     numbered = np.flatnonzero(train)
     for k in range(folds):
         left_out = numbered[k::folds]
@@ -193,12 +215,15 @@ def _held_out(problem: _Problem, u: np.ndarray, J: np.ndarray, at_u: np.ndarray,
         A, b = J[rows], at_u[rows]
         step = -np.linalg.lstsq(A, b, rcond=1e-6)[0]
         moved = np.clip(u + np.clip(step, -2.0, 2.0), problem.low, problem.high)
-        there = problem.residual(moved)
+        predictions = evidence.predict(problem.effects(moved))
+        there = evidence.rows(predictions)
         if np.sum(there[rows] ** 2) > 1.02 * np.sum(b**2):  # too curved for a whole step
             moved = np.clip(u + 0.3 * np.clip(step, -2.0, 2.0), problem.low, problem.high)
-            there = problem.residual(moved)
+            predictions = evidence.predict(problem.effects(moved))
+            there = evidence.rows(predictions)
         losses[left_out] = evidence.losses(there)[left_out]
-    return losses
+        percent[left_out] = evidence.errors_percent(predictions)[left_out]
+    return losses, percent
 
 
 def _intervals(problem: _Problem, u: np.ndarray, J: np.ndarray, at_u: np.ndarray, rows: np.ndarray) -> dict:

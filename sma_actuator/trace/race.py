@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -23,9 +22,9 @@ PAIR_FIRST = 3  #: so many of the best single candidates are tried with every ot
 NONE_ERROR = 1.15
 ALIKE = 0.05  #: share of the gain within which two fits count as alike in any case
 #: Clean: mean loss, over that of a log like the calibration's, up to which nothing more is to be found …
-CLEAN_LOSS = 2.0
-#: … or the share of the excess loss that is explained …
-CLEAN_SHARE = 0.9
+CLEAN_LOSS = 1.8
+#: … or the share of the excess loss that is explained, together with an error within the floor.
+CLEAN_SHARE = 0.95
 Progress = Callable[[str, float], None]
 
 
@@ -56,7 +55,7 @@ class Tracing:
     verdict: str  #: none, traced or unexplained
     fit: Fit | None
     rounds: list[Round]
-    alternatives: list[tuple[str, float]]  #: other names for the same thing, with confidence
+    alternatives: dict[str, Trial]  #: other names for one of the effects, and how they do with the rest
     untestable: dict[str, str]
     train: np.ndarray  #: bool, shape (units,): cycles of which some were held out in turn; the others are the last block
     losses: dict[str, np.ndarray]  #: held-out loss of every unit, before and after
@@ -88,7 +87,7 @@ def trace(
     floor = _floor_percent(evidence)
     expected = _expected_loss(evidence)
     result = Tracing(
-        "none", None, [], [], {n: r for n, r in reasons.items() if r}, train, {"before": base, "after": base},
+        "none", None, [], {}, {n: r for n, r in reasons.items() if r}, train, {"before": base, "after": base},
         {"before": errors, "after": errors}, {"before": before, "after": before}, floor, expected, 0.0,
     )
     if float(np.average(errors, weights=weight)) <= floor and not only:
@@ -98,19 +97,18 @@ def trace(
         while len(current.names if current else ()) < MOST_EFFECTS:
             chosen = current.candidates if current else ()
             rest = [c for c in field_ if c.name not in {x.name for x in chosen}]
-            trials = _race(pool, evidence, [(*chosen, c) for c in rest], train, current, held, progress)
+            trials = _race(pool, evidence, [((*chosen, c), current) for c in rest], train, held, progress)
             round_ = _decide(evidence, tuple(c.name for c in chosen), trials, train, held, expected)
             result.rounds.append(round_)
             if round_.winner is None:
                 break
             if len(chosen) == 0 and not only and not _clean(evidence, round_.winner.fit, base, train, expected):
-                pairs = _pairs(trials, rest)
-                more = _race(pool, evidence, pairs, train, None, held, progress)
+                more = _race(pool, evidence, _pairs(trials, rest), train, held, progress)
                 best_pair = max(more, key=lambda t: t.gain, default=None)
                 if best_pair is not None and _pays(best_pair, round_.winner, train):
                     round_.trials += more
                     round_.winner = best_pair
-                    round_.alternatives = []
+                    round_.alternatives = [t for t in more if t is not best_pair and not t.fit.at_bound and _alike(t, best_pair, train)]
             current = round_.winner.fit
             held = current.held_out
             if only or _clean(evidence, current, base, train, expected):
@@ -138,9 +136,10 @@ def _expected_loss(evidence: Evidence) -> float:
     return 0.5 * (INDEPENDENT + 2.0 * rests / evidence.units)
 
 
-def _race(pool, evidence, entries, train, known, held, progress) -> list[Trial]:
+def _race(pool, evidence, entries, train, held, progress) -> list[Trial]:
+    """Fits of ``entries``, (candidates, what is known of some of them), best first."""
     trials = []
-    fits = pool(delayed(fit)(evidence, entry, train, known) for entry in entries) if entries else []
+    fits = pool(delayed(fit)(evidence, entry, train, known) for entry, known in entries) if entries else []
     for f in fits:
         difference = (held - f.held_out)[train]
         trials.append(Trial(f.names, float(difference.mean()), _standard_error(difference), f))
@@ -178,7 +177,7 @@ def _pays(pair: Trial, single: Trial, train: np.ndarray) -> bool:
     return difference.mean() > SIGNIFICANT * _standard_error(difference) and not pair.fit.at_bound
 
 
-def _pairs(trials: list[Trial], rest: Sequence[Candidate]) -> list[tuple[Candidate, Candidate]]:
+def _pairs(trials: list[Trial], rest: Sequence[Candidate]) -> list[tuple[tuple[Candidate, Candidate], Fit]]:
     seen, out = set(), []
     for trial in trials[:PAIR_FIRST]:
         (first,) = trial.fit.candidates
@@ -186,7 +185,7 @@ def _pairs(trials: list[Trial], rest: Sequence[Candidate]) -> list[tuple[Candida
             key = frozenset((first.name, other.name))
             if len(key) == 2 and key not in seen:
                 seen.add(key)
-                out.append((first, other))
+                out.append(((first, other), trial.fit))
     return out
 
 
@@ -196,17 +195,22 @@ def _share(held, base, train, expected) -> float:
 
 
 def _clean(evidence, fit_: Fit, base, train, expected) -> bool:
+    """Whether what remains is like the calibration: the error no larger, and nothing that shows in the loss."""
+    held = fit_.held_out
+    if float(held[train].mean()) > CLEAN_LOSS * expected and _share(held, base, train, expected) < CLEAN_SHARE:
+        return False
     errors = evidence.errors_percent(evidence.predict(fit_.effects))
     return float(np.average(errors, weights=evidence.samples_of_unit)) <= _floor_percent(evidence)
 
 
-def _alternatives(rounds: list[Round], current: Fit) -> list[tuple[str, float]]:
-    out = []
+def _alternatives(rounds: list[Round], current: Fit) -> dict[str, Trial]:
+    """Names that would do as well for one of the effects found."""
+    out: dict[str, Trial] = {}
     for r in rounds:
         for t in r.alternatives:
-            name = t.names[-1]
-            if name not in current.names:
-                out.append((name, 0.5))
+            others = [n for n in t.names if n not in current.names]
+            if len(others) == 1:
+                out.setdefault(others[0], t)
     return out
 
 
