@@ -75,7 +75,7 @@ CANDIDATES = (
     Candidate(
         "R-phase",
         "on cooling, part of the austenite passes through the R-phase first",
-        (_f("r_strain", "", 0.0, 0.008, 0.001), _f("r_start_C", "°C", 0.0, 150.0, 70.0), _f("r_width_K", "K", 1.0, 60.0, 15.0)),
+        (_f("r_strain", "", 0.0, 0.008, 0.001), _f("r_start_C", "°C", 20.0, 130.0, 85.0), _f("r_width_K", "K", 1.0, 60.0, 20.0)),
         "alloy",
         "a small early lengthening on cooling that heating does not have",
     ),
@@ -97,8 +97,8 @@ CANDIDATES = (
         (_f("spread_K", "K", 0.0, 25.0, 5.0),), "alloy", "long rounded ends of both transformations where the cosine ends sharply",
     ),
     Candidate(
-        "two populations", "part of the wire transforms at temperatures of its own",
-        (_f("early_share", "", 0.0, 0.5, 0.08), _f("early_by_K", "K", -40.0, 40.0, 20.0)), "alloy", "a shoulder before or after the main transformation",
+        "two populations", "part of the wire transforms at lower temperatures than the rest",
+        (_f("early_share", "", 0.0, 0.5, 0.08), _f("early_by_K", "K", 2.0, 40.0, 20.0)), "alloy", "a shoulder before the main transformation on heating, and after it on cooling",
     ),
     Candidate(
         "cold ends", "the wire is colder near its crimps",
@@ -114,7 +114,7 @@ CANDIDATES = (
     ),
     Candidate(
         "other expansion", "the hot wire expands less, or more, than the maker's coefficient says",
-        (Free("wire.austenite_expansion_1_K", "1/K", 5e-6, 15e-6, 9e-6),), "alloy", "the size of the movement between power off and the first martensite",
+        (Free("wire.austenite_expansion_1_K", "1/K", 6e-6, 15e-6, 9e-6),), "alloy", "the size of the movement between power off and the first martensite",
     ),
     Candidate(
         "lasting strain", "the first cold state holds strain that cooling under this bias does not restore",

@@ -50,6 +50,7 @@ def run(args: argparse.Namespace) -> int:
         if args.jobs == 1:
             found = trace(wire, runs, judge, progress)
         else:
+            os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # of the processes to come; see fitting.fit
             with ProcessPoolExecutor(args.jobs, multiprocessing.get_context("spawn")) as pool:
                 found = trace(wire, runs, judge, progress, pool)
         bar.update(task, description="done", completed=1.0)
@@ -80,7 +81,7 @@ def _check(runs: list[Run], judge: list[Run], args: argparse.Namespace) -> None:
 
 
 def _table(found: Tracing) -> Table:
-    table = Table(title="Held-out error, RMS [mm] and % of the stroke")
+    table = Table(title="Held-out error, RMS in mm and % of the stroke")
     for header in ("judged on", "plain", "with the named effects", "% before", "% after"):
         table.add_column(header, justify="left" if header == "judged on" else "right")
     for r, before, after in zip(found.judged, found.plain.held_out_m, found.held_out.held_out_m, strict=True):

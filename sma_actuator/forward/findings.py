@@ -117,6 +117,7 @@ def summary(found: Tracing) -> dict:
             }
             for c, (_, ratio) in zip(found.chosen, found.dropped, strict=True)
         ],
+        "paths": [{"effects": list(names), "ratio": ratio} for names, ratio in found.paths],
         "rounds": [[entry(e) for e in entries] for entries in found.rounds],
         "fitted": {
             f.name: {"value": float(v), "unit": f.unit, "lo": f.lo, "hi": f.hi, "at_bound": bool(f.at_bound(v))}

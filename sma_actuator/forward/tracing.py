@@ -18,9 +18,11 @@ EARNS_RATIO = 0.95  #: held-out error with the effect over that without, geometr
 EARNS_STROKE = 0.0005  #: and at least this share of the stroke: less is noise
 WORSE_RATIO = 1.10  #: no run may become this much worse
 ROUNDS = 4
+_PATHS = 4  #: greedy addition starts from each of the best few of the first round: one alone may lead astray
 _PAIRS_OF = 4  #: the best few singles also compete in pairs
 _HOPELESS = 1.25  #: a candidate this much worse on held-out runs does not compete again
-_RACE_EVALUATIONS = 12
+_RACE_EVALUATIONS = 15
+_PRUNE_EVALUATIONS = 30
 _FINAL_EVALUATIONS = 60
 
 #: A fold: runs to fit, runs to judge.
@@ -57,7 +59,8 @@ class Tracing:
     heats: dict[str, tuple[float, ...]]  #: held-out RMS [m] of the plain model for each voltage, on each judged run
     without_expansion_m: tuple[float, ...]  #: the plain model with no thermal expansion
     plain: Entry
-    rounds: tuple[tuple[Entry, ...], ...]
+    rounds: tuple[tuple[Entry, ...], ...]  #: of the path that was taken
+    paths: tuple[tuple[tuple[str, ...], float], ...]  #: where each start of the greedy addition ended, and its ratio
     chosen: tuple[Candidate, ...]
     held_out: Entry  #: the plain model and the named effects
     dropped: tuple[tuple[str, float], ...]  #: (effect, ratio without it), what each is worth in the end
@@ -112,44 +115,71 @@ def trace(
         else _fit_plain((cold.with_values({"drive.heats": base.drive.heats}), folds)), folds,
     )  # fmt: skip
 
-    current, chosen, rounds = plain, [], []
-    running = list(candidates)
-    for number in range(ROUNDS):
-        sets = [(c,) for c in running if c not in chosen and not _covered(c, chosen)]
-        if not sets:
+    first = _first_round(do, plain, candidates, folds, progress)
+    paths = []
+    starts = [e for e in first if e.earns][:_PATHS]
+    for number, start in enumerate(starts):
+        paths.append(_climb(do, start, candidates, folds, lambda what, share, n=number: progress(what, 0.3 + 0.65 * (n + share) / len(starts))))
+    current, rounds = min(paths, key=lambda path: _mean(path[0].held_out_m), default=(plain, ()))
+    chosen = [c for c in candidates if c.name in current.names]
+    rounds = (first, *rounds)
+    ends = tuple((path.names, _mean(path.held_out_m) / _mean(plain.held_out_m)) for path, _ in paths)
+
+    progress("last fit, on all the runs", 0.95)
+    all_plain = fit(base, plain_parameters(base), runs, plain_starts(plain_parameters(base)), _FINAL_EVALUATIONS)
+    while True:
+        chosen, current, dropped = _prune(do, plain, chosen, current, folds)
+        if not chosen:
+            current, final = plain, all_plain
             break
+        final = fit(base, current.fits[0].free, runs, [f.values for f in current.fits], _FINAL_EVALUATIONS)
+        # What the last fit drives to a bound of the possible has not been measured after all.
+        possible = [c for c in chosen if not any(f.at_bound(final.wire.value(f.name)) for f in c.free)]
+        if len(possible) == len(chosen):
+            break
+        chosen = possible
+        current = _entry(plain, tuple(chosen), _fit_with((plain.fits, chosen, folds, _PRUNE_EVALUATIONS)), folds)
+    progress("done", 1.0)
+    return Tracing(
+        folds, heats, no_expansion, plain, rounds, ends, tuple(chosen), current, dropped, all_plain, final, repeats([*runs, *judge])
+    )
+
+
+def _first_round(do, plain: Entry, candidates: Sequence[Candidate], folds: Sequence[Fold], progress) -> tuple[Entry, ...]:
+    """Every candidate alone, and the best few in pairs; best first."""
+    entries = []
+    for entry in _race(do, plain, [(c,) for c in candidates], folds):
+        entries.append(entry)
+        progress(f"alone: {entry.names[0]}", 0.05 + 0.15 * len(entries) / len(candidates))
+    best = sorted(entries, key=lambda e: e.ratio)[:_PAIRS_OF]
+    pairs = [tuple(c for c in candidates if c.name in a.names + b.names) for a, b in combinations(best, 2)]
+    for entry in _race(do, plain, [p for p in pairs if _independent(p)], folds):
+        alone = min(e.ratio for e in entries if set(e.names) < set(entry.names))
+        if entry.earns and entry.ratio > EARNS_RATIO * alone:
+            entry = _replace_verdict(entry, "no better than one of the two alone")
+        entries.append(entry)
+        progress(" + ".join(entry.names), 0.25)
+    return tuple(sorted(entries, key=lambda e: e.ratio))
+
+
+def _climb(do, start: Entry, candidates: Sequence[Candidate], folds: Sequence[Fold], progress) -> tuple[Entry, tuple[tuple[Entry, ...], ...]]:
+    """Greedy addition from ``start``: where it ends, with all the names, and its rounds."""
+    current, names, rounds, running = start, start.names, [], list(candidates)
+    for number in range(1, ROUNDS):
+        chosen = [c for c in candidates if c.name in names]
+        sets = [(c,) for c in running if c.name not in names and not _covered(c, chosen)]
         entries = []
         for entry in _race(do, current, sets, folds):
             entries.append(entry)
-            progress(f"round {number + 1}: {' + '.join(entry.names)}", (number + len(entries) / (len(sets) + 6)) / ROUNDS)
+            progress(" + ".join((*names, *entry.names)), (number - 1 + len(entries) / len(sets)) / (ROUNDS - 1))
         running = [c for c in running if not any(e.names == (c.name,) and e.ratio > _HOPELESS for e in entries)]
-        if number == 0:
-            first = sorted(entries, key=lambda e: e.ratio)[:_PAIRS_OF]
-            pairs = [tuple(c for c in candidates if c.name in a.names + b.names) for a, b in combinations(first, 2)]
-            for entry in _race(do, current, [p for p in pairs if _independent(p)], folds):
-                alone = min(e.ratio for e in entries if set(e.names) < set(entry.names))
-                if entry.earns and entry.ratio > EARNS_RATIO * alone:
-                    entry = _replace_verdict(entry, "no better than one of the two alone")
-                entries.append(entry)
-                progress(f"round 1: {' + '.join(entry.names)}", 0.9 / ROUNDS)
         entries.sort(key=lambda e: e.ratio)
         rounds.append(tuple(entries))
         winner = next((e for e in entries if e.earns), None)
         if winner is None:
             break
-        current = winner
-        chosen += [c for c in candidates if c.name in winner.names]
-
-    chosen, current, dropped = _prune(do, plain, chosen, current, folds)
-    progress("last fit, on all the runs", 0.97)
-    all_plain = fit(base, plain_parameters(base), runs, plain_starts(plain_parameters(base)), _FINAL_EVALUATIONS)
-    final = all_plain
-    if chosen:
-        final = fit(base, current.fits[0].free, runs, [f.values for f in current.fits], _FINAL_EVALUATIONS)
-    progress("done", 1.0)
-    return Tracing(
-        folds, heats, no_expansion, plain, tuple(rounds), tuple(chosen), current, dropped, all_plain, final, repeats([*runs, *judge])
-    )
+        current, names = winner, (*names, *winner.names)
+    return Entry(names, current.held_out_m, current.ratio, "", current.fits), tuple(rounds)
 
 
 def repeats(runs: Sequence[Run]) -> tuple[tuple[str, str, float], ...]:
@@ -180,9 +210,9 @@ def _fit_plain(job: tuple[ForwardWire, Sequence[Fold]]) -> list[Fit]:
     return [fit(wire, free, fitted, plain_starts(free)) for fitted, _ in folds]
 
 
-def _fit_with(job: tuple[Sequence[Fit], Sequence[Candidate], Sequence[Fold]]) -> list[Fit]:
+def _fit_with(job: tuple[Sequence[Fit], Sequence[Candidate], Sequence[Fold], int]) -> list[Fit]:
     """Each fold's fit with the candidates' values free as well, from where it was."""
-    fits, added, folds = job
+    fits, added, folds, evaluations = job
     out = []
     for base, (runs, _) in zip(fits, folds, strict=True):
         have = {f.name for f in base.free}
@@ -190,12 +220,12 @@ def _fit_with(job: tuple[Sequence[Fit], Sequence[Candidate], Sequence[Fold]]) ->
         starts = [np.concatenate([base.values, [f.start for f in new]])]
         if len(new) == 2 and len(added) == 1:  # two values bend into one another: try the other side too
             starts.append(np.concatenate([base.values, [0.7 * f.lo + 0.3 * f.hi for f in new]]))
-        out.append(fit(base.wire, (*base.free, *new), runs, starts, _RACE_EVALUATIONS))
+        out.append(fit(base.wire, (*base.free, *new), runs, starts, evaluations))
     return out
 
 
 def _race(do, current: Entry, sets: Sequence[tuple[Candidate, ...]], folds: Sequence[Fold]) -> Iterator[Entry]:
-    fitted = do(_fit_with, [(current.fits, s, folds) for s in sets])
+    fitted = do(_fit_with, [(current.fits, s, folds, _RACE_EVALUATIONS) for s in sets])
     for added, fits in zip(sets, fitted, strict=True):
         yield _entry(current, added, fits, folds)
 
@@ -221,7 +251,7 @@ def _entry(current: Entry, added: tuple[Candidate, ...], fits: Sequence[Fit], fo
             values = [fold.wire.value(f.name) for fold in fits]
             if sum(f.at_bound(v) for v in values) > 0.4 * len(values):
                 return _replace_verdict(entry, f"{f.name} runs to its bound: {f.lo:g} to {f.hi:g} {f.unit}".rstrip())
-            if np.ptp(values) > 0.5 * (f.hi - f.lo):
+            if np.ptp(values) > max(0.9 * abs(float(np.median(values))), 0.1 * (f.hi - f.lo)):
                 return _replace_verdict(entry, f"{f.name} differs from fold to fold: {min(values):.3g} to {max(values):.3g} {f.unit}".rstrip())
     return entry
 
@@ -246,7 +276,7 @@ def _prune(do, plain: Entry, chosen: list[Candidate], current: Entry, folds: Seq
         rest = [[c for c in chosen if c is not out] for out in chosen]
         trials = [
             Entry(tuple(c.name for c in kept), _held_out(fits, folds), _mean(_held_out(fits, folds)) / _mean(current.held_out_m), "", tuple(fits))
-            for kept, fits in zip(rest, do(_fit_with, [(plain.fits, kept, folds) for kept in rest]), strict=True)
+            for kept, fits in zip(rest, do(_fit_with, [(plain.fits, kept, folds, _PRUNE_EVALUATIONS) for kept in rest]), strict=True)
         ]
         least = min(range(len(chosen)), key=lambda i: trials[i].ratio)
         if trials[least].ratio > 1.0 + 0.5 * (1.0 - EARNS_RATIO):

@@ -46,6 +46,6 @@ def synthetic(effects: dict[str, float], noise_m: float = 2e-5) -> list[Run]:
     rng = np.random.default_rng(7)
     runs = []
     for name, duty in duties.items():
-        position_m = simulate(wire, duty, _STEP_S)[:, POSITION] + noise_m * rng.standard_normal(len(t))
-        runs.append(Run(name, t + _STEP_S, duty, position_m + 0.001))
+        position_m = np.concatenate([[0.0], simulate(wire, duty, _STEP_S)[:-1, POSITION]]) + noise_m * rng.standard_normal(len(t))
+        runs.append(Run(name, t, duty, position_m + 0.001))
     return runs
