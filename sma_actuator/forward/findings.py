@@ -7,7 +7,7 @@ import numpy as np
 from ..parameters import to_mapping
 from .fitting import predict
 from .runs import IDLE_DUTY, Run
-from .tracing import Tracing
+from .tracing import EARNS_RATIO, Tracing
 from .wire import ForwardWire
 
 _AFTER_S = 8.0  #: the movement after power off is looked for within this
@@ -65,6 +65,12 @@ def sentences(found: Tracing) -> list[str]:
         out.append(line)
     for one, two, rms_m in found.repeat_m:
         out.append(f"{one} and {two} were driven alike and differ by {1e3 * rms_m:.2f} mm RMS: of that the duty can explain nothing.")
+    refused = next((e for e in found.rounds[-1] if e.ratio <= EARNS_RATIO and not e.earns), None)
+    if refused:
+        out.append(
+            f"Not named, though it would leave {refused.ratio:.2f} of the held-out error: {' + '.join(refused.names)} "
+            f"({refused.verdict}). Something that acts like it is still unexplained."
+        )
     worst = int(np.argmax(after))
     out.append(f"Left unexplained: {after.min():.2f} to {after.max():.2f} mm RMS on held-out runs, most in {judged[worst].name}.")
     bound = [f"{f.name.rpartition('.')[2]} at {v:.4g}" for f, v in zip(found.fitted.free, found.fitted.values, strict=True) if f.at_bound(v)]

@@ -43,7 +43,7 @@ class Free:
 def plain_parameters(wire: ForwardWire) -> list[Free]:
     """What of the plain model is fitted: losses and capacity, latent heat, temperatures, strain.
 
-    Specific heat: calorimetry gives 450 to 620 J/(kg·K), the maker 837.  The four temperatures may lie a tolerance away from the maker's, and lower by the shift from
+    Specific heat: calorimetry gives 450 to 620 J/(kg·K), the maker 837, to 10 %.  The four temperatures may lie a tolerance away from the maker's, and lower by the shift from
     the stress of use to none.  Widths take the place of the finish temperatures, so that a band
     cannot turn inside out.
     """
@@ -55,7 +55,7 @@ def plain_parameters(wire: ForwardWire) -> list[Free]:
 
     return [
         Free("surroundings.heat_transfer_W_m2K", "W/(m²·K)", 10.0, 300.0, wire.surroundings.heat_transfer_W_m2K),
-        Free("wire.specific_heat_J_kgK", "J/(kg·K)", 450.0, 850.0, min(max(w.specific_heat_J_kgK, 460.0), 840.0)),
+        Free("wire.specific_heat_J_kgK", "J/(kg·K)", 450.0, 920.0, min(max(w.specific_heat_J_kgK, 460.0), 900.0)),
         Free("wire.latent_heat_J_kg", "J/kg", 5e3, 35e3, min(max(w.latent_heat_J_kg, 6e3), 34e3)),
         around("wire.austenite_start_C", w.austenite_start_C),
         Free("austenite_width_K", "K", 2.0, 50.0, w.austenite_finish_C - w.austenite_start_C),

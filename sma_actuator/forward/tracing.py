@@ -251,7 +251,7 @@ def _entry(current: Entry, added: tuple[Candidate, ...], fits: Sequence[Fit], fo
             values = [fold.wire.value(f.name) for fold in fits]
             if sum(f.at_bound(v) for v in values) > 0.4 * len(values):
                 return _replace_verdict(entry, f"{f.name} runs to its bound: {f.lo:g} to {f.hi:g} {f.unit}".rstrip())
-            if np.ptp(values) > max(0.9 * abs(float(np.median(values))), 0.1 * (f.hi - f.lo)):
+            if np.ptp(values) > max(1.2 * abs(float(np.median(values))), 0.1 * (f.hi - f.lo)):
                 return _replace_verdict(entry, f"{f.name} differs from fold to fold: {min(values):.3g} to {max(values):.3g} {f.unit}".rstrip())
     return entry
 
