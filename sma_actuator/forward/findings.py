@@ -28,6 +28,13 @@ def power_off_rise_m(run: Run, position_m: np.ndarray) -> float:
     return float(position_m[off : off + steps].max() - position_m[off - 3 : off].mean())
 
 
+def standstill_s(run: Run, position_m: np.ndarray) -> float:
+    """How long the slider stays within 0.3 % of the stroke after the power went off."""
+    off = power_off_index(run)
+    moved = np.abs(position_m[off:] - position_m[off - 3 : off].mean()) > 0.003 * run.stroke_m
+    return float(np.argmax(moved) * run.step_s)
+
+
 def percent(run: Run, error_m: float) -> float:
     """An error in % of the run's stroke."""
     return 100.0 * error_m / run.stroke_m
@@ -98,6 +105,12 @@ def _power_off(found: Tracing) -> list[str]:
             f"{run.name}: after power off the slider still moves {1e3 * measured:.2f} mm the way of contraction; the plain model gives {plain:.2f} mm, "
             f"with the effects {full:.2f} mm, and the same without thermal expansion {without:.2f} mm: the kinetics have no such movement."
         )
+        stands, modelled = standstill_s(run, run.coarse_position_m), standstill_s(run, predict(found.fitted.wire, run))
+        if stands - modelled > 0.25:
+            out.append(
+                f"{run.name}: before that it stands for {stands:.1f} s, in the model for {modelled:.1f} s: like a dead band (play or "
+                "friction), but the runs do not give it one size."
+            )
     return out
 
 
