@@ -90,7 +90,8 @@ CANDIDATES = (
     Candidate("radiation", "the surface radiates", (_f("emissivity", "", 0.0, 1.0, 0.3),), "heat", "as convection, weaker"),
     Candidate(
         "warm surroundings", "what touches the wire (air in the duct, crimps, a sleeve) warms up with it and stays warm",
-        (_f("surround_J_K", "J/K", 0.05, 60.0, 3.0), _f("surround_share", "", 0.02, 0.9, 0.2)), "heat", "a slow tail after a fast cooling, a slow drift while hot",
+        (_f("surround_J_K", "J/K", 0.05, 60.0, 3.0), _f("surround_share", "", 0.02, 0.9, 0.2)), "heat",
+        "a slow tail after a fast cooling, a slow drift while hot",
     ),
     Candidate(
         "spread", "the wire does not transform everywhere at one temperature (local stress, composition, training)",
@@ -98,23 +99,27 @@ CANDIDATES = (
     ),
     Candidate(
         "two populations", "part of the wire transforms at lower temperatures than the rest",
-        (_f("early_share", "", 0.0, 0.5, 0.08), _f("early_by_K", "K", 2.0, 40.0, 20.0)), "alloy", "a shoulder before the main transformation on heating, and after it on cooling",
+        (_f("early_share", "", 0.0, 0.5, 0.08), _f("early_by_K", "K", 2.0, 40.0, 20.0)), "alloy",
+        "a shoulder before the main transformation on heating, and after it on cooling",
     ),
     Candidate(
         "cold ends", "the wire is colder near its crimps",
-        (_f("cold_share", "", 0.0, 0.5, 0.1), _f("cold_loss_factor", "", 1.0, 20.0, 3.0)), "heat", "a late end of heating and an early begin of cooling",
+        (_f("cold_share", "", 0.0, 0.5, 0.1), _f("cold_loss_factor", "", 1.0, 20.0, 3.0)), "heat",
+        "a late end of heating and an early begin of cooling",
     ),
     Candidate(
         "lead resistance", "leads and bridge take part of the voltage", (_f("lead_Ohm", "Ω", 0.0, 4.0, 0.3),), "circuit",
         "less power, and less of it as the wire's resistance falls",
     ),
     Candidate(
-        "resistance with temperature", "the resistivity rises with temperature", (_f("resistivity_coefficient_1_K", "1/K", -2e-4, 1.2e-3, 3e-4),), "circuit",
+        "resistance with temperature", "the resistivity rises with temperature",
+        (_f("resistivity_coefficient_1_K", "1/K", -2e-4, 1.2e-3, 3e-4),), "circuit",
         "less power when hot",
     ),
     Candidate(
         "other expansion", "the hot wire expands less, or more, than the maker's coefficient says",
-        (Free("wire.austenite_expansion_1_K", "1/K", 6e-6, 15e-6, 9e-6),), "alloy", "the size of the movement between power off and the first martensite",
+        (Free("wire.austenite_expansion_1_K", "1/K", 6e-6, 15e-6, 9e-6),), "alloy",
+        "the size of the movement between power off and the first martensite",
     ),
     Candidate(
         "lasting strain", "the first cold state holds strain that cooling under this bias does not restore",

@@ -27,8 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--wire", type=Path, required=True, metavar="WIRE.yaml", help="wire, spring and drive, as the maker says")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for forward.yaml, report.json and report.html")
     parser.add_argument(
-        "--judge", nargs="+", type=Path, default=[], metavar="RUN.csv", help="runs to judge on (default: each in turn, fitted on the others)"
-    )
+        "--judge", nargs="+", type=Path, default=[], metavar="RUN.csv",
+        help="runs to judge on (default: each in turn, fitted on the others)",
+    )  # fmt: skip
     parser.add_argument("--json", type=Path, metavar="FILE", help="write report.json here instead")
     parser.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), help="processes (default %(default)s)")
 

@@ -57,15 +57,16 @@ def sentences(found: Tracing) -> list[str]:
         names = " and ".join(c.name for c in found.chosen)
         out.append(
             f"Named: {names}. Held-out error {before.mean():.3f} → {after.mean():.3f} mm RMS "
-            f"({100 * before.mean() / stroke_mm:.2f} → {100 * after.mean() / stroke_mm:.2f} % of the stroke; {100 * (1 - found.left):.0f} % less "
-            "in the geometric mean over runs)."
+            f"({100 * before.mean() / stroke_mm:.2f} → {100 * after.mean() / stroke_mm:.2f} % of the stroke; "
+            f"{100 * (1 - found.left):.0f} % less in the geometric mean over runs)."
         )
         for c, (_, ratio) in zip(found.chosen, found.dropped, strict=True):
-            values = ", ".join(f"{f.name.partition('.')[2]} {found.fitted.wire.value(f.name):.4g} {f.unit}".strip() for f in c.free)
+            value = found.fitted.wire.value
+            values = ", ".join(f"{f.name.partition('.')[2]} {value(f.name):.4g} {f.unit}".strip() for f in c.free)
             out.append(f"{c.name}: {c.sentence}; {values}. Without it the held-out error is {ratio:.2f} times as large.")
     else:
         out.append(
-            f"No effect is named: none of {len(found.rounds[0]) if found.rounds else 0} competitors earns its parameters on held-out runs. "
+            f"No effect is named: none of {len(found.rounds[0])} competitors earns its parameters on held-out runs. "
             f"The plain model's held-out error is {before.mean():.3f} mm RMS ({100 * before.mean() / stroke_mm:.2f} % of the stroke)."
         )
     for line in _power_off(found):
@@ -80,7 +81,8 @@ def sentences(found: Tracing) -> list[str]:
         )
     worst = int(np.argmax(after))
     out.append(f"Left unexplained: {after.min():.2f} to {after.max():.2f} mm RMS on held-out runs, most in {judged[worst].name}.")
-    bound = [f"{f.name.rpartition('.')[2]} at {v:.4g}" for f, v in zip(found.fitted.free, found.fitted.values, strict=True) if f.at_bound(v)]
+    fitted = zip(found.fitted.free, found.fitted.values, strict=True)
+    bound = [f"{f.name.rpartition('.')[2]} at {v:.4g}" for f, v in fitted if f.at_bound(v)]
     if bound:
         out.append(f"At their bounds, so not measured: {', '.join(bound)}. The wire asks for something else there.")
     return out
@@ -102,8 +104,9 @@ def _power_off(found: Tracing) -> list[str]:
         wires: list[ForwardWire] = [found.fitted_plain.wire, found.fitted.wire, found.fitted.wire.with_values(rigid)]
         plain, full, without = (1e3 * power_off_rise_m(run, predict(w, run)) for w in wires)
         out.append(
-            f"{run.name}: after power off the slider still moves {1e3 * measured:.2f} mm the way of contraction; the plain model gives {plain:.2f} mm, "
-            f"with the effects {full:.2f} mm, and the same without thermal expansion {without:.2f} mm: the kinetics have no such movement."
+            f"{run.name}: after power off the slider still moves {1e3 * measured:.2f} mm the way of contraction; "
+            f"the plain model gives {plain:.2f} mm, with the effects {full:.2f} mm, and the same without "
+            f"thermal expansion {without:.2f} mm: the kinetics have no such movement."
         )
         stands, modelled = standstill_s(run, run.coarse_position_m), standstill_s(run, predict(found.fitted.wire, run))
         if stands - modelled > 0.25:
@@ -132,7 +135,9 @@ def summary(found: Tracing) -> dict:
         "named": [
             {
                 "effect": c.name, "says": c.sentence, "place": c.place, "signature": c.signature, "ratio_without": ratio,
-                "values": {f.name: {"value": found.fitted.wire.value(f.name), "unit": f.unit, "lo": f.lo, "hi": f.hi} for f in c.free},
+                "values": {
+                    f.name: {"value": found.fitted.wire.value(f.name), "unit": f.unit, "lo": f.lo, "hi": f.hi} for f in c.free
+                },
             }
             for c, (_, ratio) in zip(found.chosen, found.dropped, strict=True)
         ],

@@ -43,7 +43,8 @@ class Free:
 def plain_parameters(wire: ForwardWire) -> list[Free]:
     """What of the plain model is fitted: losses and capacity, latent heat, temperatures, strain.
 
-    Specific heat: calorimetry gives 450 to 620 J/(kg·K), the maker 837, to 10 %.  The four temperatures may lie a tolerance away from the maker's, and lower by the shift from
+    Specific heat: calorimetry gives 450 to 620 J/(kg·K), the maker 837, to 10 %.
+    The four temperatures may lie a tolerance away from the maker's, and lower by the shift from
     the stress of use to none.  Widths take the place of the finish temperatures, so that a band
     cannot turn inside out.
     """
@@ -51,7 +52,7 @@ def plain_parameters(wire: ForwardWire) -> list[Free]:
     down = TOLERANCE_K + STATED_AT_PA / w.stress_slope_Pa_K
 
     def around(name, value):
-        return Free(name, "°C", value - down, value + TOLERANCE_K, min(max(value - 0.5 * down, value - down), value + TOLERANCE_K))
+        return Free(name, "°C", value - down, value + TOLERANCE_K, value - 0.5 * down)
 
     return [
         Free("surroundings.heat_transfer_W_m2K", "W/(m²·K)", 10.0, 300.0, wire.surroundings.heat_transfer_W_m2K),

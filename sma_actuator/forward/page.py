@@ -27,7 +27,8 @@ def write_page(path: Path, found: Tracing) -> None:
              percent(run, before), percent(run, after))
         )  # fmt: skip
     page.table(
-        ("judged on", "mean voltage [mm]", "RMS voltage [mm]", "without thermal expansion [mm]", "named effects [mm]", "before [%]", "after [%]"),
+        ("judged on", "mean voltage [mm]", "RMS voltage [mm]", "without thermal expansion [mm]", "named effects [mm]",
+         "before [%]", "after [%]"),
         rows,
         "RMS on runs that were not fitted, in mm and in % of the stroke.",
     )
@@ -78,7 +79,8 @@ def _power_off(page: Page, found: Tracing) -> None:
         ax.plot(t, 1e3 * run.coarse_position_m[part], "k", label="measured")
         rigid = {"wire.martensite_expansion_1_K": 0.0, "wire.austenite_expansion_1_K": 0.0}
         for wire, style, label in (
-            (plain.wire, "C0", "plain"), (full.wire, "C1", "with the named effects"), (full.wire.with_values(rigid), "C1--", "the same, no thermal expansion"),
+            (plain.wire, "C0", "plain"), (full.wire, "C1", "with the named effects"),
+            (full.wire.with_values(rigid), "C1--", "the same, no thermal expansion"),
         ):  # fmt: skip
             ax.plot(t, 1e3 * predict(wire, run)[part], style, label=label)
         ax.axvline(run.coarse_time_s[off], color="0.7", lw=0.8)

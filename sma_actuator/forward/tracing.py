@@ -119,7 +119,8 @@ def trace(
     paths = []
     starts = [e for e in first if e.earns][:_PATHS]
     for number, start in enumerate(starts):
-        paths.append(_climb(do, start, candidates, folds, lambda what, share, n=number: progress(what, 0.3 + 0.65 * (n + share) / len(starts))))
+        report = lambda what, share, n=number: progress(what, 0.3 + 0.65 * (n + share) / len(starts))  # noqa: E731
+        paths.append(_climb(do, start, candidates, folds, report))
     current, rounds = min(paths, key=lambda path: _mean(path[0].held_out_m), default=(plain, ()))
     chosen = [c for c in candidates if c.name in current.names]
     rounds = (first, *rounds)
@@ -162,7 +163,9 @@ def _first_round(do, plain: Entry, candidates: Sequence[Candidate], folds: Seque
     return tuple(sorted(entries, key=lambda e: e.ratio))
 
 
-def _climb(do, start: Entry, candidates: Sequence[Candidate], folds: Sequence[Fold], progress) -> tuple[Entry, tuple[tuple[Entry, ...], ...]]:
+def _climb(
+    do, start: Entry, candidates: Sequence[Candidate], folds: Sequence[Fold], progress
+) -> tuple[Entry, tuple[tuple[Entry, ...], ...]]:
     """Greedy addition from ``start``: where it ends, with all the names, and its rounds."""
     current, names, rounds, running = start, start.names, [], list(candidates)
     for number in range(1, ROUNDS):
@@ -183,7 +186,7 @@ def _climb(do, start: Entry, candidates: Sequence[Candidate], folds: Sequence[Fo
 
 
 def repeats(runs: Sequence[Run]) -> tuple[tuple[str, str, float], ...]:
-    """Pairs of runs driven alike, and the RMS of their difference [m]: no model of the duty alone can do much better on both."""
+    """Pairs of runs driven alike, and the RMS of their difference [m]: a model of the duty alone cannot fit both."""
     out = []
     for a, b in combinations(runs, 2):
         n = min(len(a.coarse_duty), len(b.coarse_duty))
@@ -252,7 +255,8 @@ def _entry(current: Entry, added: tuple[Candidate, ...], fits: Sequence[Fit], fo
             if sum(f.at_bound(v) for v in values) > 0.4 * len(values):
                 return _replace_verdict(entry, f"{f.name} runs to its bound: {f.lo:g} to {f.hi:g} {f.unit}".rstrip())
             if np.ptp(values) > max(1.2 * abs(float(np.median(values))), 0.1 * (f.hi - f.lo)):
-                return _replace_verdict(entry, f"{f.name} differs from fold to fold: {min(values):.3g} to {max(values):.3g} {f.unit}".rstrip())
+                span = f"{min(values):.3g} to {max(values):.3g} {f.unit}".rstrip()
+                return _replace_verdict(entry, f"{f.name} differs from fold to fold: {span}")
     return entry
 
 
@@ -268,6 +272,11 @@ def _independent(pair: Sequence[Candidate]) -> bool:
     return len(pair) == 2 and not set(pair[0].parameters) & set(pair[1].parameters)
 
 
+def _named_entry(chosen: Sequence[Candidate], fits: Sequence[Fit], folds: Sequence[Fold], against: Entry) -> Entry:
+    errors = _held_out(fits, folds)
+    return Entry(tuple(c.name for c in chosen), errors, _mean(errors) / _mean(against.held_out_m), "", tuple(fits))
+
+
 def _prune(do, plain: Entry, chosen: list[Candidate], current: Entry, folds: Sequence[Fold]):
     """Take out effects that those named after them have made superfluous."""
     while True:
@@ -275,11 +284,11 @@ def _prune(do, plain: Entry, chosen: list[Candidate], current: Entry, folds: Seq
             return chosen, current, tuple((c.name, _mean(plain.held_out_m) / _mean(current.held_out_m)) for c in chosen)
         rest = [[c for c in chosen if c is not out] for out in chosen]
         trials = [
-            Entry(tuple(c.name for c in kept), _held_out(fits, folds), _mean(_held_out(fits, folds)) / _mean(current.held_out_m), "", tuple(fits))
+            _named_entry(kept, fits, folds, current)
             for kept, fits in zip(rest, do(_fit_with, [(plain.fits, kept, folds, _PRUNE_EVALUATIONS) for kept in rest]), strict=True)
         ]
         least = min(range(len(chosen)), key=lambda i: trials[i].ratio)
         if trials[least].ratio > 1.0 + 0.5 * (1.0 - EARNS_RATIO):
-            full = Entry(tuple(c.name for c in chosen), current.held_out_m, _mean(current.held_out_m) / _mean(plain.held_out_m), "", current.fits)
+            full = _named_entry(chosen, current.fits, folds, plain)
             return chosen, full, tuple((c.name, t.ratio) for c, t in zip(chosen, trials, strict=True))
         chosen, current = rest[least], trials[least]
