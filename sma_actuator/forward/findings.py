@@ -69,6 +69,13 @@ def sentences(found: Tracing) -> list[str]:
             f"No effect is named: none of {len(found.rounds[0])} competitors earns its parameters on held-out runs. "
             f"The plain model's held-out error is {before.mean():.3f} mm RMS ({100 * before.mean() / stroke_mm:.2f} % of the stroke)."
         )
+    mine = {c.name for c in found.chosen}
+    rivals = [f"{' + '.join(names)} ({ratio:.2f})" for names, ratio in found.paths if set(names) != mine and ratio < 1.15 * found.left]
+    if rivals:
+        out.append(
+            f"Not far behind, from other starts: {', '.join(rivals)} of the plain error, against {found.left:.2f}. "
+            "More runs would have to tell these apart."
+        )
     for line in _power_off(found):
         out.append(line)
     for one, two, rms_m in found.repeat_m:
