@@ -128,10 +128,11 @@ def fit(wire: ForwardWire, free: Sequence[Free], runs: Sequence[Run], starts: Se
 
 
 def plain_starts(free: Sequence[Free]) -> list[np.ndarray]:
-    """A few starts: the maker's, and wider and cooler bands with less and with more heat capacity."""
+    """A few starts: the maker's, wider and cooler bands with less and with more heat capacity, and a wire that
+    little power makes hot (else the mean voltage, a fraction of the RMS, would find no way to move the slider at all)."""
     first = np.array([f.start for f in free])
     out = [first]
-    for heat, width, cooler in ((600.0, 25.0, 5.0), (780.0, 15.0, -5.0)):
+    for heat, width, cooler, loss in ((600.0, 25.0, 5.0, 1.0), (780.0, 15.0, -5.0, 1.0), (470.0, 30.0, 10.0, 0.2)):
         values = first.copy()
         for i, f in enumerate(free):
             if f.name.endswith("specific_heat_J_kgK"):
@@ -140,5 +141,7 @@ def plain_starts(free: Sequence[Free]) -> list[np.ndarray]:
                 values[i] = width
             elif f.name.endswith("start_C"):
                 values[i] -= cooler
+            elif f.name.endswith("heat_transfer_W_m2K"):
+                values[i] *= loss
         out.append(values)
     return out
