@@ -68,7 +68,8 @@ def judge(case: Case, models: str, leave_out: bool) -> dict:
         "ambient_logged": case.ambient_logged, "verdict": report["verdict"], "effects": [e["name"] for e in report["effects"]],
         "alternatives": [a["name"] for a in report["alternatives"]], "untestable": [u["name"] for u in report["untestable"]],
         "before": report["error_before_pct_stroke"], "after": report["error_after_pct_stroke"], "best": best,
-        "floor": report["floor_pct_stroke"],
+        "floor": report["floor_pct_stroke"], "explained": report["excess_explained"], "loss": report["loss_after_over_calibration"],
+        "best_names": [n for r in report["race"][-1:] for t in r["trials"][:1] for n in t["effects"]],
     }  # fmt: skip
 
 

@@ -24,7 +24,8 @@ class Free:
     low: float
     high: float
     typical: float  #: a size parameter is varied in units of it
-    starts: tuple[float, ...] = ()  #: of a shape parameter (time constant …), varied as its logarithm
+    starts: tuple[float, ...] = ()  #: of a shape parameter (time constant …), which alone changes nothing
+    logarithmic: bool = True  #: whether a shape parameter is varied as its logarithm
 
     @property
     def is_size(self) -> bool:
@@ -33,11 +34,11 @@ class Free:
 
     def to_unit(self, value: float) -> float:
         """The number the optimiser sees."""
-        return value / self.typical if self.is_size else math.log(value)
+        return math.log(value) if self.starts and self.logarithmic else value / self.typical
 
     def from_unit(self, u: float) -> float:
         """Back from it, inside the bounds."""
-        value = u * self.typical if self.is_size else math.exp(u)
+        value = math.exp(u) if self.starts and self.logarithmic else u * self.typical
         return min(max(value, self.low), self.high)
 
 
@@ -61,6 +62,7 @@ class Scales:
     cycles: int
     reference_Ohm: float
     thermal_s: float
+    zero_m: float
     ambient_logged: bool
 
     @classmethod
@@ -88,7 +90,8 @@ class Scales:
             high_W / evidence.place.heat_loss_W_K, evidence.duration_s,
             float(np.median([np.median(np.diff(s.time_s)) for s in signals])), change_K,
             0.5 * (float(np.percentile(power_W, 5.0)) + high_W), evidence.units, evidence.place.reference_resistance_Ohm,
-            evidence.config.thermal.heat_capacity / evidence.config.thermal.heat_loss, bool(len(known)),
+            evidence.config.thermal.heat_capacity / evidence.config.thermal.heat_loss,
+            evidence.config.reference_sensor.offset if evidence.config.reference_sensor.fitted else 0.0, bool(len(known)),
         )
 
 
@@ -110,12 +113,12 @@ _FREE: dict[str, Callable[[Scales], list[Free]]] = {
     "lead_resistance": lambda s: [_size("resistance", 0.3 * s.resistance_Ohm, 0.02 * s.resistance_Ohm)],
     "contact_drift": lambda s: [
         _size("resistance", 0.5 * s.resistance_Ohm, 0.02 * s.resistance_Ohm),
-        _time_constant("time_constant", 0.02 * s.duration_s, 5.0 * s.duration_s, 0.15 * s.duration_s, 0.6 * s.duration_s, 4.0 * s.duration_s),
+        _time_constant("time_constant", 0.05 * s.duration_s, 5.0 * s.duration_s, 0.15 * s.duration_s, 0.6 * s.duration_s, 4.0 * s.duration_s),
     ],
     "voltage_offset": lambda s: [_size("offset", 0.2 * s.voltage_V, 0.01 * s.voltage_V)],
     "reference_self_heating": lambda s: [
         _size("coefficient", 0.3 / (s.current_A**2 * s.reference_Ohm), 0.02 / (s.current_A**2 * s.reference_Ohm)),
-        _time_constant("time_constant", max(3.0, 2.0 * s.thermal_s), 300.0, 5.0, 20.0, 80.0),  # a resistor has more mass than a wire
+        _time_constant("time_constant", max(3.0, 2.0 * s.thermal_s), 100.0, 5.0, 20.0, 60.0),  # a resistor has more mass than a wire
     ],
     "shunt": lambda s: [_size("conductance", 0.3 / s.resistance_Ohm, 0.02 / s.resistance_Ohm, 0.0)],
     "load_cell_drift": lambda s: [
@@ -155,11 +158,18 @@ _FREE: dict[str, Callable[[Scales], list[Free]]] = {
         Free("width", 1e-4 * s.stroke_m, 0.5 * s.stroke_m, 1.0, (0.02 * s.stroke_m, 0.06 * s.stroke_m, 0.15 * s.stroke_m)),
     ],
     "reference_lag": lambda s: [Free("time_constant", 1e-3, 5.0, 1.0, (0.1, 0.5))],
-    "reference_gain": lambda s: [_size("gain", 0.5, 0.03)],
+    # A gain of the electronics turns about the sensor's electrical zero, one of the mechanics about the calibration's.
+    "reference_gain": lambda s: [
+        _size("gain", 0.5, 0.03), Free("pivot", min(s.zero_m, 0.0) - 1e-9, max(s.zero_m, 0.0) + 1e-9, s.stroke_m, (0.0, s.zero_m), False),
+    ],
     "reference_drift": lambda s: [
         _size("offset", s.stroke_m, 0.02 * s.stroke_m), _size("rate", 1.0 * s.stroke_m / s.duration_s, 0.02 * s.stroke_m / s.duration_s),
     ],
 }
+
+
+#: A wire that wears changes its length; where its resistance alone drifts, it is the contact.
+_ESSENTIAL = {"fatigue": "displacement_per_ln_cycle"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +179,7 @@ class Candidate:
     name: str
     free: tuple[Free, ...]
     fixed: dict[str, float]
+    essential: str = ""  #: name of a size parameter without which it is not this effect
     scanned: str = ""  #: name of a parameter in which the loss is not smooth: it is searched over a grid
 
     @property
@@ -197,9 +208,7 @@ def candidate(name: str, scales: Scales, evidence: Evidence) -> Candidate:
         fixed["time_constant"] = config.thermal.heat_capacity / config.thermal.heat_loss
     if name == "fatigue":
         fixed["cycle_power"] = scales.cycle_power_W
-    if name == "reference_gain":
-        fixed["pivot"] = config.reference_sensor.offset if config.reference_sensor.fitted else 0.0
-    return Candidate(name, tuple(_FREE[name](scales)), fixed, "time" if name == "slip" else "")
+    return Candidate(name, tuple(_FREE[name](scales)), fixed, _ESSENTIAL.get(name, ""), "time" if name == "slip" else "")
 
 
 def _calibration_temperature(config) -> float:

@@ -185,7 +185,7 @@ class Evidence:
         out = np.zeros((len(rows), 2))
         c = self.calibration
         range_Ohm = c.resistance_range if math.isfinite(c.resistance_range) else self._range_Ohm()
-        s_R = math.hypot(c.resistance_scatter if math.isfinite(c.resistance_scatter) else 0.0, 0.005 * range_Ohm)
+        s_R = math.hypot(c.resistance_scatter if math.isfinite(c.resistance_scatter) else 0.0, 0.003 * range_Ohm)
         s_d = math.hypot(c.displacement_scatter if math.isfinite(c.displacement_scatter) else 0.0, 0.005 * self.full_stroke_m)
         for hot in (0.0, 1.0):
             chosen = rows[:, 0] == hot
@@ -255,7 +255,8 @@ def _usable(trace: Trace) -> Trace:
             raise BenchLogError(
                 f"{trace.log.source}: {name} never moves ({values[0]:.4g} {unit} throughout); a log of a wire that is driven is wanted"
             )
-    if int(trace.cycle.max()) < 1 or not trace.driven.any() or trace.driven.all():
+    turns = np.diff(trace.driven.astype(int))
+    if not ((turns > 0).any() and (turns < 0).any()):
         raise BenchLogError(
             f"{trace.log.source}: is shorter than a cycle: the current must be switched on and off again at least once"
         )

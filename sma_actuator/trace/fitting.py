@@ -27,7 +27,7 @@ class Fit:
     losses: np.ndarray  #: of every unit, by the fit to all of them, shape (units,)
     held_out: np.ndarray  #: of every unit, by a fit that has not seen it, shape (units,)
     held_out_percent: np.ndarray  #: mean absolute error of every unit by the same fits, % of full stroke, shape (units,)
-    at_bound: tuple[str, ...] = ()  #: parameters at the end of what is physically possible
+    at_bound: tuple[str, ...] = ()  #: parameters at the end of what is physically possible, or essential and nothing
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -130,10 +130,13 @@ def fit(
     at_u = problem.residual(u)
     J = problem.jacobian(u, at_u)
     losses = evidence.losses(at_u)
-    values = problem.values(u)
+    intervals = _intervals(problem, u, J, at_u, rows)
+    nothing = [
+        f"{c.name}.{c.essential}" for c in candidates if c.essential and intervals[c.name][c.essential][0] <= 0.0 <= intervals[c.name][c.essential][1]
+    ]
     return Fit(
-        problem.candidates, values, _intervals(problem, u, J, at_u, rows), losses,
-        *_held_out(problem, u, J, at_u, train, folds), _at_bound(problem, u),
+        problem.candidates, problem.values(u), intervals, losses,
+        *_held_out(problem, u, J, at_u, train, folds), (*_at_bound(problem, u), *nothing),
     )
 
 

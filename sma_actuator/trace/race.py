@@ -22,9 +22,9 @@ PAIR_FIRST = 3  #: so many of the best single candidates are tried with every ot
 NONE_ERROR = 1.15
 ALIKE = 0.05  #: share of the gain within which two fits count as alike in any case
 #: Clean: mean loss, over that of a log like the calibration's, up to which nothing more is to be found …
-CLEAN_LOSS = 1.8
+CLEAN_LOSS = 1.5
 #: … or the share of the excess loss that is explained, together with an error within the floor.
-CLEAN_SHARE = 0.95
+CLEAN_SHARE = 0.9
 Progress = Callable[[str, float], None]
 
 
@@ -94,7 +94,12 @@ def trace(
         return result
     with Parallel(n_jobs=jobs) as pool:
         current, held = None, base
-        while len(current.names if current else ()) < MOST_EFFECTS:
+        if only:
+            trials = _race(pool, evidence, [(tuple(field_), None)], train, held, progress) if field_ else []
+            result.rounds.append(Round((), trials, trials[0] if trials else None))
+            current = trials[0].fit if trials else None
+            held = current.held_out if current else base
+        while not only and len(current.names if current else ()) < MOST_EFFECTS:
             chosen = current.candidates if current else ()
             rest = [c for c in field_ if c.name not in {x.name for x in chosen}]
             trials = _race(pool, evidence, [((*chosen, c), current) for c in rest], train, held, progress)
@@ -102,7 +107,7 @@ def trace(
             result.rounds.append(round_)
             if round_.winner is None:
                 break
-            if len(chosen) == 0 and not only and not _clean(evidence, round_.winner.fit, base, train, expected):
+            if len(chosen) == 0 and not _clean(evidence, round_.winner.fit, base, train, expected):
                 more = _race(pool, evidence, _pairs(trials, rest), train, held, progress)
                 best_pair = max(more, key=lambda t: t.gain, default=None)
                 if best_pair is not None and _pays(best_pair, round_.winner, train):
@@ -111,7 +116,7 @@ def trace(
                     round_.alternatives = [t for t in more if t is not best_pair and not t.fit.at_bound and _alike(t, best_pair, train)]
             current = round_.winner.fit
             held = current.held_out
-            if only or _clean(evidence, current, base, train, expected):
+            if _clean(evidence, current, base, train, expected):
                 break
     if current is not None:
         result.fit = current

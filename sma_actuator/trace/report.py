@@ -44,6 +44,8 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
             "error_after_pct_stroke": _mean(after[last], weight[last]),
         },
         "floor_pct_stroke": tracing.floor_percent,
+        "excess_explained": tracing.share,
+        "loss_after_over_calibration": float(tracing.losses["after"][tracing.train].mean()) / tracing.expected_loss,
         "floor_from_calibration": bool(evidence.calibration.known),
         "cycles": int(evidence.units),
         "residual_before": _anatomy(at_first),
