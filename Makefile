@@ -10,7 +10,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,bags,baselines,pymeasure,test
 
-.PHONY: demo test tables benchmarks coefficients forward clean
+.PHONY: demo test tables benchmarks coefficients blind-trial own-baseline forward clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION)
@@ -38,6 +38,15 @@ benchmarks: $(VENV)/ready
 # Characterise the wires of the virtual bench and identify the four models in config/.
 coefficients: $(VENV)/ready
 	$(BIN)/python benchmarks/coefficients.py
+
+# Trace sessions with effects hidden in them, and judge what is said (about 20 minutes); the trial's own options in TRIAL.
+TRIAL ?=
+blind-trial: $(VENV)/ready
+	$(BIN)/python benchmarks/blind_trial.py $(TRIAL)
+
+# What the models lack over the whole range even on the wires they were identified on, and what adding it buys.
+own-baseline: $(VENV)/ready
+	$(BIN)/python benchmarks/own_baseline.py
 
 # Fit the forward model to measurements of a real bench, and name what it lacks.
 FORWARD_DATA ?= ../shared/data/flexinol_050_bench

@@ -19,23 +19,28 @@ def _rise_K(frame: Frame, state: np.ndarray, time_constant_s: float, heat_loss_W
 
 @dataclass(frozen=True, slots=True)
 class SelfHeating:
-    """R moves with temperature where the phase no longer changes: ``R (1 + α max(0, T − T_amb − T_on))``.
+    """R moves with temperature where the phase no longer changes: at the hot end ``R (1 + α (T − T_amb − T_on))`` above
+    the onset, at the cold end ``R (1 + α_c (T − T_amb − T_c))`` below the cold onset.
 
-    The temperature comes from a heat balance on the measured power.  ``onset`` is where the calibrated
-    relation of R and δ, which holds the temperatures of the transformation itself, ends.
+    The temperature comes from a heat balance on the measured power.  The calibrated relation of R and δ
+    holds the temperatures of the transformation itself; the onsets are where it ends.
     """
 
     STAGE = "wire"
     STATES = 2
-    temperature_coefficient: float = parameter(0.0, "relative change of resistance per kelvin", "1/K", -0.1, 0.1)
+    temperature_coefficient: float = parameter(0.0, "relative change of resistance per kelvin, hot", "1/K", -0.1, 0.1)
     onset: float = parameter(0.0, "rise above ambient from which it acts", "K", 0.0, 500.0)
+    cold_temperature_coefficient: float = parameter(0.0, "relative change of resistance per kelvin, cold", "1/K", -0.1, 0.1)
+    cold_onset: float = parameter(0.0, "rise above ambient below which that acts", "K", 0.0, 500.0)
     time_constant: float = parameter(2.0, "thermal lag, C/h", "s", 0.01, 600.0)
     heat_loss: float = parameter(0.006, "heat lost per kelvin above ambient", "W/K", 1e-6, 1e2)
 
     def at_resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """The resistance at the onset's temperature."""
-        above_K = np.maximum(0.0, _rise_K(frame, state, self.time_constant, self.heat_loss) - self.onset)
-        frame.resistance_Ohm = frame.resistance_Ohm / (1.0 + self.temperature_coefficient * above_K)
+        rise_K = _rise_K(frame, state, self.time_constant, self.heat_loss)
+        change = self.temperature_coefficient * np.maximum(0.0, rise_K - self.onset)
+        change = change + self.cold_temperature_coefficient * np.minimum(0.0, rise_K - self.cold_onset)
+        frame.resistance_Ohm = frame.resistance_Ohm / (1.0 + change)
 
 
 @dataclass(frozen=True, slots=True)

@@ -208,7 +208,13 @@ def candidate(name: str, scales: Scales, evidence: Evidence) -> Candidate:
         fixed["time_constant"] = config.thermal.heat_capacity / config.thermal.heat_loss
     if name == "fatigue":
         fixed["cycle_power"] = scales.cycle_power_W
-    return Candidate(name, tuple(_FREE[name](scales)), fixed, _ESSENTIAL.get(name, ""), "time" if name == "slip" else "")
+    free = _FREE[name](scales)
+    if name == "self_heating" and evidence.beyond_floor:  # later, the calibration's rests say what the cold end does
+        free += [
+            _size("cold_temperature_coefficient", 5e-3, 2e-4),
+            Free("cold_onset", 0.02 * scales.rise_K, 0.6 * scales.rise_K, 1.0, (0.2 * scales.rise_K, 0.4 * scales.rise_K)),
+        ]
+    return Candidate(name, tuple(free), fixed, _ESSENTIAL.get(name, ""), "time" if name == "slip" else "")
 
 
 def _calibration_temperature(config) -> float:

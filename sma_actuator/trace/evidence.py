@@ -54,6 +54,7 @@ class Evidence:
 
     def __init__(self, logs: Sequence[BenchLog], config: Config, beyond_floor: bool = False):
         """``beyond_floor``: count also what was there at the calibration, as the model's and not as its floor."""
+        self.beyond_floor = beyond_floor
         self.config = dataclasses.replace(config, effects=Effects())
         self.base = config.effects.active
         self.calibration = Calibration() if beyond_floor else config.calibration
@@ -74,6 +75,7 @@ class Evidence:
         ends = [t.signals.time_s[-1] for t in self.traces]
         #: One session where the logs follow each other on one clock; else each log is one.
         self.one_session = all(end < start for end, start in zip(ends, starts[1:], strict=False))
+        self._scale_m = self._typical_m() if beyond_floor else math.nan
         self.unit, self.units = self._cut()
         self._rows()
 
@@ -146,6 +148,8 @@ class Evidence:
     def _floor(self, corrected_m, model_m, stress_Pa, heating) -> tuple[np.ndarray, np.ndarray]:
         """Residual expected from the calibration and its standard deviation."""
         c = self.calibration
+        if self._scale_m > 0.0:
+            return np.zeros(len(model_m)), np.full(len(model_m), self._scale_m)
         if not c.residual_position:
             percent = c.scatter if math.isfinite(c.scatter) else c.error if c.known else FLOOR_percent
             return np.zeros(len(model_m)), np.full(len(model_m), 1.25 * percent / 100 * self.full_stroke_m)
@@ -156,6 +160,11 @@ class Evidence:
             c.residual_position, (0.0,), c.scatter_heating, c.scatter_cooling, model_m, stress_Pa, heating
         )
         return expected_m, np.hypot(scatter_m, SCATTER_FLOOR * c.scatter / 100 * self.full_stroke_m)
+
+    def _typical_m(self) -> float:
+        """Size of the residual itself: without a floor it is its own measure."""
+        self._scale_m = 1.0
+        return float(np.sqrt(np.mean(np.concatenate([m - p.shown_m for m, p in zip(self._measured_m, self.predict({}), strict=True)]) ** 2)))
 
     def residual(self, effects: Mapping[str, object]) -> np.ndarray:
         """Rows to be made small by a fit of ``effects`` (see :meth:`rows`)."""

@@ -25,6 +25,8 @@ ALIKE = 0.05  #: share of the gain within which two fits count as alike in any c
 CLEAN_LOSS = 1.5
 #: … or the share of the excess loss that is explained, together with an error within the floor.
 CLEAN_SHARE = 0.9
+#: Why only the wire's effects compete beyond the floor.
+BEFORE_THE_MODEL = "what circuit, load cell, mechanism and reference did at the calibration, the calibration has absorbed"
 Progress = Callable[[str, float], None]
 
 
@@ -77,6 +79,8 @@ def trace(
     scales = Scales.of(evidence)
     names = [n for n in EFFECTS if (not only or n in only) and n not in without]
     reasons = {n: untestable(n, scales, evidence) for n in names}
+    if evidence.beyond_floor:
+        reasons |= {n: BEFORE_THE_MODEL for n in names if EFFECTS[n].STAGE != "wire" and n not in only}
     field_ = [candidate(n, scales, evidence) for n in names if not reasons[n]]
     last = max(1, round(LAST_BLOCK * evidence.units))
     train = np.arange(evidence.units) < evidence.units - last
@@ -125,18 +129,25 @@ def trace(
         result.errors_percent["after"] = evidence.errors_percent(result.predictions["after"])
         result.share = _share(held, base, train, expected)
         result.alternatives = _alternatives(result.rounds, current)
-    clean = current is not None and _clean(evidence, current, base, train, expected)
-    result.verdict = "traced" if clean or (only and current is not None) else "unexplained"
+    found = current is not None
+    if only or evidence.beyond_floor:  # then every effect that pays counts, and what remains is the model's as it is
+        result.verdict = "traced" if found else "none"
+    else:
+        result.verdict = "traced" if found and _clean(evidence, current, base, train, expected) else "unexplained"
     return result
 
 
 def _floor_percent(evidence: Evidence) -> float:
     c = evidence.calibration
+    if evidence.beyond_floor:
+        return 0.0
     return NONE_ERROR * max(c.error, c.largest_error) if c.known else 1.0
 
 
 def _expected_loss(evidence: Evidence) -> float:
     """Mean loss of a cycle that is like those of the calibration."""
+    if evidence.beyond_floor:
+        return 0.0
     rests = sum(map(len, evidence.rests))
     return 0.5 * (INDEPENDENT + 2.0 * rests / evidence.units)
 

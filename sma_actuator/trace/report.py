@@ -45,7 +45,7 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
         },
         "floor_pct_stroke": tracing.floor_percent,
         "excess_explained": tracing.share,
-        "loss_after_over_calibration": float(tracing.losses["after"][tracing.train].mean()) / tracing.expected_loss,
+        "loss_after_over_calibration": _ratio(float(tracing.losses["after"][tracing.train].mean()), tracing.expected_loss),
         "floor_from_calibration": bool(evidence.calibration.known),
         "cycles": int(evidence.units),
         "residual_before": _anatomy(at_first),
@@ -72,6 +72,8 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
 
 def sentence(tracing: Tracing, depends: dict[str, float]) -> str:
     """The verdict in words."""
+    if tracing.verdict == "none" and tracing.floor_percent == 0.0:
+        return "No candidate takes anything off this error on cycles that it has not seen."
     if tracing.verdict == "none":
         return f"Nothing is missing: the error is within the model's own floor ({tracing.floor_percent:.2f} % of full stroke)."
     names = list(tracing.fit.names) if tracing.fit else []
@@ -187,6 +189,10 @@ def _anatomy(found) -> dict[str, Any]:
         "share_repeating_every_cycle": found.repeats,
         "share_explained_by": {name: share for name, share in list(found.depends.items())[:8]},
     }
+
+
+def _ratio(a: float, b: float) -> float:
+    return a / b if b else math.nan
 
 
 def _mean(values: np.ndarray, weight: np.ndarray) -> float:
