@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr
 
 from ..bench_log import BenchLog, BenchLogError
 from ..config import Calibration, Config
@@ -25,7 +26,7 @@ from ..identify.traces import Trace, make_trace
 INDEPENDENT = 8.0  #: samples of one cycle that say something new, all others are correlated with them
 LIMIT = 3.0  #: residual, in standard deviations, above which it counts linearly (Huber)
 WORST = 30.0  #: and the largest that counts at all
-FLOOR_percent = 1.0  #: of full stroke, where the model does not say how good it was
+FLOOR_percent = 1.5  #: of full stroke, where the model does not say how good it was
 SCATTER_FLOOR = 0.6  #: of the mean scatter, which is added to that of every position
 FEWEST_UNITS = 8
 LARGEST = 60_000  #: samples; longer logs are thinned
@@ -238,6 +239,26 @@ class Evidence:
         good = np.isfinite(error)
         total = np.bincount(unit[good], error[good], minlength=self.units)
         return total / np.maximum(np.bincount(unit[good], minlength=self.units), 1) / self.full_stroke_m * 100
+
+    def floor_percent(self, predictions: Sequence[Prediction]) -> float:
+        """Mean absolute error that a log like these would have had at the calibration, % of full stroke.
+
+        It is that of the places on the loop where these samples lie, not the mean of the calibration's
+        logs: a log that rests at the ends all the time has another error than one that never does.
+        """
+        c = self.calibration
+        if self.beyond_floor:
+            return 0.0
+        if not c.residual_position:
+            return max(c.error, c.largest_error) if c.known else FLOOR_percent
+        added_m = SCATTER_FLOOR * c.scatter / 100 * self.full_stroke_m
+        total, number = 0.0, 0
+        for p in predictions:
+            sd = np.sqrt(np.maximum(p.scatter_m**2 - added_m**2, 1e-18))
+            z = p.expected_m / sd  # mean of the absolute value of a normal deviate
+            total += float(np.nansum(sd * np.sqrt(2.0 / np.pi) * np.exp(-0.5 * z**2) + p.expected_m * (2.0 * ndtr(z) - 1.0)))
+            number += len(z)
+        return total / number / self.full_stroke_m * 100
 
     @property
     def samples_of_unit(self) -> np.ndarray:

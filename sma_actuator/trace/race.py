@@ -18,8 +18,8 @@ LAST_BLOCK = 0.15  #: share of the cycles, the latest, that is looked at once, w
 SIGNIFICANT = 2.5  #: standard errors of the gain on held-out cycles
 WORTH = 0.1  #: share of what is in excess that an effect must at least explain
 PAIR_FIRST = 3  #: so many of the best single candidates are tried with every other
-#: An error within this of the calibration's largest of a single log is the model's own.
-NONE_ERROR = 1.15
+#: An error within this of what the calibration had at the same places is the model's own.
+NONE_ERROR = 1.25
 ALIKE = 0.05  #: share of the gain within which two fits count as alike in any case
 #: Clean: mean loss, over that of a log like the calibration's, up to which nothing more is to be found …
 CLEAN_LOSS = 1.5
@@ -88,7 +88,7 @@ def trace(
     base = evidence.losses(evidence.residual({}))
     errors = evidence.errors_percent(before)
     weight = evidence.samples_of_unit
-    floor = _floor_percent(evidence)
+    floor = NONE_ERROR * evidence.floor_percent(before)
     expected = _expected_loss(evidence)
     result = Tracing(
         "none", None, [], {}, {n: r for n, r in reasons.items() if r}, train, {"before": base, "after": base},
@@ -135,13 +135,6 @@ def trace(
     else:
         result.verdict = "traced" if found and _clean(evidence, current, base, train, expected) else "unexplained"
     return result
-
-
-def _floor_percent(evidence: Evidence) -> float:
-    c = evidence.calibration
-    if evidence.beyond_floor:
-        return 0.0
-    return NONE_ERROR * max(c.error, c.largest_error) if c.known else 1.0
 
 
 def _expected_loss(evidence: Evidence) -> float:
@@ -215,8 +208,9 @@ def _clean(evidence, fit_: Fit, base, train, expected) -> bool:
     held = fit_.held_out
     if float(held[train].mean()) > CLEAN_LOSS * expected and _share(held, base, train, expected) < CLEAN_SHARE:
         return False
-    errors = evidence.errors_percent(evidence.predict(fit_.effects))
-    return float(np.average(errors, weights=evidence.samples_of_unit)) <= _floor_percent(evidence)
+    predictions = evidence.predict(fit_.effects)
+    errors = evidence.errors_percent(predictions)
+    return float(np.average(errors, weights=evidence.samples_of_unit)) <= NONE_ERROR * evidence.floor_percent(predictions)
 
 
 def _alternatives(rounds: list[Round], current: Fit) -> dict[str, Trial]:

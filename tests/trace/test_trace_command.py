@@ -88,7 +88,7 @@ def test_rerunning_writes_the_same_files(traced):
 
 
 def test_a_model_that_does_not_say_how_good_it_was_takes_its_calibration_logs(wire, traced, capsys):
-    """Without a floor of its own 1 % of the stroke counts; --calibration gives it one."""
+    """Without a floor of its own 1.5 % of the stroke counts; --calibration gives it one."""
     folder, logs, _ = traced
     bare = write_model({k: v for k, v in wire[1].items() if k != "calibration"}, folder / "bare.yaml")
     clean = write(session(wire[0], seed=9), folder / "..")
@@ -96,7 +96,7 @@ def test_a_model_that_does_not_say_how_good_it_was_takes_its_calibration_logs(wi
     words = ["--config", bare, "--out", str(out), "--jobs", "1"]
     assert main(["trace", *logs, *words]) == 0
     without = json.loads((out / "report.json").read_text())
-    assert without["floor_pct_stroke"] == 1.0 and not without["floor_from_calibration"]
+    assert without["floor_pct_stroke"] == pytest.approx(1.25 * 1.5) and not without["floor_from_calibration"]
     assert without["effects"][0]["name"] == "voltage_offset"
     assert main(["trace", *logs, *words, "--calibration", *clean]) == 0
     with_ = json.loads((out / "report.json").read_text())
