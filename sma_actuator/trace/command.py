@@ -103,7 +103,7 @@ def _print(console: Console, report: dict) -> None:
     before, after = report["error_before_interval"], report["error_after_interval"]
     console.print(
         f"error {report['error_before_pct_stroke']:.2f} % of full stroke ({before[0]:.2f}–{before[1]:.2f}) before, "
-        f"{report['error_after_pct_stroke']:.2f} % ({after[0]:.2f}–{after[1]:.2f}) after; floor {report['floor_pct_stroke']:.2f} %"
+        f"{report['error_after_pct_stroke']:.2f} % ({after[0]:.2f}–{after[1]:.2f}) after; mean over cycles {report['cycle_mean_before_pct_stroke']:.2f} %, floor {report['floor_pct_stroke']:.2f} %"
     )
     if report["effects"]:
         table = Table()

@@ -234,14 +234,17 @@ class Evidence:
 
     def errors_percent(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """Mean absolute error of every unit, % of full stroke, shape (units,)."""
-        error = np.concatenate([np.abs(m - p.shown_m) for m, p in zip(self._measured_m, predictions, strict=True)])
-        unit = np.concatenate(self.unit)
-        good = np.isfinite(error)
-        total = np.bincount(unit[good], error[good], minlength=self.units)
-        return total / np.maximum(np.bincount(unit[good], minlength=self.units), 1) / self.full_stroke_m * 100
+        error_m = np.concatenate([np.abs(m - p.shown_m) for m, p in zip(self._measured_m, predictions, strict=True)])
+        return self._per_unit(error_m) / self.full_stroke_m * 100
+
+    def _per_unit(self, values: np.ndarray) -> np.ndarray:
+        """Mean of every unit, shape (units,)."""
+        unit, good = np.concatenate(self.unit), np.isfinite(values)
+        number = np.bincount(unit[good], minlength=self.units)
+        return np.bincount(unit[good], values[good], minlength=self.units) / np.maximum(number, 1)
 
     def floor_percent(self, predictions: Sequence[Prediction]) -> float:
-        """Mean absolute error that a log like these would have had at the calibration, % of full stroke.
+        """Mean absolute error, cycle by cycle, that a log like these would have had at the calibration, % of full stroke.
 
         It is that of the places on the loop where these samples lie, not the mean of the calibration's
         logs: a log that rests at the ends all the time has another error than one that never does.
@@ -252,13 +255,13 @@ class Evidence:
         if not c.residual_position:
             return max(c.error, c.largest_error) if c.known else FLOOR_percent
         added_m = SCATTER_FLOOR * c.scatter / 100 * self.full_stroke_m
-        total, number = 0.0, 0
+        means = []
         for p in predictions:
             sd = np.sqrt(np.maximum(p.scatter_m**2 - added_m**2, 1e-18))
             z = p.expected_m / sd  # mean of the absolute value of a normal deviate
-            total += float(np.nansum(sd * np.sqrt(2.0 / np.pi) * np.exp(-0.5 * z**2) + p.expected_m * (2.0 * ndtr(z) - 1.0)))
-            number += len(z)
-        return total / number / self.full_stroke_m * 100
+            means.append(sd * np.sqrt(2.0 / np.pi) * np.exp(-0.5 * z**2) + p.expected_m * (2.0 * ndtr(z) - 1.0))
+        here = float(np.mean(self._per_unit(np.concatenate(means)))) / self.full_stroke_m * 100
+        return max(here, min(c.error, 1.2 * here))  # few calibration logs know some places badly
 
     @property
     def samples_of_unit(self) -> np.ndarray:

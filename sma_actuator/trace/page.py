@@ -54,7 +54,8 @@ def _numbers(page: Page, report: dict[str, Any]) -> None:
             (f"the last {last['cycles']} cycles, looked at once", last["error_before_pct_stroke"], last["error_after_pct_stroke"]),
             ("sensors' noise carried through the model", *(report[f"residual_{w}"]["sensor_noise_pct_stroke"] for w in ("before", "after"))),
             ("share that repeats every cycle", *(report[f"residual_{w}"]["share_repeating_every_cycle"] for w in ("before", "after"))),
-            ("the model's own floor", report["floor_pct_stroke"], report["floor_pct_stroke"]),
+            ("mean over cycles", report["cycle_mean_before_pct_stroke"], report["cycle_mean_after_pct_stroke"]),
+            ("the model's own floor for it", report["floor_pct_stroke"], report["floor_pct_stroke"]),
         ],
     )  # fmt: skip
     rows = [

@@ -18,8 +18,10 @@ LAST_BLOCK = 0.15  #: share of the cycles, the latest, that is looked at once, w
 SIGNIFICANT = 2.5  #: standard errors of the gain on held-out cycles
 WORTH = 0.1  #: share of what is in excess that an effect must at least explain
 PAIR_FIRST = 3  #: so many of the best single candidates are tried with every other
-#: An error within this of what the calibration had at the same places is the model's own.
+#: An error within this of what the calibration had at the same places is the model's own …
 NONE_ERROR = 1.25
+#: … and one beyond this is real: between the two only an effect that leaves it clean is named, and else nothing is said.
+REAL_ERROR = 1.5
 ALIKE = 0.05  #: share of the gain within which two fits count as alike in any case
 #: Clean: mean loss, over that of a log like the calibration's, up to which nothing more is to be found …
 CLEAN_LOSS = 1.5
@@ -87,14 +89,13 @@ def trace(
     before = evidence.predict({})
     base = evidence.losses(evidence.residual({}))
     errors = evidence.errors_percent(before)
-    weight = evidence.samples_of_unit
     floor = NONE_ERROR * evidence.floor_percent(before)
     expected = _expected_loss(evidence)
     result = Tracing(
         "none", None, [], {}, {n: r for n, r in reasons.items() if r}, train, {"before": base, "after": base},
         {"before": errors, "after": errors}, {"before": before, "after": before}, floor, expected, 0.0,
     )
-    if float(np.average(errors, weights=weight)) <= floor and not only:
+    if float(errors.mean()) <= floor and not only:
         return result
     with Parallel(n_jobs=jobs) as pool:
         current, held = None, base
@@ -133,7 +134,9 @@ def trace(
     if only or evidence.beyond_floor:  # then every effect that pays counts, and what remains is the model's as it is
         result.verdict = "traced" if found else "none"
     else:
-        result.verdict = "traced" if found and _clean(evidence, current, base, train, expected) else "unexplained"
+        real = float(errors.mean()) > REAL_ERROR / NONE_ERROR * floor
+        clean = found and _clean(evidence, current, base, train, expected)
+        result.verdict = "traced" if clean else "unexplained" if real else "none"
     return result
 
 
@@ -210,7 +213,7 @@ def _clean(evidence, fit_: Fit, base, train, expected) -> bool:
         return False
     predictions = evidence.predict(fit_.effects)
     errors = evidence.errors_percent(predictions)
-    return float(np.average(errors, weights=evidence.samples_of_unit)) <= NONE_ERROR * evidence.floor_percent(predictions)
+    return float(errors.mean()) <= REAL_ERROR * evidence.floor_percent(predictions)
 
 
 def _alternatives(rounds: list[Round], current: Fit) -> dict[str, Trial]:
