@@ -7,7 +7,7 @@ import numpy as np
 from ..parameters import to_mapping
 from .fitting import predict
 from .runs import IDLE_DUTY, Run
-from .tracing import EARNS_RATIO, Tracing
+from .tracing import Choice, Entry, Tracing
 from .wire import ForwardWire
 
 _AFTER_S = 8.0  #: the movement after power off is looked for within this
@@ -42,56 +42,113 @@ def percent(run: Run, error_m: float) -> float:
 
 def sentences(found: Tracing) -> list[str]:
     """What was found, most important first."""
-    judged = found.judged
-    before = 1e3 * np.array(found.plain.held_out_m)
-    after = 1e3 * np.array(found.held_out.held_out_m)
-    stroke_mm = 1e3 * float(np.mean([run.stroke_m for run in judged]))
-    how = ", ".join(run.name for run in judged)
-    heats = {name: 1e3 * float(np.mean(values)) for name, values in found.heats.items()}
-    other = "mean" if found.heated_by == "rms" else "rms"
-    out = [
-        f"The {_voltage(found.heated_by)} voltage heats the wire: held-out error {heats[found.heated_by]:.2f} mm, "
+    choice = found.choice
+    how = ", ".join(run.name for run in found.judged)
+    heats = {name: 1e3 * float(np.mean(found.heats_m(name))) for name in ("rms", "mean")}
+    other = "mean" if choice.heated_by == "rms" else "rms"
+    out = [verdict_sentence(found), _errors(found)]
+    out += _named(found)
+    out.append(
+        f"The {_voltage(choice.heated_by)} voltage heats the wire: the plain model's error is {heats[choice.heated_by]:.2f} mm, "
         f"with the {_voltage(other)} voltage {heats[other]:.2f} mm (mean over {how})."
-    ]
-    if found.chosen:
-        names = " and ".join(c.name for c in found.chosen)
-        out.append(
-            f"Named: {names}. Held-out error {before.mean():.3f} → {after.mean():.3f} mm RMS "
-            f"({100 * before.mean() / stroke_mm:.2f} → {100 * after.mean() / stroke_mm:.2f} % of the stroke; "
-            f"{100 * (1 - found.left):.0f} % less in the geometric mean over runs)."
-        )
-        for c, (_, ratio) in zip(found.chosen, found.dropped, strict=True):
-            value = found.fitted.wire.value
-            values = ", ".join(f"{f.name.partition('.')[2]} {value(f.name):.4g} {f.unit}".strip() for f in c.free)
-            out.append(f"{c.name}: {c.sentence}; {values}. Without it the held-out error is {ratio:.2f} times as large.")
-    else:
-        out.append(
-            f"No effect is named: none of {len(found.rounds[0])} competitors earns its parameters on held-out runs. "
-            f"The plain model's held-out error is {before.mean():.3f} mm RMS ({100 * before.mean() / stroke_mm:.2f} % of the stroke)."
-        )
-    mine = {c.name for c in found.chosen}
-    rivals = [f"{' + '.join(names)} ({ratio:.2f})" for names, ratio in found.paths if set(names) != mine and ratio < 1.15 * found.left]
-    if rivals:
-        out.append(
-            f"Not far behind, from other starts: {', '.join(rivals)} of the plain error, against {found.left:.2f}. "
-            "More runs would have to tell these apart."
-        )
-    for line in _power_off(found):
-        out.append(line)
-    for one, two, rms_m in found.repeat_m:
-        out.append(f"{one} and {two} were driven alike and differ by {1e3 * rms_m:.2f} mm RMS: of that the duty can explain nothing.")
-    refused = next((e for e in found.rounds[-1] if e.ratio <= EARNS_RATIO and not e.earns), None)
-    if refused:
-        out.append(
-            f"Not named, though it would leave {refused.ratio:.2f} of the held-out error: {' + '.join(refused.names)} "
-            f"({refused.verdict}). Something that acts like it is still unexplained."
-        )
+    )
+    out += _chosen(found)
+    out += still_shows(found)
+    after = 1e3 * np.array(found.after_m)
     worst = int(np.argmax(after))
-    out.append(f"Left unexplained: {after.min():.2f} to {after.max():.2f} mm RMS on held-out runs, most in {judged[worst].name}.")
+    left = f"{after.min():.2f} to {after.max():.2f} mm" if len(after) > 1 else f"{after[0]:.2f} mm"
+    out.append(f"Left unexplained: {left} RMS on unseen runs{f', most in {found.judged[worst].name}' if len(after) > 1 else ''}.")
     fitted = zip(found.fitted.free, found.fitted.values, strict=True)
     bound = [f"{f.name.rpartition('.')[2]} at {v:.4g}" for f, v in fitted if f.at_bound(v)]
     if bound:
         out.append(f"At their bounds, so not measured: {', '.join(bound)}. The wire asks for something else there.")
+    return out
+
+
+def verdict_sentence(found: Tracing) -> str:
+    """The verdict in words."""
+    if found.verdict == "none":
+        return "Nothing is missing: on unseen runs the plain model errs by no more than a position sensor does, and no effect is chosen."
+    if found.verdict == "traced":
+        text = f"The model lacks {' and '.join(c.name for c in found.named)}."
+        places = {c.name: c.place for c in found.named if c.place in ("mechanism", "sensor", "circuit")}
+        for name, place in places.items():
+            text += f" {name}: the fault lies in the {place}, not in the alloy's model."
+        alike = [" + ".join(e.names) for e in found.choice.alike]
+        if alike:
+            text += f" These runs cannot tell it from {', '.join(alike[:3])}."
+        return text
+    shows = _shows(found)
+    text = "There is an error that no candidate explains on runs it was not chosen on"
+    text += f"; the residual still shows {'; '.join(shows)}." if shows else "; it shows nothing that was looked for."
+    if found.provisional:
+        text += f" Provisional, and maybe the wrong names: {', '.join(found.provisional)}."
+    return text
+
+
+def _errors(found: Tracing) -> str:
+    """Before and after, as judged on runs that had no part in the choice."""
+    before, after = 1e3 * np.array(found.before_m), 1e3 * np.array(found.after_m)
+    strokes = np.array([run.stroke_m for run in found.judged])
+    share = [float(np.mean(np.divide(e, strokes))) * 100.0 for e in (found.before_m, found.after_m)]
+    how = "each run judged once, with what was chosen and fitted on the others" if found.nested else "judged once, after the choice"
+    each = ", ".join(f"{r.name} {b:.3f} → {a:.3f}" for r, b, a in zip(found.judged, before, after, strict=True))
+    text = f"Error on unseen runs ({how}): {before.mean():.3f} → {after.mean():.3f} mm RMS, "
+    text += f"{share[0]:.2f} → {share[1]:.2f} % of the stroke"
+    text += f" ({each} mm)." if len(before) > 1 else "."
+    winner = found.choice.winner
+    if winner.names:
+        one, two = (1e3 * float(np.mean(e.held_out_m)) for e in (found.choice.plain, winner))
+        text += (
+            f" On the very folds that {' + '.join(winner.names)} was chosen on it is {one:.3f} → {two:.3f} mm, "
+            "which is no proof: it was chosen because it does that."
+        )
+    return text
+
+
+def _named(found: Tracing) -> list[str]:
+    out = []
+    for c in found.named:
+        values = ", ".join(f"{f.name.partition('.')[2]} {found.fitted.wire.value(f.name):.4g} {f.unit}".strip() for f in c.free)
+        out.append(f"{c.name}: {c.sentence}; {values}.")
+    return out
+
+
+def _chosen(found: Tracing) -> list[str]:
+    choice = found.choice
+    word = " + ".join(choice.winner.names) or "nothing"
+    if not found.nested:
+        return [f"Chosen on {', '.join(r.name for r in choice.runs)} alone: {word}, of {len(choice.entries)} competitors."]
+    each = ", ".join(f"without {j.judged[0].name} {' + '.join(j.choice.winner.names) or 'nothing'}" for j in found.judgements)
+    return [f"Chosen on all the runs together: {word}, of {len(choice.entries)} competitors; {each}."]
+
+
+def still_shows(found: Tracing) -> list[str]:
+    """What the runs do that the model leaves open."""
+    out = _power_off(found)
+    for one, two, rms_m in found.repeat_m:
+        out.append(f"{one} and {two} were driven alike and differ by {1e3 * rms_m:.2f} mm RMS: of that the duty can explain nothing.")
+    return out
+
+
+def _runs(found: Tracing) -> list[Run]:
+    return list({run.name: run for run in (*found.choice.runs, *found.judged)}.values())
+
+
+def _shows(found: Tracing) -> list[str]:
+    """The same, in a few words."""
+    out = []
+    wire = found.fitted.wire
+    for run in _runs(found):
+        if power_off_index(run) is None:
+            continue
+        measured, modelled = (1e3 * power_off_rise_m(run, x) for x in (run.coarse_position_m, predict(wire, run)))
+        if measured - modelled > 2.0 * run.stroke_m:
+            out.append(f"a movement of {measured:.2f} mm after power off in {run.name}, {max(modelled, 0.0):.2f} mm in the model")
+        stands, model_stands = (standstill_s(run, x) for x in (run.coarse_position_m, predict(wire, run)))
+        if stands - model_stands > 0.25:
+            out.append(f"a standstill of {stands:.1f} s there in {run.name}, {model_stands:.1f} s in the model")
+    out += [f"{1e3 * v:.2f} mm between {a} and {b}, which were driven alike" for a, b, v in found.repeat_m]
     return out
 
 
@@ -102,17 +159,18 @@ def _voltage(name: str) -> str:
 def _power_off(found: Tracing) -> list[str]:
     rigid = {"wire.martensite_expansion_1_K": 0.0, "wire.austenite_expansion_1_K": 0.0}
     out = []
-    for run in {r.name: r for fitted, judged in found.folds for r in (*fitted, *judged)}.values():
+    for run in _runs(found):
         if power_off_index(run) is None:
             continue
         measured = power_off_rise_m(run, run.coarse_position_m)
         if measured < 0.002 * run.stroke_m:
             continue
-        wires: list[ForwardWire] = [found.fitted_plain.wire, found.fitted.wire, found.fitted.wire.with_values(rigid)]
+        wires: list[ForwardWire] = [found.choice.fitted_plain.wire, found.fitted.wire, found.fitted.wire.with_values(rigid)]
         plain, full, without = (1e3 * power_off_rise_m(run, predict(w, run)) for w in wires)
+        named = f"with the named effects {full:.2f} mm, and the same " if found.named else ""
         out.append(
             f"{run.name}: after power off the slider still moves {1e3 * measured:.2f} mm the way of contraction; "
-            f"the plain model gives {plain:.2f} mm, with the effects {full:.2f} mm, and the same without "
+            f"the plain model gives {plain:.2f} mm, {named}without "
             f"thermal expansion {without:.2f} mm: the kinetics have no such movement."
         )
         stands, modelled = standstill_s(run, run.coarse_position_m), standstill_s(run, predict(found.fitted.wire, run))
@@ -125,31 +183,36 @@ def _power_off(found: Tracing) -> list[str]:
 
 
 def summary(found: Tracing) -> dict:
-    """The result for machines; lengths in metres."""
-    names = [run.name for run in found.judged]
-    entry = lambda e: {  # noqa: E731
-        "effects": list(e.names), "held_out_rms_m": dict(zip(names, e.held_out_m, strict=True)), "ratio": e.ratio,
-        "earns": bool(e.earns), "verdict": e.verdict or "earns its parameters", "values": e.values,
-    }  # fmt: skip
+    """The result for machines; ``error_*`` are RMS on runs that had no part in the choice, lengths in metres unless named otherwise."""
+    judged = found.judged
+    names = [run.name for run in judged]
+    before, after = np.array(found.before_m), np.array(found.after_m)
+    strokes = np.array([run.stroke_m for run in judged])
     return {
-        "heated_by": found.heated_by,
-        "held_out_rms_m_by_voltage": {k: dict(zip(names, v, strict=True)) for k, v in found.heats.items()},
-        "held_out_rms_m_without_thermal_expansion": dict(zip(names, found.without_expansion_m, strict=True)),
-        "folds": [{"fitted": [r.name for r in fitted], "judged": [r.name for r in judged]} for fitted, judged in found.folds],
-        "stroke_m": {run.name: run.stroke_m for run in found.judged},
-        "before": entry(found.plain) | {"verdict": "the plain model"},
-        "after": entry(found.held_out) | {"verdict": "the plain model and the named effects"},
-        "named": [
+        "verdict": found.verdict,
+        "sentence": verdict_sentence(found),
+        "effects": _effects(found),
+        "provisional": list(found.provisional),
+        "alternatives": [list(e.names) for e in found.choice.alike] if found.verdict == "traced" else [],
+        "error_before_mm": float(1e3 * before.mean()),
+        "error_after_mm": float(1e3 * after.mean()),
+        "error_before_pct_stroke": float(100.0 * np.mean(before / strokes)),
+        "error_after_pct_stroke": float(100.0 * np.mean(after / strokes)),
+        "judged": "nested" if found.nested else "given",
+        "runs": [
             {
-                "effect": c.name, "says": c.sentence, "place": c.place, "signature": c.signature, "ratio_without": ratio,
-                "values": {
-                    f.name: {"value": found.fitted.wire.value(f.name), "unit": f.unit, "lo": f.lo, "hi": f.hi} for f in c.free
-                },
+                "run": run.name, "stroke_mm": 1e3 * run.stroke_m,
+                "error_before_mm": float(1e3 * b), "error_after_mm": float(1e3 * a),
+                "error_before_pct_stroke": float(percent(run, b)), "error_after_pct_stroke": float(percent(run, a)),
+                "chosen_and_fitted_on": [r.name for r in j.choice.runs], "effects": list(j.choice.winner.names),
             }
-            for c, (_, ratio) in zip(found.chosen, found.dropped, strict=True)
+            for run, b, a, j in zip(judged, before, after, found.by_run, strict=True)
         ],
-        "paths": [{"effects": list(names), "ratio": ratio} for names, ratio in found.paths],
-        "rounds": [[entry(e) for e in entries] for entries in found.rounds],
+        "choice": _choice(found.choice),
+        "outer_choices": [_choice(j.choice) for j in found.judgements] if found.nested else [],
+        "heated_by": found.choice.heated_by,
+        "error_m_by_voltage": {v: dict(zip(names, found.heats_m(v), strict=True)) for v in ("rms", "mean")},
+        "error_m_without_thermal_expansion": dict(zip(names, found.rigid_m, strict=True)),
         "fitted": {
             f.name: {"value": float(v), "unit": f.unit, "lo": f.lo, "hi": f.hi, "at_bound": bool(f.at_bound(v))}
             for f, v in zip(found.fitted.free, found.fitted.values, strict=True)
@@ -158,3 +221,46 @@ def summary(found: Tracing) -> dict:
         "repeatability_rms_m": [{"runs": [a, b], "rms_m": v} for a, b, v in found.repeat_m],
         "sentences": sentences(found),
     }  # fmt: skip
+
+
+def _effects(found: Tracing) -> list[dict]:
+    """What is named; the interval is the span over the folds of the choice."""
+    out = []
+    for c in found.named:
+        out.append(
+            {
+                "name": c.name,
+                "stage": c.place,
+                "says": c.sentence,
+                "signature": c.signature,
+                "parameters": {
+                    f.name.partition(".")[2]: {
+                        "value": float(found.fitted.wire.value(f.name)), "unit": f.unit,
+                        "interval": [min(found.choice.winner.values[f.name]), max(found.choice.winner.values[f.name])],
+                    }
+                    for f in c.free
+                },
+                "confidence": found.chosen_in(c.name),
+                "in_the_model": c.place in ("alloy", "heat"),
+            }
+        )  # fmt: skip
+    return out
+
+
+def _choice(choice: Choice) -> dict:
+    """One choice: its errors are those of the folds that it was made on."""
+    names = [run.name for run in choice.runs]
+
+    def entry(e: Entry) -> dict:
+        return {
+            "effects": list(e.names), "leave_one_out_rms_m": dict(zip(names, e.held_out_m, strict=True)), "ratio": e.ratio,
+            "earns": bool(e.earns), "verdict": e.verdict or "earns its parameters", "values": e.values,
+        }  # fmt: skip
+
+    return {
+        "runs": names,
+        "plain": entry(choice.plain) | {"verdict": "the plain model"},
+        "winner": entry(choice.winner) if choice.winner.names else None,
+        "alike": [list(e.names) for e in choice.alike],
+        "race": [entry(e) for e in choice.entries],
+    }

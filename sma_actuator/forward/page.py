@@ -12,26 +12,35 @@ from .fitting import Fit, predict
 from .kernel import TEMPERATURE, simulate
 from .tracing import Tracing
 
+_SHOWN = 30  #: competitors
+
 
 def write_page(path: Path, found: Tracing) -> None:
     """Write the HTML page."""
     page = Page("Forward model: power in, displacement out")
     for sentence in sentences(found):
         page.text(sentence)
-    page.heading("Held-out errors")
+    page.heading("Errors on unseen runs")
     rows = []
-    for i, run in enumerate(found.judged):
-        before, after = found.plain.held_out_m[i], found.held_out.held_out_m[i]
+    for i, (run, j) in enumerate(zip(found.judged, found.by_run, strict=True)):
+        before, after = found.before_m[i], found.after_m[i]
         rows.append(
-            (run.name, 1e3 * found.heats["mean"][i], 1e3 * found.heats["rms"][i], 1e3 * found.without_expansion_m[i], 1e3 * after,
-             percent(run, before), percent(run, after))
+            (run.name, 1e3 * found.heats_m("mean")[i], 1e3 * found.heats_m("rms")[i], 1e3 * found.rigid_m[i], 1e3 * after,
+             percent(run, before), percent(run, after), " + ".join(j.choice.winner.names) or "none")
         )  # fmt: skip
     page.table(
-        ("judged on", "mean voltage [mm]", "RMS voltage [mm]", "without thermal expansion [mm]", "named effects [mm]",
-         "before [%]", "after [%]"),
+        ("judged on", "mean voltage [mm]", "RMS voltage [mm]", "without thermal expansion [mm]", "chosen effects [mm]",
+         "before [%]", "after [%]", "chosen without this run"),
         rows,
-        "RMS on runs that were not fitted, in mm and in % of the stroke.",
+        "RMS on runs on which nothing was chosen or fitted, in mm and in % of the stroke.",
     )
+    choice = found.choice
+    if choice.winner.names:
+        page.table(
+            ("left out", "plain [mm]", f"{' + '.join(choice.winner.names)} [mm]"),
+            [(r.name, 1e3 * b, 1e3 * a) for r, b, a in zip(choice.runs, choice.plain.held_out_m, choice.winner.held_out_m, strict=True)],
+            "For comparison: the leave-one-out errors on which this choice was made. They always fall, and are not the result.",
+        )
     _traces(page, found)
     _power_off(page, found)
     _race(page, found)
@@ -41,21 +50,18 @@ def write_page(path: Path, found: Tracing) -> None:
 
 
 def _pairs(found: Tracing) -> list[tuple]:
-    """(run, plain fit, fit with effects) for every judged run, each fitted without it."""
-    out = []
-    for i, (_, judged) in enumerate(found.folds):
-        out += [(run, found.plain.fits[i], found.held_out.fits[i]) for run in judged]
-    return out
+    """(run, plain fit, fit with the chosen effects) for every judged run, each chosen and fitted without it."""
+    return [(run, j.choice.fitted_plain, j.choice.fitted) for j in found.judgements for run in j.judged]
 
 
 def _traces(page: Page, found: Tracing) -> None:
-    page.heading("Measured and modelled, on held-out runs")
+    page.heading("Measured and modelled, on unseen runs")
     pairs = _pairs(found)
     drawing, axes = figure(2, len(pairs), width_in=6.0, height_in=2.6)
     for row, (run, plain, full) in zip(axes, pairs, strict=True):
         t, measured = run.coarse_time_s, run.coarse_position_m
         row[0].plot(t, 1e3 * measured, "k", lw=1.2, label="measured")
-        for fit, color, label in ((plain, "C0", "plain"), (full, "C1", "with the named effects")):
+        for fit, color, label in ((plain, "C0", "plain"), (full, "C1", "with the effects chosen")):
             modelled = predict(fit.wire, run)
             row[0].plot(t, 1e3 * modelled, color, lw=0.9, label=label)
             row[1].plot(t, 1e3 * (measured - modelled), color, lw=0.9, label=label)
@@ -63,7 +69,7 @@ def _traces(page: Page, found: Tracing) -> None:
         row[0].set(title=run.name, ylabel="position [mm]", xlabel="time [s]")
         row[1].set(title=f"{run.name}: residual", ylabel="measured − modelled [mm]", xlabel="time [s]")
     axes[0, 0].legend(fontsize=7)
-    page.figure(drawing, "Each run as the model fitted on the others gives it; right, what is left over time.")
+    page.figure(drawing, "Each run as the model chosen and fitted without it gives it; right, what is left over time.")
 
 
 def _power_off(page: Page, found: Tracing) -> None:
@@ -79,7 +85,7 @@ def _power_off(page: Page, found: Tracing) -> None:
         ax.plot(t, 1e3 * run.coarse_position_m[part], "k", label="measured")
         rigid = {"wire.martensite_expansion_1_K": 0.0, "wire.austenite_expansion_1_K": 0.0}
         for wire, style, label in (
-            (plain.wire, "C0", "plain"), (full.wire, "C1", "with the named effects"),
+            (plain.wire, "C0", "plain"), (full.wire, "C1", "with the effects chosen"),
             (full.wire.with_values(rigid), "C1--", "the same, no thermal expansion"),
         ):  # fmt: skip
             ax.plot(t, 1e3 * predict(wire, run)[part], style, label=label)
@@ -91,24 +97,25 @@ def _power_off(page: Page, found: Tracing) -> None:
 
 def _race(page: Page, found: Tracing) -> None:
     page.heading("The race of candidates")
-    for number, entries in enumerate(found.rounds, 1):
-        shown = list(entries)[::-1]
-        drawing, axes = figure(1, width_in=9.0, height_in=max(2.0, 0.24 * len(shown)))
-        ax = axes[0, 0]
-        ax.barh([" + ".join(e.names) for e in shown], [e.ratio for e in shown], color=["C2" if e.earns else "0.7" for e in shown])
-        ax.axvline(1.0, color="k", lw=0.8)
-        ax.set(xlim=(0.0, 1.5), xlabel="held-out error, against the round before")
-        page.figure(drawing, f"Round {number}: green earns its parameters.")
-        page.table(
-            ("candidate", "ratio", *(f"{run.name} [mm]" for run in found.judged), "verdict"),
-            [(" + ".join(e.names), e.ratio, *(1e3 * v for v in e.held_out_m), e.verdict or "earns its parameters") for e in entries],
-        )
+    entries = found.choice.entries[:_SHOWN]
+    drawing, axes = figure(1, width_in=9.0, height_in=max(2.0, 0.24 * len(entries)))
+    ax = axes[0, 0]
+    ax.barh([" + ".join(e.names) for e in entries][::-1], [e.ratio for e in entries][::-1],
+            color=["C2" if e.earns else "0.7" for e in entries][::-1])  # fmt: skip
+    ax.axvline(1.0, color="k", lw=0.8)
+    ax.set(xlim=(0.0, 1.5), xlabel="leave-one-out error over that of the plain model")
+    page.figure(drawing, f"The choice on {', '.join(r.name for r in found.choice.runs)}: green earns its parameters.")
+    page.table(
+        ("candidate", "ratio", *(f"{run.name} [mm]" for run in found.choice.runs), "verdict"),
+        [(" + ".join(e.names), e.ratio, *(1e3 * v for v in e.held_out_m), e.verdict or "earns its parameters") for e in entries],
+        f"The best {len(entries)} of {len(found.choice.entries)}.",
+    )
 
 
 def _telltale(page: Page, found: Tracing) -> None:
     """Measured position over modelled temperature: where friction, spread and shoulders show."""
     page.heading("What gives it away")
-    for c in found.chosen:
+    for c in found.named:
         page.text(f"{c.name}: {c.signature}.")
     pairs = _pairs(found)
     drawing, axes = figure(2, -(-len(pairs) // 2), width_in=5.5, height_in=3.2)
@@ -116,7 +123,7 @@ def _telltale(page: Page, found: Tracing) -> None:
         temperature_C = _temperature(full, run)
         ax.plot(temperature_C, 1e3 * run.coarse_position_m, "k.", ms=2, label="measured")
         ax.plot(_temperature(plain, run), 1e3 * predict(plain.wire, run), "C0", lw=0.9, label="plain")
-        ax.plot(temperature_C, 1e3 * predict(full.wire, run), "C1", lw=0.9, label="with the named effects")
+        ax.plot(temperature_C, 1e3 * predict(full.wire, run), "C1", lw=0.9, label="with the effects chosen")
         ax.set(title=run.name, xlabel="modelled mean temperature [°C]", ylabel="position [mm]")
     axes[0, 0].legend(fontsize=7)
     page.figure(drawing, "Position over the wire's modelled temperature (measured points placed by the model with the named effects).")
@@ -128,7 +135,7 @@ def _temperature(fit: Fit, run) -> np.ndarray:
 
 def _values(page: Page, found: Tracing) -> None:
     page.heading("Fitted values")
-    plain = dict(zip([f.name for f in found.fitted_plain.free], found.fitted_plain.values, strict=True))
+    plain = dict(zip([f.name for f in found.choice.fitted_plain.free], found.choice.fitted_plain.values, strict=True))
     rows = []
     for f, value in zip(found.fitted.free, found.fitted.values, strict=True):
         before = f"{plain[f.name]:.4g}" if f.name in plain else ""

