@@ -1,5 +1,6 @@
 """``sma-actuator trace`` as a user runs it: logs and a model in, a verdict, a page and an extended model out."""
 
+import dataclasses
 import json
 import re
 
@@ -8,11 +9,13 @@ import pytest
 import yaml
 from sessions import session, write, write_model
 
-from sma_actuator.bench_log import read_bench_log
+from sma_actuator.actuator import Actuator
+from sma_actuator.bench_log import read_bench_log, to_reading
 from sma_actuator.cli import main
 from sma_actuator.config import Config
 from sma_actuator.identify.traces import make_trace
 from sma_actuator.replay import estimate_m
+from sma_actuator.signals import Reading
 
 
 @pytest.fixture(scope="module")
@@ -123,3 +126,17 @@ def test_the_written_model_is_plain_yaml(traced):
     text = (traced[0] / "out" / "model.yaml").read_text()
     assert text.startswith("# Written by `sma-actuator trace`")
     assert yaml.safe_load(text)["sma_actuator"]["ros__parameters"]["effects"]["order"] == ["voltage_offset"]
+
+
+def test_the_node_estimates_with_the_extended_model_what_replay_does(traced):
+    """Reading by reading through the actuator's own step, as the node drives it."""
+    folder, logs, _ = traced
+    config = Config.load(folder / "out" / "model.yaml")
+    log = read_bench_log(logs[0])
+    trace_ = make_trace(log, config)
+    whole = estimate_m(trace_, config)
+    actuator, reading = Actuator(config), to_reading(log, config)
+    for i in range(len(log)):
+        one = Reading(*(float(getattr(reading, f.name)[i]) for f in dataclasses.fields(Reading)))
+        output = actuator.step(one.time_s, one, None)
+        assert output.estimate.displacement_m == pytest.approx(whole[i], abs=1e-12), f"reading {i}"
