@@ -143,12 +143,15 @@ def _shows(found: Tracing) -> list[str]:
         if power_off_index(run) is None:
             continue
         measured, modelled = (1e3 * power_off_rise_m(run, x) for x in (run.coarse_position_m, predict(wire, run)))
-        if measured - modelled > 2.0 * run.stroke_m:
-            out.append(f"a movement of {measured:.2f} mm after power off in {run.name}, {max(modelled, 0.0):.2f} mm in the model")
+        if abs(measured - modelled) > 2.0 * run.stroke_m:
+            out.append(
+                f"a movement the way of contraction after power off of {measured:.2f} mm, in the model {max(modelled, 0.0):.2f} mm "
+                f"({run.name})"
+            )
         stands, model_stands = (standstill_s(run, x) for x in (run.coarse_position_m, predict(wire, run)))
         if stands - model_stands > 0.25:
-            out.append(f"a standstill of {stands:.1f} s there in {run.name}, {model_stands:.1f} s in the model")
-    out += [f"{1e3 * v:.2f} mm between {a} and {b}, which were driven alike" for a, b, v in found.repeat_m]
+            out.append(f"a standstill at power off of {stands:.1f} s, in the model {model_stands:.1f} s ({run.name})")
+    out += [f"{1e3 * v:.2f} mm RMS between {a} and {b}, which were driven alike" for a, b, v in found.repeat_m]
     return out
 
 
