@@ -74,7 +74,7 @@ def verdict_sentence(found: Tracing) -> str:
         places = {c.name: c.place for c in found.named if c.place in ("mechanism", "sensor", "circuit")}
         for name, place in places.items():
             text += f" {name}: the fault lies in the {place}, not in the alloy's model."
-        alike = [" + ".join(e.names) for e in found.choice.alike]
+        alike = [" + ".join(names) for names in _alternatives(found)]
         if alike:
             text += f" These runs cannot tell it from {', '.join(alike[:3])}."
         return text
@@ -84,6 +84,12 @@ def verdict_sentence(found: Tracing) -> str:
     if found.provisional:
         text += f" Provisional, and maybe the wrong names: {', '.join(found.provisional)}."
     return text
+
+
+def _alternatives(found: Tracing) -> list[list[str]]:
+    """What these runs cannot tell from what is named: as good, and without some of it."""
+    mine = {c.name for c in found.named}
+    return [list(e.names) for e in found.choice.alike if mine and not mine <= set(e.names)]
 
 
 def _errors(found: Tracing) -> str:
@@ -196,7 +202,7 @@ def summary(found: Tracing) -> dict:
         "sentence": verdict_sentence(found),
         "effects": _effects(found),
         "provisional": list(found.provisional),
-        "alternatives": [list(e.names) for e in found.choice.alike] if found.verdict == "traced" else [],
+        "alternatives": _alternatives(found),
         "error_before_mm": float(1e3 * before.mean()),
         "error_after_mm": float(1e3 * after.mean()),
         "error_before_pct_stroke": float(100.0 * np.mean(before / strokes)),
