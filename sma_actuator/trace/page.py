@@ -98,8 +98,8 @@ def _loop(page: Page, evidence: Evidence, tracing: Tracing) -> None:
     few = _some(len(trace.log))
     for ax, (which, style) in zip(axes[0], (("before", BEFORE), ("after", AFTER)), strict=True):
         p = tracing.predictions[which][worst]
-        ax.plot(trace.resistance_Ohm[few], evidence.measured_m[worst][few] * _MM, lw=0.6, color="0.5", label="measured")
-        ax.plot(trace.resistance_Ohm[few], p.shown_m[few] * _MM, lw=0.6, color=style["color"], label="model")
+        ax.plot(trace.resistance_Ohm[few], p.shown_m[few] * _MM, lw=0.8, color=style["color"], label="model")
+        ax.plot(trace.resistance_Ohm[few], evidence.measured_m[worst][few] * _MM, lw=0.4, color="black", label="measured")
         ax.set(xlabel="measured resistance [Ω]", ylabel="displacement [mm]", title=style["label"])
         ax.legend()
     page.figure(drawing, trace.name)
