@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
-from joblib import Parallel, delayed
 
 from ..effects import EFFECTS, NOT_THE_MODEL
 from .candidates import Candidate, Scales, candidate, untestable
@@ -97,23 +99,23 @@ def trace(
     )
     if float(errors.mean()) <= floor and not only:
         return result
-    with Parallel(n_jobs=jobs) as pool:
+    with _fitters(evidence, train, jobs) as fits_of:
         current, held = None, base
         if only:
-            trials = _race(pool, evidence, [(tuple(field_), None)], train, held, progress) if field_ else []
+            trials = _race(fits_of, [(tuple(field_), None)], train, held, progress) if field_ else []
             result.rounds.append(Round((), trials, trials[0] if trials else None))
             current = trials[0].fit if trials else None
             held = current.held_out if current else base
         while not only and len(current.names if current else ()) < MOST_EFFECTS:
             chosen = current.candidates if current else ()
             rest = [c for c in field_ if c.name not in {x.name for x in chosen}]
-            trials = _race(pool, evidence, [((*chosen, c), current) for c in rest], train, held, progress)
+            trials = _race(fits_of, [((*chosen, c), current) for c in rest], train, held, progress)
             round_ = _decide(evidence, tuple(c.name for c in chosen), trials, train, held, expected)
             result.rounds.append(round_)
             if round_.winner is None:
                 break
             if len(chosen) == 0 and not _clean(evidence, round_.winner.fit, base, train, expected):
-                more = _race(pool, evidence, _pairs(trials, rest), train, held, progress)
+                more = _race(fits_of, _pairs(trials, rest), train, held, progress)
                 best_pair = max(more, key=lambda t: t.gain, default=None)
                 if best_pair is not None and _pays(best_pair, round_.winner, train):
                     round_.trials += more
@@ -148,11 +150,35 @@ def _expected_loss(evidence: Evidence) -> float:
     return 0.5 * (INDEPENDENT + 2.0 * rests / evidence.units)
 
 
-def _race(pool, evidence, entries, train, held, progress) -> list[Trial]:
-    """Fits of ``entries``, (candidates, what is known of some of them), best first."""
+#: Of a process that fits: the evidence and the cycles to train on, sent once and not with every candidate.
+_given: tuple[Evidence, np.ndarray] | None = None
+
+
+def _remember(evidence: Evidence, train: np.ndarray) -> None:
+    global _given
+    _given = evidence, train
+
+
+def _fit_given(entry) -> Fit:
+    evidence, train = _given
+    return fit(evidence, entry[0], train, entry[1])
+
+
+@contextmanager
+def _fitters(evidence: Evidence, train: np.ndarray, jobs: int) -> Iterator[Callable]:
+    """A function that gives the fits of entries, (candidates, what is known of some of them), in their order."""
+    if jobs == 1:
+        yield lambda entries: (fit(evidence, names, train, known) for names, known in entries)
+        return
+    context = multiprocessing.get_context("spawn")  # a fork would copy locks that the progress bar's thread holds
+    with ProcessPoolExecutor(jobs, context, _remember, (evidence, train)) as pool:
+        yield lambda entries: pool.map(_fit_given, entries)
+
+
+def _race(fits_of, entries, train, held, progress) -> list[Trial]:
+    """Trials of ``entries``, best first."""
     trials = []
-    fits = pool(delayed(fit)(evidence, entry, train, known) for entry, known in entries) if entries else []
-    for f in fits:
+    for f in fits_of(entries):
         difference = (held - f.held_out)[train]
         trials.append(Trial(f.names, float(difference.mean()), _standard_error(difference), f))
         progress("race", len(trials) / len(entries))
