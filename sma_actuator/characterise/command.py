@@ -11,6 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from ..bench_log import write_atomically
 from ..config import bench_from_mapping, read_parameter_file
+from ..parameters import ConfigError
 from ..share import shared_file
 from .operators import BenchOperator, ScpiBenchOperator, TerminalOperator
 from .parts import RUN
@@ -98,6 +99,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--skip", action="append", default=[], choices=sorted(RUN), help="leave out this kind of part; may be repeated"
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the virtual bench's noise")
+    parser.add_argument(
+        "--hidden",
+        type=_effect,
+        action="append",
+        default=[],
+        metavar="EFFECT=STRENGTH",
+        help="with --virtual: an undeclared effect in the bench, for trying `trace`; may be repeated",
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the manifest here as well")
 
 
@@ -127,10 +136,18 @@ def run(args: argparse.Namespace) -> int:
     )
     plan = make_plan(config, options)
     largest_force_N = config.wire.max_stress * config.wire.area_m2
+    if args.hidden and not args.virtual:
+        raise ConfigError("--hidden: only the virtual bench (--virtual) can hide an effect")
     if args.virtual:
-        from ..bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
+        from ..bench import HiddenBench, InProcessDaq, InProcessSupply, VirtualClock
 
-        bench = VirtualBench.from_name(args.virtual, seed=args.seed, size_m=(config.wire.length, config.wire.diameter))
+        size_m = (config.wire.length, config.wire.diameter)
+        try:
+            bench = HiddenBench.from_name(
+                args.virtual, args.seed, size_m=size_m, hidden=dict(args.hidden), session_s=sum(p.duration_s for p in plan)
+            )
+        except ValueError as error:
+            raise ConfigError(f"--virtual, --hidden: {error}") from error
         rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
         operator = BenchOperator(bench, largest_force_N)
     else:
@@ -163,6 +180,14 @@ def run(args: argparse.Namespace) -> int:
         write_atomically(args.json, lambda stream: stream.write(text.encode()))
     console.print(f"{len(plan)} parts are in {args.out}: logs, {manifest.path.name}, bench.yaml and calibration.html")
     return 0
+
+
+def _effect(text: str) -> tuple[str, float]:
+    name, _, strength = text.partition("=")
+    try:
+        return name, float(strength)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is no effect; EFFECT=STRENGTH is wanted, as voltage_offset=0.004") from None
 
 
 def _numbers(text: str) -> tuple[float, ...]:

@@ -229,7 +229,7 @@ def _pairs(trials: list[Trial], rest: Sequence[Candidate]) -> list[tuple[tuple[C
 
 def _share(held, base, train, expected) -> float:
     excess = float(base[train].mean()) - expected
-    return (float(base[train].mean()) - float(held[train].mean())) / excess if excess > 0 else 0.0
+    return min((float(base[train].mean()) - float(held[train].mean())) / excess, 1.0) if excess > 0 else 0.0
 
 
 def _clean(evidence, fit_: Fit, base, train, expected) -> bool:

@@ -198,3 +198,15 @@ def test_a_calibration_whose_channel_does_not_move_is_refused():
         fit_line([0.1, 0.1, 0.1], [0.1, 0.5, 1.0], "load cell")
     with pytest.raises(ConfigError, match="no straight line"):
         fit_line([0.0, 1.0, 2.0, 3.0], [0.0, 5.0, 1.0, 4.0], "load cell")
+
+
+def test_a_hidden_effect_wants_the_virtual_bench_and_a_name_it_knows(tmp_path, capsys):
+    out = str(tmp_path / "out")
+    assert main(["characterise", "--hidden", "voltage_offset=0.003", "--out", out]) == 1
+    assert "--virtual" in capsys.readouterr().err
+    assert main(["characterise", "--virtual", "flexinol", "--hidden", "gremlins=1", "--out", out]) == 1
+    assert "'gremlins' is no hidden effect" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["characterise", "--virtual", "flexinol", "--hidden", "voltage_offset", "--out", out])
+    assert "EFFECT=STRENGTH" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
