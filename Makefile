@@ -8,9 +8,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 DURATION ?= 60
 WIRE ?= flexinol
-EXTRAS := ros,speed,report,bags,baselines,pymeasure,test
+EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,test
 
-.PHONY: demo test tables benchmarks coefficients blind-trial own-baseline forward clean
+.PHONY: demo test tables benchmarks coefficients blind-trial own-baseline fleet forward clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION)
@@ -47,6 +47,10 @@ blind-trial: $(VENV)/ready
 # What the models lack over the whole range even on the wires they were identified on, and what adding it buys.
 own-baseline: $(VENV)/ready
 	$(BIN)/python benchmarks/own_baseline.py
+
+# Trace many wires at once: one after the other, on this machine's cores, on a local Dask cluster.
+fleet: $(VENV)/ready
+	$(BIN)/python benchmarks/fleet.py
 
 # Fit the forward model to measurements of a real bench, and name what it lacks.
 FORWARD_DATA ?= ../shared/data/flexinol_050_bench

@@ -18,7 +18,7 @@ setup(
         (f"share/{NAME}/launch", glob("launch/*.py")),
     ],
     python_requires=">=3.11",
-    install_requires=["numpy>=1.26", "scipy>=1.11", "PyYAML>=6.0", "PyVISA>=1.13", "PyVISA-py>=0.7", "rich>=13"],
+    install_requires=["numpy>=1.26", "scipy>=1.11", "PyYAML>=6.0", "PyVISA>=1.13", "PyVISA-py>=0.7", "rich>=13", "joblib>=1.3"],
     extras_require={
         # The wheels of ROS 2 Jazzy; leave out where ROS 2 is sourced.
         "ros": ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
@@ -26,6 +26,7 @@ setup(
         "report": ["matplotlib>=3.6", "Jinja2>=3.1"],
         "bags": ["rosbags>=0.10"],
         "baselines": ["scikit-learn>=1.3"],
+        "fleet": ["distributed>=2024.1"],
         "pymeasure": ["PyMeasure>=0.14"],
         "test": ["pytest>=7.4", "hypothesis>=6.82", "simple-pid==2.0.1", "colcon-common-extensions>=0.3"],
     },

@@ -5,8 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+import joblib
 import yaml
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -39,6 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="look also for what the model lacked at its calibration already (default: for what has come since)",
     )  # fmt: skip
     parser.add_argument("--jobs", type=int, default=2, help="processes (default %(default)s)")
+    parser.add_argument("--dask", metavar="ADDRESS", help="spread the fits over this Dask cluster, as tcp://127.0.0.1:8786")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the report for machines here too")
 
 
@@ -71,7 +75,8 @@ def run(args: argparse.Namespace) -> int:
                 tasks[what] = bar.add_task(what, total=1.0)
             bar.update(tasks[what], completed=fraction)
 
-        tracing = trace(evidence, args.only, args.without, args.jobs, progress)
+        with _cluster(args.dask):
+            tracing = trace(evidence, args.only, args.without, args.jobs, progress)
         report = summary(evidence, tracing)
         model = extended(mapping, evidence, tracing, report, _when(args.logs))
     path = args.out / "model.yaml"
@@ -91,6 +96,24 @@ def run(args: argparse.Namespace) -> int:
     _print(console, report)
     console.print(f"wrote {args.out / 'report.json'}, report.html" + (" and model.yaml" if model is not None else ""))
     return 0
+
+
+@contextmanager
+def _cluster(address: str | None) -> Iterator[None]:
+    """Have joblib work on a Dask cluster, where one is named."""
+    if not address:
+        yield
+        return
+    try:
+        from dask.distributed import Client
+
+        client = Client(address, timeout=10)
+    except ModuleNotFoundError as error:
+        raise ConfigError(f"--dask: needs the Python package '{error.name}' (extra 'fleet')") from error
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"--dask: no scheduler answers at '{address}' ({error}); start one with `dask scheduler`") from error
+    with client, joblib.parallel_config("dask"):
+        yield
 
 
 def _when(paths: list[Path]) -> str:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
+from joblib import Parallel, delayed
 
 from ..effects import EFFECTS, NOT_THE_MODEL
 from .candidates import Candidate, Scales, candidate, untestable
@@ -78,7 +77,8 @@ def trace(
 ) -> Tracing:
     """Find what the model lacks in these logs.
 
-    ``only``: names of the only candidates; ``without``: of those left out.
+    ``only``: names of the only candidates; ``without``: of those left out.  ``jobs``: fits at a time, by joblib, so
+    that ``joblib.parallel_config("dask")`` around the call spreads them over a cluster.
     """
     scales = Scales.of(evidence)
     names = [n for n in EFFECTS if (not only or n in only) and n not in without]
@@ -150,35 +150,20 @@ def _expected_loss(evidence: Evidence) -> float:
     return 0.5 * (INDEPENDENT + 2.0 * rests / evidence.units)
 
 
-#: Of a process that fits: the evidence and the cycles to train on, sent once and not with every candidate.
-_given: tuple[Evidence, np.ndarray] | None = None
-
-
-def _remember(evidence: Evidence, train: np.ndarray) -> None:
-    global _given
-    _given = evidence, train
-
-
-def _fit_given(entry) -> Fit:
-    evidence, train = _given
-    return fit(evidence, entry[0], train, entry[1])
-
-
 @contextmanager
 def _fitters(evidence: Evidence, train: np.ndarray, jobs: int) -> Iterator[Callable]:
     """A function that gives the fits of entries, (candidates, what is known of some of them), in their order."""
     if jobs == 1:
         yield lambda entries: (fit(evidence, names, train, known) for names, known in entries)
         return
-    context = multiprocessing.get_context("spawn")  # a fork would copy locks that the progress bar's thread holds
-    with ProcessPoolExecutor(jobs, context, _remember, (evidence, train)) as pool:
-        yield lambda entries: pool.map(_fit_given, entries)
+    with Parallel(n_jobs=jobs, return_as="generator") as pool:
+        yield lambda entries: pool(delayed(fit)(evidence, names, train, known) for names, known in entries)
 
 
 def _race(fits_of, entries, train, held, progress) -> list[Trial]:
     """Trials of ``entries``, best first."""
     trials = []
-    for f in fits_of(entries):
+    for f in fits_of(entries) if entries else ():
         difference = (held - f.held_out)[train]
         trials.append(Trial(f.names, float(difference.mean()), _standard_error(difference), f))
         progress("race", len(trials) / len(entries))

@@ -140,3 +140,18 @@ def test_the_node_estimates_with_the_extended_model_what_replay_does(traced):
         one = Reading(*(float(getattr(reading, f.name)[i]) for f in dataclasses.fields(Reading)))
         output = actuator.step(one.time_s, one, None)
         assert output.estimate.displacement_m == pytest.approx(whole[i], abs=1e-12), f"reading {i}"
+
+
+def test_a_dask_cluster_gives_the_same_report(traced):
+    distributed = pytest.importorskip("distributed")
+    folder, logs, model = traced
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        words = ["--jobs", "2", "--dask", cluster.scheduler_address]
+        assert main(["trace", *logs, "--config", model, "--out", str(folder / "out3"), *words]) == 0
+    assert (folder / "out3" / "report.json").read_text().replace("out3", "out") == (folder / "out" / "report.json").read_text()
+
+
+def test_a_cluster_that_does_not_answer_is_named(traced, capsys):
+    folder, logs, model = traced
+    assert main(["trace", *logs, "--config", model, "--out", str(folder / "out4"), "--dask", "tcp://127.0.0.1:1"]) == 1
+    assert "--dask: no scheduler answers at 'tcp://127.0.0.1:1'" in capsys.readouterr().err.replace("\n", " ")
