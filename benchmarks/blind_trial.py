@@ -109,11 +109,16 @@ def show(console: Console, answers: list[dict], leave_out: bool = False) -> None
     everything = [e for es in none.values() for e in es]
 
     def ratio(x):
-        base = none[x["alloy"], x["load"]] or everything or [x["floor"] / 1.15]
+        base = none[x["alloy"], x["load"]] or everything or [x["floor"] / 1.25]
         return x["before"] / np.mean(base)
 
     _confusion(console, [x for x in answers if x["kind"] == "single"], leave_out)
     if leave_out:
+        doubled = [x for x in answers if ratio(x) >= DOUBLED]
+        _rate(console, "unexplained said, where the error at least doubles", [x["verdict"] == "unexplained" for x in doubled], "")
+        others = [x for x in doubled if x["verdict"] == "traced"]
+        _rate(console, "else: a single name that leaves the log clean", [len(x["effects"]) == 1 for x in others], "")
+        _rate(console, "else: not the only name, alternatives are given", [bool(x["alternatives"]) for x in others], "")
         return
     doubled = [x for x in answers if x["kind"] == "single" and ratio(x) >= DOUBLED]
     _rate(console, "right effect first, where the error at least doubles", [_first(x) for x in doubled], ">= 95 %")

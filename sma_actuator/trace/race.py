@@ -27,7 +27,7 @@ ALIKE = 0.05  #: share of the gain within which two fits count as alike in any c
 #: Clean: mean loss, over that of a log like the calibration's, up to which nothing more is to be found …
 CLEAN_LOSS = 1.8
 #: … or the share of the excess loss that is explained, together with an error within the floor.
-CLEAN_SHARE = 0.85
+CLEAN_SHARE = 0.93
 #: Why only the wire's effects compete beyond the floor.
 BEFORE_THE_MODEL = "what circuit, load cell, mechanism and reference did at the calibration, the calibration has absorbed"
 Progress = Callable[[str, float], None]
