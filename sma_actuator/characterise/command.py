@@ -105,7 +105,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="EFFECT=STRENGTH",
-        help="with --virtual: an undeclared effect in the bench, for trying `trace`; may be repeated",
+        help="with --virtual: an undeclared effect in the bench, in SI units, for trying `trace`; may be repeated (see docs/tracing.md)",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the manifest here as well")
 
@@ -138,6 +138,8 @@ def run(args: argparse.Namespace) -> int:
     largest_force_N = config.wire.max_stress * config.wire.area_m2
     if args.hidden and not args.virtual:
         raise ConfigError("--hidden: only the virtual bench (--virtual) can hide an effect")
+    if args.hidden and (args.out / "manifest.json").exists():
+        raise ConfigError(f"--hidden: {args.out} holds logs already, which may hide something else; a new folder is wanted")
     if args.virtual:
         from ..bench import HiddenBench, InProcessDaq, InProcessSupply, VirtualClock
 
@@ -147,7 +149,7 @@ def run(args: argparse.Namespace) -> int:
                 args.virtual, args.seed, size_m=size_m, hidden=dict(args.hidden), session_s=sum(p.duration_s for p in plan)
             )
         except ValueError as error:
-            raise ConfigError(f"--virtual, --hidden: {error}") from error
+            raise ConfigError(f"{'--hidden' if 'hidden' in str(error) else '--virtual'}: {error}") from error
         rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
         operator = BenchOperator(bench, largest_force_N)
     else:

@@ -59,7 +59,8 @@ def replay(
     out = []
     for i, log in enumerate(logs):
         trace = make_trace(log, first)
-        estimates = {name: estimate_m(trace, config) for name, config in models.items()}
+        # Every model with its own calibrations of circuit and load cell, and its own effects on them.
+        estimates = {name: estimate_m(make_trace(log, config), config) for name, config in models.items()}
         estimates.update({baseline.name: _where_read(baseline, trace) for baseline in baselines})
         errors = {n: log_error(trace.name, trace.signals, e, range_m, full_stroke_m) for n, e in estimates.items()}
         out.append(Replay(trace, estimates, errors))

@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--calibration", nargs="+", type=Path, metavar="LOG", default=[],
         help="logs the model was fitted on, where MODEL.yaml was not written by identify",
     )  # fmt: skip
-    parser.add_argument("--only", nargs="+", metavar="EFFECT", default=[], help="these candidates alone, and no verdict: fit them")
+    parser.add_argument("--only", nargs="+", metavar="EFFECT", default=[], help="fit these effects together, without a race")
     parser.add_argument("--without", nargs="+", metavar="EFFECT", default=[], help="leave these candidates out")
     parser.add_argument(
         "--beyond-floor", action="store_true",
@@ -58,6 +58,9 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--jobs: {args.jobs} is too few; at least 1 is wanted")
     console = Console(stderr=True)
     mapping = read_parameter_file(args.config)
+    for stale in ("report.json", "report.html", "model.yaml"):
+        if (args.out / stale).resolve() != args.config.resolve():
+            (args.out / stale).unlink(missing_ok=True)  # of an earlier run: it would be taken for this one's
     config = Config.from_mapping(mapping, str(args.config))
     with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console) as bar:
         task = bar.add_task("reading", total=1.0)
@@ -87,8 +90,6 @@ def run(args: argparse.Namespace) -> int:
         text = "# Written by `sma-actuator trace`; the evidence is in report.html beside it.\n"
         text += yaml.safe_dump({NODE_NAME: {"ros__parameters": model}}, sort_keys=False, allow_unicode=True)
         write_atomically(path, lambda stream: stream.write(text.encode()))
-    else:
-        path.unlink(missing_ok=True)  # of an earlier run: it would be taken for this one's
     write_page(args.out / "report.html", evidence, tracing, report)
     text = json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     for target in filter(None, (args.out / "report.json", args.json)):
@@ -126,7 +127,9 @@ def _print(console: Console, report: dict) -> None:
     before, after = report["error_before_interval"], report["error_after_interval"]
     console.print(
         f"error {report['error_before_pct_stroke']:.2f} % of full stroke ({before[0]:.2f}–{before[1]:.2f}) before, "
-        f"{report['error_after_pct_stroke']:.2f} % ({after[0]:.2f}–{after[1]:.2f}) after; mean over cycles {report['cycle_mean_before_pct_stroke']:.2f} %, floor {report['floor_pct_stroke']:.2f} %"
+        f"{report['error_after_pct_stroke']:.2f} % ({after[0]:.2f}–{after[1]:.2f}) after; "
+        f"mean over cycles {report['cycle_mean_before_pct_stroke']:.2f} % before, {report['cycle_mean_after_pct_stroke']:.2f} % after, "
+        f"the model's own floor for it {report['floor_pct_stroke']:.2f} %"
     )
     if report["effects"]:
         table = Table()
@@ -141,8 +144,10 @@ def _print(console: Console, report: dict) -> None:
     for a in report["alternatives"]:
         x = a["experiment"]
         console.print(
-            f"instead of {a['instead_of']} it could be {a['name']} ({a['confidence']:.0%}); to tell them apart: {x['what']} "
-            f"({x['duration_s']:.0f} s), then they differ by {x['predicted_difference_m'] * 1e3:.2f} mm"
+            f"instead of {a['instead_of']} it could be {a['name']} (better in {a['confidence']:.0%} of redrawn cycles); to tell them apart "
+            f"{x['what']} ({x['duration_s']:.0f} s): what the two expect of the reference sensor then moves {x['predicted_difference_m'] * 1e3:.2f} mm apart"
         )
+    for note in report["notes"]:
+        console.print(f"note: {note}")
     for u in report["untestable"]:
         console.print(f"untestable: {u['name']}: {u['reason']}")

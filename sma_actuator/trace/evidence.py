@@ -28,7 +28,9 @@ LIMIT = 3.0  #: residual, in standard deviations, above which it counts linearly
 WORST = 30.0  #: and the largest that counts at all
 FLOOR_percent = 1.5  #: of full stroke, where the model does not say how good it was
 SCATTER_FLOOR = 0.6  #: of the mean scatter, which is added to that of every position
+FEWEST_CYCLES = 3  #: in all logs together
 FEWEST_UNITS = 8
+HOPELESS_percent = 50.0  #: of full stroke: an error of a model that is not of this wire
 LARGEST = 60_000  #: samples; longer logs are thinned
 
 
@@ -64,6 +66,10 @@ class Evidence:
         logs = sorted(logs, key=lambda log: float(log["time_s"][0]))
         thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST))
         self.traces = [_usable(make_trace(log, self.config)) for log in logs]
+        cycles = sum(int(trace.cycle.max()) for trace in self.traces)
+        if cycles < FEWEST_CYCLES:
+            names = ", ".join(trace.log.source for trace in self.traces)
+            raise BenchLogError(f"{names}: {cycles} cycles in all are too few to hold some out; at least {FEWEST_CYCLES} are wanted")
         self.rests = [find_rests(trace, config.thermal.heat_capacity / config.thermal.heat_loss) for trace in self.traces]
         if thin > 1:
             self.rests = [
@@ -79,6 +85,12 @@ class Evidence:
         self._scale_m = self._typical_m() if beyond_floor else math.nan
         self.unit, self.units = self._cut()
         self._rows()
+        error = float(np.mean(self.errors_percent(self.predict({}))))
+        if error > HOPELESS_percent:
+            raise BenchLogError(
+                f"{self.traces[0].log.source}: the model errs by {error:.0f} % of full stroke on these logs; it is not of this wire, or "
+                "circuit, load_cell or reference_sensor are those of another bench"
+            )
 
     def _cut(self) -> tuple[list[np.ndarray], int]:
         """Number of the cycle of every sample, over all logs; blocks of time where there are too few cycles."""

@@ -6,7 +6,9 @@ both explanations, as fitted, are asked what the reference sensor would show.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -32,17 +34,31 @@ class Experiment:
 
 def best_experiment(evidence: Evidence, first: Mapping[str, object], second: Mapping[str, object]) -> Experiment:
     """The shortest experiment in which the two differ by ENOUGH_percent; the one where they differ most if none does."""
+    chains = [_after_the_session(evidence, effects) for effects in (first, second)]
     found = []
     for what, signals in _experiments(evidence):
-        shown = [_shown(evidence, effects, signals) for effects in (first, second)]
-        difference_m = float(np.max(np.abs(shown[0] - shown[1])))
+        # What they differ by at the beginning they differ by already: only what moves them apart decides.
+        difference_m = float(np.ptp(_shown(evidence, chains[0], signals) - _shown(evidence, chains[1], signals)))
         found.append(Experiment(what, float(np.ptp(signals.time_s)), difference_m))
     enough = [e for e in found if e.difference_m >= ENOUGH_percent / 100 * evidence.full_stroke_m]
     return min(enough, key=lambda e: e.duration_s) if enough else max(found, key=lambda e: e.difference_m)
 
 
-def _shown(evidence: Evidence, effects: Mapping[str, object], signals: Signals) -> np.ndarray:
-    chain = EffectChain({**evidence.base, **effects}, evidence.place)
+def _after_the_session(evidence: Evidence, effects: Mapping[str, object]) -> EffectChain:
+    """The effects as the last log leaves them: what creeps has crept, what slipped has slipped."""
+    chain = EffectChain({**evidence.base, **effects}, evidence.place, evidence.start_s if evidence.one_session else math.nan)
+    _through(evidence, chain, evidence.traces[-1].signals)
+    return chain
+
+
+def _shown(evidence: Evidence, chain: EffectChain, signals: Signals) -> np.ndarray:
+    """What the reference sensor would show in an experiment right after the session."""
+    begin_s = float(evidence.traces[-1].signals.time_s[-1]) + 1.0
+    shifted = dataclasses.replace(signals, time_s=signals.time_s - signals.time_s[0] + begin_s)
+    return _through(evidence, copy.deepcopy(chain), shifted)
+
+
+def _through(evidence: Evidence, chain: EffectChain, signals: Signals) -> np.ndarray:
     signals = chain.measure(signals)
     frame = chain.run("at_resistance", chain.frame(signals))
     estimate = Estimator(evidence.config).run(dataclasses.replace(signals, resistance_Ohm=frame.resistance_Ohm))

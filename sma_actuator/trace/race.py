@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from joblib import Parallel, delayed
 
+from ..bench_log import BenchLogError
 from ..effects import EFFECTS, NOT_THE_MODEL
 from .candidates import Candidate, Scales, candidate, untestable
 from .evidence import INDEPENDENT, Evidence, Prediction
@@ -28,8 +29,6 @@ ALIKE = 0.05  #: share of the gain within which two fits count as alike in any c
 CLEAN_LOSS = 1.8
 #: … or the share of the excess loss that is explained, together with an error within the floor.
 CLEAN_SHARE = 0.93
-#: Why only the wire's effects compete beyond the floor.
-BEFORE_THE_MODEL = "what circuit, load cell, mechanism and reference did at the calibration, the calibration has absorbed"
 Progress = Callable[[str, float], None]
 
 
@@ -78,13 +77,16 @@ def trace(
     """Find what the model lacks in these logs.
 
     ``only``: names of the only candidates; ``without``: of those left out.  ``jobs``: fits at a time, by joblib, so
-    that ``joblib.parallel_config("dask")`` around the call spreads them over a cluster.
+    that ``joblib.parallel_config("dask")`` around the call spreads them over a cluster.  Raises BenchLogError where
+    an effect of ``only`` cannot be fitted on these logs.
     """
     scales = Scales.of(evidence)
     names = [n for n in EFFECTS if (not only or n in only) and n not in without]
+    if evidence.beyond_floor and not only:  # what circuit and sensors did at the calibration, it has absorbed
+        names = [n for n in names if EFFECTS[n].STAGE == "wire"]
     reasons = {n: untestable(n, scales, evidence) for n in names}
-    if evidence.beyond_floor:
-        reasons |= {n: BEFORE_THE_MODEL for n in names if EFFECTS[n].STAGE != "wire" and n not in only}
+    if only and any(reasons.values()):
+        raise BenchLogError("; ".join(f"{n} cannot be fitted on these logs: {why}" for n, why in reasons.items() if why))
     field_ = [candidate(n, scales, evidence) for n in names if not reasons[n]]
     last = max(1, round(LAST_BLOCK * evidence.units))
     train = np.arange(evidence.units) < evidence.units - last
@@ -129,16 +131,16 @@ def trace(
         result.fit = current
         result.predictions["after"] = evidence.predict(current.effects)
         result.losses["after"] = held
-        result.errors_percent["after"] = evidence.errors_percent(result.predictions["after"])
+        result.errors_percent["after"] = current.held_out_percent
         result.share = _share(held, base, train, expected)
         result.alternatives = _alternatives(result.rounds, current)
     found = current is not None
-    if only or evidence.beyond_floor:  # then every effect that pays counts, and what remains is the model's as it is
+    if evidence.beyond_floor:  # then every effect that pays counts, and what remains is the model's as it is
         result.verdict = "traced" if found else "none"
     else:
         real = float(errors.mean()) > REAL_ERROR / NONE_ERROR * floor
         clean = found and _clean(evidence, current, base, train, expected)
-        result.verdict = "traced" if clean else "unexplained" if real else "none"
+        result.verdict = "traced" if clean else "unexplained" if real or only else "none"
     return result
 
 

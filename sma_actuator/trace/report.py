@@ -66,6 +66,10 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
             }
             for r in tracing.rounds
         ],
+        "notes": [] if evidence.one_session or len(evidence.traces) == 1 else [
+            "the logs do not follow each other on one clock: each counts as a session, and what changes from one to the next (a slip, a "
+            "drift) cannot show; where they are one session, let time_s go on from log to log"
+        ],
         "model_file": str(model_file) if model_file else None,
         "logs": [t.log.source for t in evidence.traces],
     }
@@ -83,8 +87,9 @@ def sentence(tracing: Tracing, depends: dict[str, float]) -> str:
         )
     names = list(tracing.fit.names) if tracing.fit else []
     if tracing.verdict == "traced":
-        text = f"The model lacks {' and '.join(names)}."
         outside = [n for n in names if EFFECTS[n].STAGE in NOT_THE_MODEL]
+        inside = [n for n in names if n not in outside]
+        text = f"The model lacks {' and '.join(inside)}." if inside else f"The error is that of {' and '.join(outside)}."
         if outside:
             what = "the reference sensor" if EFFECTS[outside[0]].STAGE == "reference" else "the mechanism"
             text += f" {' and '.join(outside)}: the fault lies in {what}, not in the model, which is left alone in this."
@@ -95,7 +100,7 @@ def sentence(tracing: Tracing, depends: dict[str, float]) -> str:
     text = "There is an error that no candidate explains"
     text += f"; it still depends on {', '.join(most)}." if most else "; it depends on nothing that was looked at."
     if names:
-        text += f" {' and '.join(names)} would take off part of it, and may be the wrong name."
+        text += f" {' and '.join(names)} would take off part of it (that is the error after), and may be the wrong name."
     return text
 
 

@@ -155,3 +155,31 @@ def test_a_cluster_that_does_not_answer_is_named(traced, capsys):
     folder, logs, model = traced
     assert main(["trace", *logs, "--config", model, "--out", str(folder / "out4"), "--dask", "tcp://127.0.0.1:1"]) == 1
     assert "--dask: no scheduler answers at 'tcp://127.0.0.1:1'" in capsys.readouterr().err.replace("\n", " ")
+
+
+def test_replay_gives_every_model_its_own_circuit(traced):
+    """The model and the extended one beside each other: the first thing a user looks at."""
+    folder, logs, model = traced
+    out = folder / "beside.json"
+    words = ["--config", model, "--config", str(folder / "out" / "model.yaml"), "--report", str(folder / "beside.html"), "--json", str(out)]
+    assert main(["replay", logs[0], *words]) == 0
+    text = json.dumps(json.loads(out.read_text()))
+    errors = [float(x) for x in re.findall(r'"full_percent": ([\d.]+)', text)]
+    assert len(errors) == 2 and errors[1] < 0.5 * errors[0]
+
+
+def test_fitting_one_effect_alone_is_no_verdict_for_it(traced):
+    folder, logs, model = traced
+    out = folder / "only"
+    assert main(["trace", *logs, "--config", model, "--out", str(out), "--jobs", "1", "--only", "rate"]) == 0
+    assert json.loads((out / "report.json").read_text())["verdict"] == "unexplained"
+    assert not (out / "model.yaml").exists()
+
+
+def test_a_failure_leaves_no_earlier_result_behind(traced, tmp_path, capsys):
+    folder, logs, model = traced
+    (tmp_path / "report.json").write_text("{}")
+    (tmp_path / "model.yaml").write_text("old")
+    assert main(["trace", *logs, "--config", model, "--out", str(tmp_path), "--only", "ambient_temperature"]) == 1
+    assert "ambient_temperature cannot be fitted on these logs" in capsys.readouterr().err.replace("\n", " ")
+    assert not list(tmp_path.iterdir())
