@@ -61,7 +61,8 @@ def judge(case: Case, models: str, leave_out: bool) -> dict:
         left_out = ["--without", *case.hidden] if leave_out else []
         report = _traced(*words, *left_out)
         best = None
-        if case.kind in ("single", "pair") and not leave_out:
+        possible = set(case.hidden) - {u["name"] for u in report["untestable"]}
+        if case.kind in ("single", "pair") and possible == set(case.hidden) and not leave_out:
             best = _traced(*words[:-1], str(folder / "best"), "--only", *case.hidden)["error_after_pct_stroke"]
     return {
         "case": case.name, "kind": case.kind, "alloy": case.alloy, "load": case.load, "hidden": case.hidden,
