@@ -18,7 +18,15 @@ setup(
         (f"share/{NAME}/launch", glob("launch/*.py")),
     ],
     python_requires=">=3.11",
-    install_requires=["numpy>=1.26", "scipy>=1.11", "PyYAML>=6.0", "PyVISA>=1.13", "PyVISA-py>=0.7", "rich>=13", "joblib>=1.3"],
+    install_requires=[
+        "numpy>=1.26",
+        "scipy>=1.11",
+        "PyYAML>=6.0",
+        "PyVISA>=1.13",
+        "PyVISA-py>=0.7",
+        "rich>=13",
+        "joblib>=1.3",
+    ],
     extras_require={
         # The wheels of ROS 2 Jazzy; leave out where ROS 2 is sourced.
         "ros": ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
@@ -32,8 +40,8 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            "sma-actuator = sma_actuator.cli:main",
-            "sma_actuator_node = sma_actuator.node:main",
+            "sma-actuator = sma_actuator.cli.main:main",
+            "sma_actuator_node = sma_actuator.ros.node:main",
         ],
     },
     zip_safe=True,

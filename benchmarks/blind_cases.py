@@ -27,16 +27,16 @@ from replay_tables import CALIBRATION, logs_of
 from rich.console import Console
 from rich.table import Table
 
+from sma_actuator.base.share import shared_file
 from sma_actuator.bench import InProcessDaq, InProcessSupply, Schedule, Spring, VirtualClock, Weight
 from sma_actuator.bench.hidden import EFFECTS, FOREIGN, HiddenBench
-from sma_actuator.bench_log import BenchLog, read_bench_log, write_atomically, write_bench_log
 from sma_actuator.characterise import Rig
 from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import Drive
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
 from sma_actuator.identify import identify
+from sma_actuator.logs.bench_log import BenchLog, read_bench_log, write_atomically, write_bench_log
 from sma_actuator.replay import replay
-from sma_actuator.share import shared_file
 
 ALLOYS = ("flexinol", "furukawa")
 LOADS = ("weight", "spring", "steps")
@@ -139,7 +139,9 @@ def currents_A(config, number: int, seed: int) -> np.ndarray:
 
     pulses(3)
     for _ in range(7):
-        parts.extend(((high * rng.uniform(0.9, 1.0), rng.uniform(0.6, 1.8) * slow), (low, rng.uniform(0.6, 2.2) * slow)))
+        parts.extend(
+            ((high * rng.uniform(0.9, 1.0), rng.uniform(0.6, 1.8) * slow), (low, rng.uniform(0.6, 2.2) * slow))
+        )
     parts.append((low, 6.0 * slow))
     pulses(1)
     current = np.concatenate([np.full(round(s * rate), level) for level, s in parts])
@@ -196,7 +198,9 @@ def _signs(name: str, number: int) -> float:
     return -1.0 if name in both and number % 2 else 1.0
 
 
-def single(name: str, alloy: str, strength: float, load: str, seed: int, sign: float = 1.0, ambient_logged=True) -> Case:
+def single(
+    name: str, alloy: str, strength: float, load: str, seed: int, sign: float = 1.0, ambient_logged=True
+) -> Case:
     """A case with one effect, ``strength`` in multiples of :data:`UNITS`."""
     value = sign * strength * UNITS[name][ALLOYS.index(alloy)]
     return _case("single" if name in EFFECTS else "foreign", alloy, {name: value}, load, seed, ambient_logged)
@@ -242,7 +246,9 @@ def error_percent(case: Case) -> float:
     return float(np.average(errors, weights=[len(log) for log in logs]))
 
 
-def survey(jobs: int, names: list[str], loads_asked=LOADS, strengths=(0.5, 1.0, 2.0)) -> dict[str, dict[str, list[float]]]:
+def survey(
+    jobs: int, names: list[str], loads_asked=LOADS, strengths=(0.5, 1.0, 2.0)
+) -> dict[str, dict[str, list[float]]]:
     """Error over the error without the effect: per effect, per alloy, at every strength; the mean over the loads."""
     asked: list[Case] = []
     for name, alloy, strength in itertools.product(names, ALLOYS, strengths):
@@ -289,7 +295,9 @@ def main() -> int:
     for name, row in numbers.items():
         if name == "none":
             for alloy in ALLOYS:
-                console.print(f"{alloy} without: " + ", ".join(f"{m} {e:.2f} %" for m, e in zip(args.loads, row[alloy])))
+                console.print(
+                    f"{alloy} without: " + ", ".join(f"{m} {e:.2f} %" for m, e in zip(args.loads, row[alloy]))
+                )
             continue
         cells = [c for i, a in enumerate(ALLOYS) for c in (f"{UNITS[name][i]:g}", *(f"{r:.2f}" for r in row[a]))]
         table.add_row(name, (EFFECTS | FOREIGN)[name].unit, *cells)

@@ -28,9 +28,9 @@ from rich.progress import track
 from rich.table import Table
 
 from sma_actuator.bench.hidden import EFFECTS, FOREIGN
-from sma_actuator.bench_log import write_atomically
-from sma_actuator.cli import main as sma_actuator
+from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import NODE_NAME
+from sma_actuator.logs.bench_log import write_atomically
 
 DOUBLED = 2.0  #: error over that of none, from which an effect must be found
 ALIKE_BEST = 1.25
@@ -39,7 +39,9 @@ ALIKE_BEST = 1.25
 def model_file(alloy: str, folder: Path) -> Path:
     """The model identified on calibration logs, as a parameter file."""
     path = folder / f"{alloy}.yaml"
-    text = yaml.safe_dump({NODE_NAME: {"ros__parameters": identified(alloy).to_mapping()}}, sort_keys=False, allow_unicode=True)
+    text = yaml.safe_dump(
+        {NODE_NAME: {"ros__parameters": identified(alloy).to_mapping()}}, sort_keys=False, allow_unicode=True
+    )
     write_atomically(path, lambda stream: stream.write(text.encode()))
     return path
 
@@ -77,7 +79,9 @@ def judge(case: Case, models: str, leave_out: bool) -> dict:
 def main() -> int:
     """Run the trial and print it; returns 0."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seeds", type=int, default=1, help="times the whole list, with other seeds and loads (default %(default)s)")
+    parser.add_argument(
+        "--seeds", type=int, default=1, help="times the whole list, with other seeds and loads (default %(default)s)"
+    )
     parser.add_argument("--quick", action="store_true", help="strength 1 alone instead of 0.5, 1 and 2")
     parser.add_argument("--leave-out", action="store_true", help="take the true effect out of the candidates")
     parser.add_argument("--only", nargs="*", default=[], help="cases with these effects alone")
@@ -116,7 +120,12 @@ def show(console: Console, answers: list[dict], leave_out: bool = False) -> None
     _confusion(console, [x for x in answers if x["kind"] == "single"], leave_out)
     if leave_out:
         doubled = [x for x in answers if ratio(x) >= DOUBLED]
-        _rate(console, "unexplained said, where the error at least doubles", [x["verdict"] == "unexplained" for x in doubled], "")
+        _rate(
+            console,
+            "unexplained said, where the error at least doubles",
+            [x["verdict"] == "unexplained" for x in doubled],
+            "",
+        )
         others = [x for x in doubled if x["verdict"] == "traced"]
         _rate(console, "else: a single name that leaves the log clean", [len(x["effects"]) == 1 for x in others], "")
         _rate(console, "else: not the only name, alternatives are given", [bool(x["alternatives"]) for x in others], "")
@@ -125,16 +134,41 @@ def show(console: Console, answers: list[dict], leave_out: bool = False) -> None
     _rate(console, "right effect first, where the error at least doubles", [_first(x) for x in doubled], ">= 95 %")
     _rate(console, "  or named as alternative", [_among(x) for x in doubled], "")
     weak = [x for x in answers if x["kind"] == "single" and ratio(x) < DOUBLED]
-    _rate(console, "right effect first or none, where it does not", [_first(x) or x["verdict"] == "none" for x in weak], "")
+    _rate(
+        console,
+        "right effect first or none, where it does not",
+        [_first(x) or x["verdict"] == "none" for x in weak],
+        "",
+    )
     _rate(console, "false alarms on none", [x["verdict"] == "traced" for x in answers if x["kind"] == "none"], "<= 5 %")
     foreign = [x for x in answers if x["kind"] == "foreign"]
-    _rate(console, "unexplained said of a foreign effect above the floor", [x["verdict"] == "unexplained" for x in foreign if x["before"] > x["floor"]], ">= 90 %")
+    _rate(
+        console,
+        "unexplained said of a foreign effect above the floor",
+        [x["verdict"] == "unexplained" for x in foreign if x["before"] > x["floor"]],
+        ">= 90 %",
+    )
     _rate(console, "confidently wrong name for a foreign effect", [x["verdict"] == "traced" for x in foreign], "")
     both = [x for x in answers if x["kind"] == "pair" and x["before"] > x["floor"]]
-    _rate(console, "both effects found, of pairs above the floor", [set(x["hidden"]) == set(x["effects"]) for x in both], ">= 80 %")
-    _rate(console, "  or among effects and alternatives", [set(x["hidden"]) <= {*x["effects"], *x["alternatives"]} for x in both], "")
+    _rate(
+        console,
+        "both effects found, of pairs above the floor",
+        [set(x["hidden"]) == set(x["effects"]) for x in both],
+        ">= 80 %",
+    )
+    _rate(
+        console,
+        "  or among effects and alternatives",
+        [set(x["hidden"]) <= {*x["effects"], *x["alternatives"]} for x in both],
+        "",
+    )
     known = [x for x in answers if x["best"] and x["before"] > x["floor"]]
-    _rate(console, "error after within 1.25 of the best possible", [x["after"] <= ALIKE_BEST * x["best"] for x in known], "all")
+    _rate(
+        console,
+        "error after within 1.25 of the best possible",
+        [x["after"] <= ALIKE_BEST * x["best"] for x in known],
+        "all",
+    )
     table = Table(title="mean error, % of full stroke")
     for header in ("cases", "number", "before", "after", "with the true effect known"):
         table.add_column(header, justify="left" if header == "cases" else "right")
@@ -148,7 +182,9 @@ def show(console: Console, answers: list[dict], leave_out: bool = False) -> None
             )  # fmt: skip
     console.print(table)
     for x in both + foreign:
-        console.print(f"{x['kind']}: {', '.join(x['hidden'])} ({x['alloy']}, {x['load']}): {x['verdict']} {' + '.join(x['effects'])}")
+        console.print(
+            f"{x['kind']}: {', '.join(x['hidden'])} ({x['alloy']}, {x['load']}): {x['verdict']} {' + '.join(x['effects'])}"
+        )
 
 
 def _first(x: dict) -> bool:
@@ -165,7 +201,9 @@ def _rate(console: Console, what: str, right: list[bool], aim: str) -> None:
 
 
 def _confusion(console: Console, single: list[dict], leave_out: bool) -> None:
-    table = Table(title="what was hidden and what was said first" + (" (the true effect was no candidate)" if leave_out else ""))
+    table = Table(
+        title="what was hidden and what was said first" + (" (the true effect was no candidate)" if leave_out else "")
+    )
     table.add_column("hidden")
     table.add_column("cases", justify="right")
     table.add_column("said")

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import yaml
 
-from sma_actuator.cli import main as sma_actuator
+from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import NODE_NAME, read_parameter_file
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -46,7 +46,19 @@ def characterised(name: str, parameters: dict, seed: int) -> list[str]:
     folder.mkdir(parents=True, exist_ok=True)
     config = folder / "wire.yaml"
     config.write_text(yaml.safe_dump({NODE_NAME: {"ros__parameters": parameters}}, sort_keys=False))
-    _run("characterise", "--virtual", name, "--config", str(config), "--out", str(folder), "--skip", "fatigue", "--seed", str(seed))
+    _run(
+        "characterise",
+        "--virtual",
+        name,
+        "--config",
+        str(config),
+        "--out",
+        str(folder),
+        "--skip",
+        "fatigue",
+        "--seed",
+        str(seed),
+    )
     return sorted(str(path) for kind in ("pulses", "partial") for path in folder.glob(f"{kind}_*.csv"))
 
 
@@ -61,16 +73,36 @@ def main() -> None:
         bench = ROOT / "config" / f"{name}_bench.yaml"
         parameters = read_parameter_file(bench)
         logs = characterised(name, parameters, seed=1)
-        _run("identify", *logs, "--config", str(bench), "--model", name, "--out", str(ROOT / "config" / f"{name}.yaml"),
-             "--report", str(OUT / f"{name}.html"))
+        _run(
+            "identify",
+            *logs,
+            "--config",
+            str(bench),
+            "--model",
+            name,
+            "--out",
+            str(ROOT / "config" / f"{name}.yaml"),
+            "--report",
+            str(OUT / f"{name}.html"),
+        )
         others = [
             log
             for seed, size in enumerate(OTHER_SIZES, start=2)
             for log in characterised(name, resized(parameters, *size), seed)
         ]
         model = f"{name}_normalised"
-        _run("identify", *others, "--config", str(bench), "--model", model, "--out", str(ROOT / "config" / f"{model}.yaml"),
-             "--report", str(OUT / f"{model}.html"))
+        _run(
+            "identify",
+            *others,
+            "--config",
+            str(bench),
+            "--model",
+            model,
+            "--out",
+            str(ROOT / "config" / f"{model}.yaml"),
+            "--report",
+            str(OUT / f"{model}.html"),
+        )
 
 
 if __name__ == "__main__":

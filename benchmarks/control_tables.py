@@ -20,14 +20,14 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
+from sma_actuator.base.share import shared_file
 from sma_actuator.bench.bench import VirtualBench
 from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply, VirtualClock
-from sma_actuator.bench.loads import Load, Schedule, Spring, Weight
 from sma_actuator.config import Config
+from sma_actuator.control.setpoints import Setpoint, sine, steps, triangle
+from sma_actuator.control.tracking import TrackingErrors
 from sma_actuator.driver import Driver
-from sma_actuator.setpoints import Setpoint, sine, steps, triangle
-from sma_actuator.share import shared_file
-from sma_actuator.tracking import TrackingErrors
+from sma_actuator.plant.loads import Load, Schedule, Spring, Weight
 
 DWELL_s = 20.0
 PERIOD_s = 60.0
@@ -60,8 +60,15 @@ EXPERIMENTS = (
     Experiment("5", "3 steps, switched load", "flexinol", SWITCHED, "steps", (1.99, 1.91, 2.69)),
     Experiment("6", "1 steps, varying load", "flexinol_normalised", VARYING, "steps", (3.43, 1.79, 4.15)),
     Experiment("6", "2 sine, varying load", "flexinol_normalised", VARYING, "sine", (4.04, 1.88, 4.62)),
-    Experiment("8", "1 steps, constant load, direct switching", "furukawa", CONSTANT, "steps", (1.97, 1.46, 2.65),
-               (("model.variant", "direct_switching"),)),
+    Experiment(
+        "8",
+        "1 steps, constant load, direct switching",
+        "furukawa",
+        CONSTANT,
+        "steps",
+        (1.97, 1.46, 2.65),
+        (("model.variant", "direct_switching"),),
+    ),
     Experiment("8", "2 steps, constant load", "furukawa", CONSTANT, "steps", (1.11, 1.47, 2.06)),
     Experiment("8", "3 steps, spring", "furukawa", SPRING, "steps", (1.92, 1.90, 2.64)),
     Experiment("8", "4 steps, switched load", "furukawa", SWITCHED, "steps", (2.62, 2.58, 3.00)),
@@ -123,13 +130,23 @@ def main() -> int:
     rows = []
     for experiment, result in zip(EXPERIMENTS, results):
         ours = tuple(result[f"{name}_error_pct_stroke"] for name in ("model", "control", "output"))
-        rows.append({"table": experiment.table, "row": experiment.row, "pct_stroke": ours, "thesis_pct_stroke": experiment.thesis_pct})
+        rows.append(
+            {
+                "table": experiment.table,
+                "row": experiment.row,
+                "pct_stroke": ours,
+                "thesis_pct_stroke": experiment.thesis_pct,
+            }
+        )
     for table_name, words, of_table, thesis in MEANS:
         members = [row["pct_stroke"] for row in rows if row["table"] == of_table]
         ours = tuple(sum(values) / len(members) for values in zip(*members))
         rows.append({"table": table_name, "row": f"mean, {words}", "pct_stroke": ours, "thesis_pct_stroke": thesis})
     for row in rows:
-        cells = [f"{ours:.2f} ({thesis:.2f})" + ("" if ours < thesis else " *") for ours, thesis in zip(row["pct_stroke"], row["thesis_pct_stroke"])]
+        cells = [
+            f"{ours:.2f} ({thesis:.2f})" + ("" if ours < thesis else " *")
+            for ours, thesis in zip(row["pct_stroke"], row["thesis_pct_stroke"])
+        ]
         table.add_row(row["table"], row["row"], *cells)
     console = Console()
     console.print(table)

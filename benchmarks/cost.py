@@ -18,13 +18,13 @@ import numpy as np
 from simple_pid import PID
 
 from sma_actuator.actuator import Actuator
-from sma_actuator.circuit import signals_from_reading
+from sma_actuator.base.jit import COMPILED
+from sma_actuator.base.share import shared_file
+from sma_actuator.base.signals import Reading, SupplyState
 from sma_actuator.config import Config
-from sma_actuator.controller import PidController
-from sma_actuator.estimator import Estimator
-from sma_actuator.jit import COMPILED
-from sma_actuator.share import shared_file
-from sma_actuator.signals import Reading, SupplyState
+from sma_actuator.control.pid import PidController
+from sma_actuator.estimation.circuit import signals_from_reading
+from sma_actuator.estimation.estimator import Estimator
 
 CALLS = 2000
 ROUNDS = 15
@@ -61,7 +61,9 @@ def main() -> int:
         # Readings that follow the command, else the supervisor would rightly switch off.
         nonlocal told
         a, noise_V = told.current_setting_A, readings[i].load_cell_voltage_V - 0.081
-        reading = Reading(0.05 * i, a * float(resistance_Ohm[i] + 1.25) + noise_V, a + noise_V, 0.081 + noise_V, 0.015, 22.0)
+        reading = Reading(
+            0.05 * i, a * float(resistance_Ohm[i] + 1.25) + noise_V, a + noise_V, 0.081 + noise_V, 0.015, 22.0
+        )
         command = actuator.step(0.05 * i, reading, told).command
         told = SupplyState(0.05 * i, command.current_A, command.output_on, 0.6, command.current_A)
 
@@ -82,10 +84,15 @@ def main() -> int:
     assert told.output_on, "the wire was not driven to the end"
     base = seconds["simple-pid call"]
     rows = {
-        name: {"us_per_call": 1e6 * statistics.median(times), "ratio_to_simple_pid": statistics.median(t / b for t, b in zip(times, base))}
+        name: {
+            "us_per_call": 1e6 * statistics.median(times),
+            "ratio_to_simple_pid": statistics.median(t / b for t, b in zip(times, base)),
+        }
         for name, times in seconds.items()
     }
-    print(f"median of {ROUNDS} turns of {CALLS} calls; kernels {'compiled by numba' if COMPILED else 'in plain Python'}")
+    print(
+        f"median of {ROUNDS} turns of {CALLS} calls; kernels {'compiled by numba' if COMPILED else 'in plain Python'}"
+    )
     for name, row in rows.items():
         print(f"{name:22s} {row['us_per_call']:8.2f} µs   {row['ratio_to_simple_pid']:6.2f} × simple-pid")
     if args.json:

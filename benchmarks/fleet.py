@@ -18,8 +18,8 @@ from blind_cases import cases, identified, make_logs
 from dask.distributed import Client, LocalCluster
 from rich.console import Console
 
-from sma_actuator.bench_log import read_bench_log
-from sma_actuator.trace import Evidence, trace
+from sma_actuator.diagnosis.trace import Evidence, trace
+from sma_actuator.logs.bench_log import read_bench_log
 
 
 def trace_wire(logs, config) -> tuple[str, tuple[str, ...], float]:
@@ -62,9 +62,13 @@ def main() -> int:
         with joblib.parallel_config("dask"):
             timed(f"Dask cluster of {args.workers} workers")
     for name, seconds in took.items():
-        console.print(f"{len(wires)} wires, {name}: {seconds:.1f} s ({took['one after the other'] / seconds:.2f} × the first)")
+        console.print(
+            f"{len(wires)} wires, {name}: {seconds:.1f} s ({took['one after the other'] / seconds:.2f} × the first)"
+        )
     for case, answer in zip(chosen, answers["one after the other"], strict=True):
-        console.print(f"  {', '.join(case.hidden)} ({case.alloy}): {answer[0]} {' + '.join(answer[1])}, {answer[2]:.2f} % after")
+        console.print(
+            f"  {', '.join(case.hidden)} ({case.alloy}): {answer[0]} {' + '.join(answer[1])}, {answer[2]:.2f} % after"
+        )
     first, *others = answers.values()
     same = all(other == first for other in others)
     console.print("all three say the same" if same else "they do not say the same")

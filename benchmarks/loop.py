@@ -28,11 +28,11 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from sma_actuator.base.share import shared_file
 from sma_actuator.config import NODE_NAME, Config, read_parameter_file
 from sma_actuator.driver import Driver
 from sma_actuator.instruments import open_daq, open_supply
 from sma_actuator.instruments.clock import MonotonicClock
-from sma_actuator.share import shared_file
 
 WAIT_s = 30.0
 
@@ -43,8 +43,21 @@ def benches(count: int):
     with tempfile.TemporaryDirectory() as folder:
         ports = Path(folder) / "ports.json"
         process = subprocess.Popen(
-            [sys.executable, "-m", "sma_actuator.cli", "bench", "--count", str(count), "--supply-port", "0", "--daq-port", "0",
-             "--ports-file", str(ports)], stdout=subprocess.DEVNULL,
+            [
+                sys.executable,
+                "-m",
+                "sma_actuator",
+                "bench",
+                "--count",
+                str(count),
+                "--supply-port",
+                "0",
+                "--daq-port",
+                "0",
+                "--ports-file",
+                str(ports),
+            ],
+            stdout=subprocess.DEVNULL,
         )
         try:
             _wait(ports.exists, "the virtual bench")
@@ -146,8 +159,11 @@ def loop_periods(seconds: float) -> list[dict]:
             for name, loop in (("bare loop", bare_loop), ("driver", driven_loop)):
                 rows.append({"rate_Hz": rate_Hz, "loop": name, **of_periods(loop(config, seconds), 1.0 / rate_Hz)})
                 r = rows[-1]
-                print(f"{rate_Hz:6g} Hz  {name:10s} period error p50 {r['p50_us']:7.0f} µs   p99 {r['p99_us']:7.0f} µs   "
-                      f"max {r['max_us']:8.0f} µs   {100 * r['lost_share']:5.2f} % lost", flush=True)
+                print(
+                    f"{rate_Hz:6g} Hz  {name:10s} period error p50 {r['p50_us']:7.0f} µs   p99 {r['p99_us']:7.0f} µs   "
+                    f"max {r['max_us']:8.0f} µs   {100 * r['lost_share']:5.2f} % lost",
+                    flush=True,
+                )
     return rows
 
 
@@ -156,8 +172,21 @@ def node(sections: dict[str, dict]):
     """A node process with one wire for each name."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "wires.yaml"
-        file.write_text(yaml.safe_dump({name: {"ros__parameters": {**p, "autostart": True}} for name, p in sections.items()}))
-        process = subprocess.Popen([sys.executable, "-m", "sma_actuator.node", "--nodes", *sections, "--ros-args", "--params-file", str(file)])
+        file.write_text(
+            yaml.safe_dump({name: {"ros__parameters": {**p, "autostart": True}} for name, p in sections.items()})
+        )
+        process = subprocess.Popen(
+            [
+                sys.executable,
+                "-m",
+                "sma_actuator.ros.node",
+                "--nodes",
+                *sections,
+                "--ros-args",
+                "--params-file",
+                str(file),
+            ]
+        )
         try:
             yield process
         finally:
@@ -178,7 +207,9 @@ def setpoint_to_current(count: int = 40) -> dict[str, float]:
         executor = SingleThreadedExecutor()
         executor.add_node(client)
         latest: list[float] = [0.0]
-        client.create_subscription(Float64, f"/{NODE_NAME}/command_current", lambda m: latest.__setitem__(0, m.data), 10)
+        client.create_subscription(
+            Float64, f"/{NODE_NAME}/command_current", lambda m: latest.__setitem__(0, m.data), 10
+        )
         publisher = client.create_publisher(Float64, f"/{NODE_NAME}/setpoint", 10)
         enable = client.create_client(SetBool, f"/{NODE_NAME}/enable")
         enable.wait_for_service(WAIT_s)
@@ -205,8 +236,16 @@ def setpoint_to_current(count: int = 40) -> dict[str, float]:
         client.destroy_node()
     rclpy.try_shutdown()
     delays = np.array([d for d in delays_ms if d < 1000.0])
-    row = {"p50_ms": float(np.percentile(delays, 50)), "p99_ms": float(np.percentile(delays, 99)), "max_ms": float(delays.max()), "count": len(delays)}
-    print(f"setpoint to current at 100 Hz: p50 {row['p50_ms']:.1f} ms   p99 {row['p99_ms']:.1f} ms   max {row['max_ms']:.1f} ms   (period 10 ms)", flush=True)
+    row = {
+        "p50_ms": float(np.percentile(delays, 50)),
+        "p99_ms": float(np.percentile(delays, 99)),
+        "max_ms": float(delays.max()),
+        "count": len(delays),
+    }
+    print(
+        f"setpoint to current at 100 Hz: p50 {row['p50_ms']:.1f} ms   p99 {row['p99_ms']:.1f} ms   max {row['max_ms']:.1f} ms   (period 10 ms)",
+        flush=True,
+    )
     return row
 
 
@@ -222,7 +261,10 @@ def cpu_per_wire(seconds: float) -> list[dict]:
                 time.sleep(seconds)
                 used = (_cpu_s(process.pid) - before_s) / seconds
         rows.append({"wires": count, "cpu_pct": 100 * used, "cpu_pct_per_wire": 100 * used / count})
-        print(f"{count:3d} wires in one process: {100 * used:6.1f} % of a core, {100 * used / count:5.2f} % each", flush=True)
+        print(
+            f"{count:3d} wires in one process: {100 * used:6.1f} % of a core, {100 * used / count:5.2f} % each",
+            flush=True,
+        )
     return rows
 
 
@@ -239,7 +281,11 @@ def main() -> int:
     args = parser.parse_args()
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     os.environ.setdefault("ROS_DOMAIN_ID", str(10 + os.getpid() % 80))
-    result = {"periods": loop_periods(args.seconds), "setpoint_to_current": setpoint_to_current(), "cpu": cpu_per_wire(args.seconds)}
+    result = {
+        "periods": loop_periods(args.seconds),
+        "setpoint_to_current": setpoint_to_current(),
+        "cpu": cpu_per_wire(args.seconds),
+    }
     if args.json:
         args.json.write_text(json.dumps(result, indent=2) + "\n")
     return 0

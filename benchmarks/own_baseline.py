@@ -20,11 +20,11 @@ from blind_cases import LOADS, _case, identified, make_logs
 from rich.console import Console
 from rich.table import Table
 
-from sma_actuator.bench_log import read_bench_log, write_atomically
 from sma_actuator.config import Config
+from sma_actuator.diagnosis.trace import Evidence, trace
+from sma_actuator.diagnosis.trace.report import extended, summary
+from sma_actuator.logs.bench_log import read_bench_log, write_atomically
 from sma_actuator.replay import replay
-from sma_actuator.trace import Evidence, trace
-from sma_actuator.trace.report import extended, summary
 
 
 def sessions(wire: str, seed: int):
@@ -77,7 +77,12 @@ def main() -> int:
             table.add_row(load, *(f"{rows[k][load][r]:.2f}" for r in (0, 1) for k in (0, 1)))
         table.add_row("mean", *(f"{np.mean([rows[k][load][r] for load in LOADS]):.2f}" for r in (0, 1) for k in (0, 1)))
         console.print(table)
-        numbers[wire] = {"sentence": report["sentence"], "effects": report["effects"], "before": rows[0], "after": rows[1]}
+        numbers[wire] = {
+            "sentence": report["sentence"],
+            "effects": report["effects"],
+            "before": rows[0],
+            "after": rows[1],
+        }
     if args.json:
         text = json.dumps(numbers, indent=1) + "\n"
         write_atomically(args.json, lambda stream: stream.write(text.encode()))

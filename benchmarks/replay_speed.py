@@ -25,12 +25,12 @@ from replay_tables import CALIBRATION, logs_of
 from rich.console import Console
 from rich.table import Table
 
-from sma_actuator.bench_log import BenchLog, write_atomically, write_bench_log
-from sma_actuator.estimator import Estimator
+from sma_actuator.base.jit import COMPILED
+from sma_actuator.base.signals import Signals
+from sma_actuator.estimation.estimator import Estimator
 from sma_actuator.identify import identify
 from sma_actuator.identify.traces import make_trace
-from sma_actuator.jit import COMPILED
-from sma_actuator.signals import Signals
+from sma_actuator.logs.bench_log import BenchLog, write_atomically, write_bench_log
 
 SAMPLES = 4_000_000
 LOOP_SAMPLES = 200_000
@@ -39,7 +39,7 @@ LOGS = 10
 
 _READ = """
 import sys, time
-from sma_actuator.bench_log import read_bench_log
+from sma_actuator.logs.bench_log import read_bench_log
 
 def peak_kB():
     # ru_maxrss would begin at the parent's size

@@ -22,16 +22,16 @@ from forward_step import forward_step
 from rich.console import Console
 from rich.table import Table
 
+from sma_actuator.base.share import shared_file
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
-from sma_actuator.bench_log import BenchLog, read_bench_log, write_atomically
 from sma_actuator.characterise import PlanOptions, Rig, characterise, make_plan
 from sma_actuator.characterise.operators import BenchOperator
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
 from sma_actuator.identify import identify
 from sma_actuator.identify.errors import log_error
 from sma_actuator.identify.traces import make_trace
+from sma_actuator.logs.bench_log import BenchLog, read_bench_log, write_atomically
 from sma_actuator.replay import estimate_m, replay
-from sma_actuator.share import shared_file
 
 ASSUMED_LOAD_N = 0.49
 ROWS = ("0.49 N", "0.98 N", "1.96 N", "spring")

@@ -23,8 +23,12 @@ def generate_launch_description():
     default_file = str(Path(get_package_share_directory("sma_actuator")) / "config" / "flexinol.yaml")
     return LaunchDescription(
         [
-            DeclareLaunchArgument("params_file", default_value=default_file, description="YAML file with the parameters"),
-            DeclareLaunchArgument("name", default_value="sma_actuator", description="name of the node, and of its section in the file"),
+            DeclareLaunchArgument(
+                "params_file", default_value=default_file, description="YAML file with the parameters"
+            ),
+            DeclareLaunchArgument(
+                "name", default_value="sma_actuator", description="name of the node, and of its section in the file"
+            ),
             DeclareLaunchArgument("namespace", default_value="", description="namespace of the node"),
             DeclareLaunchArgument("autostart", default_value="true", description="whether the node activates itself"),
             LifecycleNode(

@@ -13,16 +13,23 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from math import inf, isfinite, nan
 
-from .circuit import signals_from_reading
-from .effects import EffectChain, Place
-from .config import Config
-from .controller import PidController
-from .estimator import Estimator
-from .faults import FAULTS, LIMITS, Action, Fault, Limit
-from .parameters import ConfigError, walk
-from .setpoints import Trajectory
-from .signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status, SupplyState
-from .supervisor import MEASURABLE, SetpointFlood, Step, Supervisor, setpoint_not_finite, setpoint_stale
+from sma_actuator.base.parameters import ConfigError, walk
+from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status, SupplyState
+from sma_actuator.config import Config
+from sma_actuator.control.pid import PidController
+from sma_actuator.control.setpoints import Trajectory
+from sma_actuator.estimation.circuit import signals_from_reading
+from sma_actuator.estimation.effects import EffectChain, Place
+from sma_actuator.estimation.estimator import Estimator
+from sma_actuator.safety.faults import FAULTS, LIMITS, Action, Fault, Limit
+from sma_actuator.safety.supervisor import (
+    MEASURABLE,
+    SetpointFlood,
+    Step,
+    Supervisor,
+    setpoint_not_finite,
+    setpoint_stale,
+)
 
 _log = logging.getLogger(__name__)
 
@@ -92,7 +99,9 @@ class Actuator:
         if self._mode is not Mode.OFF:
             return True, "the output is on already"
         present = self._supervisor.present
-        blocking = sorted((f for f in present if FAULTS[f].action in (Action.OFF, Action.BIAS)), key=_SEVERITY.__getitem__)
+        blocking = sorted(
+            (f for f in present if FAULTS[f].action in (Action.OFF, Action.BIAS)), key=_SEVERITY.__getitem__
+        )
         if blocking:
             return False, f"not enabled: {FAULTS[blocking[0]].words}: {present[blocking[0]]}"
         if not now_s - self._reading_s <= self._config.safety.reading_timeout:
@@ -163,13 +172,19 @@ class Actuator:
         """
         if self._mode is not Mode.OFF:
             return False, "not tared: the wire is driven; switch it off with ~/enable first"
-        if len(self._readings) < FEWEST_READINGS or not self._now_s - self._reading_s <= self._config.safety.reading_timeout:
+        if (
+            len(self._readings) < FEWEST_READINGS
+            or not self._now_s - self._reading_s <= self._config.safety.reading_timeout
+        ):
             return False, f"not tared: {FEWEST_READINGS} readings of just now are wanted"
         cell, wire = self._config.load_cell, self._config.wire
         load_N = cell.slope * _mean(self._readings, "load_cell_voltage_V") + cell.offset
         bound_N = MOST_TARE * wire.max_stress * wire.area_m2
         if not abs(load_N) <= bound_N:
-            return False, f"not tared: {load_N:.3g} N is more than the drift of a load cell (up to {bound_N:.3g} N); take the load off"
+            return (
+                False,
+                f"not tared: {load_N:.3g} N is more than the drift of a load cell (up to {bound_N:.3g} N); take the load off",
+            )
         self._tare_N = load_N
         self._estimator.reset()
         return True, f"tared: {load_N:.4f} N count as zero from now on"
@@ -183,18 +198,26 @@ class Actuator:
         """
         readings = self._readings_with_current
         if len(readings) < FEWEST_READINGS:
-            return False, (
-                f"not measured: {len(readings)} readings with current since the output went on, {FEWEST_READINGS} are wanted; "
-                "put a short in place of the wire and call ~/enable"
-            ), nan
+            return (
+                False,
+                (
+                    f"not measured: {len(readings)} readings with current since the output went on, {FEWEST_READINGS} are wanted; "
+                    "put a short in place of the wire and call ~/enable"
+                ),
+                nan,
+            )
         ratio = _mean(readings, "supply_voltage_V") / _mean(readings, "reference_voltage_V")
         total_Ohm = self._config.circuit.reference_resistance * (ratio - 1.0)
         most_Ohm = self._config.safety.resistance_min + self._config.circuit.lead_resistance
         if not 0.0 <= total_Ohm < most_Ohm:
-            return False, (
-                f"not measured: {total_Ohm:.4g} Ω is not that of leads (0 to {most_Ohm:.4g} Ω); "
-                "is there a short in place of the wire?"
-            ), nan
+            return (
+                False,
+                (
+                    f"not measured: {total_Ohm:.4g} Ω is not that of leads (0 to {most_Ohm:.4g} Ω); "
+                    "is there a short in place of the wire?"
+                ),
+                nan,
+            )
         return True, f"the leads have {total_Ohm:.4f} Ω; write it to circuit.lead_resistance", total_Ohm
 
     def update(self, config: Config) -> None:
@@ -246,8 +269,19 @@ class Actuator:
         driven = self._mode is not Mode.OFF
         settled = driven and supervisor.settled(now_s)
         faults = supervisor.inspect(
-            Step(now_s, dt_s, driven, settled, raw, reading, self._signals, self._estimate, supply, self._told,
-                 supervisor.temperature_C)
+            Step(
+                now_s,
+                dt_s,
+                driven,
+                settled,
+                raw,
+                reading,
+                self._signals,
+                self._estimate,
+                supply,
+                self._told,
+                supervisor.temperature_C,
+            )
         )
         supervisor.watch_stress(self._signals.stress_Pa, self._estimate.displacement_m, self._told.current_A)
         limits: set[Limit] = set()

@@ -17,9 +17,9 @@ from typing import Any
 
 import yaml
 
-from .effects import EFFECTS, Effects, effects_from_mapping
-from .models import COEFFICIENTS
-from .parameters import ConfigError, declaration_of, from_mapping, parameter, section, to_mapping
+from sma_actuator.base.parameters import ConfigError, declaration_of, from_mapping, parameter, section, to_mapping
+from sma_actuator.estimation.effects import EFFECTS, Effects, effects_from_mapping
+from sma_actuator.estimation.models import COEFFICIENTS
 
 NODE_NAME = "sma_actuator"
 
@@ -28,14 +28,22 @@ NODE_NAME = "sma_actuator"
 class Wire:
     alloy: str = parameter(description="alloy of the wire", choices=("ni-ti", "ni-ti-cu"))
     length: float = parameter(
-        description="length between the crimps, slack taken out", unit="m", lo=0.005, hi=20.0,
+        description="length between the crimps, slack taken out",
+        unit="m",
+        lo=0.005,
+        hi=20.0,
         hint="metres are wanted: 100 mm is 0.100",
     )
     diameter: float = parameter(
-        description="diameter of the wire", unit="m", lo=10e-6, hi=2e-3,
+        description="diameter of the wire",
+        unit="m",
+        lo=10e-6,
+        hi=2e-3,
         hint="metres are wanted: 0.1524 mm is 0.1524e-3",
     )
-    full_stroke_strain: float = parameter(0.04, "strain that counts as 100 % of stroke in every error", "1", 0.001, 0.12)
+    full_stroke_strain: float = parameter(
+        0.04, "strain that counts as 100 % of stroke in every error", "1", 0.001, 0.12
+    )
     max_stress: float = parameter(175e6, "stress the wire must never see", "Pa", 1e6, 1e9, live=True)
 
     @property
@@ -76,14 +84,33 @@ class ReferenceSensor:
 
 @dataclass(frozen=True, slots=True)
 class Supply:
-    bias_current: float = parameter(0.05, "current that always flows while enabled, to measure resistance with", "A", 1e-4, 5.0,
-                                    hint="amperes are wanted: 50 mA is 0.05")
-    max_current: float = parameter(description="current that no setpoint, topic or fault can exceed", unit="A", lo=1e-3, hi=20.0,
-                                   hint="amperes are wanted: 400 mA is 0.4")
-    max_voltage: float = parameter(description="compliance voltage; the supply's over-voltage trip sits just above", unit="V", lo=0.1, hi=60.0)
-    over_current_trip: float = parameter(description="the supply's own over-current trip: what the wire survives for ever", unit="A", lo=1e-3, hi=20.0)
-    watchdog_timeout: float = parameter(1.0, "silence after which the supply cuts its own output; 0: the supply has no watchdog", "s", 0.0, 3600.0)
-    allow_no_watchdog: bool = parameter(False, "drive a supply that has no watchdog: a killed computer then leaves the current on")
+    bias_current: float = parameter(
+        0.05,
+        "current that always flows while enabled, to measure resistance with",
+        "A",
+        1e-4,
+        5.0,
+        hint="amperes are wanted: 50 mA is 0.05",
+    )
+    max_current: float = parameter(
+        description="current that no setpoint, topic or fault can exceed",
+        unit="A",
+        lo=1e-3,
+        hi=20.0,
+        hint="amperes are wanted: 400 mA is 0.4",
+    )
+    max_voltage: float = parameter(
+        description="compliance voltage; the supply's over-voltage trip sits just above", unit="V", lo=0.1, hi=60.0
+    )
+    over_current_trip: float = parameter(
+        description="the supply's own over-current trip: what the wire survives for ever", unit="A", lo=1e-3, hi=20.0
+    )
+    watchdog_timeout: float = parameter(
+        1.0, "silence after which the supply cuts its own output; 0: the supply has no watchdog", "s", 0.0, 3600.0
+    )
+    allow_no_watchdog: bool = parameter(
+        False, "drive a supply that has no watchdog: a killed computer then leaves the current on"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,16 +118,36 @@ class Loop:
     rate: float = parameter(20.0, "readings, estimates and commands per second", "Hz", 1.0, 1000.0)
     sample_rate: float = parameter(1000.0, "raw samples per second and channel, averaged in blocks", "Hz", 1.0, 1e6)
     samples_per_block: int = parameter(50, "raw samples averaged into one reading", "1", 1, 100000)
-    overruns_to_fault: int = parameter(10, "consecutive missed deadlines that count as a fault", "1", 1, 10000, live=True)
+    overruns_to_fault: int = parameter(
+        10, "consecutive missed deadlines that count as a fault", "1", 1, 10000, live=True
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class Estimator:
-    branch_decision: str = parameter("heat_balance", "how heating is told from cooling", choices=("heat_balance", "power", "resistance_rate"))
+    branch_decision: str = parameter(
+        "heat_balance", "how heating is told from cooling", choices=("heat_balance", "power", "resistance_rate")
+    )
     heating_power: float = parameter(0.2, "wire power above which it is heating (power)", "W", 1e-6, 1e3, live=True)
-    heating_power_hysteresis: float = parameter(0.1, "half-width of the band around the power that decides, as a fraction of it", "1", 0.0, 0.9, live=True)
-    thermal_time_constant: float = parameter(5.0, "lag of the wire's temperature behind power, latent heat included (heat_balance)", "s", 0.01, 600.0, live=True)
-    resistance_deadband: float = parameter(2e-3, "change of resistance against the branch that turns the branch (resistance_rate)", "Ω", 0.0, 10.0, live=True)
+    heating_power_hysteresis: float = parameter(
+        0.1, "half-width of the band around the power that decides, as a fraction of it", "1", 0.0, 0.9, live=True
+    )
+    thermal_time_constant: float = parameter(
+        5.0,
+        "lag of the wire's temperature behind power, latent heat included (heat_balance)",
+        "s",
+        0.01,
+        600.0,
+        live=True,
+    )
+    resistance_deadband: float = parameter(
+        2e-3,
+        "change of resistance against the branch that turns the branch (resistance_rate)",
+        "Ω",
+        0.0,
+        10.0,
+        live=True,
+    )
     velocity_time_constant: float = parameter(0.1, "low-pass of the published velocity", "s", 0.0, 10.0, live=True)
 
 
@@ -110,9 +157,20 @@ class Controller:
     ki: float = parameter(0.0, "integral gain", "A/(m·s)", 0.0, 1e6, live=True)
     kd: float = parameter(0.0, "derivative gain, on the estimate", "A·s/m", 0.0, 1e6, live=True)
     derivative_time_constant: float = parameter(0.1, "low-pass of the derivative", "s", 0.0, 10.0, live=True)
-    setpoint_rate_limit: float = parameter(0.01, "fastest change of the setpoint the controller follows", "m/s", 1e-6, 10.0, live=True)
-    setpoint_timeout: float = parameter(0.0, "silence on the setpoint topic that counts as lost; 0: a setpoint stands until the next", "s", 0.0, 3600.0, live=True)
-    on_setpoint_loss: str = parameter("hold", "what to do when the setpoint is lost", choices=("hold", "bias", "off"), live=True)
+    setpoint_rate_limit: float = parameter(
+        0.01, "fastest change of the setpoint the controller follows", "m/s", 1e-6, 10.0, live=True
+    )
+    setpoint_timeout: float = parameter(
+        0.0,
+        "silence on the setpoint topic that counts as lost; 0: a setpoint stands until the next",
+        "s",
+        0.0,
+        3600.0,
+        live=True,
+    )
+    on_setpoint_loss: str = parameter(
+        "hold", "what to do when the setpoint is lost", choices=("hold", "bias", "off"), live=True
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,26 +179,53 @@ class Thermal:
 
     heat_capacity: float = parameter(description="heat capacity of the wire", unit="J/K", lo=1e-6, hi=1e3)
     heat_loss: float = parameter(description="heat lost per kelvin above ambient", unit="W/K", lo=1e-6, hi=1e2)
-    ambient_temperature: float = parameter(24.0, "temperature of the surroundings where none is measured", "°C", -60.0, 100.0, live=True)
-    derate_temperature: float = parameter(160.0, "estimated temperature where the current limit starts to fall", "°C", 40.0, 400.0, live=True)
+    ambient_temperature: float = parameter(
+        24.0, "temperature of the surroundings where none is measured", "°C", -60.0, 100.0, live=True
+    )
+    derate_temperature: float = parameter(
+        160.0, "estimated temperature where the current limit starts to fall", "°C", 40.0, 400.0, live=True
+    )
     max_temperature: float = parameter(200.0, "estimated temperature that is a fault", "°C", 40.0, 400.0, live=True)
 
 
 @dataclass(frozen=True, slots=True)
 class Safety:
-    resistance_min: float = parameter(description="resistance below which the wire is shorted", unit="Ω", lo=1e-3, hi=1e4)
-    resistance_max: float = parameter(description="resistance above which the reading is implausible", unit="Ω", lo=1e-3, hi=1e5)
-    open_wire_current_fraction: float = parameter(0.5, "share of the commanded current below which, at the compliance voltage, the wire is open", "1", 0.01, 0.99, live=True)
+    resistance_min: float = parameter(
+        description="resistance below which the wire is shorted", unit="Ω", lo=1e-3, hi=1e4
+    )
+    resistance_max: float = parameter(
+        description="resistance above which the reading is implausible", unit="Ω", lo=1e-3, hi=1e5
+    )
+    open_wire_current_fraction: float = parameter(
+        0.5,
+        "share of the commanded current below which, at the compliance voltage, the wire is open",
+        "1",
+        0.01,
+        0.99,
+        live=True,
+    )
     load_min: float = parameter(-0.5, "load below which the load cell is implausible", "N", -1e4, 1e4, live=True)
-    load_spike: float = parameter(description="change of load from one reading to the next that is a spike", unit="N", lo=1e-3, hi=1e5, live=True)
+    load_spike: float = parameter(
+        description="change of load from one reading to the next that is a spike", unit="N", lo=1e-3, hi=1e5, live=True
+    )
     channel_max_voltage: float = parameter(10.0, "voltage at which a DAQ channel saturates", "V", 0.01, 1e3)
-    stuck_time: float = parameter(2.0, "time with not one changed digit after which a channel is stuck", "s", 0.05, 3600.0, live=True)
-    current_disagreement: float = parameter(0.02, "difference of commanded and measured current that is a fault once settled", "A", 1e-4, 5.0, live=True)
+    stuck_time: float = parameter(
+        2.0, "time with not one changed digit after which a channel is stuck", "s", 0.05, 3600.0, live=True
+    )
+    current_disagreement: float = parameter(
+        0.02, "difference of commanded and measured current that is a fault once settled", "A", 1e-4, 5.0, live=True
+    )
     disagreement_time: float = parameter(0.5, "time such a difference must last", "s", 0.0, 60.0, live=True)
     reading_timeout: float = parameter(0.3, "age of the last good reading that is a fault", "s", 0.01, 60.0, live=True)
-    setpoint_flood_rate: float = parameter(1000.0, "setpoints per second above which their source is taken for broken", "Hz", 1.0, 1e6, live=True)
-    stress_limit_fraction: float = parameter(0.9, "share of max_stress above which no further contraction is driven", "1", 0.1, 1.0, live=True)
-    outside_calibration_time: float = parameter(5.0, "time outside the model's calibration that is a fault", "s", 0.0, 3600.0, live=True)
+    setpoint_flood_rate: float = parameter(
+        1000.0, "setpoints per second above which their source is taken for broken", "Hz", 1.0, 1e6, live=True
+    )
+    stress_limit_fraction: float = parameter(
+        0.9, "share of max_stress above which no further contraction is driven", "1", 0.1, 1.0, live=True
+    )
+    outside_calibration_time: float = parameter(
+        5.0, "time outside the model's calibration that is a fault", "s", 0.0, 3600.0, live=True
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,10 +243,18 @@ class Calibration:
     after stress of ``residual_stress``.
     """
 
-    error: float = parameter(nan, "mean absolute error of the model on its own logs, full range", "% of full stroke", 0.0, 1e3, optional=True)
-    largest_error: float = parameter(nan, "largest such error of a single log", "% of full stroke", 0.0, 1e3, optional=True)
+    error: float = parameter(
+        nan, "mean absolute error of the model on its own logs, full range", "% of full stroke", 0.0, 1e3, optional=True
+    )
+    largest_error: float = parameter(
+        nan, "largest such error of a single log", "% of full stroke", 0.0, 1e3, optional=True
+    )
     scatter: float = parameter(
-        nan, "what remains of it beside the residuals below, for a log that they do not come from", "% of full stroke", 0.0, 1e3,
+        nan,
+        "what remains of it beside the residuals below, for a log that they do not come from",
+        "% of full stroke",
+        0.0,
+        1e3,
         optional=True,
     )
     ambient_temperature: float = parameter(nan, "mean ambient temperature", "°C", -60.0, 100.0, optional=True)
@@ -173,13 +266,21 @@ class Calibration:
     hot_displacement: tuple[float, ...] = parameter((), "displacement at the hot end", "m", -10.0, 10.0, optional=True)
     hot_power: float = parameter(nan, "power at the hot end", "W", 0.0, 1e6, optional=True)
     resistance_scatter: float = parameter(nan, "rms scatter of the resistance at rest", "Ω", 0.0, 1e6, optional=True)
-    displacement_scatter: float = parameter(nan, "rms scatter of the displacement at rest", "m", 0.0, 10.0, optional=True)
+    displacement_scatter: float = parameter(
+        nan, "rms scatter of the displacement at rest", "m", 0.0, 10.0, optional=True
+    )
     resistance_range: float = parameter(nan, "largest less smallest resistance", "Ω", 0.0, 1e6, optional=True)
     residual_stress: tuple[float, ...] = parameter((), "stresses of the residuals", "Pa", -1e9, 1e9, optional=True)
-    residual_position: tuple[float, ...] = parameter((), "estimated displacements of the residuals", "m", -10.0, 10.0, optional=True)
-    residual_heating: tuple[float, ...] = parameter((), "mean measured less estimated displacement, heating", "m", -10.0, 10.0, optional=True)
+    residual_position: tuple[float, ...] = parameter(
+        (), "estimated displacements of the residuals", "m", -10.0, 10.0, optional=True
+    )
+    residual_heating: tuple[float, ...] = parameter(
+        (), "mean measured less estimated displacement, heating", "m", -10.0, 10.0, optional=True
+    )
     residual_cooling: tuple[float, ...] = parameter((), "the same, cooling", "m", -10.0, 10.0, optional=True)
-    scatter_heating: tuple[float, ...] = parameter((), "rms about them at each position, heating", "m", 0.0, 10.0, optional=True)
+    scatter_heating: tuple[float, ...] = parameter(
+        (), "rms about them at each position, heating", "m", 0.0, 10.0, optional=True
+    )
     scatter_cooling: tuple[float, ...] = parameter((), "the same, cooling", "m", 0.0, 10.0, optional=True)
 
     @property
@@ -191,7 +292,9 @@ class Calibration:
 @dataclass(frozen=True, slots=True)
 class SupplyInstrument:
     resource: str = parameter("", "VISA resource, as TCPIP::192.168.0.5::5025::SOCKET", optional=True)
-    dialect: str = parameter("virtual_bench_supply", "name of a dialect in sma_actuator/instruments/dialects, or path of a YAML file")
+    dialect: str = parameter(
+        "virtual_bench_supply", "name of a dialect in sma_actuator/instruments/dialects, or path of a YAML file"
+    )
     channel: int = parameter(1, "output channel", "1", 1, 100)
     timeout: float = parameter(0.5, "time to wait for an answer", "s", 0.01, 60.0)
     exclusive_lock: bool = parameter(True, "take the VISA lock where the instrument has one")
@@ -201,14 +304,18 @@ class SupplyInstrument:
 @dataclass(frozen=True, slots=True)
 class DaqInstrument:
     resource: str = parameter("", "VISA resource, as TCPIP::192.168.0.6::5025::SOCKET", optional=True)
-    dialect: str = parameter("virtual_bench_daq", "name of a dialect in sma_actuator/instruments/dialects, or path of a YAML file")
+    dialect: str = parameter(
+        "virtual_bench_daq", "name of a dialect in sma_actuator/instruments/dialects, or path of a YAML file"
+    )
     timeout: float = parameter(0.5, "time to wait for an answer", "s", 0.01, 60.0)
     supply_voltage_channel: int = parameter(101, "channel of the supply voltage", "1", 0, 10**6)
     reference_voltage_channel: int = parameter(102, "channel of the sense resistor's voltage", "1", 0, 10**6)
     load_cell_channel: int = parameter(103, "channel of the load cell's amplifier", "1", 0, 10**6)
     lvdt_channel: int = parameter(0, "channel of the LVDT's shunt voltage; 0: none", "1", 0, 10**6)
     lvdt_shunt_resistance: float = parameter(10.0, "resistor the LVDT's current is read across", "Ω", 0.1, 1e4)
-    ambient_temperature_channel: int = parameter(0, "channel of an ambient temperature sensor, 1 °C per unit; 0: none", "1", 0, 10**6)
+    ambient_temperature_channel: int = parameter(
+        0, "channel of an ambient temperature sensor, 1 °C per unit; 0: none", "1", 0, 10**6
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,7 +330,12 @@ class _Sections:
     """Everything but the model and its effects, whose parameters depend on their type."""
 
     file_format: int = parameter(
-        1, "version of the parameter file's layout", "1", 1, 1, hint="the file was written for a newer version of sma_actuator"
+        1,
+        "version of the parameter file's layout",
+        "1",
+        1,
+        1,
+        hint="the file was written for a newer version of sma_actuator",
     )
     autostart: bool = parameter(True, "configure and activate the node by itself; no current flows before ~/enable")
     wait_for_instruments: bool = parameter(
@@ -251,8 +363,8 @@ class Config(_Sections):
     """All parameters of one actuator.  Immutable; :meth:`replace` makes a checked copy."""
 
     model_type: str
-    model: Any  #: the coefficients' section of that type (see ``sma_actuator.models``)
-    effects: Effects  #: what tracing has added to the model (see ``sma_actuator.effects``)
+    model: Any  #: the coefficients' section of that type (see ``sma_actuator.estimation.models``)
+    effects: Effects  #: what tracing has added to the model (see ``sma_actuator.estimation.effects``)
 
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any], source: str = "") -> Config:
@@ -368,7 +480,9 @@ def _cross_checks(common: _Sections) -> list[str]:
     problems = []
     supply, safety, loop = common.supply, common.safety, common.loop
     if not supply.bias_current < supply.max_current:
-        problems.append(f"supply.bias_current: {supply.bias_current:g} A is not below supply.max_current, {supply.max_current:g} A")
+        problems.append(
+            f"supply.bias_current: {supply.bias_current:g} A is not below supply.max_current, {supply.max_current:g} A"
+        )
     if not supply.max_current <= supply.over_current_trip:
         problems.append(
             f"supply.over_current_trip: {supply.over_current_trip:g} A is below supply.max_current, {supply.max_current:g} A: "
@@ -424,7 +538,14 @@ def markdown() -> str:
                 rows.append(_row(field))
         sections[:0] = nested
         if rows:
-            out += ["", f"## `{title}`" if title else "## Top level", "", "| name | default | unit | range | live | what |", "|---|---|---|---|---|---|", *rows]
+            out += [
+                "",
+                f"## `{title}`" if title else "## Top level",
+                "",
+                "| name | default | unit | range | live | what |",
+                "|---|---|---|---|---|---|",
+                *rows,
+            ]
     return "\n".join(out) + "\n"
 
 
@@ -434,7 +555,13 @@ def _row(field: dataclasses.Field) -> str:
     if declaration.optional and (field.default in ("", ()) or field.default != field.default):
         default = "none"
     lo, hi = declaration.lo, declaration.hi
-    span = ", ".join(declaration.choices) if declaration.choices else "" if math.isinf(lo) and math.isinf(hi) else f"{lo:g} … {hi:g}"
+    span = (
+        ", ".join(declaration.choices)
+        if declaration.choices
+        else ""
+        if math.isinf(lo) and math.isinf(hi)
+        else f"{lo:g} … {hi:g}"
+    )
     unit = declaration.unit if declaration.unit != "1" else ""
     return f"| `{field.name}` | {default} | {unit} | {span} | {'yes' if declaration.live else ''} | {declaration.description} |"
 

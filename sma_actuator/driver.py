@@ -26,11 +26,11 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 
-from .actuator import Actuator, Output
-from .config import Config
-from .faults import SETTLING_TIME_S
-from .instruments import Clock, Daq, InstrumentError, PowerSupply
-from .signals import Command, Reading, SupplyState
+from sma_actuator.actuator import Actuator, Output
+from sma_actuator.base.signals import Command, Reading, SupplyState
+from sma_actuator.config import Config
+from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
+from sma_actuator.safety.faults import SETTLING_TIME_S
 
 _log = logging.getLogger(__name__)
 
@@ -238,7 +238,9 @@ class Driver:
         except TimeoutError:
             if not future.cancel():  # it began in the last moment
                 return future.result(timeout_s)
-            raise TimeoutError(f"{self.name}: the loop did not answer within {timeout_s:g} s: an instrument holds it up") from None
+            raise TimeoutError(
+                f"{self.name}: the loop did not answer within {timeout_s:g} s: an instrument holds it up"
+            ) from None
 
     def offer_setpoint(self, position_m: float) -> None:
         """Hand over a setpoint [m]; never waits.  Refusals come back by :meth:`refusals`."""
@@ -262,7 +264,9 @@ class Driver:
 
     def enable(self, on: bool, timeout_s: float = 5.0) -> tuple[bool, str]:
         """Switch the current on or off; whether that was done, and the sentence that says so."""
-        return self.call(self._enable_checked if on else lambda actuator, now_s: actuator.enable(now_s, False), timeout_s)
+        return self.call(
+            self._enable_checked if on else lambda actuator, now_s: actuator.enable(now_s, False), timeout_s
+        )
 
     def clear_fault(self, timeout_s: float = 5.0) -> tuple[bool, str]:
         """Clear a latched fault and the supply's own trips; the output stays off."""
@@ -301,9 +305,13 @@ class Driver:
         if not len(periods_s):
             return LoopStatistics(self._steps, self._overruns)
         return LoopStatistics(
-            self._steps, self._overruns,
-            float(periods_s.mean()), float(np.quantile(periods_s, 0.99)), float(periods_s.max()),
-            float(busy_s.mean()), float(busy_s.max()),
+            self._steps,
+            self._overruns,
+            float(periods_s.mean()),
+            float(np.quantile(periods_s, 0.99)),
+            float(periods_s.max()),
+            float(busy_s.mean()),
+            float(busy_s.max()),
         )
 
     # --- the loop ---------------------------------------------------------------------------------
@@ -377,7 +385,9 @@ class Driver:
         now_s = self._clock.now_s()
         self._report_losses(now_s)
         if now_s - self._fed_at_s > self._feed_timeout_s:
-            self._actuator.raise_fault(now_s, "node_lost", f"the node has not been heard of for {self._feed_timeout_s:g} s")
+            self._actuator.raise_fault(
+                now_s, "node_lost", f"the node has not been heard of for {self._feed_timeout_s:g} s"
+            )
         self._offer_setpoints(now_s)
         output = self._actuator.step(now_s, reading, state)
         self._supply.ask(lambda: self._write(output.command, state))
@@ -444,7 +454,9 @@ class Driver:
     def _offer_setpoints(self, now_s: float) -> None:
         flooded, self._flooded = self._flooded, 0
         if flooded:
-            self._actuator.raise_fault(now_s, "setpoint_flood", f"{flooded} setpoints came faster than the loop could look at them")
+            self._actuator.raise_fault(
+                now_s, "setpoint_flood", f"{flooded} setpoints came faster than the loop could look at them"
+            )
         for _ in range(len(self._setpoints)):
             arrived_s, offer = self._setpoints.popleft()
             refusal = offer(self._actuator, arrived_s)

@@ -1,4 +1,4 @@
-"""Records of ``sma_actuator.signals`` to standard messages, and back where a client needs it.
+"""Records of ``sma_actuator.base.signals`` to standard messages, and back where a client needs it.
 
 Positions in m (extension is positive), velocities in m/s, tension and load in N, currents in A.
 ``stamp`` is a ``builtin_interfaces/Time``: the time of sampling, in ROS time.
@@ -15,7 +15,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from sma_actuator.signals import Command, Estimate, Mode, Signals, Status
+from sma_actuator.base.signals import Command, Estimate, Mode, Signals, Status
 
 _OWN_KEYS = ("mode", "fault", "limits")
 
@@ -31,7 +31,9 @@ def joint_state_message(joint_name: str, estimate: Estimate, signals: Signals, s
 
 def position_velocity_tension_from(message: JointState) -> tuple[float, float, float]:
     """Position [m], velocity [m/s] and tension [N] of the only joint; NaN where it has none."""
-    return tuple(values[0] if len(values) else math.nan for values in (message.position, message.velocity, message.effort))
+    return tuple(
+        values[0] if len(values) else math.nan for values in (message.position, message.velocity, message.effort)
+    )
 
 
 def reference_message(joint_name: str, signals: Signals, stamp: Time) -> JointState:
@@ -77,7 +79,9 @@ def trajectory_message(joint_name: str, times_s: list[float], positions_m: list[
         seconds = math.floor(time_s)
         nanoseconds = min(999_999_999, round((time_s - seconds) * 1e9))
         message.points.append(
-            JointTrajectoryPoint(positions=[float(position_m)], time_from_start=Duration(sec=seconds, nanosec=nanoseconds))
+            JointTrajectoryPoint(
+                positions=[float(position_m)], time_from_start=Duration(sec=seconds, nanosec=nanoseconds)
+            )
         )
     return message
 

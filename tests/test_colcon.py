@@ -15,7 +15,9 @@ pytestmark = pytest.mark.skipif(COLCON is None, reason="colcon is not installed 
 @pytest.fixture(scope="module")
 def workspace(tmp_path_factory):
     folder = tmp_path_factory.mktemp("workspace")
-    ignore = shutil.ignore_patterns(".venv", ".git", "__pycache__", "*.egg-info", "build", "install", "log", "out", ".hypothesis")
+    ignore = shutil.ignore_patterns(
+        ".venv", ".git", "__pycache__", "*.egg-info", "build", "install", "log", "out", ".hypothesis"
+    )
     shutil.copytree(ROOT, folder / "src" / "sma_actuator", ignore=ignore)
     return folder
 

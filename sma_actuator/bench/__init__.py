@@ -4,11 +4,12 @@ Nothing here knows of the estimator, its models or the measuring circuit's equat
 stands for the world, and shares no mathematics with what is judged against it.
 """
 
+from sma_actuator.plant.loads import Schedule, Spring, Weight
+
 from .bench import Setup, Truth, VirtualBench
 from .chain import Chain
 from .hidden import EFFECTS, FOREIGN, Hidden, HiddenBench
 from .in_process import InProcessDaq, InProcessSupply, VirtualClock
-from .loads import Schedule, Spring, Weight
 
 __all__ = [
     "Chain",

@@ -7,11 +7,12 @@ from math import inf, nan
 
 import numpy as np
 
-from . import physics
+from sma_actuator.plant import physics
+from sma_actuator.plant.loads import Load, Schedule, Weight
+from sma_actuator.plant.materials import WIRES, Wire
+
 from .chain import CHANNELS, SATURATED, Chain, Noise, convert
 from .faults import check_fault
-from .loads import Load, Schedule, Weight
-from .materials import WIRES, Wire
 from .supply import SimulatedSupply
 
 STEP_S = 1e-3

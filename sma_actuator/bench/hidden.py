@@ -13,8 +13,9 @@ from zlib import crc32
 
 import numpy as np
 
-from ..jit import jit
-from . import physics
+from sma_actuator.base.jit import jit
+from sma_actuator.plant import physics
+
 from .bench import RING, STEP_S, Setup, VirtualBench
 
 CHUNK = 10  #: samples over which what an effect does to the physics holds
@@ -559,7 +560,9 @@ class HiddenBench(VirtualBench):
             self._stretch_m = sum(each.stretch_m(self._state, 0.0, 0.0) for each in self.hidden)
 
     @classmethod
-    def from_name(cls, name, seed=0, load=None, size_m=None, hidden: Mapping[str, float] = {}, session_s=500.0, **setup):
+    def from_name(
+        cls, name, seed=0, load=None, size_m=None, hidden: Mapping[str, float] = {}, session_s=500.0, **setup
+    ):
         """As :meth:`VirtualBench.from_name`, with effects."""
         plain = VirtualBench.from_name(name, seed, load, size_m, **setup)
         return cls(plain.setup, seed, hidden, session_s)

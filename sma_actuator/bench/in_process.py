@@ -6,9 +6,10 @@ from math import nan
 
 import numpy as np
 
-from ..config import Config
-from ..instruments import InstrumentLost, InstrumentRefused
-from ..signals import Reading, SupplyState
+from sma_actuator.base.signals import Reading, SupplyState
+from sma_actuator.config import Config
+from sma_actuator.instruments import InstrumentLost, InstrumentRefused
+
 from .bench import VirtualBench
 from .chain import CHANNELS
 from .supply import SettingRefused

@@ -90,10 +90,11 @@ from dataclasses import astuple
 from itertools import product
 from math import isfinite, isnan
 
+from sma_actuator.plant.loads import Spring, Weight, parse_load
+
 from .bench import RING, STEP_S, VirtualBench
 from .chain import CHANNELS, SATURATED
 from .faults import FAULTS
-from .loads import Spring, Weight, parse_load
 from .supply import CURRENT_RANGE_A, OCP_RANGE_A, OVP_RANGE_V, VOLTAGE_RANGE_V, WATCHDOG_RANGE_S, SettingRefused
 
 VERSION = "1.0"

@@ -19,12 +19,13 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..bench_log import write_atomically
-from ..instruments import InstrumentError
+from sma_actuator.instruments import InstrumentError
+from sma_actuator.logs.bench_log import write_atomically
+from sma_actuator.plant.loads import parse_load
+from sma_actuator.plant.materials import WIRES
+
 from .bench import VirtualBench
 from .faults import FAULTS, parse_fault
-from .loads import parse_load
-from .materials import WIRES
 from .scpi import Client, Instrument, ScpiDaq, ScpiError, ScpiSupply
 
 TICK_S = 0.02

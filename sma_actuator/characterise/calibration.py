@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..parameters import ConfigError
+from sma_actuator.base.parameters import ConfigError
 
 
 @dataclass(frozen=True, slots=True)

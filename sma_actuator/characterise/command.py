@@ -9,10 +9,11 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from ..bench_log import write_atomically
-from ..config import bench_from_mapping, read_parameter_file
-from ..parameters import ConfigError
-from ..share import shared_file
+from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.share import shared_file
+from sma_actuator.config import bench_from_mapping, read_parameter_file
+from sma_actuator.logs.bench_log import write_atomically
+
 from .operators import BenchOperator, ScpiBenchOperator, TerminalOperator
 from .parts import RUN
 from .plan import PlanOptions, make_plan
@@ -112,7 +113,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure what the folder lacks; 0 when every part is finished."""
-    from .page import write_page  # before the work, in case its packages are missing
+    from .page import write_page
 
     console = Console(stderr=True)
     path = args.config or shared_file(
@@ -139,22 +140,28 @@ def run(args: argparse.Namespace) -> int:
     if args.hidden and not args.virtual:
         raise ConfigError("--hidden: only the virtual bench (--virtual) can hide an effect")
     if args.hidden and (args.out / "manifest.json").exists():
-        raise ConfigError(f"--hidden: {args.out} holds logs already, which may hide something else; a new folder is wanted")
+        raise ConfigError(
+            f"--hidden: {args.out} holds logs already, which may hide something else; a new folder is wanted"
+        )
     if args.virtual:
-        from ..bench import HiddenBench, InProcessDaq, InProcessSupply, VirtualClock
+        from sma_actuator.bench import HiddenBench, InProcessDaq, InProcessSupply, VirtualClock
 
         size_m = (config.wire.length, config.wire.diameter)
         try:
             bench = HiddenBench.from_name(
-                args.virtual, args.seed, size_m=size_m, hidden=dict(args.hidden), session_s=sum(p.duration_s for p in plan)
+                args.virtual,
+                args.seed,
+                size_m=size_m,
+                hidden=dict(args.hidden),
+                session_s=sum(p.duration_s for p in plan),
             )
         except ValueError as error:
             raise ConfigError(f"{'--hidden' if 'hidden' in str(error) else '--virtual'}: {error}") from error
         rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
         operator = BenchOperator(bench, largest_force_N)
     else:
-        from ..instruments import open_daq, open_supply
-        from ..instruments.clock import MonotonicClock
+        from sma_actuator.instruments import open_daq, open_supply
+        from sma_actuator.instruments.clock import MonotonicClock
 
         clock = MonotonicClock()
         rig = Rig(config, open_supply(config), open_daq(config, clock), clock)
@@ -189,7 +196,9 @@ def _effect(text: str) -> tuple[str, float]:
     try:
         return name, float(strength)
     except ValueError:
-        raise argparse.ArgumentTypeError(f"'{text}' is no effect; EFFECT=STRENGTH is wanted, as voltage_offset=0.004") from None
+        raise argparse.ArgumentTypeError(
+            f"'{text}' is no effect; EFFECT=STRENGTH is wanted, as voltage_offset=0.004"
+        ) from None
 
 
 def _numbers(text: str) -> tuple[float, ...]:

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..bench_log import write_atomically
-from ..parameters import ConfigError
+from sma_actuator.base.parameters import ConfigError
+from sma_actuator.logs.bench_log import write_atomically
+
 from .plan import Part
 
 FILE_NAME = "manifest.json"

@@ -85,12 +85,12 @@ class BenchOperator:
         self.hang_load(force_N)
 
     def hang_load(self, force_N: float) -> None:
-        from ..bench import Weight
+        from sma_actuator.bench import Weight
 
         self._put(Weight(force_N))
 
     def fit_spring(self, stiffness_N_m: float, preload_N: float) -> None:
-        from ..bench import Spring
+        from sma_actuator.bench import Spring
 
         self._put(Spring(stiffness_N_m, preload_N))
 

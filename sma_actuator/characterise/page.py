@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..report import Page, figure
+from sma_actuator.report import Page, figure
+
 from .manifest import Manifest
 
 _LINES = {

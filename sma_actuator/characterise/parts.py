@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..bench_log import BenchLog, signals_from_log
-from ..circuit import resistance_and_current
-from ..parameters import ConfigError
+from sma_actuator.base.parameters import ConfigError
+from sma_actuator.estimation.circuit import resistance_and_current
+from sma_actuator.logs.bench_log import BenchLog, signals_from_log
+
 from .calibration import Line, fit_line
 from .operators import Operator
 from .plan import Part

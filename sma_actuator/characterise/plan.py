@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..parameters import ConfigError
+from sma_actuator.base.parameters import ConfigError
+
 from .programs import every_ordered_pair
 
 GRAVITY_m_s2 = 9.80665

@@ -10,7 +10,7 @@ from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from math import nan
 
-from ..signals import Signals
+from sma_actuator.base.signals import Signals
 
 
 @dataclass(frozen=True, slots=True)

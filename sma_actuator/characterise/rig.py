@@ -9,9 +9,10 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ..bench_log import BenchLog
-from ..circuit import signals_from_reading
-from ..instruments import Clock, Daq, InstrumentRefused, PowerSupply
+from sma_actuator.estimation.circuit import signals_from_reading
+from sma_actuator.instruments import Clock, Daq, InstrumentRefused, PowerSupply
+from sma_actuator.logs.bench_log import BenchLog
+
 from .programs import Program
 
 _CHANNELS = (

@@ -8,8 +8,9 @@ from typing import Any
 
 import yaml
 
-from ..bench_log import BenchLog, read_bench_log, write_atomically, write_bench_log
-from ..config import NODE_NAME, bench_from_mapping
+from sma_actuator.config import NODE_NAME, bench_from_mapping
+from sma_actuator.logs.bench_log import BenchLog, read_bench_log, write_atomically, write_bench_log
+
 from .manifest import Manifest
 from .operators import Operator
 from .parts import RUN

@@ -10,9 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..config import Calibration, Config
-from ..estimator import Estimator
-from ..jit import jit
+from sma_actuator.base.jit import jit
+from sma_actuator.config import Calibration, Config
+from sma_actuator.estimation.estimator import Estimator
+
 from .rests import find_rests
 from .traces import Trace
 
@@ -27,7 +28,9 @@ def calibration_of(traces: Sequence[Trace], config: Config, at_rest: bool = True
     """
     estimates = [Estimator(config).run(t.signals).displacement_m for t in traces]
     full_m = config.wire.full_stroke_m
-    errors = [float(np.nanmean(np.abs(d - t.displacement_m))) / full_m * 100 for d, t in zip(estimates, traces, strict=True)]
+    errors = [
+        float(np.nanmean(np.abs(d - t.displacement_m))) / full_m * 100 for d, t in zip(estimates, traces, strict=True)
+    ]
     if not at_rest:
         return Calibration(error=float(np.mean(errors)), largest_error=max(errors))
     residuals = [t.displacement_m - d for d, t in zip(estimates, traces, strict=True)]
@@ -35,7 +38,8 @@ def calibration_of(traces: Sequence[Trace], config: Config, at_rest: bool = True
     position_m = np.linspace(*_widened(model.displacement_range_m, estimates), POSITIONS)
     stress_Pa = _clusters([t.mean_stress_Pa for t in traces])
     parts = [
-        _sums(position_m, stress_Pa, d, t.stress_Pa, t.heating, r) for d, t, r in zip(estimates, traces, residuals, strict=True)
+        _sums(position_m, stress_Pa, d, t.stress_Pa, t.heating, r)
+        for d, t, r in zip(estimates, traces, residuals, strict=True)
     ]
     total = np.sum(parts, axis=0)
     rests = []  # of each log, with the residuals of the others taken off
@@ -44,20 +48,30 @@ def calibration_of(traces: Sequence[Trace], config: Config, at_rest: bool = True
         rests.append(r - expected_residual_m(position_m, stress_Pa, heating, cooling, d, t.stress_Pa, t.heating))
     scatter = [float(np.nanmean(np.abs(r))) / full_m * 100 for r in rests]
     one_stress = np.zeros(1)
-    squares = np.sum([
-        _sums(position_m, one_stress, d, np.zeros(len(r)), t.heating, r**2)
-        for d, t, r in zip(estimates, traces, rests, strict=True)
-    ], axis=0)
+    squares = np.sum(
+        [
+            _sums(position_m, one_stress, d, np.zeros(len(r)), t.heating, r**2)
+            for d, t, r in zip(estimates, traces, rests, strict=True)
+        ],
+        axis=0,
+    )
     scatter_heating, scatter_cooling = (np.sqrt(m[0]) for m in _means(squares))
     heating, cooling = _means(total)
     ambient = [t.signals.ambient_temperature_C for t in traces]
     ambient = np.concatenate([np.atleast_1d(a)[np.isfinite(np.atleast_1d(a))] for a in ambient])
     values: dict = {
-        "error": float(np.mean(errors)), "largest_error": max(errors), "scatter": float(np.mean(scatter)),
-        "residual_stress": _rounded(stress_Pa, 0), "residual_position": _rounded(position_m, 8),
-        "residual_heating": _rounded(heating.ravel(), 8), "residual_cooling": _rounded(cooling.ravel(), 8),
-        "scatter_heating": _rounded(scatter_heating, 8), "scatter_cooling": _rounded(scatter_cooling, 8),
-        "resistance_range": float(np.subtract(*np.nanpercentile(np.concatenate([t.resistance_Ohm for t in traces]), (99.5, 0.5)))),
+        "error": float(np.mean(errors)),
+        "largest_error": max(errors),
+        "scatter": float(np.mean(scatter)),
+        "residual_stress": _rounded(stress_Pa, 0),
+        "residual_position": _rounded(position_m, 8),
+        "residual_heating": _rounded(heating.ravel(), 8),
+        "residual_cooling": _rounded(cooling.ravel(), 8),
+        "scatter_heating": _rounded(scatter_heating, 8),
+        "scatter_cooling": _rounded(scatter_cooling, 8),
+        "resistance_range": float(
+            np.subtract(*np.nanpercentile(np.concatenate([t.resistance_Ohm for t in traces]), (99.5, 0.5)))
+        ),
     }
     if len(ambient):
         values["ambient_temperature"] = float(ambient.mean())
@@ -108,7 +122,9 @@ def _means(sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return out[0], out[1]
 
 
-def expected_residual_m(position_m, stress_Pa, heating_m, cooling_m, estimate_m, sample_stress_Pa, heating) -> np.ndarray:
+def expected_residual_m(
+    position_m, stress_Pa, heating_m, cooling_m, estimate_m, sample_stress_Pa, heating
+) -> np.ndarray:
     """Residual of the calibration at each of n samples, between positions (P,) and stresses (S,) linear, else the nearest."""
     out = np.empty(len(estimate_m))
     table = np.stack((np.reshape(cooling_m, (len(stress_Pa), -1)), np.reshape(heating_m, (len(stress_Pa), -1))))
@@ -165,7 +181,9 @@ def _at_rest(traces: Sequence[Trace], thermal_time_constant_s: float) -> dict:
         out[f"{name}_stress"] = _rounded(middle[:, 0], 0)
         out[f"{name}_resistance"] = _rounded(middle[:, 1], 6)
         out[f"{name}_displacement"] = _rounded(middle[:, 2], 8)
-        deviations.append(rows[:, 1:3] - np.column_stack([np.interp(rows[:, 0], middle[:, 0], middle[:, k]) for k in (1, 2)]))
+        deviations.append(
+            rows[:, 1:3] - np.column_stack([np.interp(rows[:, 0], middle[:, 0], middle[:, k]) for k in (1, 2)])
+        )
     if deviations:
         together = np.concatenate(deviations)
         out["resistance_scatter"] = float(np.sqrt(np.mean(together[:, 0] ** 2)))

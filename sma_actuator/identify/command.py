@@ -12,8 +12,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from ..bench_log import read_bench_log, write_atomically
-from ..config import NODE_NAME, read_parameter_file
+from sma_actuator.config import NODE_NAME, read_parameter_file
+from sma_actuator.logs.bench_log import read_bench_log, write_atomically
+
 from .identification import METHODS, MODELS, Identification, identify
 
 
@@ -60,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Fit, write and report; 0 when MODEL.yaml was written."""
-    from .page import write_page  # before the work, in case its packages are missing
+    from .page import write_page
 
     console = Console(stderr=True)
     mapping = read_parameter_file(args.config)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..signals import Signals
+from sma_actuator.base.signals import Signals
+
 from .fitting import predict
 from .traces import Trace
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..models import COEFFICIENTS
+from sma_actuator.estimation.models import COEFFICIENTS
+
 from . import fitting
 from .appendix_c import Asymptotes, asymptotes
 from .fitting import Data

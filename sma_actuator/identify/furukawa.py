@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import least_squares
 
-from ..models import COEFFICIENTS
+from sma_actuator.estimation.models import COEFFICIENTS
+
 from . import fitting
 from .fitting import Data
 from .flexinol import HIGHEST_ORDER, STRESS_UNIT_Pa, stress_range_Pa

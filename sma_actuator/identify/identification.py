@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from ..bench_log import BenchLog
-from ..config import Config, bench_from_mapping
-from ..parameters import ConfigError, to_mapping
+from sma_actuator.base.parameters import ConfigError, to_mapping
+from sma_actuator.config import Config, bench_from_mapping
+from sma_actuator.logs.bench_log import BenchLog
+
 from .calibration import calibration_of
 from .errors import LogError, log_errors
 from .fatigue import Fatigue, fit_fatigue

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import polynomial
 
-from ..bench_log import BenchLog
-from ..config import bench_from_mapping
-from ..models import COEFFICIENTS
+from sma_actuator.config import bench_from_mapping
+from sma_actuator.estimation.models import COEFFICIENTS
+from sma_actuator.logs.bench_log import BenchLog
+
 from . import fitting
 from .flexinol import HIGHEST_ORDER, FlexinolFit, STRESS_UNIT_Pa, stress_range_Pa
 from .ranges import distinct_stresses, full_cycles, working_range_m

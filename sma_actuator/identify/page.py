@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..report import Page, figure
+from sma_actuator.report import Page, figure
+
 from .fitting import predict
 from .identification import Identification
 from .ranges import full_cycles

@@ -13,7 +13,10 @@ import numpy as np
 from .traces import Trace
 
 WINDOW_s = 1.0  #: averaged
-SETTLED = {False: 4.0, True: 2.0}  #: thermal time constants that the current has stood, cold and hot (heated, it does not wait)
+SETTLED = {
+    False: 4.0,
+    True: 2.0,
+}  #: thermal time constants that the current has stood, cold and hot (heated, it does not wait)
 STILL = 0.06  #: share of its range that the current may move meanwhile
 STEADY = 0.015  #: share of its range that R or δ may move from half a window to the next
 
@@ -53,9 +56,14 @@ def find_rests(trace: Trace, thermal_time_constant_s: float) -> list[Rest]:
             continue
         middle = (start + turn) // 2
         load_N = trace.signals.load_N
-        steady = all(
-            abs(np.mean(values[start:middle]) - np.mean(values[middle:turn])) <= STEADY * span for values, span in ranges
-        ) and abs(np.mean(load_N[start:middle]) - np.mean(load_N[middle:turn])) <= 0.02 * abs(np.mean(load_N[start:turn])) + 0.005
+        steady = (
+            all(
+                abs(np.mean(values[start:middle]) - np.mean(values[middle:turn])) <= STEADY * span
+                for values, span in ranges
+            )
+            and abs(np.mean(load_N[start:middle]) - np.mean(load_N[middle:turn]))
+            <= 0.02 * abs(np.mean(load_N[start:turn])) + 0.005
+        )
         if steady:
             rests.append(Rest(hot, start, int(turn), int(trace.cycle[start])))
     return rests

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..bench_log import BenchLog, BenchLogError, require_reference, signals_from_log
-from ..branch import BranchDetector
-from ..signals import Signals
+from sma_actuator.base.signals import Signals
+from sma_actuator.estimation.branch import BranchDetector
+from sma_actuator.logs.bench_log import BenchLog, BenchLogError, require_reference, signals_from_log
 
 NOT_FITTED = ("lead_resistance", "load_cell", "lvdt", "training")
 _WIRE_KEYS = {"length_m": "length", "diameter_m": "diameter"}

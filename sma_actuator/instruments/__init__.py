@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from ..errors import UserError
-from ..signals import Reading, SupplyState
+from sma_actuator.base.errors import UserError
+from sma_actuator.base.signals import Reading, SupplyState
 
 
 class InstrumentError(UserError, OSError):

@@ -17,7 +17,7 @@ from typing import Any
 
 import yaml
 
-from ..parameters import ConfigError
+from sma_actuator.base.parameters import ConfigError
 
 FOLDER = Path(__file__).parent / "dialects"
 #: Placeholders each entry may use.
@@ -37,11 +37,25 @@ _SUPPLY_COMMANDS = {
 }
 _SUPPLY_QUERIES = {
     name: {"channel"}
-    for name in ("current_setting", "voltage_setting", "over_voltage_setting", "over_current_setting", "output", "voltage",
-                 "current", "watchdog_armed", "watchdog_delay", "error")
+    for name in (
+        "current_setting",
+        "voltage_setting",
+        "over_voltage_setting",
+        "over_current_setting",
+        "output",
+        "voltage",
+        "current",
+        "watchdog_armed",
+        "watchdog_delay",
+        "error",
+    )
 }
 _DAQ_COMMANDS = {"prepare": {"channels", "samples", "readings"}, "before_read": {"channels", "samples", "readings"}}
-_DAQ_QUERIES = {"ready": {"channels", "samples", "readings"}, "read": {"channels", "samples", "readings"}, "error": set()}
+_DAQ_QUERIES = {
+    "ready": {"channels", "samples", "readings"},
+    "read": {"channels", "samples", "readings"},
+    "error": set(),
+}
 #: Placeholders without which an entry would say the same whatever is wanted.
 _NEEDED_PLACEHOLDERS = {
     **dict.fromkeys(("set_current", "set_voltage", "set_over_voltage", "set_over_current", "arm_watchdog"), "value"),
@@ -57,8 +71,20 @@ _NEEDED = {
     "daq": {"commands": ("prepare",), "queries": ("read",)},
 }
 _KEYS = {
-    "supply": {"kind", "family", "source", "notes", "identity", "termination", "chained_queries", "watchdog_range_s",
-               "watchdog_step_s", "commands", "queries", "trips"},
+    "supply": {
+        "kind",
+        "family",
+        "source",
+        "notes",
+        "identity",
+        "termination",
+        "chained_queries",
+        "watchdog_range_s",
+        "watchdog_step_s",
+        "commands",
+        "queries",
+        "trips",
+    },
     "daq": {"kind", "family", "source", "notes", "identity", "termination", "measures_celsius", "commands", "queries"},
 }
 _YES = {"1", "on", "yes", "true"}
@@ -96,7 +122,11 @@ class Dialect:
                 near = difflib.get_close_matches(name_or_path, known, n=1)
                 raise ConfigError(
                     f"instruments.{kind}.dialect: there is no dialect '{name_or_path}'; "
-                    + (f"did you mean {near[0]}?" if near else f"there are {', '.join(known)}, or give the path of a YAML file")
+                    + (
+                        f"did you mean {near[0]}?"
+                        if near
+                        else f"there are {', '.join(known)}, or give the path of a YAML file"
+                    )
                 )
         try:
             document = yaml.safe_load(path.read_text(encoding="utf-8"))
@@ -147,17 +177,23 @@ class Dialect:
             problems += _wrong_placeholders(f"trips.{word}", (query,), {"channel"})
         watchdog = {name for name in ("arm_watchdog", "disarm_watchdog") if name in texts["commands"]}
         if watchdog and not {"watchdog_armed", "watchdog_delay"} <= set(texts["queries"]):
-            problems.append("queries.watchdog_armed, watchdog_delay: missing; a watchdog that cannot be read back is none")
+            problems.append(
+                "queries.watchdog_armed, watchdog_delay: missing; a watchdog that cannot be read back is none"
+            )
         if watchdog and "watchdog_range_s" not in document:
             problems.append("watchdog_range_s: missing; shortest and longest delay in seconds are wanted")
         span, step_s = document.get("watchdog_range_s"), document.get("watchdog_step_s", 0.0)
-        if span is not None and not (isinstance(span, list) and len(span) == 2 and all(map(_is_number, span)) and 0.0 <= span[0] <= span[1]):
+        if span is not None and not (
+            isinstance(span, list) and len(span) == 2 and all(map(_is_number, span)) and 0.0 <= span[0] <= span[1]
+        ):
             problems.append(f"watchdog_range_s: {span!r} is not shortest and longest delay in seconds, as [1, 3600]")
         if not (_is_number(step_s) and step_s >= 0.0):
             problems.append(f"watchdog_step_s: {step_s!r} is not a number of seconds")
         termination = document.get("termination", "\n")
         if termination not in ("\n", "\r\n", "\r"):
-            problems.append(f'termination: {termination!r} ends no line; "\\n", "\\r\\n" or "\\r" is wanted, in double quotes')
+            problems.append(
+                f'termination: {termination!r} ends no line; "\\n", "\\r\\n" or "\\r" is wanted, in double quotes'
+            )
         flags = {key: document.get(key, False) for key in ("chained_queries", "measures_celsius")}
         for key, value in flags.items():
             if not isinstance(value, bool):
@@ -171,10 +207,18 @@ class Dialect:
         if problems:
             raise ConfigError([f"{path}: {problem}" for problem in problems])
         return cls(
-            path, kind, document.get("family", path.stem), identity, termination,
-            texts["commands"], {name: lines[0] for name, lines in texts["queries"].items()}, trips,
-            flags["chained_queries"], flags["measures_celsius"],
-            (float(span[0]), float(span[1])) if span else None, float(step_s),
+            path,
+            kind,
+            document.get("family", path.stem),
+            identity,
+            termination,
+            texts["commands"],
+            {name: lines[0] for name, lines in texts["queries"].items()},
+            trips,
+            flags["chained_queries"],
+            flags["measures_celsius"],
+            (float(span[0]), float(span[1])) if span else None,
+            float(step_s),
         )
 
     def lines(self, name: str, **values: Any) -> list[str]:

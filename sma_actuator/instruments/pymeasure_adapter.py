@@ -10,9 +10,10 @@ import importlib
 import logging
 from math import nan
 
-from ..config import Config
-from ..parameters import ConfigError
-from ..signals import SupplyState
+from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.signals import SupplyState
+from sma_actuator.config import Config
+
 from . import InstrumentLost, InstrumentRefused
 
 _log = logging.getLogger(__name__)
@@ -60,8 +61,11 @@ class PymeasureSupply:
         self.close()
         try:
             self._device = self._class(
-                self._instrument.resource, visa_library="@py", timeout=int(1e3 * self._instrument.timeout),
-                read_termination="\n", write_termination="\n",
+                self._instrument.resource,
+                visa_library="@py",
+                timeout=int(1e3 * self._instrument.timeout),
+                read_termination="\n",
+                write_termination="\n",
             )
         except Exception as error:  # pymeasure and pyvisa raise of all kinds
             raise InstrumentLost(f"supply at {self._instrument.resource}: cannot be opened ({error})") from error
@@ -75,7 +79,9 @@ class PymeasureSupply:
         self._set("voltage setting", self._limits.max_voltage)
         found_V = self._get("voltage setting")
         if not abs(found_V - self._limits.max_voltage) <= 0.02 * self._limits.max_voltage:
-            raise InstrumentRefused(f"{self.identity}: does not take supply.max_voltage, {self._limits.max_voltage:g} V: it reads back {found_V:g} V")
+            raise InstrumentRefused(
+                f"{self.identity}: does not take supply.max_voltage, {self._limits.max_voltage:g} V: it reads back {found_V:g} V"
+            )
 
     def set_current(self, current_A: float) -> None:
         """Program the current limit [A]; nothing but 0 to supply.max_current passes."""
@@ -92,7 +98,11 @@ class PymeasureSupply:
     def read_back(self) -> SupplyState:
         """Settings and measurements; ``time_s`` is left NaN.  Trips are not known to pymeasure."""
         return SupplyState(
-            nan, self._get("current setting"), bool(self._get("output")), self._get("measured voltage"), self._get("measured current")
+            nan,
+            self._get("current setting"),
+            bool(self._get("output")),
+            self._get("measured voltage"),
+            self._get("measured current"),
         )
 
     def watchdog_holds(self) -> bool:

@@ -19,8 +19,9 @@ from math import inf, isfinite, nan
 import numpy as np
 import pyvisa
 
-from ..config import Config
-from ..signals import Reading, SupplyState
+from sma_actuator.base.signals import Reading, SupplyState
+from sma_actuator.config import Config
+
 from . import Clock, InstrumentError, InstrumentLost, InstrumentRefused
 from .dialect import Dialect, yes
 
@@ -73,7 +74,9 @@ class Session:
             visa.timeout = self._timeout_s * 1e3
             _send_at_once(visa)
         except Exception as error:  # pyvisa-py raises a bare Exception for a host that has no address
-            raise InstrumentLost(f"{self.name}: cannot be opened ({error}); is it switched on, and is the address right?") from error
+            raise InstrumentLost(
+                f"{self.name}: cannot be opened ({error}); is it switched on, and is the address right?"
+            ) from error
         self._visa = visa
         if lock:
             try:
@@ -184,7 +187,9 @@ def _no_errors(session: Session, dialect: Dialect) -> None:
     except ValueError:
         raise session.garbled(dialect.queries["error"], reply) from None
     if number != 0:
-        raise InstrumentRefused(f"{session.name}: refused its configuration: {reply}; is the dialect '{dialect.path.stem}' the right one?")
+        raise InstrumentRefused(
+            f"{session.name}: refused its configuration: {reply}; is the dialect '{dialect.path.stem}' the right one?"
+        )
 
 
 class _RoundedDown(float):
@@ -206,7 +211,9 @@ class ScpiSupply:
         self._instrument = config.instruments.supply
         self._dialect = Dialect.load(self._instrument.dialect, "supply")
         self._channel = self._instrument.channel
-        self._session = Session("supply", self._instrument.resource, self._dialect.termination, self._instrument.timeout)
+        self._session = Session(
+            "supply", self._instrument.resource, self._dialect.termination, self._instrument.timeout
+        )
         self.identity = ""
 
     def open(self) -> None:
@@ -255,7 +262,10 @@ class ScpiSupply:
             return True
         if "arm_watchdog" not in dialect.commands:
             return False
-        armed, delay = (self._session.ask(dialect.query(name, channel=self._channel)) for name in ("watchdog_armed", "watchdog_delay"))
+        armed, delay = (
+            self._session.ask(dialect.query(name, channel=self._channel))
+            for name in ("watchdog_armed", "watchdog_delay")
+        )
         try:
             return yes(armed) and float(delay) <= wanted_s + dialect.watchdog_step_s + 1e-3
         except ValueError:
@@ -282,7 +292,9 @@ class ScpiSupply:
             beside = Session("supply", self._session.resource, self._dialect.termination, self._instrument.timeout)
             try:
                 beside.open(lock=False)
-                beside.tell(*self._dialect.lines("unlock", channel=self._channel))  # an instrument may think the lost one alive
+                beside.tell(
+                    *self._dialect.lines("unlock", channel=self._channel)
+                )  # an instrument may think the lost one alive
                 self._off(beside)
             finally:
                 beside.close()
@@ -333,7 +345,11 @@ class ScpiSupply:
         self._holds("output", 0.0, "output off")
         self._holds("voltage_setting", limits.max_voltage, f"supply.max_voltage, {limits.max_voltage:g} V")
         self._holds("over_voltage_setting", over_voltage_V, f"an over-voltage trip of {over_voltage_V:g} V")
-        self._holds("over_current_setting", limits.over_current_trip, f"supply.over_current_trip, {limits.over_current_trip:g} A")
+        self._holds(
+            "over_current_setting",
+            limits.over_current_trip,
+            f"supply.over_current_trip, {limits.over_current_trip:g} A",
+        )
 
     def _tell(self, name: str, value: float = nan) -> None:
         self._session.tell(*self._dialect.lines(name, channel=self._channel, value=value))
@@ -420,9 +436,13 @@ class ScpiDaq:
         """Connect, check who answers, program channel list and block.  Raises InstrumentLost or InstrumentRefused."""
         for quantity in ("supply_voltage", "reference_voltage", "load_cell"):
             if getattr(self._instrument, f"{quantity}_channel") == 0:
-                raise InstrumentRefused(f"instruments.daq.{quantity}_channel: is 0; the driver cannot do without that channel")
+                raise InstrumentRefused(
+                    f"instruments.daq.{quantity}_channel: is 0; the driver cannot do without that channel"
+                )
         if len(set(self._channels.values())) < len(self._channels):
-            raise InstrumentRefused("instruments.daq: two quantities are read from one channel; every channel is wanted once")
+            raise InstrumentRefused(
+                "instruments.daq: two quantities are read from one channel; every channel is wanted once"
+            )
         ambient_channel = self._instrument.ambient_temperature_channel
         if ambient_channel != 0 and not self._dialect.measures_celsius:
             # 0.02 V would pass for a room of 0.02 °C, and the heat balance would take the wire for colder than it is.

@@ -1,6 +1,7 @@
 """Any model on any log: errors, traces and loops, beside the literature's models."""
 
-from .bags import log_from_bag
+from sma_actuator.logs.bags import log_from_bag
+
 from .command import add_arguments, run
 from .replaying import Replay, estimate_m, replay
 

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.optimize import least_squares
 
-from ..identify.fitting import LOSS_SCALE, Data
-from ..identify.traces import Trace
-from ..jit import jit
-from ..parameters import ConfigError
+from sma_actuator.base.jit import jit
+from sma_actuator.base.parameters import ConfigError
+from sma_actuator.identify.fitting import LOSS_SCALE, Data
+from sma_actuator.identify.traces import Trace
 
 
 class Baseline(Protocol):

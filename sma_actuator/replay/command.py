@@ -11,9 +11,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from ..bench_log import check_bench_log, read_bench_log, write_atomically, write_bench_log
-from ..config import Config
-from .bags import is_bag, log_from_bag, parse_topics
+from sma_actuator.config import Config
+from sma_actuator.logs.bags import is_bag, log_from_bag, parse_topics
+from sma_actuator.logs.bench_log import check_bench_log, read_bench_log, write_atomically, write_bench_log
+
 from .replaying import Replay, replay, winners
 
 
@@ -60,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Replay and judge; 0 when every log was replayed."""
     if args.report:
-        from .page import write_page  # before the work, in case its packages are missing
+        from .page import write_page
     console = Console(stderr=True)
     models = {}
     for path in args.config:

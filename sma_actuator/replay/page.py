@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from ..config import Config
-from ..report import Page, figure
+from sma_actuator.config import Config
+from sma_actuator.report import Page, figure
+
 from .replaying import Replay, winners
 
 

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..bench_log import BenchLog
-from ..config import Config
-from ..estimator import Estimator
-from ..identify.errors import LogError, log_error
-from ..identify.fitting import make_data
-from ..identify.traces import Trace, make_trace, make_traces
+from sma_actuator.config import Config
+from sma_actuator.estimation.estimator import Estimator
+from sma_actuator.identify.errors import LogError, log_error
+from sma_actuator.identify.fitting import make_data
+from sma_actuator.identify.traces import Trace, make_trace, make_traces
+from sma_actuator.logs.bench_log import BenchLog
+
 from .baselines import all_baselines
 
 

@@ -10,8 +10,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from ..bench_log import write_atomically
-from ..parameters import ConfigError
+from sma_actuator.base.parameters import ConfigError
+from sma_actuator.logs.bench_log import write_atomically
 
 try:
     import jinja2

@@ -8,9 +8,9 @@ import pytest
 from sma_actuator.bench import Chain, Schedule, Setup, Spring, VirtualBench, Weight
 from sma_actuator.bench.chain import LSB_V
 from sma_actuator.bench.faults import FAULTS, parse_fault
-from sma_actuator.bench.loads import parse_load
-from sma_actuator.bench.materials import WIRES
 from sma_actuator.bench.supply import SettingRefused
+from sma_actuator.plant.loads import parse_load
+from sma_actuator.plant.materials import WIRES
 
 
 def powered(name="flexinol", current_A=0.2, **kwargs):

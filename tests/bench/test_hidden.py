@@ -142,7 +142,9 @@ def test_a_shunt_takes_current_from_the_wire():
     rows = drive(bench, 5.0)
     truth = bench.truth
     assert rows[-1, REFERENCE] == pytest.approx(0.3, abs=1e-3)
-    assert truth.power_W == pytest.approx((0.3 / (1 + 0.02 * truth.resistance_Ohm)) ** 2 * truth.resistance_Ohm, rel=1e-3)
+    assert truth.power_W == pytest.approx(
+        (0.3 / (1 + 0.02 * truth.resistance_Ohm)) ** 2 * truth.resistance_Ohm, rel=1e-3
+    )
     assert resistance_Ohm(rows)[-1] == pytest.approx(truth.resistance_Ohm / (1 + 0.02 * truth.resistance_Ohm), abs=2e-2)
 
 

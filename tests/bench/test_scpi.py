@@ -7,13 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sma_actuator.bench import VirtualBench
-from sma_actuator.bench.scpi import (
-    QUEUE_DEPTH,
-    Client,
-    ScpiDaq,
-    ScpiSupply,
-    accepted_headers,
-)
+from sma_actuator.bench.scpi import QUEUE_DEPTH, Client, ScpiDaq, ScpiSupply, accepted_headers
 
 
 class Session:

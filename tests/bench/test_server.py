@@ -178,7 +178,7 @@ def test_the_command_serves_many_benches_and_ends_clean(tmp_path, number):
     command = [
         sys.executable,
         "-m",
-        "sma_actuator.cli",
+        "sma_actuator",
         "bench",
         "--wire",
         "furukawa",

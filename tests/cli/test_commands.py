@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from sma_actuator.cli import COMMANDS, main
+from sma_actuator.cli.main import COMMANDS, main
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -17,7 +17,7 @@ def test_every_command_explains_itself(command, capsys):
 
 
 def test_help_lists_the_commands_and_loads_none_of_them():
-    code = "import sys; from sma_actuator.cli import main\ntry: main(['--help'])\nexcept SystemExit: pass\nprint('numba' in sys.modules)"
+    code = "import sys; from sma_actuator.cli.main import main\ntry: main(['--help'])\nexcept SystemExit: pass\nprint('numba' in sys.modules)"
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60).stdout
     assert all(command in out for command in COMMANDS)
     assert out.endswith("False\n")
@@ -26,7 +26,10 @@ def test_help_lists_the_commands_and_loads_none_of_them():
 @pytest.mark.parametrize(
     ("words", "sentence"),
     (
-        (["identify", "no.csv", "--config", "config/flexinol.yaml", "--model", "flexinol", "--out", "x.yaml"], "no.csv"),
+        (
+            ["identify", "no.csv", "--config", "config/flexinol.yaml", "--model", "flexinol", "--out", "x.yaml"],
+            "no.csv",
+        ),
         (["replay", "no.csv", "--config", "nowhere.yaml"], "nowhere.yaml: cannot be read"),
     ),
 )

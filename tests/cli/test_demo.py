@@ -20,10 +20,17 @@ def demo(tmp_path):
     processes = []
 
     def start(*arguments):
-        environment = {**os.environ, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": str(100 + os.getpid() % 100)}
+        environment = {
+            **os.environ,
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "ROS_DOMAIN_ID": str(100 + os.getpid() % 100),
+        }
         process = subprocess.Popen(
-            [sys.executable, "-m", "sma_actuator.cli", "demo", *arguments],
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment,
+            [sys.executable, "-m", "sma_actuator", "demo", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=environment,
         )
         processes.append(process)
         return process

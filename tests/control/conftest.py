@@ -7,11 +7,11 @@ from dataclasses import replace
 import pytest
 
 from sma_actuator.actuator import Actuator
+from sma_actuator.base.signals import Command
 from sma_actuator.bench.bench import VirtualBench
 from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply
-from sma_actuator.bench.loads import Weight
 from sma_actuator.config import Config
-from sma_actuator.signals import Command
+from sma_actuator.plant.loads import Weight
 
 
 class Rig:

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from sma_actuator.actuator import Actuator
-from sma_actuator.bench.loads import Weight
+from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.signals import Command, Mode, Quality
 from sma_actuator.config import Config
-from sma_actuator.parameters import ConfigError
-from sma_actuator.signals import Command, Mode, Quality
+from sma_actuator.plant.loads import Weight
 
 
 @pytest.fixture
@@ -213,7 +213,9 @@ class TestUpdate:
         rig.enable()
         rig.track(0.0028)
         rig.run(3.0)
-        quiet_A = max(abs(b.command.current_A - a.command.current_A) for a, b in zip(rig.outputs[-20:], rig.outputs[-19:]))
+        quiet_A = max(
+            abs(b.command.current_A - a.command.current_A) for a, b in zip(rig.outputs[-20:], rig.outputs[-19:])
+        )
         before_A = rig.output.command.current_A
         rig.actuator.update(rig.config.replace({"controller.kp": 5.0, "controller.ki": 20.0}))
         assert abs(rig.step().command.current_A - before_A) <= 3.0 * quiet_A + 1e-3

@@ -7,7 +7,7 @@ import pytest
 from simple_pid import PID
 
 from sma_actuator.config import Controller
-from sma_actuator.controller import PidController
+from sma_actuator.control.pid import PidController
 
 BIAS_A, MAX_A = 0.05, 0.40
 FAST = {"derivative_time_constant": 0.0, "setpoint_rate_limit": 10.0}
@@ -66,7 +66,9 @@ def test_it_agrees_with_simple_pid_where_neither_saturates():
     pid.reset(0.003, 0.0)
     for k in range(1, 100):
         position_m = 0.003 + 2e-4 * math.sin(0.1 * k)
-        assert pid.step(position_m, 0.0025, 0.05, 100.0) == pytest.approx(max(peer(position_m, dt=0.05), 0.0), abs=1e-12)
+        assert pid.step(position_m, 0.0025, 0.05, 100.0) == pytest.approx(
+            max(peer(position_m, dt=0.05), 0.0), abs=1e-12
+        )
 
 
 @pytest.mark.parametrize("limit_A", [0.05, 0.2, 0.4])

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from sma_actuator.setpoints import Trajectory, constant, sine, steps, triangle
+from sma_actuator.control.setpoints import Trajectory, constant, sine, steps, triangle
 
 
 def test_constant_is_constant():

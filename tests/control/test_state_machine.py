@@ -10,10 +10,10 @@ from hypothesis import HealthCheck, settings
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from sma_actuator.actuator import Actuator
+from sma_actuator.base.parameters import ConfigError, declaration_of
+from sma_actuator.base.signals import Command, Mode, Reading, SupplyState
 from sma_actuator.config import Config, Controller, Safety
-from sma_actuator.faults import FAULTS, Fault
-from sma_actuator.parameters import ConfigError, declaration_of
-from sma_actuator.signals import Command, Mode, Reading, SupplyState
+from sma_actuator.safety.faults import FAULTS, Fault
 
 anything = st.one_of(
     st.floats(allow_nan=True, allow_infinity=True),
@@ -50,19 +50,32 @@ class AnyUse(RuleBasedStateMachine):
     base = None  #: a complete configuration, from the fixture
 
     @initialize(
-        bias_A=st.floats(1e-3, 0.1), span_A=st.floats(1e-3, 5.0), rate_Hz=st.sampled_from([10.0, 20.0, 100.0]),
-        loss=st.sampled_from(["hold", "bias", "off"]), timeout_s=st.sampled_from([0.0, 0.2, 3.0]),
+        bias_A=st.floats(1e-3, 0.1),
+        span_A=st.floats(1e-3, 5.0),
+        rate_Hz=st.sampled_from([10.0, 20.0, 100.0]),
+        loss=st.sampled_from(["hold", "bias", "off"]),
+        timeout_s=st.sampled_from([0.0, 0.2, 3.0]),
         controller=st.fixed_dictionaries(live_values(Controller)),
-        max_stress_Pa=st.floats(1e6, 1e9) | st.just(175e6), derate_C=st.floats(40.0, 150.0) | st.just(160.0),
+        max_stress_Pa=st.floats(1e6, 1e9) | st.just(175e6),
+        derate_C=st.floats(40.0, 150.0) | st.just(160.0),
     )
     def start(self, bias_A, span_A, rate_Hz, loss, timeout_s, controller, max_stress_Pa, derate_C):
-        self.config = Config.from_mapping(self.base).replace({
-            "loop.rate": rate_Hz, "loop.samples_per_block": 1,
-            "supply.bias_current": bias_A, "supply.max_current": bias_A + span_A, "supply.over_current_trip": 20.0,
-            **{f"controller.{name}": value for name, value in controller.items()},
-            "controller.on_setpoint_loss": loss, "controller.setpoint_timeout": timeout_s,
-            "supply.max_voltage": 60.0, "safety.channel_max_voltage": 100.0, "wire.max_stress": max_stress_Pa, "thermal.derate_temperature": derate_C,
-        })
+        self.config = Config.from_mapping(self.base).replace(
+            {
+                "loop.rate": rate_Hz,
+                "loop.samples_per_block": 1,
+                "supply.bias_current": bias_A,
+                "supply.max_current": bias_A + span_A,
+                "supply.over_current_trip": 20.0,
+                **{f"controller.{name}": value for name, value in controller.items()},
+                "controller.on_setpoint_loss": loss,
+                "controller.setpoint_timeout": timeout_s,
+                "supply.max_voltage": 60.0,
+                "safety.channel_max_voltage": 100.0,
+                "wire.max_stress": max_stress_Pa,
+                "thermal.derate_temperature": derate_C,
+            }
+        )
         self.actuator = Actuator(self.config)
         self.now_s = 0.0
         self.enabled = False  #: what the person believes: enabled, and no latched fault since
@@ -78,7 +91,9 @@ class AnyUse(RuleBasedStateMachine):
         status, command = self.output.status, self.output.command
         if not math.isfinite(self.now_s):
             self.now_s = 0.0
-        if status.fault and (FAULTS[Fault(status.fault)].latches or status.mode is Mode.OFF and status.fault in MAY_LATCH):
+        if status.fault and (
+            FAULTS[Fault(status.fault)].latches or status.mode is Mode.OFF and status.fault in MAY_LATCH
+        ):
             assert command == Command(0.0, False), f"{status.fault} latches, and current flows"
             self.latched = self.latched or status.fault
         if before:
@@ -95,7 +110,9 @@ class AnyUse(RuleBasedStateMachine):
         circuit, cell = self.config.circuit, self.config.load_cell
         total_Ohm = circuit.reference_resistance + circuit.lead_resistance + resistance_Ohm
         reading = Reading(
-            self.now_s, current_A * total_Ohm + 1e-7 * noise, current_A * circuit.reference_resistance,
+            self.now_s,
+            current_A * total_Ohm + 1e-7 * noise,
+            current_A * circuit.reference_resistance,
             (load_N - cell.offset) / cell.slope + 1e-7 * noise,
         )
         return reading, SupplyState(self.now_s, told.current_A, told.output_on, current_A * total_Ohm, current_A)
@@ -117,8 +134,14 @@ class AnyUse(RuleBasedStateMachine):
         self.step(dt_s, *self.plausible(5.0, 0.5, 0.5))
 
     @rule(
-        time=st.sampled_from(["now", "any"]), any_s=anything, supply_V=anything | numbers, reference_V=anything | numbers,
-        load_V=anything | numbers, lvdt_A=anything, ambient_C=anything, missing=st.booleans(),
+        time=st.sampled_from(["now", "any"]),
+        any_s=anything,
+        supply_V=anything | numbers,
+        reference_V=anything | numbers,
+        load_V=anything | numbers,
+        lvdt_A=anything,
+        ambient_C=anything,
+        missing=st.booleans(),
     )
     def the_daq_says_anything(self, time, any_s, supply_V, reference_V, load_V, lvdt_A, ambient_C, missing):
         _, state = self.plausible(5.0, 0.5, 0.5)
@@ -126,12 +149,18 @@ class AnyUse(RuleBasedStateMachine):
         self.step(0.05, None if missing else Reading(time_s, supply_V, reference_V, load_V, lvdt_A, ambient_C), state)
 
     @rule(
-        setting_A=anything | numbers, on=st.booleans(), voltage_V=anything, current_A=anything,
-        tripped=st.sampled_from(["", "", "OVP", "OCP,WDOG", "\0"]), missing=st.booleans(),
+        setting_A=anything | numbers,
+        on=st.booleans(),
+        voltage_V=anything,
+        current_A=anything,
+        tripped=st.sampled_from(["", "", "OVP", "OCP,WDOG", "\0"]),
+        missing=st.booleans(),
     )
     def the_supply_says_anything(self, setting_A, on, voltage_V, current_A, tripped, missing):
         reading, _ = self.plausible(5.0, 0.5, 0.5)
-        self.step(0.05, reading, None if missing else SupplyState(self.now_s, setting_A, on, voltage_V, current_A, tripped))
+        self.step(
+            0.05, reading, None if missing else SupplyState(self.now_s, setting_A, on, voltage_V, current_A, tripped)
+        )
 
     @rule()
     def the_estimator_breaks_once(self):
@@ -156,7 +185,12 @@ class AnyUse(RuleBasedStateMachine):
     def anybody_sends_a_trajectory(self, points):
         self.actuator.offer_trajectory(self.now_s, [t for t, _ in points], [p for _, p in points])
 
-    @rule(position_m=st.floats(0.0, 0.004), resistance_Ohm=st.floats(4.0, 6.0), load_N=st.floats(0.1, 1.0), noise=st.randoms())
+    @rule(
+        position_m=st.floats(0.0, 0.004),
+        resistance_Ohm=st.floats(4.0, 6.0),
+        load_N=st.floats(0.1, 1.0),
+        noise=st.randoms(),
+    )
     def somebody_drives_it_as_one_should(self, position_m, resistance_Ohm, load_N, noise):
         self.anybody_clears()
         self.go_well(2, resistance_Ohm, load_N, noise)
@@ -219,7 +253,11 @@ class AnyUse(RuleBasedStateMachine):
 def test_no_use_whatsoever_commands_what_it_must_not(make_config):
     AnyUse.base = make_config()
     AnyUse.TestCase.settings = settings(
-        max_examples=250, stateful_step_count=40, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True,
+        max_examples=250,
+        stateful_step_count=40,
+        deadline=None,
+        suppress_health_check=list(HealthCheck),
+        derandomize=True,
     )
     AnyUse.TestCase("runTest").runTest()
 
@@ -236,7 +274,11 @@ def test_the_state_machine_does_reach_a_driven_wire(make_config):
 
     Looking.base = make_config()
     Looking.TestCase.settings = settings(
-        max_examples=200, stateful_step_count=40, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True,
+        max_examples=200,
+        stateful_step_count=40,
+        deadline=None,
+        suppress_health_check=list(HealthCheck),
+        derandomize=True,
     )
     Looking.TestCase("runTest").runTest()
     assert len(tracked) > 50

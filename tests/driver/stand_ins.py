@@ -3,8 +3,8 @@
 import threading
 import time
 
+from sma_actuator.base.signals import Reading, SupplyState
 from sma_actuator.instruments import InstrumentLost
-from sma_actuator.signals import Reading, SupplyState
 
 
 class RealClock:

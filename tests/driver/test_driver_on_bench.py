@@ -5,11 +5,11 @@ import math
 
 import pytest
 
+from sma_actuator.base.signals import Mode
 from sma_actuator.bench.bench import VirtualBench
 from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply, VirtualClock
 from sma_actuator.config import Config
 from sma_actuator.driver import Driver
-from sma_actuator.signals import Mode
 
 
 class Rig:
@@ -140,7 +140,9 @@ def test_attempts_to_reconnect_become_rarer_up_to_the_configured_wait(rig, monke
     rig.driver.run_for(0.2)
     rig.bench.inject("supply_hangup")
     attempts_s = []
-    monkeypatch.setattr(rig.supply, "open", lambda _open=rig.supply.open: (attempts_s.append(rig.bench.time_s), _open()))
+    monkeypatch.setattr(
+        rig.supply, "open", lambda _open=rig.supply.open: (attempts_s.append(rig.bench.time_s), _open())
+    )
     rig.driver.run_for(10.0)
     waits_s = [b - a for a, b in itertools.pairwise(attempts_s)]
     assert waits_s[0] < 0.25
@@ -162,7 +164,14 @@ def test_a_trip_of_the_supply_is_cleared_by_clear_fault(rig):
 
 def test_a_commander_that_stops_feeding_is_a_lost_node(make_config):
     one = Rig(make_config())
-    fed = Driver(one.config, one.supply, InProcessDaq(one.bench, one.config), one.clock, on_output=one.outputs.append, feed_timeout_s=0.9)
+    fed = Driver(
+        one.config,
+        one.supply,
+        InProcessDaq(one.bench, one.config),
+        one.clock,
+        on_output=one.outputs.append,
+        feed_timeout_s=0.9,
+    )
     one.driver = fed
     for _ in range(10):
         fed.feed()

@@ -25,7 +25,9 @@ def make_driver(make_config):
     def make(daq=None, supply=None, changes=None, **arguments):
         supply = supply or StandInSupply()
         daq = daq or StandInDaq(supply)
-        config = Config.from_mapping(make_config(**{"loop.rate": 100.0, "loop.samples_per_block": 10, **(changes or {})}))
+        config = Config.from_mapping(
+            make_config(**{"loop.rate": 100.0, "loop.samples_per_block": 10, **(changes or {})})
+        )
         driver = Driver(config, supply, daq, RealClock(), **arguments)
         driver.stand_ins = supply, daq
         drivers.append(driver)
@@ -296,7 +298,9 @@ def runs():
 def test_however_a_program_ends_the_supply_is_shut_down(make_config, ending, kill_with, code):
     process = subprocess.Popen(
         [sys.executable, "-c", _PROGRAM + ending, json.dumps(make_config())],
-        stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
         env={**os.environ, "PYTHONPATH": os.path.dirname(__file__)},
     )
     assert process.stdout.readline() == "runs\n"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from sma_actuator.base.share import shared_file
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
-from sma_actuator.bench_log import read_bench_log
 from sma_actuator.characterise import PlanOptions, Rig, characterise, make_plan
 from sma_actuator.characterise.operators import BenchOperator
 from sma_actuator.config import bench_from_mapping, read_parameter_file
-from sma_actuator.share import shared_file
+from sma_actuator.logs.bench_log import read_bench_log
 
 SHORT = PlanOptions(
     loads_N=(0.3, 0.6, 1.2, 2.0),

@@ -26,7 +26,10 @@ def test_the_model_file_says_how_good_the_model_was(identified):
     assert calibration.known
     assert calibration.error == pytest.approx(np.mean([e.full_percent for e in result.errors]), rel=0.1)
     assert calibration.largest_error >= calibration.error >= calibration.scatter > 0.0
-    loads = len({round(log.metadata["load"]["force_N"], 2) for log in logs if "force_N" in log.metadata.get("load", {})}) or 4
+    loads = (
+        len({round(log.metadata["load"]["force_N"], 2) for log in logs if "force_N" in log.metadata.get("load", {})})
+        or 4
+    )
     assert len(calibration.residual_stress) == loads
     assert len(calibration.residual_heating) == len(calibration.residual_stress) * len(calibration.residual_position)
 
@@ -85,12 +88,19 @@ class TestExpectedResidual:
     @given(st.floats(-1e-3, 5e-3), st.floats(0.0, 60e6), st.booleans())
     def test_it_is_linear_between_the_places_and_stands_beyond_them(self, estimate_m, stress_Pa, heating):
         """A table of a bilinear function is met exactly."""
+
         def truth(position_m, stress):
             return 1e-2 * position_m + 1e-13 * stress + 5.0 * position_m * stress * 1e-9
 
         table = truth(self.POSITION[None, :], self.STRESS[:, None])
         found = expected_residual_m(
-            self.POSITION, self.STRESS, table.ravel(), -table.ravel(), np.array([estimate_m]), np.array([stress_Pa]), np.array([heating])
+            self.POSITION,
+            self.STRESS,
+            table.ravel(),
+            -table.ravel(),
+            np.array([estimate_m]),
+            np.array([stress_Pa]),
+            np.array([heating]),
         )
         want = truth(np.clip(estimate_m, 0.0, 4e-3), np.clip(stress_Pa, 10e6, 40e6))
         assert found[0] == pytest.approx(want if heating else -want, rel=1e-9, abs=1e-12)

@@ -9,17 +9,17 @@ import pytest
 import yaml
 from characterised import SHORT, bench_mapping, virtual_rig
 
+from sma_actuator.base.parameters import ConfigError
 from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
-from sma_actuator.bench_log import read_bench_log
 from sma_actuator.characterise import PlanOptions, characterise, make_plan
 from sma_actuator.characterise.calibration import fit_line
 from sma_actuator.characterise.operators import TerminalOperator
 from sma_actuator.characterise.programs import every_ordered_pair, hold
-from sma_actuator.cli import main
+from sma_actuator.cli.main import main
 from sma_actuator.config import bench_from_mapping
 from sma_actuator.instruments import InstrumentLost, InstrumentRefused
-from sma_actuator.parameters import ConfigError
+from sma_actuator.logs.bench_log import read_bench_log
 
 
 @pytest.mark.parametrize("n", [2, 3, 5, 8])

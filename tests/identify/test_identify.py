@@ -10,13 +10,10 @@ from characterised import bench_mapping, virtual_rig
 
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
 from sma_actuator.bench.bench import Setup
-from sma_actuator.bench.loads import Weight
-from sma_actuator.bench.materials import WIRES
-from sma_actuator.bench_log import BenchLog, BenchLogError, signals_from_log
 from sma_actuator.characterise import Rig
 from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import partial_cycles, square_pulses
-from sma_actuator.cli import main
+from sma_actuator.cli.main import main
 from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.identify.appendix_c import Tolerances, asymptotes
@@ -25,6 +22,9 @@ from sma_actuator.identify.fitting import choose_simplest
 from sma_actuator.identify.material import RPhaseAlloy, asymptotes_from_material, corners
 from sma_actuator.identify.ranges import determinate_interval_m, distinct_stresses
 from sma_actuator.identify.traces import make_trace, make_traces
+from sma_actuator.logs.bench_log import BenchLog, BenchLogError, signals_from_log
+from sma_actuator.plant.loads import Weight
+from sma_actuator.plant.materials import WIRES
 from sma_actuator.replay import estimate_m
 
 

@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 from characterised import virtual_rig
 
-from sma_actuator.bench_log import BenchLogError, read_bench_log
-from sma_actuator.cli import main
-from sma_actuator.estimator import Estimator
+from sma_actuator.base.signals import Signals
+from sma_actuator.cli.main import main
+from sma_actuator.estimation.estimator import Estimator
 from sma_actuator.identify import identify
 from sma_actuator.identify.command import write_model
 from sma_actuator.identify.errors import log_error
 from sma_actuator.identify.fitting import make_data
 from sma_actuator.identify.traces import make_trace, make_traces
+from sma_actuator.logs.bench_log import BenchLogError, read_bench_log
 from sma_actuator.replay import estimate_m, log_from_bag, replay
 from sma_actuator.replay.baselines import Duhem, NeuralNetwork, PolynomialInResistance, TwoLines, all_baselines
 from sma_actuator.replay.replaying import winners
-from sma_actuator.signals import Signals
 
 
 @pytest.fixture(scope="module")

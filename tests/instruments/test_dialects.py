@@ -4,11 +4,11 @@ import pytest
 import yaml
 from stand_in_server import ScpiStandIn
 
+from sma_actuator.base.parameters import ConfigError
 from sma_actuator.config import Config
 from sma_actuator.instruments import InstrumentRefused, open_daq, open_supply
 from sma_actuator.instruments.clock import MonotonicClock
 from sma_actuator.instruments.dialect import FOLDER, Dialect
-from sma_actuator.parameters import ConfigError
 
 SHIPPED = sorted((path.stem, yaml.safe_load(path.read_text())["kind"]) for path in FOLDER.glob("*.yaml"))
 
@@ -17,31 +17,95 @@ SUPPLIES = {
     "keysight_n6700": (
         "Keysight Technologies,N6700C,MY123,D.01.08",
         [
-            "*IDN?", "*CLS", "OUTP OFF,(@2)", "OUTP:PROT:CLE (@2)", "CURR 0.00000,(@2)", "VOLT 6.0000,(@2)", "VOLT:PROT 6.600,(@2)",
-            "OUTP:PROT:WDOG:DEL 1", "OUTP:PROT:WDOG ON", "OUTP:PROT:WDOG?", "OUTP:PROT:WDOG:DEL?", "SYST:ERR?", "OUTP? (@2)", "VOLT? (@2)",
+            "*IDN?",
+            "*CLS",
+            "OUTP OFF,(@2)",
+            "OUTP:PROT:CLE (@2)",
+            "CURR 0.00000,(@2)",
+            "VOLT 6.0000,(@2)",
+            "VOLT:PROT 6.600,(@2)",
+            "OUTP:PROT:WDOG:DEL 1",
+            "OUTP:PROT:WDOG ON",
+            "OUTP:PROT:WDOG?",
+            "OUTP:PROT:WDOG:DEL?",
+            "SYST:ERR?",
+            "OUTP? (@2)",
+            "VOLT? (@2)",
             "VOLT:PROT? (@2)",
-            "CURR 0.12300,(@2)", "OUTP ON,(@2)", "CURR? (@2)", "OUTP? (@2)", "MEAS:VOLT? (@2)", "MEAS:CURR? (@2)",
-            "OUTP OFF,(@2)", "CURR 0.00000,(@2)", "OUTP? (@2)",
+            "CURR 0.12300,(@2)",
+            "OUTP ON,(@2)",
+            "CURR? (@2)",
+            "OUTP? (@2)",
+            "MEAS:VOLT? (@2)",
+            "MEAS:CURR? (@2)",
+            "OUTP OFF,(@2)",
+            "CURR 0.00000,(@2)",
+            "OUTP? (@2)",
         ],
     ),
     "keithley_2260b": (
         "KEITHLEY,2260B-30-36,1405537,1.72",
         [
-            "*IDN?", "*CLS", "SYST:COMM:RLST REM", "OUTP OFF", "OUTP:PROT:CLE", "SOUR:CURR 0.0000", "SOUR:VOLT 6.000", "SOUR:VOLT:PROT 6.600",
-            "SOUR:CURR:PROT 0.450", "SOUR:CURR:PROT:STAT ON", "SYST:ERR?", "OUTP?", "SOUR:VOLT?", "SOUR:VOLT:PROT?", "SOUR:CURR:PROT?",
-            "SOUR:CURR 0.1230", "OUTP ON", "SOUR:CURR?", "OUTP?", "MEAS:VOLT?", "MEAS:CURR?", "SOUR:VOLT:PROT:TRIP?", "SOUR:CURR:PROT:TRIP?",
-            "OUTP OFF", "SOUR:CURR 0.0000", "OUTP?",
+            "*IDN?",
+            "*CLS",
+            "SYST:COMM:RLST REM",
+            "OUTP OFF",
+            "OUTP:PROT:CLE",
+            "SOUR:CURR 0.0000",
+            "SOUR:VOLT 6.000",
+            "SOUR:VOLT:PROT 6.600",
+            "SOUR:CURR:PROT 0.450",
+            "SOUR:CURR:PROT:STAT ON",
+            "SYST:ERR?",
+            "OUTP?",
+            "SOUR:VOLT?",
+            "SOUR:VOLT:PROT?",
+            "SOUR:CURR:PROT?",
+            "SOUR:CURR 0.1230",
+            "OUTP ON",
+            "SOUR:CURR?",
+            "OUTP?",
+            "MEAS:VOLT?",
+            "MEAS:CURR?",
+            "SOUR:VOLT:PROT:TRIP?",
+            "SOUR:CURR:PROT:TRIP?",
+            "OUTP OFF",
+            "SOUR:CURR 0.0000",
+            "OUTP?",
         ],
     ),
     "rigol_dp800": (
         "RIGOL TECHNOLOGIES,DP832,DP8C1234567,00.01.16",
         [
-            "*IDN?", "*CLS", ":SYST:REM", ":SYST:RWL", ":OUTP CH2,OFF", ":OUTP:OVP:CLEAR CH2", ":OUTP:OCP:CLEAR CH2", ":SOUR2:CURR 0.0000",
-            ":SOUR2:VOLT 6.000", ":OUTP:OVP:VAL CH2,6.600", ":OUTP:OVP CH2,ON", ":OUTP:OCP:VAL CH2,0.4500", ":OUTP:OCP CH2,ON", ":SYST:ERR?",
-            ":OUTP? CH2", ":SOUR2:VOLT?", ":OUTP:OVP:VAL? CH2", ":OUTP:OCP:VAL? CH2",
-            ":SOUR2:CURR 0.1230", ":OUTP CH2,ON", ":SOUR2:CURR?", ":OUTP? CH2", ":MEAS:VOLT? CH2", ":MEAS:CURR? CH2", ":OUTP:OVP:QUES? CH2",
+            "*IDN?",
+            "*CLS",
+            ":SYST:REM",
+            ":SYST:RWL",
+            ":OUTP CH2,OFF",
+            ":OUTP:OVP:CLEAR CH2",
+            ":OUTP:OCP:CLEAR CH2",
+            ":SOUR2:CURR 0.0000",
+            ":SOUR2:VOLT 6.000",
+            ":OUTP:OVP:VAL CH2,6.600",
+            ":OUTP:OVP CH2,ON",
+            ":OUTP:OCP:VAL CH2,0.4500",
+            ":OUTP:OCP CH2,ON",
+            ":SYST:ERR?",
+            ":OUTP? CH2",
+            ":SOUR2:VOLT?",
+            ":OUTP:OVP:VAL? CH2",
+            ":OUTP:OCP:VAL? CH2",
+            ":SOUR2:CURR 0.1230",
+            ":OUTP CH2,ON",
+            ":SOUR2:CURR?",
+            ":OUTP? CH2",
+            ":MEAS:VOLT? CH2",
+            ":MEAS:CURR? CH2",
+            ":OUTP:OVP:QUES? CH2",
             ":OUTP:OCP:QUES? CH2",
-            ":OUTP CH2,OFF", ":SOUR2:CURR 0.0000", ":OUTP? CH2",
+            ":OUTP CH2,OFF",
+            ":SOUR2:CURR 0.0000",
+            ":OUTP? CH2",
         ],
     ),
 }
@@ -49,15 +113,34 @@ DAQS = {
     "keysight_daq970a": (
         "Keysight Technologies,DAQ970A,MY58000001,A.03.01",
         [
-            "*IDN?", "*CLS", "CONF:VOLT:DC 10,(@101,102,103)", "ROUT:SCAN (@101,102,103)", "TRIG:SOUR IMM", "TRIG:COUN 2", "FORM:READ:TIME OFF",
-            "FORM:READ:CHAN OFF", "FORM:READ:ALAR OFF", "FORM:READ:UNIT OFF", "SYST:ERR?", "READ?",
+            "*IDN?",
+            "*CLS",
+            "CONF:VOLT:DC 10,(@101,102,103)",
+            "ROUT:SCAN (@101,102,103)",
+            "TRIG:SOUR IMM",
+            "TRIG:COUN 2",
+            "FORM:READ:TIME OFF",
+            "FORM:READ:CHAN OFF",
+            "FORM:READ:ALAR OFF",
+            "FORM:READ:UNIT OFF",
+            "SYST:ERR?",
+            "READ?",
         ],
     ),
     "keithley_daq6510": (
         "KEITHLEY INSTRUMENTS,MODEL DAQ6510,04340543,1.7.12",
         [
-            "*IDN?", "*CLS", 'SENS:FUNC "VOLT:DC",(@101,102,103)', "SENS:VOLT:RANG 10,(@101,102,103)", "ROUT:SCAN:CRE (@101,102,103)",
-            "ROUT:SCAN:COUN:SCAN 2", "SYST:ERR?", 'TRAC:CLE "defbuffer1"', "INIT", "*WAI", 'TRAC:DATA? 1,6,"defbuffer1",READ',
+            "*IDN?",
+            "*CLS",
+            'SENS:FUNC "VOLT:DC",(@101,102,103)',
+            "SENS:VOLT:RANG 10,(@101,102,103)",
+            "ROUT:SCAN:CRE (@101,102,103)",
+            "ROUT:SCAN:COUN:SCAN 2",
+            "SYST:ERR?",
+            'TRAC:CLE "defbuffer1"',
+            "INIT",
+            "*WAI",
+            'TRAC:DATA? 1,6,"defbuffer1",READ',
         ],
     ),
 }
@@ -76,15 +159,19 @@ def test_every_real_family_is_tested_below():
 @pytest.mark.parametrize("name", SUPPLIES)
 def test_a_supply_hears_its_manuals_commands_and_no_other(make_config, name):
     identity, expected = SUPPLIES[name]
-    server = ScpiStandIn({"*IDN?": identity, "SYST:ERR?": '0,"No error"', ":SYST:ERR?": '0,"No error"', "OUTP:PROT:WDOG?": "1"})
+    server = ScpiStandIn(
+        {"*IDN?": identity, "SYST:ERR?": '0,"No error"', ":SYST:ERR?": '0,"No error"', "OUTP:PROT:WDOG?": "1"}
+    )
     try:
         if "OUTP:PROT:WDOG:DEL?" in expected:
             server.replies["OUTP:PROT:WDOG:DEL?"] = "1"
         config = Config.from_mapping(
-            make_config(**{
-                "instruments": {"supply": {"resource": server.resource, "dialect": name, "channel": 2}},
-                "supply.allow_no_watchdog": name != "keysight_n6700",
-            })
+            make_config(
+                **{
+                    "instruments": {"supply": {"resource": server.resource, "dialect": name, "channel": 2}},
+                    "supply.allow_no_watchdog": name != "keysight_n6700",
+                }
+            )
         )
         supply = open_supply(config)
         supply.open()
@@ -112,7 +199,9 @@ def test_a_daq_hears_its_manuals_commands_and_its_raw_readings_are_averaged(make
         reading = daq.read_block()
         daq.close()
         assert server.lines == expected
-        assert (reading.supply_voltage_V, reading.reference_voltage_V, reading.load_cell_voltage_V) == pytest.approx((1.1, 0.11, 0.6))
+        assert (reading.supply_voltage_V, reading.reference_voltage_V, reading.load_cell_voltage_V) == pytest.approx(
+            (1.1, 0.11, 0.6)
+        )
         assert reading.lvdt_current_A != reading.lvdt_current_A  # no such channel: NaN
     finally:
         server.close()
@@ -122,8 +211,13 @@ def test_a_daq_hears_its_manuals_commands_and_its_raw_readings_are_averaged(make
 def test_a_daq_that_reads_volts_is_refused_an_ambient_temperature_channel(make_config, name):
     server = ScpiStandIn({"*IDN?": DAQS[name][0], "SYST:ERR?": '0,"No error"'})
     try:
-        changes = {"instruments": {"daq": {"resource": server.resource, "dialect": name, "ambient_temperature_channel": 105}}}
-        with pytest.raises(InstrumentRefused, match=f"ambient_temperature_channel: is 105, but dialect '{name}' reads every channel in volts"):
+        changes = {
+            "instruments": {"daq": {"resource": server.resource, "dialect": name, "ambient_temperature_channel": 105}}
+        }
+        with pytest.raises(
+            InstrumentRefused,
+            match=f"ambient_temperature_channel: is 105, but dialect '{name}' reads every channel in volts",
+        ):
             open_daq(Config.from_mapping(make_config(**changes)), MonotonicClock()).open()
     finally:
         server.close()
@@ -132,7 +226,9 @@ def test_a_daq_that_reads_volts_is_refused_an_ambient_temperature_channel(make_c
 def test_a_supply_without_watchdog_is_refused_unless_that_is_accepted(make_config):
     server = ScpiStandIn({"*IDN?": SUPPLIES["keithley_2260b"][0], "SYST:ERR?": '0,"No error"'})
     try:
-        config = Config.from_mapping(make_config(instruments={"supply": {"resource": server.resource, "dialect": "keithley_2260b"}}))
+        config = Config.from_mapping(
+            make_config(instruments={"supply": {"resource": server.resource, "dialect": "keithley_2260b"}})
+        )
         with pytest.raises(InstrumentRefused, match="has no communication watchdog.*supply.allow_no_watchdog"):
             open_supply(config).open()
         assert "OUTP ON" not in server.lines
@@ -180,7 +276,10 @@ def test_an_unknown_dialect_names_its_neighbour():
         (lambda d: d.update(kind="daq"), "is not a dialect of kind 'supply'"),
         (lambda d: d.update(trips={"OOPS": "X?"}), "trips.OOPS: no such trip"),
         (lambda d: d["commands"].update(clear_trips=7), "commands.clear_trips: 7 is neither"),
-        (lambda d: d["commands"].update(set_current="CURR 0.4"), r"commands.set_current: 'CURR 0.4' has no placeholder \{value\}"),
+        (
+            lambda d: d["commands"].update(set_current="CURR 0.4"),
+            r"commands.set_current: 'CURR 0.4' has no placeholder \{value\}",
+        ),
         (lambda d: d["commands"].update(set_current="CURR {value:.4q}"), "commands.set_current: .*cannot be filled in"),
         (lambda d: d["queries"].update(current=["A?", "B?"]), "queries.current: .* has 2 texts; a query has one"),
         (lambda d: d.update(trips=["OVP"]), "trips: .* is no section of SCPI texts"),

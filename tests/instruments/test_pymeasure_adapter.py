@@ -3,9 +3,9 @@
 import pytest
 from stand_in_server import ScpiStandIn
 
+from sma_actuator.base.parameters import ConfigError
 from sma_actuator.config import Config
 from sma_actuator.instruments import InstrumentRefused, open_supply
-from sma_actuator.parameters import ConfigError
 
 pytest.importorskip("pymeasure", reason="extra 'pymeasure' is not installed")
 E36312A = "pymeasure.instruments.keysight.KeysightE36312A"
@@ -27,7 +27,9 @@ def supply_of(server, make_config, dotted=E36312A, accepted=True):
 
 
 def test_a_pymeasure_class_drives_its_instrument(server, make_config):
-    server.replies.update({"VOLT? (@1)": "6.0", "CURR? (@1)": "0.2", "MEASure:VOLTage? (@1)": "1.3", "MEAS:CURRent? (@1)": "0.2"})
+    server.replies.update(
+        {"VOLT? (@1)": "6.0", "CURR? (@1)": "0.2", "MEASure:VOLTage? (@1)": "1.3", "MEAS:CURRent? (@1)": "0.2"}
+    )
     supply = supply_of(server, make_config)
     supply.open()
     supply.set_current(0.2)

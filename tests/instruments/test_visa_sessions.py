@@ -32,7 +32,12 @@ def bench(make_config):
             make_config(
                 instruments={
                     "supply": {"resource": f"TCPIP::127.0.0.1::{server.ports[0]['supply']}::SOCKET", "timeout": 0.3},
-                    "daq": {"resource": f"TCPIP::127.0.0.1::{server.ports[0]['daq']}::SOCKET", "lvdt_channel": 104, "ambient_temperature_channel": 105, "timeout": 0.3},
+                    "daq": {
+                        "resource": f"TCPIP::127.0.0.1::{server.ports[0]['daq']}::SOCKET",
+                        "lvdt_channel": 104,
+                        "ambient_temperature_channel": 105,
+                        "timeout": 0.3,
+                    },
                 }
             )
         )
@@ -160,7 +165,11 @@ def test_a_watchdog_that_does_not_hold_is_refused(bench):
 
 @pytest.mark.parametrize(
     ("query", "words"),
-    ((":VOLT?", "supply.max_voltage, 6 V"), (":VOLT:PROT?", "an over-voltage trip of 6.6 V"), (":CURR:PROT?", "supply.over_current_trip, 0.45 A")),
+    (
+        (":VOLT?", "supply.max_voltage, 6 V"),
+        (":VOLT:PROT?", "an over-voltage trip of 6.6 V"),
+        (":CURR:PROT?", "supply.over_current_trip, 0.45 A"),
+    ),
 )
 def test_a_limit_that_the_supply_does_not_take_is_refused(stand_in, make_config, query, words):
     stand_in.replies[query] = "20.0"
@@ -212,7 +221,9 @@ def test_what_cannot_be_opened_is_refused_in_a_sentence(make_config, change, wor
 def test_the_wrong_instrument_is_refused_by_what_it_says_it_is(bench, make_config):
     _, _daq, config = bench
     swapped = make_config(instruments={"supply": {"resource": config.instruments.daq.resource}})
-    with pytest.raises(InstrumentRefused, match="says it is 'SMA Actuator,Virtual DAQ.*which is no SMA Actuator virtual supply"):
+    with pytest.raises(
+        InstrumentRefused, match="says it is 'SMA Actuator,Virtual DAQ.*which is no SMA Actuator virtual supply"
+    ):
         open_supply(Config.from_mapping(swapped)).open()
 
 
@@ -236,9 +247,18 @@ def test_a_daq_without_a_channel_that_is_needed_is_refused(bench, make_config, q
 
 @pytest.mark.parametrize("reply", ("1.0,0.1", "1.0,0.1,0.5,1.0,0.1,0.5", "1.0,0.1,what", ""))
 def test_a_block_with_a_wrong_number_of_readings_is_a_loss(make_config, reply):
-    server = ScpiStandIn({"*IDN?": "SMA Actuator,Virtual DAQ,7,stand-in", "SYST:ERR?": '0,"No error"', "READ:AVER?": "1,1,1", "FETC:AVER?": reply})
+    server = ScpiStandIn(
+        {
+            "*IDN?": "SMA Actuator,Virtual DAQ,7,stand-in",
+            "SYST:ERR?": '0,"No error"',
+            "READ:AVER?": "1,1,1",
+            "FETC:AVER?": reply,
+        }
+    )
     try:
-        daq = open_daq(Config.from_mapping(make_config(instruments={"daq": {"resource": server.resource}})), MonotonicClock())
+        daq = open_daq(
+            Config.from_mapping(make_config(instruments={"daq": {"resource": server.resource}})), MonotonicClock()
+        )
         daq.open()
         with pytest.raises(InstrumentLost, match="is not an answer to that"):
             daq.read_block()
@@ -250,8 +270,14 @@ def test_a_block_with_a_wrong_number_of_readings_is_a_loss(make_config, reply):
 def stand_in():
     server = ScpiStandIn(
         {
-            "*IDN?": "SMA Actuator,Virtual Supply,7,stand-in", ":SYST:ERR?": '0,"No error"', ":OUTP:PROT:WDOG?": "1", ":OUTP:PROT:WDOG:DEL?": "1.0",
-            ":OUTP?": "0", ":VOLT?": "6.0", ":VOLT:PROT?": "6.6", ":CURR:PROT?": "0.45",
+            "*IDN?": "SMA Actuator,Virtual Supply,7,stand-in",
+            ":SYST:ERR?": '0,"No error"',
+            ":OUTP:PROT:WDOG?": "1",
+            ":OUTP:PROT:WDOG:DEL?": "1.0",
+            ":OUTP?": "0",
+            ":VOLT?": "6.0",
+            ":VOLT:PROT?": "6.6",
+            ":CURR:PROT?": "0.45",
             ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?": "0.1;1;0.65;0.1;NONE",
         }
     )
@@ -260,7 +286,9 @@ def stand_in():
 
 
 def opened(server, make_config):
-    supply = open_supply(Config.from_mapping(make_config(instruments={"supply": {"resource": server.resource, "timeout": 0.2}})))
+    supply = open_supply(
+        Config.from_mapping(make_config(instruments={"supply": {"resource": server.resource, "timeout": 0.2}}))
+    )
     supply.open()
     return supply
 
@@ -297,17 +325,19 @@ def test_shut_down_does_not_wait_for_a_query_that_hangs_in_another_thread(stand_
     thread = threading.Thread(target=hang)
     thread.start()
     before = len(stand_in.lines)
-    while stand_in.silent_on not in stand_in.lines[before - 1:]:
+    while stand_in.silent_on not in stand_in.lines[before - 1 :]:
         pass
     supply.shut_down()
-    assert {"OUTP OFF", "CURR 0.000000"} <= set(stand_in.lines[stand_in.lines.index(stand_in.silent_on):])
+    assert {"OUTP OFF", "CURR 0.000000"} <= set(stand_in.lines[stand_in.lines.index(stand_in.silent_on) :])
     stand_in.release.set()
     thread.join(10.0)
     assert not thread.is_alive()
 
 
 def test_shut_down_never_raises_even_where_nothing_answers(make_config):
-    supply = open_supply(Config.from_mapping(make_config(instruments={"supply": {"resource": "TCPIP::127.0.0.1::9::SOCKET"}})))
+    supply = open_supply(
+        Config.from_mapping(make_config(instruments={"supply": {"resource": "TCPIP::127.0.0.1::9::SOCKET"}}))
+    )
     supply.shut_down()
     supply.shut_down()
     supply.close()
@@ -332,7 +362,11 @@ class Recorded:
     dialect=st.sampled_from(("virtual_bench_supply", "rigol_dp800", "keithley_2260b", "keysight_n6700")),
 )
 def test_no_number_beyond_the_limit_is_ever_sent(make_config, current_A, max_current_A, at_the_limit, dialect):
-    changes = {"supply.max_current": max_current_A, "supply.bias_current": 0.005, "instruments": {"supply": {"dialect": dialect}}}
+    changes = {
+        "supply.max_current": max_current_A,
+        "supply.bias_current": 0.005,
+        "instruments": {"supply": {"dialect": dialect}},
+    }
     supply = ScpiSupply(Config.from_mapping(make_config(**changes)))
     supply._session = Recorded()
     current_A = max_current_A if at_the_limit else current_A

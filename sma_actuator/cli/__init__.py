@@ -1,0 +1,1 @@
+"""The edge to a person: the command sma-actuator."""

@@ -1,0 +1,348 @@
+"""The main job, to be seen: a wire of the virtual bench, held by the node, commanded by this process.
+
+Three processes, as on a robot: the bench (two SCPI instruments over TCP), the node, and this one,
+which sends setpoints and shows what comes back over ROS 2.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import pyvisa
+import yaml
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from sma_actuator.base.share import shared_file
+from sma_actuator.config import NODE_NAME, Config, read_parameter_file
+from sma_actuator.control.setpoints import Setpoint, sine, steps, triangle
+from sma_actuator.control.tracking import TrackingErrors
+from sma_actuator.instruments import InstrumentError
+
+READY_TIMEOUT_s = 30.0
+STOP_TIMEOUT_s = 5.0
+SETPOINT_PERIOD_s = 0.05
+SETTLING_s = 2.0  #: after this the first setpoint counts in the errors
+PICTURES_Hz = 5
+BAR_WIDTH = 48
+
+
+def add_arguments(parser) -> None:
+    """Declare the options of ``sma-actuator demo``."""
+    parser.add_argument("--wire", choices=("flexinol", "furukawa"), default="flexinol", help="wire and model")
+    parser.add_argument(
+        "--load", default="weight:0.98", help="as for the bench: weight:N, spring:N/m,N (default %(default)s)"
+    )
+    parser.add_argument(
+        "--duration",
+        type=float,
+        default=60.0,
+        metavar="S",
+        help="seconds to run; 0: until Ctrl-C (default %(default)s)",
+    )
+    parser.add_argument("--seed", type=int, default=0, help="seed of the bench's noise")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the errors here")
+
+
+def run(args) -> int:
+    """Run the demonstration; 0 when the wire was driven and the output is off at the end."""
+    console = Console()
+    parameters = read_parameter_file(shared_file(f"config/{args.wire}.yaml"))
+    with tempfile.TemporaryDirectory(prefix="sma_demo_") as folder, contextlib.ExitStack() as stack:
+        os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        ports_file = Path(folder) / "ports.json"
+        bench = stack.enter_context(
+            _process(
+                "virtual bench",
+                [
+                    sys.executable,
+                    "-m",
+                    "sma_actuator",
+                    "bench",
+                    "--wire",
+                    args.wire,
+                    "--load",
+                    args.load,
+                    "--seed",
+                    str(args.seed),
+                    "--supply-port",
+                    "0",
+                    "--daq-port",
+                    "0",
+                    "--ports-file",
+                    str(ports_file),
+                ],
+                Path(folder) / "bench.log",
+            )
+        )
+        ports = _wait_for_ports(ports_file, bench)
+        for instrument in ("supply", "daq"):
+            parameters["instruments"][instrument]["resource"] = f"TCPIP::127.0.0.1::{ports[instrument]}::SOCKET"
+        config = Config.from_mapping(parameters)
+        parameter_file = Path(folder) / "node.yaml"
+        parameter_file.write_text(yaml.safe_dump({NODE_NAME: {"ros__parameters": {**parameters, "autostart": True}}}))
+        node = stack.enter_context(
+            _process(
+                "node",
+                [sys.executable, "-m", "sma_actuator.ros.node", "--ros-args", "--params-file", str(parameter_file)],
+                Path(folder) / "node.log",
+            )
+        )
+        stopped_by_user = False
+        errors = TrackingErrors(config.wire.full_stroke_m)
+        try:
+            _drive(config, args.duration, errors, console, (bench, node))
+        except KeyboardInterrupt:
+            stopped_by_user = True
+        node.stop()
+        supply_is_off = _supply_is_off(config)
+    console.print(str(errors))
+    console.print(
+        f"supply output {'off' if supply_is_off else 'STILL ON'}; node and bench have ended"
+        + (" (Ctrl-C)" if stopped_by_user else "")
+    )
+    if args.json:
+        args.json.write_text(json.dumps(errors.as_dict(), indent=2) + "\n")
+    return 0 if supply_is_off and (errors.samples or stopped_by_user) else 1
+
+
+def _program(config: Config, duration_s: float) -> Setpoint:
+    """Steps for the first half, then a sine, then a triangle, all within the working range."""
+    lo, hi = config.model.build(config.wire).displacement_range_m
+    middle, half = (lo + hi) / 2.0, 0.4 * (hi - lo)
+    duration_s = duration_s if duration_s > 0.0 else 90.0
+    ups_and_downs = steps([middle + x * half for x in (0.6, -0.4, 0.2, -0.8, 0.8, 0.0)], 6.0)
+    wave, ramp = sine(middle, half, 18.0), triangle(middle, half, 18.0)
+
+    def position_m(time_s: float) -> float:
+        part = (time_s % duration_s) / duration_s
+        if part < 0.5:
+            return ups_and_downs(time_s)
+        return wave(time_s) if part < 0.75 else ramp(time_s)
+
+    return position_m
+
+
+def _drive(config: Config, duration_s: float, errors: TrackingErrors, console: Console, children) -> None:
+    """Be the third process: enable the node, send setpoints, show what it publishes."""
+    # Imported here: rclpy belongs to the extra 'ros', and --help must not need it.
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        client = _Client(config, errors)
+        client.enable(children)
+        program = _program(config, duration_s)
+        start = next_setpoint = time.monotonic()
+        next_picture = start
+        with (
+            Live(console=console, refresh_per_second=PICTURES_Hz)
+            if console.is_terminal
+            else contextlib.nullcontext() as live
+        ):
+            while (elapsed := time.monotonic() - start) < (duration_s or math.inf):
+                for child in children:
+                    child.check()
+                client.spin_until(next_setpoint)
+                client.send(program(elapsed), counts=elapsed > SETTLING_s)
+                next_setpoint += SETPOINT_PERIOD_s
+                if time.monotonic() >= next_picture:
+                    if live is not None:
+                        live.update(client.picture(elapsed))
+                    else:
+                        print(client.line(elapsed), flush=True)
+                    next_picture += 1.0 / PICTURES_Hz if live is not None else 1.0
+        client.destroy()
+    finally:
+        rclpy.try_shutdown()
+
+
+class _Client:
+    """What any ROS 2 program does with the node: subscribe, enable, send setpoints."""
+
+    def __init__(self, config: Config, errors: TrackingErrors):
+        from diagnostic_msgs.msg import DiagnosticStatus
+        from geometry_msgs.msg import WrenchStamped
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.node import Node
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+        from sensor_msgs.msg import JointState
+        from std_msgs.msg import Float64
+        from std_srvs.srv import SetBool
+
+        self._config = config
+        self._errors = errors
+        self._float64 = Float64
+        self._request = SetBool.Request(data=True)
+        self._latest = {name: math.nan for name in ("setpoint", "estimate", "measured", "load", "current")}
+        self._estimate_at: dict[tuple[int, int], float] = {}
+        self._counts = False
+        self._status = "no status yet"
+        self._node = Node("sma_demo")
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        prefix = f"/{NODE_NAME}"
+        subscribe = self._node.create_subscription
+        subscribe(JointState, f"{prefix}/joint_states", self._on_estimate, 10)
+        subscribe(JointState, f"{prefix}/reference", self._on_reference, 10)
+        subscribe(WrenchStamped, f"{prefix}/load", lambda m: self._latest.update(load=m.wrench.force.x), 10)
+        subscribe(Float64, f"{prefix}/command_current", lambda m: self._latest.update(current=m.data), 10)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        subscribe(DiagnosticStatus, f"{prefix}/status", self._on_status, latched)
+        self._setpoint = self._node.create_publisher(Float64, f"{prefix}/setpoint", 10)
+        self._enable = self._node.create_client(SetBool, f"{prefix}/enable")
+
+    def _on_estimate(self, message) -> None:
+        self._latest["estimate"] = message.position[0]
+        self._estimate_at = {(message.header.stamp.sec, message.header.stamp.nanosec): message.position[0]}
+
+    def _on_reference(self, message) -> None:
+        measured = self._latest["measured"] = message.position[0]
+        estimate = self._estimate_at.get((message.header.stamp.sec, message.header.stamp.nanosec))
+        if self._counts and estimate is not None:
+            self._errors.add(self._latest["setpoint"], estimate, measured)
+
+    def _on_status(self, message) -> None:
+        self._status = message.message
+
+    def enable(self, children) -> None:
+        """Switch the current on once the node has readings.  Raises InstrumentError when it will not."""
+        deadline = time.monotonic() + READY_TIMEOUT_s
+        answer = "the node did not appear"
+        while time.monotonic() < deadline:
+            for child in children:
+                child.check()
+            if self._enable.wait_for_service(timeout_sec=0.2):
+                future = self._enable.call_async(self._request)
+                self._executor.spin_until_future_complete(future, timeout_sec=5.0)
+                if future.done() and future.result().success:
+                    return
+                answer = future.result().message if future.done() else "~/enable did not answer"
+                self.spin_until(time.monotonic() + 0.1)
+        raise InstrumentError(f"the node would not enable the wire: {answer}")
+
+    def send(self, position_m: float, counts: bool) -> None:
+        """Publish one setpoint; from then on samples count in the errors or do not."""
+        self._latest["setpoint"] = position_m
+        self._counts = counts
+        self._setpoint.publish(self._float64(data=position_m))
+
+    def spin_until(self, deadline_s: float) -> None:
+        """Handle what arrives until ``deadline_s`` of the monotonic clock."""
+        while (left := deadline_s - time.monotonic()) > 0.0:
+            self._executor.spin_once(timeout_sec=left)
+
+    def picture(self, elapsed_s: float) -> Table:
+        """The state as a table with position bars; full extension is to the right."""
+        stroke_m = self._config.wire.full_stroke_m
+        table = Table(title=f"sma_actuator on the virtual bench, {elapsed_s:5.1f} s", title_justify="left")
+        table.add_column("")
+        table.add_column("value", justify="right", min_width=12)
+        table.add_column(f"0 … {stroke_m * 1e3:.1f} mm", min_width=BAR_WIDTH)
+        for name, words in (
+            ("setpoint", "setpoint"),
+            ("estimate", "estimate (from resistance)"),
+            ("measured", "true displacement (LVDT)"),
+        ):
+            value_m = self._latest[name]
+            table.add_row(words, f"{value_m * 1e3:.3f} mm", _bar(value_m / stroke_m))
+        table.add_row("load", f"{self._latest['load']:.3f} N", "")
+        table.add_row(
+            "current",
+            f"{self._latest['current'] * 1e3:.1f} mA",
+            _bar(self._latest["current"] / self._config.supply.max_current),
+        )
+        table.add_row("status", "", self._status)
+        return table
+
+    def line(self, elapsed_s: float) -> str:
+        """The state on one line, for where there is no terminal."""
+        now = self._latest
+        return (
+            f"{elapsed_s:6.1f} s  setpoint {now['setpoint'] * 1e3:6.3f} mm  estimate {now['estimate'] * 1e3:6.3f} mm  "
+            f"true displacement (LVDT) {now['measured'] * 1e3:6.3f} mm  load {now['load']:6.3f} N  "
+            f"current {now['current'] * 1e3:5.1f} mA  status {self._status}"
+        )
+
+    def destroy(self) -> None:
+        """Leave the ROS graph."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+
+
+def _bar(part: float) -> str:
+    if not math.isfinite(part):
+        return ""
+    return "█" * round(BAR_WIDTH * min(max(part, 0.0), 1.0))
+
+
+@dataclass
+class _Child:
+    """A process of the demonstration, in a session of its own so that Ctrl-C reaches us alone."""
+
+    name: str
+    popen: subprocess.Popen
+    log: Path
+
+    def stop(self) -> None:
+        """End it as a user would, with SIGINT; by force if it does not listen."""
+        if self.popen.poll() is None:
+            self.popen.send_signal(signal.SIGINT)
+            try:
+                self.popen.wait(STOP_TIMEOUT_s)
+            except subprocess.TimeoutExpired:
+                self.popen.kill()
+                self.popen.wait()
+
+    def check(self) -> None:
+        """Raise InstrumentError with the process's last words when it has ended."""
+        if self.popen.poll() is not None:
+            words = self.log.read_text(errors="replace").strip().splitlines()[-5:]
+            raise InstrumentError(f"the {self.name} ended with code {self.popen.returncode}: " + " / ".join(words))
+
+
+@contextlib.contextmanager
+def _process(name: str, command: list[str], log: Path):
+    with log.open("wb") as output:
+        popen = subprocess.Popen(
+            command, stdout=output, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, start_new_session=True
+        )
+    child = _Child(name, popen, log)
+    try:
+        yield child
+    finally:
+        child.stop()
+
+
+def _wait_for_ports(ports_file: Path, bench: _Child) -> dict[str, int]:
+    """The ports of the first bench, once it has announced them."""
+    deadline = time.monotonic() + READY_TIMEOUT_s
+    while not ports_file.exists():
+        bench.check()
+        if time.monotonic() > deadline:
+            raise InstrumentError(f"the virtual bench did not open its ports within {READY_TIMEOUT_s:g} s")
+        time.sleep(0.02)
+    return json.loads(ports_file.read_text())[0]
+
+
+def _supply_is_off(config: Config) -> bool:
+    """Ask the instrument itself, as a second person at the bench would."""
+    session = pyvisa.ResourceManager("@py").open_resource(
+        config.instruments.supply.resource, read_termination="\n", write_termination="\n", open_timeout=2000
+    )
+    try:
+        return session.query("OUTP?").strip() == "0"
+    finally:
+        session.close()

@@ -1,0 +1,1 @@
+"""From setpoint and displacement to a current."""

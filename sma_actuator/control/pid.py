@@ -1,0 +1,118 @@
+"""Position control: a PID on the estimated displacement (thesis, eq. 2.18, 2.19 and ch. 6).
+
+``u = Kp e + Ki ∫e dt + Kd dx/dt`` with ``e = x − x_d``: a wire that is too long gives a positive
+error, hence more current, heat and contraction.  The derivative acts on the position alone, so a
+step of the setpoint does not kick.
+"""
+
+from __future__ import annotations
+
+from sma_actuator.config import Controller as Gains
+
+#: Beyond these no position or setpoint of a wire lies; NaN and infinities fail the same comparison.
+POSITION_BOUND_m = 100.0
+#: Shorter steps carry no information about velocity.
+SHORTEST_STEP_s = 1e-6
+
+
+class PidController:
+    """PID with a rate-limited setpoint, clipped output and bumpless changes.
+
+    Anti-windup is by conditional integration: the integral stands still while the output is
+    saturated and the error would drive it further.  Unlike back-calculation this needs no gain of
+    its own, and a wire spends seconds at the bias while it cools: an integral pulled along for all
+    that time by a tracking gain would start the next contraction from the wrong current.
+    """
+
+    __slots__ = (
+        "at_bias",
+        "at_max",
+        "bias_A",
+        "error_m",
+        "gains",
+        "integral_A",
+        "output_A",
+        "position_m",
+        "rate_limited",
+        "reference_m",
+        "velocity_m_s",
+    )
+
+    def __init__(self, gains: Gains, bias_current_A: float):
+        self.gains = gains
+        self.bias_A = bias_current_A
+        self.reset(0.0, bias_current_A)
+
+    def reset(self, position_m: float, output_A: float) -> None:
+        """Start at rest at ``position_m`` so that the next output is ``output_A`` (bumpless).
+
+        Arguments that are not finite are ignored: the state stays what it was.
+        """
+        if not (-POSITION_BOUND_m <= position_m <= POSITION_BOUND_m and 0.0 <= output_A <= 1e6):
+            return
+        self.reference_m = position_m
+        self.position_m = position_m
+        self.integral_A = output_A
+        self.velocity_m_s = 0.0
+        self.error_m = 0.0
+        self.output_A = output_A
+        self.rate_limited = self.at_max = self.at_bias = False
+
+    def set_gains(self, gains: Gains) -> None:
+        """Change the gains between two steps without a jump of the output.
+
+        The integral takes up what the other two terms change by.
+        """
+        old = self.gains
+        self.integral_A += (old.kp - gains.kp) * self.error_m + (old.kd - gains.kd) * self.velocity_m_s
+        self.gains = gains
+
+    def step(self, position_m: float, setpoint_m: float, dt_s: float, limit_A: float) -> float:
+        """Advance by ``dt_s`` and return the current [A], between the bias and ``limit_A``.
+
+        The one gate to the state: a position, setpoint, time step or limit that is not finite,
+        or out of all proportion, gives the bias current and changes nothing.
+        """
+        bias_A = self.bias_A
+        if not (
+            -POSITION_BOUND_m <= position_m <= POSITION_BOUND_m
+            and -POSITION_BOUND_m <= setpoint_m <= POSITION_BOUND_m
+            and 0.0 <= dt_s <= 1e6
+            and bias_A <= limit_A <= 1e6
+        ):
+            return bias_A
+        if dt_s < SHORTEST_STEP_s:
+            return min(self.output_A, limit_A)
+        gains = self.gains
+        most_m = gains.setpoint_rate_limit * dt_s
+        change_m = setpoint_m - self.reference_m
+        if -most_m <= change_m <= most_m:
+            self.reference_m = setpoint_m
+            self.rate_limited = False
+        else:
+            self.reference_m += most_m if change_m > 0.0 else -most_m
+            self.rate_limited = True
+
+        error_m = position_m - self.reference_m
+        # First-order low-pass of the difference quotient, implicit in time: stable for any step.
+        self.velocity_m_s += (position_m - self.position_m - self.velocity_m_s * dt_s) / (
+            gains.derivative_time_constant + dt_s
+        )
+        self.position_m = position_m
+        self.error_m = error_m
+
+        rest_A = gains.kp * error_m + gains.kd * self.velocity_m_s
+        integral_A = self.integral_A + gains.ki * error_m * dt_s
+        output_A = rest_A + integral_A
+        self.at_max = output_A > limit_A
+        self.at_bias = output_A < bias_A
+        if (self.at_max and error_m > 0.0) or (self.at_bias and error_m < 0.0):
+            output_A = rest_A + self.integral_A
+        else:
+            self.integral_A = integral_A
+        if output_A > limit_A:
+            output_A = limit_A
+        elif output_A < bias_A:
+            output_A = bias_A
+        self.output_A = output_A
+        return output_A

@@ -1,0 +1,137 @@
+"""Setpoints as pure functions of time: steps, sine, triangle and trajectories of timed points."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+
+from .pid import POSITION_BOUND_m
+
+Setpoint = Callable[[float], float]  #: time since its start [s] → position [m]
+
+INTERPOLATIONS = ("linear", "cubic")
+
+
+def constant(position_m: float) -> Setpoint:
+    """One position for ever.  Raises ValueError where it is not finite."""
+    _check_finite(position_m=position_m)
+    return lambda time_s: position_m
+
+
+def steps(positions_m: Sequence[float], dwell_s: float) -> Setpoint:
+    """Each position for ``dwell_s``, in a circle (thesis, fig. 107).  Raises ValueError."""
+    positions_m = tuple(positions_m)
+    if not positions_m:
+        raise ValueError("positions_m: the list is empty; at least one position is wanted")
+    _check_finite(**{f"positions_m[{i}]": p for i, p in enumerate(positions_m)})
+    _check_positive(dwell_s=dwell_s)
+    return lambda time_s: positions_m[int(time_s // dwell_s) % len(positions_m)]
+
+
+def sine(offset_m: float, amplitude_m: float, period_s: float, phase_rad: float = 0.0) -> Setpoint:
+    """``offset + amplitude sin(2π t / period + phase)``.  Raises ValueError."""
+    _check_finite(offset_m=offset_m, amplitude_m=amplitude_m, phase_rad=phase_rad)
+    _check_positive(period_s=period_s)
+    return lambda time_s: offset_m + amplitude_m * math.sin(2.0 * math.pi * time_s / period_s + phase_rad)
+
+
+def triangle(offset_m: float, amplitude_m: float, period_s: float) -> Setpoint:
+    """A triangle wave about ``offset_m``, that starts there and rises first.  Raises ValueError."""
+    _check_finite(offset_m=offset_m, amplitude_m=amplitude_m)
+    _check_positive(period_s=period_s)
+
+    def position_m(time_s: float) -> float:
+        part = (time_s / period_s + 0.25) % 1.0
+        return offset_m + amplitude_m * (1.0 - 4.0 * abs(part - 0.5))
+
+    return position_m
+
+
+class Trajectory:
+    """Timed points with interpolation; before the first point and after the last, that point's position.
+
+    ``linear`` joins the points by straight lines.  ``cubic`` is a monotone cubic Hermite curve
+    (slopes by Fritsch and Carlson, SIAM J. Numer. Anal. 17 (1980) 238): it starts and ends at rest
+    and never leaves the range of the points it joins, as a plain spline would.
+    """
+
+    __slots__ = ("_cubic", "_slopes_m_s", "positions_m", "times_s")
+
+    def __init__(self, times_s: Sequence[float], positions_m: Sequence[float], interpolation: str = "linear"):
+        """Raises ValueError, in a sentence, for points that cannot be followed."""
+        times = tuple(float(t) for t in times_s)
+        positions = tuple(float(p) for p in positions_m)
+        if interpolation not in INTERPOLATIONS:
+            raise ValueError(f"interpolation: '{interpolation}' is not one of {', '.join(INTERPOLATIONS)}")
+        if not times:
+            raise ValueError("trajectory: it has no points; at least one is wanted")
+        if len(times) != len(positions):
+            raise ValueError(
+                f"trajectory: {len(times)} times but {len(positions)} positions; one position per time is wanted"
+            )
+        for i, (time, position) in enumerate(zip(times, positions)):
+            if not math.isfinite(time):
+                raise ValueError(f"trajectory point {i}: its time, {time}, is not finite")
+            if not math.isfinite(position):
+                raise ValueError(f"trajectory point {i}: its position, {position}, is not finite")
+            if not -POSITION_BOUND_m <= position <= POSITION_BOUND_m:
+                raise ValueError(
+                    f"trajectory point {i}: its position, {position:g} m, is no position of a wire; metres are wanted"
+                )
+            if time < 0.0:
+                raise ValueError(
+                    f"trajectory point {i}: its time, {time:g} s, is before the start; 0 or later is wanted"
+                )
+            if i and not time > times[i - 1]:
+                raise ValueError(
+                    f"trajectory point {i}: its time, {time:g} s, is not after that of point {i - 1}, {times[i - 1]:g} s"
+                )
+        self.times_s = times
+        self.positions_m = positions
+        self._cubic = interpolation == "cubic"
+        self._slopes_m_s = _monotone_slopes(times, positions) if self._cubic else ()
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last point [s]."""
+        return self.times_s[-1]
+
+    def __call__(self, time_s: float) -> float:
+        """Position [m] at ``time_s`` since the start."""
+        times, positions = self.times_s, self.positions_m
+        if not time_s > times[0]:
+            return positions[0]
+        if time_s >= times[-1]:
+            return positions[-1]
+        k = bisect_right(times, time_s) - 1
+        step_s = times[k + 1] - times[k]
+        s = (time_s - times[k]) / step_s
+        if not self._cubic:
+            return positions[k] + s * (positions[k + 1] - positions[k])
+        h = s * s * (3.0 - 2.0 * s)
+        bend_m = s * (1.0 - s) * step_s * (self._slopes_m_s[k] * (1.0 - s) - self._slopes_m_s[k + 1] * s)
+        return positions[k] + h * (positions[k + 1] - positions[k]) + bend_m
+
+
+def _monotone_slopes(times_s: Sequence[float], positions_m: Sequence[float]) -> tuple[float, ...]:
+    """Slopes at the points [m/s]: zero at the ends and at extremes, else the harmonic mean."""
+    slopes = [0.0] * len(times_s)
+    secants = [(positions_m[i + 1] - positions_m[i]) / (times_s[i + 1] - times_s[i]) for i in range(len(times_s) - 1)]
+    for i in range(1, len(times_s) - 1):
+        before, after = secants[i - 1], secants[i]
+        if before * after > 0.0:
+            slopes[i] = 2.0 * before * after / (before + after)
+    return tuple(slopes)
+
+
+def _check_finite(**values: float) -> None:
+    for name, value in values.items():
+        if not math.isfinite(value):
+            raise ValueError(f"{name}: {value} is not finite")
+
+
+def _check_positive(**values: float) -> None:
+    for name, value in values.items():
+        if not 0.0 < value < math.inf:
+            raise ValueError(f"{name}: {value} is not above zero")

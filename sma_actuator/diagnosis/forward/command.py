@@ -1,0 +1,142 @@
+"""``sma-actuator forward``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import os
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from sma_actuator.base.errors import UserError
+from sma_actuator.logs.bench_log import write_atomically
+
+from .findings import sentences, summary
+from .runs import Run, read_run
+from .tracing import Tracing, trace
+from .wire import read_wire, wire_yaml
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``sma-actuator forward``."""
+    parser.add_argument(
+        "runs", nargs="+", type=Path, metavar="RUN.csv", help="runs to fit: time_s, duty_cycle, slider_position_m"
+    )
+    parser.add_argument(
+        "--wire", type=Path, required=True, metavar="WIRE.yaml", help="wire, spring and drive, as the maker says"
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="folder for forward.yaml, report.json and report.html"
+    )
+    parser.add_argument(
+        "--judge", nargs="+", type=Path, default=[], metavar="RUN.csv",
+        help="runs to judge on, which have no part in choice and fit (default: each in turn, chosen and fitted on the others)",
+    )  # fmt: skip
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write report.json here instead")
+    parser.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), help="processes (default %(default)s)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Fit, trace, write and report; 0 when all files were written."""
+    from .page import write_page
+
+    console = Console(stderr=True)
+    wire = read_wire(args.wire)
+    runs, judge = [read_run(path) for path in args.runs], [read_run(path) for path in args.judge]
+    _check(runs, judge, args)
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), console=console
+    ) as bar:
+        task = bar.add_task("fitting", total=1.0)
+
+        def progress(what: str, share: float) -> None:
+            bar.update(task, description=what, completed=share)
+
+        with _single_threaded(), ProcessPoolExecutor(args.jobs, multiprocessing.get_context("spawn")) as pool:
+            found = trace(wire, runs, judge, progress, pool)
+        bar.update(task, description="done", completed=1.0)
+    comment = "Written by `sma-actuator forward`; pictures are in report.html beside it.\n" + "\n".join(
+        sentences(found)[:2]
+    )
+    write_atomically(
+        args.out / "forward.yaml", lambda stream: stream.write(wire_yaml(found.fitted.wire, comment).encode())
+    )
+    text = json.dumps(summary(found), indent=1) + "\n"
+    write_atomically(args.json or args.out / "report.json", lambda stream: stream.write(text.encode()))
+    write_page(args.out / "report.html", found)
+    console.print(_table(found))
+    for sentence in sentences(found):
+        console.print(sentence, highlight=False)
+    console.print(
+        f"wrote {args.out / 'forward.yaml'}, {args.json or args.out / 'report.json'} and {args.out / 'report.html'}"
+    )
+    return 0
+
+
+@contextmanager
+def _single_threaded() -> Iterator[None]:
+    """Processes that start meanwhile do their linear algebra in one thread each: a dozen columns are not worth more."""
+    names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+    before = {name: os.environ.get(name) for name in names}
+    os.environ.update(dict.fromkeys(names, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _check(runs: list[Run], judge: list[Run], args: argparse.Namespace) -> None:
+    if args.jobs < 1:
+        raise UserError(f"--jobs {args.jobs}: at least 1 is wanted")
+    names = [r.name for r in (*runs, *judge)]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise UserError(
+            f"{twice[0]}.csv: given more than once; a run that was fitted cannot judge, and each counts once"
+        )
+    if judge and len(runs) < 2:
+        raise UserError(
+            f"{args.runs[0]}: effects are chosen on one run after a fit to others; give at least 2 runs beside those of --judge"
+        )
+    if not judge and len(runs) < 3:
+        raise UserError(
+            f"{args.runs[0]}: {len(runs)} run{'s' * (len(runs) > 1)} cannot choose effects and judge them; give at least 3, "
+            "or 2 and another for --judge"
+        )
+    for r, path in zip((*runs, *judge), (*args.runs, *args.judge), strict=True):
+        if not (r.duty > 1e-3).any():
+            raise UserError(
+                f"{path}: column duty_cycle: never above 0.001; nothing heats the wire, there is nothing to fit"
+            )
+
+
+def _table(found: Tracing) -> Table:
+    table = Table(title="Error on unseen runs, RMS in mm and % of the stroke")
+    for header in ("judged on", "plain", "chosen effects", "% before", "% after", "chosen without this run"):
+        table.add_column(header, justify="left" if header.startswith(("judged", "chosen w")) else "right")
+    for r, j, before, after in zip(found.judged, found.by_run, found.before_m, found.after_m, strict=True):
+        table.add_row(
+            r.name, f"{1e3 * before:.3f}", f"{1e3 * after:.3f}", f"{100 * before / r.stroke_m:.2f}", f"{100 * after / r.stroke_m:.2f}",
+            " + ".join(j.choice.winner.names) or "none",
+        )  # fmt: skip
+    if len(found.judged) > 1:
+        before, after = np.array(found.before_m), np.array(found.after_m)
+        strokes_m = np.array([r.stroke_m for r in found.judged])
+        table.add_section()
+        table.add_row(
+            "mean", f"{1e3 * before.mean():.3f}", f"{1e3 * after.mean():.3f}", f"{100 * (before / strokes_m).mean():.2f}",
+            f"{100 * (after / strokes_m).mean():.2f}", "",
+        )  # fmt: skip
+    return table

@@ -1,0 +1,155 @@
+"""Least squares of the forward model on whole runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from sma_actuator.base.errors import UserError
+
+from .kernel import POSITION, simulate
+from .runs import Run
+from .wire import ForwardWire
+
+try:
+    from threadpoolctl import threadpool_limits
+except ModuleNotFoundError:
+    threadpool_limits = None
+
+#: The maker's temperatures hold to about this.
+TOLERANCE_K = 10.0
+#: The maker does not say at which stress they were taken; the stress of use, 172 MPa, is the most it can be.
+STATED_AT_PA = 172e6
+
+_SCREEN = 8  #: evaluations from each start before the best two go on
+
+
+@dataclass(frozen=True)
+class Free:
+    """One value the fit may move: dotted name, unit, bounds and where it starts."""
+
+    name: str
+    unit: str
+    lo: float
+    hi: float
+    start: float
+
+    def at_bound(self, value: float) -> bool:
+        """Whether the fit ended within 1 % of the span from a bound."""
+        return min(value - self.lo, self.hi - value) < 0.01 * (self.hi - self.lo)
+
+
+def plain_parameters(wire: ForwardWire) -> list[Free]:
+    """What of the plain model is fitted: losses and capacity, latent heat, temperatures, strain.
+
+    Specific heat: calorimetry gives 450 to 620 J/(kg·K), the maker 837, to 10 %.
+    The four temperatures may lie a tolerance away from the maker's, and lower by the shift from
+    the stress of use to none.  Widths take the place of the finish temperatures, so that a band
+    cannot turn inside out.
+    """
+    w = wire.wire
+    down = TOLERANCE_K + STATED_AT_PA / w.stress_slope_Pa_K
+
+    def around(name, value):
+        return Free(name, "°C", value - down, value + TOLERANCE_K, value - 0.5 * down)
+
+    return [
+        Free("surroundings.heat_transfer_W_m2K", "W/(m²·K)", 10.0, 300.0, wire.surroundings.heat_transfer_W_m2K),
+        Free("wire.specific_heat_J_kgK", "J/(kg·K)", 450.0, 920.0, min(max(w.specific_heat_J_kgK, 460.0), 900.0)),
+        Free("wire.latent_heat_J_kg", "J/kg", 5e3, 35e3, min(max(w.latent_heat_J_kg, 6e3), 34e3)),
+        around("wire.austenite_start_C", w.austenite_start_C),
+        Free("austenite_width_K", "K", 2.0, 50.0, w.austenite_finish_C - w.austenite_start_C),
+        around("wire.martensite_start_C", w.martensite_start_C),
+        Free("martensite_width_K", "K", 2.0, 50.0, w.martensite_start_C - w.martensite_finish_C),
+        Free("wire.transformation_strain", "", 0.002, 0.06, w.transformation_strain),
+    ]
+
+
+def apply(wire: ForwardWire, free: Sequence[Free], values: np.ndarray) -> ForwardWire:
+    """The wire with fitted values in it."""
+    named = {f.name: float(v) for f, v in zip(free, values, strict=True)}
+    if "austenite_width_K" in named:
+        named["wire.austenite_finish_C"] = named["wire.austenite_start_C"] + named.pop("austenite_width_K")
+    if "martensite_width_K" in named:
+        named["wire.martensite_finish_C"] = named["wire.martensite_start_C"] - named.pop("martensite_width_K")
+    return wire.with_values(named)
+
+
+def predict(wire: ForwardWire, run: Run) -> np.ndarray:
+    """Modelled position [m] above the run's zero, averaged over each step as :attr:`Run.coarse_position_m` is.
+
+    A sample shows the position at the moment its duty begins to act, so those of a step lie, on
+    average, a little before its middle; of a step of one sample, at its beginning.
+    """
+    ends = simulate(wire, run.coarse_duty, run.step_s)[:, POSITION]
+    beginnings = np.concatenate([[0.0], ends[:-1]])
+    return beginnings + 0.5 * (run.block - 1) / run.block * (ends - beginnings)
+
+
+def residual_m(wire: ForwardWire, run: Run) -> np.ndarray:
+    """Measured minus modelled."""
+    return run.coarse_position_m - predict(wire, run)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted wire: the values found, in the order of ``free``, and the RMS of what is left [m]."""
+
+    wire: ForwardWire
+    free: tuple[Free, ...]
+    values: np.ndarray
+    rms_m: float
+
+
+def fit(
+    wire: ForwardWire, free: Sequence[Free], runs: Sequence[Run], starts: Sequence[np.ndarray], evaluations: int = 40
+) -> Fit:
+    """The best of the fits from ``starts``; every run weighs the same, however long."""
+    lo, hi = np.array([f.lo for f in free]), np.array([f.hi for f in free])
+    span = hi - lo
+    weights = [1.0 / np.sqrt(len(run.coarse_duty) * len(runs)) for run in runs]
+
+    def wrong(x):
+        candidate = apply(wire, free, lo + span * np.clip(x, 0.0, 1.0))
+        out = [w * residual_m(candidate, run) for w, run in zip(weights, runs, strict=True)]
+        return 1e3 * np.concatenate(out)
+
+    def go(x, most):
+        # A dozen columns: threads for the linear algebra cost twenty times what they save on a busy machine.
+        with threadpool_limits(1) if threadpool_limits else nullcontext():
+            return least_squares(
+                wrong, x, bounds=(0.0, 1.0), diff_step=1e-4, max_nfev=most, xtol=1e-5, ftol=1e-5, gtol=1e-9
+            )
+
+    begins = [np.clip((np.asarray(start) - lo) / span, 1e-3, 1.0 - 1e-3) for start in starts]
+    if len(begins) > 2:  # only the best two of a few steps go to the end
+        begins = [found.x for found in sorted((go(x, _SCREEN) for x in begins), key=lambda found: found.cost)[:2]]
+    best = min((go(x, evaluations) for x in begins), key=lambda found: found.cost, default=None)
+    if best is None or not np.isfinite(best.cost):
+        raise UserError("the forward model cannot be fitted: it gives no finite position at any start")
+    values = lo + span * best.x
+    return Fit(apply(wire, free, values), tuple(free), values, float(np.sqrt(2.0 * best.cost)) * 1e-3)
+
+
+def plain_starts(free: Sequence[Free]) -> list[np.ndarray]:
+    """A few starts: the maker's, wider and cooler bands with less and with more heat capacity, and a wire that
+    little power makes hot (else the mean voltage, a fraction of the RMS, would find no way to move the slider at all)."""
+    first = np.array([f.start for f in free])
+    out = [first]
+    for heat, width, cooler, loss in ((600.0, 25.0, 5.0, 1.0), (780.0, 15.0, -5.0, 1.0), (470.0, 30.0, 10.0, 0.2)):
+        values = first.copy()
+        for i, f in enumerate(free):
+            if f.name.endswith("specific_heat_J_kgK"):
+                values[i] = heat
+            elif f.name.endswith("width_K"):
+                values[i] = width
+            elif f.name.endswith("start_C"):
+                values[i] -= cooler
+            elif f.name.endswith("heat_transfer_W_m2K"):
+                values[i] *= loss
+        out.append(values)
+    return out

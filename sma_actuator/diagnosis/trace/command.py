@@ -1,0 +1,165 @@
+"""``sma-actuator trace``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import joblib
+import yaml
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from sma_actuator.base.parameters import ConfigError, to_mapping
+from sma_actuator.config import NODE_NAME, Config, read_parameter_file
+from sma_actuator.estimation.effects import EFFECTS
+from sma_actuator.identify.calibration import calibration_of
+from sma_actuator.identify.traces import make_traces
+from sma_actuator.logs.bench_log import read_bench_log, write_atomically
+
+from .evidence import Evidence
+from .race import trace
+from .report import extended, summary
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``sma-actuator trace``."""
+    parser.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="bench logs with a measured displacement")
+    parser.add_argument(
+        "--config", type=Path, required=True, metavar="MODEL.yaml", help="parameter file with the model"
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="folder for report.json, report.html and model.yaml"
+    )
+    parser.add_argument(
+        "--calibration", nargs="+", type=Path, metavar="LOG", default=[],
+        help="logs the model was fitted on, where MODEL.yaml was not written by identify",
+    )  # fmt: skip
+    parser.add_argument(
+        "--only", nargs="+", metavar="EFFECT", default=[], help="fit these effects together, without a race"
+    )
+    parser.add_argument("--without", nargs="+", metavar="EFFECT", default=[], help="leave these candidates out")
+    parser.add_argument(
+        "--beyond-floor", action="store_true",
+        help="look also for what the model lacked at its calibration already (default: for what has come since)",
+    )  # fmt: skip
+    parser.add_argument("--jobs", type=int, default=2, help="processes (default %(default)s)")
+    parser.add_argument(
+        "--dask", metavar="ADDRESS", help="spread the fits over this Dask cluster, as tcp://127.0.0.1:8786"
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the report for machines here too")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Trace, write and report; 0 when the report was written, whatever the verdict."""
+    from .page import write_page
+
+    for option in ("only", "without"):
+        for name in getattr(args, option):
+            if name not in EFFECTS:
+                raise ConfigError(f"--{option}: '{name}' is no effect; known are {', '.join(EFFECTS)}")
+    if args.jobs < 1:
+        raise ConfigError(f"--jobs: {args.jobs} is too few; at least 1 is wanted")
+    console = Console(stderr=True)
+    mapping = read_parameter_file(args.config)
+    for stale in ("report.json", "report.html", "model.yaml"):
+        if (args.out / stale).resolve() != args.config.resolve():
+            (args.out / stale).unlink(missing_ok=True)  # of an earlier run: it would be taken for this one's
+    config = Config.from_mapping(mapping, str(args.config))
+    with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console) as bar:
+        task = bar.add_task("reading", total=1.0)
+        if args.calibration:
+            traces = make_traces([read_bench_log(path) for path in args.calibration], config)
+            mapping["calibration"] = to_mapping(calibration_of(traces, config))
+            config = Config.from_mapping(mapping, str(args.config))
+        logs = [read_bench_log(path) for path in args.logs]
+        evidence = Evidence(logs, config, args.beyond_floor)
+        bar.update(task, completed=1.0)
+        tasks = {}
+
+        def progress(what: str, fraction: float) -> None:
+            if what not in tasks:
+                tasks[what] = bar.add_task(what, total=1.0)
+            bar.update(tasks[what], completed=fraction)
+
+        with _cluster(args.dask):
+            tracing = trace(evidence, args.only, args.without, args.jobs, progress)
+        report = summary(evidence, tracing)
+        model = extended(mapping, evidence, tracing, report, _when(args.logs))
+    path = args.out / "model.yaml"
+    args.out.mkdir(parents=True, exist_ok=True)
+    if model is not None:
+        Config.from_mapping(model, str(path))
+        report["model_file"] = str(path)
+        text = "# Written by `sma-actuator trace`; the evidence is in report.html beside it.\n"
+        text += yaml.safe_dump({NODE_NAME: {"ros__parameters": model}}, sort_keys=False, allow_unicode=True)
+        write_atomically(path, lambda stream: stream.write(text.encode()))
+    write_page(args.out / "report.html", evidence, tracing, report)
+    text = json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    for target in filter(None, (args.out / "report.json", args.json)):
+        write_atomically(target, lambda stream: stream.write(text.encode()))
+    _print(console, report)
+    console.print(f"wrote {args.out / 'report.json'}, report.html" + (" and model.yaml" if model is not None else ""))
+    return 0
+
+
+@contextmanager
+def _cluster(address: str | None) -> Iterator[None]:
+    """Have joblib work on a Dask cluster, where one is named."""
+    if not address:
+        yield
+        return
+    try:
+        from dask.distributed import Client
+
+        client = Client(address, timeout=10)
+    except ModuleNotFoundError as error:
+        raise ConfigError(f"--dask: needs the Python package '{error.name}' (extra 'fleet')") from error
+    except (OSError, ValueError) as error:
+        raise ConfigError(
+            f"--dask: no scheduler answers at '{address}' ({error}); start one with `dask scheduler`"
+        ) from error
+    with client, joblib.parallel_config("dask"):
+        yield
+
+
+def _when(paths: list[Path]) -> str:
+    """Day of the latest log, for the model's history: the same whenever it is traced."""
+    return time.strftime("%Y-%m-%d: ", time.gmtime(max(path.stat().st_mtime for path in paths)))
+
+
+def _print(console: Console, report: dict) -> None:
+    console.print(f"[bold]{report['verdict']}[/bold]: {report['sentence']}")
+    before, after = report["error_before_interval"], report["error_after_interval"]
+    console.print(
+        f"error {report['error_before_pct_stroke']:.2f} % of full stroke ({before[0]:.2f}–{before[1]:.2f}) before, "
+        f"{report['error_after_pct_stroke']:.2f} % ({after[0]:.2f}–{after[1]:.2f}) after; "
+        f"mean over cycles {report['cycle_mean_before_pct_stroke']:.2f} % before, {report['cycle_mean_after_pct_stroke']:.2f} % after, "
+        f"the model's own floor for it {report['floor_pct_stroke']:.2f} %"
+    )
+    if report["effects"]:
+        table = Table()
+        for header in ("effect", "stage", "share", "parameters"):
+            table.add_column(header)
+        for e in report["effects"]:
+            values = ", ".join(
+                f"{n} {p['value']:.3g} ({p['interval'][0]:.3g}…{p['interval'][1]:.3g}) {p['unit']}"
+                for n, p in e["parameters"].items()
+            )
+            table.add_row(e["name"], e["stage"], f"{e['share']:.0%}", values)
+        console.print(table)
+    for a in report["alternatives"]:
+        x = a["experiment"]
+        console.print(
+            f"instead of {a['instead_of']} it could be {a['name']} (better in {a['confidence']:.0%} of redrawn cycles); to tell them apart "
+            f"{x['what']} ({x['duration_s']:.0f} s): what the two expect of the reference sensor then moves {x['predicted_difference_m'] * 1e3:.2f} mm apart"
+        )
+    for note in report["notes"]:
+        console.print(f"note: {note}")
+    for u in report["untestable"]:
+        console.print(f"untestable: {u['name']}: {u['reason']}")

@@ -1,0 +1,339 @@
+"""What logs with a true displacement say about a model with some effects in it.
+
+Two kinds of witness: the residual of the displacement through the whole chain, and R and δ where
+the wire stands still.  Both are measured against what the model left at its calibration, which is
+frozen, and both are weighted by how well they repeated there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from sma_actuator.config import Calibration, Config
+from sma_actuator.estimation.effects import EffectChain, Effects, Place
+from sma_actuator.estimation.estimator import Estimator
+from sma_actuator.identify.calibration import expected_residual_m
+from sma_actuator.identify.rests import find_rests
+from sma_actuator.identify.traces import Trace, make_trace
+from sma_actuator.logs.bench_log import BenchLog, BenchLogError
+
+INDEPENDENT = 8.0  #: samples of one cycle that say something new, all others are correlated with them
+LIMIT = 3.0  #: residual, in standard deviations, above which it counts linearly (Huber)
+WORST = 30.0  #: and the largest that counts at all
+FLOOR_percent = 1.5  #: of full stroke, where the model does not say how good it was
+SCATTER_FLOOR = 0.6  #: of the mean scatter, which is added to that of every position
+FEWEST_CYCLES = 3  #: in all logs together
+FEWEST_UNITS = 8
+HOPELESS_percent = 50.0  #: of full stroke: an error of a model that is not of this wire
+LARGEST = 60_000  #: samples; longer logs are thinned
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """A model with effects on one log, arrays of shape (n,)."""
+
+    shown_m: np.ndarray  #: displacement that the reference sensor should show
+    model_m: np.ndarray  #: displacement of the strain model alone
+    expected_m: np.ndarray  #: residual that was there at the calibration too
+    scatter_m: np.ndarray  #: its standard deviation there
+    heating: np.ndarray
+    resistance_Ohm: np.ndarray  #: as the strain model sees it
+    power_W: np.ndarray
+    stress_Pa: np.ndarray
+    elapsed_s: np.ndarray
+
+
+class Evidence:
+    """Logs of one wire, prepared; :meth:`residual` is what a fit makes small.
+
+    Raises BenchLogError: no reference, another wire, a channel that does not move, less than a cycle.
+    """
+
+    def __init__(self, logs: Sequence[BenchLog], config: Config, beyond_floor: bool = False):
+        """``beyond_floor``: count also what was there at the calibration, as the model's and not as its floor."""
+        self.beyond_floor = beyond_floor
+        self.config = dataclasses.replace(config, effects=Effects())
+        self.base = config.effects.active
+        self.calibration = Calibration() if beyond_floor else config.calibration
+        self.place = Place.of(config)
+        self.full_stroke_m = config.wire.full_stroke_m
+        logs = sorted(logs, key=lambda log: float(log["time_s"][0]))
+        thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST))
+        self.traces = [_usable(make_trace(log, self.config)) for log in logs]
+        cycles = sum(int(trace.cycle.max()) for trace in self.traces)
+        if cycles < FEWEST_CYCLES:
+            names = ", ".join(trace.log.source for trace in self.traces)
+            raise BenchLogError(
+                f"{names}: {cycles} cycles in all are too few to hold some out; at least {FEWEST_CYCLES} are wanted"
+            )
+        self.rests = [
+            find_rests(trace, config.thermal.heat_capacity / config.thermal.heat_loss) for trace in self.traces
+        ]
+        if thin > 1:
+            self.rests = [
+                [dataclasses.replace(r, start=-(-r.start // thin), stop=r.stop // thin) for r in rests]
+                for rests in self.rests
+            ]
+            self.rests = [[r for r in rests if r.stop > r.start] for rests in self.rests]
+            self.traces = [trace.rows(np.arange(len(trace.log)) % thin == 0) for trace in self.traces]
+        self._measured_m = [np.ascontiguousarray(t.displacement_m) for t in self.traces]
+        starts = [t.signals.time_s[0] for t in self.traces]
+        ends = [t.signals.time_s[-1] for t in self.traces]
+        #: One session where the logs follow each other on one clock; else each log is one.
+        self.one_session = all(end < start for end, start in zip(ends, starts[1:], strict=False))
+        self._scale_m = self._typical_m() if beyond_floor else math.nan
+        self.unit, self.units = self._cut()
+        self._rows()
+        error = float(np.mean(self.errors_percent(self.predict({}))))
+        if error > HOPELESS_percent:
+            raise BenchLogError(
+                f"{self.traces[0].log.source}: the model errs by {error:.0f} % of full stroke on these logs; it is not of this wire, or "
+                "circuit, load_cell or reference_sensor are those of another bench"
+            )
+
+    def _cut(self) -> tuple[list[np.ndarray], int]:
+        """Number of the cycle of every sample, over all logs; blocks of time where there are too few cycles."""
+        parts, number = [], 0
+        for trace in self.traces:
+            cycle = np.maximum(trace.cycle, min(1, int(trace.cycle.max())))
+            found, index = np.unique(cycle, return_inverse=True)
+            parts.append(index + number)
+            number += len(found)
+        if number >= FEWEST_UNITS:
+            return parts, number
+        total = sum(len(t.log) for t in self.traces)
+        block = np.minimum(np.arange(total) * FEWEST_UNITS // total, FEWEST_UNITS - 1)
+        bounds = np.cumsum([0, *(len(t.log) for t in self.traces)])
+        return [block[a:b] for a, b in zip(bounds, bounds[1:], strict=False)], FEWEST_UNITS
+
+    def _rows(self) -> None:
+        """Which unit each row of the residual belongs to, and its weight."""
+        samples = np.concatenate(self.unit)
+        per_unit = np.bincount(samples, minlength=self.units)
+        self.sample_weight = np.sqrt(INDEPENDENT / per_unit[samples])
+        rests = [int(self.unit[i][r.start]) for i, rests in enumerate(self.rests) for r in rests]
+        self.unit_of_row = np.concatenate((samples, np.repeat(rests, 2).astype(int)))
+        self.rows_of_samples = len(samples)
+
+    @property
+    def start_s(self) -> float:
+        """When the first session began."""
+        return float(self.traces[0].signals.time_s[0])
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the longest session."""
+        first, last = self.traces[0].signals.time_s[0], self.traces[-1].signals.time_s[-1]
+        return float(last - first) if self.one_session else max(float(np.ptp(t.signals.time_s)) for t in self.traces)
+
+    @property
+    def measured_m(self) -> list[np.ndarray]:
+        """Displacement by the reference sensor, of every log."""
+        return self._measured_m
+
+    def predict(self, effects: Mapping[str, object]) -> list[Prediction]:
+        """Every log through the chain with ``effects`` beside those that the model has."""
+        effects = {**self.base, **effects}
+        chain = EffectChain(effects, self.place)
+        estimator = Estimator(self.config)
+        out = []
+        for trace in self.traces:
+            if not self.one_session:
+                chain.reset()
+            signals = chain.measure(trace.signals)
+            frame = chain.run("at_resistance", chain.frame(signals))
+            resistance_Ohm = np.ascontiguousarray(frame.resistance_Ohm)
+            estimator.reset()
+            estimate = estimator.run(dataclasses.replace(signals, resistance_Ohm=resistance_Ohm))
+            frame.heating, frame.displacement_m = estimate.branch.astype(bool), estimate.displacement_m
+            model_m = estimate.displacement_m
+            corrected_m = chain.run("at_displacement", frame).displacement_m
+            shown_m = chain.run("shown", frame).displacement_m
+            out.append(
+                Prediction(
+                    shown_m,
+                    model_m,
+                    *self._floor(corrected_m, model_m, signals.stress_Pa, frame.heating),
+                    frame.heating,
+                    resistance_Ohm,
+                    signals.power_W,
+                    signals.stress_Pa,
+                    frame.elapsed_s,
+                )
+            )
+        return out
+
+    def _floor(self, corrected_m, model_m, stress_Pa, heating) -> tuple[np.ndarray, np.ndarray]:
+        """Residual expected from the calibration and its standard deviation."""
+        c = self.calibration
+        if self._scale_m > 0.0:
+            return np.zeros(len(model_m)), np.full(len(model_m), self._scale_m)
+        if not c.residual_position:
+            percent = c.scatter if math.isfinite(c.scatter) else c.error if c.known else FLOOR_percent
+            return np.zeros(len(model_m)), np.full(len(model_m), 1.25 * percent / 100 * self.full_stroke_m)
+        expected_m = expected_residual_m(
+            c.residual_position, c.residual_stress, c.residual_heating, c.residual_cooling, model_m, stress_Pa, heating
+        )
+        scatter_m = expected_residual_m(
+            c.residual_position, (0.0,), c.scatter_heating, c.scatter_cooling, model_m, stress_Pa, heating
+        )
+        return expected_m, np.hypot(scatter_m, SCATTER_FLOOR * c.scatter / 100 * self.full_stroke_m)
+
+    def _typical_m(self) -> float:
+        """Size of the residual itself: without a floor it is its own measure."""
+        self._scale_m = 1.0
+        return float(
+            np.sqrt(
+                np.mean(
+                    np.concatenate([m - p.shown_m for m, p in zip(self._measured_m, self.predict({}), strict=True)])
+                    ** 2
+                )
+            )
+        )
+
+    def residual(self, effects: Mapping[str, object]) -> np.ndarray:
+        """Rows to be made small by a fit of ``effects`` (see :meth:`rows`)."""
+        return self.rows(self.predict(effects))
+
+    def rows(self, predictions: Sequence[Prediction]) -> np.ndarray:
+        """Rows of which half the squares, summed over a cycle, are that cycle's loss.
+
+        Samples first, log after log, then R and δ of every rest; each in standard deviations of the
+        calibration, Huber-limited.
+        """
+        samples = [
+            (measured - p.shown_m - p.expected_m) / p.scatter_m
+            for measured, p in zip(self._measured_m, predictions, strict=True)
+        ]
+        return np.concatenate(
+            (limited(np.concatenate(samples)) * self.sample_weight, limited(self.at_rest(predictions)))
+        )
+
+    def at_rest(self, predictions: Sequence[Prediction]) -> np.ndarray:
+        """R and δ of every rest against the calibration's, in its standard deviations, shape (2 · rests,)."""
+        found = []
+        for i, (rests, p) in enumerate(zip(self.rests, predictions, strict=True)):
+            for rest in rests:
+                here = slice(rest.start, rest.stop)
+                still_m = np.mean(self._measured_m[i][here] - (p.shown_m[here] - p.model_m[here]))
+                values = (
+                    np.mean(p.stress_Pa[here]),
+                    np.mean(p.resistance_Ohm[here]),
+                    still_m,
+                    np.mean(p.power_W[here]),
+                )
+                found.append((float(rest.hot), *map(float, values)))
+        rows = np.array(found).reshape(-1, 5)
+        out = np.zeros((len(rows), 2))
+        c = self.calibration
+        range_Ohm = c.resistance_range if math.isfinite(c.resistance_range) else self._range_Ohm()
+        s_R = math.hypot(c.resistance_scatter if math.isfinite(c.resistance_scatter) else 0.0, 0.003 * range_Ohm)
+        s_d = math.hypot(
+            c.displacement_scatter if math.isfinite(c.displacement_scatter) else 0.0, 0.005 * self.full_stroke_m
+        )
+        for hot in (0.0, 1.0):
+            chosen = rows[:, 0] == hot
+            if not chosen.any():
+                continue
+            stress_Pa, power_W = rows[chosen, 1], rows[chosen, 4]
+            nodes_Pa = np.asarray(c.hot_stress if hot else c.cold_stress)
+            if len(nodes_Pa):
+                expected_Ohm = np.interp(stress_Pa, nodes_Pa, c.hot_resistance if hot else c.cold_resistance)
+                expected_m = np.interp(stress_Pa, nodes_Pa, c.hot_displacement if hot else c.cold_displacement)
+                away = np.min(np.abs(stress_Pa[:, None] - nodes_Pa), axis=1) / np.max(np.abs(nodes_Pa))
+            else:  # a rest is then compared with the session's others of the same stress alone
+                same = np.abs(stress_Pa[:, None] - stress_Pa) <= 0.05 * np.max(np.abs(stress_Pa))
+                if hot:
+                    same &= np.abs(power_W[:, None] - power_W) <= 0.05 * np.max(power_W)
+                expected_Ohm = (same @ rows[chosen, 2]) / same.sum(axis=1)
+                expected_m = (same @ rows[chosen, 3]) / same.sum(axis=1)
+                away = np.zeros(len(stress_Pa))
+            more = np.zeros(len(stress_Pa))
+            valid = np.ones(len(stress_Pa), dtype=bool)
+            if hot and math.isfinite(c.hot_power):
+                # A hot wire's resistance moves with its temperature: some 1e-3 of it per kelvin at most.
+                valid = np.abs(power_W / c.hot_power - 1.0) <= 0.15
+                more = expected_Ohm * 5e-4 * np.abs(power_W - c.hot_power) / self.place.heat_loss_W_K
+            away_Ohm, away_m = 0.1 * away * range_Ohm, 0.1 * away * self.full_stroke_m
+            out[chosen, 0] = np.where(
+                valid, (rows[chosen, 2] - expected_Ohm) / np.sqrt(s_R**2 + away_Ohm**2 + more**2), 0.0
+            )
+            out[chosen, 1] = np.where(valid, (rows[chosen, 3] - expected_m) / np.hypot(s_d, away_m), 0.0)
+        return out.ravel()
+
+    def _range_Ohm(self) -> float:
+        return float(max(np.subtract(*np.nanpercentile(t.resistance_Ohm, (99.5, 0.5))) for t in self.traces))
+
+    def losses(self, rows: np.ndarray) -> np.ndarray:
+        """Loss of every unit, shape (units,)."""
+        return 0.5 * np.bincount(self.unit_of_row, rows**2, minlength=self.units)
+
+    def errors_percent(self, predictions: Sequence[Prediction]) -> np.ndarray:
+        """Mean absolute error of every unit, % of full stroke, shape (units,)."""
+        error_m = np.concatenate([np.abs(m - p.shown_m) for m, p in zip(self._measured_m, predictions, strict=True)])
+        return self._per_unit(error_m) / self.full_stroke_m * 100
+
+    def _per_unit(self, values: np.ndarray) -> np.ndarray:
+        """Mean of every unit, shape (units,)."""
+        unit, good = np.concatenate(self.unit), np.isfinite(values)
+        number = np.bincount(unit[good], minlength=self.units)
+        return np.bincount(unit[good], values[good], minlength=self.units) / np.maximum(number, 1)
+
+    def floor_percent(self, predictions: Sequence[Prediction]) -> float:
+        """Mean absolute error, cycle by cycle, that a log like these would have had at the calibration, % of full stroke.
+
+        It is that of the places on the loop where these samples lie, not the mean of the calibration's
+        logs: a log that rests at the ends all the time has another error than one that never does.
+        """
+        c = self.calibration
+        if self.beyond_floor:
+            return 0.0
+        if not c.residual_position:
+            return max(c.error, c.largest_error) if c.known else FLOOR_percent
+        added_m = SCATTER_FLOOR * c.scatter / 100 * self.full_stroke_m
+        means = []
+        for p in predictions:
+            sd = np.sqrt(np.maximum(p.scatter_m**2 - added_m**2, 1e-18))
+            z = p.expected_m / sd  # mean of the absolute value of a normal deviate
+            means.append(sd * np.sqrt(2.0 / np.pi) * np.exp(-0.5 * z**2) + p.expected_m * (2.0 * ndtr(z) - 1.0))
+        here = float(np.mean(self._per_unit(np.concatenate(means)))) / self.full_stroke_m * 100
+        return max(here, min(c.error, 1.2 * here))  # few calibration logs know some places badly
+
+    @property
+    def samples_of_unit(self) -> np.ndarray:
+        """Number of samples of every unit, shape (units,)."""
+        return np.bincount(np.concatenate(self.unit), minlength=self.units)
+
+
+def limited(z: np.ndarray) -> np.ndarray:
+    """``z`` with Huber's loss as half its square; what is not finite counts as WORST."""
+    z = np.clip(np.nan_to_num(z, nan=WORST, posinf=WORST, neginf=-WORST), -WORST, WORST)
+    size = np.abs(z)
+    return np.where(size <= LIMIT, z, np.sign(z) * np.sqrt(np.maximum(LIMIT * (2.0 * size - LIMIT), 0.0)))
+
+
+def _usable(trace: Trace) -> Trace:
+    """The samples that count; raises BenchLogError where a channel never moves or the log is shorter than a cycle."""
+    good = np.isfinite(trace.resistance_Ohm + trace.stress_Pa + trace.signals.power_W + trace.displacement_m)
+    trace = trace.rows(good) if not good.all() else trace
+    for name, values, unit in (
+        ("the resistance", trace.resistance_Ohm, "Ω"),
+        ("the measured displacement", trace.displacement_m, "m"),
+        ("the current", trace.signals.current_A, "A"),
+    ):
+        if not np.ptp(values) > 1e-3 * abs(float(np.median(values))):
+            raise BenchLogError(
+                f"{trace.log.source}: {name} never moves ({values[0]:.4g} {unit} throughout); a log of a wire that is driven is wanted"
+            )
+    turns = np.diff(trace.driven.astype(int))
+    if not ((turns > 0).any() and (turns < 0).any()):
+        raise BenchLogError(
+            f"{trace.log.source}: is shorter than a cycle: the current must be switched on and off again at least once"
+        )
+    return trace

@@ -1,0 +1,127 @@
+"""The shortest experiment that would tell two explanations of one log apart, and by how much they then differ.
+
+Each experiment is put together from the log itself (its cold rest, its hot end, one of its cycles);
+both explanations, as fitted, are asked what the reference sensor would show.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_actuator.base.signals import Signals
+from sma_actuator.estimation.effects import EffectChain
+from sma_actuator.estimation.estimator import Estimator
+
+from .evidence import Evidence
+
+ENOUGH_percent = 2.0  #: of full stroke: a difference that nobody overlooks
+_PERIOD_s = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """What to do, how long it takes, and how far apart the two explanations then are."""
+
+    what: str
+    duration_s: float
+    difference_m: float
+
+
+def best_experiment(evidence: Evidence, first: Mapping[str, object], second: Mapping[str, object]) -> Experiment:
+    """The shortest experiment in which the two differ by ENOUGH_percent; the one where they differ most if none does."""
+    chains = [_after_the_session(evidence, effects) for effects in (first, second)]
+    found = []
+    for what, signals in _experiments(evidence):
+        # What they differ by at the beginning they differ by already: only what moves them apart decides.
+        difference_m = float(np.ptp(_shown(evidence, chains[0], signals) - _shown(evidence, chains[1], signals)))
+        found.append(Experiment(what, float(np.ptp(signals.time_s)), difference_m))
+    enough = [e for e in found if e.difference_m >= ENOUGH_percent / 100 * evidence.full_stroke_m]
+    return min(enough, key=lambda e: e.duration_s) if enough else max(found, key=lambda e: e.difference_m)
+
+
+def _after_the_session(evidence: Evidence, effects: Mapping[str, object]) -> EffectChain:
+    """The effects as the last log leaves them: what creeps has crept, what slipped has slipped."""
+    chain = EffectChain(
+        {**evidence.base, **effects}, evidence.place, evidence.start_s if evidence.one_session else math.nan
+    )
+    _through(evidence, chain, evidence.traces[-1].signals)
+    return chain
+
+
+def _shown(evidence: Evidence, chain: EffectChain, signals: Signals) -> np.ndarray:
+    """What the reference sensor would show in an experiment right after the session."""
+    begin_s = float(evidence.traces[-1].signals.time_s[-1]) + 1.0
+    shifted = dataclasses.replace(signals, time_s=signals.time_s - signals.time_s[0] + begin_s)
+    return _through(evidence, copy.deepcopy(chain), shifted)
+
+
+def _through(evidence: Evidence, chain: EffectChain, signals: Signals) -> np.ndarray:
+    signals = chain.measure(signals)
+    frame = chain.run("at_resistance", chain.frame(signals))
+    estimate = Estimator(evidence.config).run(dataclasses.replace(signals, resistance_Ohm=frame.resistance_Ohm))
+    frame.heating, frame.displacement_m = estimate.branch.astype(bool), estimate.displacement_m
+    return np.nan_to_num(chain.run("shown", chain.run("at_displacement", frame)).displacement_m)
+
+
+def _experiments(evidence: Evidence):
+    """(what to do, what the channels would show) of every experiment."""
+    trace = evidence.traces[-1]
+    s = trace.signals
+    cold, hot = _still(evidence, False), _still(evidence, True)
+    yield "leave the wire cold at the bias current", _hold(cold, 600.0)
+    yield "hold the wire hot", _hold(hot, 120.0)
+    for factor in (1.5, 0.67):
+        load_N = np.where(np.arange(100) < 50, cold["load_N"], factor * cold["load_N"])
+        yield f"change the load of the cold wire to {factor:g} times", _hold(cold, 10.0, load_N=load_N)
+    current_A = np.where(np.arange(100) < 50, cold["current_A"], 2.0 * cold["current_A"])
+    yield "double the bias current of the cold wire", _hold(cold, 10.0, current_A=current_A)
+    cycle = _cycle(evidence, trace)
+    chosen = {
+        f.name: np.broadcast_to(getattr(s, f.name), np.shape(s.time_s))[cycle] for f in dataclasses.fields(Signals)
+    }
+    elapsed_s = chosen["time_s"] - chosen["time_s"][0]
+    yield "one cycle, five times as slow", Signals(**{**chosen, "time_s": 5.0 * elapsed_s})
+    yield "one cycle, twice as fast", Signals(**{**chosen, "time_s": 0.5 * elapsed_s})
+    once_s = elapsed_s[-1] + float(np.median(np.diff(elapsed_s)))
+    many = {name: np.tile(values, 30) for name, values in chosen.items()}
+    many["time_s"] = np.concatenate([elapsed_s + k * once_s for k in range(30)])
+    yield "thirty cycles like the last full one", Signals(**many)
+
+
+def _still(evidence: Evidence, hot: bool) -> dict[str, float]:
+    """What the channels show at rest: at the last rest of the kind, else where the power is lowest or highest."""
+    for trace, rests in zip(reversed(evidence.traces), reversed(evidence.rests), strict=True):
+        for rest in reversed(rests):
+            if rest.hot == hot:
+                return _mean(trace.signals, slice(rest.start, rest.stop))
+    s = evidence.traces[-1].signals
+    at = int(np.argmax(s.power_W) if hot else np.argmin(s.power_W))
+    return _mean(s, slice(at, at + 1))
+
+
+def _mean(s: Signals, here: slice) -> dict[str, float]:
+    return {f.name: float(np.mean(getattr(s, f.name)[here])) if np.ndim(getattr(s, f.name)) else getattr(s, f.name)
+            for f in dataclasses.fields(Signals)}  # fmt: skip
+
+
+def _hold(still: dict[str, float], duration_s: float, **changed: np.ndarray) -> Signals:
+    n = round(duration_s / _PERIOD_s)
+    values = {name: np.full(n, value) for name, value in still.items()}
+    values |= changed
+    values["time_s"] = np.arange(n) * _PERIOD_s
+    values["stress_Pa"] = values["load_N"] * (still["stress_Pa"] / still["load_N"] if still["load_N"] else 0.0)
+    values["power_W"] = values["current_A"] ** 2 * values["resistance_Ohm"]
+    return Signals(**values)
+
+
+def _cycle(evidence: Evidence, trace) -> slice:
+    """The samples of the cycle with the largest stroke."""
+    cycles = [np.flatnonzero(trace.cycle == c) for c in np.unique(trace.cycle)]
+    best = max((c for c in cycles if len(c) > 10), key=lambda c: np.ptp(trace.displacement_m[c]), default=cycles[-1])
+    return slice(int(best[0]), int(best[-1]) + 1)

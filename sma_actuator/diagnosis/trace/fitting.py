@@ -1,0 +1,275 @@
+"""Fits effects to evidence with the calibration frozen, and says how each fit does on cycles it has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from .candidates import Candidate
+from .evidence import Evidence
+
+FOLDS = 4
+STEP = 1e-3  #: of the finite differences, in the optimiser's units
+MAX_EVALUATIONS = 12
+SLIP_TIMES = 48
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """Effects with fitted parameters."""
+
+    candidates: tuple[Candidate, ...]
+    values: dict[str, dict[str, float]]  #: by effect and parameter
+    intervals: dict[str, dict[str, tuple[float, float]]]  #: 95 %, cycles taken as independent, samples not
+    losses: np.ndarray  #: of every unit, by the fit to all of them, shape (units,)
+    held_out: np.ndarray  #: of every unit, by a fit that has not seen it, shape (units,)
+    held_out_percent: (
+        np.ndarray
+    )  #: mean absolute error of every unit by the same fits, % of full stroke, shape (units,)
+    at_bound: tuple[str, ...] = ()  #: parameters at the end of what is physically possible, or essential and nothing
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects."""
+        return tuple(c.name for c in self.candidates)
+
+    @property
+    def effects(self) -> dict[str, object]:
+        """The effects, for a chain."""
+        return {c.name: c.build(self.values[c.name]) for c in self.candidates}
+
+    @property
+    def parameters(self) -> int:
+        """Number of parameters."""
+        return sum(c.parameters for c in self.candidates)
+
+
+class _Problem:
+    """The parameters of some candidates as one vector."""
+
+    def __init__(self, evidence: Evidence, candidates: Sequence[Candidate]):
+        self.evidence = evidence
+        self.candidates = tuple(candidates)
+        self.slots = [(c, f) for c in candidates for f in c.free]
+        self.low = np.array([f.to_unit(f.low) for _, f in self.slots])
+        self.high = np.array([f.to_unit(f.high) for _, f in self.slots])
+        self.scanned: dict[str, dict[str, float]] = {}
+
+    def values(self, u: np.ndarray) -> dict[str, dict[str, float]]:
+        out: dict[str, dict[str, float]] = {c.name: dict(self.scanned.get(c.name, {})) for c in self.candidates}
+        for (c, f), x in zip(self.slots, u, strict=True):
+            out[c.name][f.name] = f.from_unit(float(x))
+        return out
+
+    def effects(self, u: np.ndarray) -> dict[str, object]:
+        values = self.values(u)
+        return {c.name: c.build(values[c.name]) for c in self.candidates}
+
+    def residual(self, u: np.ndarray) -> np.ndarray:
+        return self.evidence.residual(self.effects(u))
+
+    def jacobian(self, u: np.ndarray, at_u: np.ndarray) -> np.ndarray:
+        columns = []
+        for i in range(len(u)):
+            step = STEP * max(1.0, abs(u[i])) if self.slots[i][1].is_size else 0.01
+            if u[i] + step > self.high[i]:
+                step = -step
+            moved = u.copy()
+            moved[i] += step
+            columns.append((self.residual(moved) - at_u) / step)
+        return np.column_stack(columns)
+
+    def solve(self, u: np.ndarray, rows: np.ndarray | None = None):
+        """Least squares from ``u``; only the ``rows`` (bool) where given."""
+        pick = (lambda r: r) if rows is None else (lambda r: r[rows])
+        inside = np.clip(u, self.low + 1e-9, self.high - 1e-9)
+        return least_squares(
+            lambda x: pick(self.residual(x)),
+            inside,
+            jac=lambda x: pick(self._both(x)),
+            bounds=(self.low, self.high),
+            x_scale=1.0,
+            max_nfev=MAX_EVALUATIONS,
+            ftol=1e-4,
+            xtol=1e-4,
+            gtol=1e-8,
+        )
+
+    def _both(self, u: np.ndarray) -> np.ndarray:
+        return self.jacobian(u, self.residual(u))
+
+
+def fit(
+    evidence: Evidence, candidates: Sequence[Candidate], train: np.ndarray, known: Fit | None = None, folds: int = FOLDS
+) -> Fit:
+    """Fit ``candidates`` together on the units ``train`` (bool, shape (units,)); the others are held out of every fit.
+
+    ``known``: a fit of some of them, to start from.  Units in ``train`` are predicted by fits to the
+    other folds of ``train``; units outside it by the fit to all of ``train``.
+    """
+    problem = _Problem(evidence, candidates)
+    rows = train[evidence.unit_of_row]
+    u = np.zeros(len(problem.slots))
+    new = []
+    for i, (c, f) in enumerate(problem.slots):
+        if known is not None and c.name in known.values:
+            u[i] = f.to_unit(known.values[c.name][f.name])
+        else:
+            u[i] = f.to_unit(f.starts[0]) if f.starts else 0.0
+            new.append(i)
+    for c in candidates:
+        if c.scanned and known is not None and c.name in known.values:
+            problem.scanned[c.name] = {c.scanned: known.values[c.name][c.scanned]}
+        elif c.scanned:
+            problem.scanned[c.name] = {c.scanned: _scan(problem, c, u, rows)}
+    u = _start(problem, u, new, rows)
+    u = problem.solve(u, rows).x
+    for c in candidates:
+        if c.scanned:  # the others are known now, so its time may be another
+            before = problem.scanned[c.name]
+            problem.scanned[c.name] = {c.scanned: _scan(problem, c, u, rows)}
+            again = problem.solve(u, rows).x
+            if np.sum(problem.residual(again)[rows] ** 2) < _squares(problem, u, rows, c.name, before):
+                u = again
+            else:
+                problem.scanned[c.name] = before
+    at_u = problem.residual(u)
+    J = problem.jacobian(u, at_u)
+    losses = evidence.losses(at_u)
+    intervals = _intervals(problem, u, J, at_u, rows)
+    nothing = [
+        f"{c.name}.{c.essential}"
+        for c in candidates
+        if c.essential and intervals[c.name][c.essential][0] <= 0.0 <= intervals[c.name][c.essential][1]
+    ]
+    return Fit(
+        problem.candidates,
+        problem.values(u),
+        intervals,
+        losses,
+        *_held_out(problem, u, J, at_u, train, folds),
+        (*_at_bound(problem, u), *nothing),
+    )
+
+
+def _start(problem: _Problem, u: np.ndarray, new: list[int], rows: np.ndarray) -> np.ndarray:
+    """The best of the starts of the new shape parameters, each with sizes from one linear step."""
+    shapes = [i for i in new if problem.slots[i][1].starts]
+    sizes = [i for i in new if problem.slots[i][1].is_size]
+    tries = [u.copy()]
+    for i in shapes:  # one at a time from the first start of the others: their number stays small
+        tries += [_with(u, i, problem.slots[i][1].to_unit(s)) for s in problem.slots[i][1].starts[1:]]
+    best, best_cost = u, np.inf
+    for start in tries:
+        guess = start.copy()
+        if sizes:
+            at = problem.residual(guess)
+            columns = []
+            for i in sizes:
+                step = 0.5
+                columns.append((problem.residual(_with(guess, i, guess[i] + step)) - at)[rows] / step)
+            change, *_ = np.linalg.lstsq(np.column_stack(columns), -at[rows], rcond=1e-8)
+            for i, du in zip(sizes, change, strict=True):
+                guess[i] = min(max(guess[i] + du, 0.5 * problem.low[i]), 0.5 * problem.high[i])
+        cost = float(np.sum(problem.residual(guess)[rows] ** 2))
+        if cost < best_cost:
+            best, best_cost = guess, cost
+    return best
+
+
+def _squares(problem: _Problem, u: np.ndarray, rows: np.ndarray, name: str, scanned: dict[str, float]) -> float:
+    """Loss with another value of a scanned parameter."""
+    now, problem.scanned[name] = problem.scanned[name], scanned
+    try:
+        return float(np.sum(problem.residual(u)[rows] ** 2))
+    finally:
+        problem.scanned[name] = now
+
+
+def _with(u: np.ndarray, i: int, value: float) -> np.ndarray:
+    out = u.copy()
+    out[i] = value
+    return out
+
+
+def _scan(problem: _Problem, candidate: Candidate, u: np.ndarray, rows: np.ndarray) -> float:
+    """When a slip explains most: its length is linear in the residual, so every time is tried on one residual.
+
+    Returns seconds since the session began.
+    """
+    evidence = problem.evidence
+    problem.scanned[candidate.name] = {candidate.scanned: 0.0}
+    sizes = [i for i, (c, f) in enumerate(problem.slots) if c is candidate]
+    at = problem.residual(_with(u, sizes[0], 0.0))
+    n = evidence.rows_of_samples
+    weight, rows = evidence.sample_weight, rows[:n]
+    elapsed_s = np.concatenate([p.elapsed_s for p in evidence.predict({})])
+    order = np.argsort(elapsed_s, kind="stable")
+    order = order[rows[order]]
+    w2, wr = np.cumsum(weight[order] ** 2), np.cumsum((weight * at[:n])[order])
+    # The best two levels, before and after: what the split takes off the squares, the level before fixed at zero.
+    after_w2, after_wr = w2[-1] - w2, wr[-1] - wr
+    gain = after_wr**2 / np.maximum(after_w2, 1e-12)
+    # A slip does not happen within the first or last twentieth: there it is an offset, or nothing.
+    share = np.arange(len(order)) / len(order)
+    gain[(share < 0.03) | (share > 0.97)] = 0.0
+    return float(elapsed_s[order[int(np.argmax(gain))]])
+
+
+def _held_out(problem: _Problem, u: np.ndarray, J: np.ndarray, at_u: np.ndarray, train: np.ndarray, folds: int):
+    """Losses and errors by fits that have not seen each unit: one Gauss–Newton step from the joint fit is as good as a new one."""
+    evidence = problem.evidence
+    losses = evidence.losses(at_u)
+    percent = evidence.errors_percent(evidence.predict(problem.effects(u)))
+    numbered = np.flatnonzero(train)
+    for k in range(folds):
+        left_out = numbered[k::folds]
+        seen = train.copy()
+        seen[left_out] = False
+        rows = seen[evidence.unit_of_row]
+        A, b = J[rows], at_u[rows]
+        step = -np.linalg.lstsq(A, b, rcond=1e-6)[0]
+        moved = np.clip(u + np.clip(step, -2.0, 2.0), problem.low, problem.high)
+        predictions = evidence.predict(problem.effects(moved))
+        there = evidence.rows(predictions)
+        if np.sum(there[rows] ** 2) > 1.02 * np.sum(b**2):  # too curved for a whole step
+            moved = np.clip(u + 0.3 * np.clip(step, -2.0, 2.0), problem.low, problem.high)
+            predictions = evidence.predict(problem.effects(moved))
+            there = evidence.rows(predictions)
+        losses[left_out] = evidence.losses(there)[left_out]
+        percent[left_out] = evidence.errors_percent(predictions)[left_out]
+    return losses, percent
+
+
+def _intervals(problem: _Problem, u: np.ndarray, J: np.ndarray, at_u: np.ndarray, rows: np.ndarray) -> dict:
+    """95 % intervals by the sandwich, cycles as its clusters."""
+    evidence = problem.evidence
+    A = J[rows]
+    inverse = np.linalg.pinv(A.T @ A, rcond=1e-10)
+    scores = np.zeros((evidence.units, len(u)))
+    np.add.at(scores, evidence.unit_of_row[rows], A * at_u[rows, None])
+    n = len(np.unique(evidence.unit_of_row[rows]))
+    spread = 1.96 * np.sqrt(np.maximum(np.diag(inverse @ (scores.T @ scores) @ inverse), 0.0) * n / max(n - len(u), 1))
+    out: dict[str, dict[str, tuple[float, float]]] = {c.name: {} for c in problem.candidates}
+    for i, (c, f) in enumerate(problem.slots):
+        wide = min(spread[i], 50.0)
+        out[c.name][f.name] = (f.from_unit(u[i] - wide), f.from_unit(u[i] + wide))
+    for c in problem.candidates:
+        if c.scanned:
+            value = problem.scanned[c.name][c.scanned]
+            out[c.name][c.scanned] = (value, value)
+    return out
+
+
+def _at_bound(problem: _Problem, u: np.ndarray) -> tuple[str, ...]:
+    found = []
+    for i, (c, f) in enumerate(problem.slots):
+        span = problem.high[i] - problem.low[i]
+        if f.is_size and (
+            problem.high[i] - u[i] < 0.01 * span or (u[i] - problem.low[i] < 0.01 * span and f.low < 0.0)
+        ):
+            found.append(f"{c.name}.{f.name}")
+    return tuple(found)

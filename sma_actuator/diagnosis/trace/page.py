@@ -1,0 +1,212 @@
+"""The report as one page with pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sma_actuator.report import Page, figure
+
+from .analysis import quantities, residual_m
+from .evidence import Evidence
+from .race import Tracing
+
+#: The quantity against which an effect shows best.
+TELL_TALE = {
+    "lead_resistance": "resistance_Ohm", "contact_drift": "time_s", "voltage_offset": "inverse_current_1_A",
+    "reference_self_heating": "power_lagged_10_s_W", "shunt": "resistance_Ohm", "load_cell_drift": "time_s",
+    "load_cell_gain": "stress_Pa", "self_heating": "power_lagged_1_s_W", "ambient_temperature": "ambient_temperature_C",
+    "thermal_expansion": "power_lagged_10_s_W", "elastic_compliance": "stress_Pa", "fatigue": "cycle", "creep": "time_s",
+    "minor_loop_memory": "distance_from_reversal_m", "rate": "resistance_rate_Ohm_s", "slip": "time_s",
+    "backlash": "distance_from_reversal_m", "reference_lag": "resistance_rate_Ohm_s", "reference_gain": "displacement_m",
+    "reference_drift": "time_s",
+}  # fmt: skip
+_MM = 1e3
+_MOST_POINTS = 6000
+BEFORE, AFTER = {"color": "tab:red", "label": "before"}, {"color": "tab:blue", "label": "after"}
+
+
+def write_page(path: Path, evidence: Evidence, tracing: Tracing, report: dict[str, Any]) -> None:
+    """Write the page, whole or not at all."""
+    page = Page("What the model lacks")
+    page.text(report["sentence"])
+    _numbers(page, report)
+    _residual(page, evidence, tracing)
+    _loop(page, evidence, tracing)
+    if tracing.rounds:
+        _race(page, tracing)
+    if tracing.fit is not None:
+        _tell_tale(page, evidence, tracing)
+    _rests(page, evidence, tracing)
+    _dependence(page, report)
+    _the_rest(page, report)
+    page.write(path)
+
+
+def _numbers(page: Page, report: dict[str, Any]) -> None:
+    before, after, last = report["error_before_interval"], report["error_after_interval"], report["last_block"]
+    page.table(
+        ("mean absolute error, % of full stroke", "before", "after"),
+        [
+            ("cycles that the fit had not seen", report["error_before_pct_stroke"], report["error_after_pct_stroke"]),
+            ("95 % interval over cycles", f"{before[0]:.3f} – {before[1]:.3f}", f"{after[0]:.3f} – {after[1]:.3f}"),
+            (f"the last {last['cycles']} cycles, looked at once", last["error_before_pct_stroke"], last["error_after_pct_stroke"]),
+            ("sensors' noise carried through the model", *(report[f"residual_{w}"]["sensor_noise_pct_stroke"] for w in ("before", "after"))),
+            ("share that repeats every cycle", *(report[f"residual_{w}"]["share_repeating_every_cycle"] for w in ("before", "after"))),
+            ("mean over cycles", report["cycle_mean_before_pct_stroke"], report["cycle_mean_after_pct_stroke"]),
+            ("the model's own floor for it", report["floor_pct_stroke"], report["floor_pct_stroke"]),
+        ],
+    )  # fmt: skip
+    rows = [
+        (
+            e["name"],
+            e["stage"],
+            name,
+            p["value"],
+            f"{p['interval'][0]:.4g} … {p['interval'][1]:.4g}",
+            p["unit"],
+            f"{e['share']:.0%}",
+        )
+        for e in report["effects"]
+        for name, p in e["parameters"].items()
+    ]
+    if rows:
+        page.table(("effect", "stage", "parameter", "value", "95 % interval", "unit", "share of the excess"), rows)
+
+
+def _some(n: int) -> slice:
+    return slice(None, None, max(1, n // _MOST_POINTS))
+
+
+def _residual(page: Page, evidence: Evidence, tracing: Tracing) -> None:
+    page.heading("Residual over time")
+    drawing, axes = figure(1, 1, width_in=10.0)
+    ax = axes[0, 0]
+    offset_s = 0.0
+    for i, trace in enumerate(evidence.traces):
+        time_s = trace.signals.time_s - (
+            evidence.start_s if evidence.one_session else trace.signals.time_s[0] - offset_s
+        )
+        offset_s = float(time_s[-1]) * 1.02
+        few = _some(len(time_s))
+        for which, style in (("before", BEFORE), ("after", AFTER)):
+            error_m = evidence.measured_m[i] - tracing.predictions[which][i].shown_m
+            label = style["label"] if i == 0 else None
+            ax.plot(time_s[few], error_m[few] * _MM, lw=0.7, color=style["color"], label=label)
+    ax.set(xlabel="time [s]" + ("" if evidence.one_session else ", log after log"), ylabel="measured − estimated [mm]")
+    ax.legend()
+    page.figure(drawing)
+
+
+def _loop(page: Page, evidence: Evidence, tracing: Tracing) -> None:
+    page.heading("Resistance and displacement")
+    drawing, axes = figure(2, 1)
+    worst = int(np.argmax([np.mean(np.abs(m - p.shown_m)) for m, p in
+                           zip(evidence.measured_m, tracing.predictions["before"], strict=True)]))  # fmt: skip
+    trace = evidence.traces[worst]
+    few = _some(len(trace.log))
+    for ax, (which, style) in zip(axes[0], (("before", BEFORE), ("after", AFTER)), strict=True):
+        p = tracing.predictions[which][worst]
+        ax.plot(trace.resistance_Ohm[few], p.shown_m[few] * _MM, lw=0.8, color=style["color"], label="model")
+        ax.plot(
+            trace.resistance_Ohm[few], evidence.measured_m[worst][few] * _MM, lw=0.4, color="black", label="measured"
+        )
+        ax.set(xlabel="measured resistance [Ω]", ylabel="displacement [mm]", title=style["label"])
+        ax.legend()
+    page.figure(drawing, trace.name)
+
+
+def _race(page: Page, tracing: Tracing) -> None:
+    page.heading("The candidates' race")
+    drawing, axes = figure(len(tracing.rounds), 1, height_in=5.0)
+    for ax, round_ in zip(axes[0], tracing.rounds, strict=True):
+        trials = round_.trials[:14][::-1]
+        labels = [" + ".join(n for n in t.names if n not in round_.before) for t in trials]
+        alike = {id(t) for t in round_.alternatives}
+        colours = ["tab:green" if t is round_.winner else "tab:olive" if id(t) in alike else "0.7" for t in trials]
+        ax.barh(labels, [t.gain for t in trials], xerr=[t.gain_error for t in trials], color=colours)
+        ax.set(
+            xlabel="fall of the loss of a held-out cycle",
+            title=("after " + ", ".join(round_.before)) if round_.before else "first",
+        )
+    page.figure(drawing, "Green: named. Olive: within a standard error of it. Bars: standard error over cycles.")
+
+
+def _tell_tale(page: Page, evidence: Evidence, tracing: Tracing) -> None:
+    page.heading("What gives it away")
+    values = quantities(evidence, tracing.predictions["before"])
+    names = tracing.fit.names
+    drawing, axes = figure(len(names), 1)
+    for ax, effect in zip(axes[0], names, strict=True):
+        name = TELL_TALE[effect] if TELL_TALE[effect] in values else "time_s"
+        x = values[name]
+        edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, 21)))
+        place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
+        for which, style in (("before", BEFORE), ("after", AFTER)):
+            error_m = residual_m(evidence, tracing.predictions[which]) * _MM
+            number = np.bincount(place, minlength=len(edges) - 1)
+            good = number > 0
+            mean = np.bincount(place, error_m, minlength=len(edges) - 1)[good] / number[good]
+            at = np.bincount(place, x, minlength=len(edges) - 1)[good] / number[good]
+            ax.plot(at, mean, "o-", ms=3, color=style["color"], label=style["label"])
+        ax.set(xlabel=name, ylabel="mean residual [mm]", title=effect)
+        ax.legend()
+    page.figure(drawing)
+
+
+def _rests(page: Page, evidence: Evidence, tracing: Tracing) -> None:
+    if not any(evidence.rests):
+        return
+    page.heading("At rest")
+    drawing, axes = figure(2, 1)
+    when = np.array(
+        [
+            t.signals.time_s[r.stop - 1] - evidence.start_s
+            for t, rs in zip(evidence.traces, evidence.rests, strict=True)
+            for r in rs
+        ]
+    )
+    for which, style in (("before", BEFORE), ("after", AFTER)):
+        z = evidence.at_rest(tracing.predictions[which]).reshape(-1, 2)
+        for k, ax in enumerate(axes[0]):
+            ax.plot(when, z[:, k], "o", ms=3, color=style["color"], label=style["label"])
+    for ax, what in zip(axes[0], ("resistance", "displacement"), strict=True):
+        ax.set(
+            xlabel="time [s]",
+            ylabel="standard deviations of the calibration",
+            title=f"{what} against the calibration's",
+        )
+        ax.legend()
+    page.figure(drawing, "Cold at the bias current and hot at full contraction, where both repeat best.")
+
+
+def _dependence(page: Page, report: dict[str, Any]) -> None:
+    page.heading("What the residual depends on")
+    before = report["residual_before"]["share_explained_by"]
+    after = report["residual_after"]["share_explained_by"]
+    page.table(
+        ("quantity", "before", "after"),
+        [
+            (name, f"{share:.0%}", f"{after[name]:.0%}" if name in after else "less than the others")
+            for name, share in before.items()
+        ],
+        caption="Share of the mean square that each quantity alone explains, on cycles its means were not taken from.",
+    )
+
+
+def _the_rest(page: Page, report: dict[str, Any]) -> None:
+    if report["alternatives"]:
+        page.heading("What this log cannot tell apart")
+        page.table(
+            ("instead of", "could be", "confidence", "experiment", "takes", "then they differ by"),
+            [
+                (a["instead_of"], a["name"], f"{a['confidence']:.0%}", a["experiment"]["what"], f"{a['experiment']['duration_s']:.0f} s",
+                 f"{a['experiment']['predicted_difference_m'] * _MM:.3f} mm")
+                for a in report["alternatives"]
+            ],
+        )  # fmt: skip
+    if report["untestable"]:
+        page.heading("What these logs could not have shown")
+        page.table(("effect", "why"), [(u["name"], u["reason"]) for u in report["untestable"]])

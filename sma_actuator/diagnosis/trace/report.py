@@ -1,0 +1,280 @@
+"""What was found, as numbers for machines and as sentences for people."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sma_actuator.base.parameters import declaration_of
+from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL
+
+from .analysis import anatomy
+from .evidence import Evidence
+from .experiments import best_experiment
+from .fitting import fit
+from .race import Tracing, of_the_model
+
+DRAWS = 1000
+DEPENDS = 0.1  #: share of the residual's mean square from which a dependence is worth naming
+
+
+def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None) -> dict[str, Any]:
+    """The report for machines; errors are mean absolute, in % of full stroke, over cycles that the fit had not seen."""
+    weight = evidence.samples_of_unit
+    before, after = tracing.errors_percent["before"], tracing.errors_percent["after"]
+    last = ~tracing.train
+    left = anatomy(evidence, tracing.predictions["after"])
+    at_first = anatomy(evidence, tracing.predictions["before"])
+    out: dict[str, Any] = {
+        "verdict": tracing.verdict,
+        "sentence": sentence(tracing, left.depends),
+        "effects": _effects(evidence, tracing),
+        "alternatives": _alternatives(evidence, tracing),
+        "untestable": [{"name": name, "reason": why} for name, why in tracing.untestable.items()],
+        "error_before_pct_stroke": _mean(before, weight),
+        "error_before_interval": _interval(before, weight),
+        "error_after_pct_stroke": _mean(after, weight),
+        "error_after_interval": _interval(after, weight),
+        "last_block": {
+            "cycles": int(last.sum()),
+            "error_before_pct_stroke": _mean(before[last], weight[last]),
+            "error_after_pct_stroke": _mean(after[last], weight[last]),
+        },
+        "cycle_mean_before_pct_stroke": float(
+            before.mean()
+        ),  # what the floor is compared with: every cycle weighs the same
+        "cycle_mean_after_pct_stroke": float(after.mean()),
+        "floor_pct_stroke": tracing.floor_percent,
+        "excess_explained": tracing.share,
+        "loss_after_over_calibration": _ratio(
+            float(tracing.losses["after"][tracing.train].mean()), tracing.expected_loss
+        ),
+        "floor_from_calibration": bool(evidence.calibration.known),
+        "cycles": int(evidence.units),
+        "residual_before": _anatomy(at_first),
+        "residual_after": _anatomy(left),
+        "race": [
+            {
+                "after": list(r.before),
+                "trials": [
+                    {
+                        "effects": list(t.names),
+                        "gain": t.gain,
+                        "standard_error": t.gain_error,
+                        "parameters": t.fit.parameters,
+                        "at_bound": list(t.fit.at_bound),
+                    }
+                    for t in r.trials
+                ],
+                "winner": list(r.winner.names) if r.winner else None,
+            }
+            for r in tracing.rounds
+        ],
+        "notes": []
+        if evidence.one_session or len(evidence.traces) == 1
+        else [
+            "the logs do not follow each other on one clock: each counts as a session, and what changes from one to the next (a slip, a "
+            "drift) cannot show; where they are one session, let time_s go on from log to log"
+        ],
+        "model_file": str(model_file) if model_file else None,
+        "logs": [t.log.source for t in evidence.traces],
+    }
+    return _plain(out)
+
+
+def sentence(tracing: Tracing, depends: dict[str, float]) -> str:
+    """The verdict in words."""
+    if tracing.verdict == "none" and tracing.floor_percent == 0.0:
+        return "No candidate takes anything off this error on cycles that it has not seen."
+    if tracing.verdict == "none":
+        return (
+            f"Nothing is missing: cycle by cycle the error is {tracing.errors_percent['before'].mean():.2f} % of full stroke, "
+            f"and the model's own floor here {tracing.floor_percent:.2f} %."
+        )
+    names = list(tracing.fit.names) if tracing.fit else []
+    if tracing.verdict == "traced":
+        outside = [n for n in names if EFFECTS[n].STAGE in NOT_THE_MODEL]
+        inside = [n for n in names if n not in outside]
+        text = (
+            f"The model lacks {' and '.join(inside)}." if inside else f"The error is that of {' and '.join(outside)}."
+        )
+        if outside:
+            what = "the reference sensor" if EFFECTS[outside[0]].STAGE == "reference" else "the mechanism"
+            text += (
+                f" {' and '.join(outside)}: the fault lies in {what}, not in the model, which is left alone in this."
+            )
+        if tracing.alternatives:
+            text += f" This log cannot tell it from {', '.join(tracing.alternatives)}."
+        return text
+    most = [name for name, share in depends.items() if share >= DEPENDS][:3]
+    text = "There is an error that no candidate explains"
+    text += f"; it still depends on {', '.join(most)}." if most else "; it depends on nothing that was looked at."
+    if names:
+        text += (
+            f" {' and '.join(names)} would take off part of it (that is the error after), and may be the wrong name."
+        )
+    return text
+
+
+def _effects(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
+    if tracing.fit is None or tracing.verdict != "traced":
+        return []
+    found = tracing.fit
+    confidence = confidences(tracing)
+    shares = _shares(evidence, tracing)
+    out = []
+    for name in found.names:
+        declared = {f.name: declaration_of(f) for f in dataclasses.fields(EFFECTS[name])}
+        out.append(
+            {
+                "name": name,
+                "stage": EFFECTS[name].STAGE,
+                "parameters": {
+                    p: {
+                        "value": value,
+                        "unit": declared[p].unit,
+                        "interval": list(found.intervals[name].get(p, (value, value))),
+                    }
+                    for p, value in found.values[name].items()
+                },
+                "share": shares[name],
+                "confidence": confidence.get(name, 1.0),
+                "in_the_model": EFFECTS[name].STAGE not in NOT_THE_MODEL,
+            }
+        )
+    return out
+
+
+def _shares(evidence: Evidence, tracing: Tracing) -> dict[str, float]:
+    """What each effect takes off the excess loss: what is lost when it alone is left out of the fit."""
+    found, train = tracing.fit, tracing.train
+    base, all_ = tracing.losses["before"][train].mean(), found.held_out[train].mean()
+    if len(found.names) == 1:
+        return {found.names[0]: float(tracing.share)}
+    lost = {}
+    for c in found.candidates:
+        others = [x for x in found.candidates if x is not c]
+        lost[c.name] = max(fit(evidence, others, train, found).held_out[train].mean() - all_, 0.0)
+    total = sum(lost.values()) or 1.0
+    scale = float(tracing.share) if base > all_ else 0.0
+    return {name: float(x / total * scale) for name, x in lost.items()}
+
+
+def confidences(tracing: Tracing) -> dict[str, float]:
+    """How often each of several explanations that are alike does best when the cycles are drawn anew."""
+    out: dict[str, float] = {}
+    for r in tracing.rounds:
+        alike = [r.winner, *(t for t in tracing.alternatives.values() if t in r.alternatives)] if r.winner else []
+        if len(alike) < 2:
+            continue
+        losses = np.array([t.fit.held_out[tracing.train] for t in alike])
+        rng = np.random.default_rng(1)
+        drawn = rng.integers(losses.shape[1], size=(DRAWS, losses.shape[1]))
+        best = np.argmin(losses[:, drawn].mean(axis=2), axis=0)
+        share = np.bincount(best, minlength=len(alike)) / DRAWS
+        for t, p in zip(alike, share, strict=True):
+            for name in _own(t, alike):
+                out[name] = float(p)
+    return out
+
+
+def _own(trial, alike) -> list[str]:
+    """The effects of one of several alike that not all of them have."""
+    common = set.intersection(*(set(t.names) for t in alike))
+    return [n for n in trial.names if n not in common]
+
+
+def _alternatives(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
+    if tracing.verdict != "traced":
+        return []
+    confidence = confidences(tracing)
+    out = []
+    for name, trial in tracing.alternatives.items():
+        winner = next(r.winner for r in tracing.rounds if trial in r.alternatives)
+        experiment = best_experiment(evidence, winner.fit.effects, trial.fit.effects)
+        out.append(
+            {
+                "name": name,
+                "stage": EFFECTS[name].STAGE,
+                "instead_of": next((n for n in winner.names if n not in trial.names), winner.names[-1]),
+                "confidence": confidence.get(name, 0.0),
+                "why": "on cycles that the fits had not seen the two do as well as each other, within a standard error",
+                "experiment": {
+                    "what": experiment.what,
+                    "duration_s": experiment.duration_s,
+                    "predicted_difference_m": experiment.difference_m,
+                },
+            }
+        )
+    return out
+
+
+def _anatomy(found) -> dict[str, Any]:
+    return {
+        "sensor_noise_pct_stroke": found.noise_percent,
+        "share_repeating_every_cycle": found.repeats,
+        "share_explained_by": {name: share for name, share in list(found.depends.items())[:8]},
+    }
+
+
+def _ratio(a: float, b: float) -> float:
+    return a / b if b else math.nan
+
+
+def _mean(values: np.ndarray, weight: np.ndarray) -> float:
+    return float(np.average(values, weights=weight)) if len(values) else math.nan
+
+
+def _interval(values: np.ndarray, weight: np.ndarray) -> list[float]:
+    """95 % interval of the weighted mean, cycles drawn anew."""
+    rng = np.random.default_rng(0)
+    drawn = rng.integers(len(values), size=(DRAWS, len(values)))
+    means = (values[drawn] * weight[drawn]).sum(axis=1) / weight[drawn].sum(axis=1)
+    return [float(x) for x in np.percentile(means, (2.5, 97.5))]
+
+
+def _plain(value: Any) -> Any:
+    """Numbers that JSON knows: what is not finite becomes null."""
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, float | np.floating):
+        return float(f"{value:.9g}") if math.isfinite(value) else None
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def extended(
+    mapping: dict[str, Any], evidence: Evidence, tracing: Tracing, report: dict[str, Any], when: str
+) -> dict[str, Any] | None:
+    """The model's parameters with what was found in them; None where nothing of it belongs into a model."""
+    if tracing.verdict != "traced":
+        return None
+    names = of_the_model(tracing.fit.names)
+    if not names:
+        return None
+    out = dict(mapping)
+    effects = dict(out.get("effects") or {})
+    before, after = report["error_before_pct_stroke"], report["error_after_pct_stroke"]
+    logs = ", ".join(Path(t.log.source).name for t in evidence.traces)
+    for name in names:
+        c = next(c for c in tracing.fit.candidates if c.name == name)
+        effects[name] = {**c.fixed, **tracing.fit.values[name]}
+    effects["order"] = [n for n in effects.get("order", []) if n not in names] + names
+    share = {e["name"]: e["share"] for e in report["effects"]}
+    effects["history"] = list(effects.get("history", [])) + [
+        f"{when}{name}, from {logs}: {before:.2f} to {after:.2f} % of full stroke"
+        + (
+            f" together with {' and '.join(n for n in tracing.fit.names if n != name)}"
+            if len(tracing.fit.names) > 1
+            else ""
+        )
+        + f", {share[name]:.0%} of what was in excess"
+        for name in names
+    ]
+    out["effects"] = effects
+    return out

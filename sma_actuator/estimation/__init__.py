@@ -1,0 +1,1 @@
+"""From measured signals to displacement: circuit, branch, strain models, effects."""

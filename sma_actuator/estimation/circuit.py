@@ -1,0 +1,55 @@
+"""From raw channels to the wire's resistance, power, load and stress (thesis, ch. 3, app. A, B).
+
+The functions work on one sample (floats) and on whole logs (arrays) alike.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sma_actuator.base.signals import Reading, Signals
+from sma_actuator.config import Config
+
+
+def _positive_or_nan(value):
+    """NaN where ``value`` is not above zero, so that a division by it cannot be infinite."""
+    if isinstance(value, np.ndarray):
+        return np.where(value > 0.0, value, np.nan)
+    return value if value > 0.0 else np.nan
+
+
+def resistance_and_current(supply_voltage_V, reference_voltage_V, reference_resistance_Ohm, lead_resistance_Ohm):
+    """Resistance of the wire [Ω] and current through it [A], eq. 3.3 and 3.4.
+
+    Where the reference voltage is not above zero there is no current to measure with: the
+    resistance is NaN there, never infinite.
+    """
+    ratio = supply_voltage_V / _positive_or_nan(reference_voltage_V)
+    resistance_Ohm = reference_resistance_Ohm * (ratio - 1.0) - lead_resistance_Ohm
+    return resistance_Ohm, reference_voltage_V / reference_resistance_Ohm
+
+
+def signals_from_reading(reading: Reading, config: Config, tare_N: float = 0.0) -> Signals:
+    """Apply the calibrations of ``config`` to a reading.
+
+    ``reading`` may hold floats or, for replay, arrays of shape (n,) in every field.
+    ``tare_N`` is subtracted from the load (service ``~/tare_load``).
+    """
+    resistance_Ohm, current_A = resistance_and_current(
+        reading.supply_voltage_V,
+        reading.reference_voltage_V,
+        config.circuit.reference_resistance,
+        config.circuit.lead_resistance,
+    )
+    load_N = config.load_cell.slope * reading.load_cell_voltage_V + config.load_cell.offset - tare_N
+    reference_m = config.reference_sensor.slope * reading.lvdt_current_A + config.reference_sensor.offset
+    return Signals(
+        time_s=reading.time_s,
+        resistance_Ohm=resistance_Ohm,
+        current_A=current_A,
+        power_W=current_A**2 * resistance_Ohm,
+        load_N=load_N,
+        stress_Pa=load_N / config.wire.area_m2,
+        reference_displacement_m=reference_m,
+        ambient_temperature_C=reading.ambient_temperature_C,
+    )

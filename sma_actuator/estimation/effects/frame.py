@@ -1,0 +1,125 @@
+"""What an effect sees and changes: the signals of n samples, and the kernels that several effects share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, isnan
+
+import numpy as np
+
+from sma_actuator.base.jit import jit
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a wire is mounted; what effects need to know of the configuration."""
+
+    reference_resistance_Ohm: float
+    lead_resistance_Ohm: float
+    area_m2: float
+    length_m: float
+    heat_loss_W_K: float
+    ambient_C: float  #: where none is measured
+    working_range_m: tuple[float, float]
+
+    @classmethod
+    def of(cls, config) -> Place:
+        """The place that a Config describes."""
+        return cls(
+            config.circuit.reference_resistance,
+            config.circuit.lead_resistance,
+            config.wire.area_m2,
+            config.wire.length,
+            config.thermal.heat_loss,
+            config.thermal.ambient_temperature,
+            config.model.build(config.wire).displacement_range_m,
+        )
+
+
+@dataclass(slots=True)
+class Frame:
+    """Signals of n samples, arrays of shape (n,); effects change them in place, stage after stage.
+
+    ``displacement_m`` and ``heating`` are there from the strain model on, ``cycles`` from a counter on.
+    """
+
+    elapsed_s: np.ndarray  #: since the first sample of the session
+    resistance_Ohm: np.ndarray
+    current_A: np.ndarray
+    power_W: np.ndarray
+    load_N: np.ndarray
+    ambient_C: np.ndarray
+    heating: np.ndarray | None = None
+    displacement_m: np.ndarray | None = None
+    cycles: np.ndarray | None = None
+
+    def lag(self, values: np.ndarray, state: np.ndarray, time_constant_s: float, from_zero: bool = False) -> np.ndarray:
+        """``values`` through a first-order lag, shape (n,); ``state`` (2,) is NaN before the first sample.
+
+        It starts in balance with the first value, or at zero.  A sample that is not finite leaves it standing.
+        """
+        out = np.empty(len(values))
+        _lag(self.elapsed_s, np.ascontiguousarray(values), state, time_constant_s, from_zero, out)
+        return out
+
+
+@jit
+def _lag(time, values, state, time_constant, from_zero, out):
+    for i in range(len(values)):
+        x = values[i]
+        if not isnan(x):
+            if isnan(state[0]):
+                state[1] = 0.0 if from_zero else x
+            else:
+                state[1] += (1.0 - exp(-(time[i] - state[0]) / time_constant)) * (x - state[1])
+            state[0] = time[i]
+        out[i] = state[1]
+
+
+@jit
+def play(values, state, half_width, out):
+    """The play operator: ``out`` follows ``values`` only where they are ``half_width`` away; ``state`` (2,)."""
+    for i in range(len(values)):
+        x = values[i]
+        if isnan(state[0]):
+            state[0] = x
+        else:
+            state[0] = min(max(state[0], x - half_width), x + half_width)
+        out[i] = state[0]
+
+
+@jit
+def count_cycles(power, state, threshold, out):
+    """Number of the heating cycle, from 1; one begins where the power rises above ``threshold``; ``state`` (2,)."""
+    for i in range(len(power)):
+        if isnan(state[0]):
+            state[0], state[1] = 0.0, 1.0
+            if power[i] > threshold:
+                state[0] = 1.0
+        elif state[0] > 0.5:
+            if power[i] < 0.8 * threshold:
+                state[0] = 0.0
+        elif power[i] > 1.2 * threshold:
+            state[0] = 1.0
+            state[1] += 1.0
+        out[i] = state[1]
+
+
+@jit
+def incompleteness(heating, displacement, state, hot, cold, out):
+    """How far from its end the last transformation turned back: 0 at the end, 1 where it did not begin.
+
+    Positive on cooling (heating was incomplete), negative on heating (cooling was); ``state`` (3,) =
+    [branch, value, displacement before].
+    """
+    span = cold - hot
+    for i in range(len(heating)):
+        now = 1.0 if heating[i] else 0.0
+        if isnan(state[0]):
+            state[0], state[1], state[2] = now, 0.0, displacement[i]
+        elif now != state[0]:
+            turned = (state[2] - hot) / span
+            share = min(max(turned if now < 0.5 else 1.0 - turned, 0.0), 1.0)
+            state[0], state[1] = now, share if now < 0.5 else -share
+        state[2] = displacement[i]
+        out[i] = state[1]

@@ -1,0 +1,181 @@
+"""What the wire may do that a strain model without a temperature, a history and a time does not know."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_actuator.base.parameters import parameter
+
+from .frame import Frame, Place, count_cycles, incompleteness
+
+RATE_WINDOW_s = 0.3  #: a rate is the slope over this lag, so that noise of single samples does not show
+
+
+def _rise_K(frame: Frame, state: np.ndarray, time_constant_s: float, heat_loss_W_K: float) -> np.ndarray:
+    """Temperature above ambient by the heat balance C dT/dt = P − h (T − T_amb), C/h = the time constant."""
+    return frame.lag(frame.power_W, state, time_constant_s) / heat_loss_W_K
+
+
+@dataclass(frozen=True, slots=True)
+class SelfHeating:
+    """R moves with temperature where the phase no longer changes: at the hot end ``R (1 + α (T − T_amb − T_on))`` above
+    the onset, at the cold end ``R (1 + α_c (T − T_amb − T_c))`` below the cold onset.
+
+    The temperature comes from a heat balance on the measured power.  The calibrated relation of R and δ
+    holds the temperatures of the transformation itself; the onsets are where it ends.
+    """
+
+    STAGE = "wire"
+    STATES = 2
+    temperature_coefficient: float = parameter(0.0, "relative change of resistance per kelvin, hot", "1/K", -0.1, 0.1)
+    onset: float = parameter(0.0, "rise above ambient from which it acts", "K", 0.0, 500.0)
+    cold_temperature_coefficient: float = parameter(
+        0.0, "relative change of resistance per kelvin, cold", "1/K", -0.1, 0.1
+    )
+    cold_onset: float = parameter(0.0, "rise above ambient below which that acts", "K", 0.0, 500.0)
+    time_constant: float = parameter(2.0, "thermal lag, C/h", "s", 0.01, 600.0)
+    heat_loss: float = parameter(0.006, "heat lost per kelvin above ambient", "W/K", 1e-6, 1e2)
+
+    def at_resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """The resistance at the onset's temperature."""
+        rise_K = _rise_K(frame, state, self.time_constant, self.heat_loss)
+        change = self.temperature_coefficient * np.maximum(0.0, rise_K - self.onset)
+        change = change + self.cold_temperature_coefficient * np.minimum(0.0, rise_K - self.cold_onset)
+        frame.resistance_Ohm = frame.resistance_Ohm / (1.0 + change)
+
+
+@dataclass(frozen=True, slots=True)
+class AmbientTemperature:
+    """The surroundings are warmer or colder than at the calibration: ``R (1 + α (T_amb − T_cal) e^(−rise/κ))``.
+
+    In the middle of the transformation the wire has the temperature of the transformation whatever
+    the surroundings; so the change fades as the wire is heated, over ``fading`` kelvin.
+    """
+
+    STAGE = "wire"
+    STATES = 2
+    temperature_coefficient: float = parameter(0.0, "relative change of resistance per kelvin", "1/K", -0.1, 0.1)
+    fading: float = parameter(1e3, "rise above ambient over which the change fades", "K", 1.0, 1e6)
+    calibration_temperature: float = parameter(22.0, "ambient temperature at the calibration", "°C", -60.0, 100.0)
+    time_constant: float = parameter(2.0, "thermal lag, C/h", "s", 0.01, 600.0)
+    heat_loss: float = parameter(0.006, "heat lost per kelvin above ambient", "W/K", 1e-6, 1e2)
+
+    def at_resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """The resistance at the calibration's ambient temperature."""
+        ambient_C = np.where(np.isnan(frame.ambient_C), place.ambient_C, frame.ambient_C)
+        fade = np.exp(-np.maximum(0.0, _rise_K(frame, state, self.time_constant, self.heat_loss)) / self.fading)
+        change = self.temperature_coefficient * (ambient_C - self.calibration_temperature) * fade
+        frame.resistance_Ohm = frame.resistance_Ohm / (1.0 + change)
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalExpansion:
+    """δ moves with temperature: ``L α (T − T_amb)``, of the wire or of what is heated by it."""
+
+    STAGE = "wire"
+    STATES = 2
+    coefficient: float = parameter(
+        0.0, "expansion of the wire's length per kelvin beyond the calibrated", "1/K", -1e-2, 1e-2
+    )
+    time_constant: float = parameter(2.0, "thermal lag, C/h", "s", 0.01, 1e4)
+    heat_loss: float = parameter(0.006, "heat lost per kelvin above ambient", "W/K", 1e-6, 1e2)
+
+    def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """Add the expansion."""
+        rise_K = _rise_K(frame, state, self.time_constant, self.heat_loss)
+        frame.displacement_m = frame.displacement_m + place.length_m * self.coefficient * rise_K
+
+
+@dataclass(frozen=True, slots=True)
+class ElasticCompliance:
+    """δ moves with load at constant phase, beyond what the calibrated stress dependence holds."""
+
+    STAGE = "wire"
+    STATES = 0
+    compliance: float = parameter(0.0, "stretch per newton", "m/N", -1.0, 1.0)
+
+    def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """Add the stretch."""
+        frame.displacement_m = frame.displacement_m + self.compliance * frame.load_N
+
+
+@dataclass(frozen=True, slots=True)
+class Fatigue:
+    """Ends of the stroke and of the resistance move with the logarithm of the cycle number (thesis, eq. 4.1)."""
+
+    STAGE = "wire"
+    STATES = 2
+    displacement_per_ln_cycle: float = parameter(0.0, "g_1 of the displacement", "m", -1.0, 1.0)
+    resistance_per_ln_cycle: float = parameter(0.0, "g_1 of the resistance", "Ω", -10.0, 10.0)
+    cycle_power: float = parameter(0.2, "power above which a heating cycle begins", "W", 1e-6, 1e3)
+    first_cycle: float = parameter(1.0, "number of the first cycle of the session", "1", 1.0, 1e9)
+
+    def at_resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """Take the drift of the resistance off."""
+        frame.cycles = np.empty(len(frame.power_W))
+        count_cycles(np.ascontiguousarray(frame.power_W), state, self.cycle_power, frame.cycles)
+        frame.resistance_Ohm = frame.resistance_Ohm - self.resistance_per_ln_cycle * self._ln(frame)
+
+    def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """Add the drift of the displacement."""
+        frame.displacement_m = frame.displacement_m + self.displacement_per_ln_cycle * self._ln(frame)
+
+    def _ln(self, frame: Frame) -> np.ndarray:
+        return np.log(1.0 + (frame.cycles - 1.0) / self.first_cycle)
+
+
+@dataclass(frozen=True, slots=True)
+class Creep:
+    """Slow stretch under load: a Kelvin–Voigt element in series, at rest when the session began."""
+
+    STAGE = "wire"
+    STATES = 2
+    compliance: float = parameter(0.0, "stretch per newton in the end", "m/N", -1.0, 1.0)
+    time_constant: float = parameter(300.0, "how slowly it comes", "s", 1.0, 1e7)
+
+    def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """Add the stretch so far."""
+        slow_N = frame.lag(frame.load_N, state, self.time_constant, from_zero=True)
+        frame.displacement_m = frame.displacement_m + self.compliance * slow_N
+
+
+@dataclass(frozen=True, slots=True)
+class MinorLoopMemory:
+    """After a transformation that turned back early the next branch is shifted in proportion."""
+
+    STAGE = "wire"
+    STATES = 3
+    after_heating: float = parameter(
+        0.0, "shift of the cooling branch, per incompleteness of the heating", "m", -1.0, 1.0
+    )
+    after_cooling: float = parameter(
+        0.0, "shift of the heating branch, per incompleteness of the cooling", "m", -1.0, 1.0
+    )
+
+    def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """Add the shift."""
+        missing = np.empty(len(frame.displacement_m))
+        hot_m, cold_m = place.working_range_m
+        incompleteness(frame.heating, np.ascontiguousarray(frame.displacement_m), state, hot_m, cold_m, missing)
+        shift_m = np.where(missing > 0.0, self.after_heating * missing, -self.after_cooling * missing)
+        frame.displacement_m = frame.displacement_m + shift_m
+
+
+@dataclass(frozen=True, slots=True)
+class Rate:
+    """The loop opens with the rate: δ lags behind what R says, in proportion to dR/dt, or by relaxing towards it."""
+
+    STAGE = "wire"
+    STATES = 4
+    displacement_per_rate: float = parameter(0.0, "shift of δ against dR/dt", "m·s/Ω", -10.0, 10.0)
+    relaxation_time: float = parameter(0.0, "time constant with which δ follows", "s", 0.0, 100.0)
+
+    def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """Relax, and add the shift."""
+        slope = (frame.resistance_Ohm - frame.lag(frame.resistance_Ohm, state[:2], RATE_WINDOW_s)) / RATE_WINDOW_s
+        displacement_m = frame.displacement_m
+        if self.relaxation_time > 0.0:
+            displacement_m = frame.lag(displacement_m, state[2:], self.relaxation_time)
+        frame.displacement_m = displacement_m - self.displacement_per_rate * slope

@@ -1,0 +1,259 @@
+"""Flexinol (Ni-Ti with R-phase): two asymptotes and exponential transitions (thesis, 5.1).
+
+The exact step
+--------------
+On one branch and at constant stress let ``a``, ``b`` be its asymptote and ``z ≥ 0`` the distance in
+resistance from it, ``z_H = R − (δ − b_H)/a_H`` and ``z_C = (δ − b_C)/a_C − R`` (5.20, 5.21).  With
+the slope of 5.22, 5.23, ``dδ/dR = (a − a_0) e^(−τz) + a_0``, it obeys
+
+    dz_H/dR = +k (1 − e^(−τz)),   dz_C/dR = −k (1 − e^(−τz)),   k = 1 − a_0/a,
+
+so ``w = e^(τz) − 1`` is exactly exponential in R, ``w_new = w e^(±τkΔR)``, and with it
+``z_new = ln(1 + w_new)/τ`` and ``δ_new = a (R_new ∓ z_new) + b``.  The step holds for any ΔR, does
+not depend on the sampling rate, and ``z`` cannot change its sign: the forward step (5.24) of the
+thesis crosses the asymptote and then diverges.
+
+Beyond an asymptote
+-------------------
+A change of stress, or the cold end, where the asymptotes cross, can leave the state on the far
+side of the asymptote it should approach (z < 0).  There R moves with temperature and δ hardly at
+all: as long as R moves towards the asymptote δ stands still, until z = 0; when R moves away, |z|
+decays by the same law as on the near side, so the state is always drawn to the asymptote.  On the
+asymptote itself (z = 0) δ follows it both ways.
+
+Outside the loop
+----------------
+δ is kept between the two asymptotes at (R, σ), give or take ``LOOP_SLACK`` of the working range.
+Without that, one bad reading, a sudden change of load or a branch decided late leaves δ outside the
+loop, where only the next full cycle would bring it back.  The slack is there because a block of
+readings that straddles a reversal belongs to both branches, and because at a cold rest δ does stand
+a little beyond both asymptotes.  The bounds lie outside both
+asymptotes, so they never push δ across one, and inside them the step is the exact one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, expm1, log, log1p
+
+import numpy as np
+from numpy.polynomial.polynomial import polyval
+
+from sma_actuator.base.jit import jit
+from sma_actuator.base.parameters import parameter
+
+from .checks import wrong_alloy, wrong_ranges, wrong_size
+
+_POLYNOMIAL = "polynomial in stress [Pa], lowest order first"
+LOOP_SLACK = 0.05  #: how far δ may lie outside the loop, as a share of the working range
+#: |z| below this is zero, for it is rounding, which must not decide whether R, turning back, leaves the asymptote.
+_ON_ASYMPTOTE_Ohm = 1e-12
+_LARGE = 40.0  # e^40 ≈ 2e17: beyond it ln(e^y ± 1) is y to the last digit
+
+
+@jit
+def _polynomial(coefficients, x):
+    value = 0.0
+    for i in range(len(coefficients) - 1, -1, -1):
+        value = value * x + coefficients[i]
+    return value
+
+
+@jit
+def _decayed(x, s):
+    """``ln(1 + (e^x − 1) e^s)`` for x ≥ 0, without overflow or cancellation."""
+    if x <= 0.0:
+        return 0.0
+    if x < _LARGE and s < _LARGE:
+        return log1p(expm1(x) * exp(s))
+    y = s + (x if x > _LARGE else log(expm1(x)))
+    return y if y > _LARGE else log1p(exp(y))
+
+
+@jit
+def _along_branch(resistance, heating, previous_resistance, displacement, a, b, a_0, tau):
+    """The exact step towards or away from the asymptote a R + b of the present branch."""
+    # In x = ± R both branches are the heating branch: z = x − x_asymptote(δ).
+    sign = 1.0 if heating else -1.0
+    x = sign * resistance
+    z = sign * previous_resistance - sign * (displacement - b) / a
+    dx = x - sign * previous_resistance
+    rate = tau * (1.0 - a_0 / a)
+    if abs(z) < _ON_ASYMPTOTE_Ohm:
+        return a * resistance + b
+    if z < 0.0:
+        if dx > 0.0:
+            still = min(dx, -z)  # δ stands still until the asymptote is reached
+            z += still
+            dx -= still
+            if z < 0.0:
+                return displacement
+            z = 0.0
+        else:
+            z = -_decayed(-tau * z, rate * dx) / tau
+            return a * (sign * (x - z)) + b
+    z = _decayed(tau * z, rate * dx) / tau
+    return a * (sign * (x - z)) + b
+
+
+@jit
+def advance(resistance, stress, heating, previous_resistance, displacement, a_h, b_h, a_c, b_c, a_0, tau, slack):
+    """δ after the resistance moved from ``previous_resistance`` to ``resistance`` on one branch, at one stress."""
+    slope_h, intercept_h = _polynomial(a_h, stress), _polynomial(b_h, stress)
+    slope_c, intercept_c = _polynomial(a_c, stress), _polynomial(b_c, stress)
+    if heating:
+        a, b = slope_h, intercept_h
+    else:
+        a, b = slope_c, intercept_c
+    displacement = _along_branch(resistance, heating, previous_resistance, displacement, a, b, a_0, tau)
+    on_h, on_c = slope_h * resistance + intercept_h, slope_c * resistance + intercept_c
+    return min(max(displacement, min(on_h, on_c) - slack), max(on_h, on_c) + slack)
+
+
+@jit
+def advance_all(resistance, stress, heating, state, a_h, b_h, a_c, b_c, a_0, tau, slack, displacement):
+    """``advance`` over arrays; ``state`` = [previous resistance, displacement] is carried on."""
+    previous, delta = state[0], state[1]
+    for i in range(len(resistance)):
+        delta = advance(resistance[i], stress[i], heating[i], previous, delta, a_h, b_h, a_c, b_c, a_0, tau, slack)
+        previous = resistance[i]
+        displacement[i] = delta
+    state[0], state[1] = previous, delta
+
+
+class FlexinolModel:
+    """The model of one wire; see :class:`sma_actuator.models.StrainModel`."""
+
+    def __init__(self, a_h, b_h, a_c, b_c, a_0, tau, stress_range_Pa, displacement_range_m):
+        self.stress_range_Pa = tuple(stress_range_Pa)
+        self.displacement_range_m = tuple(displacement_range_m)
+        polynomials = (np.asarray(p, dtype=float) for p in (a_h, b_h, a_c, b_c))
+        slack_m = LOOP_SLACK * float(np.ptp(self.displacement_range_m))
+        self._coefficients = (*polynomials, float(a_0), float(tau), slack_m)
+        self._state = np.zeros(2)
+
+    def reset(self, resistance_Ohm: float, stress_Pa: float, heating: bool = False) -> float:
+        """Start on the cooling (or heating) asymptote; return δ [m]."""
+        delta_h, delta_c = self.limits_m(resistance_Ohm, stress_Pa)
+        self._state[:] = resistance_Ohm, delta_h if heating else delta_c
+        return float(self._state[1])
+
+    def step(self, resistance_Ohm: float, stress_Pa: float, heating: bool) -> float:
+        """Advance by one sample; return δ [m]."""
+        state = self._state
+        state[1] = advance(resistance_Ohm, stress_Pa, heating, state[0], state[1], *self._coefficients)
+        state[0] = resistance_Ohm
+        return float(state[1])
+
+    def run(self, resistance_Ohm: np.ndarray, stress_Pa: np.ndarray, heating: np.ndarray) -> np.ndarray:
+        """Advance by n samples, arrays of shape (n,); return δ [m], shape (n,)."""
+        displacement_m = np.empty(len(resistance_Ohm))
+        advance_all(resistance_Ohm, stress_Pa, heating, self._state, *self._coefficients, displacement_m)
+        return displacement_m
+
+    def limits_m(self, resistance_Ohm, stress_Pa):
+        """Heating and cooling asymptote at R and σ, (δ_H, δ_C) [m]; floats or arrays."""
+        a_h, b_h, a_c, b_c, *_ = self._coefficients
+        return (
+            polyval(stress_Pa, a_h) * resistance_Ohm + polyval(stress_Pa, b_h),
+            polyval(stress_Pa, a_c) * resistance_Ohm + polyval(stress_Pa, b_c),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class FlexinolCoefficients:
+    """Asymptotes of one particular wire (exclusive model, eq. 5.1–5.6, 5.22, 5.23)."""
+
+    calibrated_length: float = parameter(
+        description="length of the wire the coefficients were fitted on", unit="m", lo=0.005, hi=20.0
+    )
+    calibrated_diameter: float = parameter(description="its diameter", unit="m", lo=10e-6, hi=2e-3)
+    heating_slope: tuple[float, ...] = parameter(description=f"a_H, {_POLYNOMIAL}", unit="m/Ω")
+    heating_intercept: tuple[float, ...] = parameter(description=f"b_H, {_POLYNOMIAL}", unit="m")
+    cooling_slope: tuple[float, ...] = parameter(description=f"a_C, {_POLYNOMIAL}", unit="m/Ω")
+    cooling_intercept: tuple[float, ...] = parameter(description=f"b_C, {_POLYNOMIAL}", unit="m")
+    initial_slope: float = parameter(description="a_0, slope far from the asymptote", unit="m/Ω")
+    transition_rate: float = parameter(description="τ of the transition", unit="1/Ω", lo=1e-6, hi=1e9)
+    stress_range: tuple[float, ...] = parameter(
+        description="lowest and highest stress of the calibration", unit="Pa", lo=-1e9, hi=1e9
+    )
+    displacement_range: tuple[float, ...] = parameter(
+        description="determinate part of the stroke", unit="m", lo=-10.0, hi=10.0
+    )
+
+    def mismatches(self, wire) -> list[str]:
+        """Why these coefficients do not suit ``wire``."""
+        return [
+            *wrong_alloy("flexinol", "ni-ti", wire),
+            *wrong_size(self.calibrated_length, self.calibrated_diameter, wire),
+            *wrong_ranges(stress_range=self.stress_range, displacement_range=self.displacement_range),
+        ]
+
+    def build(self, wire) -> FlexinolModel:
+        """The model of the wire the coefficients were fitted on."""
+        return FlexinolModel(
+            self.heating_slope,
+            self.heating_intercept,
+            self.cooling_slope,
+            self.cooling_intercept,
+            self.initial_slope,
+            self.transition_rate,
+            self.stress_range,
+            self.displacement_range,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class FlexinolNormalisedCoefficients:
+    """Asymptotes of any wire of the alloy, in λ = (R − R_0)/R_0 and ε (eq. 5.26–5.40).
+
+    R = R_0 (1 + λ) put into 5.1 and divided by L_0 gives ε = (a R_0/L_0) λ + (a R_0 + b)/L_0: the
+    normalised slope is â = a R_0/L_0 (5.30, 5.31) and the intercept b̂ = (b + a R_0)/L_0, since it is
+    the strain at λ = 0, not at R = 0.
+    """
+
+    martensite_resistivity: float = parameter(
+        description="ρ_M, which gives R_0 = ρ_M L_0/A_0", unit="Ω·m", lo=1e-8, hi=1e-4
+    )
+    heating_slope: tuple[float, ...] = parameter(description=f"â_H, {_POLYNOMIAL}", unit="1")
+    heating_intercept: tuple[float, ...] = parameter(description=f"b̂_H, {_POLYNOMIAL}", unit="1")
+    cooling_slope: tuple[float, ...] = parameter(description=f"â_C, {_POLYNOMIAL}", unit="1")
+    cooling_intercept: tuple[float, ...] = parameter(description=f"b̂_C, {_POLYNOMIAL}", unit="1")
+    initial_slope: float = parameter(description="â_0, slope far from the asymptote", unit="1")
+    transition_rate: float = parameter(description="τ̂ of the transition", unit="1", lo=1e-6, hi=1e9)
+    stress_range: tuple[float, ...] = parameter(
+        description="lowest and highest stress of the calibration", unit="Pa", lo=-1e9, hi=1e9
+    )
+    strain_range: tuple[float, ...] = parameter(description="determinate part of the stroke", unit="1", lo=-1.0, hi=1.0)
+
+    def mismatches(self, wire) -> list[str]:
+        """Why these coefficients do not suit ``wire``."""
+        return [
+            *wrong_alloy("flexinol_normalised", "ni-ti", wire),
+            *wrong_ranges(stress_range=self.stress_range, strain_range=self.strain_range),
+        ]
+
+    def build(self, wire) -> FlexinolModel:
+        """The model of ``wire``, in its own resistance and displacement."""
+        length_m = wire.length
+        initial_Ohm = self.martensite_resistivity * length_m / wire.area_m2
+        slope = length_m / initial_Ohm
+        a_h, a_c = np.multiply(self.heating_slope, slope), np.multiply(self.cooling_slope, slope)
+        return FlexinolModel(
+            a_h,
+            _sum(np.multiply(self.heating_intercept, length_m), -initial_Ohm * a_h),
+            a_c,
+            _sum(np.multiply(self.cooling_intercept, length_m), -initial_Ohm * a_c),
+            self.initial_slope * slope,
+            self.transition_rate / initial_Ohm,
+            self.stress_range,
+            tuple(strain * length_m for strain in self.strain_range),
+        )
+
+
+def _sum(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Sum of two polynomials, lowest order first, of different orders."""
+    out = np.zeros(max(len(p), len(q)))
+    out[: len(p)] += p
+    out[: len(q)] += q
+    return out

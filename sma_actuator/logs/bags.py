@@ -1,0 +1,110 @@
+"""Bench logs from rosbag2 recordings (SQLite or MCAP): every column is named a topic and a field."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .bench_log import COLUMNS, BenchLog, BenchLogError
+from sma_actuator.base.parameters import ConfigError
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path is a recording rather than a bench log."""
+    return path.suffix in (".mcap", ".db3") or (path.is_dir() and (path / "metadata.yaml").exists())
+
+
+def log_from_bag(path: str | Path, topics: Mapping[str, str]) -> BenchLog:
+    """A bench log from a recording.
+
+    ``topics`` maps a column to ``/topic:field.path``, as ``load_N → /wire/load:wrench.force.x`` or
+    ``displacement_m → /joint_states:position.0``.  Rows stand at the times of the first column's
+    messages (their header stamps where they have any); the other columns are interpolated, and NaN more
+    than a period before their first and after their last message.  Raises BenchLogError naming the topic or field.
+    """
+    try:
+        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.typesys import Stores, get_typestore
+    except ModuleNotFoundError as error:
+        raise ConfigError(f"{path}: recordings need the Python package 'rosbags' (extra 'bags')") from error
+
+    path = Path(path)
+    if not topics:
+        raise BenchLogError(f"{path}: is a recording; name a topic for every column, as supply_voltage_V=/topic:data")
+    wanted = {column: _split(column, spec) for column, spec in topics.items()}
+    series: dict[str, list[tuple[float, float]]] = {column: [] for column in wanted}
+    folder = path.parent if path.suffix == ".db3" else path
+    try:
+        with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
+            present = {c.topic for c in reader.connections}
+            for column, (topic, _) in wanted.items():
+                if topic not in present:
+                    raise BenchLogError(
+                        f"{path}: topic {topic} (for {column}) is not recorded; recorded are "
+                        f"{', '.join(sorted(present)) or 'none'}"
+                    )
+            connections = [c for c in reader.connections if c.topic in {topic for topic, _ in wanted.values()}]
+            for connection, stamp_ns, raw in reader.messages(connections=connections):
+                message = reader.deserialize(raw, connection.msgtype)
+                time_s = _stamp_s(message, stamp_ns)
+                for column, (topic, field) in wanted.items():
+                    if topic == connection.topic:
+                        series[column].append((time_s, _field(message, field, f"{path}: topic {topic}")))
+    except AnyReaderError as error:
+        raise BenchLogError(f"{path}: is no readable rosbag2 recording ({error})") from error
+    for column, rows in series.items():
+        if not rows:
+            raise BenchLogError(f"{path}: topic {wanted[column][0]} (for {column}) holds no message")
+    arrays = {
+        column: np.array(rows)[np.argsort([t for t, _ in rows], kind="stable")] for column, rows in series.items()
+    }
+    time_s = np.unique(next(iter(arrays.values()))[:, 0])
+    columns = {"time_s": time_s - time_s[0]}
+    for column, rows in arrays.items():
+        columns[column] = np.interp(time_s, rows[:, 0], rows[:, 1])
+        period_s = np.median(np.diff(rows[:, 0])) if len(rows) > 1 else 0.0
+        columns[column][(time_s < rows[0, 0] - period_s) | (time_s > rows[-1, 0] + period_s)] = np.nan
+    return BenchLog(columns, {"recording": path.name}, str(path))
+
+
+def parse_topics(words: list[str]) -> dict[str, str]:
+    """``column=/topic:field`` words as a mapping.  Raises BenchLogError."""
+    out = {}
+    for word in words:
+        column, separator, spec = word.partition("=")
+        if not separator or column not in COLUMNS or column == "time_s":
+            known = ", ".join(c for c in COLUMNS if c != "time_s")
+            raise BenchLogError(f"--topic {word}: COLUMN=/topic:field is wanted, with a column of {known}")
+        out[column] = spec
+    return out
+
+
+def _split(column: str, spec: str) -> tuple[str, list[str]]:
+    match = re.fullmatch(r"(/[^:]+):([A-Za-z_][\w.]*)", spec)
+    if not match:
+        raise BenchLogError(f"{column}: '{spec}' does not name a topic and a field, as /wire/load:wrench.force.x")
+    return match[1], match[2].split(".")
+
+
+def _field(message: Any, field: list[str], place: str) -> float:
+    value = message
+    for name in field:
+        try:
+            value = value[int(name)] if name.isdigit() else getattr(value, name)
+        except (AttributeError, IndexError, TypeError):
+            raise BenchLogError(f"{place}: a message has no field {'.'.join(field)} (no '{name}')") from None
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        raise BenchLogError(f"{place}: field {'.'.join(field)} is not a number") from None
+
+
+def _stamp_s(message: Any, recorded_ns: int) -> float:
+    stamp = getattr(getattr(message, "header", None), "stamp", None)
+    if stamp is not None and (stamp.sec or stamp.nanosec):
+        return stamp.sec + stamp.nanosec * 1e-9
+    return recorded_ns * 1e-9

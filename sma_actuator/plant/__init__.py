@@ -1,0 +1,1 @@
+"""The physics of a wire under load: heat, transformation, strain, resistance."""

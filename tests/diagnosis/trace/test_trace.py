@@ -1,0 +1,173 @@
+"""Tracing: what is hidden in a session is found, nothing is found where nothing is, and what has no name stays without."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from sessions import session
+
+from sma_actuator.bench import Weight
+from sma_actuator.config import Config
+from sma_actuator.diagnosis.trace import Evidence, trace
+from sma_actuator.diagnosis.trace.candidates import Scales, candidate
+from sma_actuator.diagnosis.trace.evidence import LIMIT, limited
+from sma_actuator.diagnosis.trace.experiments import best_experiment
+from sma_actuator.diagnosis.trace.fitting import fit
+from sma_actuator.estimation.effects import EFFECTS, EffectChain, Place
+from sma_actuator.estimation.estimator import Estimator
+from sma_actuator.logs.bench_log import BenchLog, BenchLogError
+
+
+@pytest.fixture(scope="module")
+def config(wire):
+    return Config.from_mapping(wire[1])
+
+
+@pytest.fixture(scope="module")
+def clean(wire, config):
+    return Evidence(session(wire[0]), config)
+
+
+def traced(wire, config, hidden, **options):
+    return trace(Evidence(session(wire[0], hidden, **options), config), jobs=1)
+
+
+def test_where_nothing_is_hidden_nothing_is_found(clean):
+    found = trace(clean, jobs=1)
+    assert found.verdict == "none" and found.fit is None
+
+
+@pytest.mark.parametrize(
+    ("hidden", "parameter", "value"),
+    [
+        ({"voltage_offset": 0.004}, "offset", 0.004),
+        ({"slip": 2e-4}, "length", 2e-4),
+        ({"backlash": 2.5e-4}, "width", 2.5e-4),
+        ({"elastic_compliance": 1e-4}, "compliance", 1e-4),
+        ({"load_cell_gain": 0.3}, "gain", 0.3),
+    ],
+    ids=lambda x: next(iter(x)) if isinstance(x, dict) else "",
+)
+def test_what_is_hidden_is_named_first_and_its_size_found(wire, config, hidden, parameter, value):
+    (name,) = hidden
+    found = traced(wire, config, hidden)
+    assert found.verdict == "traced"
+    assert found.fit.names[0] == name
+    assert found.fit.values[name][parameter] == pytest.approx(value, rel=0.25)
+    assert found.errors_percent["after"].mean() < 0.6 * found.errors_percent["before"].mean()
+
+
+def test_two_effects_are_both_found(wire, config):
+    found = traced(wire, config, {"slip": 2e-4, "voltage_offset": 0.004})
+    assert found.verdict == "traced"
+    assert set(found.fit.names) == {"slip", "voltage_offset"}
+
+
+@pytest.mark.parametrize("hidden", [{"hum": 1.5e-4}, {"contact_bounce": 0.06}], ids=lambda h: next(iter(h)))
+def test_what_has_no_name_stays_without(wire, config, hidden):
+    assert traced(wire, config, hidden).verdict == "unexplained"
+
+
+def test_a_fault_of_the_reference_is_not_put_into_the_model(wire, config):
+    """A gain of the sensor: the set that fits alike holds it, and it lies outside the model."""
+    found = traced(wire, config, {"reference_drift": 2.5e-4})
+    assert found.verdict == "traced"
+    assert "reference_drift" in (*found.fit.names, *found.alternatives)
+
+
+def test_what_the_log_could_not_show_is_untestable_never_absent(wire, config):
+    found = traced(wire, config, {"voltage_offset": 0.004}, load=Weight(0.98))
+    assert "one load" in found.untestable["elastic_compliance"]
+    assert "ambient" in found.untestable["ambient_temperature"]
+
+
+def test_rerunning_gives_the_same_answer(wire, config):
+    logs = session(wire[0], {"voltage_offset": 0.004}, logs=1)
+    a, b = (trace(Evidence(logs, config), jobs=jobs) for jobs in (1, 2))
+    assert a.fit.values == b.fit.values and a.fit.names == b.fit.names
+    np.testing.assert_array_equal(a.fit.held_out, b.fit.held_out)
+
+
+# --- the evidence --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_a_candidate_goes_through_the_whole_recursion_as_in_the_node(clean, config, name):
+    """What the race judges is what an extended model would estimate: the same numbers as the Estimator's."""
+    scales = Scales.of(clean)
+    c = candidate(name, scales, clean)
+    values = {f.name: f.starts[0] if f.starts else 0.3 * f.typical for f in c.free}
+    effect = c.build({**values, **({"time": 40.0} if name == "slip" else {})})
+    predictions = clean.predict({name: effect})
+    place = Place.of(config)
+    for trace_, p in zip(clean.traces, predictions, strict=True):
+        chain = EffectChain({name: effect}, place, clean.start_s)
+        if trace_ is not clean.traces[0]:
+            continue  # the memory of the first log goes on in the second
+        signals = chain.measure(trace_.signals)
+        estimate = Estimator(config, EffectChain({name: effect}, place, clean.start_s)).run(signals)
+        if EFFECTS[name].STAGE != "reference":
+            np.testing.assert_array_equal(p.shown_m, estimate.displacement_m)
+        else:
+            np.testing.assert_array_equal(p.model_m, estimate.displacement_m)
+
+
+def test_large_residuals_count_linearly():
+    z = np.array([0.0, 1.0, LIMIT, 2.0 * LIMIT, np.nan, -np.inf])
+    loss = 0.5 * limited(z) ** 2
+    assert loss[:3] == pytest.approx(0.5 * z[:3] ** 2)
+    assert loss[3] == pytest.approx(LIMIT * (2.0 * LIMIT - 0.5 * LIMIT))
+    assert np.isfinite(loss).all() and loss[4] == loss[5] > loss[3]
+
+
+def test_held_out_cycles_are_not_in_the_fit(clean):
+    """An effect that is not there gains nothing on cycles it has not seen, however many parameters it has."""
+    train = np.arange(clean.units) < clean.units - 3
+    base = clean.losses(clean.residual({}))
+    for name in ("fatigue", "minor_loop_memory", "self_heating"):
+        found = fit(clean, [candidate(name, Scales.of(clean), clean)], train)
+        gain = (base - found.held_out)[train]
+        assert gain.mean() < 2.5 * gain.std(ddof=1) / np.sqrt(len(gain)) + 0.1 * base.mean()
+
+
+def test_the_proposed_experiment_tells_two_explanations_apart(clean):
+    """Creep and slip after the same session: a long rest in the cold shows which."""
+    first = {"creep": EFFECTS["creep"](compliance=2e-4, time_constant=200.0)}
+    second = {"slip": EFFECTS["slip"](length=1e-4, time=1.0)}
+    found = best_experiment(clean, first, second)
+    assert found.difference_m > 0.01 * clean.full_stroke_m
+    assert found.duration_s > 0.0
+
+
+def test_logs_with_clocks_of_their_own_are_sessions_of_their_own(wire, config):
+    logs = session(wire[0])
+    restarted = [
+        dataclasses.replace(log, columns={**log.columns, "time_s": log["time_s"] - log["time_s"][0]}) for log in logs
+    ]
+    assert Evidence(logs, config).one_session
+    assert not Evidence(restarted, config).one_session
+
+
+# --- bad input -----------------------------------------------------------------------------------
+
+
+def changed(log, **columns):
+    return BenchLog({k: v for k, v in {**log.columns, **columns}.items() if v is not None}, log.metadata, log.source)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda log: changed(log, lvdt_current_A=None), "displacement"),
+        (lambda log: log.slice(0, 120), "shorter than a cycle|never moves"),
+        (lambda log: changed(log, lvdt_current_A=np.full(len(log), 0.012)), "displacement never moves"),
+        (lambda log: changed(log, supply_voltage_V=6.0 * log["supply_voltage_V"]), "resistance"),
+        (lambda log: BenchLog(log.columns, {"wire": {"length_m": 0.3}}, log.source), "another wire"),
+    ],
+    ids=["no reference", "shorter than a cycle", "a channel that stands", "another circuit", "another wire"],
+)
+def test_bad_logs_are_refused_in_a_sentence(wire, config, spoil, said):
+    log = session(wire[0], logs=1)[0]
+    with pytest.raises(BenchLogError, match=said) as raised:
+        Evidence([spoil(log)], config)
+    assert "session_1.csv" in str(raised.value)

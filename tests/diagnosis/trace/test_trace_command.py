@@ -1,0 +1,196 @@
+"""``sma-actuator trace`` as a user runs it: logs and a model in, a verdict, a page and an extended model out."""
+
+import dataclasses
+import json
+import re
+
+import numpy as np
+import pytest
+import yaml
+from sessions import session, write, write_model
+
+from sma_actuator.actuator import Actuator
+from sma_actuator.base.signals import Reading
+from sma_actuator.cli.main import main
+from sma_actuator.config import Config
+from sma_actuator.identify.traces import make_trace
+from sma_actuator.logs.bench_log import read_bench_log, to_reading
+from sma_actuator.replay import estimate_m
+
+
+@pytest.fixture(scope="module")
+def traced(wire, tmp_path_factory):
+    """(folder, logs, model) of a session with a zero error of the voltage channel, traced."""
+    folder = tmp_path_factory.mktemp("traced")
+    logs = write(session(wire[0], {"voltage_offset": 0.004}), folder)
+    model = write_model(wire[1], folder / "wire.yaml")
+    assert main(["trace", *logs, "--config", model, "--out", str(folder / "out"), "--jobs", "1"]) == 0
+    return folder, logs, model
+
+
+@pytest.fixture(scope="module")
+def report(traced):
+    return json.loads((traced[0] / "out" / "report.json").read_text())
+
+
+def test_the_report_says_what_was_found_and_how_sure_it_is(report):
+    assert report["verdict"] == "traced"
+    (effect,) = report["effects"]
+    assert (effect["name"], effect["stage"]) == ("voltage_offset", "circuit")
+    offset = effect["parameters"]["offset"]
+    assert offset["unit"] == "V"
+    assert offset["interval"][0] <= 0.004 <= offset["interval"][1] or offset["value"] == pytest.approx(0.004, rel=0.05)
+    assert effect["share"] > 0.9
+    low, high = report["error_before_interval"]
+    assert low < report["error_before_pct_stroke"] < high
+    low, high = report["error_after_interval"]
+    assert low < report["error_after_pct_stroke"] < high < report["error_before_interval"][0]
+    assert report["last_block"]["error_after_pct_stroke"] < report["last_block"]["error_before_pct_stroke"]
+    assert isinstance(report["alternatives"], list)
+    assert "ambient_temperature" in {u["name"] for u in report["untestable"]}
+    assert 0.0 < report["residual_before"]["sensor_noise_pct_stroke"] < report["error_after_pct_stroke"]
+    assert report["residual_before"]["share_explained_by"]
+
+
+def test_the_page_is_one_file_with_its_pictures_in_it(traced):
+    page = (traced[0] / "out" / "report.html").read_text()
+    assert page.count("data:image/png;base64,") >= 5
+    assert "voltage_offset" in page and 'src="http' not in page
+
+
+def test_the_extended_model_runs_in_every_tool_and_has_the_error_that_was_reported(traced, report):
+    folder, logs, _ = traced
+    model = folder / "out" / "model.yaml"
+    assert report["model_file"] == str(model)
+    config = Config.load(model)
+    assert list(config.effects.active) == ["voltage_offset"]
+    (history,) = config.effects.history
+    assert "voltage_offset" in history and "session_1.csv" in history and "% of full stroke" in history
+    error, n = 0.0, 0
+    for path in logs:
+        trace_ = make_trace(read_bench_log(path), config)
+        error += np.nansum(np.abs(estimate_m(trace_, config) - trace_.displacement_m))
+        n += len(trace_.log)
+    assert error / n / config.wire.full_stroke_m * 100 == pytest.approx(report["error_after_pct_stroke"], rel=0.1)
+    assert main(["replay", *logs, "--config", str(model), "--report", str(folder / "replay.html")]) == 0
+
+
+def test_tracing_again_with_the_extended_model_finds_nothing_more(traced):
+    folder, logs, _ = traced
+    out = folder / "again"
+    assert main(["trace", *logs, "--config", str(folder / "out" / "model.yaml"), "--out", str(out), "--jobs", "1"]) == 0
+    assert json.loads((out / "report.json").read_text())["verdict"] == "none"
+    assert not (out / "model.yaml").exists()
+
+
+def test_rerunning_writes_the_same_files(traced):
+    folder, logs, model = traced
+    assert main(["trace", *logs, "--config", model, "--out", str(folder / "out2"), "--jobs", "2"]) == 0
+    for name in ("model.yaml", "report.json"):
+        assert (folder / "out2" / name).read_text().replace("out2", "out") == (folder / "out" / name).read_text()
+
+
+def test_a_model_that_does_not_say_how_good_it_was_takes_its_calibration_logs(wire, traced, capsys):
+    """Without a floor of its own 1.5 % of the stroke counts; --calibration gives it one."""
+    folder, logs, _ = traced
+    bare = write_model({k: v for k, v in wire[1].items() if k != "calibration"}, folder / "bare.yaml")
+    clean = write(session(wire[0], seed=9), folder / "..")
+    out = folder / "calibrated"
+    words = ["--config", bare, "--out", str(out), "--jobs", "1"]
+    assert main(["trace", *logs, *words]) == 0
+    without = json.loads((out / "report.json").read_text())
+    assert without["floor_pct_stroke"] == pytest.approx(1.25 * 1.5) and not without["floor_from_calibration"]
+    assert without["effects"][0]["name"] == "voltage_offset"
+    assert main(["trace", *logs, *words, "--calibration", *clean]) == 0
+    with_ = json.loads((out / "report.json").read_text())
+    assert with_["floor_from_calibration"] and with_["effects"][0]["name"] == "voltage_offset"
+
+
+@pytest.mark.parametrize(
+    ("change", "words", "said"),
+    [
+        ({}, ["--only", "gremlins"], "--only: 'gremlins' is no effect"),
+        ({"file_format": 7}, [], "file_format.*newer version"),
+        ({"effects": {"gremlins": {}}}, [], "effects.gremlins: no such effect"),
+    ],
+    ids=["unknown effect", "a newer file", "an effect of a newer version"],
+)
+def test_bad_input_is_refused_in_a_sentence(wire, traced, tmp_path, capsys, change, words, said):
+    model = write_model({**wire[1], **change}, tmp_path / "model.yaml")
+    assert main(["trace", *traced[1], "--config", model, "--out", str(tmp_path / "out"), *words]) == 1
+    assert re.search(said, capsys.readouterr().err.replace("\n", " "))
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_written_model_is_plain_yaml(traced):
+    text = (traced[0] / "out" / "model.yaml").read_text()
+    assert text.startswith("# Written by `sma-actuator trace`")
+    assert yaml.safe_load(text)["sma_actuator"]["ros__parameters"]["effects"]["order"] == ["voltage_offset"]
+
+
+def test_the_node_estimates_with_the_extended_model_what_replay_does(traced):
+    """Reading by reading through the actuator's own step, as the node drives it."""
+    folder, logs, _ = traced
+    config = Config.load(folder / "out" / "model.yaml")
+    log = read_bench_log(logs[0])
+    trace_ = make_trace(log, config)
+    whole = estimate_m(trace_, config)
+    actuator, reading = Actuator(config), to_reading(log, config)
+    for i in range(len(log)):
+        one = Reading(*(float(getattr(reading, f.name)[i]) for f in dataclasses.fields(Reading)))
+        output = actuator.step(one.time_s, one, None)
+        assert output.estimate.displacement_m == pytest.approx(whole[i], abs=1e-12), f"reading {i}"
+
+
+def test_a_dask_cluster_gives_the_same_report(traced):
+    distributed = pytest.importorskip("distributed")
+    folder, logs, model = traced
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+        words = ["--jobs", "2", "--dask", cluster.scheduler_address]
+        assert main(["trace", *logs, "--config", model, "--out", str(folder / "out3"), *words]) == 0
+    assert (folder / "out3" / "report.json").read_text().replace("out3", "out") == (
+        folder / "out" / "report.json"
+    ).read_text()
+
+
+def test_a_cluster_that_does_not_answer_is_named(traced, capsys):
+    folder, logs, model = traced
+    assert main(["trace", *logs, "--config", model, "--out", str(folder / "out4"), "--dask", "tcp://127.0.0.1:1"]) == 1
+    assert "--dask: no scheduler answers at 'tcp://127.0.0.1:1'" in capsys.readouterr().err.replace("\n", " ")
+
+
+def test_replay_gives_every_model_its_own_circuit(traced):
+    """The model and the extended one beside each other: the first thing a user looks at."""
+    folder, logs, model = traced
+    out = folder / "beside.json"
+    words = [
+        "--config",
+        model,
+        "--config",
+        str(folder / "out" / "model.yaml"),
+        "--report",
+        str(folder / "beside.html"),
+        "--json",
+        str(out),
+    ]
+    assert main(["replay", logs[0], *words]) == 0
+    text = json.dumps(json.loads(out.read_text()))
+    errors = [float(x) for x in re.findall(r'"full_percent": ([\d.]+)', text)]
+    assert len(errors) == 2 and errors[1] < 0.5 * errors[0]
+
+
+def test_fitting_one_effect_alone_is_no_verdict_for_it(traced):
+    folder, logs, model = traced
+    out = folder / "only"
+    assert main(["trace", *logs, "--config", model, "--out", str(out), "--jobs", "1", "--only", "rate"]) == 0
+    assert json.loads((out / "report.json").read_text())["verdict"] == "unexplained"
+    assert not (out / "model.yaml").exists()
+
+
+def test_a_failure_leaves_no_earlier_result_behind(traced, tmp_path, capsys):
+    folder, logs, model = traced
+    (tmp_path / "report.json").write_text("{}")
+    (tmp_path / "model.yaml").write_text("old")
+    assert main(["trace", *logs, "--config", model, "--out", str(tmp_path), "--only", "ambient_temperature"]) == 1
+    assert "ambient_temperature cannot be fitted on these logs" in capsys.readouterr().err.replace("\n", " ")
+    assert not list(tmp_path.iterdir())

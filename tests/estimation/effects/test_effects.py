@@ -1,0 +1,324 @@
+"""Every effect a model can lack: its closed form, nothing at zero, and the same numbers live as in replay."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sma_actuator.base.parameters import ConfigError, to_mapping
+from sma_actuator.base.signals import Signals
+from sma_actuator.config import Config
+from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL, EffectChain, Place
+from sma_actuator.estimation.estimator import Estimator
+
+#: Parameters that make each effect show.
+STRONG = {
+    "lead_resistance": {"resistance": 0.2},
+    "contact_drift": {"resistance": 0.3, "time_constant": 5.0},
+    "voltage_offset": {"offset": 0.02},
+    "reference_self_heating": {"coefficient": 0.3, "time_constant": 2.0},
+    "shunt": {"conductance": 0.01},
+    "load_cell_drift": {"offset": 0.1, "rate": 0.02},
+    "load_cell_gain": {"gain": 0.2},
+    "self_heating": {"temperature_coefficient": 5e-4, "onset": 10.0},
+    "ambient_temperature": {"temperature_coefficient": 1e-3, "fading": 50.0},
+    "thermal_expansion": {"coefficient": 2e-5},
+    "elastic_compliance": {"compliance": 2e-4},
+    "fatigue": {"displacement_per_ln_cycle": 2e-4, "resistance_per_ln_cycle": 0.02},
+    "creep": {"compliance": 3e-4, "time_constant": 5.0},
+    "minor_loop_memory": {"after_heating": 5e-4, "after_cooling": 4e-4},
+    "rate": {"displacement_per_rate": 1e-3, "relaxation_time": 0.2},
+    "slip": {"length": 3e-4, "time": 7.0},
+    "backlash": {"width": 5e-4},
+    "reference_lag": {"time_constant": 0.5},
+    "reference_gain": {"gain": 0.1},
+    "reference_drift": {"offset": 1e-4, "rate": 1e-5},
+}
+PLACE = Place(
+    reference_resistance_Ohm=1.0, lead_resistance_Ohm=0.25, area_m2=1.82e-8, length_m=0.1, heat_loss_W_K=5e-3, ambient_C=24.0,
+    working_range_m=(0.2e-3, 4.2e-3),
+)  # fmt: skip
+
+
+def signals(n=400, seed=0):
+    """A wire that goes through its loop, whole and in part, under a load that wavers; arrays of shape (n,)."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(n) * 0.05
+    depth = np.where(time_s % 12.0 < 6.0, 1.0, 0.5)
+    resistance = 5.0 * (1.0 + 0.06 * depth * np.cos(time_s * math.pi / 3.0)) + 1e-3 * rng.standard_normal(n)
+    power = np.where(np.sin(time_s * math.pi / 3.0) > 0.0, 0.6, 0.013)
+    load = 1.0 + 0.2 * np.sin(0.3 * time_s)
+    ambient = 24.0 + 0.2 * time_s
+    return Signals(
+        time_s, resistance, np.sqrt(power / resistance), power, load, load / 1.82e-8, np.full(n, 2e-3), ambient
+    )
+
+
+def sample(arrays, i):
+    return Signals(*(float(getattr(arrays, f.name)[i]) for f in dataclasses.fields(Signals)))
+
+
+def build(name, **changes):
+    return EFFECTS[name](**{**STRONG[name], **changes})
+
+
+def through(name, arrays, displacement_m=None):
+    """(signals, resistance, displacement) after every stage of one effect."""
+    chain = EffectChain({name: build(name)}, PLACE)
+    measured = chain.measure(arrays)
+    frame = chain.run("at_resistance", chain.frame(measured))
+    frame.heating = arrays.power_W > 0.1
+    frame.displacement_m = np.full(len(arrays.time_s), 2e-3) if displacement_m is None else displacement_m
+    frame = chain.run("shown", chain.run("at_displacement", frame))
+    return measured, frame.resistance_Ohm, frame.displacement_m
+
+
+def test_the_list_is_complete_and_every_effect_has_a_stage():
+    assert set(STRONG) == set(EFFECTS)
+    assert {cls.STAGE for cls in EFFECTS.values()} == {"circuit", "load cell", "wire", "mechanism", "reference"}
+    assert NOT_THE_MODEL == ("mechanism", "reference")
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_at_zero_an_effect_changes_nothing(name):
+    """The defaults of what is fitted as a size are zero; a lag of a millisecond is none at 20 Hz."""
+    arrays = signals()
+    displacement = 2e-3 + 1e-3 * np.cos(arrays.time_s)
+    chain = EffectChain({name: EFFECTS[name]()}, PLACE)
+    measured = chain.measure(arrays)
+    frame = chain.run("at_resistance", chain.frame(measured))
+    frame.heating, frame.displacement_m = arrays.power_W > 0.1, displacement.copy()
+    frame = chain.run("shown", chain.run("at_displacement", frame))
+    np.testing.assert_allclose(frame.resistance_Ohm, arrays.resistance_Ohm, rtol=1e-12)
+    np.testing.assert_allclose(measured.load_N, arrays.load_N, rtol=1e-12)
+    np.testing.assert_allclose(frame.displacement_m, displacement, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_a_strong_effect_shows(name):
+    arrays = signals()
+    moving = 2e-3 + 1e-3 * np.cos(arrays.time_s)
+    measured, resistance, displacement = through(name, arrays, moving.copy())
+    changed = max(
+        np.max(np.abs(resistance - arrays.resistance_Ohm)) / 5.0, np.max(np.abs(measured.load_N - arrays.load_N)),
+        np.max(np.abs(displacement - moving)) / 4e-3,
+    )  # fmt: skip
+    assert changed > 1e-3
+
+
+@pytest.mark.parametrize("name", [n for n in EFFECTS if EFFECTS[n].STAGE != "reference"])
+def test_live_and_replay_give_the_same_numbers(make_config, name):
+    """One sample at a time, as the node does it, and a whole log at once."""
+    config = Config.from_mapping(make_config(effects={name: STRONG[name]}))
+    arrays = signals()
+    measuring, estimator = EffectChain(config.effects.active, Place.of(config)), Estimator(config)
+    whole = Estimator(config).run(EffectChain(config.effects.active, Place.of(config)).measure(arrays))
+    for i in range(len(arrays.time_s)):
+        live = estimator.step(measuring.measure(sample(arrays, i)))
+        for field in ("displacement_m", "velocity_m_s", "branch"):
+            assert getattr(live, field) == getattr(whole, field)[i], f"{field} of sample {i}"
+
+
+@given(st.sampled_from(sorted(EFFECTS)), st.integers(1, 399), st.integers(0, 5))
+@settings(max_examples=60, deadline=None)
+def test_a_log_cut_in_two_gives_the_same_numbers(name, cut, seed):
+    """An effect's memory is all it needs: state carries over from one block to the next."""
+    arrays = signals(seed=seed)
+    parts = [
+        Signals(**{f.name: getattr(arrays, f.name)[here] for f in dataclasses.fields(Signals)})
+        for here in (slice(0, cut), slice(cut, None))
+    ]
+    chain, found = EffectChain({name: build(name)}, PLACE), []
+    for part in parts:
+        measured = chain.measure(part)
+        frame = chain.run("at_resistance", chain.frame(measured))
+        frame.heating, frame.displacement_m = part.power_W > 0.1, 2e-3 + 1e-3 * np.cos(part.time_s)
+        frame = chain.run("shown", chain.run("at_displacement", frame))
+        found.append((frame.resistance_Ohm, frame.displacement_m))
+    measured, resistance, displacement = through(name, arrays, 2e-3 + 1e-3 * np.cos(arrays.time_s))
+    np.testing.assert_array_equal(np.concatenate([r for r, _ in found]), resistance)
+    np.testing.assert_array_equal(np.concatenate([d for _, d in found]), displacement)
+
+
+# --- closed forms --------------------------------------------------------------------------------
+
+
+def test_circuit_effects_undo_what_the_circuit_does():
+    """What would be measured of a wire of 5 Ω with 0.3 A in it, put right."""
+    true_Ohm, current_A = np.full(3, 5.0), np.full(3, 0.3)
+    now_s = np.array([0.0, 5.0, 50.0])
+
+    def corrected(name, shown_Ohm, shown_A=current_A):
+        s = Signals(
+            now_s, shown_Ohm, shown_A, shown_A**2 * shown_Ohm, np.ones(3), np.ones(3), np.ones(3), np.full(3, 24.0)
+        )
+        return EffectChain({name: build(name)}, PLACE).measure(s)
+
+    np.testing.assert_allclose(corrected("lead_resistance", true_Ohm + 0.2).resistance_Ohm, true_Ohm)
+    np.testing.assert_allclose(
+        corrected("contact_drift", true_Ohm + 0.3 * (1.0 - np.exp(-now_s / 5.0))).resistance_Ohm, true_Ohm
+    )
+    np.testing.assert_allclose(corrected("voltage_offset", true_Ohm + 0.02 / current_A).resistance_Ohm, true_Ohm)
+    # 0.3 A through 5 Ω beside 0.01 S: the leak takes 5 × 0.01 of what the wire takes.
+    total_A = current_A * (1.0 + 5.0 * 0.01)
+    found = corrected("shunt", 1.0 / (1.0 / true_Ohm + 0.01), total_A)
+    np.testing.assert_allclose(found.resistance_Ohm, true_Ohm)
+    np.testing.assert_allclose(found.current_A, current_A)
+
+
+def test_the_sense_resistor_warms_with_a_lag():
+    """V_net/V_ref shows (R + R_lead)/(R_ref(1 + kP)): at a current that stands, the correction is the whole of it at once."""
+    n = 100
+    arrays = Signals(
+        np.arange(n) * 0.1,
+        np.full(n, 5.0),
+        np.full(n, 0.5),
+        np.full(n, 1.25),
+        np.ones(n),
+        np.ones(n),
+        np.ones(n),
+        np.ones(n),
+    )
+    found = EffectChain({"reference_self_heating": build("reference_self_heating")}, PLACE).measure(arrays)
+    np.testing.assert_allclose(found.resistance_Ohm, 5.25 * (1.0 + 0.3 * 0.25) - 0.25)
+    np.testing.assert_allclose(found.current_A, 0.5 / (1.0 + 0.3 * 0.25))
+
+
+def test_load_cell_effects_undo_zero_and_slope():
+    arrays = signals()
+    drift, _, _ = through("load_cell_drift", arrays)
+    np.testing.assert_allclose(drift.load_N, arrays.load_N - 0.1 - 0.02 * arrays.time_s)
+    np.testing.assert_allclose(drift.stress_Pa, drift.load_N / PLACE.area_m2)
+    gain, _, _ = through("load_cell_gain", arrays)
+    np.testing.assert_allclose(gain.load_N * 1.2, arrays.load_N)
+
+
+def test_temperature_follows_the_heat_balance():
+    """C dT/dt = P − h (T − T_amb) after a step of power: an exponential with the time constant C/h."""
+    n, tau, step_W = 200, 2.0, 0.5
+    time_s = np.arange(n) * 0.05
+    power = np.where(time_s > 0.0, step_W, 0.0)
+    arrays = Signals(
+        time_s, np.full(n, 5.0), np.full(n, 0.3), power, np.ones(n), np.ones(n), np.ones(n), np.full(n, 24.0)
+    )
+    _, _, displacement = through("thermal_expansion", arrays)
+    rise_K = step_W / 0.006 * (1.0 - np.exp(-time_s / tau))
+    np.testing.assert_allclose(displacement - 2e-3, 0.1 * 2e-5 * rise_K, rtol=1e-9, atol=1e-12)
+    _, resistance, _ = through("self_heating", arrays)
+    np.testing.assert_allclose(resistance, 5.0 / (1.0 + 5e-4 * np.maximum(0.0, rise_K - 10.0)), rtol=1e-9)
+
+
+def test_ambient_temperature_acts_in_the_cold():
+    n = 10
+    cold = Signals(
+        np.arange(n) * 1.0,
+        np.full(n, 5.0),
+        np.full(n, 0.05),
+        np.zeros(n),
+        np.ones(n),
+        np.ones(n),
+        np.ones(n),
+        np.full(n, 32.0),
+    )
+    _, resistance, _ = through("ambient_temperature", cold)
+    np.testing.assert_allclose(resistance, 5.0 / (1.0 + 1e-3 * 10.0))
+    unlogged = dataclasses.replace(cold, ambient_temperature_C=np.full(n, np.nan))
+    _, resistance, _ = through("ambient_temperature", unlogged)
+    np.testing.assert_allclose(resistance, 5.0 / (1.0 + 1e-3 * (PLACE.ambient_C - 22.0)))
+
+
+def test_creep_is_a_spring_and_a_damper_in_series_with_the_wire():
+    n = 100
+    time_s = np.arange(n) * 0.2
+    arrays = Signals(
+        time_s, np.full(n, 5.0), np.full(n, 0.05), np.zeros(n), np.full(n, 2.0), np.ones(n), np.ones(n), np.ones(n)
+    )
+    _, _, displacement = through("creep", arrays)
+    np.testing.assert_allclose(displacement - 2e-3, 3e-4 * 2.0 * (1.0 - np.exp(-time_s / 5.0)), atol=1e-15)
+
+
+def test_fatigue_goes_with_the_logarithm_of_the_cycle():
+    """Eq. 4.1: cycles are counted where the power comes on; the first one is number one."""
+    power = np.tile(np.repeat([0.01, 0.6], 5), 4)
+    n = len(power)
+    arrays = Signals(
+        np.arange(n) * 1.0, np.full(n, 5.0), np.full(n, 0.3), power, np.ones(n), np.ones(n), np.ones(n), np.ones(n)
+    )
+    _, resistance, displacement = through("fatigue", arrays)
+    cycle = np.array([1] * 5 + [2] * 10 + [3] * 10 + [4] * 10 + [5] * 5)
+    np.testing.assert_allclose(displacement - 2e-3, 2e-4 * np.log(cycle), atol=1e-15)
+    np.testing.assert_allclose(5.0 - resistance, 0.02 * np.log(cycle), atol=1e-12)
+
+
+def test_what_turned_back_early_shifts_the_next_branch():
+    """A heating that stopped half-way shifts the cooling by half of ``after_heating``; a complete one by nothing."""
+    half = np.concatenate((np.linspace(4.2e-3, 2.2e-3, 20), np.linspace(2.2e-3, 4.2e-3, 20)))
+    heating = np.arange(40) < 20
+    chain = EffectChain({"minor_loop_memory": build("minor_loop_memory")}, PLACE)
+    n = len(half)
+    frame = chain.frame(Signals(np.arange(n) * 1.0, *(np.ones(n) for _ in range(7))))
+    frame.heating, frame.displacement_m = heating, half.copy()
+    shift = chain.run("at_displacement", frame).displacement_m - half
+    np.testing.assert_allclose(shift[:20], 0.0)
+    np.testing.assert_allclose(shift[20:], 0.5 * 5e-4)
+
+
+def test_backlash_is_the_play_operator():
+    there_and_back = np.concatenate((np.linspace(0.0, 1e-3, 101), np.linspace(1e-3, 0.0, 101)))
+    n = len(there_and_back)
+    arrays = Signals(np.arange(n) * 0.1, *(np.ones(n) for _ in range(7)))
+    _, _, joint = through("backlash", arrays, there_and_back.copy())
+    assert joint[100] == pytest.approx(1e-3 - 0.25e-3)  # it trails by half the width …
+    assert joint[100 + 40] == pytest.approx(joint[100])  # … waits while the play is taken up …
+    assert joint[-1] == pytest.approx(0.25e-3)  # … and trails on the other side
+
+
+def test_slip_and_reference_effects():
+    arrays = signals()
+    moving = 2e-3 + 1e-3 * np.cos(arrays.time_s)
+    np.testing.assert_allclose(
+        through("slip", arrays, moving.copy())[2] - moving, 3e-4 * (arrays.time_s >= 7.0), atol=1e-18
+    )
+    np.testing.assert_allclose(through("reference_gain", arrays, moving.copy())[2], 1.1 * moving)
+    np.testing.assert_allclose(
+        through("reference_drift", arrays, moving.copy())[2] - moving, 1e-4 + 1e-5 * arrays.time_s, atol=1e-18
+    )
+    step = np.where(arrays.time_s > 0.0, 1e-3, 0.0)
+    np.testing.assert_allclose(
+        through("reference_lag", arrays, step)[2], 1e-3 * (1.0 - np.exp(-arrays.time_s / 0.5)), atol=1e-15
+    )
+
+
+# --- the section of a parameter file -------------------------------------------------------------
+
+
+def test_effects_come_back_from_the_file_as_they_were(make_config):
+    mapping = make_config(
+        effects={"order": ["creep", "slip"], "history": ["x"], "creep": STRONG["creep"], "slip": STRONG["slip"]}
+    )
+    config = Config.from_mapping(mapping)
+    assert list(config.effects.active) == ["creep", "slip"]
+    assert to_mapping(config.effects) == mapping["effects"]
+    assert Config.from_mapping(config.to_mapping()) == config
+
+
+@pytest.mark.parametrize(
+    ("effects", "said"),
+    [
+        ({"slipp": {}}, "effects.slipp: no such effect"),
+        ({"reference_lag": {"time_constant": 0.1}}, "fault of the reference sensor and no part of a model"),
+        ({"creep": {"compliance": "much"}}, "effects.creep.compliance"),
+        ({"creep": {"complianze": 1e-4}}, "effects.creep.complianze"),
+        ({"lead_resistance": {"resistance": 1e6}}, "effects.lead_resistance.resistance"),
+        ({"order": ["slip"], "creep": STRONG["creep"]}, "effects.order"),
+        (["creep"], "effects: a section"),
+    ],
+)
+def test_a_wrong_section_is_refused_by_name(make_config, effects, said):
+    mapping = make_config()
+    mapping["effects"] = effects
+    with pytest.raises(ConfigError, match=said):
+        Config.from_mapping(mapping)

@@ -1,0 +1,198 @@
+"""Real processes: benches and nodes under test, and a ROS 2 client in this one.
+
+Every wait is bounded and ends when its condition holds; nothing sleeps for a time that "should do".
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+SOON_s = 20.0  #: bound of waits that normally take under a second
+
+
+def wait_until(condition, timeout_s=SOON_s, what="it"):
+    """Poll ``condition`` until it is true; its value."""
+    deadline_s = time.monotonic() + timeout_s
+    while not (value := condition()):
+        assert time.monotonic() < deadline_s, f"{what} did not come within {timeout_s} s"
+        time.sleep(0.005)
+    return value
+
+
+class Bench:
+    """A virtual bench in a process of its own."""
+
+    def __init__(self, folder: Path, *arguments: str):
+        ports_file = folder / f"ports{time.monotonic_ns()}.json"
+        self.process = subprocess.Popen(
+            [
+                sys.executable,
+                "-m",
+                "sma_actuator",
+                "bench",
+                "--supply-port",
+                "0",
+                "--daq-port",
+                "0",
+                "--ports-file",
+                str(ports_file),
+                *arguments,
+            ],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        wait_until(lambda: ports_file.exists() or self.process.poll() is not None, what="the bench")
+        self.ports = json.loads(ports_file.read_text())
+        self._sockets: dict[int, socket.socket] = {}
+
+    def instruments(self, number=0):
+        """Section ``instruments`` of a parameter file for one of the benches."""
+        ports = self.ports[number]
+        return {
+            "supply": {"resource": f"TCPIP::127.0.0.1::{ports['supply']}::SOCKET"},
+            "daq": {"resource": f"TCPIP::127.0.0.1::{ports['daq']}::SOCKET", "lvdt_channel": 104},
+            "reconnect_backoff_max": 0.5,
+        }
+
+    def tell(self, command, number=0):
+        """A command on the DAQ's port, which does not feed the supply's watchdog; its answer, if it is a query."""
+        port = self.ports[number]["daq"]
+        if port not in self._sockets:
+            self._sockets[port] = socket.create_connection(("127.0.0.1", port), timeout=SOON_s)
+        connection = self._sockets[port]
+        connection.sendall(f"{command}\n".encode())
+        if "?" not in command:
+            return ""
+        answer = b""
+        while not answer.endswith(b"\n"):
+            part = connection.recv(4096)
+            assert part, f"the bench hung up on {command}"
+            answer += part
+        return answer.decode().strip()
+
+    def truth(self, number=0):
+        """(displacement [m], load [N], current [A]) as they are."""
+        values = [float(v) for v in self.tell("BENC:TRUT?", number).split(",")]
+        return values[1], values[7], values[9]
+
+    def current_A(self, number=0):
+        return self.truth(number)[2]
+
+    def close(self):
+        for connection in self._sockets.values():
+            connection.close()
+        self.process.kill()
+        self.process.wait()
+
+
+class NodeProcess:
+    """The node's process."""
+
+    def __init__(self, arguments, folder, program=("-m", "sma_actuator.ros.node")):
+        self.log = folder / f"node{time.monotonic_ns()}.log"
+        with self.log.open("wb") as log:
+            self.popen = subprocess.Popen([sys.executable, *program, *arguments], stdout=log, stderr=log)
+
+    @property
+    def words(self):
+        return self.log.read_text(errors="replace")
+
+    def says(self, text):
+        """Wait until the node has written ``text``."""
+        wait_until(lambda: text in self.words, what=f"'{text}' in:\n{self.words}\n")
+
+    def ends(self):
+        """Exit code of the process, once it has ended."""
+        return self.popen.wait(SOON_s)
+
+    def close(self):
+        if self.popen.poll() is None:
+            self.popen.send_signal(signal.SIGINT)
+            try:
+                self.popen.wait(5.0)
+            except subprocess.TimeoutExpired:
+                self.popen.kill()
+                self.popen.wait()
+
+
+def parameter_file(folder: Path, sections) -> Path:
+    """Write node names and their parameters as a parameter file (JSON is YAML)."""
+    path = folder / f"parameters{time.monotonic_ns()}.yaml"
+    path.write_text(json.dumps({name: {"ros__parameters": values} for name, values in sections.items()}))
+    return path
+
+
+class Client:
+    """What a ROS 2 program sees of the node."""
+
+    def __init__(self):
+        import rclpy
+        from rclpy.executors import SingleThreadedExecutor
+
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.node = rclpy.create_node("test_client", context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self._entities = {}
+        self.received = {}
+
+    def spin_until(self, condition, timeout_s=SOON_s, what="it"):
+        """Handle callbacks until ``condition`` is true; its value."""
+        deadline_s = time.monotonic() + timeout_s
+        while not (value := condition()):
+            assert time.monotonic() < deadline_s, f"{what} did not come within {timeout_s} s"
+            self.executor.spin_once(timeout_sec=0.02)
+        return value
+
+    def listen(self, topic, kind, latched=False):
+        """The list into which the messages of a topic go."""
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        if topic not in self.received:
+            self.received[topic] = []
+            durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+            self.node.create_subscription(
+                kind, topic, self.received[topic].append, QoSProfile(depth=50, durability=durability)
+            )
+        return self.received[topic]
+
+    def next(self, topic, kind, condition=lambda _: True, timeout_s=SOON_s):
+        """The next message on ``topic`` for which ``condition`` holds."""
+        messages = self.listen(topic, kind)
+        messages.clear()
+        return self.spin_until(
+            lambda: next((m for m in messages if condition(m)), None), timeout_s, f"message on {topic}"
+        )
+
+    def publish(self, topic, message):
+        """Publish, once somebody listens."""
+        key = "publisher", topic
+        if key not in self._entities:
+            self._entities[key] = self.node.create_publisher(type(message), topic, 10)
+        publisher = self._entities[key]
+        self.spin_until(lambda: publisher.get_subscription_count() > 0, what=f"subscriber of {topic}")
+        publisher.publish(message)
+
+    def call(self, service, kind, request=None):
+        """Response of a service."""
+        key = "client", service
+        if key not in self._entities:
+            self._entities[key] = self.node.create_client(kind, service)
+        client = self._entities[key]
+        self.spin_until(client.service_is_ready, what=service)
+        future = client.call_async(request or kind.Request())
+        return self.spin_until(lambda: future.done() and future.result(), what=f"answer of {service}")
+
+    def close(self):
+        import rclpy
+
+        self.executor.shutdown()
+        self.node.destroy_node()
+        rclpy.try_shutdown(context=self.context)

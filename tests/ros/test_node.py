@@ -1,0 +1,463 @@
+"""The node in its own process, on a bench in another, seen over ROS 2 from a third."""
+
+import math
+import signal
+import time
+
+import pytest
+
+pytest.importorskip("rclpy")
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from processes import wait_until
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+from std_srvs.srv import SetBool, Trigger
+
+from sma_actuator.logs.bench_log import read_bench_log
+from sma_msgs_py import setpoint_message, status_from, trajectory_message
+
+NAME = "/sma_actuator"
+ASKED = "/asked/sma_actuator"  # that of client_of_running_node
+
+
+def _enable(client, on=True, name=NAME):
+    return client.call(f"{name}/enable", SetBool, SetBool.Request(data=on))
+
+
+def _enabled(client, name=NAME):
+    """Enable the wire once it has readings; wait until current is commanded."""
+    client.next(f"{name}/joint_states", JointState)
+    currents = client.listen(f"{name}/command_current", Float64)
+    client.next(f"{name}/command_current", Float64)
+    statuses = client.listen(f"{name}/status", DiagnosticStatus, latched=True)
+    statuses.clear()
+    response = _enable(client, name=name)
+    assert response.success, response.message
+
+    def flows():
+        said = [status_from(message) for message in statuses]
+        assert not any(status.fault for status in said), [status.message for status in said]
+        return any(message.data > 0.0 for message in currents)
+
+    client.spin_until(flows, what="current")
+
+
+def _status(client, condition=lambda _: True, name=NAME):
+    """The next status for which ``condition`` holds."""
+    messages = client.listen(f"{name}/status", DiagnosticStatus, latched=True)
+    messages.clear()
+    return client.spin_until(lambda: next((s for m in messages if condition(s := status_from(m))), None), what="status")
+
+
+def _set(client, **values):
+    """Results of setting parameters, given as ParameterValue fields by name (dots as __)."""
+    request = SetParameters.Request()
+    for name, value in values.items():
+        kind, field = {float: (3, "double_value"), int: (2, "integer_value"), str: (4, "string_value")}[type(value)]
+        request.parameters.append(
+            Parameter(name=name.replace("__", "."), value=ParameterValue(type=kind, **{field: value}))
+        )
+    return client.call(f"{ASKED}/set_parameters", SetParameters, request).results
+
+
+def _transition(client, number):
+    request = ChangeState.Request(transition=Transition(id=number))
+    return client.call(f"{NAME}/change_state", ChangeState, request).success
+
+
+@pytest.fixture
+def bench(start_bench):
+    return start_bench("--load", "weight:0.98")
+
+
+@pytest.fixture
+def parameters(make_config, bench):
+    return lambda **changes: make_config(instruments=bench.instruments(), **changes)
+
+
+class TestHolding:
+    def test_a_setpoint_is_reached_and_every_topic_tells_of_it(self, bench, parameters, start_node, client):
+        start_node(parameters())
+        _enabled(client)
+        goal_m = 0.0025
+        client.publish(f"{NAME}/setpoint", setpoint_message(goal_m))
+        state = client.next(f"{NAME}/joint_states", JointState, lambda m: abs(m.position[0] - goal_m) < 2e-4)
+        assert list(state.name) == ["sma_joint"]
+        now = client.node.get_clock().now().nanoseconds * 1e-9
+        stamp = state.header.stamp.sec + 1e-9 * state.header.stamp.nanosec
+        assert 0.0 < now - stamp < 1.0
+        true_m, load_N, _ = bench.truth()
+        reference = client.next(f"{NAME}/reference", JointState)
+        assert reference.position[0] == pytest.approx(true_m, abs=5e-4)
+        load = client.next(f"{NAME}/load", WrenchStamped)
+        assert load.wrench.force.x == pytest.approx(load_N, abs=0.2)
+        assert load.header.frame_id == "sma_base"
+        assert 0.05 <= client.next(f"{NAME}/command_current", Float64).data <= 0.40
+        assert _status(client).mode.value == "tracking"
+
+    def test_status_and_diagnostics_carry_the_key_values_at_1_hz(self, client_of_running_node):
+        client = client_of_running_node
+        array = client.next(
+            "/diagnostics",
+            DiagnosticArray,
+            lambda m: m.status[0].name == ASKED and "period_p99_s" in {v.key for v in m.status[0].values},
+        )
+        keys = {pair.key for pair in array.status[0].values}
+        assert {
+            "mode",
+            "fault",
+            "limits",
+            "lifecycle",
+            "overruns",
+            "period_mean_s",
+            "period_p99_s",
+            "period_max_s",
+        } <= keys
+        assert {"resistance_Ohm", "stress_Pa", "branch", "quality"} <= keys
+        assert "Virtual Supply" in array.status[0].hardware_id
+        first_s = time.monotonic()
+        client.next("/diagnostics", DiagnosticArray)
+        client.next("/diagnostics", DiagnosticArray)
+        assert time.monotonic() - first_s < 2.5
+
+    def test_a_trajectory_is_followed_and_one_for_another_joint_refused(self, bench, parameters, start_node, client):
+        node = start_node(parameters())
+        _enabled(client)
+        client.publish(f"{NAME}/joint_trajectory", trajectory_message("elbow", [0.0, 1.0], [0.001, 0.001]))
+        node.says("it moves elbow, this joint is sma_joint")
+        client.publish(f"{NAME}/joint_trajectory", trajectory_message("sma_joint", [1.0, 4.0], [0.0032, 0.0025]))
+        client.next(f"{NAME}/joint_states", JointState, lambda m: abs(m.position[0] - 0.0025) < 2e-4)
+
+    def test_switching_off_ends_the_current(self, bench, parameters, start_node, client):
+        start_node(parameters())
+        _enabled(client)
+        wait_until(lambda: bench.current_A() > 0.04)
+        assert _enable(client, on=False).success
+        wait_until(lambda: bench.current_A() == 0.0, 1.0)
+
+    def test_the_bench_log_is_recorded_and_complete_after_the_end(
+        self, bench, parameters, start_node, client, tmp_path
+    ):
+        node = start_node(parameters(recorder={"folder": str(tmp_path)}))
+        _enabled(client)
+        client.next(f"{NAME}/joint_states", JointState)
+        node.popen.send_signal(signal.SIGINT)
+        assert node.ends() == 0
+        (file,) = tmp_path.glob("*.csv")
+        assert read_bench_log(file, allow_gaps=True)["current_command_A"].max() >= 0.05
+
+
+class TestServices:
+    def test_each_answers_with_a_sentence(self, bench, parameters, start_node, client):
+        start_node(parameters())
+        _enabled(client)
+        for service in ("reset_estimator", "tare_load", "clear_fault", "measure_lead_resistance"):
+            response = client.call(f"{NAME}/{service}", Trigger)
+            assert response.message, service
+        assert client.call(f"{NAME}/reset_estimator", Trigger).success
+
+
+class TestBadMessages:
+    @pytest.mark.parametrize("position_m", [math.nan, math.inf])
+    def test_a_setpoint_that_is_not_finite_is_refused_and_the_wire_held(
+        self, bench, parameters, start_node, client, position_m
+    ):
+        node = start_node(parameters())
+        _enabled(client)
+        client.publish(f"{NAME}/setpoint", setpoint_message(position_m))
+        node.says("finite")
+        client.next(f"{NAME}/command_current", Float64, lambda m: 0.05 <= m.data <= 0.40)
+        client.publish(f"{NAME}/setpoint", setpoint_message(0.0025))
+        client.next(f"{NAME}/joint_states", JointState, lambda m: abs(m.position[0] - 0.0025) < 2e-4)
+
+    def test_no_setpoint_makes_more_than_the_configured_current_flow(self, bench, parameters, start_node, client):
+        start_node(parameters(**{"supply.max_current": 0.15, "supply.over_current_trip": 0.2, "controller.kp": 250}))
+        _enabled(client)
+        client.publish(f"{NAME}/setpoint", setpoint_message(-1e9))
+        currents = client.listen(f"{NAME}/command_current", Float64)
+        currents.clear()
+        client.spin_until(lambda: len(currents) > 40, what="currents")
+        assert max(m.data for m in currents) <= 0.15
+        assert bench.current_A() <= 0.151
+
+
+class TestParameters:
+    def test_each_is_described_with_unit_and_range(self, client_of_running_node):
+        request = DescribeParameters.Request(
+            names=["wire.diameter", "controller.kp", "controller.on_setpoint_loss", "model.type"]
+        )
+        diameter, kp, loss, model = client_of_running_node.call(
+            f"{ASKED}/describe_parameters", DescribeParameters, request
+        ).descriptors
+        assert diameter.description == "diameter of the wire [m]"
+        assert diameter.read_only and not kp.read_only and model.read_only
+        assert (diameter.floating_point_range[0].from_value, diameter.floating_point_range[0].to_value) == (10e-6, 2e-3)
+        assert loss.additional_constraints == "one of hold, bias, off"
+
+    def test_a_gain_changes_while_it_runs_and_a_whole_number_will_do(self, client_of_running_node):
+        (result,) = _set(client_of_running_node, controller__kp=300)
+        assert result.successful, result.reason
+        value = client_of_running_node.call(
+            f"{ASKED}/get_parameters", GetParameters, GetParameters.Request(names=["controller.kp"])
+        ).values[0]
+        assert (value.type, value.double_value) == (3, 300.0)
+
+    @pytest.mark.parametrize(
+        ("name", "value", "sentence"),
+        [
+            ("controller__kp", -1.0, "controller.kp out of range"),
+            (
+                "controller__kp",
+                "much",
+                "controller.kp: 'much' is not a number; 0 to 1e+06 A/m is wanted (proportional gain)",
+            ),
+            (
+                "controller__on_setpoint_loss",
+                "panic",
+                "controller.on_setpoint_loss: 'panic' is not one of hold, bias, off",
+            ),
+            ("wire__length", 0.2, "read-only parameter: wire.length"),
+            ("thermal__derate_temperature", 300.0, "thermal.derate_temperature: is not below thermal.max_temperature"),
+        ],
+    )
+    def test_a_wrong_one_is_refused_in_a_sentence(self, client_of_running_node, name, value, sentence):
+        (result,) = _set(client_of_running_node, **{name: value})
+        assert not result.successful
+        assert sentence in result.reason
+
+    @pytest.mark.parametrize(
+        ("changes", "sentences"),
+        [
+            (
+                {"controller.kpp": 1.0, "autostrat": True, "wire.diameter": 0.1524, "model.type": "steel"},
+                [
+                    "controller.kpp: no such parameter; did you mean controller.kp?",
+                    "autostrat: no such parameter; did you mean autostart?",
+                    "wire.diameter: 0.1524 is outside its range; 1e-05 to 0.002 m is wanted",
+                    "model.type: 'steel' is not one of",
+                ],
+            ),
+            ({"wire.alloy": "ni-ti-cu"}, ["alloy"]),
+            ({"instruments.supply.dialect": "morse"}, ["instruments.supply.dialect"]),
+        ],
+        ids=["unknown, out of range", "coefficients of another alloy", "unknown dialect"],
+    )
+    def test_a_wrong_file_ends_the_node_with_sentences_before_any_current(
+        self, make_config, start_node, changes, sentences
+    ):
+        node = start_node(make_config(**changes))
+        assert node.ends() == 1
+        assert [sentence for sentence in sentences if sentence not in node.words] == []
+        assert "Traceback" not in node.words
+
+    def test_a_file_for_another_node_is_named(self, make_config, start_node):
+        node = start_node({"left": make_config()}, names=["right"])
+        assert node.ends() == 1
+        assert "no section 'right: ros__parameters:' for the node /right; found /left" in node.words
+
+
+class TestInstruments:
+    def test_one_that_is_not_there_ends_the_node_with_its_address(self, bench, parameters, start_node):
+        node = start_node(parameters(**{"instruments.daq.resource": "TCPIP::127.0.0.1::1::SOCKET"}))
+        assert node.ends() == 1
+        assert "TCPIP::127.0.0.1::1::SOCKET" in node.words
+        assert "Traceback" not in node.words
+        assert bench.current_A() == 0.0
+
+    def test_told_to_wait_the_node_goes_on_trying(self, bench, parameters, start_bench, start_node, client):
+        bench.close()
+        node = start_node(parameters(wait_for_instruments=True))
+        node.says("trying again")
+        ports = bench.ports[0]
+        start_bench("--supply-port", str(ports["supply"]), "--daq-port", str(ports["daq"]))
+        _enabled(client)
+
+    def test_one_that_is_lost_switches_off_is_found_again_and_stays_off_until_cleared(
+        self, bench, parameters, start_node, client
+    ):
+        start_node(parameters(**{"instruments.daq.timeout": 0.5}))
+        _enabled(client)
+        client.listen(f"{NAME}/status", DiagnosticStatus, latched=True)
+        bench.tell("BENC:FAUL daq_silent")
+        wait_until(lambda: _truth_over_supply(bench)[9] == 0.0, 2.0, "end of the current")
+        status = _status(client, lambda s: s.fault)
+        assert status.fault == "daq_lost"
+        response = client.call(f"{NAME}/clear_fault", Trigger)
+        assert not response.success
+        _tell_supply(bench, "BENC:FAUL:CLE")
+        _status(client, lambda s: "does not answer" not in s.message)
+        assert not _enable(client).success
+        response = client.call(f"{NAME}/clear_fault", Trigger)
+        assert response.success, response.message
+        _status(client, lambda s: not s.fault)
+        _enabled(client)
+
+
+def _tell_supply(bench, command):
+    """The same as ``bench.tell``, over the supply's port."""
+    ports = bench.ports[0]
+    bench.ports[0] = {**ports, "daq": ports["supply"]}
+    try:
+        return bench.tell(command)
+    finally:
+        bench.ports[0] = ports
+
+
+def _truth_over_supply(bench):
+    return [float(v) for v in _tell_supply(bench, "BENC:TRUT?").split(",")]
+
+
+class TestEnd:
+    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda n: n.name)
+    def test_a_signal_switches_off_within_a_second_and_is_no_error(self, bench, parameters, start_node, client, number):
+        node = start_node(parameters())
+        _enabled(client)
+        wait_until(lambda: bench.current_A() > 0.04)
+        node.popen.send_signal(number)
+        wait_until(lambda: bench.current_A() == 0.0, 1.0, "end of the current")
+        assert node.ends() == 0
+        assert "Traceback" not in node.words
+
+    def test_after_kill_9_the_supplys_watchdog_switches_off(self, bench, parameters, start_node, client):
+        node = start_node(parameters(**{"supply.watchdog_timeout": 0.5}))
+        _enabled(client)
+        wait_until(lambda: bench.current_A() > 0.04)
+        node.popen.kill()
+        killed_s = time.monotonic()
+        wait_until(lambda: bench.current_A() == 0.0, 1.0, "end of the current")
+        assert time.monotonic() - killed_s > 0.3, "it was not the watchdog"
+
+    def test_a_stopped_process_is_cut_off_by_the_watchdog_and_does_not_go_on_by_itself(
+        self, bench, parameters, start_node, client
+    ):
+        node = start_node(parameters(**{"supply.watchdog_timeout": 0.5}))
+        _enabled(client)
+        wait_until(lambda: bench.current_A() > 0.04)
+        node.popen.send_signal(signal.SIGSTOP)
+        wait_until(lambda: bench.current_A() == 0.0, 1.0, "end of the current")
+        node.popen.send_signal(signal.SIGCONT)
+        assert _status(client, lambda s: s.fault).fault in (
+            "supply_tripped",
+            "clock_jump",
+            "node_lost",
+            "reading_stale",
+        )
+        assert bench.current_A() == 0.0
+
+    def test_an_exception_in_the_loop_switches_off_and_is_an_error(
+        self, bench, parameters, start_node, client, tmp_path
+    ):
+        now = tmp_path / "now"
+        program = f"""
+import os, sys
+from sma_actuator import driver, node
+steps = driver.Driver._tick
+def tick(self):
+    output = steps(self)
+    if os.path.exists({str(now)!r}):
+        raise ZeroDivisionError("provoked")
+    return output
+driver.Driver._tick = tick
+sys.exit(node.main())
+"""
+        node = start_node(parameters(), program=("-c", program))
+        _enabled(client)
+        wait_until(lambda: bench.current_A() > 0.04)
+        now.touch()
+        assert node.ends() == 1
+        assert "the control loop ended with ZeroDivisionError: provoked; the output is off" in node.words
+        assert bench.current_A() == 0.0
+
+    def test_an_exception_in_a_ros_callback_switches_off_and_is_an_error(self, bench, parameters, start_node, client):
+        program = """
+import sys
+from sma_actuator import node
+def broken(self, message):
+    raise ZeroDivisionError("provoked")
+node.SmaActuatorNode._on_setpoint = broken
+sys.exit(node.main())
+"""
+        node = start_node(parameters(), program=("-c", program))
+        _enabled(client)
+        client.publish(f"{NAME}/setpoint", setpoint_message(0.002))
+        assert node.ends() == 1
+        assert "ZeroDivisionError in a ROS callback: provoked" in node.words
+        assert bench.current_A() == 0.0
+
+    def test_a_ros_thread_that_hangs_is_a_lost_node(self, bench, parameters, start_node, client):
+        program = """
+import sys, threading
+from sma_actuator import node
+def hang(self, message):
+    threading.Event().wait()
+node.SmaActuatorNode._on_setpoint = hang
+sys.exit(node.main())
+"""
+        node = start_node(parameters(), program=("-c", program))
+        _enabled(client)
+        wait_until(lambda: bench.current_A() > 0.04)
+        client.publish(f"{NAME}/setpoint", setpoint_message(0.002))
+        wait_until(lambda: bench.current_A() == 0.0, 1.5, "end of the current")
+        node.popen.send_signal(signal.SIGTERM)
+        assert node.ends() == 0
+
+
+class TestLifecycle:
+    def test_by_hand_current_flows_only_while_active_and_enabled(self, bench, parameters, start_node, client):
+        start_node(parameters(autostart=False))
+        assert client.call(f"{NAME}/get_state", GetState).current_state.label == "unconfigured"
+        response = _enable(client)
+        assert not response.success
+        assert response.message == "the node is unconfigured; configure and activate it first"
+        assert _transition(client, Transition.TRANSITION_CONFIGURE)
+        assert not _enable(client).success
+        assert _transition(client, Transition.TRANSITION_ACTIVATE)
+        _enabled(client)
+        wait_until(lambda: bench.current_A() > 0.04)
+        assert _transition(client, Transition.TRANSITION_DEACTIVATE)
+        wait_until(lambda: bench.current_A() == 0.0, 1.0)
+        assert _transition(client, Transition.TRANSITION_ACTIVATE)
+        _enabled(client)
+        assert _transition(client, Transition.TRANSITION_DEACTIVATE)
+        assert _transition(client, Transition.TRANSITION_CLEANUP)
+        assert client.call(f"{NAME}/get_state", GetState).current_state.label == "unconfigured"
+        assert _transition(client, Transition.TRANSITION_CONFIGURE)
+        assert _transition(client, Transition.TRANSITION_ACTIVATE)
+        _enabled(client)
+        assert _transition(client, Transition.TRANSITION_ACTIVE_SHUTDOWN)
+        wait_until(lambda: bench.current_A() == 0.0, 1.0)
+
+    def test_an_instrument_that_is_not_there_leaves_it_unconfigured(self, bench, parameters, start_node, client):
+        start_node(parameters(autostart=False, **{"instruments.supply.resource": "TCPIP::127.0.0.1::1::SOCKET"}))
+        assert not _transition(client, Transition.TRANSITION_CONFIGURE)
+        assert client.call(f"{NAME}/get_state", GetState).current_state.label == "unconfigured"
+        assert "TCPIP::127.0.0.1::1::SOCKET" in _status(client).message
+
+
+class TestSeveralWires:
+    def test_two_nodes_in_one_process_are_two_wires(self, start_bench, make_config, start_node, client):
+        bench = start_bench("--count", "2")
+        sections = {
+            name: make_config(instruments=bench.instruments(i), joint_name=name)
+            for i, name in enumerate(("left", "right"))
+        }
+        node = start_node(sections, names=["left", "right"])
+        _enabled(client, "/left")
+        assert bench.current_A(1) == 0.0
+        _enabled(client, "/right")
+        client.publish("/left/setpoint", setpoint_message(0.0025))
+        state = client.next("/left/joint_states", JointState, lambda m: abs(m.position[0] - 0.0025) < 2e-4)
+        assert list(state.name) == ["left"]
+        node.popen.send_signal(signal.SIGTERM)
+        wait_until(lambda: bench.current_A(0) == bench.current_A(1) == 0.0, 1.0)
+        assert node.ends() == 0
+
+    def test_renaming_several_at_once_is_refused(self, make_config, start_node):
+        node = start_node({"a": make_config()}, "-r", "__node:=x", names=["a", "b"])
+        assert node.ends() == 1
+        assert "gives all nodes of this process the same name" in node.words

@@ -1,0 +1,82 @@
+"""Parameter files and -p are read before rclpy sees them, so that nothing in them is lost."""
+
+import pytest
+
+from sma_actuator.base.parameters import ConfigError
+from sma_actuator.ros.arguments import parse
+
+
+@pytest.fixture
+def file(tmp_path):
+    def write(text):
+        path = tmp_path / f"{len(list(tmp_path.iterdir()))}.yaml"
+        path.write_text(text)
+        return str(path)
+
+    return write
+
+
+def test_what_is_not_about_parameters_is_left_to_rclpy():
+    arguments = parse(["--nodes", "a", "--ros-args", "-r", "x:=y", "-p", "rate:=3", "--log-level", "debug", "--", "b"])
+    assert arguments.user == ["--nodes", "a", "b"]
+    assert arguments.rclpy == ["--ros-args", "-r", "x:=y", "--log-level", "debug"]
+
+
+def test_a_whole_number_and_a_mixed_list_are_read_as_they_stand(file):
+    path = file("sma_actuator: {ros__parameters: {controller: {kp: 250}, model: {slope: [1, 2.5]}}}")
+    parameters = parse(["--ros-args", "--params-file", path]).parameters_of("/sma_actuator")
+    assert parameters == {"controller": {"kp": 250}, "model": {"slope": [1, 2.5]}}
+
+
+@pytest.mark.parametrize(
+    ("section", "node", "found"),
+    [
+        ("/**", "/ns/left", True),
+        ("left", "/left", True),
+        ("/left", "/left", True),
+        ("left", "/ns/left", False),
+        ("/*/left", "/ns/left", True),
+        ("/ns/*", "/ns/left", True),
+        ("/*", "/ns/left", False),
+        ("/**/left", "/left", True),
+        ("/**/left", "/a/b/left", True),
+        ("l.ft", "/left", False),
+    ],
+)
+def test_a_section_means_the_nodes_its_pattern_matches(file, section, node, found):
+    arguments = parse(["--ros-args", "--params-file", file(f"{section}: {{ros__parameters: {{a: 1}}}}")])
+    if found:
+        assert arguments.parameters_of(node) == {"a": 1}
+    else:
+        with pytest.raises(ConfigError, match="no section 'left"):
+            arguments.parameters_of(node)
+
+
+def test_a_namespace_may_be_nested_and_a_name_dotted(file):
+    path = file("ns:\n  left:\n    ros__parameters: {wire.length: 0.1, wire: {diameter: 1.0e-4}}")
+    parameters = parse(["--ros-args", "--params-file", path]).parameters_of("/ns/left")
+    assert parameters == {"wire": {"length": 0.1, "diameter": 1e-4}}
+
+
+def test_later_files_override_earlier_ones_and_assignments_override_files(file):
+    first = file("/**: {ros__parameters: {a: 1, b: 1, c: 1}}")
+    second = file("left: {ros__parameters: {b: 2, c: 2}}")
+    arguments = parse(["--ros-args", "--params-file", first, "--params-file", second, "-p", "c:=3", "-p", "right:a:=4"])
+    assert arguments.parameters_of("/left") == {"a": 1, "b": 2, "c": 3}
+    assert arguments.parameters_of("/right") == {"a": 4, "b": 1, "c": 3}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--ros-args"], "/sma_actuator has no parameters; start it with --ros-args --params-file FILE"),
+        (["--ros-args", "--params-file"], "--params-file: something is wanted after it"),
+        (["--ros-args", "--params-file", "/nowhere.yaml"], "/nowhere.yaml: cannot be read"),
+        (["--ros-args", "-p", "kp=3"], "-p kp=3: is not of the form name:=value"),
+        (["--ros-args", "-p", "kp:=[3"], "the value is not YAML"),
+    ],
+)
+def test_what_cannot_be_read_is_refused_in_a_sentence(arguments, sentence):
+    with pytest.raises(ConfigError) as refusal:
+        parse(arguments).parameters_of("/sma_actuator")
+    assert sentence in str(refusal.value)

@@ -1,0 +1,444 @@
+"""Every fault of the table, provoked on the virtual bench; and no guard without which that would still work."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pytest
+
+from sma_actuator import actuator as actuator_module
+from sma_actuator.actuator import Actuator
+from sma_actuator.base.signals import Command, Mode, Quality
+from sma_actuator.control.pid import PidController
+from sma_actuator.plant.loads import Weight
+from sma_actuator.safety import supervisor as supervisor_module
+from sma_actuator.safety.faults import FAULTS, LIMITS, Action, Fault, Limit, markdown, time_to_detect_s
+from sma_actuator.safety.supervisor import GUARDS, SetpointFlood
+
+DOCS = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
+
+
+@dataclass
+class Scenario:
+    """How a fault is provoked, and how the provocation ends."""
+
+    provoke: Callable
+    relent: Callable = lambda rig: rig.bench.clear()
+    changes: dict = field(default_factory=dict)
+    tracking: bool = True
+
+
+def bench_fault(name, value=math.nan, **kwargs):
+    return Scenario(lambda rig: rig.bench.inject(name, value), lambda rig: rig.bench.clear(name), **kwargs)
+
+
+def lie_about_readings(lie, **kwargs):
+    def relent(rig):
+        rig.reading_of = lambda reading: reading
+
+    return Scenario(lambda rig: setattr(rig, "reading_of", lie), relent, **kwargs)
+
+
+def lie_about_supply(lie, **kwargs):
+    def relent(rig):
+        rig.state_of = lambda state: state
+
+    return Scenario(lambda rig: setattr(rig, "state_of", lie), relent, **kwargs)
+
+
+def weight(force_N, **kwargs):
+    def hang(force):
+        def action(rig):
+            rig.bench.load = Weight(force)
+
+        return action
+
+    return Scenario(hang(force_N), hang(0.49), **kwargs)
+
+
+def reported(fault, **kwargs):
+    return Scenario(
+        lambda rig: rig.actuator.raise_fault(rig.now_s, fault.value, "said the driver"), lambda rig: None, **kwargs
+    )
+
+
+def repeat_last_reading(rig):
+    last = []
+
+    def repeat(reading):
+        last.append(reading)
+        return last[0]
+
+    rig.reading_of = repeat
+
+
+def flood(rig):
+    for _ in range(1000):
+        rig.actuator.offer_setpoint(rig.now_s, 0.003)
+
+
+def jump(seconds):
+    return Scenario(lambda rig: setattr(rig, "skew_s", rig.skew_s + seconds), lambda rig: None)
+
+
+def slow_loop(rig):
+    rig.period_s = 2.0 / rig.config.loop.rate
+
+
+def keep_rate(rig):
+    rig.period_s = 1.0 / rig.config.loop.rate
+
+
+def raise_in_estimator(rig):
+    def step(signals):
+        raise ArithmeticError("provoked")
+
+    rig.genuine = rig.actuator._estimator.step
+    rig.actuator._estimator.step = step
+
+
+def mend_estimator(rig):
+    rig.actuator._estimator.step = rig.genuine
+
+
+class Poisoned(PidController):
+    """A controller that has let a NaN in."""
+
+    def step(self, *_):
+        return math.nan
+
+
+def poison_controller(rig):
+    rig.genuine = rig.actuator._controller
+    rig.actuator._controller = Poisoned(rig.config.controller, rig.config.supply.bias_current)
+
+
+def mend_controller(rig):
+    rig.actuator._controller = rig.genuine
+
+
+SCENARIOS = {
+    Fault.UNHANDLED_EXCEPTION: Scenario(raise_in_estimator, mend_estimator),
+    Fault.NODE_LOST: reported(Fault.NODE_LOST),
+    Fault.COMMAND_INVALID: Scenario(poison_controller, mend_controller),
+    Fault.CLOCK_JUMP: jump(-5.0),
+    Fault.SUPPLY_TRIPPED: Scenario(lambda rig: rig.bench.supply.trip("OCP"), lambda rig: rig.supply.clear_trip()),
+    Fault.WATCHDOG_NOT_HELD: reported(Fault.WATCHDOG_NOT_HELD),
+    Fault.SECOND_COMMANDER: bench_fault("second_commander", 0.39, tracking=False),
+    Fault.SUPPLY_LOST: lie_about_supply(lambda state: None),
+    Fault.DAQ_LOST: lie_about_readings(lambda reading: None),
+    Fault.READING_STALE: Scenario(repeat_last_reading, lambda rig: setattr(rig, "reading_of", lambda reading: reading)),
+    Fault.READING_SATURATED: bench_fault("channel_saturated", 103),
+    Fault.OPEN_WIRE: bench_fault("open_wire"),
+    Fault.SHORT: bench_fault("short_wire", 0.0),
+    Fault.READING_IMPLAUSIBLE: lie_about_readings(
+        lambda r: replace(r, load_cell_voltage_V=r.load_cell_voltage_V - 0.1)
+    ),
+    Fault.SENSOR_STUCK: bench_fault("channel_stuck", 103),
+    Fault.STRESS_ABOVE_LIMIT: weight(3.4, changes={"safety.load_spike": 10.0}),
+    Fault.LOAD_SPIKE: bench_fault("load_spike", 2.2),
+    Fault.TOO_HOT: bench_fault(
+        "hot_ambient",
+        95.0,
+        tracking=False,
+        changes={
+            "instruments": {"daq": {"ambient_temperature_channel": 105}},
+            "thermal": {"heat_capacity": 1e-5, "derate_temperature": 85.0, "max_temperature": 90.0},
+        },
+    ),
+    Fault.SUPPLY_DISAGREES: bench_fault("current_disagrees", 0.6),
+    Fault.ESTIMATOR_OUTSIDE: weight(
+        1.5, changes={"model.stress_range": [0.0, 60e6], "safety.outside_calibration_time": 1.0}
+    ),
+    Fault.LOOP_OVERRUN: Scenario(slow_loop, keep_rate),
+    Fault.SETPOINT_STALE: Scenario(
+        lambda rig: None,
+        lambda rig: None,
+        changes={"controller.setpoint_timeout": 1.0, "controller.on_setpoint_loss": "off"},
+    ),
+    Fault.SETPOINT_FLOOD: Scenario(flood, lambda rig: None),
+    Fault.READING_NOT_FINITE: bench_fault("channel_nan", 103),
+    Fault.ESTIMATE_INVALID: bench_fault("current_disagrees", 0.45, tracking=False),
+    Fault.SETPOINT_NOT_FINITE: Scenario(lambda rig: rig.actuator.offer_setpoint(rig.now_s, math.nan), lambda rig: None),
+}
+
+#: Those whose guard is no entry of GUARDS: where the guard stands, and what stands there without it.
+ELSEWHERE = {
+    Fault.COMMAND_INVALID: (supervisor_module, "command_invalid", lambda wanted_A: ""),
+    Fault.SETPOINT_STALE: (actuator_module, "setpoint_stale", lambda age_s, config: ""),
+    Fault.SETPOINT_FLOOD: (SetpointFlood, "__call__", lambda self, now_s, config: ""),
+    Fault.SETPOINT_NOT_FINITE: (actuator_module, "setpoint_not_finite", lambda position_m: ""),
+}
+#: What the driver sees and the actuator is told; its tests provoke them.
+REPORTED = {Fault.NODE_LOST, Fault.WATCHDOG_NOT_HELD}
+LATCHING = [f for f in FAULTS if FAULTS[f].latches] + [Fault.SETPOINT_STALE]
+PASSING = [Fault.READING_NOT_FINITE, Fault.ESTIMATE_INVALID, Fault.SETPOINT_NOT_FINITE, Fault.SETPOINT_FLOOD]
+
+
+def by_name(fault):
+    return fault.value
+
+
+def provoked(make_rig, fault):
+    scenario = SCENARIOS[fault]
+    rig = make_rig(**scenario.changes)
+    rig.enable()
+    if scenario.tracking:
+        rig.track()
+        assert rig.status.mode is Mode.TRACKING
+    scenario.provoke(rig)
+    return rig, scenario
+
+
+def test_every_limit_and_fault_is_in_the_table_and_every_fault_has_a_scenario():
+    assert set(LIMITS) == set(Limit)
+    assert set(FAULTS) == set(Fault) == set(SCENARIOS)
+    assert set(FAULTS) == set(GUARDS) | set(ELSEWHERE) | REPORTED | {Fault.UNHANDLED_EXCEPTION}
+
+
+def test_no_name_stands_for_both_a_limit_and_a_fault():
+    assert not {limit.value for limit in Limit} & {fault.value for fault in Fault}
+
+
+def test_the_published_table_is_up_to_date():
+    assert DOCS.read_text(encoding="utf-8") == markdown(), "run: python -m sma_actuator.safety.faults > docs/faults.md"
+
+
+@pytest.mark.parametrize("fault", Fault, ids=by_name)
+def test_fault_is_named_within_the_published_time(make_rig, fault):
+    rig, _ = provoked(make_rig, fault)
+    within_s = time_to_detect_s(fault, rig.config) + rig.period_s  # the cause comes anywhere in a period
+    assert rig.seconds_until(fault, within_s) is not None, rig.status
+    assert FAULTS[fault].words in rig.status.message
+
+
+@pytest.mark.parametrize("fault", LATCHING, ids=by_name)
+class TestLatchingFault:
+    def test_switches_the_output_off_in_the_step_that_names_it(self, make_rig, fault):
+        rig, _ = provoked(make_rig, fault)
+        rig.seconds_until(fault, 10.0)
+        assert rig.output.command == Command(0.0, False)
+        assert rig.status.mode is Mode.OFF
+        rig.skew_s = 0.0
+        assert not rig.bench.supply.output_on
+
+    def test_stays_when_its_cause_has_gone_until_cleared_and_enabled(self, make_rig, fault):
+        rig, scenario = provoked(make_rig, fault)
+        rig.seconds_until(fault, 10.0)
+        scenario.relent(rig)
+        rig.run(2.0)
+        assert rig.status.fault == fault.value
+        ok, sentence = rig.actuator.enable(rig.now_s, True)
+        assert not ok
+        assert FAULTS[fault].words in sentence
+        assert rig.actuator.offer_setpoint(rig.now_s, 0.003)
+        assert rig.run(1.0).command == Command(0.0, False)
+        assert rig.actuator.clear_fault(rig.now_s)[0]
+        assert rig.run(1.0).command == Command(0.0, False), "cleared is not enabled"
+        rig.enable()
+
+
+@pytest.mark.parametrize("fault", PASSING, ids=by_name)
+class TestPassingFault:
+    def test_leaves_the_output_on_at_no_more_than_its_action_allows(self, make_rig, fault):
+        rig, _ = provoked(make_rig, fault)
+        before_A = rig.written.current_A
+        rig.seconds_until(fault, 1.0)
+        most_A = rig.config.supply.bias_current if FAULTS[fault].action is Action.BIAS else 1.5 * before_A + 0.01
+        assert rig.output.command.output_on
+        assert 0.0 < rig.output.command.current_A <= most_A
+
+    def test_passes_with_its_cause(self, make_rig, fault):
+        rig, scenario = provoked(make_rig, fault)
+        rig.seconds_until(fault, 1.0)
+        mode = rig.status.mode
+        scenario.relent(rig)
+        rig.run(1.5)
+        assert rig.status.fault == ""
+        assert rig.status.mode is mode
+
+
+@pytest.mark.parametrize("fault", [f for f in Fault if f not in REPORTED | {Fault.UNHANDLED_EXCEPTION}], ids=by_name)
+def test_without_its_guard_the_fault_is_not_seen(make_rig, fault, monkeypatch):
+    if fault in GUARDS:
+        monkeypatch.delitem(GUARDS, fault)
+    else:
+        monkeypatch.setattr(*ELSEWHERE[fault])
+    rig, _ = provoked(make_rig, fault)
+    within_s = time_to_detect_s(fault, rig.config) + 1.0
+    assert rig.seconds_until(fault, within_s) is None
+
+
+def test_without_its_guard_an_exception_reaches_the_driver(make_rig, monkeypatch):
+    monkeypatch.setattr(Actuator, "step", Actuator._step)
+    rig, _ = provoked(make_rig, Fault.UNHANDLED_EXCEPTION)
+    with pytest.raises(ArithmeticError):
+        rig.step()
+
+
+@pytest.mark.parametrize("lie", [math.nan, math.inf, -math.inf], ids=str)
+@pytest.mark.parametrize("channel", ["time_s", "supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V"])
+def test_a_reading_that_is_not_finite_gives_the_bias_and_then_off(make_rig, channel, lie):
+    rig = make_rig()
+    rig.enable()
+    rig.track()
+    rig.reading_of = lambda reading: replace(reading, **{channel: lie})
+    before = rig.output.estimate
+    rig.step()
+    assert rig.status.fault in ("reading_not_finite", "reading_saturated")
+    assert rig.output.command.current_A <= rig.config.supply.bias_current
+    assert rig.output.estimate.displacement_m == before.displacement_m
+    rig.run(rig.config.safety.reading_timeout + 2 * rig.period_s)
+    assert rig.output.command == Command(0.0, False)
+    assert rig.status.fault in ("reading_stale", "reading_saturated")
+
+
+@pytest.mark.parametrize("channel", ["supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V"])
+def test_each_channel_can_be_stuck(make_rig, channel):
+    rig = make_rig()
+    rig.enable()
+    stands = []
+
+    def stick(reading):
+        stands.append(getattr(reading, channel))
+        return replace(reading, **{channel: stands[0]})
+
+    rig.reading_of = stick
+    assert rig.seconds_until(Fault.SENSOR_STUCK, time_to_detect_s(Fault.SENSOR_STUCK, rig.config))
+
+
+@pytest.mark.parametrize(
+    "lie",
+    [
+        lambda r: replace(r, load_cell_voltage_V=-0.1),
+        lambda r: replace(r, reference_voltage_V=-r.reference_voltage_V),
+        lambda r: replace(r, supply_voltage_V=r.reference_voltage_V * 30.0),
+    ],
+    ids=["load far below zero", "current backwards", "too much resistance"],
+)
+def test_what_no_wire_can_give_is_implausible(make_rig, lie):
+    rig = make_rig()
+    rig.enable()
+    rig.reading_of = lie
+    assert rig.seconds_until(Fault.READING_IMPLAUSIBLE, 2 * rig.period_s)
+
+
+@pytest.mark.parametrize("shift_s", [-1e9, -1.0, 1.0, 1e9])
+def test_readings_of_another_time_are_stale_and_forgotten(make_rig, shift_s):
+    rig = make_rig()
+    rig.enable()
+    rig.reading_of = lambda reading: replace(reading, time_s=reading.time_s + shift_s)
+    assert rig.seconds_until(Fault.READING_STALE, time_to_detect_s(Fault.READING_STALE, rig.config))
+    rig.reading_of = lambda reading: reading
+    rig.run(0.2)
+    rig.actuator.clear_fault(rig.now_s)
+    rig.enable()
+
+
+@pytest.mark.parametrize("jump_s", [5.0, -5.0, math.nan], ids=["ahead", "back", "not a number"])
+def test_the_clock_must_not_jump(make_rig, jump_s):
+    rig = make_rig()
+    rig.enable()
+    rig.skew_s += jump_s
+    assert rig.step().status.fault == "clock_jump"
+    assert rig.output.command == Command(0.0, False)
+
+
+@pytest.mark.parametrize(
+    "lie",
+    [lambda s: replace(s, output_on=False), lambda s: replace(s, current_setting_A=0.3)],
+    ids=["output switched off", "current set"],
+)
+def test_one_read_back_is_enough_to_see_a_second_commander_while_tracking(make_rig, lie):
+    rig = make_rig()
+    rig.enable()
+    rig.track()
+    rig.state_of = lie
+    assert rig.step().status.fault == "second_commander"
+
+
+def test_somebody_else_switching_the_output_on_prevents_enabling(make_rig):
+    rig = make_rig()
+    rig.bench.supply.set_current(0.2)
+    rig.bench.supply.set_output(True)
+    rig.run(0.1)
+    assert rig.status.fault == "second_commander"
+    assert not rig.bench.supply.output_on, "and it is switched off again"
+    assert not rig.actuator.enable(rig.now_s, True)[0]
+
+
+def test_current_while_the_output_is_off_is_a_disagreement(make_rig):
+    rig = make_rig()
+    rig.reading_of = lambda r: replace(r, reference_voltage_V=0.1, supply_voltage_V=0.6)
+    assert rig.seconds_until(Fault.SUPPLY_DISAGREES, time_to_detect_s(Fault.SUPPLY_DISAGREES, rig.config))
+
+
+def test_a_read_back_that_is_not_a_number_counts_as_silence(make_rig):
+    rig = make_rig()
+    rig.enable()
+    rig.state_of = lambda state: replace(state, current_setting_A=math.nan)
+    assert rig.seconds_until(Fault.SUPPLY_LOST, time_to_detect_s(Fault.SUPPLY_LOST, rig.config))
+
+
+def test_an_ambient_sensor_out_of_its_mind_does_not_cool_the_wire(make_rig):
+    rig = make_rig()
+    rig.enable()
+    rig.reading_of = lambda reading: replace(reading, ambient_temperature_C=-1e4)
+    rig.run(2.0)
+    assert rig.status.values["temperature_C"] >= rig.config.thermal.ambient_temperature
+
+
+def test_a_gap_of_one_reading_does_not_disturb_the_current(make_rig):
+    rig = make_rig()
+    rig.enable()
+    rig.track()
+    rig.run(5.0)
+    before_A = rig.written.current_A
+    assert rig.config.supply.bias_current < before_A < rig.config.supply.max_current
+    rig.reading_of = lambda reading: None
+    assert rig.step().command.current_A == before_A
+
+
+def test_while_there_is_no_estimate_the_controller_waits(make_rig):
+    rig = make_rig(**{"controller.kp": 0.0, "controller.ki": 50.0})  # the integral alone, far from saturation
+    rig.enable()
+    rig.track()
+    rig.run(2.0)
+    genuine, controller = rig.actuator._estimator.step, rig.actuator._controller
+    rig.actuator._estimator.step = lambda signals: replace(genuine(signals), quality=Quality.INVALID)
+    before_A = controller.integral_A
+    rig.run(2.0)
+    assert controller.integral_A == before_A
+    rig.actuator._estimator.step = genuine
+    rig.step()
+    assert abs(controller.integral_A - before_A) > 0.0
+    most_A = rig.config.controller.ki * abs(controller.error_m) * rig.config.safety.reading_timeout
+    assert abs(controller.integral_A - before_A) <= most_A * (1 + 1e-9), "nor does it catch up with the gap"
+
+
+def test_a_pause_of_the_loop_while_the_output_is_off_harms_nobody(make_rig):
+    rig = make_rig()
+    rig.bench.advance(rig.bench.time_s + 5.0)
+    rig.step()
+    rig.enable()
+
+
+def test_the_first_fault_is_the_one_that_stays(make_rig):
+    rig = make_rig()
+    rig.enable()
+    rig.actuator.raise_fault(rig.now_s, "daq_lost", "first")
+    rig.actuator.raise_fault(rig.now_s, "supply_lost", "second")
+    rig.step()
+    assert rig.status.fault == "daq_lost"
+    assert "first" in rig.status.message
+
+
+def test_a_fault_that_is_not_in_the_table_is_refused(make_rig):
+    with pytest.raises(ValueError, match="bad_weather"):
+        make_rig().actuator.raise_fault(0.0, "bad_weather", "")
+
+
+def test_the_table_is_in_the_order_in_which_faults_are_named():
+    assert list(FAULTS) == list(Fault)
+    assert list(LIMITS) == list(Limit)
