@@ -332,7 +332,7 @@ def markdown() -> str:
     out = [
         "# Limits and faults",
         "",
-        "Printed from `sma_actuator/faults.py` by `python -m sma_actuator.safety.faults > docs/faults.md`.",
+        "Printed from `sma_actuator/safety/faults.py` by `python -m sma_actuator.safety.faults > docs/faults.md`.",
         "",
         "Times are from the cause to the command, in seconds, of the parameters named; `0` is the same step.",
         "A latched fault switches the output off in the step that detects it, and the output stays off until",

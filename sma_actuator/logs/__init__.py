@@ -1,0 +1,1 @@
+"""Bench logs: read, written by the node, taken from bags."""
