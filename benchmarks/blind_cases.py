@@ -27,13 +27,12 @@ from replay_tables import CALIBRATION, logs_of
 from rich.console import Console
 from rich.table import Table
 
-from sma_actuator.base.share import shared_file
 from sma_actuator.bench import InProcessDaq, InProcessSupply, Schedule, Spring, VirtualClock, Weight
 from sma_actuator.bench.hidden import EFFECTS, FOREIGN, HiddenBench
 from sma_actuator.characterise import Rig
 from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import Drive
-from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
+from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.identify import identify
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log, write_atomically, write_bench_log
 from sma_actuator.replay import replay

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from .bench_log import COLUMNS, BenchLog, BenchLogError
 from sma_actuator.base.parameters import ConfigError
+
+from .bench_log import COLUMNS, BenchLog, BenchLogError
 
 
 def is_bag(path: Path) -> bool:

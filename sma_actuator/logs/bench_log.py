@@ -25,11 +25,11 @@ from typing import Any
 
 import numpy as np
 
-from sma_actuator.estimation.circuit import signals_from_reading
-from sma_actuator.config import Config
-from sma_actuator.estimation.effects import EffectChain, Place
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.signals import Reading, Signals
+from sma_actuator.config import Config
+from sma_actuator.estimation.circuit import signals_from_reading
+from sma_actuator.estimation.effects import EffectChain, Place
 
 
 class BenchLogError(UserError, ValueError):

@@ -19,10 +19,11 @@ import threading
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from .bench_log import COLUMNS
-from sma_actuator.config import Config
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Reading
+from sma_actuator.config import Config
+
+from .bench_log import COLUMNS
 
 if TYPE_CHECKING:
     from sma_actuator.actuator import Output

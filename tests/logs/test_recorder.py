@@ -12,11 +12,11 @@ import types
 
 import pytest
 
-from sma_actuator.logs.bench_log import read_bench_log
-from sma_actuator.config import Config
 from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Reading
+from sma_actuator.config import Config
+from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.logs.recorder import ESTIMATE_COLUMNS, BenchLogRecorder
-from sma_actuator.base.signals import (Branch, Command, Estimate, Quality, Reading)
 
 
 @pytest.fixture
@@ -42,7 +42,9 @@ def _record(recorder, steps):
 
 
 def _files(config, pattern="*.csv"):
-    return sorted((path for path in os.scandir(config.recorder.folder) if path.name.endswith(pattern[1:])), key=lambda p: p.name)
+    return sorted(
+        (path for path in os.scandir(config.recorder.folder) if path.name.endswith(pattern[1:])), key=lambda p: p.name
+    )
 
 
 def test_a_log_is_read_back_as_it_was_recorded(config):
@@ -55,7 +57,13 @@ def test_a_log_is_read_back_as_it_was_recorded(config):
     assert len(log) == 10
     assert log["time_s"] == pytest.approx([100.0 + 0.05 * i for i in range(10)])
     reading, output = _step(3)
-    for name in ("supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V", "lvdt_current_A", "ambient_temperature_C"):
+    for name in (
+        "supply_voltage_V",
+        "reference_voltage_V",
+        "load_cell_voltage_V",
+        "lvdt_current_A",
+        "ambient_temperature_C",
+    ):
         assert log[name][3] == getattr(reading, name)
     assert log["current_command_A"][3] == output.command.current_A
     assert log["setpoint_m"][3] == output.setpoint_m
@@ -67,7 +75,13 @@ def test_a_log_is_read_back_as_it_was_recorded(config):
 
 def test_channels_that_are_not_wired_have_no_column(config):
     assert BenchLogRecorder(config()).columns == (
-        "time_s", "supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V", "current_command_A", "setpoint_m", *ESTIMATE_COLUMNS
+        "time_s",
+        "supply_voltage_V",
+        "reference_voltage_V",
+        "load_cell_voltage_V",
+        "current_command_A",
+        "setpoint_m",
+        *ESTIMATE_COLUMNS,
     )
 
 
@@ -155,7 +169,9 @@ def test_what_a_killed_process_left_is_completed_by_the_next_one(config):
     config = config()
     process = subprocess.Popen(
         [sys.executable, "-c", _KILLED, json.dumps(config.to_mapping())],
-        stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": os.path.dirname(__file__)},
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.path.dirname(__file__)},
     )
     assert process.stdout.readline() == "ready\n"
     BenchLogRecorder(config).close()
