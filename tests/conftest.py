@@ -7,6 +7,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import pytest
+from rig import Rig
+
+from sma_actuator.config import Config
 
 #: A 0.1524 mm × 100 mm Ni-Ti wire; every required parameter, and no other.
 _NI_TI: dict[str, Any] = {
@@ -56,3 +59,14 @@ def make_config() -> Callable[..., dict[str, Any]]:
         return merged(_NI_TI, changes)
 
     return make
+
+
+@pytest.fixture
+def make_rig(make_config: Callable[..., dict[str, Any]]) -> Callable[..., Rig]:
+    """``make_rig(**changes)``: a rig whose configuration differs from the common one by ``changes``."""
+    return lambda **changes: Rig(make_config(**changes))
+
+
+@pytest.fixture
+def config(make_config: Callable[..., dict[str, Any]]) -> Config:
+    return Config.from_mapping(make_config())

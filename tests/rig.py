@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import pytest
-
 from sma_actuator.actuator import Actuator
 from sma_actuator.base.signals import Command
 from sma_actuator.bench.bench import VirtualBench
@@ -83,14 +81,3 @@ class Rig:
             if self.step().status.fault == fault.value:
                 return self.bench.time_s - start_s
         return None
-
-
-@pytest.fixture
-def make_rig(make_config):
-    """``make_rig(**changes)``: a rig whose configuration differs from the common one by ``changes``."""
-    return lambda **changes: Rig(make_config(**changes))
-
-
-@pytest.fixture
-def config(make_config):
-    return Config.from_mapping(make_config())
