@@ -12,10 +12,10 @@ import logging
 from collections.abc import Collection
 from dataclasses import dataclass
 from math import inf, isfinite, nan
+from typing import TYPE_CHECKING
 
 from sma_actuator.base.parameters import ConfigError, walk
 from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status, SupplyState
-from sma_actuator.config import Config
 from sma_actuator.control.pid import PidController
 from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.estimation.circuit import signals_from_reading
@@ -30,6 +30,9 @@ from sma_actuator.safety.supervisor import (
     setpoint_not_finite,
     setpoint_stale,
 )
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
 
 _log = logging.getLogger(__name__)
 
@@ -228,8 +231,6 @@ class Actuator:
         fixed = {name: repr(value) for name, value, declaration, _ in walk(self._config) if not declaration.live}
         wanted = {name: repr(value) for name, value, declaration, _ in walk(config) if not declaration.live}
         changed = [name for name in wanted if wanted[name] != fixed.get(name)]
-        if config.model_type != self._config.model_type:
-            changed.append("model.type")
         if changed:
             raise ConfigError([f"{name}: cannot be changed while the actuator runs; start it anew" for name in changed])
         self._config = self._supervisor.config = config

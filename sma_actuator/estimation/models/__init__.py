@@ -12,6 +12,8 @@ from typing import Protocol
 
 import numpy as np
 
+from sma_actuator.base.sections import Wire
+
 from .flexinol import FlexinolCoefficients, FlexinolNormalisedCoefficients
 from .furukawa import FurukawaCoefficients, FurukawaNormalisedCoefficients
 
@@ -21,6 +23,16 @@ COEFFICIENTS = {
     "furukawa": FurukawaCoefficients,
     "furukawa_normalised": FurukawaNormalisedCoefficients,
 }
+
+
+class Coefficients(Protocol):
+    """The coefficients of one type of strain model: the section ``model`` of a parameter file."""
+
+    def build(self, wire: Wire) -> StrainModel:
+        """The model of ``wire``."""
+
+    def mismatches(self, wire: Wire) -> list[str]:
+        """Why the coefficients do not suit ``wire``, one sentence each."""
 
 
 class StrainModel(Protocol):
