@@ -94,7 +94,7 @@ class AnyUse(RuleBasedStateMachine):
         if not math.isfinite(self.now_s):
             self.now_s = 0.0
         if status.fault and (
-            FAULTS[Fault(status.fault)].latches or status.mode is Mode.OFF and status.fault in MAY_LATCH
+            FAULTS[Fault(status.fault)].latches or (status.mode is Mode.OFF and status.fault in MAY_LATCH)
         ):
             assert command == Command(0.0, False), f"{status.fault} latches, and current flows"
             self.latched = self.latched or status.fault
