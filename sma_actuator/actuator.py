@@ -12,10 +12,10 @@ import logging
 from collections.abc import Collection
 from dataclasses import dataclass
 from math import inf, isfinite, nan
+from typing import TYPE_CHECKING
 
 from sma_actuator.base.parameters import ConfigError, walk
 from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status, SupplyState
-from sma_actuator.config import Config
 from sma_actuator.control.pid import PidController
 from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.estimation.circuit import signals_from_reading
@@ -29,6 +29,9 @@ from sma_actuator.safety.guards.setpoints import Bucket, setpoint_flood, setpoin
 from sma_actuator.safety.limits import CURRENT_BIAS, CURRENT_MAX, LIMITS, SETPOINT_RANGE, SETPOINT_RATE
 from sma_actuator.safety.records import Fault, Limit, Step
 from sma_actuator.safety.supervisor import Supervisor
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
 
 _log = logging.getLogger(__name__)
 
@@ -227,8 +230,6 @@ class Actuator:
         fixed = {name: repr(value) for name, value, declaration, _ in walk(self._config) if not declaration.live}
         wanted = {name: repr(value) for name, value, declaration, _ in walk(config) if not declaration.live}
         changed = [name for name in wanted if wanted[name] != fixed.get(name)]
-        if config.model_type != self._config.model_type:
-            changed.append("model.type")
         if changed:
             raise ConfigError([f"{name}: cannot be changed while the actuator runs; start it anew" for name in changed])
         self._config = self._supervisor.config = config

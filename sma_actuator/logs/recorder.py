@@ -16,14 +16,17 @@ import logging
 import os
 import queue
 import threading
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
-from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.parameters import ConfigError, parameter
 from sma_actuator.base.signals import Reading
-from sma_actuator.config import Config
 
 from .bench_log import COLUMNS
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
 
 if TYPE_CHECKING:
     from sma_actuator.actuator import Output
@@ -35,6 +38,15 @@ ESTIMATE_COLUMNS = ("displacement_estimate_m", "velocity_estimate_m_s", "branch"
 _ALWAYS = ("time_s", "supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V")
 _PART = ".part"
 _STOP = None
+
+
+@dataclass(frozen=True, slots=True)
+class RecorderParameters:
+    """Where and how much is recorded."""
+
+    folder: str = parameter("", "folder for bench logs; empty: none are written", optional=True)
+    max_file_size: int = parameter(50_000_000, "size at which a new file is begun", "B", 10_000, 10**12)
+    max_files: int = parameter(20, "files kept; the oldest go first", "1", 1, 100000)
 
 
 class BenchLogRecorder:

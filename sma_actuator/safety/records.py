@@ -11,12 +11,15 @@ import enum
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf, nan
-from typing import Generic, ParamSpec
+from typing import TYPE_CHECKING, Generic, ParamSpec
 
 from sma_actuator.base.signals import Command, Estimate, Reading, Signals, SupplyState
-from sma_actuator.config import Config
 
 from .formula import Formula
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
+
 
 P = ParamSpec("P")
 

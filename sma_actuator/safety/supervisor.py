@@ -7,9 +7,9 @@ what follows from a fault stands beside its guard.
 from __future__ import annotations
 
 from math import inf, nan
+from typing import TYPE_CHECKING
 
 from sma_actuator.base.signals import Command, Reading
-from sma_actuator.config import Config
 
 from .faults import FAULTS
 from .guards.program import command_invalid
@@ -18,6 +18,10 @@ from .limits import STRESS_NEAR_LIMIT, TEMPERATURE_DERATING
 from .records import Action, Fault, Guard, Limit, Memory, Step
 from .thermal import HeatBalance, derated_limit_A
 from .timing import SETTLING_READINGS, SETTLING_TIME_S
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
+
 
 #: Surroundings a wire can be driven in [°C]; a sensor that says otherwise is not believed.
 AMBIENT_RANGE_C = (-60.0, 100.0)

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from math import inf, isfinite, nan
+from typing import TYPE_CHECKING
 
-from sma_actuator.config import Config
 from sma_actuator.safety.formula import longest, parameter_value, seconds
 from sma_actuator.safety.records import Action, guard
 from sma_actuator.safety.timing import ONE_STEP
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
+
 
 #: Setpoints that may arrive at once, in seconds' worth of safety.setpoint_flood_rate, and in number.
 FLOOD_BURST_S = 0.1
