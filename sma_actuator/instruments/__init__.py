@@ -21,6 +21,10 @@ class InstrumentLost(InstrumentError):
     """It does not answer any more (time-out, closed connection).  Reopening may help."""
 
 
+class InstrumentUnreachable(InstrumentLost):
+    """It cannot be connected to, so it has not heard a word either."""
+
+
 class InstrumentRefused(InstrumentError):
     """It answers, but it is not what was configured, or will not do what is needed."""
 

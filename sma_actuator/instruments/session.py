@@ -29,7 +29,7 @@ from typing import Protocol
 
 import pyvisa
 
-from . import InstrumentError, InstrumentLost, InstrumentRefused
+from . import InstrumentLost, InstrumentRefused, InstrumentUnreachable
 
 _log = logging.getLogger(__name__)
 
@@ -154,7 +154,8 @@ class VisaWire:
     def receive(self, deadline_s: float) -> bytes:
         """A piece of an answer, or all of it."""
         self._set_timeout(deadline_s)
-        data, _ = self._visa.visalib.read(self._visa.session, self._piece)
+        with self._visa.ignore_warning(pyvisa.constants.StatusCode.success_max_count_read):
+            data, _ = self._visa.visalib.read(self._visa.session, self._piece)
         return data
 
     def unread(self) -> bytes:
@@ -243,7 +244,7 @@ class Session:
     def open(self, lock: bool = False) -> None:
         """Connect and say off; with ``lock``, under VISA's exclusive lock where the resource class has one.
 
-        Raises InstrumentLost, or InstrumentRefused where somebody else holds that lock.
+        Raises InstrumentUnreachable, or InstrumentRefused where somebody else holds that lock.
         """
         self.close()
         if not self.resource:
@@ -260,7 +261,7 @@ class Session:
                 ) from error
             raise self._cannot_be_opened(error) from error
         except ConnectionRefusedError as error:
-            raise InstrumentLost(
+            raise InstrumentUnreachable(
                 f"{self.name}: nothing listens there; is it switched on, and is instruments.{self.role}.resource right?"
             ) from error
         except Exception as error:  # pyvisa-py raises a bare Exception for a host that has no address
@@ -294,7 +295,9 @@ class Session:
             by_s = self._by_s()
             extra = self._do(line, lambda wire: wire.unread())
             if extra:
-                raise self.give_up(f"said '{_shown(extra)}' without being asked: its answers and our questions are out of step")
+                raise self.give_up(
+                    f"said '{_shown(extra)}' without being asked: its answers and our questions are out of step"
+                )
             self._send(line, by_s)
             reply, extra = self._do(line, lambda wire: self._line(wire, by_s))
         if extra:
@@ -387,8 +390,10 @@ class Session:
     def _no_answer(self, line: str) -> str:
         return f"no complete answer to '{line}' within {self._timeout_s:g} s"
 
-    def _cannot_be_opened(self, error: Exception) -> InstrumentError:
-        return InstrumentLost(f"{self.name}: cannot be opened ({error}); is it switched on, and is the address right?")
+    def _cannot_be_opened(self, error: Exception) -> InstrumentUnreachable:
+        return InstrumentUnreachable(
+            f"{self.name}: cannot be opened ({error}); is it switched on, and is the address right?"
+        )
 
 
 def _canonical(resource: str) -> str:
