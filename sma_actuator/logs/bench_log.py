@@ -16,7 +16,6 @@ import difflib
 import json
 import math
 import os
-import tempfile
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -30,6 +29,8 @@ from sma_actuator.base.signals import Reading, Signals
 from sma_actuator.config import Config
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.estimation.effects import EffectChain, Place
+
+from .files import write_atomically
 
 
 class BenchLogError(UserError, ValueError):
@@ -49,6 +50,7 @@ COLUMNS: dict[str, _Column] = {
     "supply_voltage_V": _Column(-100.0, 100.0, "is it in millivolts?"),
     "reference_voltage_V": _Column(-20.0, 20.0, "is it in millivolts?"),
     "load_cell_voltage_V": _Column(-100.0, 100.0, "is it in millivolts?"),
+    "tare_N": _Column(-1e4, 1e4, "is it in grams?"),
     "load_N": _Column(-1e4, 1e4, "is it in grams?"),
     "lvdt_current_A": _Column(-1.0, 1.0, "is it in milliamperes?"),
     "displacement_m": _Column(-0.5, 0.5, "is it in millimetres?"),
@@ -56,6 +58,8 @@ COLUMNS: dict[str, _Column] = {
     "ambient_temperature_C": _Column(-60.0, 100.0, "is it in kelvin or fahrenheit?"),
     "setpoint_m": _Column(-0.5, 0.5, "is it in millimetres?"),
 }
+#: What was asked of the actuator or happened to it before its row, in words; text, where all others are numbers.
+EVENT_COLUMN = "event"
 _ALWAYS = (("time_s",), ("supply_voltage_V",), ("reference_voltage_V",), ("load_cell_voltage_V", "load_N"))
 _REFERENCE = ("lvdt_current_A", "displacement_m")
 _MAY_BE_NAN = {"ambient_temperature_C", "setpoint_m", "current_command_A"}
@@ -71,6 +75,7 @@ class BenchLog:
     columns: Mapping[str, np.ndarray]
     metadata: Mapping[str, Any] = field(default_factory=dict)
     source: str = "(in memory)"
+    events: tuple[tuple[float, str], ...] = ()  #: time [s] of the row before which it happened, and what
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self.columns[name]
@@ -143,23 +148,6 @@ def write_bench_log(path: str | Path, log: BenchLog) -> None:
         text = json.dumps(dict(log.metadata), indent=1, allow_nan=False) + "\n"
         write_atomically(_metadata_path(path), lambda stream: stream.write(text.encode()))
     write_atomically(path, write)
-
-
-def write_atomically(path: str | Path, write: Callable[[Any], Any]) -> None:
-    """Call ``write`` with a binary stream; the file appears under its name only when all of it is on disk."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            write(stream)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.chmod(temporary, 0o644)  # mkstemp gives 0600
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
 
 
 def to_reading(log: BenchLog, config: Config) -> Reading:

@@ -14,6 +14,7 @@ from math import inf, isfinite, nan
 
 from sma_actuator.base.signals import Command, Estimate, Quality, Reading, Signals, SupplyState
 from sma_actuator.config import Config
+from sma_actuator.estimation.circuit import MEASURABLE
 
 from .faults import FAULTS, FLOOD_BURST_MIN, FLOOD_BURST_S, SETTLING_READINGS, SETTLING_TIME_S, Action, Fault, Limit
 from .thermal import HeatBalance, derated_limit_A
@@ -24,8 +25,6 @@ OVERRUN_PERIODS = 1.5
 COMPLIANCE = 0.95
 #: Settings of supplies are coarser than the command: 0.02 mA in the thesis, up to 1 mA elsewhere.
 SETTING_TOLERANCE_A = 2e-3
-#: Share of the bias current below which there is no current to measure resistance with.
-MEASURABLE = 0.5
 #: Surroundings a wire can be driven in [°C]; a sensor that says otherwise is not believed.
 AMBIENT_RANGE_C = (-60.0, 100.0)
 _OFF = Command(0.0, False)

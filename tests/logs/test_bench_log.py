@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sma_actuator.logs.bench_log import BenchLog, BenchLogError, read_bench_log, write_atomically, write_bench_log
+from sma_actuator.logs.bench_log import BenchLog, BenchLogError, read_bench_log, write_bench_log
+from sma_actuator.logs.files import write_atomically
 
 HEADER = "time_s,supply_voltage_V,reference_voltage_V,load_cell_voltage_V,lvdt_current_A,current_command_A"
 
