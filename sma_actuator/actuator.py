@@ -11,10 +11,10 @@ import logging
 from collections.abc import Collection
 from dataclasses import dataclass
 from math import inf, isfinite, nan
+from typing import TYPE_CHECKING
 
 from sma_actuator.base.parameters import ConfigError, walk
 from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status, SupplyState
-from sma_actuator.config import Config
 from sma_actuator.control.pid import PidController
 from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.estimation.circuit import is_driven, signals_from_reading, without_undriven
@@ -28,6 +28,9 @@ from sma_actuator.safety.supervisor import (
     setpoint_not_finite,
     setpoint_stale,
 )
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
 
 _log = logging.getLogger(__name__)
 
@@ -237,8 +240,6 @@ class Actuator:
         wanted = {name: (repr(value), declaration.live) for name, value, declaration, _ in walk(config)}
         differing = {name: live for name, (value, live) in wanted.items() if value != before.get(name)}
         changed = [name for name, live in differing.items() if not live]
-        if config.model_type != self._config.model_type:
-            changed.append("model.type")
         if changed:
             raise ConfigError([f"{name}: cannot be changed while the actuator runs; start it anew" for name in changed])
         self._changes += [f"{name} {before[name]} -> {wanted[name][0]}" for name in differing]

@@ -52,7 +52,7 @@ class Rig:
         command = self.output.command
         if command.current_A != self.written.current_A:
             self.supply.set_current(command.current_A)
-        if command.output_on != self.written.output_on or state.output_on and not command.output_on:
+        if command.output_on != self.written.output_on or (state.output_on and not command.output_on):
             self.supply.set_output(command.output_on)
         self.written = command
         return self.output

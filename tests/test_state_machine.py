@@ -12,8 +12,10 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from sma_actuator.actuator import Actuator
 from sma_actuator.base.parameters import ConfigError, declaration_of
 from sma_actuator.base.signals import Command, Mode, Reading, SupplyState
-from sma_actuator.config import Config, Controller, Safety
+from sma_actuator.config import Config
+from sma_actuator.control.pid import PidParameters
 from sma_actuator.safety.faults import FAULTS, Fault
+from sma_actuator.safety.limits import SafetyParameters
 
 anything = st.one_of(
     st.floats(allow_nan=True, allow_infinity=True),
@@ -55,7 +57,7 @@ class AnyUse(RuleBasedStateMachine):
         rate_Hz=st.sampled_from([10.0, 20.0, 100.0]),
         loss=st.sampled_from(["hold", "bias", "off"]),
         timeout_s=st.sampled_from([0.0, 0.2, 3.0]),
-        controller=st.fixed_dictionaries(live_values(Controller)),
+        controller=st.fixed_dictionaries(live_values(PidParameters)),
         max_stress_Pa=st.floats(1e6, 1e9) | st.just(175e6),
         derate_C=st.floats(40.0, 150.0) | st.just(160.0),
     )
@@ -92,7 +94,7 @@ class AnyUse(RuleBasedStateMachine):
         if not math.isfinite(self.now_s):
             self.now_s = 0.0
         if status.fault and (
-            FAULTS[Fault(status.fault)].latches or status.mode is Mode.OFF and status.fault in MAY_LATCH
+            FAULTS[Fault(status.fault)].latches or (status.mode is Mode.OFF and status.fault in MAY_LATCH)
         ):
             assert command == Command(0.0, False), f"{status.fault} latches, and current flows"
             self.latched = self.latched or status.fault
@@ -223,7 +225,10 @@ class AnyUse(RuleBasedStateMachine):
         self.actuator.measure_lead_resistance()
         self.actuator.reset_estimator()
 
-    @rule(controller=st.fixed_dictionaries(live_values(Controller)), safety=st.fixed_dictionaries(live_values(Safety)))
+    @rule(
+        controller=st.fixed_dictionaries(live_values(PidParameters)),
+        safety=st.fixed_dictionaries(live_values(SafetyParameters)),
+    )
     def anybody_changes_live_parameters(self, controller, safety):
         changes = {f"controller.{k}": v for k, v in controller.items()} | {f"safety.{k}": v for k, v in safety.items()}
         try:

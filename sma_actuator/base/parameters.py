@@ -10,12 +10,14 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from .errors import UserError
+from .registry import Registry
 
 _REQUIRED = object()
+_NOT_GIVEN = object()
 
 
 class ConfigError(UserError, ValueError):
@@ -66,9 +68,30 @@ def section(default_factory: Any, description: str) -> Any:
     return dataclasses.field(default_factory=default_factory, metadata={"section": description}, kw_only=True)
 
 
-def declaration_of(field: dataclasses.Field) -> Declaration:
+def typed_section(variants: Callable[[], Registry[Any]], description: str, default: str = "") -> Any:
+    """Declare a section whose parameter ``type`` decides what else it holds.
+
+    ``variants`` gives the registry that holds, for each value of ``type``, the dataclass of its parameters.
+    Without ``default`` the type must be given.
+    """
+    return dataclasses.field(metadata={"variants": variants, "section": description, "type": default}, kw_only=True)
+
+
+def type_of(field: dataclasses.Field[Any], instance: Any) -> str:
+    """The value of ``type`` that stands for ``instance`` in a section made by :func:`typed_section`."""
+    name: str = field.metadata["variants"]().name_of(type(instance))
+    return name
+
+
+def type_declaration(field: dataclasses.Field[Any]) -> Declaration:
+    """The declaration of the parameter ``type`` of a section made by :func:`typed_section`."""
+    return Declaration(f"type of the {field.metadata['section']}")
+
+
+def declaration_of(field: dataclasses.Field[Any]) -> Declaration:
     """The :class:`Declaration` of a dataclass field made by :func:`parameter`."""
-    return field.metadata["parameter"]
+    declaration: Declaration = field.metadata["parameter"]
+    return declaration
 
 
 def check(name: str, value: Any, declaration: Declaration, kind: str) -> tuple[Any, str]:
@@ -152,35 +175,52 @@ def from_mapping(cls: type, mapping: Mapping[str, Any], prefix: str = "") -> tup
             help_ = f"did you mean {prefix}{near[0]}?" if near else f"known here: {', '.join(fields)}"
             problems.append(f"{prefix}{key}: no such parameter; {help_}")
     for name, field in fields.items():
-        if "section" in field.metadata:
-            if name in mapping:
-                value, found = from_mapping(field.default_factory, mapping[name], f"{prefix}{name}.")
-                problems += found
-                values[name] = value
-            elif any(_is_required(f) for f in dataclasses.fields(field.default_factory)):
-                _, found = from_mapping(field.default_factory, {}, f"{prefix}{name}.")
-                problems += found
-            continue
-        declaration = declaration_of(field)
-        if name in mapping:
-            values[name], problem = check(f"{prefix}{name}", mapping[name], declaration, str(field.type))
-            if problem:
-                problems.append(problem)
+        given = mapping[name] if name in mapping else _NOT_GIVEN
+        found: list[str] = []
+        if "variants" in field.metadata:
+            values[name], found = _read_typed_section(field, given, f"{prefix}{name}.")
+        elif "section" in field.metadata:
+            section_class: Any = field.default_factory
+            if given is not _NOT_GIVEN or _wants_something(section_class):
+                wanted: Any = {} if given is _NOT_GIVEN else given
+                values[name], found = from_mapping(section_class, wanted, f"{prefix}{name}.")
+        elif given is not _NOT_GIVEN:
+            values[name], problem = check(f"{prefix}{name}", given, declaration_of(field), str(field.type))
+            found = [problem] if problem else []
         elif _is_required(field):
-            problems.append(f"{prefix}{name}: missing; {_wanted(declaration)}")
+            found = [f"{prefix}{name}: missing; {_wanted(declaration_of(field))}"]
+        problems += found
     if problems:
         return None, problems
     return cls(**values), []
 
 
-def _is_required(field: dataclasses.Field) -> bool:
+def _read_typed_section(field: dataclasses.Field[Any], given: Any, prefix: str) -> tuple[Any, list[str]]:
+    variants = field.metadata["variants"]()
+    if given is _NOT_GIVEN and field.metadata["type"]:
+        given = {}
+    if not isinstance(given, Mapping) or not ("type" in given or field.metadata["type"]):
+        return None, [f"{prefix}type: missing; one of {', '.join(variants)} is wanted"]
+    name = given.get("type", field.metadata["type"])
+    if not isinstance(name, str) or name not in variants:
+        return None, [f"{prefix}type: '{name}' is not one of {', '.join(variants)}"]
+    return from_mapping(variants[name], {key: value for key, value in given.items() if key != "type"}, prefix)
+
+
+def _wants_something(cls: type) -> bool:
+    return any(_is_required(field) for field in dataclasses.fields(cls))
+
+
+def _is_required(field: dataclasses.Field[Any]) -> bool:
     return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
 
 
-def walk(instance: Any, prefix: str = ""):
+def walk(instance: Any, prefix: str = "") -> Iterator[tuple[str, Any, Declaration, str]]:
     """Yield ``(dotted name, value, Declaration, kind)`` of every parameter of a section."""
     for field in dataclasses.fields(instance):
         value = getattr(instance, field.name)
+        if "variants" in field.metadata:
+            yield f"{prefix}{field.name}.type", type_of(field, value), type_declaration(field), "str"
         if "parameter" in field.metadata:
             yield f"{prefix}{field.name}", value, declaration_of(field), str(field.type)
         elif dataclasses.is_dataclass(value):
@@ -201,6 +241,8 @@ def to_mapping(instance: Any) -> dict[str, Any]:
             out[field.name] = list(value) if isinstance(value, tuple) else value
         elif dataclasses.is_dataclass(value):
             nested = to_mapping(value)
+            if "variants" in field.metadata:
+                nested = {"type": type_of(field, value), **nested}
             if nested:
                 out[field.name] = nested
     return out

@@ -10,6 +10,9 @@ import enum
 from dataclasses import dataclass, field
 from math import nan
 
+#: Share of the bias current below which there is no current to measure resistance with.
+MEASURABLE = 0.5
+
 
 @dataclass(frozen=True, slots=True)
 class Reading:

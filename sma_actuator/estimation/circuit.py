@@ -6,14 +6,47 @@ The functions work on one sample (floats) and on whole logs (arrays) alike.
 from __future__ import annotations
 
 import dataclasses
+import math
+from dataclasses import dataclass
+from math import nan
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sma_actuator.base.signals import Reading, Signals
-from sma_actuator.config import Config
+from sma_actuator.base.parameters import parameter
+from sma_actuator.base.signals import MEASURABLE, Reading, Signals
 
-#: Share of the bias current below which there is no current to measure resistance with.
-MEASURABLE = 0.5
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
+
+
+@dataclass(frozen=True, slots=True)
+class Circuit:
+    """The measuring circuit."""
+
+    reference_resistance: float = parameter(1.0, "sense resistor in series with the wire", "Ω", 1e-4, 1e3)
+    lead_resistance: float = parameter(0.0, "leads between the voltage taps and the wire", "Ω", 0.0, 100.0)
+
+
+@dataclass(frozen=True, slots=True)
+class LoadCell:
+    """Calibration of the load cell."""
+
+    slope: float = parameter(12.7297, "load per volt of the load cell's amplifier (thesis, A.1)", "N/V", -1e6, 1e6)
+    offset: float = parameter(-0.0598, "load at zero volts", "N", -1e6, 1e6)
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceSensor:
+    """A displacement sensor beside the wire, for identification only.  Without a slope: none."""
+
+    slope: float = parameter(nan, "displacement per ampere of the LVDT (thesis, B.1)", "m/A", -1e3, 1e3, optional=True)
+    offset: float = parameter(nan, "displacement at zero amperes", "m", -10.0, 10.0, optional=True)
+
+    @property
+    def fitted(self) -> bool:
+        """Whether there is such a sensor."""
+        return math.isfinite(self.slope) and math.isfinite(self.offset)
 
 
 def _positive_or_nan(value):

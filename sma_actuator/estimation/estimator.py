@@ -9,15 +9,18 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from math import inf, isfinite, nan
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sma_actuator.base.jit import jit
 from sma_actuator.base.signals import Branch, Estimate, Quality, Signals
-from sma_actuator.config import Config
 
 from .branch import BranchDetector
 from .effects import EffectChain, Place
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
 
 #: Share of the calibrated stress range by which a stress may lie outside it.  Beyond that the model sees the
 #: stress at the margin: polynomials in stress go astray quickly outside the data they were fitted on.

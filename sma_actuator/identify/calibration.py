@@ -11,7 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sma_actuator.base.jit import jit
-from sma_actuator.config import Calibration, Config
+from sma_actuator.config import Config
+from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.estimator import Estimator
 
 from .rests import find_rests

@@ -20,17 +20,19 @@ import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.signals import Reading, Signals
-from sma_actuator.config import Config
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.estimation.effects import EffectChain, Place
 
 from .files import write_atomically
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
 
 
 class BenchLogError(UserError, ValueError):
@@ -179,14 +181,14 @@ def to_reading(log: BenchLog, config: Config) -> Reading:
 
 def signals_from_log(log: BenchLog, config: Config) -> Signals:
     """Physical quantities of a whole log, arrays of shape (n,), with ``config``'s calibrations (and a model's effects
-    of circuit and load cell, where it is a Config).
+    of circuit and load cell, where it has a model).
 
     ``displacement_m`` in the log is used as it is, also where ``config`` has no reference sensor.
     """
     signals = signals_from_reading(to_reading(log, config), config)
     if "lvdt_current_A" not in log and "displacement_m" in log:
         signals = dataclasses.replace(signals, reference_displacement_m=log["displacement_m"])
-    if isinstance(config, Config):
+    if hasattr(config, "effects"):  # a bench has none
         signals = EffectChain(config.effects.active, Place.of(config)).measure(signals)
     return signals
 

@@ -25,7 +25,7 @@ class Manifest:
     """What the recorders of one name wrote into one folder."""
 
     def __init__(self, folder: Path, recorder: str):
-        self.path = folder / f"{recorder}.manifest.json"
+        self.path = folder / f".{recorder}.manifest.json"
         self._folder = folder
         self._recorder = recorder
 

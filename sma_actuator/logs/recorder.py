@@ -24,18 +24,19 @@ import os
 import queue
 import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.parameters import ConfigError, parameter
 from sma_actuator.base.signals import Reading
-from sma_actuator.config import Config
 
 from .bench_log import COLUMNS, EVENT_COLUMN
 from .manifest import Files, Manifest
 
 if TYPE_CHECKING:
     from sma_actuator.actuator import Output
+    from sma_actuator.config import Config
 
 _log = logging.getLogger(__name__)
 
@@ -47,6 +48,15 @@ _PART = ".part"
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _STOP = None
 _Row = tuple[tuple[float, ...], str]  #: numbers, event
+
+
+@dataclass(frozen=True, slots=True)
+class RecorderParameters:
+    """Where and how much is recorded."""
+
+    folder: str = parameter("", "folder for bench logs; empty: none are written", optional=True)
+    max_file_size: int = parameter(50_000_000, "size at which a new file is begun", "B", 10_000, 10**12)
+    max_files: int = parameter(20, "files kept; the oldest go first", "1", 1, 100000)
 
 
 class BenchLogRecorder:

@@ -11,13 +11,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf, isfinite, nan
+from typing import TYPE_CHECKING
 
-from sma_actuator.base.signals import Command, Estimate, Quality, Reading, Signals, SupplyState
-from sma_actuator.config import Config
-from sma_actuator.estimation.circuit import MEASURABLE
+from sma_actuator.base.signals import MEASURABLE, Command, Estimate, Quality, Reading, Signals, SupplyState
 
 from .faults import FAULTS, FLOOD_BURST_MIN, FLOOD_BURST_S, SETTLING_READINGS, SETTLING_TIME_S, Action, Fault, Limit
 from .thermal import HeatBalance, derated_limit_A
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
 
 #: A step later than this many periods after the one before is an overrun.
 OVERRUN_PERIODS = 1.5
@@ -322,7 +324,7 @@ def command_invalid(wanted_A: float) -> str:
     return "" if 0.0 <= wanted_A < inf else f"{wanted_A} A; a finite current of at least zero is wanted"
 
 
-Guard = Callable[[Step, Memory, Config], str]
+Guard = Callable[[Step, Memory, "Config"], str]
 
 GUARDS: dict[Fault, Guard] = {
     Fault[guard.__name__.upper()]: guard

@@ -7,8 +7,24 @@ on the hot side while the wire transforms.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
-from sma_actuator.config import Thermal
+from sma_actuator.base.parameters import parameter
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalParameters:
+    """Heat balance on measured power, C dT/dt = P − h (T − T_ambient), latent heat left out (so it errs hot)."""
+
+    heat_capacity: float = parameter(description="heat capacity of the wire", unit="J/K", lo=1e-6, hi=1e3)
+    heat_loss: float = parameter(description="heat lost per kelvin above ambient", unit="W/K", lo=1e-6, hi=1e2)
+    ambient_temperature: float = parameter(
+        24.0, "temperature of the surroundings where none is measured", "°C", -60.0, 100.0, live=True
+    )
+    derate_temperature: float = parameter(
+        160.0, "estimated temperature where the current limit starts to fall", "°C", 40.0, 400.0, live=True
+    )
+    max_temperature: float = parameter(200.0, "estimated temperature that is a fault", "°C", 40.0, 400.0, live=True)
 
 
 class HeatBalance:
@@ -19,7 +35,7 @@ class HeatBalance:
     def __init__(self, temperature_C: float):
         self.temperature_C = temperature_C
 
-    def step(self, power_W: float, dt_s: float, ambient_C: float, parameters: Thermal) -> float:
+    def step(self, power_W: float, dt_s: float, ambient_C: float, parameters: ThermalParameters) -> float:
         """Advance by ``dt_s`` ≥ 0 and return the temperature [°C].
 
         Exact: ``T ← T_∞ + (T − T_∞) exp(−h dt / C)`` with ``T_∞ = T_amb + P/h``.  Arguments that
@@ -33,7 +49,9 @@ class HeatBalance:
         return self.temperature_C
 
 
-def derated_limit_A(temperature_C: float, max_current_A: float, bias_current_A: float, parameters: Thermal) -> float:
+def derated_limit_A(
+    temperature_C: float, max_current_A: float, bias_current_A: float, parameters: ThermalParameters
+) -> float:
     """Highest current allowed at a temperature [A].
 
     ``max_current_A`` up to ``derate_temperature``, falling linearly to ``bias_current_A`` at

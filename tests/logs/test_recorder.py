@@ -274,7 +274,7 @@ def test_a_part_that_is_a_link_leads_nowhere(config, tmp_path):
 
 def test_a_file_in_the_place_of_the_list_is_refused(config, tmp_path):
     (tmp_path / "logs").mkdir()
-    (tmp_path / "logs" / "left.manifest.json").write_text("{}")
+    (tmp_path / "logs" / ".left.manifest.json").write_text("{}")
     with pytest.raises(ConfigError, match=r"left.manifest.json is not the list of the files"):
         BenchLogRecorder(config(), "left")
 

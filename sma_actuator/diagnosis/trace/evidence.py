@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
-from sma_actuator.config import Calibration, Config
+from sma_actuator.config import Config
+from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.effects import EffectChain, Effects, Place
 from sma_actuator.estimation.estimator import Estimator
 from sma_actuator.identify.calibration import expected_residual_m
