@@ -10,7 +10,8 @@ import numpy as np
 
 from sma_actuator.base.signals import Signals
 from sma_actuator.estimation.branch import BranchDetector
-from sma_actuator.logs.bench_log import BenchLog, BenchLogError, require_reference, signals_from_log
+from sma_actuator.logs.bench_log import BenchLog, require_reference, signals_from_log
+from sma_actuator.logs.errors import BenchLogError
 
 NOT_FITTED = ("lead_resistance", "load_cell", "lvdt", "training")
 _WIRE_KEYS = {"length_m": "length", "diameter_m": "diameter"}

@@ -31,8 +31,9 @@ from typing import TYPE_CHECKING
 from sma_actuator.base.parameters import ConfigError, parameter
 from sma_actuator.base.signals import Reading
 
-from .bench_log import COLUMNS, EVENT_COLUMN
+from .bench_log import COLUMNS
 from .manifest import Files, Manifest
+from .tables import EVENT_COLUMN
 
 if TYPE_CHECKING:
     from sma_actuator.actuator import Output
@@ -171,17 +172,16 @@ class BenchLogRecorder:
     def _begin_file(self) -> None:
         """Open the next file, with its header, and its metadata beside it; remove the oldest where there are too many."""
         started = datetime.datetime.now().astimezone()
-        self._number += 1
-        recording = f"{self._name}_{started:%Y%m%d_%H%M%S}_{os.getpid()}"
         metadata = {
             "recorded_by": self._name,
             "started": started.isoformat(timespec="seconds"),
             "wire": self._config.to_mapping()["wire"],
             "parameters": self._config.to_mapping(),
         }
-        log, beside = f"{recording}_{self._number:04d}.csv", f"{recording}_{self._number:04d}.json"
         with self._manifest.changing() as files:
             self._remove_oldest(files)
+            stem = self._free_stem(started)
+            log, beside = stem + ".csv", stem + ".json"
             try:
                 self._part = self._folder / (log + _PART)
                 self._handle = os.open(self._part, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
@@ -200,6 +200,14 @@ class BenchLogRecorder:
                     self._handle = -1
                 files.pop(log, None)
                 raise
+
+    def _free_stem(self, started: datetime.datetime) -> str:
+        """A name that no file has: a recorder of the same process may have begun in the same second."""
+        while True:
+            self._number += 1
+            stem = f"{self._name}_{started:%Y%m%d_%H%M%S}_{os.getpid()}_{self._number:04d}"
+            if not any(os.path.lexists(self._folder / (stem + end)) for end in (".csv", ".csv" + _PART, ".json")):
+                return stem
 
     def _complete_file(self) -> None:
         if self._handle < 0:

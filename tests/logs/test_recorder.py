@@ -2,6 +2,7 @@
 
 import dataclasses
 import errno
+import fnmatch
 import json
 import math
 import os
@@ -9,6 +10,7 @@ import signal
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import pytest
 
@@ -45,7 +47,12 @@ def _record(recorder, steps):
 
 def _files(config, pattern="*.csv"):
     return sorted(
-        (path for path in os.scandir(config.recorder.folder) if path.name.endswith(pattern[1:])), key=lambda p: p.name
+        (
+            path
+            for path in os.scandir(config.recorder.folder)
+            if fnmatch.fnmatch(path.name, pattern) and path.name[0] != "."
+        ),
+        key=lambda p: p.name,
     )
 
 
@@ -202,7 +209,7 @@ def test_what_a_killed_process_left_is_completed_by_the_next_one(config):
         [sys.executable, "-c", _KILLED, json.dumps(config.to_mapping())],
         stdout=subprocess.PIPE,
         text=True,
-        env={**os.environ, "PYTHONPATH": os.path.dirname(__file__)},
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parent)},
     )
     assert process.stdout.readline() == "ready\n"
     BenchLogRecorder(config).close()
@@ -210,7 +217,7 @@ def test_what_a_killed_process_left_is_completed_by_the_next_one(config):
     process.send_signal(signal.SIGKILL)
     process.wait(10.0)
     (part,) = _files(config, "*.csv.part")
-    with open(part.path, "ab") as stream:
+    with Path(part.path).open("ab") as stream:
         stream.write(b"110.0,1.5,0.")  # a line cut short
     BenchLogRecorder(config).close()
     assert not _files(config, "*.csv.part")
@@ -324,7 +331,7 @@ def test_a_full_disk_prevents_no_start_and_the_log_goes_on_when_there_is_room(co
         capture_output=True,
         text=True,
         timeout=60,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([os.path.dirname(__file__), *sys.path])},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])},
     )
     if "mounted" not in done.stdout:
         pytest.skip(f"no file system of its own to fill: {done.stderr[-200:]}")
