@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from .errors import UserError
+from .registry import Registry
 
 _REQUIRED = object()
 _NOT_GIVEN = object()
@@ -67,29 +68,30 @@ def section(default_factory: Any, description: str) -> Any:
     return dataclasses.field(default_factory=default_factory, metadata={"section": description}, kw_only=True)
 
 
-def typed_section(variants: Callable[[], Mapping[str, type]], description: str, default: str = "") -> Any:
+def typed_section(variants: Callable[[], Registry[Any]], description: str, default: str = "") -> Any:
     """Declare a section whose parameter ``type`` decides what else it holds.
 
-    ``variants`` gives, for each value of ``type``, the dataclass of its parameters; it is asked when a
-    file is read, so that parts of other packages are known by then.  Without ``default`` the type must
-    be given.
+    ``variants`` gives the registry that holds, for each value of ``type``, the dataclass of its parameters.
+    Without ``default`` the type must be given.
     """
     return dataclasses.field(metadata={"variants": variants, "section": description, "type": default}, kw_only=True)
 
 
-def type_of(field: dataclasses.Field, instance: Any) -> str:
+def type_of(field: dataclasses.Field[Any], instance: Any) -> str:
     """The value of ``type`` that stands for ``instance`` in a section made by :func:`typed_section`."""
-    return next(name for name, cls in field.metadata["variants"]().items() if cls is type(instance))
+    name: str = field.metadata["variants"]().name_of(type(instance))
+    return name
 
 
-def type_declaration(field: dataclasses.Field) -> Declaration:
+def type_declaration(field: dataclasses.Field[Any]) -> Declaration:
     """The declaration of the parameter ``type`` of a section made by :func:`typed_section`."""
-    return Declaration(f"type of the {field.metadata['section']}", choices=tuple(field.metadata["variants"]()))
+    return Declaration(f"type of the {field.metadata['section']}")
 
 
-def declaration_of(field: dataclasses.Field) -> Declaration:
+def declaration_of(field: dataclasses.Field[Any]) -> Declaration:
     """The :class:`Declaration` of a dataclass field made by :func:`parameter`."""
-    return field.metadata["parameter"]
+    declaration: Declaration = field.metadata["parameter"]
+    return declaration
 
 
 def check(name: str, value: Any, declaration: Declaration, kind: str) -> tuple[Any, str]:
@@ -178,9 +180,10 @@ def from_mapping(cls: type, mapping: Mapping[str, Any], prefix: str = "") -> tup
         if "variants" in field.metadata:
             values[name], found = _read_typed_section(field, given, f"{prefix}{name}.")
         elif "section" in field.metadata:
-            if given is not _NOT_GIVEN or _wants_something(field.default_factory):
-                section_given = {} if given is _NOT_GIVEN else given
-                values[name], found = from_mapping(field.default_factory, section_given, f"{prefix}{name}.")
+            section_class: Any = field.default_factory
+            if given is not _NOT_GIVEN or _wants_something(section_class):
+                wanted: Any = {} if given is _NOT_GIVEN else given
+                values[name], found = from_mapping(section_class, wanted, f"{prefix}{name}.")
         elif given is not _NOT_GIVEN:
             values[name], problem = check(f"{prefix}{name}", given, declaration_of(field), str(field.type))
             found = [problem] if problem else []
@@ -192,16 +195,15 @@ def from_mapping(cls: type, mapping: Mapping[str, Any], prefix: str = "") -> tup
     return cls(**values), []
 
 
-def _read_typed_section(field: dataclasses.Field, given: Any, prefix: str) -> tuple[Any, list[str]]:
+def _read_typed_section(field: dataclasses.Field[Any], given: Any, prefix: str) -> tuple[Any, list[str]]:
     variants = field.metadata["variants"]()
-    known = ", ".join(variants)
     if given is _NOT_GIVEN and field.metadata["type"]:
         given = {}
     if not isinstance(given, Mapping) or not ("type" in given or field.metadata["type"]):
-        return None, [f"{prefix}type: missing; one of {known} is wanted"]
+        return None, [f"{prefix}type: missing; one of {', '.join(variants)} is wanted"]
     name = given.get("type", field.metadata["type"])
     if not isinstance(name, str) or name not in variants:
-        return None, [f"{prefix}type: '{name}' is not one of {known}"]
+        return None, [f"{prefix}type: '{name}' is not one of {', '.join(variants)}"]
     return from_mapping(variants[name], {key: value for key, value in given.items() if key != "type"}, prefix)
 
 
@@ -209,7 +211,7 @@ def _wants_something(cls: type) -> bool:
     return any(_is_required(field) for field in dataclasses.fields(cls))
 
 
-def _is_required(field: dataclasses.Field) -> bool:
+def _is_required(field: dataclasses.Field[Any]) -> bool:
     return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
 
 

@@ -1,7 +1,6 @@
 """From setpoint and displacement to a current."""
 
-from .law import ControllerParameters
-from .pid import PidParameters
+from . import pid
+from .law import CONTROL_LAWS, ControllerParameters
 
-#: The section ``controller`` for each ``controller.type``.
-CONTROL_LAWS: dict[str, type[ControllerParameters]] = {"pid": PidParameters}
+__all__ = ["CONTROL_LAWS", "ControllerParameters", "pid"]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 from sma_actuator.base.parameters import parameter
+from sma_actuator.base.registry import Registry
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,3 +52,7 @@ class ControlLaw(Protocol):
 
         Arguments that are not finite give the bias current and change nothing.
         """
+
+
+#: The section ``controller`` for each ``controller.type``.
+CONTROL_LAWS: Registry[type[ControllerParameters]] = Registry("control law", "sma_actuator.control_laws")

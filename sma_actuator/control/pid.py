@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from sma_actuator.base.parameters import parameter
 
-from .law import ControllerParameters
+from .law import CONTROL_LAWS, ControllerParameters
 
 #: Beyond these no position or setpoint of a wire lies; NaN and infinities fail the same comparison.
 POSITION_BOUND_m = 100.0
@@ -19,6 +19,7 @@ POSITION_BOUND_m = 100.0
 SHORTEST_STEP_s = 1e-6
 
 
+@CONTROL_LAWS.register("pid")
 @dataclass(frozen=True, slots=True)
 class PidParameters(ControllerParameters):
     """PidParameters of the PID."""
