@@ -38,7 +38,14 @@ setup(
         "pymeasure": ["PyMeasure>=0.14"],
         "check": ["ruff>=0.17,<0.18", "mypy>=1.11", "import-linter>=2.0"],
         "docs": ["sphinx>=8.2", "myst-parser>=4.0", "sphinx-rtd-theme>=3.0"],
-        "test": ["pytest>=7.4", "hypothesis>=6.82", "simple-pid==2.0.1", "colcon-common-extensions>=0.3", "pytest-timeout>=2.2", "pytest-cov>=5.0"],
+        "test": [
+            "pytest>=7.4",
+            "hypothesis>=6.82",
+            "simple-pid==2.0.1",
+            "colcon-common-extensions>=0.3",
+            "pytest-timeout>=2.2",
+            "pytest-cov>=5.0",
+        ],
     },
     entry_points={
         "console_scripts": [

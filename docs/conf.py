@@ -17,7 +17,13 @@ html_theme = "sphinx_rtd_theme"
 html_static_path: list[str] = []
 
 apidoc_modules = [
-    {"path": f"../{package}", "destination": f"api/{package}", "max_depth": 4, "separate_modules": True, "include_private": False}
+    {
+        "path": f"../{package}",
+        "destination": f"api/{package}",
+        "max_depth": 4,
+        "separate_modules": True,
+        "include_private": False,
+    }
     for package in ("sma_actuator", "sma_msgs_py")
 ]
 autodoc_default_options = {"members": True, "undoc-members": False, "show-inheritance": True}

@@ -64,6 +64,7 @@ DAQ (1 kHz simultaneous sampling, 16 bit, ±10 V)
     ``READ:AVERage?`` ``READ[:RAW]?`` the same of a block that begins now (answers when it is full)
     ``SYSTem:TIME:ELAPsed?``          the DAQ's clock [s]
     ================================= ======================================================================
+
     A saturated channel reads ``9.90000000E+37``, a failed one ``NAN``.
 
 The test stand itself (either port; no real instrument has these)
