@@ -33,7 +33,7 @@ from sma_actuator.estimation.effects import EFFECTS, Effects, effects_from_mappi
 from sma_actuator.estimation.models import COEFFICIENTS, Coefficients
 from sma_actuator.instruments.parameters import Instruments
 from sma_actuator.logs.recorder import RecorderParameters
-from sma_actuator.safety.limits import SafetyParameters, SupplyParameters
+from sma_actuator.safety.parameters import SafetyParameters, SupplyParameters
 from sma_actuator.safety.thermal import ThermalParameters
 
 NODE_NAME = "sma_actuator"
