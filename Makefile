@@ -12,7 +12,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,test,check,docs
 
-.PHONY: demo test check docs coverage results tables benchmarks coefficients blind-trial own-baseline fleet forward clean
+.PHONY: demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline fleet forward clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION)
@@ -47,6 +47,9 @@ results: $(VENV)/ready
 tables: $(VENV)/ready
 	$(BIN)/python benchmarks/control_tables.py
 	$(BIN)/python benchmarks/replay_tables.py
+
+pictures: $(VENV)/ready
+	$(BIN)/python examples/draw_a_loop.py docs/pictures/loop.png
 
 benchmarks: $(VENV)/ready
 	$(BIN)/python benchmarks/cost.py
