@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sma_actuator.base.parameters import Declaration, check, from_mapping, parameter, to_mapping, typed_section, walk
+from sma_actuator.base.registry import Registry
 
 LENGTH = Declaration("length of the wire", "m", 0.0, 1.0)
 ANYTHING = st.one_of(
@@ -54,6 +55,10 @@ def test_whatever_comes_the_answer_is_a_sentence_or_a_value_in_range(value, kind
             assert declaration.lo <= converted <= declaration.hi
 
 
+SHAPES: Registry[type] = Registry("shape", "no_such.shapes")
+
+
+@SHAPES.register("round")
 @dataclass(frozen=True)
 class Round:
     """Parameters of a round wire."""
@@ -61,6 +66,7 @@ class Round:
     diameter: float = parameter(description="diameter", unit="m", lo=0.0, hi=1.0)
 
 
+@SHAPES.register("flat")
 @dataclass(frozen=True)
 class Flat:
     """Parameters of a ribbon."""
@@ -72,8 +78,8 @@ class Flat:
 class Shop:
     """What is sold."""
 
-    shape: object = typed_section(lambda: {"round": Round, "flat": Flat}, "shape")
-    other: object = typed_section(lambda: {"round": Round, "flat": Flat}, "other shape", default="flat")
+    shape: object = typed_section(lambda: SHAPES, "shape")
+    other: object = typed_section(lambda: SHAPES, "other shape", default="flat")
 
 
 @pytest.mark.parametrize(
