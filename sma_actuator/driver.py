@@ -64,7 +64,7 @@ class DriverStopped(RuntimeError):
 class Recording(Protocol):
     """What the loop needs of a recorder."""
 
-    def record(self, reading: Reading, output: Output) -> None:
+    def record(self, reading: Reading | None, output: Output) -> None:
         """Take one step's row; never wait."""
 
 
@@ -133,8 +133,9 @@ class Driver:
 
     ``on_output(output)`` is called in the control thread after every step, by the watchman where that
     thread hangs, and must return at once; ``on_failure(exception)`` likewise in the control thread when
-    an exception has ended the loop, after the supply has been shut down.  ``recorder`` gets every step that had a reading.  With a ``feed_timeout_s``
-    somebody must call :meth:`feed` that often, or the wire is switched off: its commander is gone.
+    an exception has ended the loop, after the supply has been shut down.  ``recorder`` gets every step.
+    With a ``feed_timeout_s`` somebody must call :meth:`feed` that often, or the wire is switched off: its
+    commander is gone.
     """
 
     def __init__(
@@ -435,7 +436,7 @@ class Driver:
         self._report_losses(now_s)
         self._report_unconfirmed(now_s)
         output = self._output = self._with_truth(output)
-        if self._recorder is not None and reading is not None:
+        if self._recorder is not None:
             self._recorder.record(reading, output)
         if self._on_output is not None:
             self._on_output(output)
