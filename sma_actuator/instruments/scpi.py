@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-import time
 from collections.abc import Sequence
 from decimal import Decimal
 from math import inf, isfinite, nan
@@ -13,25 +11,19 @@ import numpy as np
 
 from sma_actuator.base.signals import Reading, SupplyState
 
-from . import Clock, InstrumentError, InstrumentRefused
+from . import Clock, InstrumentRefused
 from .dialect import Dialect, yes
-from .session import OPENING_ANSWERS, Claim, Session
+from .session import OPENING_ANSWERS, Session
+from .supply import SessionSupply
 
 if TYPE_CHECKING:
     from sma_actuator.config import Config
 
-_log = logging.getLogger(__name__)
 
 #: The over-voltage trip sits this much above the compliance voltage, so that noise does not trip it.
 OVER_VOLTAGE_MARGIN = 1.1
 #: Readback of a setting may differ by the instrument's resolution.
 SETTING_TOLERANCE = 0.02
-#: ``shut_down`` does not wait longer for a query in another thread to end.
-_LOCK_TIMEOUT_s = 0.1
-#: And for the instrument to confirm: on its session, then on a new one.
-_CONFIRM_s, _CONFIRM_BESIDE_s = 0.2, 0.25
-#: Switching off repeats itself: the lock of a lost connection may take a moment to go.
-_OFF_ATTEMPTS, _OFF_PAUSE_s = 5, 0.02
 
 
 def _identify(session: Session, dialect: Dialect) -> str:
@@ -73,53 +65,18 @@ class _RoundedDown(float):
         return float.__format__(float(number - Decimal(1).scaleb(number.as_tuple().exponent)), spec)
 
 
-class ScpiSupply:
+class ScpiSupply(SessionSupply):
     """A current-controlled supply; see :class:`sma_actuator.instruments.PowerSupply`."""
 
     def __init__(self, config: Config):
-        self._limits = config.supply
-        self._instrument = config.instruments.supply
-        self._dialect = Dialect.load(self._instrument.dialect, "supply")
-        self._channel = self._instrument.channel
-        off_lines = [
-            *self._dialect.lines("output_off", channel=self._channel),
-            *self._dialect.lines("set_current", channel=self._channel, value=0.0),
-        ]
-        self._session = Session(
-            "supply", self._instrument.resource, self._dialect.termination, self._instrument.timeout, off_lines
+        self._dialect = dialect = Dialect.load(config.instruments.supply.dialect, "supply")
+        channel = config.instruments.supply.channel
+        off_lines = dialect.lines("output_off", channel=channel) + dialect.lines(
+            "set_current", channel=channel, value=0.0
         )
-        self._off_lines = off_lines
-        self._claim: Claim | None = None
-        self._ours = False  #: it was opened, so that whatever flows is ours
-        self.identity = ""
+        super().__init__(config, dialect.termination, off_lines, dialect.lines("unlock", channel=channel))
 
-    def open(self) -> None:
-        """Connect, output off, limits, protections and watchdog programmed and read back.
-
-        May be called again, for a new connection.  Raises InstrumentLost or InstrumentRefused; then it was told
-        to switch off, first and last, unless another program of this computer drives it.
-        """
-        session = self._session
-        with session.within(OPENING_ANSWERS * self._instrument.timeout):
-            if self._instrument.exclusive_lock and self._claim is None:
-                self._claim = session.claim()
-            try:
-                session.open(self._instrument.exclusive_lock)
-                self._configure()
-            except InstrumentError:
-                session.say_off()
-                session.close()  # nobody shall switch on what was refused
-                if not self._ours:
-                    self._release()
-                raise
-        self._ours = True
-
-    def set_current(self, current_A: float) -> None:
-        """Program the current limit [A].  The last gate: nothing but 0 to supply.max_current passes."""
-        if not 0.0 <= current_A <= self._limits.max_current:
-            raise InstrumentRefused(
-                f"{self._session.name}: was to be set to {current_A} A; 0 to supply.max_current, {self._limits.max_current:g} A, is allowed"
-            )
+    def _tell_current(self, current_A: float) -> None:
         self._tell("set_current", _RoundedDown(current_A))
 
     def set_output(self, on: bool) -> None:
@@ -162,75 +119,13 @@ class ScpiSupply:
         self._tell("output_off")
         self._tell("clear_trips")
 
-    def switch_off(self) -> None:
-        """Output off and 0 A, read back.  Raises InstrumentLost, or InstrumentRefused where it stays on."""
-        with self._session.within():
-            self._off(self._session)
-
-    def shut_down(self) -> bool:
-        """Output off and current to zero, through a new connection where the old one is gone or hangs; whether
-        the output was read back as off.  Takes half a second at the most.  Never raises."""
-        if not self._ours:
-            return True
-        try:
-            if self._session.lock.acquire(timeout=_LOCK_TIMEOUT_s):
-                try:
-                    with self._session.within(_CONFIRM_s):
-                        self._off(self._session)
-                    return True
-                except InstrumentError as error:
-                    _log.debug("%s", error)
-                finally:
-                    self._session.lock.release()
-            else:
-                self._session.cut()
-            self._off_beside()
-        except Exception as error:  # noqa: BLE001 - the last thing a program does must not fail
-            _log.error("%s: told to be off, not confirmed (%s)", self._session.name, error)
-            return False
-        return True
-
-    def close(self) -> None:
-        """Say off, give up the connection and the lock on the instrument.  Never raises."""
-        self._session.say_off()
-        try:
-            self._tell("unlock")
-        except InstrumentError:
-            pass
-        self._session.close()
-        self._ours = False
-        self._release()
-
-    def _release(self) -> None:
-        if self._claim is not None:
-            self._claim.release()
-            self._claim = None
-
-    def _off_beside(self) -> None:
-        """A second session speaks for one that is lost, or hangs in another thread."""
-        beside = self._session.beside()
-        try:
-            with beside.within(_CONFIRM_BESIDE_s):
-                beside.open()
-                # An instrument may think the lost one alive.
-                beside.tell(*self._dialect.lines("unlock", channel=self._channel))
-                self._off(beside)
-        finally:
-            beside.close()
-
-    def _off(self, session: Session) -> None:
-        """Output off and 0 A.  The answer proves that both were heard, and obeyed; else InstrumentRefused."""
+    def _output_is_on(self, session: Session) -> bool:
         query = self._dialect.query("output", channel=self._channel)
-        for _ in range(_OFF_ATTEMPTS):
-            session.tell(*self._off_lines)
-            reply = session.ask(query)
-            try:
-                if not yes(reply):
-                    return
-            except ValueError:
-                raise session.garbled(query, reply) from None
-            time.sleep(_OFF_PAUSE_s)
-        raise InstrumentRefused(f"{session.name}: was told to switch off and answers that its output is on")
+        reply = session.ask(query)
+        try:
+            return yes(reply)
+        except ValueError:
+            raise session.garbled(query, reply) from None
 
     def _configure(self) -> None:
         session, limits = self._session, self._limits

@@ -203,7 +203,7 @@ class Session:
         self.lock = threading.RLock()
         self._termination = termination.encode()
         self._timeout_s = timeout_s
-        self._off_lines = tuple(off_lines)
+        self.off_lines = tuple(off_lines)
         self._wire: Wire | None = None
         self._addresses: list[tuple] = []  #: asked for once: a name server may be slower than any instrument
         self._midline = False  #: a line was begun and not ended
@@ -226,7 +226,7 @@ class Session:
 
     def beside(self) -> Session:
         """A second session to the same instrument, not open yet."""
-        other = Session(self.role, self.resource, self._termination.decode(), self._timeout_s, self._off_lines)
+        other = Session(self.role, self.resource, self._termination.decode(), self._timeout_s, self.off_lines)
         other._addresses = self._addresses
         return other
 
@@ -272,10 +272,10 @@ class Session:
     def say_off(self) -> bool:
         """Write the off lines, blind and in bounded time, from any thread; whether they were written.  Never raises."""
         wire = self._wire
-        if wire is None or not self._off_lines:
+        if wire is None or not self.off_lines:
             return False
         start = self._termination if self._midline else b""
-        data = start + b"".join(line.encode() + self._termination for line in self._off_lines)
+        data = start + b"".join(line.encode() + self._termination for line in self.off_lines)
         try:
             wire.send(data, time.monotonic() + LAST_WORDS_s)
         except (OSError, pyvisa.Error) as error:
