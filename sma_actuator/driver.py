@@ -606,7 +606,7 @@ class Driver:
                 self._shut_down()
                 _log.error("%s: the control loop hangs (%s); %s", self.name, self._hung, self.output_words)
                 self._show_hang()
-            except Exception:  # the last pair of eyes must stay open
+            except Exception:  # noqa: BLE001 - the last pair of eyes must stay open
                 _log.exception("%s: the watchman failed", self.name)
 
     def _show_hang(self) -> None:

@@ -5,6 +5,7 @@ what anybody says about it.
 """
 
 import contextlib
+import itertools
 import socket
 import threading
 import time
@@ -182,10 +183,10 @@ def test_attempts_to_reach_a_supply_that_may_be_on_leave_its_watchdog_the_time_t
     heard = len(liar.heard)
     rig.until(lambda: liar.opened >= 5)
     times_s = [when_s for when_s, _ in liar.heard[heard:]]
-    pauses_s = [b - a for a, b in zip(times_s, times_s[1:], strict=False)]
+    pauses_s = [b - a for a, b in itertools.pairwise(times_s)]
     assert max(pauses_s) > 0.4
     attempts = [when_s for when_s, line in liar.heard[heard:] if line == "*IDN?"]
-    assert all(b - a > 0.4 for a, b in zip(attempts[1:], attempts[2:], strict=False))
+    assert all(b - a > 0.4 for a, b in itertools.pairwise(attempts[1:]))
 
 
 @pytest.mark.parametrize("instrument", ["supply", "daq"])
