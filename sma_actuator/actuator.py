@@ -18,9 +18,8 @@ from sma_actuator.base.parameters import ConfigError, walk
 from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status, SupplyState
 from sma_actuator.control.pid import PidController
 from sma_actuator.control.setpoints import Trajectory
+from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.circuit import signals_from_reading
-from sma_actuator.estimation.effects import EffectChain, Place
-from sma_actuator.estimation.estimator import Estimator
 from sma_actuator.safety.faults import FAULTS, LIMITS, Action, Fault, Limit
 from sma_actuator.safety.supervisor import (
     MEASURABLE,
@@ -65,8 +64,7 @@ class Actuator:
 
     def __init__(self, config: Config):
         self._config = config
-        self._estimator = Estimator(config)
-        self._measuring = EffectChain(config.effects.active, Place.of(config))
+        self._chain = Chain(config)
         self._controller = PidController(config.controller, config.supply.bias_current)
         self._supervisor = Supervisor(config)
         self._mode = Mode.OFF
@@ -76,11 +74,11 @@ class Actuator:
         self._setpoint_m = nan
         self._setpoint_s = nan
         self._trajectory: tuple[float, Trajectory] | None = None
-        self._tare_N = 0.0
         self._now_s = nan
         self._reading_s = -inf  #: time stamp of the last usable reading
         self._controlled_s = nan  #: when the controller was last stepped
-        self._readings: collections.deque[Reading] = collections.deque(maxlen=AVERAGED_READINGS)
+        #: Loads of the last readings, as they would be without a tare.
+        self._loads_N: collections.deque[float] = collections.deque(maxlen=AVERAGED_READINGS)
         #: Those with current since the output went on; they outlast it.
         self._readings_with_current: collections.deque[Reading] = collections.deque(maxlen=AVERAGED_READINGS)
         self._signals = _NOTHING
@@ -160,8 +158,11 @@ class Actuator:
         return ""
 
     def reset_estimator(self) -> tuple[bool, str]:
-        """Forget the past of the estimate: the next reading is taken for a wire at rest on its cooling curve."""
-        self._estimator.reset()
+        """Forget where on its loop the wire is: the next reading is taken for a wire at rest on its cooling curve.
+
+        What has come over the wire since the session began (creep, a slip, cycles) stays: it was not estimated away.
+        """
+        self._chain.reset()
         if self._mode is not Mode.OFF:
             self._mode, self._starting = Mode.HOLD, True
             self._forget_setpoints()
@@ -176,20 +177,19 @@ class Actuator:
         if self._mode is not Mode.OFF:
             return False, "not tared: the wire is driven; switch it off with ~/enable first"
         if (
-            len(self._readings) < FEWEST_READINGS
+            len(self._loads_N) < FEWEST_READINGS
             or not self._now_s - self._reading_s <= self._config.safety.reading_timeout
         ):
             return False, f"not tared: {FEWEST_READINGS} readings of just now are wanted"
-        cell, wire = self._config.load_cell, self._config.wire
-        load_N = cell.slope * _mean(self._readings, "load_cell_voltage_V") + cell.offset
+        wire = self._config.wire
+        load_N = sum(self._loads_N) / len(self._loads_N)
         bound_N = MOST_TARE * wire.max_stress * wire.area_m2
         if not abs(load_N) <= bound_N:
             return (
                 False,
                 f"not tared: {load_N:.3g} N is more than the drift of a load cell (up to {bound_N:.3g} N); take the load off",
             )
-        self._tare_N = load_N
-        self._estimator.reset()
+        self._chain.tare(load_N)
         return True, f"tared: {load_N:.4f} N count as zero from now on"
 
     def measure_lead_resistance(self) -> tuple[bool, str, float]:
@@ -235,7 +235,7 @@ class Actuator:
             raise ConfigError([f"{name}: cannot be changed while the actuator runs; start it anew" for name in changed])
         self._config = self._supervisor.config = config
         self._controller.set_gains(config.controller)
-        self._estimator.update(config)
+        self._chain.update(config)
 
     # --- the step ---------------------------------------------------------------------------------
 
@@ -308,18 +308,18 @@ class Actuator:
         """Signals and estimate of a usable reading."""
         config = self._config
         self._reading_s = reading.time_s
-        self._readings.append(reading)
-        signals = self._measuring.measure(signals_from_reading(reading, config, self._tare_N))
-        if signals.current_A >= MEASURABLE * config.supply.bias_current:
-            # The leads count with the wire: the heat balance errs on the hot side.
-            self._power_W = signals.current_A * max(reading.supply_voltage_V - reading.reference_voltage_V, 0.0)
-            self._readings_with_current.append(reading)
-        else:
-            # Noise divided by noise is no resistance.
-            self._power_W = 0.0
+        signals = signals_from_reading(reading, config)
+        measurable = signals.current_A >= MEASURABLE * config.supply.bias_current
+        if not measurable:  # noise divided by noise is no resistance
             signals = dataclasses.replace(signals, resistance_Ohm=nan, power_W=nan)
-        self._signals = signals
-        self._estimate = self._estimator.step(signals)
+        self._signals, self._estimate = self._chain.step(signals)
+        self._loads_N.append(self._signals.load_N + self._chain.tare_N)
+        self._power_W = 0.0
+        if measurable:
+            # The leads count with the wire: the heat balance errs on the hot side.
+            net_V = max(reading.supply_voltage_V - reading.reference_voltage_V, 0.0)
+            self._power_W = self._signals.current_A * net_V
+            self._readings_with_current.append(reading)
 
     def _setpoint(self, now_s: float, limits: set[Limit]) -> float:
         """What the controller is to reach [m], inside the working range."""
@@ -328,7 +328,7 @@ class Actuator:
             self._setpoint_m = trajectory(now_s - start_s)
         setpoint_m = self._setpoint_m
         if self._mode is Mode.TRACKING:
-            lo_m, hi_m = self._estimator.displacement_range_m
+            lo_m, hi_m = self._chain.displacement_range_m
             if not lo_m <= setpoint_m <= hi_m:
                 limits.add(Limit.SETPOINT_RANGE)
                 setpoint_m = min(max(setpoint_m, lo_m), hi_m)

@@ -66,11 +66,10 @@ def resistance_and_current(supply_voltage_V, reference_voltage_V, reference_resi
     return resistance_Ohm, reference_voltage_V / reference_resistance_Ohm
 
 
-def signals_from_reading(reading: Reading, config: Config, tare_N: float = 0.0) -> Signals:
+def signals_from_reading(reading: Reading, config: Config) -> Signals:
     """Apply the calibrations of ``config`` to a reading.
 
     ``reading`` may hold floats or, for replay, arrays of shape (n,) in every field.
-    ``tare_N`` is subtracted from the load (service ``~/tare_load``).
     """
     resistance_Ohm, current_A = resistance_and_current(
         reading.supply_voltage_V,
@@ -78,7 +77,7 @@ def signals_from_reading(reading: Reading, config: Config, tare_N: float = 0.0) 
         config.circuit.reference_resistance,
         config.circuit.lead_resistance,
     )
-    load_N = config.load_cell.slope * reading.load_cell_voltage_V + config.load_cell.offset - tare_N
+    load_N = config.load_cell.slope * reading.load_cell_voltage_V + config.load_cell.offset
     reference_m = config.reference_sensor.slope * reading.lvdt_current_A + config.reference_sensor.offset
     return Signals(
         time_s=reading.time_s,

@@ -28,7 +28,6 @@ import numpy as np
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.signals import Reading, Signals
 from sma_actuator.estimation.circuit import signals_from_reading
-from sma_actuator.estimation.effects import EffectChain, Place
 
 if TYPE_CHECKING:
     from sma_actuator.config import Config
@@ -192,16 +191,13 @@ def to_reading(log: BenchLog, config: Config) -> Reading:
 
 
 def signals_from_log(log: BenchLog, config: Config) -> Signals:
-    """Physical quantities of a whole log, arrays of shape (n,), with ``config``'s calibrations (and a model's effects
-    of circuit and load cell, where it has a model).
+    """Physical quantities of a whole log, arrays of shape (n,), with ``config``'s calibrations.
 
     ``displacement_m`` in the log is used as it is, also where ``config`` has no reference sensor.
     """
     signals = signals_from_reading(to_reading(log, config), config)
     if "lvdt_current_A" not in log and "displacement_m" in log:
         signals = dataclasses.replace(signals, reference_displacement_m=log["displacement_m"])
-    if hasattr(config, "effects"):  # a bench has none
-        signals = EffectChain(config.effects.active, Place.of(config)).measure(signals)
     return signals
 
 
