@@ -20,15 +20,14 @@ from sma_actuator.control.pid import PidController
 from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.circuit import signals_from_reading
-from sma_actuator.safety.faults import FAULTS, LIMITS, Action, Fault, Limit
-from sma_actuator.safety.supervisor import (
-    MEASURABLE,
-    SetpointFlood,
-    Step,
-    Supervisor,
-    setpoint_not_finite,
-    setpoint_stale,
-)
+from sma_actuator.safety.faults import FAULTS, gravest
+from sma_actuator.safety.guards.estimate import estimate_invalid
+from sma_actuator.safety.guards.program import unhandled_exception
+from sma_actuator.safety.guards.readings import MEASURABLE
+from sma_actuator.safety.guards.setpoints import Bucket, setpoint_flood, setpoint_not_finite, setpoint_stale
+from sma_actuator.safety.limits import CURRENT_BIAS, CURRENT_MAX, LIMITS, SETPOINT_RANGE, SETPOINT_RATE
+from sma_actuator.safety.records import Fault, Limit, Step
+from sma_actuator.safety.supervisor import Supervisor
 
 if TYPE_CHECKING:
     from sma_actuator.config import Config
@@ -45,7 +44,6 @@ FEWEST_READINGS = 3
 MOST_TARE = 0.1
 _NOTHING = Signals(nan, nan, nan, nan, nan, nan)
 _NO_ESTIMATE = Estimate(nan, nan, nan, 0.0, Branch.COOLING, Quality.INVALID)
-_SEVERITY = {fault: number for number, fault in enumerate(Fault)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +83,7 @@ class Actuator:
         self._estimate = _NO_ESTIMATE
         self._told = Command(0.0, False)
         self._power_W = 0.0
-        self._flood = SetpointFlood()
+        self._setpoint_bucket = Bucket()
         self._events: dict[Fault, tuple[float, str]] = {}  #: fault without duration → when, detail
 
     # --- what others may ask ----------------------------------------------------------------------
@@ -100,11 +98,10 @@ class Actuator:
         if self._mode is not Mode.OFF:
             return True, "the output is on already"
         present = self._supervisor.present
-        blocking = sorted(
-            (f for f in present if FAULTS[f].action in (Action.OFF, Action.BIAS)), key=_SEVERITY.__getitem__
-        )
+        blocking = [fault for fault in present if fault.prevents_enabling]
         if blocking:
-            return False, f"not enabled: {FAULTS[blocking[0]].words}: {present[blocking[0]]}"
+            fault = gravest(blocking)
+            return False, f"not enabled: {fault.words}: {present[fault]}"
         if not now_s - self._reading_s <= self._config.safety.reading_timeout:
             return False, "not enabled: there is no reading of the DAQ yet"
         self._mode, self._starting = Mode.HOLD, True
@@ -123,9 +120,11 @@ class Actuator:
 
     def raise_fault(self, now_s: float, name: str, detail: str) -> None:
         """Report what only the driver can see.  Raises ValueError for a name that is not in the table."""
-        fault = Fault(name)
-        if FAULTS[fault].latches:
-            if self._mode is not Mode.OFF or FAULTS[fault].while_off:
+        if name not in FAULTS:
+            raise ValueError(f"'{name}' is no fault; one of {', '.join(FAULTS)} is wanted")
+        fault = FAULTS[name]
+        if fault.latches:
+            if self._mode is not Mode.OFF or fault.while_off:
                 self._latch(fault, detail)
             else:
                 self._supervisor.present[fault] = detail
@@ -137,9 +136,9 @@ class Actuator:
         refusal = self._refuses_setpoints(now_s)
         if refusal:
             return refusal
-        refusal = setpoint_not_finite(position_m)
+        refusal = setpoint_not_finite.look(position_m)
         if refusal:
-            self._events[Fault.SETPOINT_NOT_FINITE] = (now_s, refusal)
+            self._events[setpoint_not_finite] = (now_s, refusal)
             return refusal
         self._track(now_s, float(position_m), None)
         return ""
@@ -152,7 +151,7 @@ class Actuator:
         try:
             trajectory = Trajectory(times_s, positions_m)
         except (TypeError, ValueError) as error:
-            self._events[Fault.SETPOINT_NOT_FINITE] = (now_s, str(error))
+            self._events[setpoint_not_finite] = (now_s, str(error))
             return str(error)
         self._track(now_s, trajectory(0.0), (now_s, trajectory))
         return ""
@@ -249,7 +248,7 @@ class Actuator:
             return self._step(now_s, reading, supply)
         except Exception as error:  # noqa: BLE001 - whatever it is, the current must go off
             _log.exception("the control step failed")
-            self._latch(Fault.UNHANDLED_EXCEPTION, f"{type(error).__name__}: {error}")
+            self._latch(unhandled_exception, f"{type(error).__name__}: {error}")
             self._told = Command(0.0, False)
             return Output(self._signals, self._estimate, self._told, self._status({}, set()), nan)
 
@@ -271,6 +270,8 @@ class Actuator:
         settled = driven and supervisor.settled(now_s)
         faults = supervisor.inspect(
             Step(
+                config,
+                supervisor.memory,
                 now_s,
                 dt_s,
                 driven,
@@ -290,7 +291,7 @@ class Actuator:
         wanted_A = config.supply.bias_current
         if settled and supervisor.latched is None:
             self._lose_setpoint(now_s)
-        if settled and supervisor.latched is None and Fault.ESTIMATE_INVALID not in faults:
+        if settled and supervisor.latched is None and estimate_invalid not in faults:
             if self._starting:
                 self._start_controller()
             if not self._bias_only:
@@ -330,7 +331,7 @@ class Actuator:
         if self._mode is Mode.TRACKING:
             lo_m, hi_m = self._chain.displacement_range_m
             if not lo_m <= setpoint_m <= hi_m:
-                limits.add(Limit.SETPOINT_RANGE)
+                limits.add(SETPOINT_RANGE)
                 setpoint_m = min(max(setpoint_m, lo_m), hi_m)
         return max(setpoint_m, self._supervisor.stress_floor_m)
 
@@ -344,11 +345,11 @@ class Actuator:
             self._controlled_s = self._now_s
             wanted_A = controller.step(self._estimate.displacement_m, setpoint_m, dt_s, self._supervisor.limit_A())
         if controller.rate_limited:
-            limits.add(Limit.SETPOINT_RATE)
+            limits.add(SETPOINT_RATE)
         if controller.at_max:
-            limits.add(Limit.CURRENT_MAX)
+            limits.add(CURRENT_MAX)
         if controller.at_bias:
-            limits.add(Limit.CURRENT_BIAS)
+            limits.add(CURRENT_BIAS)
         return wanted_A
 
     def _lose_setpoint(self, now_s: float) -> None:
@@ -357,13 +358,13 @@ class Actuator:
             return
         if self._trajectory is not None and now_s - self._trajectory[0] < self._trajectory[1].duration_s:
             self._setpoint_s = now_s
-        self._lost = setpoint_stale(now_s - self._setpoint_s, self._config)
+        self._lost = setpoint_stale.look(now_s - self._setpoint_s, self._config)
         if not self._lost:
             return
         self._mode, self._trajectory, self._starting = Mode.HOLD, None, True
         action = self._config.controller.on_setpoint_loss
         if action == "off":
-            self._supervisor.latch(Fault.SETPOINT_STALE, self._lost)
+            self._supervisor.latch(setpoint_stale, self._lost)
         self._bias_only = action == "bias"
 
     def _start_controller(self) -> None:
@@ -397,9 +398,9 @@ class Actuator:
 
     def _refuses_setpoints(self, now_s: float) -> str:
         """Why no setpoint is taken now, or ""."""
-        flooded = self._flood(now_s, self._config)
+        flooded = setpoint_flood.look(self._setpoint_bucket, now_s, self._config)
         if flooded:
-            self._events[Fault.SETPOINT_FLOOD] = (now_s, flooded)
+            self._events[setpoint_flood] = (now_s, flooded)
             return flooded
         if self._mode is Mode.OFF:
             return "setpoint refused: the output is off; call ~/enable first"
@@ -408,7 +409,7 @@ class Actuator:
     def _show_events(self, now_s: float, faults: dict[Fault, str]) -> None:
         """Let faults without duration stay in the status for a while, a lost setpoint until the next."""
         if self._lost:
-            faults.setdefault(Fault.SETPOINT_STALE, self._lost)
+            faults.setdefault(setpoint_stale, self._lost)
         for fault, (when_s, detail) in list(self._events.items()):
             if 0.0 <= now_s - when_s <= EVENT_SHOWN_S:
                 faults.setdefault(fault, detail)
@@ -416,7 +417,7 @@ class Actuator:
                 del self._events[fault]
 
     def _fault_words(self) -> str:
-        return f"{FAULTS[self._supervisor.latched].words} ({self._supervisor.detail})"
+        return f"{self._supervisor.latched.words} ({self._supervisor.detail})"
 
     def _status(self, faults: dict[Fault, str], limits: set[Limit]) -> Status:
         supervisor = self._supervisor
@@ -425,16 +426,16 @@ class Actuator:
         if fault is not None:
             words = f"off: {self._fault_words()}; ~/clear_fault, then ~/enable"
         elif faults:
-            fault = min(faults, key=_SEVERITY.__getitem__)
-            words = f"{words}: {FAULTS[fault].words} ({faults[fault]})"
-        shown = tuple(limit for limit in Limit if limit in limits)
+            fault = gravest(faults)
+            words = f"{words}: {fault.words} ({faults[fault]})"
+        shown = tuple(limit for limit in LIMITS.values() if limit in limits)
         if fault is None and shown:
-            words = f"{words}: {', '.join(LIMITS[limit].words for limit in shown)}"
+            words = f"{words}: {', '.join(limit.words for limit in shown)}"
         signals, estimate = self._signals, self._estimate
         return Status(
             mode=self._mode,
-            fault=fault.value if fault is not None else "",
-            limits=tuple(limit.value for limit in shown),
+            fault=fault.name if fault is not None else "",
+            limits=tuple(limit.name for limit in shown),
             message=words,
             values={
                 "resistance_Ohm": signals.resistance_Ohm,

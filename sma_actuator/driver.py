@@ -29,7 +29,7 @@ import numpy as np
 from sma_actuator.actuator import Actuator, Output
 from sma_actuator.base.signals import Command, Reading, SupplyState
 from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
-from sma_actuator.safety.faults import SETTLING_TIME_S
+from sma_actuator.safety.timing import SETTLING_TIME_S
 
 if TYPE_CHECKING:
     from sma_actuator.config import Config

@@ -78,6 +78,6 @@ class Rig:
         """Bench time until the status names ``fault`` (None: it does not within that time)."""
         start_s = self.bench.time_s
         while self.bench.time_s - start_s < within_s - 1e-9:
-            if self.step().status.fault == fault.value:
+            if self.step().status.fault == fault:
                 return self.bench.time_s - start_s
         return None
