@@ -23,8 +23,8 @@ from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Reading, SupplyState
 from sma_actuator.config import Config
 from sma_actuator.control.pid import PidController
-from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.estimation.chain import Chain
+from sma_actuator.estimation.circuit import signals_from_reading
 
 CALLS = 2000
 ROUNDS = 15

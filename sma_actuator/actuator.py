@@ -317,9 +317,8 @@ class Actuator:
         self._loads_N.append(self._signals.load_N + self._chain.tare_N)
         self._power_W = 0.0
         if measurable:
-            # The leads count with the wire: the heat balance errs on the hot side.
-            net_V = max(reading.supply_voltage_V - reading.reference_voltage_V, 0.0)
-            self._power_W = self._signals.current_A * net_V
+            # Leads and leaks count with the wire: the heat balance errs on the hot side.
+            self._power_W = signals.current_A * max(reading.supply_voltage_V - reading.reference_voltage_V, 0.0)
             self._readings_with_current.append(reading)
 
     def _setpoint(self, now_s: float, limits: set[Limit]) -> float:

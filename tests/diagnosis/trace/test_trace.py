@@ -14,8 +14,8 @@ from sma_actuator.diagnosis.trace.candidates import Scales, candidate
 from sma_actuator.diagnosis.trace.evidence import LIMIT, limited
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit
-from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.estimation.chain import Chain
+from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.logs.bench_log import BenchLog, BenchLogError
 
 
