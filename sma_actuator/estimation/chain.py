@@ -30,6 +30,8 @@ from .effects.frame import Frame, Place
 if TYPE_CHECKING:
     from sma_actuator.config import Config
 
+#: The event that says in a log: here the chain forgot where on its loop the wire was.
+ESTIMATOR_RESET = "estimator reset"
 #: Share of the calibrated stress range by which a stress may lie outside it.  Beyond that the model sees the
 #: stress at the margin: polynomials in stress go astray quickly outside the data they were fitted on.
 STRESS_MARGIN = 0.05
@@ -109,8 +111,8 @@ class Chain:
     there would not see the wire come back.
 
     It has two memories.  That of the *loop*, where the wire stands on it: branch, model, velocity, and
-    what effects derive from positions passed; :meth:`reset` forgets it, and so does a tare, for the
-    stress was wrong with which it was found.  And that of the *session*: its clock, and what has crept,
+    what effects derive from positions passed; :meth:`reset` forgets it, which a tare asks for too, since
+    the stress was wrong with which it was found.  And that of the *session*: its clock, and what has crept,
     slipped, warmed up and been counted since; it is the wire's and not the estimate's, and only
     :meth:`begin_session` forgets it.
 
@@ -134,7 +136,6 @@ class Chain:
         self._at_resistance = self._at("at_resistance")
         self._at_displacement = self._at("at_displacement")
         self._shown = self._at("shown")
-        self._tare_N = 0.0
         self.update(config)
         self.begin_session()
 
@@ -146,13 +147,8 @@ class Chain:
         """The model's working range [m]."""
         return self._model.displacement_range_m
 
-    @property
-    def tare_N(self) -> float:
-        """The load that counts as zero."""
-        return self._tare_N
-
     def begin_session(self) -> None:
-        """Forget everything but the tare: the next sample is the first of a session."""
+        """Forget everything: the next sample is the first of a session."""
         self._start_s = nan
         for _, state in self._effects:
             state[:] = nan
@@ -164,11 +160,6 @@ class Chain:
         for effect, state in self._effects:
             effect.forget_the_loop(state)
         self._last = Estimate(-inf, nan, nan, 0.0, Branch.COOLING, Quality.INVALID)
-
-    def tare(self, load_N: float) -> None:
-        """Let this load, as it comes out of ``measured`` without a tare, count as zero; forget where the wire is."""
-        self._tare_N = load_N
-        self.reset()
 
     def update(self, config: Config) -> None:
         """Take over live parameters; the memory stays."""
@@ -299,19 +290,17 @@ class Chain:
     # --- small print --------------------------------------------------------------------------------
 
     def _measure(self, signals: Signals) -> tuple[Signals, Frame | None]:
-        """The signals without the effects of circuit and load cell and without the tare, and where there are effects a frame."""
+        """The signals without the effects of circuit and load cell, and a frame where there are any effects."""
         if isnan(self._start_s):
             self._begin(signals.time_s)
         if not self._effects:
-            if self._tare_N:
-                load_N = signals.load_N - self._tare_N
-                signals = dataclasses.replace(signals, load_N=load_N, stress_Pa=load_N / self._place.area_m2)
             return signals, None
         frame = Frame.of(signals, self._start_s)
-        if not (self._measured or self._tare_N):
+        if not self._measured:
             return signals, frame
+        frame.load_N = frame.load_N + signals.tare_N  # what the load cell shows is what its faults act on
         self._act(self._measured, frame)
-        frame.load_N = frame.load_N - self._tare_N
+        frame.load_N = frame.load_N - signals.tare_N
         values = {
             "resistance_Ohm": frame.resistance_Ohm,
             "current_A": frame.current_A,

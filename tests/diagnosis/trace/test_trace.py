@@ -16,7 +16,8 @@ from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.effects import EFFECTS
-from sma_actuator.logs.bench_log import BenchLog, BenchLogError
+from sma_actuator.logs.bench_log import BenchLog
+from sma_actuator.logs.errors import BenchLogError
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +105,8 @@ def test_a_candidate_goes_through_the_whole_recursion_as_in_the_node(clean, conf
     for trace_, p in zip(clean.traces, predictions, strict=True):
         live = []
         for i in range(len(trace_.log)):
-            sample = {f.name: float(getattr(trace_.signals, f.name)[i]) for f in dataclasses.fields(Signals)}
+            values = {f.name: getattr(trace_.signals, f.name) for f in dataclasses.fields(Signals)}
+            sample = {name: float(v[i]) if np.ndim(v) else v for name, v in values.items()}
             live.append(chain.step(Signals(**sample))[1].displacement_m)
         if EFFECTS[name].STAGE == "reference":
             np.testing.assert_array_equal(p.model_m, live)

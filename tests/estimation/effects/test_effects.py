@@ -59,7 +59,9 @@ def signals(n=400, seed=0):
 
 
 def sample(arrays, i):
-    return Signals(*(float(getattr(arrays, f.name)[i]) for f in dataclasses.fields(Signals)))
+    return Signals(
+        *(float(np.broadcast_to(getattr(arrays, f.name), len(arrays.time_s))[i]) for f in dataclasses.fields(Signals))
+    )
 
 
 def build(name, **changes):
@@ -141,7 +143,12 @@ def test_a_log_cut_in_two_gives_the_same_numbers(name, cut, seed):
     """An effect's memory is all it needs: state carries over from one block to the next."""
     arrays = signals(seed=seed)
     parts = [
-        Signals(**{f.name: getattr(arrays, f.name)[here] for f in dataclasses.fields(Signals)})
+        Signals(
+            **{
+                f.name: np.broadcast_to(getattr(arrays, f.name), len(arrays.time_s))[here]
+                for f in dataclasses.fields(Signals)
+            }
+        )
         for here in (slice(0, cut), slice(cut, None))
     ]
     stages, found = Stages(build(name)), []
