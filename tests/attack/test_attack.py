@@ -1,0 +1,79 @@
+"""A short attack with every test run; ``make attack`` runs the long one and writes docs/attack.md."""
+
+import subprocess
+import sys
+
+import pytest
+
+from attack import hours, lines
+from attack.promises import Promises, read_table
+from attack.proxy import Mischief
+from attack.result import Result
+
+#: One mischief of each sort; the long attack does all of them, on both instruments.
+SPOILT = (
+    ("supply", Mischief("drop")),
+    ("supply", Mischief("garble")),
+    ("supply", Mischief("empty")),
+    ("supply", Mischief("trickle")),
+    ("supply", Mischief("refuse", "none")),
+    ("daq", Mischief("late", delay_s=0.7)),
+    ("daq", Mischief("trickle")),
+    ("daq", Mischief("extra")),
+    ("daq", Mischief("flood")),
+)
+
+
+def _unbroken(result: Result) -> None:
+    assert result.violations == [], result.verdict()
+
+
+class TestTheJudge:
+    def test_every_time_in_the_table_of_faults_can_be_worked_out(self, config):
+        promises = Promises(config.to_mapping())
+        assert len(read_table()) > 20
+        assert all(0.0 <= promises.within_s(fault) < 60.0 for fault in promises.rows)
+
+    def test_a_driver_that_does_not_switch_off_is_found(self, monkeypatch):
+        """The judge judges: a supply that forgets to be switched off does not go unnoticed."""
+        monkeypatch.setattr(
+            hours.InProcessSupply, "set_output", lambda self, on: self._command(self._bench.supply.set_output, True)
+        )
+        rules = {violation.rule.split(":")[0] for violation in hours.Session(3, seconds=200.0).run().violations}
+        assert "the current is not off in time" in rules
+
+    def test_a_wire_above_its_limit_is_found(self, monkeypatch):
+        session = hours.Session(0, seconds=1.0)
+        session.bench.supply.set_voltage(20.0)
+        session.bench.supply.set_ocp(1.0)
+        session.bench.supply.set_current(0.9)
+        session.bench.supply.set_output(True)
+        session.bench.advance(20.0)
+        session.look()
+        rules = {violation.rule for violation in session.result.violations}
+        assert "the wire is above its limit of temperature" in rules
+        assert "more than supply.max_current flows" in rules
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_virtual_minutes_of_faults_break_no_promise(seed):
+    result = hours.Session(seed, seconds=180.0).run()
+    assert result.counts["faults"] + result.counts["switched off"] + result.counts["restarts"] >= 3
+    _unbroken(result)
+
+
+@pytest.mark.timeout(240)
+def test_spoilt_lines_break_no_promise():
+    result = lines.attack(1, SPOILT)
+    assert result.counts["lines spoilt"] == len(SPOILT)
+    _unbroken(result)
+
+
+@pytest.mark.timeout(180)
+@pytest.mark.parametrize(("what", "how_many"), (("kills", ("--count", "3")), ("fuzz", ("--messages", "10000"))))
+def test_kills_and_odd_messages_break_no_promise(what, how_many):
+    pytest.importorskip("rclpy")
+    run = subprocess.run(
+        [sys.executable, "-m", "attack", what, "--jobs", "1", *how_many], capture_output=True, text=True, timeout=170
+    )
+    assert run.returncode == 0, run.stdout + run.stderr[-2000:]
