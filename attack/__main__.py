@@ -18,6 +18,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from .result import Result
+from .units import RUNNERS
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "attack.md"
 TITLES = {
@@ -26,41 +27,6 @@ TITLES = {
     "kills": "kills",
     "fuzz": "ROS fuzz",
 }
-
-
-def run_hours(first: int, sessions: int) -> Result:
-    """Sessions of ten virtual minutes, in this process."""
-    from .hours import attack
-
-    return attack(first, sessions)
-
-
-def run_lines(seed: int, only: Sequence[int] = ()) -> Result:
-    """Every kind of mischief once on each instrument's line."""
-    from .lines import ALL, attack
-
-    return attack(seed, [ALL[number] for number in only] or ALL)
-
-
-def run_kills(seed: int, count: int) -> Result:
-    """Nodes killed at random instants."""
-    _own_domain(seed)
-    from .kills import attack
-
-    return attack(seed, count)
-
-
-def run_fuzz(seed: int, messages: int) -> Result:
-    """Messages, parameters and calls with odd values."""
-    _own_domain(seed + 40)
-    from .fuzz import attack
-
-    return attack(seed, messages)
-
-
-def _own_domain(number: int) -> None:
-    """A ROS domain of its own for each process that attacks; 1 to 99 are for those who work on this machine."""
-    os.environ["ROS_DOMAIN_ID"] = str(100 + number % 100)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -93,9 +59,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(work: list[tuple[str, tuple]], jobs: int, minutes: float) -> dict[str, Result]:
     """Results by attack; what has not begun when the time is over is left out."""
     results: dict[str, Result] = {}
-    runners = {"hours": run_hours, "lines": run_lines, "kills": run_kills, "fuzz": run_fuzz}
     # Taken in turns, so that each attack has its share where the time does not suffice for all.
-    by_name = {name: [arguments for kind, arguments in work if kind == name] for name in runners}
+    by_name = {name: [arguments for kind, arguments in work if kind == name] for name in RUNNERS}
     order = sorted(
         (number / len(jobs_of), name, arguments)
         for name, jobs_of in by_name.items()
@@ -103,7 +68,7 @@ def _run(work: list[tuple[str, tuple]], jobs: int, minutes: float) -> dict[str, 
     )
     ends_s = time.monotonic() + 60.0 * minutes
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), max_tasks_per_child=1) as pool:
-        futures = {pool.submit(runners[name], *arguments): name for _, name, arguments in order}
+        futures = {pool.submit(RUNNERS[name], *arguments): name for _, name, arguments in order}
         for future in as_completed(futures):
             name = futures[future]
             if future.cancelled():

@@ -211,7 +211,7 @@ class Session:
         self._run_for(self.chance.uniform(0.1, 2.0))
         self.driver.clear_fault()
         self._run_for(0.2)
-        self.meant_on, words = self.driver.enable(True)
+        self.meant_on, _ = self.driver.enable(True)
         self.result.counts["enabled" if self.meant_on else "enabling refused"] += 1
         return self.meant_on
 
@@ -265,9 +265,13 @@ class Session:
             within_s = max(within_s, self.config.supply.watchdog_timeout)
         if self.config.supply.watchdog_timeout <= OFF_AT_MOST_s and name.endswith(("_silent", "_hangup")):
             within_s = min(within_s, OFF_AT_MOST_s)
-        self._off_by_s = self.bench.time_s + within_s + LOOK_s
-        self.result.counts["offs demanded"] += 1
+        self.expect_off_within(within_s)
         self._run_for(within_s + 1.0)
+
+    def expect_off_within(self, seconds: float) -> None:
+        """From now on no current may flow after ``seconds``."""
+        self._off_by_s = self.bench.time_s + seconds + LOOK_s
+        self.result.counts["offs demanded"] += 1
 
     def _value(self, name: str) -> float:
         safety, chance = self.config.safety, self.chance
@@ -323,7 +327,7 @@ class Session:
         self.bench.watch = self.look
         self.driver.enable(False)
         self.meant_on = False
-        self._off_by_s = self.bench.time_s + 2.0 / self.config.loop.rate + LOOK_s
+        self.expect_off_within(2.0 / self.config.loop.rate)
         self._run_for(0.5)
         self.bench.watch = None
         self._cause = ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import itertools
 import json
 import math
 import random
@@ -129,7 +130,7 @@ class Killing:
             rows.pop()  # the half line of a process that was killed
         times_s = [float(row["time_s"]) for row in rows]
         self.result.counts["rows"] += len(rows)
-        gaps_s = [b - a for a, b in zip(times_s, times_s[1:])]
+        gaps_s = [b - a for a, b in itertools.pairwise(times_s)]
         if any(gap_s <= 0.0 for gap_s in gaps_s):
             self.broken("rows of the log are out of order", newest.name)
         if times_s and sent_s - times_s[-1] > ROWS_LOST_s + self.stand.longest_stall_s + self.loop_period_s:

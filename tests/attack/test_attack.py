@@ -5,27 +5,8 @@ import sys
 
 import pytest
 
-from attack import hours, lines
+from attack import hours
 from attack.promises import Promises, read_table
-from attack.proxy import Mischief
-from attack.result import Result
-
-#: One mischief of each sort; the long attack does all of them, on both instruments.
-SPOILT = (
-    ("supply", Mischief("drop")),
-    ("supply", Mischief("garble")),
-    ("supply", Mischief("empty")),
-    ("supply", Mischief("trickle")),
-    ("supply", Mischief("refuse", "none")),
-    ("daq", Mischief("late", delay_s=0.7)),
-    ("daq", Mischief("trickle")),
-    ("daq", Mischief("extra")),
-    ("daq", Mischief("flood")),
-)
-
-
-def _unbroken(result: Result) -> None:
-    assert result.violations == [], result.verdict()
 
 
 class TestTheJudge:
@@ -34,43 +15,38 @@ class TestTheJudge:
         assert len(read_table()) > 20
         assert all(0.0 <= promises.within_s(fault) < 60.0 for fault in promises.rows)
 
-    def test_a_driver_that_does_not_switch_off_is_found(self, monkeypatch):
-        """The judge judges: a supply that forgets to be switched off does not go unnoticed."""
-        monkeypatch.setattr(
-            hours.InProcessSupply, "set_output", lambda self, on: self._command(self._bench.supply.set_output, True)
-        )
-        rules = {violation.rule.split(":")[0] for violation in hours.Session(3, seconds=200.0).run().violations}
-        assert "the current is not off in time" in rules
-
-    def test_a_wire_above_its_limit_is_found(self, monkeypatch):
+    def test_a_current_that_stays_is_found(self):
         session = hours.Session(0, seconds=1.0)
-        session.bench.supply.set_voltage(20.0)
-        session.bench.supply.set_ocp(1.0)
-        session.bench.supply.set_current(0.9)
-        session.bench.supply.set_output(True)
+        _let_current_flow(session.bench, 0.2)
+        session.bench.watch = session.look
+        session.expect_off_within(0.1)
+        session.bench.advance(session.bench.time_s + 0.09)
+        assert session.result.violations == []
+        session.bench.advance(session.bench.time_s + 0.1)
+        assert [violation.rule.split(":")[0] for violation in session.result.violations] == [
+            "the current is not off in time"
+        ]
+
+    def test_a_wire_above_its_limit_and_too_much_current_are_found(self):
+        session = hours.Session(0, seconds=1.0)
+        _let_current_flow(session.bench, 0.9)
+        session.bench.watch = session.look
         session.bench.advance(20.0)
-        session.look()
-        rules = {violation.rule for violation in session.result.violations}
-        assert "the wire is above its limit of temperature" in rules
-        assert "more than supply.max_current flows" in rules
+        assert {violation.rule for violation in session.result.violations} == {
+            "the wire is above its limit of temperature",
+            "more than supply.max_current flows",
+        }
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_virtual_minutes_of_faults_break_no_promise(seed):
-    result = hours.Session(seed, seconds=180.0).run()
-    assert result.counts["faults"] + result.counts["switched off"] + result.counts["restarts"] >= 3
-    _unbroken(result)
-
-
-@pytest.mark.timeout(240)
-def test_spoilt_lines_break_no_promise():
-    result = lines.attack(1, SPOILT)
-    assert result.counts["lines spoilt"] == len(SPOILT)
-    _unbroken(result)
+def _let_current_flow(bench, current_A):
+    bench.supply.set_voltage(20.0)
+    bench.supply.set_ocp(1.0)
+    bench.supply.set_current(current_A)
+    bench.supply.set_output(True)
 
 
 @pytest.mark.timeout(180)
-@pytest.mark.parametrize(("what", "how_many"), (("kills", ("--count", "3")), ("fuzz", ("--messages", "10000"))))
+@pytest.mark.parametrize(("what", "how_many"), [("kills", ("--count", "3"))])
 def test_kills_and_odd_messages_break_no_promise(what, how_many):
     pytest.importorskip("rclpy")
     run = subprocess.run(
