@@ -30,7 +30,8 @@ from sma_actuator.base.signals import Signals
 from sma_actuator.estimation.estimator import Estimator
 from sma_actuator.identify import identify
 from sma_actuator.identify.traces import make_trace
-from sma_actuator.logs.bench_log import BenchLog, write_atomically, write_bench_log
+from sma_actuator.logs.bench_log import BenchLog, write_bench_log
+from sma_actuator.logs.files import write_atomically
 
 SAMPLES = 4_000_000
 LOOP_SAMPLES = 200_000

@@ -7,7 +7,6 @@ tested offline is what runs on the robot.
 from __future__ import annotations
 
 import collections
-import dataclasses
 import logging
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -18,13 +17,12 @@ from sma_actuator.base.parameters import ConfigError, walk
 from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status, SupplyState
 from sma_actuator.control.pid import PidController
 from sma_actuator.control.setpoints import Trajectory
-from sma_actuator.estimation.circuit import signals_from_reading
+from sma_actuator.estimation.circuit import is_driven, signals_from_reading, without_undriven
 from sma_actuator.estimation.effects import EffectChain, Place
-from sma_actuator.estimation.estimator import Estimator
+from sma_actuator.estimation.estimator import ESTIMATOR_RESET, Estimator
 from sma_actuator.safety.faults import FAULTS, gravest
 from sma_actuator.safety.guards.estimate import estimate_invalid
 from sma_actuator.safety.guards.program import unhandled_exception
-from sma_actuator.safety.guards.readings import MEASURABLE
 from sma_actuator.safety.guards.setpoints import Bucket, setpoint_flood, setpoint_not_finite, setpoint_stale
 from sma_actuator.safety.limits import CURRENT_BIAS, CURRENT_MAX, LIMITS, SETPOINT_RANGE, SETPOINT_RATE
 from sma_actuator.safety.records import Fault, Limit, Step
@@ -56,6 +54,8 @@ class Output:
     command: Command
     status: Status
     setpoint_m: float  #: what the controller was asked for, NaN where nothing
+    tare_N: float = 0.0  #: load that counts as zero
+    events: tuple[str, ...] = ()  #: what was asked, changed or went wrong since the step before
 
 
 class Actuator:
@@ -87,12 +87,16 @@ class Actuator:
         self._power_W = 0.0
         self._setpoint_bucket = Bucket()
         self._events: dict[Fault, tuple[float, str]] = {}  #: fault without duration → when, detail
+        self._changes: list[str] = []  #: that no output has told yet
+        self._latched_told: Fault | None = None
 
     # --- what others may ask ----------------------------------------------------------------------
 
     def enable(self, now_s: float, on: bool) -> tuple[bool, str]:
         """Switch the current on or off; whether it was done, and a sentence."""
         if not on:
+            if self._mode is not Mode.OFF:
+                self._changes.append("disabled")
             self._switch_off()
             return True, "the output is off"
         if self._supervisor.latched is not None:
@@ -109,6 +113,7 @@ class Actuator:
         self._mode, self._starting = Mode.HOLD, True
         self._readings_with_current.clear()
         self._supervisor.enabled(now_s)
+        self._changes.append("enabled")
         return True, "the output is on; the wire is held where it is"
 
     def clear_fault(self, now_s: float) -> tuple[bool, str]:
@@ -117,6 +122,7 @@ class Actuator:
         if self._supervisor.latched is None:
             return True, "there is no fault to clear"
         words = self._fault_words()
+        self._changes.append(f"cleared {self._supervisor.latched.name}")
         self._supervisor.latched, self._supervisor.detail = None, ""
         return True, f"cleared: {words}; the output stays off until ~/enable"
 
@@ -161,6 +167,7 @@ class Actuator:
     def reset_estimator(self) -> tuple[bool, str]:
         """Forget the past of the estimate: the next reading is taken for a wire at rest on its cooling curve."""
         self._estimator.reset()
+        self._changes.append(ESTIMATOR_RESET)
         if self._mode is not Mode.OFF:
             self._mode, self._starting = Mode.HOLD, True
             self._forget_setpoints()
@@ -189,6 +196,7 @@ class Actuator:
             )
         self._tare_N = load_N
         self._estimator.reset()
+        self._changes += [f"tared {load_N:.6g} N", ESTIMATOR_RESET]
         return True, f"tared: {load_N:.4f} N count as zero from now on"
 
     def measure_lead_resistance(self) -> tuple[bool, str, float]:
@@ -227,11 +235,13 @@ class Actuator:
 
         Raises ConfigError where a parameter differs that is not live; nothing is taken over then.
         """
-        fixed = {name: repr(value) for name, value, declaration, _ in walk(self._config) if not declaration.live}
-        wanted = {name: repr(value) for name, value, declaration, _ in walk(config) if not declaration.live}
-        changed = [name for name in wanted if wanted[name] != fixed.get(name)]
+        before = {name: repr(value) for name, value, *_ in walk(self._config)}
+        wanted = {name: (repr(value), declaration.live) for name, value, declaration, _ in walk(config)}
+        differing = {name: live for name, (value, live) in wanted.items() if value != before.get(name)}
+        changed = [name for name, live in differing.items() if not live]
         if changed:
             raise ConfigError([f"{name}: cannot be changed while the actuator runs; start it anew" for name in changed])
+        self._changes += [f"{name} {before[name]} -> {wanted[name][0]}" for name in differing]
         self._config = self._supervisor.config = config
         self._controller.set_gains(config.controller)
         self._estimator.update(config)
@@ -250,7 +260,7 @@ class Actuator:
             _log.exception("the control step failed")
             self._latch(unhandled_exception, f"{type(error).__name__}: {error}")
             self._told = Command(0.0, False)
-            return Output(self._signals, self._estimate, self._told, self._status({}, set()), nan)
+            return self._output({}, set(), nan)
 
     def _step(self, now_s: float, raw: Reading | None, supply: SupplyState | None) -> Output:
         supervisor, config = self._supervisor, self._config
@@ -303,7 +313,17 @@ class Actuator:
             self._switch_off()
         self._told = command
         self._show_events(now_s, faults)
-        return Output(self._signals, self._estimate, command, self._status(faults, limits), setpoint_m)
+        return self._output(faults, limits, setpoint_m)
+
+    def _output(self, faults: dict[Fault, str], limits: set[Limit], setpoint_m: float) -> Output:
+        """What this step has to say, with what has changed since the one before."""
+        latched = self._supervisor.latched
+        if latched is not self._latched_told and latched is not None:
+            self._changes.append(f"fault {latched.name}: {self._supervisor.detail}")
+        self._latched_told = latched
+        changes, self._changes = tuple(self._changes), []
+        status = self._status(faults, limits)
+        return Output(self._signals, self._estimate, self._told, status, setpoint_m, self._tare_N, changes)
 
     def _sense(self, reading: Reading) -> None:
         """Signals and estimate of a usable reading."""
@@ -311,14 +331,13 @@ class Actuator:
         self._reading_s = reading.time_s
         self._readings.append(reading)
         signals = self._measuring.measure(signals_from_reading(reading, config, self._tare_N))
-        if signals.current_A >= MEASURABLE * config.supply.bias_current:
+        signals = without_undriven(signals, config.supply.bias_current)
+        if is_driven(signals.current_A, config.supply.bias_current):
             # The leads count with the wire: the heat balance errs on the hot side.
             self._power_W = signals.current_A * max(reading.supply_voltage_V - reading.reference_voltage_V, 0.0)
             self._readings_with_current.append(reading)
         else:
-            # Noise divided by noise is no resistance.
             self._power_W = 0.0
-            signals = dataclasses.replace(signals, resistance_Ohm=nan, power_W=nan)
         self._signals = signals
         self._estimate = self._estimator.step(signals)
 

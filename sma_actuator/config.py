@@ -7,13 +7,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import yaml
 
 from sma_actuator.base.parameters import (
     ConfigError,
@@ -26,6 +23,7 @@ from sma_actuator.base.parameters import (
     typed_section,
 )
 from sma_actuator.base.sections import Loop, Wire
+from sma_actuator.base.yaml_text import read_yaml
 from sma_actuator.control import CONTROL_LAWS
 from sma_actuator.control.law import ControllerParameters
 from sma_actuator.estimation.branch import EstimatorParameters
@@ -140,31 +138,9 @@ def _refuse(problems: list[str], source: str) -> None:
         raise ConfigError([f"{source}: {problem}" if source else problem for problem in problems])
 
 
-class _Loader(yaml.SafeLoader):
-    """Reads 175.0e6 as a number, as the YAML parser of ROS does; PyYAML wants 175.0e+6."""
-
-
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"),
-    list("-+.0123456789"),
-)
-
-
-def parse_yaml(text: str) -> Any:
-    """The document in ``text``.  Raises yaml.YAMLError."""
-    return yaml.load(text, Loader=_Loader)
-
-
-def read_yaml(path: str | Path) -> Mapping[str, Any]:
+def read_sections(path: str | Path) -> Mapping[str, Any]:
     """The sections of a YAML parameter file.  Raises ConfigError; its sentence names the file."""
-    path = Path(path)
-    try:
-        document = parse_yaml(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror}); a YAML parameter file is wanted") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: is not YAML: {' '.join(str(error).split())}") from error
+    document = read_yaml(path, "a YAML parameter file")
     if not isinstance(document, Mapping):
         raise ConfigError(f"{path}: holds no parameters; a section '{NODE_NAME}: ros__parameters:' is wanted")
     return document
@@ -172,7 +148,7 @@ def read_yaml(path: str | Path) -> Mapping[str, Any]:
 
 def read_parameter_file(path: str | Path, node: str = NODE_NAME) -> dict[str, Any]:
     """The mapping below ``ros__parameters`` of ``node`` (or of ``/**``) in a YAML file."""
-    document = read_yaml(path)
+    document = read_sections(path)
     for name in (node, f"/{node}", "/**"):
         if isinstance(document.get(name), Mapping) and "ros__parameters" in document[name]:
             return dict(document[name]["ros__parameters"] or {})

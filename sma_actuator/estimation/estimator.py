@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 #: Share of the calibrated stress range by which a stress may lie outside it.  Beyond that the model sees the
 #: stress at the margin: polynomials in stress go astray quickly outside the data they were fitted on.
 STRESS_MARGIN = 0.05
+#: The event that says in a log: here the estimator began anew.
+ESTIMATOR_RESET = "estimator reset"
 
 
 @dataclass(frozen=True, slots=True)

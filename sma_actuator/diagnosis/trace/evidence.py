@@ -22,7 +22,8 @@ from sma_actuator.estimation.estimator import Estimator
 from sma_actuator.identify.calibration import expected_residual_m
 from sma_actuator.identify.rests import find_rests
 from sma_actuator.identify.traces import Trace, make_trace
-from sma_actuator.logs.bench_log import BenchLog, BenchLogError
+from sma_actuator.logs.bench_log import BenchLog
+from sma_actuator.logs.errors import BenchLogError
 
 INDEPENDENT = 8.0  #: samples of one cycle that say something new, all others are correlated with them
 LIMIT = 3.0  #: residual, in standard deviations, above which it counts linearly (Huber)

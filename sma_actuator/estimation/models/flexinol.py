@@ -17,7 +17,7 @@ Beyond an asymptote
 -------------------
 A change of stress, or the cold end, where the asymptotes cross, can leave the state on the far
 side of the asymptote it should approach (z < 0).  There R moves with temperature and δ hardly at
-all: as long as R moves towards the asymptote δ stands still, until z = 0; when R moves away, |z|
+all: as long as R moves towards the asymptote δ stands still, until z = 0; when R moves away, the size of z
 decays by the same law as on the near side, so the state is always drawn to the asymptote.  On the
 asymptote itself (z = 0) δ follows it both ways.
 

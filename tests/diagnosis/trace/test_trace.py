@@ -15,7 +15,8 @@ from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit
 from sma_actuator.estimation.effects import EFFECTS, EffectChain, Place
 from sma_actuator.estimation.estimator import Estimator
-from sma_actuator.logs.bench_log import BenchLog, BenchLogError
+from sma_actuator.logs.bench_log import BenchLog
+from sma_actuator.logs.errors import BenchLogError
 
 
 @pytest.fixture(scope="module")
