@@ -13,7 +13,7 @@ import numpy as np
 from sma_actuator.base.jit import jit
 from sma_actuator.config import Config
 from sma_actuator.estimation.calibration import Calibration
-from sma_actuator.estimation.estimator import Estimator
+from sma_actuator.estimation.chain import Chain
 from sma_actuator.safety.thermal import HeatBalance
 
 from .rests import find_rests
@@ -28,7 +28,9 @@ def calibration_of(traces: Sequence[Trace], config: Config, at_rest: bool = True
 
     ``at_rest``: with what a resting wire shows; left out for models of wires of any size.
     """
-    estimates = [Estimator(config).run(t.signals).displacement_m for t in traces]
+    found = [Chain(config).run(t.signals) for t in traces]
+    traces = [t.through(estimate) for t, estimate in zip(traces, found, strict=True)]
+    estimates = [estimate.displacement_m for estimate in found]
     full_m = config.wire.full_stroke_m
     errors = [
         float(np.nanmean(np.abs(d - t.displacement_m))) / full_m * 100 for d, t in zip(estimates, traces, strict=True)

@@ -10,6 +10,7 @@ import numpy as np
 
 from sma_actuator.base.signals import Signals
 from sma_actuator.estimation.branch import BranchDetector
+from sma_actuator.estimation.chain import EstimateTrace
 from sma_actuator.logs.bench_log import BenchLog, require_reference, signals_from_log
 from sma_actuator.logs.errors import BenchLogError
 
@@ -69,6 +70,10 @@ class Trace:
         signals = Signals(**{name: v[chosen] if np.ndim(v) else v for name, v in fields.items()})
         log = dataclasses.replace(self.log, columns={k: v[chosen] for k, v in self.log.columns.items()})
         return Trace(log, self.kind, signals, self.heating[chosen], self.driven[chosen], self.cycle[chosen])
+
+    def through(self, estimate: EstimateTrace) -> Trace:
+        """The trace with the signals and the branch that a model's chain made of it."""
+        return dataclasses.replace(self, signals=estimate.signals, heating=estimate.branch.astype(bool))
 
 
 def make_trace(log: BenchLog, config) -> Trace:
