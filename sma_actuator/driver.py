@@ -501,6 +501,8 @@ class Driver:
         lost = self.lost_instruments
         if lost:
             return False, "; ".join(f"the {name} still does not answer: {detail}" for name, detail in lost.items())
+        if not actuator.latched:
+            return actuator.clear_fault(now_s)  # a wire that is driven goes on being driven
         self._supply.ask(self._supply.instrument.clear_trip)
         self._supply.ask(self._switch_off)
         if self._may_flow:
