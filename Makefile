@@ -1,5 +1,7 @@
 # make demo   the node holds a wire of the virtual bench at setpoints, live in the terminal
 # make test   every test
+# make check  format, lint, types and the floors of the house
+# make docs   the documentation with the API reference, warnings are errors
 # make tables, make benchmarks, make coefficients   the figures and the models, made again
 # Both do all their own set-up: a virtual environment with pinned ROS 2 wheels in .venv.
 
@@ -8,15 +10,27 @@ VENV := .venv
 BIN := $(VENV)/bin
 DURATION ?= 60
 WIRE ?= flexinol
-EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,test
+EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,test,check,docs
 
-.PHONY: demo test tables benchmarks coefficients blind-trial own-baseline fleet forward clean
+.PHONY: attack demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline fleet forward clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION)
 
 test: $(VENV)/ready
 	$(BIN)/python -m pytest
+
+check: $(VENV)/ready
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+docs: $(VENV)/ready
+	$(BIN)/python -m sphinx -b html --fail-on-warning --keep-going docs docs/_build
+
+coverage: $(VENV)/ready
+	$(BIN)/python -m pytest --cov --cov-report=term:skip-covered --cov-report=html:out/coverage
 
 $(VENV)/ready: setup.py constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is wanted; set PYTHON=python3.12 or so"; exit 1; }
@@ -25,10 +39,17 @@ $(VENV)/ready: setup.py constraints.txt
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[$(EXTRAS)]'
 	touch $@
 
-# Every figure in README.md comes from one of these.
+# Every figure of README.md and docs/results.md comes from one of these; the names of some sections in RESULTS.
+RESULTS ?=
+results: $(VENV)/ready
+	$(BIN)/python benchmarks/results.py $(RESULTS)
+
 tables: $(VENV)/ready
 	$(BIN)/python benchmarks/control_tables.py
 	$(BIN)/python benchmarks/replay_tables.py
+
+pictures: $(VENV)/ready
+	$(BIN)/python examples/draw_a_loop.py docs/pictures/loop.png
 
 benchmarks: $(VENV)/ready
 	$(BIN)/python benchmarks/cost.py
@@ -59,6 +80,11 @@ FORWARD_RUNS ?= $(wildcard $(FORWARD_DATA)/*.csv)
 forward: $(VENV)/ready
 	@test -n "$(FORWARD_RUNS)" || { echo "no runs in $(FORWARD_DATA); set FORWARD_DATA to a folder of CSV files"; exit 1; }
 	$(BIN)/sma-actuator forward $(FORWARD_RUNS) --wire config/flexinol_050_forward.yaml --out out/forward
+
+# Attack the driver at random for as long as ATTACK says, and write what held and what did not to docs/attack.md.
+ATTACK ?=
+attack: $(VENV)/ready
+	nice -n 5 $(BIN)/python -m attack $(ATTACK)
 
 clean:
 	rm -rf $(VENV) build install log out

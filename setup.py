@@ -1,6 +1,6 @@
 """One ament_python package; with plain pip the extras bring ROS 2, the tests' tools and speed."""
 
-from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
@@ -14,8 +14,8 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/config", glob("config/*.yaml")),
-        (f"share/{NAME}/launch", glob("launch/*.py")),
+        (f"share/{NAME}/config", [str(path) for path in Path("config").glob("*.yaml")]),
+        (f"share/{NAME}/launch", [str(path) for path in Path("launch").glob("*.py")]),
     ],
     python_requires=">=3.11",
     install_requires=[
@@ -36,7 +36,16 @@ setup(
         "baselines": ["scikit-learn>=1.3"],
         "fleet": ["distributed>=2024.1"],
         "pymeasure": ["PyMeasure>=0.14"],
-        "test": ["pytest>=7.4", "hypothesis>=6.82", "simple-pid==2.0.1", "colcon-common-extensions>=0.3"],
+        "check": ["ruff>=0.17,<0.18", "mypy>=1.11", "import-linter>=2.0"],
+        "docs": ["sphinx>=8.2", "myst-parser>=4.0", "sphinx-rtd-theme>=3.0"],
+        "test": [
+            "pytest>=7.4",
+            "hypothesis>=6.82",
+            "simple-pid==2.0.1",
+            "colcon-common-extensions>=0.3",
+            "pytest-timeout>=2.2",
+            "pytest-cov>=5.0",
+        ],
     },
     entry_points={
         "console_scripts": [

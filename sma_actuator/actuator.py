@@ -7,29 +7,28 @@ tested offline is what runs on the robot.
 from __future__ import annotations
 
 import collections
-import dataclasses
 import logging
 from collections.abc import Collection
 from dataclasses import dataclass
 from math import inf, isfinite, nan
+from typing import TYPE_CHECKING
 
 from sma_actuator.base.parameters import ConfigError, walk
 from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status, SupplyState
-from sma_actuator.config import Config
 from sma_actuator.control.pid import PidController
 from sma_actuator.control.setpoints import Trajectory
-from sma_actuator.estimation.circuit import signals_from_reading
-from sma_actuator.estimation.effects import EffectChain, Place
-from sma_actuator.estimation.estimator import Estimator
-from sma_actuator.safety.faults import FAULTS, LIMITS, Action, Fault, Limit
-from sma_actuator.safety.supervisor import (
-    MEASURABLE,
-    SetpointFlood,
-    Step,
-    Supervisor,
-    setpoint_not_finite,
-    setpoint_stale,
-)
+from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
+from sma_actuator.estimation.circuit import is_driven, signals_from_reading, without_undriven
+from sma_actuator.safety.faults import FAULTS, gravest
+from sma_actuator.safety.guards.estimate import estimate_invalid
+from sma_actuator.safety.guards.program import unhandled_exception
+from sma_actuator.safety.guards.setpoints import Bucket, setpoint_flood, setpoint_not_finite, setpoint_stale
+from sma_actuator.safety.limits import CURRENT_BIAS, CURRENT_MAX, LIMITS, SETPOINT_RANGE, SETPOINT_RATE
+from sma_actuator.safety.records import Fault, Limit, Step
+from sma_actuator.safety.supervisor import Supervisor
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
 
 _log = logging.getLogger(__name__)
 
@@ -43,7 +42,6 @@ FEWEST_READINGS = 3
 MOST_TARE = 0.1
 _NOTHING = Signals(nan, nan, nan, nan, nan, nan)
 _NO_ESTIMATE = Estimate(nan, nan, nan, 0.0, Branch.COOLING, Quality.INVALID)
-_SEVERITY = {fault: number for number, fault in enumerate(Fault)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +53,8 @@ class Output:
     command: Command
     status: Status
     setpoint_m: float  #: what the controller was asked for, NaN where nothing
+    tare_N: float = 0.0  #: load that counts as zero
+    events: tuple[str, ...] = ()  #: what was asked, changed or went wrong since the step before
 
 
 class Actuator:
@@ -62,8 +62,7 @@ class Actuator:
 
     def __init__(self, config: Config):
         self._config = config
-        self._estimator = Estimator(config)
-        self._measuring = EffectChain(config.effects.active, Place.of(config))
+        self._chain = Chain(config)
         self._controller = PidController(config.controller, config.supply.bias_current)
         self._supervisor = Supervisor(config)
         self._mode = Mode.OFF
@@ -73,25 +72,30 @@ class Actuator:
         self._setpoint_m = nan
         self._setpoint_s = nan
         self._trajectory: tuple[float, Trajectory] | None = None
-        self._tare_N = 0.0
         self._now_s = nan
         self._reading_s = -inf  #: time stamp of the last usable reading
         self._controlled_s = nan  #: when the controller was last stepped
-        self._readings: collections.deque[Reading] = collections.deque(maxlen=AVERAGED_READINGS)
+        self._tare_N = 0.0
+        #: Loads of the last readings, as they would be without a tare.
+        self._loads_N: collections.deque[float] = collections.deque(maxlen=AVERAGED_READINGS)
         #: Those with current since the output went on; they outlast it.
         self._readings_with_current: collections.deque[Reading] = collections.deque(maxlen=AVERAGED_READINGS)
         self._signals = _NOTHING
         self._estimate = _NO_ESTIMATE
         self._told = Command(0.0, False)
         self._power_W = 0.0
-        self._flood = SetpointFlood()
+        self._setpoint_bucket = Bucket()
         self._events: dict[Fault, tuple[float, str]] = {}  #: fault without duration → when, detail
+        self._changes: list[str] = []  #: that no output has told yet
+        self._latched_told: Fault | None = None
 
     # --- what others may ask ----------------------------------------------------------------------
 
     def enable(self, now_s: float, on: bool) -> tuple[bool, str]:
         """Switch the current on or off; whether it was done, and a sentence."""
         if not on:
+            if self._mode is not Mode.OFF:
+                self._changes.append("disabled")
             self._switch_off()
             return True, "the output is off"
         if self._supervisor.latched is not None:
@@ -99,16 +103,16 @@ class Actuator:
         if self._mode is not Mode.OFF:
             return True, "the output is on already"
         present = self._supervisor.present
-        blocking = sorted(
-            (f for f in present if FAULTS[f].action in (Action.OFF, Action.BIAS)), key=_SEVERITY.__getitem__
-        )
+        blocking = [fault for fault in present if fault.prevents_enabling]
         if blocking:
-            return False, f"not enabled: {FAULTS[blocking[0]].words}: {present[blocking[0]]}"
+            fault = gravest(blocking)
+            return False, f"not enabled: {fault.words}: {present[fault]}"
         if not now_s - self._reading_s <= self._config.safety.reading_timeout:
             return False, "not enabled: there is no reading of the DAQ yet"
         self._mode, self._starting = Mode.HOLD, True
         self._readings_with_current.clear()
         self._supervisor.enabled(now_s)
+        self._changes.append("enabled")
         return True, "the output is on; the wire is held where it is"
 
     def clear_fault(self, now_s: float) -> tuple[bool, str]:
@@ -117,14 +121,17 @@ class Actuator:
         if self._supervisor.latched is None:
             return True, "there is no fault to clear"
         words = self._fault_words()
+        self._changes.append(f"cleared {self._supervisor.latched.name}")
         self._supervisor.latched, self._supervisor.detail = None, ""
         return True, f"cleared: {words}; the output stays off until ~/enable"
 
     def raise_fault(self, now_s: float, name: str, detail: str) -> None:
         """Report what only the driver can see.  Raises ValueError for a name that is not in the table."""
-        fault = Fault(name)
-        if FAULTS[fault].latches:
-            if self._mode is not Mode.OFF or FAULTS[fault].while_off:
+        if name not in FAULTS:
+            raise ValueError(f"'{name}' is no fault; one of {', '.join(FAULTS)} is wanted")
+        fault = FAULTS[name]
+        if fault.latches:
+            if self._mode is not Mode.OFF or fault.while_off:
                 self._latch(fault, detail)
             else:
                 self._supervisor.present[fault] = detail
@@ -136,9 +143,9 @@ class Actuator:
         refusal = self._refuses_setpoints(now_s)
         if refusal:
             return refusal
-        refusal = setpoint_not_finite(position_m)
+        refusal = setpoint_not_finite.look(position_m)
         if refusal:
-            self._events[Fault.SETPOINT_NOT_FINITE] = (now_s, refusal)
+            self._events[setpoint_not_finite] = (now_s, refusal)
             return refusal
         self._track(now_s, float(position_m), None)
         return ""
@@ -151,14 +158,18 @@ class Actuator:
         try:
             trajectory = Trajectory(times_s, positions_m)
         except (TypeError, ValueError) as error:
-            self._events[Fault.SETPOINT_NOT_FINITE] = (now_s, str(error))
+            self._events[setpoint_not_finite] = (now_s, str(error))
             return str(error)
         self._track(now_s, trajectory(0.0), (now_s, trajectory))
         return ""
 
     def reset_estimator(self) -> tuple[bool, str]:
-        """Forget the past of the estimate: the next reading is taken for a wire at rest on its cooling curve."""
-        self._estimator.reset()
+        """Forget where on its loop the wire is: the next reading is taken for a wire at rest on its cooling curve.
+
+        What has come over the wire since the session began (creep, a slip, cycles) stays: it was not estimated away.
+        """
+        self._chain.reset()
+        self._changes.append(ESTIMATOR_RESET)
         if self._mode is not Mode.OFF:
             self._mode, self._starting = Mode.HOLD, True
             self._forget_setpoints()
@@ -173,12 +184,12 @@ class Actuator:
         if self._mode is not Mode.OFF:
             return False, "not tared: the wire is driven; switch it off with ~/enable first"
         if (
-            len(self._readings) < FEWEST_READINGS
+            len(self._loads_N) < FEWEST_READINGS
             or not self._now_s - self._reading_s <= self._config.safety.reading_timeout
         ):
             return False, f"not tared: {FEWEST_READINGS} readings of just now are wanted"
-        cell, wire = self._config.load_cell, self._config.wire
-        load_N = cell.slope * _mean(self._readings, "load_cell_voltage_V") + cell.offset
+        wire = self._config.wire
+        load_N = sum(self._loads_N) / len(self._loads_N)
         bound_N = MOST_TARE * wire.max_stress * wire.area_m2
         if not abs(load_N) <= bound_N:
             return (
@@ -186,7 +197,8 @@ class Actuator:
                 f"not tared: {load_N:.3g} N is more than the drift of a load cell (up to {bound_N:.3g} N); take the load off",
             )
         self._tare_N = load_N
-        self._estimator.reset()
+        self._chain.reset()
+        self._changes += [f"tared {load_N:.6g} N", ESTIMATOR_RESET]
         return True, f"tared: {load_N:.4f} N count as zero from now on"
 
     def measure_lead_resistance(self) -> tuple[bool, str, float]:
@@ -225,16 +237,16 @@ class Actuator:
 
         Raises ConfigError where a parameter differs that is not live; nothing is taken over then.
         """
-        fixed = {name: repr(value) for name, value, declaration, _ in walk(self._config) if not declaration.live}
-        wanted = {name: repr(value) for name, value, declaration, _ in walk(config) if not declaration.live}
-        changed = [name for name in wanted if wanted[name] != fixed.get(name)]
-        if config.model_type != self._config.model_type:
-            changed.append("model.type")
+        before = {name: repr(value) for name, value, *_ in walk(self._config)}
+        wanted = {name: (repr(value), declaration.live) for name, value, declaration, _ in walk(config)}
+        differing = {name: live for name, (value, live) in wanted.items() if value != before.get(name)}
+        changed = [name for name, live in differing.items() if not live]
         if changed:
             raise ConfigError([f"{name}: cannot be changed while the actuator runs; start it anew" for name in changed])
+        self._changes += [f"{name} {before[name]} -> {wanted[name][0]}" for name in differing]
         self._config = self._supervisor.config = config
         self._controller.set_gains(config.controller)
-        self._estimator.update(config)
+        self._chain.update(config)
 
     # --- the step ---------------------------------------------------------------------------------
 
@@ -248,9 +260,9 @@ class Actuator:
             return self._step(now_s, reading, supply)
         except Exception as error:  # noqa: BLE001 - whatever it is, the current must go off
             _log.exception("the control step failed")
-            self._latch(Fault.UNHANDLED_EXCEPTION, f"{type(error).__name__}: {error}")
+            self._latch(unhandled_exception, f"{type(error).__name__}: {error}")
             self._told = Command(0.0, False)
-            return Output(self._signals, self._estimate, self._told, self._status({}, set()), nan)
+            return self._output({}, set(), nan)
 
     def _step(self, now_s: float, raw: Reading | None, supply: SupplyState | None) -> Output:
         supervisor, config = self._supervisor, self._config
@@ -262,14 +274,16 @@ class Actuator:
         reading = supervisor.usable(raw, self._reading_s, now_s)
         if reading is not None:
             self._sense(reading)
-        elif self._mode is Mode.OFF:
-            self._power_W = 0.0
-        supervisor.heat(self._power_W, dt_s, self._signals.ambient_temperature_C)
+        elif supply is not None and not supply.output_on:
+            self._power_W = 0.0  # without either, the current may well flow on
+        supervisor.keep_heat(self._power_W, self._signals.current_A, dt_s, self._signals.ambient_temperature_C)
 
         driven = self._mode is not Mode.OFF
         settled = driven and supervisor.settled(now_s)
         faults = supervisor.inspect(
             Step(
+                config,
+                supervisor.memory,
                 now_s,
                 dt_s,
                 driven,
@@ -280,7 +294,7 @@ class Actuator:
                 self._estimate,
                 supply,
                 self._told,
-                supervisor.temperature_C,
+                supervisor.heat,
             )
         )
         supervisor.watch_stress(self._signals.stress_Pa, self._estimate.displacement_m, self._told.current_A)
@@ -289,7 +303,7 @@ class Actuator:
         wanted_A = config.supply.bias_current
         if settled and supervisor.latched is None:
             self._lose_setpoint(now_s)
-        if settled and supervisor.latched is None and Fault.ESTIMATE_INVALID not in faults:
+        if settled and supervisor.latched is None and estimate_invalid not in faults:
             if self._starting:
                 self._start_controller()
             if not self._bias_only:
@@ -301,24 +315,30 @@ class Actuator:
             self._switch_off()
         self._told = command
         self._show_events(now_s, faults)
-        return Output(self._signals, self._estimate, command, self._status(faults, limits), setpoint_m)
+        return self._output(faults, limits, setpoint_m)
+
+    def _output(self, faults: dict[Fault, str], limits: set[Limit], setpoint_m: float) -> Output:
+        """What this step has to say, with what has changed since the one before."""
+        latched = self._supervisor.latched
+        if latched is not self._latched_told and latched is not None:
+            self._changes.append(f"fault {latched.name}: {self._supervisor.detail}")
+        self._latched_told = latched
+        changes, self._changes = tuple(self._changes), []
+        status = self._status(faults, limits)
+        return Output(self._signals, self._estimate, self._told, status, setpoint_m, self._tare_N, changes)
 
     def _sense(self, reading: Reading) -> None:
         """Signals and estimate of a usable reading."""
         config = self._config
         self._reading_s = reading.time_s
-        self._readings.append(reading)
-        signals = self._measuring.measure(signals_from_reading(reading, config, self._tare_N))
-        if signals.current_A >= MEASURABLE * config.supply.bias_current:
-            # The leads count with the wire: the heat balance errs on the hot side.
-            self._power_W = signals.current_A * max(reading.supply_voltage_V - reading.reference_voltage_V, 0.0)
+        calibrated = without_undriven(signals_from_reading(reading, config, self._tare_N), config.supply.bias_current)
+        self._signals, self._estimate = self._chain.step(calibrated)
+        self._loads_N.append(self._signals.load_N + self._tare_N)
+        self._power_W = 0.0
+        if is_driven(calibrated.current_A, config.supply.bias_current):
+            # Leads and leaks count with the wire: the heat balance errs on the hot side.
+            self._power_W = calibrated.current_A * max(reading.supply_voltage_V - reading.reference_voltage_V, 0.0)
             self._readings_with_current.append(reading)
-        else:
-            # Noise divided by noise is no resistance.
-            self._power_W = 0.0
-            signals = dataclasses.replace(signals, resistance_Ohm=nan, power_W=nan)
-        self._signals = signals
-        self._estimate = self._estimator.step(signals)
 
     def _setpoint(self, now_s: float, limits: set[Limit]) -> float:
         """What the controller is to reach [m], inside the working range."""
@@ -327,9 +347,9 @@ class Actuator:
             self._setpoint_m = trajectory(now_s - start_s)
         setpoint_m = self._setpoint_m
         if self._mode is Mode.TRACKING:
-            lo_m, hi_m = self._estimator.displacement_range_m
+            lo_m, hi_m = self._chain.displacement_range_m
             if not lo_m <= setpoint_m <= hi_m:
-                limits.add(Limit.SETPOINT_RANGE)
+                limits.add(SETPOINT_RANGE)
                 setpoint_m = min(max(setpoint_m, lo_m), hi_m)
         return max(setpoint_m, self._supervisor.stress_floor_m)
 
@@ -343,11 +363,11 @@ class Actuator:
             self._controlled_s = self._now_s
             wanted_A = controller.step(self._estimate.displacement_m, setpoint_m, dt_s, self._supervisor.limit_A())
         if controller.rate_limited:
-            limits.add(Limit.SETPOINT_RATE)
+            limits.add(SETPOINT_RATE)
         if controller.at_max:
-            limits.add(Limit.CURRENT_MAX)
+            limits.add(CURRENT_MAX)
         if controller.at_bias:
-            limits.add(Limit.CURRENT_BIAS)
+            limits.add(CURRENT_BIAS)
         return wanted_A
 
     def _lose_setpoint(self, now_s: float) -> None:
@@ -356,13 +376,13 @@ class Actuator:
             return
         if self._trajectory is not None and now_s - self._trajectory[0] < self._trajectory[1].duration_s:
             self._setpoint_s = now_s
-        self._lost = setpoint_stale(now_s - self._setpoint_s, self._config)
+        self._lost = setpoint_stale.look(now_s - self._setpoint_s, self._config)
         if not self._lost:
             return
         self._mode, self._trajectory, self._starting = Mode.HOLD, None, True
         action = self._config.controller.on_setpoint_loss
         if action == "off":
-            self._supervisor.latch(Fault.SETPOINT_STALE, self._lost)
+            self._supervisor.latch(setpoint_stale, self._lost)
         self._bias_only = action == "bias"
 
     def _start_controller(self) -> None:
@@ -396,9 +416,9 @@ class Actuator:
 
     def _refuses_setpoints(self, now_s: float) -> str:
         """Why no setpoint is taken now, or ""."""
-        flooded = self._flood(now_s, self._config)
+        flooded = setpoint_flood.look(self._setpoint_bucket, now_s, self._config)
         if flooded:
-            self._events[Fault.SETPOINT_FLOOD] = (now_s, flooded)
+            self._events[setpoint_flood] = (now_s, flooded)
             return flooded
         if self._mode is Mode.OFF:
             return "setpoint refused: the output is off; call ~/enable first"
@@ -407,7 +427,7 @@ class Actuator:
     def _show_events(self, now_s: float, faults: dict[Fault, str]) -> None:
         """Let faults without duration stay in the status for a while, a lost setpoint until the next."""
         if self._lost:
-            faults.setdefault(Fault.SETPOINT_STALE, self._lost)
+            faults.setdefault(setpoint_stale, self._lost)
         for fault, (when_s, detail) in list(self._events.items()):
             if 0.0 <= now_s - when_s <= EVENT_SHOWN_S:
                 faults.setdefault(fault, detail)
@@ -415,7 +435,7 @@ class Actuator:
                 del self._events[fault]
 
     def _fault_words(self) -> str:
-        return f"{FAULTS[self._supervisor.latched].words} ({self._supervisor.detail})"
+        return f"{self._supervisor.latched.words} ({self._supervisor.detail})"
 
     def _status(self, faults: dict[Fault, str], limits: set[Limit]) -> Status:
         supervisor = self._supervisor
@@ -424,16 +444,16 @@ class Actuator:
         if fault is not None:
             words = f"off: {self._fault_words()}; ~/clear_fault, then ~/enable"
         elif faults:
-            fault = min(faults, key=_SEVERITY.__getitem__)
-            words = f"{words}: {FAULTS[fault].words} ({faults[fault]})"
-        shown = tuple(limit for limit in Limit if limit in limits)
+            fault = gravest(faults)
+            words = f"{words}: {fault.words} ({faults[fault]})"
+        shown = tuple(limit for limit in LIMITS.values() if limit in limits)
         if fault is None and shown:
-            words = f"{words}: {', '.join(LIMITS[limit].words for limit in shown)}"
+            words = f"{words}: {', '.join(limit.words for limit in shown)}"
         signals, estimate = self._signals, self._estimate
         return Status(
             mode=self._mode,
-            fault=fault.value if fault is not None else "",
-            limits=tuple(limit.value for limit in shown),
+            fault=fault.name if fault is not None else "",
+            limits=tuple(limit.name for limit in shown),
             message=words,
             values={
                 "resistance_Ohm": signals.resistance_Ohm,
@@ -441,7 +461,8 @@ class Actuator:
                 "power_W": signals.power_W,
                 "load_N": signals.load_N,
                 "stress_Pa": signals.stress_Pa,
-                "temperature_C": supervisor.temperature_C,
+                "temperature_C": supervisor.heat.temperature_C,
+                "temperature_at_most_C": supervisor.heat.at_most_C,
                 "current_limit_A": supervisor.limit_A(),
                 "reference_m": self._controller.reference_m if self._mode is not Mode.OFF else nan,
                 "branch": estimate.branch.name.lower(),

@@ -22,15 +22,17 @@ import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 import numpy as np
 
 from sma_actuator.actuator import Actuator, Output
 from sma_actuator.base.signals import Command, Reading, SupplyState
-from sma_actuator.config import Config
 from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
-from sma_actuator.safety.faults import SETTLING_TIME_S
+from sma_actuator.safety.timing import SETTLING_TIME_S
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
 
 _log = logging.getLogger(__name__)
 
@@ -50,7 +52,7 @@ class DriverStopped(RuntimeError):
 class Recording(Protocol):
     """What the loop needs of a recorder."""
 
-    def record(self, reading: Reading, output: Output) -> None:
+    def record(self, reading: Reading | None, output: Output) -> None:
         """Take one step's row; never wait."""
 
 
@@ -115,7 +117,7 @@ class Driver:
 
     ``on_output(output)`` is called in the control thread after every step and must return at once;
     ``on_failure(exception)`` likewise when an exception has ended the loop, after the supply has
-    been shut down.  ``recorder`` gets every step that had a reading.  With a ``feed_timeout_s``
+    been shut down.  ``recorder`` gets every step.  With a ``feed_timeout_s``
     somebody must call :meth:`feed` that often, or the wire is switched off: its commander is gone.
     """
 
@@ -392,7 +394,7 @@ class Driver:
         output = self._actuator.step(now_s, reading, state)
         self._supply.ask(lambda: self._write(output.command, state))
         self._report_losses(now_s)
-        if self._recorder is not None and reading is not None:
+        if self._recorder is not None:
             self._recorder.record(reading, output)
         if self._on_output is not None:
             self._on_output(output)

@@ -18,9 +18,9 @@ class Rig:
     ``reading_of`` and ``state_of`` may be replaced, to lie about what the instruments said.
     """
 
-    def __init__(self, mapping):
+    def __init__(self, mapping, wire="flexinol", load=Weight(0.49), **setup):  # noqa: B008 - a frozen record
         self.config = Config.from_mapping(mapping)
-        self.bench = VirtualBench.from_name("flexinol", seed=1, load=Weight(0.49))
+        self.bench = VirtualBench.from_name(wire, seed=1, load=load, **setup)
         self.supply = InProcessSupply(self.bench, self.config)
         self.daq = InProcessDaq(self.bench, self.config)
         self.supply.open()
@@ -52,7 +52,7 @@ class Rig:
         command = self.output.command
         if command.current_A != self.written.current_A:
             self.supply.set_current(command.current_A)
-        if command.output_on != self.written.output_on or state.output_on and not command.output_on:
+        if command.output_on != self.written.output_on or (state.output_on and not command.output_on):
             self.supply.set_output(command.output_on)
         self.written = command
         return self.output
@@ -78,6 +78,6 @@ class Rig:
         """Bench time until the status names ``fault`` (None: it does not within that time)."""
         start_s = self.bench.time_s
         while self.bench.time_s - start_s < within_s - 1e-9:
-            if self.step().status.fault == fault.value:
+            if self.step().status.fault == fault:
                 return self.bench.time_s - start_s
         return None

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1] / "sma_actuator"
-CORE = ("base", "config", "estimation.estimator", "control.pid", "control.setpoints", "safety.supervisor", "actuator")
+CORE = ("base", "config", "estimation.chain", "control.pid", "control.setpoints", "safety.supervisor", "actuator")
 EDGES = {"rclpy", "pyvisa", "matplotlib", "rich", "jinja2", "sklearn", "joblib"}
 
 

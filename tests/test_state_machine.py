@@ -12,8 +12,10 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from sma_actuator.actuator import Actuator
 from sma_actuator.base.parameters import ConfigError, declaration_of
 from sma_actuator.base.signals import Command, Mode, Reading, SupplyState
-from sma_actuator.config import Config, Controller, Safety
-from sma_actuator.safety.faults import FAULTS, Fault
+from sma_actuator.config import Config
+from sma_actuator.control.pid import PidParameters
+from sma_actuator.safety.faults import FAULTS
+from sma_actuator.safety.parameters import SafetyParameters
 
 anything = st.one_of(
     st.floats(allow_nan=True, allow_infinity=True),
@@ -21,9 +23,9 @@ anything = st.one_of(
 )
 numbers = st.floats(0.0, 1.0)
 #: Latches where ``controller.on_setpoint_loss`` is off; what never latches is not shown as this one is.
-MAY_LATCH = {Fault.SETPOINT_STALE.value}
+MAY_LATCH = {"setpoint_stale"}
 #: What a driver can see.
-REPORTABLE = [f for f in Fault if FAULTS[f].latches or f is Fault.SETPOINT_FLOOD]
+REPORTABLE = [f for f in FAULTS if FAULTS[f].latches or f == "setpoint_flood"]
 
 
 @pytest.fixture(autouse=True)
@@ -55,7 +57,7 @@ class AnyUse(RuleBasedStateMachine):
         rate_Hz=st.sampled_from([10.0, 20.0, 100.0]),
         loss=st.sampled_from(["hold", "bias", "off"]),
         timeout_s=st.sampled_from([0.0, 0.2, 3.0]),
-        controller=st.fixed_dictionaries(live_values(Controller)),
+        controller=st.fixed_dictionaries(live_values(PidParameters)),
         max_stress_Pa=st.floats(1e6, 1e9) | st.just(175e6),
         derate_C=st.floats(40.0, 150.0) | st.just(160.0),
     )
@@ -91,9 +93,7 @@ class AnyUse(RuleBasedStateMachine):
         status, command = self.output.status, self.output.command
         if not math.isfinite(self.now_s):
             self.now_s = 0.0
-        if status.fault and (
-            FAULTS[Fault(status.fault)].latches or status.mode is Mode.OFF and status.fault in MAY_LATCH
-        ):
+        if status.fault and (FAULTS[status.fault].latches or (status.mode is Mode.OFF and status.fault in MAY_LATCH)):
             assert command == Command(0.0, False), f"{status.fault} latches, and current flows"
             self.latched = self.latched or status.fault
         if before:
@@ -164,13 +164,13 @@ class AnyUse(RuleBasedStateMachine):
 
     @rule()
     def the_estimator_breaks_once(self):
-        genuine = self.actuator._estimator.step
+        genuine = self.actuator._chain.step
 
         def step(signals):
-            self.actuator._estimator.step = genuine
+            self.actuator._chain.step = genuine
             raise FloatingPointError("provoked")
 
-        self.actuator._estimator.step = step
+        self.actuator._chain.step = step
 
     # --- what people do ---------------------------------------------------------------------------
 
@@ -213,9 +213,9 @@ class AnyUse(RuleBasedStateMachine):
 
     @rule(fault=st.sampled_from(REPORTABLE), detail=st.text(max_size=5))
     def the_driver_reports(self, fault, detail):
-        self.actuator.raise_fault(self.now_s, fault.value, detail)
+        self.actuator.raise_fault(self.now_s, fault, detail)
         if FAULTS[fault].latches and (self.enabled or FAULTS[fault].while_off):
-            self.latched = self.latched or fault.value
+            self.latched = self.latched or fault
 
     @rule()
     def anybody_calls_the_services(self):
@@ -223,7 +223,10 @@ class AnyUse(RuleBasedStateMachine):
         self.actuator.measure_lead_resistance()
         self.actuator.reset_estimator()
 
-    @rule(controller=st.fixed_dictionaries(live_values(Controller)), safety=st.fixed_dictionaries(live_values(Safety)))
+    @rule(
+        controller=st.fixed_dictionaries(live_values(PidParameters)),
+        safety=st.fixed_dictionaries(live_values(SafetyParameters)),
+    )
     def anybody_changes_live_parameters(self, controller, safety):
         changes = {f"controller.{k}": v for k, v in controller.items()} | {f"safety.{k}": v for k, v in safety.items()}
         try:
@@ -247,7 +250,7 @@ class AnyUse(RuleBasedStateMachine):
         status = self.output.status
         assert (status.mode is Mode.OFF) == (not self.output.command.output_on)
         assert status.message
-        assert status.fault == "" or Fault(status.fault) in FAULTS
+        assert status.fault == "" or status.fault in FAULTS
 
 
 def test_no_use_whatsoever_commands_what_it_must_not(make_config):

@@ -10,12 +10,15 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import Any
 
 from .errors import UserError
+from .registry import Registry
 
 _REQUIRED = object()
+_MOST_UNKNOWN = 20  #: unknown parameters of a section that are named
+_NOT_GIVEN = object()
 
 
 class ConfigError(UserError, ValueError):
@@ -66,9 +69,30 @@ def section(default_factory: Any, description: str) -> Any:
     return dataclasses.field(default_factory=default_factory, metadata={"section": description}, kw_only=True)
 
 
-def declaration_of(field: dataclasses.Field) -> Declaration:
+def typed_section(variants: Callable[[], Registry[Any]], description: str, default: str = "") -> Any:
+    """Declare a section whose parameter ``type`` decides what else it holds.
+
+    ``variants`` gives the registry that holds, for each value of ``type``, the dataclass of its parameters.
+    Without ``default`` the type must be given.
+    """
+    return dataclasses.field(metadata={"variants": variants, "section": description, "type": default}, kw_only=True)
+
+
+def type_of(field: dataclasses.Field[Any], instance: Any) -> str:
+    """The value of ``type`` that stands for ``instance`` in a section made by :func:`typed_section`."""
+    name: str = field.metadata["variants"]().name_of(type(instance))
+    return name
+
+
+def type_declaration(field: dataclasses.Field[Any]) -> Declaration:
+    """The declaration of the parameter ``type`` of a section made by :func:`typed_section`."""
+    return Declaration(f"type of the {field.metadata['section']}")
+
+
+def declaration_of(field: dataclasses.Field[Any]) -> Declaration:
     """The :class:`Declaration` of a dataclass field made by :func:`parameter`."""
-    return field.metadata["parameter"]
+    declaration: Declaration = field.metadata["parameter"]
+    return declaration
 
 
 def check(name: str, value: Any, declaration: Declaration, kind: str) -> tuple[Any, str]:
@@ -79,7 +103,7 @@ def check(name: str, value: Any, declaration: Declaration, kind: str) -> tuple[A
     """
     if kind.startswith("tuple"):
         if isinstance(value, str) or not hasattr(value, "__iter__"):
-            return value, f"{name}: {value!r} is not a list"
+            return value, f"{name}: {_shown(value)} is not a list"
         inner = "float" if "float" in kind else "int" if "int" in kind else "str"
         items = []
         for i, item in enumerate(value):
@@ -91,36 +115,48 @@ def check(name: str, value: Any, declaration: Declaration, kind: str) -> tuple[A
             return value, f"{name}: the list is empty; {_wanted(declaration)}"
         return tuple(items), ""
     if kind == "bool":
-        return (value, "") if isinstance(value, bool) else (value, f"{name}: {value!r} is not true or false")
+        return (value, "") if isinstance(value, bool) else (value, f"{name}: {_shown(value)} is not true or false")
     if kind == "str":
         if not isinstance(value, str):
-            return value, f"{name}: {value!r} is not text"
+            return value, f"{name}: {_shown(value)} is not text"
         if declaration.choices and value not in declaration.choices and not (declaration.optional and value == ""):
-            return value, f"{name}: '{value}' is not one of {', '.join(declaration.choices)}"
+            return value, f"{name}: {_shown(value)} is not one of {', '.join(declaration.choices)}"
         return value, ""
+    return _check_number(name, value, declaration, kind)
+
+
+def _check_number(name: str, value: Any, declaration: Declaration, kind: str) -> tuple[Any, str]:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        text = f"{name}: {value!r} is not a number; {_wanted(declaration)}"
+        text = f"{name}: {_shown(value)} is not a number; {_wanted(declaration)}"
         if isinstance(value, str) and _is_number(value):
             text += f" (YAML reads {value} as text: write it with a decimal point, 1.0e-6)"
         return value, text
+    try:
+        number = float(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        number = math.inf if value > 0 else -math.inf
+    if math.isnan(number) and declaration.optional and kind == "float":
+        return number, ""
+    if not (math.isfinite(number) and declaration.lo <= number <= declaration.hi):
+        hint = f"; {declaration.hint}" if declaration.hint else ""
+        return value, f"{name}: {number:g} is outside its range; {_wanted(declaration)}{hint}"
     if kind == "int":
         if int(value) != value:
             return value, f"{name}: {value!r} is not a whole number; {_wanted(declaration)}"
-        value = int(value)
-    else:
-        value = float(value)
-        if math.isnan(value) and declaration.optional:
-            return value, ""
-    if not (math.isfinite(value) and declaration.lo <= value <= declaration.hi):
-        hint = f"; {declaration.hint}" if declaration.hint else ""
-        return value, f"{name}: {value:g} is outside its range; {_wanted(declaration)}{hint}"
-    return value, ""
+        return int(value), ""
+    return number, ""
+
+
+def _shown(value: Any) -> str:
+    """The value as it stands in a sentence: not more of it than a person reads."""
+    text = repr(value)
+    return text if len(text) <= 80 else f"{text[:60]}… ({len(text)} characters)"
 
 
 def _wanted(declaration: Declaration) -> str:
     if declaration.choices:
         return f"one of {', '.join(declaration.choices)} is wanted ({declaration.description})"
-    unit = f" {declaration.unit}" if declaration.unit else ""
+    unit = f" {declaration.unit}" if declaration.unit not in ("", "1") else ""
     lo, hi = declaration.lo, declaration.hi
     if math.isinf(lo) and math.isinf(hi):
         return f"a finite number{unit} is wanted ({declaration.description})"
@@ -143,44 +179,68 @@ def from_mapping(cls: type, mapping: Mapping[str, Any], prefix: str = "") -> tup
     """Build ``cls`` from a nested mapping; return it (or None) and every problem found."""
     problems: list[str] = []
     if not isinstance(mapping, Mapping):
-        return None, [f"{prefix.rstrip('.') or 'configuration'}: {mapping!r} is not a section of parameters"]
+        return None, [f"{prefix.rstrip('.') or 'configuration'}: {_shown(mapping)} is not a section of parameters"]
     fields = {f.name: f for f in dataclasses.fields(cls) if f.init}
     values: dict[str, Any] = {}
-    for key in mapping:
-        if key not in fields:
-            near = difflib.get_close_matches(str(key), fields, n=1)
-            help_ = f"did you mean {prefix}{near[0]}?" if near else f"known here: {', '.join(fields)}"
-            problems.append(f"{prefix}{key}: no such parameter; {help_}")
+    unknown = [key for key in mapping if key not in fields]
+    problems += [no_such_parameter(str(key), fields, prefix) for key in unknown[:_MOST_UNKNOWN]]
+    if len(unknown) > _MOST_UNKNOWN:
+        problems.append(f"{prefix or 'the file'}: {len(unknown) - _MOST_UNKNOWN} more are unknown")
     for name, field in fields.items():
-        if "section" in field.metadata:
-            if name in mapping:
-                value, found = from_mapping(field.default_factory, mapping[name], f"{prefix}{name}.")
-                problems += found
-                values[name] = value
-            elif any(_is_required(f) for f in dataclasses.fields(field.default_factory)):
-                _, found = from_mapping(field.default_factory, {}, f"{prefix}{name}.")
-                problems += found
-            continue
-        declaration = declaration_of(field)
-        if name in mapping:
-            values[name], problem = check(f"{prefix}{name}", mapping[name], declaration, str(field.type))
-            if problem:
-                problems.append(problem)
+        given = mapping.get(name, _NOT_GIVEN)
+        found: list[str] = []
+        if "variants" in field.metadata:
+            values[name], found = _read_typed_section(field, given, f"{prefix}{name}.")
+        elif "section" in field.metadata:
+            section_class: Any = field.default_factory
+            if given is not _NOT_GIVEN or _wants_something(section_class):
+                wanted: Any = {} if given is _NOT_GIVEN else given
+                values[name], found = from_mapping(section_class, wanted, f"{prefix}{name}.")
+        elif given is not _NOT_GIVEN:
+            values[name], problem = check(f"{prefix}{name}", given, declaration_of(field), str(field.type))
+            found = [problem] if problem else []
         elif _is_required(field):
-            problems.append(f"{prefix}{name}: missing; {_wanted(declaration)}")
+            found = [f"{prefix}{name}: missing; {_wanted(declaration_of(field))}"]
+        problems += found
     if problems:
         return None, problems
     return cls(**values), []
 
 
-def _is_required(field: dataclasses.Field) -> bool:
+def no_such_parameter(name: str, known: Collection[str], prefix: str = "") -> str:
+    """The sentence for a parameter that does not exist, with the one that may be meant."""
+    shown = name if len(name) <= 80 else f"{name[:60]}…"
+    near = difflib.get_close_matches(shown, known, n=1)
+    help_ = f"did you mean {prefix}{near[0]}?" if near else f"known here: {', '.join(known)}"
+    return f"{prefix}{shown}: no such parameter; {help_}"
+
+
+def _read_typed_section(field: dataclasses.Field[Any], given: Any, prefix: str) -> tuple[Any, list[str]]:
+    variants = field.metadata["variants"]()
+    if given is _NOT_GIVEN and field.metadata["type"]:
+        given = {}
+    if not isinstance(given, Mapping) or not ("type" in given or field.metadata["type"]):
+        return None, [f"{prefix}type: missing; one of {', '.join(variants)} is wanted"]
+    name = given.get("type", field.metadata["type"])
+    if not isinstance(name, str) or name not in variants:
+        return None, [f"{prefix}type: '{name}' is not one of {', '.join(variants)}"]
+    return from_mapping(variants[name], {key: value for key, value in given.items() if key != "type"}, prefix)
+
+
+def _wants_something(cls: type) -> bool:
+    return any(_is_required(field) for field in dataclasses.fields(cls))
+
+
+def _is_required(field: dataclasses.Field[Any]) -> bool:
     return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
 
 
-def walk(instance: Any, prefix: str = ""):
+def walk(instance: Any, prefix: str = "") -> Iterator[tuple[str, Any, Declaration, str]]:
     """Yield ``(dotted name, value, Declaration, kind)`` of every parameter of a section."""
     for field in dataclasses.fields(instance):
         value = getattr(instance, field.name)
+        if "variants" in field.metadata:
+            yield f"{prefix}{field.name}.type", type_of(field, value), type_declaration(field), "str"
         if "parameter" in field.metadata:
             yield f"{prefix}{field.name}", value, declaration_of(field), str(field.type)
         elif dataclasses.is_dataclass(value):
@@ -201,6 +261,8 @@ def to_mapping(instance: Any) -> dict[str, Any]:
             out[field.name] = list(value) if isinstance(value, tuple) else value
         elif dataclasses.is_dataclass(value):
             nested = to_mapping(value)
+            if "variants" in field.metadata:
+                nested = {"type": type_of(field, value), **nested}
             if nested:
                 out[field.name] = nested
     return out

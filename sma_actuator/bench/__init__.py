@@ -13,9 +13,9 @@ from .hidden import EFFECTS, FOREIGN, Hidden, HiddenBench
 from .in_process import InProcessDaq, InProcessSupply, VirtualClock
 
 __all__ = [
-    "Chain",
     "EFFECTS",
     "FOREIGN",
+    "Chain",
     "Hidden",
     "HiddenBench",
     "InProcessDaq",

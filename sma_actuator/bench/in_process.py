@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from math import nan
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sma_actuator.base.signals import Reading, SupplyState
-from sma_actuator.config import Config
 from sma_actuator.instruments import InstrumentLost, InstrumentRefused
 
 from .bench import VirtualBench
 from .chain import CHANNELS
 from .supply import SettingRefused
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
 
 
 class VirtualClock:

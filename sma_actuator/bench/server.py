@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from sma_actuator.instruments import InstrumentError
-from sma_actuator.logs.bench_log import write_atomically
+from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.loads import parse_load
 from sma_actuator.plant.materials import WIRES
 from sma_actuator.plant.worlds import HOME, WORLDS

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
 from sma_actuator.config import bench_from_mapping, read_parameter_file
-from sma_actuator.logs.bench_log import write_atomically
+from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.worlds import HOME, WORLDS
 
 from .operators import BenchOperator, ScpiBenchOperator, TerminalOperator

@@ -196,7 +196,7 @@ class _Client:
         self._errors = errors
         self._float64 = Float64
         self._request = SetBool.Request(data=True)
-        self._latest = {name: math.nan for name in ("setpoint", "estimate", "measured", "load", "current")}
+        self._latest = dict.fromkeys(("setpoint", "estimate", "measured", "load", "current"), math.nan)
         self._estimate_at: dict[tuple[int, int], float] = {}
         self._counts = False
         self._status = "no status yet"

@@ -7,12 +7,27 @@ step of the setpoint does not kick.
 
 from __future__ import annotations
 
-from sma_actuator.config import Controller as Gains
+from dataclasses import dataclass
+
+from sma_actuator.base.parameters import parameter
+
+from .law import CONTROL_LAWS, ControllerParameters
 
 #: Beyond these no position or setpoint of a wire lies; NaN and infinities fail the same comparison.
 POSITION_BOUND_m = 100.0
 #: Shorter steps carry no information about velocity.
 SHORTEST_STEP_s = 1e-6
+
+
+@CONTROL_LAWS.register("pid")
+@dataclass(frozen=True, slots=True)
+class PidParameters(ControllerParameters):
+    """PidParameters of the PID."""
+
+    kp: float = parameter(description="proportional gain", unit="A/m", lo=0.0, hi=1e6, live=True)
+    ki: float = parameter(0.0, "integral gain", "A/(m·s)", 0.0, 1e6, live=True)
+    kd: float = parameter(0.0, "derivative gain, on the estimate", "A·s/m", 0.0, 1e6, live=True)
+    derivative_time_constant: float = parameter(0.1, "low-pass of the derivative", "s", 0.0, 10.0, live=True)
 
 
 class PidController:
@@ -38,7 +53,7 @@ class PidController:
         "velocity_m_s",
     )
 
-    def __init__(self, gains: Gains, bias_current_A: float):
+    def __init__(self, gains: PidParameters, bias_current_A: float):
         self.gains = gains
         self.bias_A = bias_current_A
         self.reset(0.0, bias_current_A)
@@ -58,7 +73,7 @@ class PidController:
         self.output_A = output_A
         self.rate_limited = self.at_max = self.at_bias = False
 
-    def set_gains(self, gains: Gains) -> None:
+    def set_gains(self, gains: PidParameters) -> None:
         """Change the gains between two steps without a jump of the output.
 
         The integral takes up what the other two terms change by.

@@ -16,12 +16,43 @@ in the determinate region, where R falls on heating and rises on cooling.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import expm1
 
 import numpy as np
 
 from sma_actuator.base.jit import jit
-from sma_actuator.config import Estimator as Parameters
+from sma_actuator.base.parameters import parameter
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorParameters:
+    """How the branch is told, and how the velocity is smoothed."""
+
+    branch_decision: str = parameter(
+        "heat_balance", "how heating is told from cooling", choices=("heat_balance", "power", "resistance_rate")
+    )
+    heating_power: float = parameter(0.2, "wire power above which it is heating (power)", "W", 1e-6, 1e3, live=True)
+    heating_power_hysteresis: float = parameter(
+        0.1, "half-width of the band around the power that decides, as a fraction of it", "1", 0.0, 0.9, live=True
+    )
+    thermal_time_constant: float = parameter(
+        5.0,
+        "lag of the wire's temperature behind power, latent heat included (heat_balance)",
+        "s",
+        0.01,
+        600.0,
+        live=True,
+    )
+    resistance_deadband: float = parameter(
+        2e-3,
+        "change of resistance against the branch that turns the branch (resistance_rate)",
+        "Ω",
+        0.0,
+        10.0,
+        live=True,
+    )
+    velocity_time_constant: float = parameter(0.1, "low-pass of the published velocity", "s", 0.0, 10.0, live=True)
 
 
 @jit
@@ -83,11 +114,11 @@ def _by_resistance_all(resistance, state, deadband, heating):
 class BranchDetector:
     """Decides the branch, one sample or many at a time, with one memory."""
 
-    def __init__(self, parameters: Parameters):
+    def __init__(self, parameters: EstimatorParameters):
         self._state = np.zeros(3)
         self.configure(parameters)
 
-    def configure(self, parameters: Parameters) -> None:
+    def configure(self, parameters: EstimatorParameters) -> None:
         """Take over parameters; the memory stays."""
         self._decision = parameters.branch_decision
         hysteresis = parameters.heating_power_hysteresis

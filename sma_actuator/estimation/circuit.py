@@ -5,10 +5,48 @@ The functions work on one sample (floats) and on whole logs (arrays) alike.
 
 from __future__ import annotations
 
+import dataclasses
+import math
+from dataclasses import dataclass
+from math import nan
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from sma_actuator.base.signals import Reading, Signals
-from sma_actuator.config import Config
+from sma_actuator.base.parameters import parameter
+from sma_actuator.base.signals import MEASURABLE, Reading, Signals
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
+
+
+@dataclass(frozen=True, slots=True)
+class Circuit:
+    """The measuring circuit."""
+
+    reference_resistance: float = parameter(1.0, "sense resistor in series with the wire", "Ω", 1e-4, 1e3)
+    lead_resistance: float = parameter(0.0, "leads between the voltage taps and the wire", "Ω", 0.0, 100.0)
+
+
+@dataclass(frozen=True, slots=True)
+class LoadCell:
+    """Calibration of the load cell."""
+
+    slope: float = parameter(12.7297, "load per volt of the load cell's amplifier (thesis, A.1)", "N/V", -1e6, 1e6)
+    offset: float = parameter(-0.0598, "load at zero volts", "N", -1e6, 1e6)
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceSensor:
+    """A displacement sensor beside the wire, for identification only.  Without a slope: none."""
+
+    slope: float = parameter(nan, "displacement per ampere of the LVDT (thesis, B.1)", "m/A", -1e3, 1e3, optional=True)
+    offset: float = parameter(nan, "displacement at zero amperes", "m", -10.0, 10.0, optional=True)
+
+    @property
+    def fitted(self) -> bool:
+        """Whether there is such a sensor."""
+        return math.isfinite(self.slope) and math.isfinite(self.offset)
 
 
 def _positive_or_nan(value):
@@ -29,7 +67,7 @@ def resistance_and_current(supply_voltage_V, reference_voltage_V, reference_resi
     return resistance_Ohm, reference_voltage_V / reference_resistance_Ohm
 
 
-def signals_from_reading(reading: Reading, config: Config, tare_N: float = 0.0) -> Signals:
+def signals_from_reading(reading: Reading, config: Config, tare_N: float | np.ndarray = 0.0) -> Signals:
     """Apply the calibrations of ``config`` to a reading.
 
     ``reading`` may hold floats or, for replay, arrays of shape (n,) in every field.
@@ -47,9 +85,31 @@ def signals_from_reading(reading: Reading, config: Config, tare_N: float = 0.0) 
         time_s=reading.time_s,
         resistance_Ohm=resistance_Ohm,
         current_A=current_A,
-        power_W=current_A**2 * resistance_Ohm,
+        power_W=current_A * current_A * resistance_Ohm,
         load_N=load_N,
         stress_Pa=load_N / config.wire.area_m2,
         reference_displacement_m=reference_m,
         ambient_temperature_C=reading.ambient_temperature_C,
+        tare_N=tare_N,
     )
+
+
+def is_driven(current_A, bias_current_A: float):
+    """Whether there is current enough to measure a resistance with; of one sample or of n."""
+    return current_A >= MEASURABLE * bias_current_A
+
+
+def without_undriven(signals: Signals, bias_current_A: float) -> Signals:
+    """Signals in which an undriven wire has no resistance: noise divided by noise is none.
+
+    The one rule for the node and for logs of it; of one sample or of n.
+    """
+    driven = is_driven(signals.current_A, bias_current_A)
+    if isinstance(driven, np.ndarray):
+        resistance_Ohm = np.where(driven, signals.resistance_Ohm, np.nan)
+        power_W = np.where(driven, signals.power_W, np.nan)
+    elif driven:
+        return signals
+    else:
+        resistance_Ohm = power_W = np.nan
+    return dataclasses.replace(signals, resistance_Ohm=resistance_Ohm, power_W=power_W)

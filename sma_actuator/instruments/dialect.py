@@ -15,9 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.yaml_text import read_yaml
 
 FOLDER = Path(__file__).parent / "dialects"
 #: Placeholders each entry may use.
@@ -128,13 +127,7 @@ class Dialect:
                         else f"there are {', '.join(known)}, or give the path of a YAML file"
                     )
                 )
-        try:
-            document = yaml.safe_load(path.read_text(encoding="utf-8"))
-        except (OSError, UnicodeDecodeError) as error:
-            raise ConfigError(f"instruments.{kind}.dialect: {path} cannot be read ({error})") from error
-        except yaml.YAMLError as error:
-            raise ConfigError(f"{path}: is not YAML: {' '.join(str(error).split())}") from error
-        return cls._checked(path, document, kind)
+        return cls._checked(path, read_yaml(path, f"a dialect for instruments.{kind}.dialect"), kind)
 
     @classmethod
     def _checked(cls, path: Path, document: Any, kind: str) -> Dialect:

@@ -9,12 +9,15 @@ from __future__ import annotations
 import importlib
 import logging
 from math import nan
+from typing import TYPE_CHECKING
 
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import SupplyState
-from sma_actuator.config import Config
 
 from . import InstrumentLost, InstrumentRefused
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
 
 _log = logging.getLogger(__name__)
 

@@ -15,15 +15,18 @@ import time
 from collections.abc import Sequence
 from decimal import Decimal
 from math import inf, isfinite, nan
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyvisa
 
 from sma_actuator.base.signals import Reading, SupplyState
-from sma_actuator.config import Config
 
 from . import Clock, InstrumentError, InstrumentLost, InstrumentRefused
 from .dialect import Dialect, yes
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
 
 _log = logging.getLogger(__name__)
 

@@ -13,10 +13,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.config import parse_yaml, read_yaml
+from sma_actuator.base.yaml_text import parse_yaml
+from sma_actuator.config import read_sections
 
 _PARAMETERS = "ros__parameters"
 
@@ -43,7 +42,7 @@ class RosArguments:
         merged: dict[str, Any] = {}
         found, sections = False, []
         for path in self.files:
-            for pattern, values in _sections(read_yaml(path)):
+            for pattern, values in _sections(read_sections(path)):
                 sections.append(pattern)
                 if _matches(pattern, node):
                     if not isinstance(values, Mapping):
@@ -101,10 +100,7 @@ def _assignment(text: str) -> tuple[str, str, Any]:
     pattern, colon, parameter = name.rpartition(":")
     if not separator or not parameter:
         raise ConfigError(f"-p {text}: is not of the form name:=value")
-    try:
-        return pattern if colon else "/**", parameter, parse_yaml(value)
-    except yaml.YAMLError as error:
-        raise ConfigError(f"-p {text}: the value is not YAML ({' '.join(str(error).split())})") from error
+    return pattern if colon else "/**", parameter, parse_yaml(value, f"-p {text}")
 
 
 def _sections(document: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -143,7 +143,6 @@ class SmaActuatorNode(LifecycleNode):
             if self.has_parameter(name):
                 self.set_parameters([Parameter(name, value=value)])
         self._declarations: dict[str, tuple[Declaration, str]] = {}
-        self.declare_parameter("model.type", self.config.model_type, _descriptor(Declaration("strain model"), "str"))
         for name, value, declaration, kind in walk(self.config):
             self._declarations[name] = declaration, kind
             if isinstance(value, tuple):

@@ -6,15 +6,14 @@ from dataclasses import replace
 import pytest
 from simple_pid import PID
 
-from sma_actuator.config import Controller
-from sma_actuator.control.pid import PidController
+from sma_actuator.control.pid import PidController, PidParameters
 
 BIAS_A, MAX_A = 0.05, 0.40
 FAST = {"derivative_time_constant": 0.0, "setpoint_rate_limit": 10.0}
 
 
 def controller(**gains):
-    return PidController(Controller(**{"kp": 0.0, **FAST, **gains}), BIAS_A)
+    return PidController(PidParameters(**{"kp": 0.0, **FAST, **gains}), BIAS_A)
 
 
 def held(pid, position_m, setpoint_m, seconds, dt_s=0.05, limit_A=MAX_A):
@@ -62,7 +61,7 @@ def test_it_agrees_with_simple_pid_where_neither_saturates():
     peer = PID(-60.0, -30.0, -8.0, setpoint=0.0025, sample_time=None)
     peer(0.003, dt=1e-9)  # it knows no position to start from
     peer._integral = 0.0
-    pid = PidController(Controller(kp=60.0, ki=30.0, kd=8.0, **FAST), 0.0)
+    pid = PidController(PidParameters(kp=60.0, ki=30.0, kd=8.0, **FAST), 0.0)
     pid.reset(0.003, 0.0)
     for k in range(1, 100):
         position_m = 0.003 + 2e-4 * math.sin(0.1 * k)

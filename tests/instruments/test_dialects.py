@@ -254,7 +254,7 @@ def test_a_daq_that_neither_measures_celsius_nor_not_is_refused(tmp_path):
 
 def test_a_file_that_is_no_text_is_refused_in_a_sentence(tmp_path):
     (tmp_path / "mine.yaml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(ConfigError, match="mine.yaml cannot be read"):
+    with pytest.raises(ConfigError, match="mine.yaml: is not text"):
         Dialect.load(str(tmp_path / "mine.yaml"), "supply")
 
 

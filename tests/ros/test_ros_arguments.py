@@ -73,7 +73,7 @@ def test_later_files_override_earlier_ones_and_assignments_override_files(file):
         (["--ros-args", "--params-file"], "--params-file: something is wanted after it"),
         (["--ros-args", "--params-file", "/nowhere.yaml"], "/nowhere.yaml: cannot be read"),
         (["--ros-args", "-p", "kp=3"], "-p kp=3: is not of the form name:=value"),
-        (["--ros-args", "-p", "kp:=[3"], "the value is not YAML"),
+        (["--ros-args", "-p", "kp:=[3"], "-p kp:=[3: line 1: is not YAML"),
     ],
 )
 def test_what_cannot_be_read_is_refused_in_a_sentence(arguments, sentence):

@@ -16,6 +16,7 @@ import yaml
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.parameters import from_mapping, parameter, section, to_mapping
+from sma_actuator.base.yaml_text import read_yaml
 from sma_actuator.plant import materials
 from sma_actuator.plant.kinetics import Kinetics
 from sma_actuator.plant.measured import lagoudas_between, measured_between
@@ -243,15 +244,7 @@ def segments(effects: Effects) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def read_wire(path: str | Path) -> ForwardWire:
     """Read a ``--wire`` file; a UserError names file and parameter."""
     path = Path(path)
-    try:
-        mapping = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        mark = getattr(error, "problem_mark", None)
-        raise UserError(
-            f"{path}{f': line {mark.line + 1}' if mark else ''}: is not YAML ({getattr(error, 'problem', error)})"
-        ) from error
+    mapping = read_yaml(path, "a YAML file of a wire")
     wire, problems = from_mapping(ForwardWire, mapping if mapping is not None else {})
     if wire is not None:
         problems = _inconsistent(wire)

@@ -20,7 +20,8 @@ from sma_actuator.config import NODE_NAME, Config, read_parameter_file
 from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.identify.calibration import calibration_of
 from sma_actuator.identify.traces import make_traces
-from sma_actuator.logs.bench_log import read_bench_log, write_atomically
+from sma_actuator.logs.bench_log import read_bench_log
+from sma_actuator.logs.files import write_atomically
 
 from .evidence import Evidence
 from .race import trace

@@ -10,7 +10,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL
-from sma_actuator.logs.bench_log import BenchLogError
+from sma_actuator.logs.errors import BenchLogError
 
 from .candidates import Candidate, Scales, candidate, untestable
 from .evidence import INDEPENDENT, Evidence, Prediction

@@ -1,45 +1,12 @@
 """Strain models: resistance and stress in, displacement out.
 
-A model is a class with the attributes of :class:`StrainModel`; ``COEFFICIENTS`` names, for each
-``model.type`` a parameter file may hold, the section of its coefficients, which knows how to
-build the model (``build(wire) -> StrainModel``) and says why it does not suit a wire
-(``mismatches(wire) -> list[str]``).
+A model is a file of its own: the dataclass of its coefficients, registered with
+``@COEFFICIENTS.register("its model.type")``, which builds the model of a wire and says why it does not
+suit one (:class:`Coefficients`), and the model itself (:class:`StrainModel`).  What fits it to logs is
+registered in ``sma_actuator.identify``.
 """
 
-from __future__ import annotations
+from . import flexinol, furukawa
+from .model import COEFFICIENTS, Coefficients, StrainModel
 
-from typing import Protocol
-
-import numpy as np
-
-from .flexinol import FlexinolCoefficients, FlexinolNormalisedCoefficients
-from .furukawa import FurukawaCoefficients, FurukawaNormalisedCoefficients
-
-COEFFICIENTS = {
-    "flexinol": FlexinolCoefficients,
-    "flexinol_normalised": FlexinolNormalisedCoefficients,
-    "furukawa": FurukawaCoefficients,
-    "furukawa_normalised": FurukawaNormalisedCoefficients,
-}
-
-
-class StrainModel(Protocol):
-    """One strain model of one wire, with its memory.  SI units; extension positive."""
-
-    stress_range_Pa: tuple[float, float]  #: the stresses its coefficients were fitted on
-    displacement_range_m: tuple[float, float]  #: its working range, the determinate part of the stroke
-
-    def reset(self, resistance_Ohm: float, stress_Pa: float, heating: bool = False) -> float:
-        """Forget the past and start on the cooling (or heating) curve; return δ [m]."""
-
-    def step(self, resistance_Ohm: float, stress_Pa: float, heating: bool) -> float:
-        """Advance by one sample; return δ [m]."""
-
-    def run(self, resistance_Ohm: np.ndarray, stress_Pa: np.ndarray, heating: np.ndarray) -> np.ndarray:
-        """Advance by n samples, arrays of shape (n,); return δ [m], shape (n,).
-
-        The same kernel as :meth:`step`, so the numbers are the same.
-        """
-
-    def limits_m(self, resistance_Ohm, stress_Pa):
-        """Displacements of the heating and the cooling curve at R and σ, (δ_H, δ_C) [m]."""
+__all__ = ["COEFFICIENTS", "Coefficients", "StrainModel", "flexinol", "furukawa"]

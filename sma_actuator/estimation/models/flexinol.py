@@ -17,7 +17,7 @@ Beyond an asymptote
 -------------------
 A change of stress, or the cold end, where the asymptotes cross, can leave the state on the far
 side of the asymptote it should approach (z < 0).  There R moves with temperature and δ hardly at
-all: as long as R moves towards the asymptote δ stands still, until z = 0; when R moves away, |z|
+all: as long as R moves towards the asymptote δ stands still, until z = 0; when R moves away, the size of z
 decays by the same law as on the near side, so the state is always drawn to the asymptote.  On the
 asymptote itself (z = 0) δ follows it both ways.
 
@@ -43,6 +43,7 @@ from sma_actuator.base.jit import jit
 from sma_actuator.base.parameters import parameter
 
 from .checks import wrong_alloy, wrong_ranges, wrong_size
+from .model import COEFFICIENTS
 
 _POLYNOMIAL = "polynomial in stress [Pa], lowest order first"
 LOOP_SLACK = 0.05  #: how far δ may lie outside the loop, as a share of the working range
@@ -122,7 +123,7 @@ def advance_all(resistance, stress, heating, state, a_h, b_h, a_c, b_c, a_0, tau
 
 
 class FlexinolModel:
-    """The model of one wire; see :class:`sma_actuator.models.StrainModel`."""
+    """The model of one wire; see :class:`sma_actuator.estimation.models.StrainModel`."""
 
     def __init__(self, a_h, b_h, a_c, b_c, a_0, tau, stress_range_Pa, displacement_range_m):
         self.stress_range_Pa = tuple(stress_range_Pa)
@@ -160,6 +161,7 @@ class FlexinolModel:
         )
 
 
+@COEFFICIENTS.register("flexinol")
 @dataclass(frozen=True, slots=True)
 class FlexinolCoefficients:
     """Asymptotes of one particular wire (exclusive model, eq. 5.1–5.6, 5.22, 5.23)."""
@@ -203,6 +205,7 @@ class FlexinolCoefficients:
         )
 
 
+@COEFFICIENTS.register("flexinol_normalised")
 @dataclass(frozen=True, slots=True)
 class FlexinolNormalisedCoefficients:
     """Asymptotes of any wire of the alloy, in λ = (R − R_0)/R_0 and ε (eq. 5.26–5.40).

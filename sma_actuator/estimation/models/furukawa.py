@@ -18,6 +18,7 @@ from sma_actuator.base.jit import jit
 from sma_actuator.base.parameters import parameter
 
 from .checks import wrong_alloy, wrong_ranges, wrong_size
+from .model import COEFFICIENTS
 
 VARIANTS = ("average", "direct_switching", "transition")
 _AVERAGE, _DIRECT, _TRANSITION = range(3)
@@ -88,7 +89,7 @@ def _normalised_all(resistance, stress, activation, least_Ohm, greatest, mechani
 
 
 class FurukawaModel:
-    """The model of one wire; see :class:`sma_actuator.models.StrainModel`."""
+    """The model of one wire; see :class:`sma_actuator.estimation.models.StrainModel`."""
 
     def __init__(self, variant, heating_curve, cooling_curve, rate, stress_range_Pa, displacement_range_m):
         self._variant = VARIANTS.index(variant)
@@ -152,6 +153,7 @@ class FurukawaNormalisedModel:
         return delta, delta
 
 
+@COEFFICIENTS.register("furukawa")
 @dataclass(frozen=True, slots=True)
 class FurukawaCoefficients:
     """Heating and cooling curve of one particular wire (exclusive model, eq. 5.55–5.58, 5.72–5.74)."""
@@ -195,6 +197,7 @@ class FurukawaCoefficients:
         )
 
 
+@COEFFICIENTS.register("furukawa_normalised")
 @dataclass(frozen=True, slots=True)
 class FurukawaNormalisedCoefficients:
     """One activation curve for any wire of the alloy (eq. 5.75–5.87)."""

@@ -5,14 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sma_actuator.config import Estimator
-from sma_actuator.estimation.branch import BranchDetector
+from sma_actuator.estimation.branch import BranchDetector, EstimatorParameters
 
 DECISIONS = ("heat_balance", "power", "resistance_rate")
 
 
 def parameters(decision, **changes):
-    return dataclasses.replace(Estimator(), branch_decision=decision, **changes)
+    return dataclasses.replace(EstimatorParameters(), branch_decision=decision, **changes)
 
 
 def test_power_turns_at_the_thresholds_of_its_band():

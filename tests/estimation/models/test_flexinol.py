@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from sma_actuator.config import Wire
+from sma_actuator.base.sections import Wire
 from sma_actuator.estimation.models.flexinol import (
     LOOP_SLACK,
     FlexinolCoefficients,

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sma_actuator.config import Wire
+from sma_actuator.base.sections import Wire
 from sma_actuator.estimation.models.furukawa import VARIANTS, FurukawaCoefficients, FurukawaNormalisedCoefficients
 
 WIRE = Wire(alloy="ni-ti-cu", length=0.06, diameter=0.2e-3)

@@ -1,0 +1,111 @@
+"""Parts by name: those of this package, and those that other installed packages bring.
+
+A part (a strain model, an effect, a control law) registers itself by a decorator where it is written.
+Another package brings one by an entry point of the registry's group, whose name is the part's and whose
+value is the module, or anything in it, that registers it when it is imported::
+
+    [project.entry-points."sma_actuator.effects"]
+    stiction = "my_package.stiction"
+
+Entry points are loaded once, the first time that a name is asked for which is not this package's own, or
+that all names are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Generic, TypeVar
+
+from .errors import UserError
+
+Part = TypeVar("Part")
+
+
+class PartRefusedError(UserError, TypeError):
+    """A part that does not say of itself what is wanted.  The sentence names it."""
+
+
+class PlugInError(UserError):
+    """An installed package whose part cannot be loaded.  The sentence names the package."""
+
+
+def load_plug_in(point: EntryPoint) -> Any:
+    """What an entry point names.  Raises PlugInError, whatever is wrong with it."""
+    try:
+        return point.load()
+    except Exception as error:  # whatever it is: the code is somebody else's
+        raise PlugInError(f"{_named(point)} cannot be loaded: {type(error).__name__}: {error}; {_MEND}") from error
+
+
+_MEND = "mend the package or uninstall it"
+
+
+def _named(point: EntryPoint) -> str:
+    package = f"package '{point.dist.name}' {point.dist.version}" if point.dist else "an installed package"
+    return f"{package}: its entry point {point.name} = {point.value} ({point.group})"
+
+
+class Registry(Mapping[str, Part], Generic[Part]):
+    """The parts of one kind, in the order in which they were registered, this package's own first.
+
+    ``kind`` is what one is called in sentences.  ``group`` names the entry points of other packages.
+    ``refusal(name, part)`` says in a sentence what is wrong with a part, or nothing.
+    """
+
+    def __init__(self, kind: str, group: str, refusal: Callable[[str, Part], str] = lambda _name, _part: ""):
+        self.kind, self.group = kind, group
+        self._refusal = refusal
+        self._parts: dict[str, Part] = {}
+        self._loaded = False
+        self._broken: list[str] = []
+
+    def register(self, name: str) -> Callable[[Part], Part]:
+        """Decorate a part, which is known by ``name`` from then on.
+
+        Raises PartRefusedError where the name is taken or the part does not say of itself what is wanted.
+        """
+
+        def add(part: Part) -> Part:
+            taken = f"there is one of that name already, {self._parts[name]!r}" if name in self._parts else ""
+            wrong = taken or self._refusal(name, part)
+            if wrong:
+                raise PartRefusedError(f"{self.kind} '{name}': {wrong}")
+            self._parts[name] = part
+            return part
+
+        return add
+
+    def name_of(self, part: Any) -> str:
+        """The name of a registered part.  Raises KeyError for any other."""
+        for name, known in self._parts.items():
+            if known is part:
+                return name
+        raise KeyError(part)
+
+    def __getitem__(self, name: str) -> Part:
+        if name not in self._parts:
+            self._load()
+        return self._parts[name]
+
+    def __iter__(self) -> Iterator[str]:
+        self._load()
+        return iter(tuple(self._parts))
+
+    def __len__(self) -> int:
+        self._load()
+        return len(self._parts)
+
+    def _load(self) -> None:
+        if not self._loaded:
+            self._loaded = True  # before, for a plug-in may look at what is registered
+            for point in entry_points(group=self.group):
+                try:
+                    load_plug_in(point)
+                except PlugInError as error:
+                    self._broken.append(str(error))
+                else:
+                    if point.name not in self._parts:
+                        self._broken.append(f"{_named(point)} registers no {self.kind} '{point.name}'; {_MEND}")
+        if self._broken:
+            raise PlugInError("\n".join(self._broken))

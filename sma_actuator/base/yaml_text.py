@@ -1,0 +1,102 @@
+"""YAML, read in one way everywhere: parameter files, dialects, wires and what stands after ``-p``.
+
+Stricter than YAML itself, so that what a file says is what a person reads in it, and so that no file costs more
+time than its size: a key twice in a section, aliases, deep nesting and huge files are refused in a sentence
+that names the line.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Hashable
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from .parameters import ConfigError
+
+#: No parameter file comes near it; PyYAML takes about two seconds for it.
+LONGEST_TEXT = 200_000
+#: Sections within sections; the deepest parameter lies five down.
+DEEPEST_LEVEL = 32
+
+
+class _Refusal(yaml.MarkedYAMLError):
+    """YAML, but not as it is taken here."""
+
+    def __init__(self, problem: str, mark: Any):
+        super().__init__(problem=problem, problem_mark=mark)
+
+
+class _Loader(yaml.SafeLoader):
+    """Refuses what is not plain, and reads 175.0e6 as a number, as ROS's parser does; PyYAML wants 175.0e+6."""
+
+    level = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """Bounded in depth, and without aliases: a few lines of them stand for gigabytes, and ROS's parser has none."""
+        if self.check_event(yaml.AliasEvent):
+            event = self.peek_event()
+            raise _Refusal("an alias (*name) is not taken; write the values out", event.start_mark)
+        self.level += 1
+        if self.level > DEEPEST_LEVEL:
+            raise _Refusal(f"nested more than {DEEPEST_LEVEL} levels deep", self.peek_event().start_mark)
+        node = super().compose_node(parent, index)
+        self.level -= 1
+        return node
+
+    def construct_object(self, node: Any, deep: bool = False) -> Any:
+        """A value; one that only looks like a number or a date is refused where it stands."""
+        try:
+            return super().construct_object(node, deep=deep)
+        except ValueError as error:
+            raise _Refusal("a number or date that cannot be read", node.start_mark) from error
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        """A section; of a key that stands in it twice PyYAML would take the last without a word."""
+        lines: dict[Any, int] = {}
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if not isinstance(key, Hashable):
+                raise _Refusal("a list or section cannot be a name", key_node.start_mark)
+            if key in lines:
+                raise _Refusal(f"'{key}' stands here twice, first in line {lines[key]}", key_node.start_mark)
+            lines[key] = key_node.start_mark.line + 1
+        return super().construct_mapping(node, deep=deep)
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float",
+    re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"),
+    list("-+.0123456789"),
+)
+
+
+def parse_yaml(text: str, source: str) -> Any:
+    """The document in ``text``.  Raises ConfigError; its sentence names ``source`` and the line."""
+    if len(text) > LONGEST_TEXT:
+        raise ConfigError(f"{source}: is longer than {LONGEST_TEXT} characters; no file of parameters is")
+    try:
+        return yaml.load(text, Loader=_Loader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = f"{source}: line {mark.line + 1}" if mark is not None else source
+        words = " ".join(filter(None, (error.context, error.problem)))
+        raise ConfigError(f"{place}: {words if isinstance(error, _Refusal) else f'is not YAML: {words}'}") from error
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{source}: is not YAML: {' '.join(str(error).split())}") from error
+
+
+def read_yaml(path: str | Path, wanted: str) -> Any:
+    """The document in a file.  Raises ConfigError; its sentence names the file, and says that ``wanted`` is wanted."""
+    path = Path(path)
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(4 * LONGEST_TEXT + 1)  # so much UTF-8 is too long in any case
+        text = content.decode("utf-8-sig")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read ({error.strerror or error}); {wanted} is wanted") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: is not text ({error.reason} at byte {error.start}); {wanted} is wanted") from error
+    return parse_yaml(text, str(path))

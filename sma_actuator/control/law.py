@@ -1,0 +1,58 @@
+"""What a control law is: it turns position and setpoint into a current, and takes over without a jump."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
+
+from sma_actuator.base.parameters import parameter
+from sma_actuator.base.registry import Registry
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerParameters:
+    """What every control law has: how setpoints are followed, and what happens when they stop."""
+
+    setpoint_rate_limit: float = parameter(
+        0.01, "fastest change of the setpoint the controller follows", "m/s", 1e-6, 10.0, live=True
+    )
+    setpoint_timeout: float = parameter(
+        0.0,
+        "silence on the setpoint topic that counts as lost; 0: a setpoint stands until the next",
+        "s",
+        0.0,
+        3600.0,
+        live=True,
+    )
+    on_setpoint_loss: str = parameter(
+        "hold", "what to do when the setpoint is lost", choices=("hold", "bias", "off"), live=True
+    )
+
+
+class ControlLaw(Protocol):
+    """One control law of one wire, with its memory.  Its class names the section it is made from."""
+
+    PARAMETERS: ClassVar[type[ControllerParameters]]
+    reference_m: float  #: the setpoint as far as it is followed yet (rate limited)
+    rate_limited: bool  #: the setpoint moves faster than it is followed
+    at_max: bool  #: the law wants more than the limit
+    at_bias: bool  #: the law wants less than the bias
+
+    def __init__(self, parameters: Any, bias_A: float) -> None:
+        """A law whose output lies between ``bias_A`` and the limit of each step."""
+
+    def reset(self, position_m: float, output_A: float) -> None:
+        """Start at a position and a current [A], without a jump."""
+
+    def set_gains(self, gains: Any) -> None:
+        """Take over live parameters between two steps without a jump of the output."""
+
+    def step(self, position_m: float, setpoint_m: float, dt_s: float, limit_A: float) -> float:
+        """Advance by ``dt_s`` and return the current [A], between the bias and ``limit_A``.
+
+        Arguments that are not finite give the bias current and change nothing.
+        """
+
+
+#: The section ``controller`` for each ``controller.type``.
+CONTROL_LAWS: Registry[type[ControllerParameters]] = Registry("control law", "sma_actuator.control_laws")

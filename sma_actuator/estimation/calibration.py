@@ -1,0 +1,82 @@
+"""What a model's own logs looked like: the section that `identify` writes and `trace` measures against."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from math import nan
+
+import numpy as np
+
+from sma_actuator.base.parameters import parameter
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """What the logs looked like that the model was fitted on; `identify` writes it, `trace` measures against it.
+
+    ``cold_…`` and ``hot_…`` hold a value for each of their stresses; ``residual_…`` one for each position, stress
+    after stress of ``residual_stress``.
+    """
+
+    error: float = parameter(
+        nan, "mean absolute error of the model on its own logs, full range", "% of full stroke", 0.0, 1e3, optional=True
+    )
+    largest_error: float = parameter(
+        nan, "largest such error of a single log", "% of full stroke", 0.0, 1e3, optional=True
+    )
+    scatter: float = parameter(
+        nan,
+        "what remains of it beside the residuals below, for a log that they do not come from",
+        "% of full stroke",
+        0.0,
+        1e3,
+        optional=True,
+    )
+    ambient_temperature: float = parameter(nan, "mean ambient temperature", "°C", -60.0, 100.0, optional=True)
+    cold_stress: tuple[float, ...] = parameter((), "stresses at cold rest", "Pa", -1e9, 1e9, optional=True)
+    cold_resistance: tuple[float, ...] = parameter((), "resistance at cold rest", "Ω", 0.0, 1e6, optional=True)
+    cold_displacement: tuple[float, ...] = parameter((), "displacement at cold rest", "m", -10.0, 10.0, optional=True)
+    hot_stress: tuple[float, ...] = parameter((), "stresses at the hot end", "Pa", -1e9, 1e9, optional=True)
+    hot_resistance: tuple[float, ...] = parameter((), "resistance at the hot end", "Ω", 0.0, 1e6, optional=True)
+    hot_displacement: tuple[float, ...] = parameter((), "displacement at the hot end", "m", -10.0, 10.0, optional=True)
+    hot_power: float = parameter(nan, "power at the hot end", "W", 0.0, 1e6, optional=True)
+    resistance_scatter: float = parameter(nan, "rms scatter of the resistance at rest", "Ω", 0.0, 1e6, optional=True)
+    displacement_scatter: float = parameter(
+        nan, "rms scatter of the displacement at rest", "m", 0.0, 10.0, optional=True
+    )
+    resistance_range: float = parameter(nan, "largest less smallest resistance", "Ω", 0.0, 1e6, optional=True)
+    residual_stress: tuple[float, ...] = parameter((), "stresses of the residuals", "Pa", -1e9, 1e9, optional=True)
+    residual_position: tuple[float, ...] = parameter(
+        (), "estimated displacements of the residuals", "m", -10.0, 10.0, optional=True
+    )
+    residual_heating: tuple[float, ...] = parameter(
+        (), "mean measured less estimated displacement, heating", "m", -10.0, 10.0, optional=True
+    )
+    residual_cooling: tuple[float, ...] = parameter((), "the same, cooling", "m", -10.0, 10.0, optional=True)
+    scatter_heating: tuple[float, ...] = parameter(
+        (), "rms about them at each position, heating", "m", 0.0, 10.0, optional=True
+    )
+    scatter_cooling: tuple[float, ...] = parameter((), "the same, cooling", "m", 0.0, 10.0, optional=True)
+
+    cooling_position: float = parameter(
+        nan, "displacement at which the rises below were noted", "m", -10.0, 10.0, optional=True
+    )
+    cooling_stress: tuple[float, ...] = parameter((), "stresses of the rises below", "Pa", -1e9, 1e9, optional=True)
+    cooling_rise: tuple[float, ...] = parameter(
+        (),
+        "temperature above ambient by the heat balance when the cooling wire passed that displacement",
+        "K",
+        0.0,
+        1e3,
+        optional=True,
+    )
+
+    def cooling_rise_K(self, stress_Pa: float) -> float:
+        """The rise above ambient at which a cooling wire passes ``cooling_position``; NaN where that is not known."""
+        return float(np.interp(stress_Pa, self.cooling_stress, self.cooling_rise)) if self.cooling_rise else nan
+
+    @property
+    def known(self) -> bool:
+        """Whether the model says how good it was."""
+        return math.isfinite(self.error)

@@ -1,0 +1,51 @@
+"""What a strain model is, and the registry of them."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from sma_actuator.base.registry import Registry
+from sma_actuator.base.sections import Wire
+
+
+class Coefficients(Protocol):
+    """The coefficients of one type of strain model: the section ``model`` of a parameter file."""
+
+    def build(self, wire: Wire) -> StrainModel:
+        """The model of ``wire``."""
+
+    def mismatches(self, wire: Wire) -> list[str]:
+        """Why the coefficients do not suit ``wire``, one sentence each."""
+
+
+class StrainModel(Protocol):
+    """One strain model of one wire, with its memory.  SI units; extension positive."""
+
+    stress_range_Pa: tuple[float, float]  #: the stresses its coefficients were fitted on
+    displacement_range_m: tuple[float, float]  #: its working range, the determinate part of the stroke
+
+    def reset(self, resistance_Ohm: float, stress_Pa: float, heating: bool = False) -> float:
+        """Forget the past and start on the cooling (or heating) curve; return δ [m]."""
+
+    def step(self, resistance_Ohm: float, stress_Pa: float, heating: bool) -> float:
+        """Advance by one sample; return δ [m]."""
+
+    def run(self, resistance_Ohm: np.ndarray, stress_Pa: np.ndarray, heating: np.ndarray) -> np.ndarray:
+        """Advance by n samples, arrays of shape (n,); return δ [m], shape (n,).
+
+        The same kernel as :meth:`step`, so the numbers are the same.
+        """
+
+    def limits_m(self, resistance_Ohm: np.ndarray, stress_Pa: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements of the heating and the cooling curve at R and σ, (δ_H, δ_C) [m]."""
+
+
+def _refusal(_name: str, cls: type) -> str:
+    missing = [method for method in ("build", "mismatches") if not callable(getattr(cls, method, None))]
+    return f"{cls.__name__} has no {' and no '.join(missing)}" if missing else ""
+
+
+#: The section ``model`` for each ``model.type``.
+COEFFICIENTS: Registry[type] = Registry("strain model", "sma_actuator.models", _refusal)

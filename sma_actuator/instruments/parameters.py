@@ -1,0 +1,49 @@
+"""Where the instruments are and how they are spoken to: the section ``instruments``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sma_actuator.base.parameters import parameter, section
+
+
+@dataclass(frozen=True, slots=True)
+class SupplyInstrument:
+    """The power supply."""
+
+    resource: str = parameter("", "VISA resource, as TCPIP::192.168.0.5::5025::SOCKET", optional=True)
+    dialect: str = parameter(
+        "virtual_bench_supply", "name of a dialect in sma_actuator/instruments/dialects, or path of a YAML file"
+    )
+    channel: int = parameter(1, "output channel", "1", 1, 100)
+    timeout: float = parameter(0.5, "time to wait for an answer", "s", 0.01, 60.0)
+    exclusive_lock: bool = parameter(True, "take the VISA lock where the instrument has one")
+    pymeasure_class: str = parameter("", "dotted name of a pymeasure instrument, instead of a dialect", optional=True)
+
+
+@dataclass(frozen=True, slots=True)
+class DaqInstrument:
+    """The data acquisition unit."""
+
+    resource: str = parameter("", "VISA resource, as TCPIP::192.168.0.6::5025::SOCKET", optional=True)
+    dialect: str = parameter(
+        "virtual_bench_daq", "name of a dialect in sma_actuator/instruments/dialects, or path of a YAML file"
+    )
+    timeout: float = parameter(0.5, "time to wait for an answer", "s", 0.01, 60.0)
+    supply_voltage_channel: int = parameter(101, "channel of the supply voltage", "1", 0, 10**6)
+    reference_voltage_channel: int = parameter(102, "channel of the sense resistor's voltage", "1", 0, 10**6)
+    load_cell_channel: int = parameter(103, "channel of the load cell's amplifier", "1", 0, 10**6)
+    lvdt_channel: int = parameter(0, "channel of the LVDT's shunt voltage; 0: none", "1", 0, 10**6)
+    lvdt_shunt_resistance: float = parameter(10.0, "resistor the LVDT's current is read across", "Ω", 0.1, 1e4)
+    ambient_temperature_channel: int = parameter(
+        0, "channel of an ambient temperature sensor, 1 °C per unit; 0: none", "1", 0, 10**6
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Instruments:
+    """Both instruments."""
+
+    supply: SupplyInstrument = section(SupplyInstrument, "power supply")
+    daq: DaqInstrument = section(DaqInstrument, "data acquisition")
+    reconnect_backoff_max: float = parameter(5.0, "longest wait between attempts to reconnect", "s", 0.1, 600.0)

@@ -1,0 +1,75 @@
+"""The program itself: exceptions, the node, the clock, commands that are none."""
+
+from __future__ import annotations
+
+from math import inf
+
+from sma_actuator.safety.formula import parameter_value, seconds
+from sma_actuator.safety.records import Action, Fault, Step, guard
+from sma_actuator.safety.timing import ONE_STEP, READING_TIMEOUT
+
+#: A step later than this many periods after the one before is an overrun.
+OVERRUN_PERIODS = 1.5
+
+unhandled_exception: Fault = Fault(
+    "unhandled_exception",
+    words="an exception nobody handled",
+    detector="the control step, or the driver around it, raises",
+    within=ONE_STEP,
+    action=Action.OFF,
+    latches=True,
+    while_off=True,
+)
+
+node_lost: Fault = Fault(
+    "node_lost",
+    words="the node is gone",
+    detector="the driver: the ROS 2 context ended, or the node no longer feeds it",
+    within=seconds(1.0),
+    action=Action.OFF,
+    latches=True,
+    while_off=True,
+)
+
+
+@guard(
+    words="the command is not a current",
+    detector="last gate before the supply: the command is not finite, or below zero",
+    within=seconds(0.0),
+    action=Action.OFF,
+    latches=True,
+    each_step=False,
+)
+def command_invalid(wanted_A: float) -> str:
+    """The last look at a command before it is a current."""
+    return "" if 0.0 <= wanted_A < inf else f"{wanted_A} A; a finite current of at least zero is wanted"
+
+
+@guard(
+    words="the clock jumped",
+    detector="monotonic time of the loop not finite, running backwards, or ahead by more than "
+    "safety.reading_timeout in one step",
+    within=ONE_STEP,
+    action=Action.OFF,
+    latches=True,
+)
+def clock_jump(step: Step) -> str:
+    """Monotonic time that is not.  Without current a pause harms nobody."""
+    if not step.driven or 0.0 <= step.dt_s <= step.config.safety.reading_timeout:
+        return ""
+    return f"{step.dt_s:g} s since the step before; 0 to {step.config.safety.reading_timeout:g} s is plausible"
+
+
+@guard(
+    words="the control loop overruns",
+    detector="loop.overruns_to_fault steps running, each later than 1.5 periods of loop.rate after the one before",
+    within=parameter_value("loop.overruns_to_fault") * READING_TIMEOUT,
+    action=Action.OFF,
+    latches=True,
+)
+def loop_overrun(step: Step) -> str:
+    """The computer does not keep up."""
+    late = step.memory.running("loop_overrun", step.driven and not step.dt_s <= OVERRUN_PERIODS / step.config.loop.rate)
+    if late < step.config.loop.overruns_to_fault:
+        return ""
+    return f"{late} steps running came later than {OVERRUN_PERIODS:g} periods after the one before (loop.overruns_to_fault)"

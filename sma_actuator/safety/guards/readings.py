@@ -1,0 +1,134 @@
+"""The DAQ and what it says: silence, nonsense, channels that stand still."""
+
+from __future__ import annotations
+
+from math import isfinite, nan
+
+from sma_actuator.base.signals import MEASURABLE, Reading
+from sma_actuator.safety.formula import parameter_value
+from sma_actuator.safety.records import Action, Step, guard
+from sma_actuator.safety.timing import ONE_STEP, READING_TIMEOUT, TWO_STEPS
+
+
+def voltages(reading: Reading) -> dict[str, float]:
+    """The channels that a reading must have."""
+    return {
+        "supply voltage": reading.supply_voltage_V,
+        "reference voltage": reading.reference_voltage_V,
+        "load cell": reading.load_cell_voltage_V,
+    }
+
+
+def silent(step: Step, last_s: float, what: str) -> str:
+    """Why ``what``, last there at ``last_s``, counts as lost, or ""."""
+    if step.now_s - last_s <= step.config.safety.reading_timeout:
+        return ""
+    return (
+        f"no {what} for {step.now_s - last_s:.3g} s; safety.reading_timeout is {step.config.safety.reading_timeout:g} s"
+    )
+
+
+@guard(
+    words="the DAQ is silent",
+    detector="no reading for safety.reading_timeout, or the driver reports the connection lost",
+    within=READING_TIMEOUT + ONE_STEP,
+    action=Action.OFF,
+    latches=True,
+)
+def daq_lost(step: Step) -> str:
+    """No answer of the DAQ."""
+    if step.raw is not None:
+        step.memory.daq_s = step.now_s
+    return silent(step, step.memory.daq_s, "answer of the DAQ")
+
+
+@guard(
+    words="a DAQ channel is saturated",
+    detector="a channel at or beyond ±safety.channel_max_voltage",
+    within=TWO_STEPS,
+    action=Action.OFF,
+    latches=True,
+)
+def reading_saturated(step: Step) -> str:
+    """A channel at the end of its range."""
+    if step.raw is None:
+        return ""
+    bound_V = step.config.safety.channel_max_voltage
+    for name, value in voltages(step.raw).items():
+        if value <= -bound_V or value >= bound_V:
+            return f"{name}: {value:g} V; the channel ends at ±{bound_V:g} V (safety.channel_max_voltage)"
+    return ""
+
+
+@guard(
+    words="a reading is not finite",
+    detector="NaN or infinity in a voltage, load cell or time of a reading; such a reading reaches neither estimator "
+    "nor controller, and becomes reading_stale when it lasts",
+    within=ONE_STEP,
+    action=Action.BIAS,
+)
+def reading_not_finite(step: Step) -> str:
+    """NaN or infinity on entry."""
+    if step.raw is None:
+        return ""
+    bad = [name for name, value in {"time": step.raw.time_s, **voltages(step.raw)}.items() if not isfinite(value)]
+    return f"{', '.join(bad)}: not a finite number" if bad else ""
+
+
+@guard(
+    words="the readings are stale",
+    detector="readings come, but the last finite one with a new time is older than safety.reading_timeout",
+    within=READING_TIMEOUT + ONE_STEP,
+    action=Action.OFF,
+    latches=True,
+)
+def reading_stale(step: Step) -> str:
+    """Answers, but none that can be used."""
+    if step.reading is not None:
+        step.memory.reading_s = step.now_s
+    return silent(step, step.memory.reading_s, "new and finite reading")
+
+
+@guard(
+    words="a reading is implausible",
+    detector="resistance above safety.resistance_max, load below safety.load_min, or current flowing backwards",
+    within=TWO_STEPS,
+    action=Action.OFF,
+    latches=True,
+)
+def reading_implausible(step: Step) -> str:
+    """Readings no wire on this bench can give."""
+    if step.reading is None:
+        return ""
+    safety, signals = step.config.safety, step.signals
+    if signals.resistance_Ohm > safety.resistance_max:
+        return f"resistance {signals.resistance_Ohm:.3g} Ω; safety.resistance_max is {safety.resistance_max:g} Ω"
+    if not signals.load_N >= safety.load_min:
+        return f"load {signals.load_N:.3g} N; safety.load_min is {safety.load_min:g} N"
+    if not signals.current_A >= -MEASURABLE * step.config.supply.bias_current:
+        return f"current {signals.current_A:.3g} A flows backwards; is the sense resistor's channel wired the wrong way round?"
+    return ""
+
+
+@guard(
+    words="a channel is stuck",
+    detector="not one changed digit for safety.stuck_time on a voltage or load cell channel while current flows",
+    within=parameter_value("safety.stuck_time") + TWO_STEPS,
+    action=Action.OFF,
+    latches=True,
+)
+def sensor_stuck(step: Step) -> str:
+    """Not one changed digit where there must be noise."""
+    if step.reading is None:
+        return ""
+    if not step.told.output_on:
+        step.memory.channels.clear()
+        return ""
+    for name, value in voltages(step.reading).items():
+        stands, since_s = step.memory.channels.get(name, (nan, step.now_s))
+        if value != stands:
+            since_s = step.now_s
+            step.memory.channels[name] = (value, since_s)
+        if step.now_s - since_s > step.config.safety.stuck_time:
+            return f"{name}: {value:g} V for {step.now_s - since_s:.3g} s to the last digit; safety.stuck_time is {step.config.safety.stuck_time:g} s"
+    return ""

@@ -1,0 +1,84 @@
+"""What the wire is asked for."""
+
+from __future__ import annotations
+
+from math import inf, isfinite, nan
+from typing import TYPE_CHECKING
+
+from sma_actuator.safety.formula import longest, parameter_value, seconds
+from sma_actuator.safety.records import Action, guard
+from sma_actuator.safety.timing import ONE_STEP
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
+
+
+#: Setpoints that may arrive at once, in seconds' worth of safety.setpoint_flood_rate, and in number.
+FLOOD_BURST_S = 0.1
+FLOOD_BURST_MIN = 10
+
+
+@guard(
+    words="the setpoint is lost",
+    detector="no setpoint for controller.setpoint_timeout while tracking (0: never); action "
+    "controller.on_setpoint_loss, latched where that is off",
+    within=parameter_value("controller.setpoint_timeout") + ONE_STEP,
+    action=Action.HOLD,
+    action_by="controller.on_setpoint_loss",
+    each_step=False,
+)
+def setpoint_stale(age_s: float, config: Config) -> str:
+    """Nobody has said for too long where the wire should be."""
+    timeout_s = config.controller.setpoint_timeout
+    if timeout_s == 0.0 or -timeout_s <= age_s <= timeout_s:
+        return ""
+    return f"none for {age_s:.3g} s; controller.setpoint_timeout is {timeout_s:g} s"
+
+
+class Bucket:
+    """Tokens, one for each setpoint, that come in at ``safety.setpoint_flood_rate``."""
+
+    def __init__(self) -> None:
+        self._tokens = inf
+        self._filled_s = nan
+
+    def take(self, now_s: float, rate_Hz: float) -> bool:
+        """Take a token; whether there was one."""
+        passed_s = now_s - self._filled_s
+        if passed_s > 0.0:
+            self._tokens += passed_s * rate_Hz
+        self._tokens = min(self._tokens, max(FLOOD_BURST_MIN, FLOOD_BURST_S * rate_Hz))
+        if isfinite(now_s):
+            self._filled_s = now_s
+        if self._tokens < 1.0:
+            return False
+        self._tokens -= 1.0
+        return True
+
+
+@guard(
+    words="setpoints flood in",
+    detector=f"setpoints faster than safety.setpoint_flood_rate, after a burst of {FLOOD_BURST_S:g} s of them (at least "
+    f"{FLOOD_BURST_MIN}); those above the rate are refused",
+    within=longest(FLOOD_BURST_S, FLOOD_BURST_MIN / parameter_value("safety.setpoint_flood_rate")),
+    action=Action.HOLD,
+    each_step=False,
+)
+def setpoint_flood(bucket: Bucket, now_s: float, config: Config) -> str:
+    """Setpoints from a source gone mad."""
+    rate_Hz = config.safety.setpoint_flood_rate
+    if bucket.take(now_s, rate_Hz):
+        return ""
+    return f"setpoints come faster than safety.setpoint_flood_rate, {rate_Hz:g} Hz; this one is refused"
+
+
+@guard(
+    words="a setpoint was not finite",
+    detector="NaN or infinity in a setpoint or trajectory: refused on entry, the last one stands",
+    within=seconds(0.0),
+    action=Action.HOLD,
+    each_step=False,
+)
+def setpoint_not_finite(position_m: float) -> str:
+    """NaN or infinity on entry."""
+    return "" if isfinite(position_m) else f"setpoint {position_m}: a finite position in metres is wanted"

@@ -1,0 +1,97 @@
+"""The power supply."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from sma_actuator.safety.formula import parameter_value
+from sma_actuator.safety.records import Action, Fault, Step, guard
+from sma_actuator.safety.timing import ONE_STEP, READING_TIMEOUT, THREE_STEPS, TWO_STEPS
+
+from .readings import silent
+
+#: Settings of supplies are coarser than the command: 0.02 mA in the thesis, up to 1 mA elsewhere.
+SETTING_TOLERANCE_A = 2e-3
+
+
+@guard(
+    words="a protection of the supply tripped",
+    detector="the supply's read-back names OVP, OCP, OTP or WDOG",
+    within=TWO_STEPS,
+    action=Action.OFF,
+    latches=True,
+    while_off=True,
+)
+def supply_tripped(step: Step) -> str:
+    """The supply's own protections."""
+    return step.supply.tripped if step.supply is not None else ""
+
+
+watchdog_not_held: Fault = Fault(
+    "watchdog_not_held",
+    words="the supply's watchdog does not hold",
+    detector="on opening the supply and on every ~/enable: the watchdog was armed and does not read back so",
+    within=ONE_STEP,
+    action=Action.OFF,
+    latches=True,
+    while_off=True,
+)
+
+
+@guard(
+    words="somebody else commands the supply",
+    detector="current setting or output state reads back as something that was not commanded",
+    within=TWO_STEPS,
+    action=Action.OFF,
+    latches=True,
+    while_off=True,
+)
+def second_commander(step: Step) -> str:
+    """The read-back changes without us."""
+    supply, told = step.supply, step.told
+    if supply is None or supply.tripped or not isfinite(supply.current_setting_A):
+        return ""
+    same_setting = not told.output_on or abs(supply.current_setting_A - told.current_A) <= SETTING_TOLERANCE_A
+    if same_setting and supply.output_on == told.output_on:
+        return ""
+    return (
+        f"the supply says {supply.current_setting_A:g} A, output {'on' if supply.output_on else 'off'}; "
+        f"it was told {told.current_A:g} A, output {'on' if told.output_on else 'off'}"
+    )
+
+
+@guard(
+    words="the supply is silent",
+    detector="no finite read-back for safety.reading_timeout, or the driver reports the connection lost",
+    within=READING_TIMEOUT + ONE_STEP,
+    action=Action.OFF,
+    latches=True,
+)
+def supply_lost(step: Step) -> str:
+    """No usable read-back."""
+    supply = step.supply
+    if supply is not None and isfinite(supply.current_setting_A + supply.voltage_V + supply.current_A):
+        step.memory.supply_s = step.now_s
+    return silent(step, step.memory.supply_s, "read-back of the supply")
+
+
+@guard(
+    words="the supply does not do what it was told",
+    detector="measured current off the command by more than safety.current_disagreement for safety.disagreement_time; "
+    "also current that flows while the output is off",
+    within=parameter_value("safety.disagreement_time") + THREE_STEPS,
+    action=Action.OFF,
+    latches=True,
+    while_off=True,
+)
+def supply_disagrees(step: Step) -> str:
+    """Another current flows than was commanded."""
+    if step.reading is None:
+        return ""
+    told_A = step.told.current_A if step.told.output_on else 0.0
+    measured_A = step.signals.current_A
+    tolerance_A = step.config.safety.current_disagreement
+    lasts_s = step.memory.lasts_s("supply_disagrees", not abs(measured_A - told_A) <= tolerance_A, step.now_s)
+    if not lasts_s >= step.config.safety.disagreement_time:
+        return ""
+    return f"{measured_A:.3g} A flow, {told_A:.3g} A were commanded, for {lasts_s:.3g} s; safety.current_disagreement is {tolerance_A:g} A"

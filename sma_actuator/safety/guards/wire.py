@@ -1,0 +1,148 @@
+"""The wire: its circuit, its load, its heat."""
+
+from __future__ import annotations
+
+from sma_actuator.base.signals import Quality
+from sma_actuator.safety.formula import longest, parameter_value
+from sma_actuator.safety.records import Action, Step, guard
+from sma_actuator.safety.thermal import AMBIENT_FALL_K_S
+from sma_actuator.safety.timing import ONE_STEP, RATE, SETTLING_READINGS, SETTLING_TIME_S, THREE_STEPS, TWO_STEPS
+
+#: Share of supply.max_voltage that counts as being at the compliance voltage.
+COMPLIANCE = 0.95
+#: Time constants of the wire that it must have been contracted for although the balance calls it cold.
+COOLING_TIMES = 1.5
+#: Share of the calibration's rise above ambient below which a wire that is still contracted is hotter than the balance says.
+LEAST_RISE = 0.5
+
+
+@guard(
+    words="the wire is open",
+    detector="voltage at the compliance voltage, supply.max_voltage, with less than safety.open_wire_current_fraction of "
+    "the commanded current",
+    within=THREE_STEPS,
+    action=Action.OFF,
+    latches=True,
+)
+def open_wire(step: Step) -> str:
+    """All the voltage there is, and little current."""
+    reading = step.reading
+    least_A = step.config.safety.open_wire_current_fraction * step.told.current_A
+    is_open = (
+        step.told.output_on
+        and reading is not None
+        and reading.supply_voltage_V >= COMPLIANCE * step.config.supply.max_voltage
+        and not step.signals.current_A >= least_A
+    )
+    if reading is None or step.memory.running("open_wire", is_open) < 2:
+        return ""
+    return f"{step.signals.current_A:.3g} A flow of {step.told.current_A:.3g} A at {reading.supply_voltage_V:.3g} V"
+
+
+@guard(
+    words="the wire is shorted",
+    detector="resistance below safety.resistance_min (after enabling: once settled at the bias current)",
+    within=longest(SETTLING_TIME_S, SETTLING_READINGS / RATE) + TWO_STEPS,
+    action=Action.OFF,
+    latches=True,
+)
+def short(step: Step) -> str:
+    """Too little resistance."""
+    if not (
+        step.settled and step.reading is not None and step.signals.resistance_Ohm < step.config.safety.resistance_min
+    ):
+        return ""
+    return f"{step.signals.resistance_Ohm:.3g} Ω; safety.resistance_min is {step.config.safety.resistance_min:g} Ω"
+
+
+@guard(
+    words="stress above its limit",
+    detector="stress above wire.max_stress",
+    within=TWO_STEPS,
+    action=Action.OFF,
+    latches=True,
+)
+def stress_above_limit(step: Step) -> str:
+    """More stress than the wire survives."""
+    if step.reading is None or step.signals.stress_Pa <= step.config.wire.max_stress:
+        return ""
+    return f"{step.signals.stress_Pa / 1e6:.4g} MPa; wire.max_stress is {step.config.wire.max_stress / 1e6:g} MPa"
+
+
+@guard(
+    words="the load jumped",
+    detector="load changes by more than safety.load_spike from one reading to the next",
+    within=TWO_STEPS,
+    action=Action.OFF,
+    latches=True,
+)
+def load_spike(step: Step) -> str:
+    """A blow, or a load cell that lost its mind."""
+    if step.reading is None:
+        return ""
+    change_N = step.signals.load_N - step.memory.load_N
+    step.memory.load_N = step.signals.load_N
+    if not abs(change_N) > step.config.safety.load_spike:
+        return ""
+    return f"{change_N:+.3g} N from one reading to the next; safety.load_spike is {step.config.safety.load_spike:g} N"
+
+
+@guard(
+    words="the wire is too hot",
+    detector="heat balance on measured power, with heat_loss / heat_loss_margin, above thermal.max_temperature",
+    within=TWO_STEPS,
+    action=Action.OFF,
+    latches=True,
+    while_off=True,
+)
+def too_hot(step: Step) -> str:
+    """The heat balance on measured power."""
+    thermal, heat = step.config.thermal, step.heat
+    if heat.at_most_C <= thermal.max_temperature:
+        return ""
+    return (
+        f"estimated {heat.temperature_C:.0f} °C, at most {heat.at_most_C:.0f} °C; thermal.max_temperature is "
+        f"{thermal.max_temperature:g} °C"
+    )
+
+
+@guard(
+    words="the heat loss is not that of the parameters",
+    detector=f"the heat balance says that the wire has cooled, and it stays contracted for {COOLING_TIMES:g} of its time "
+    "constants, heat_capacity / heat_loss, or longer: it is enclosed, or the surroundings are warmer than believed "
+    "(what a cooling wire shows is in the calibration; without one: never)",
+    within=COOLING_TIMES * parameter_value("thermal.heat_capacity") / parameter_value("thermal.heat_loss") + TWO_STEPS,
+    action=Action.OFF,
+    latches=True,
+)
+def heat_loss_wrong(step: Step) -> str:
+    """A wire that is still contracted is still hot, whatever the balance says."""
+    calibration, thermal, heat = step.config.calibration, step.config.thermal, step.heat
+    contracted = (
+        step.settled
+        and step.estimate.quality <= Quality.INDETERMINATE_HOT
+        and step.estimate.displacement_m < calibration.cooling_position
+    )
+    rise_K = heat.temperature_C - heat.ambient.temperature_C
+    still_hot = contracted and rise_K < LEAST_RISE * calibration.cooling_rise_K(step.signals.stress_Pa)
+    lasts_s = step.memory.lasts_s("heat_loss_wrong", still_hot, step.now_s)
+    if not lasts_s >= COOLING_TIMES * thermal.heat_capacity / thermal.heat_loss:
+        return ""
+    return (
+        f"for {lasts_s:.3g} s the wire is contracted to {step.estimate.displacement_m * 1e3:.3g} mm and the balance says "
+        f"{heat.temperature_C:.0f} °C; it cools more slowly than thermal.heat_loss, {thermal.heat_loss:g} W/K, has it, or the "
+        f"surroundings are warmer than {heat.ambient.temperature_C:.0f} °C"
+    )
+
+
+@guard(
+    words="the ambient sensor is not believed",
+    detector="ambient temperature below ambient_temperature − ambient_tolerance, above 100 °C, or below "
+    "ambient_temperature without one changed digit for thermal.ambient_stuck_time; ambient_temperature is taken instead. "
+    f"Below that, a sensor that falls is followed at {AMBIENT_FALL_K_S:g} K/s",
+    within=ONE_STEP,
+    action=Action.NOTE,
+)
+def ambient_doubted(step: Step) -> str:
+    """Surroundings that nobody drives a wire in."""
+    return step.heat.ambient.doubt

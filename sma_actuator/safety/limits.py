@@ -1,0 +1,49 @@
+"""What bends a command: each limit, in the order in which they are named."""
+
+from __future__ import annotations
+
+from .formula import seconds
+from .records import Limit
+from .timing import ONE_STEP
+
+SETPOINT_RANGE = Limit(
+    "setpoint_range",
+    "setpoint clipped to the working range",
+    "setpoint outside the model's displacement range",
+    ONE_STEP,
+)
+SETPOINT_RATE = Limit(
+    "setpoint_rate",
+    "setpoint rate limited",
+    "setpoint changes faster than controller.setpoint_rate_limit",
+    ONE_STEP,
+)
+CURRENT_MAX = Limit(
+    "current_max",
+    "current saturated at its upper limit",
+    "controller asks for more than supply.max_current, or than what derating leaves of it",
+    seconds(0.0),
+)
+CURRENT_BIAS = Limit(
+    "current_bias",
+    "current saturated at the bias",
+    "controller asks for less than supply.bias_current: the wire cannot cool any faster",
+    seconds(0.0),
+)
+STRESS_NEAR_LIMIT = Limit(
+    "stress_near_limit",
+    "stress near its bound: no further contraction",
+    "stress above safety.stress_limit_fraction × wire.max_stress; neither current nor setpoint may go beyond where they are",
+    ONE_STEP,
+)
+TEMPERATURE_DERATING = Limit(
+    "temperature_derating",
+    "current limit lowered by temperature",
+    "the largest current that could flow on until supply.watchdog_timeout cuts it (for ever, where there is no watchdog) "
+    "and leave the wire below thermal.max_temperature even if it lost only heat_loss / heat_loss_margin; and above "
+    "thermal.derate_temperature, by the parameters' heat_loss, from supply.max_current linearly down to "
+    "supply.bias_current at max_temperature. A wire of which nothing is known yet counts as that hot",
+    ONE_STEP,
+)
+
+LIMITS: dict[str, Limit] = {limit.name: limit for limit in list(vars().values()) if isinstance(limit, Limit)}

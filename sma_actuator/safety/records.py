@@ -1,0 +1,145 @@
+"""What a limit and a fault are, and what the guards see and remember.
+
+A *limit* bends the command and passes by itself; a *fault* means that something is wrong.  Each is
+one object that holds all there is to know of it.  A fault is declared by decorating the function
+that looks for it: that function's name is the fault's.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import inf, nan
+from typing import TYPE_CHECKING, Generic, ParamSpec
+
+from sma_actuator.base.signals import Command, Estimate, Reading, Signals, SupplyState
+
+from .formula import Formula
+from .thermal import WireHeat
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
+
+
+P = ParamSpec("P")
+
+
+class Action(enum.Enum):
+    """What is done with the current, mildest first."""
+
+    HOLD = "hold"  #: the wire is held: at its position, or at the last good setpoint
+    NOTE = "note"  #: what is wrong is not used, and the current goes on
+    BIAS = "bias"  #: the current falls to supply.bias_current, enough to measure with
+    OFF = "off"  #: current zero and output off
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Limit:
+    """The command is bent, nothing is wrong."""
+
+    name: str
+    words: str
+    detector: str
+    within: Formula  #: longest time [s] from the cause to the action
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fault:
+    """One thing that can go wrong and what is done about it.  One that is no :class:`Guard` only the driver can see."""
+
+    name: str
+    words: str
+    detector: str
+    within: Formula  #: longest time [s] from the cause to the action
+    action: Action
+    latches: bool = False
+    while_off: bool = False  #: also latched when it appears while the output is off anyway
+    action_by: str = ""  #: the parameter that says the action instead; latched where that is off
+
+    @property
+    def prevents_enabling(self) -> bool:
+        """Whether the output stays off while this fault is there."""
+        return self.action in (Action.OFF, Action.BIAS)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Guard(Fault, Generic[P]):
+    """A fault with the function that looks for it."""
+
+    look: Callable[P, str]  #: why the fault is there, or ""
+    each_step: bool  #: whether the supervisor asks it in every step; else whoever is concerned does
+
+
+def guard(
+    *,
+    words: str,
+    detector: str,
+    within: Formula,
+    action: Action,
+    latches: bool = False,
+    while_off: bool = False,
+    action_by: str = "",
+    each_step: bool = True,
+) -> Callable[[Callable[P, str]], Guard[P]]:
+    """Make a fault of the function that looks for it."""
+
+    def declare(look: Callable[P, str]) -> Guard[P]:
+        return Guard(
+            name=look.__name__,
+            words=words,
+            detector=detector,
+            within=within,
+            action=action,
+            latches=latches,
+            while_off=while_off,
+            action_by=action_by,
+            look=look,
+            each_step=each_step,
+        )
+
+    return declare
+
+
+@dataclass(slots=True)
+class Memory:
+    """What the guards remember from one step to the next."""
+
+    reading_s: float = nan  #: loop time of the last usable reading
+    daq_s: float = nan  #: of the last answer of the DAQ
+    supply_s: float = nan  #: of the last usable read-back
+    load_N: float = nan
+    channels: dict[str, tuple[float, float]] = field(default_factory=dict)  #: value, and since when it stands
+    since_s: dict[str, float] = field(default_factory=dict)  #: since when a condition holds
+    count: dict[str, int] = field(default_factory=dict)  #: how many times running
+
+    def lasts_s(self, name: str, holds: bool, now_s: float) -> float:
+        """How long a condition has held without a break; −inf where it does not."""
+        if not holds:
+            self.since_s.pop(name, None)
+            return -inf
+        return now_s - self.since_s.setdefault(name, now_s)
+
+    def running(self, name: str, holds: bool) -> int:
+        """How many steps running a condition has held."""
+        self.count[name] = self.count.get(name, 0) + 1 if holds else 0
+        return self.count[name]
+
+
+@dataclass(slots=True)
+class Step:
+    """What the guards see of one step.  ``reading`` is None where there is no usable new one."""
+
+    config: Config
+    memory: Memory
+    now_s: float
+    dt_s: float
+    driven: bool  #: the output is meant to be on
+    settled: bool  #: enabled long enough for current and reading to belong together
+    raw: Reading | None
+    reading: Reading | None
+    signals: Signals
+    estimate: Estimate
+    supply: SupplyState | None
+    told: Command  #: what the supply was told in the step before
+    heat: WireHeat

@@ -1,0 +1,16 @@
+"""The times that several guards share."""
+
+from __future__ import annotations
+
+from .formula import parameter_value
+
+#: Time after enabling in which only the bias current flows, to find out where the wire is.
+SETTLING_TIME_S = 0.25
+#: Readings with current that settling takes at least.
+SETTLING_READINGS = 3
+
+RATE = parameter_value("loop.rate")
+ONE_STEP = 1 / RATE
+TWO_STEPS = 2 / RATE
+THREE_STEPS = 3 / RATE
+READING_TIMEOUT = parameter_value("safety.reading_timeout")

@@ -1,0 +1,78 @@
+"""Parts by name: this package's own and those that installed packages bring."""
+
+import importlib
+import sys
+
+import pytest
+
+from sma_actuator.base.registry import PartRefusedError, PlugInError, Registry
+
+PACKAGE = "sma_tiny"
+
+
+@pytest.fixture
+def install(tmp_path, monkeypatch):
+    """A package on the path with real metadata: ``install(source, entry points of the group "tiny.parts")``."""
+
+    def install(source, **points):
+        (tmp_path / f"{PACKAGE}.py").write_text(source)
+        metadata = tmp_path / f"{PACKAGE}-1.2.dist-info"
+        metadata.mkdir(exist_ok=True)
+        (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {PACKAGE}\nVersion: 1.2\n")
+        (metadata / "entry_points.txt").write_text(
+            "[tiny.parts]\n" + "".join(f"{name} = {value}\n" for name, value in points.items())
+        )
+        monkeypatch.syspath_prepend(str(tmp_path))
+        importlib.invalidate_caches()
+        monkeypatch.setitem(sys.modules, "tiny_registry", sys.modules[__name__])
+
+    yield install
+    sys.modules.pop(PACKAGE, None)
+
+
+@pytest.fixture(autouse=True)
+def parts(monkeypatch):
+    made = Registry("part", "tiny.parts", lambda name, part: "it is not callable" if not callable(part) else "")
+    made.register("own")(int)
+    monkeypatch.setattr(sys.modules[__name__], "PARTS", made, raising=False)
+    return made
+
+
+REGISTERS = "from tiny_registry import PARTS\n@PARTS.register('more')\nclass More: pass\n"
+
+
+def test_parts_come_in_the_order_of_registration_and_know_their_name(parts):
+    parts.register("second")(float)
+    assert list(parts) == ["own", "second"] and parts.name_of(float) == "second"
+    with pytest.raises(KeyError):
+        parts.name_of(str)
+
+
+def test_a_part_that_is_wrong_or_there_already_is_refused(parts):
+    with pytest.raises(PartRefusedError, match="part 'own': there is one of that name"):
+        parts.register("own")(float)
+    with pytest.raises(PartRefusedError, match="part 'new': it is not callable"):
+        parts.register("new")(3)
+
+
+def test_an_installed_package_adds_a_part(parts, install):
+    install(REGISTERS, more=PACKAGE)
+    assert "more" in parts and parts["more"].__name__ == "More" and list(parts) == ["own", "more"]
+
+
+@pytest.mark.parametrize(
+    ("source", "said"),
+    [
+        ("raise RuntimeError('no licence')", "cannot be loaded: RuntimeError: no licence"),
+        ("import nothing_of_this_name", "ModuleNotFoundError: No module named 'nothing_of_this_name'"),
+        ("", "registers no part 'more'"),
+        ("from tiny_registry import PARTS\nPARTS.register('own')(str)", "there is one of that name already"),
+    ],
+)
+def test_a_broken_package_is_named_every_time_and_stops_nobody_who_wants_another_part(parts, install, source, said):
+    install(source, more=PACKAGE)
+    assert parts["own"] is int
+    for _ in range(2):
+        with pytest.raises(PlugInError, match=f"package '{PACKAGE}' 1.2: its entry point more = {PACKAGE}") as raised:
+            list(parts)
+        assert said in str(raised.value)
