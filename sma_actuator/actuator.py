@@ -274,9 +274,9 @@ class Actuator:
         reading = supervisor.usable(raw, self._reading_s, now_s)
         if reading is not None:
             self._sense(reading)
-        elif self._mode is Mode.OFF:
-            self._power_W = 0.0
-        supervisor.heat(self._power_W, dt_s, self._signals.ambient_temperature_C)
+        elif supply is not None and not supply.output_on:
+            self._power_W = 0.0  # without either, the current may well flow on
+        supervisor.keep_heat(self._power_W, self._signals.current_A, dt_s, self._signals.ambient_temperature_C)
 
         driven = self._mode is not Mode.OFF
         settled = driven and supervisor.settled(now_s)
@@ -294,7 +294,7 @@ class Actuator:
                 self._estimate,
                 supply,
                 self._told,
-                supervisor.temperature_C,
+                supervisor.heat,
             )
         )
         supervisor.watch_stress(self._signals.stress_Pa, self._estimate.displacement_m, self._told.current_A)
@@ -461,7 +461,8 @@ class Actuator:
                 "power_W": signals.power_W,
                 "load_N": signals.load_N,
                 "stress_Pa": signals.stress_Pa,
-                "temperature_C": supervisor.temperature_C,
+                "temperature_C": supervisor.heat.temperature_C,
+                "temperature_at_most_C": supervisor.heat.at_most_C,
                 "current_limit_A": supervisor.limit_A(),
                 "reference_m": self._controller.reference_m if self._mode is not Mode.OFF else nan,
                 "branch": estimate.branch.name.lower(),
