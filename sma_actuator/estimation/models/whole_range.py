@@ -1,0 +1,382 @@
+"""The whole range: what a resistance means at a temperature, and a small learned rest (docs/models.md).
+
+The thesis's models leave out the ends of the stroke, where resistance moves with temperature and displacement
+does not.  Here a heat balance stands beside the resistance.  It keeps the wire's *heat content* as a temperature,
+
+    E = T - λ_R R - λ_δ δ,     dE/dt = (P/h - G x) / τ,     x = T - T_ambient,     G = 1 + g max(x, 0),
+
+with the latent heat in λ_R and λ_δ.  E is an integral of power: δ enters only through the heat lost, so that an
+error of δ cannot run in a circle with the temperature that is made of it.  What the estimate sees is
+
+* R, σ and an apparent temperature θ = E + λ_θ R,
+* how far θ, less what stress adds to it, has come from its last turns: plays of several widths [K],
+* how far R has come from its own: plays of several widths [Ω].
+
+A *physical curve*, the mixture rule of the phases solved for δ, is a quadratic in (R, σ, θ): a resistance
+corrected for temperature.  A *residual*, smooth and bounded, is learned for what is left: one layer of tanh.
+Outside what the calibration has seen it fades away, and the estimate says so.
+
+Everything is one kernel for one sample; a log is a loop over it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, isfinite, nan, sqrt, tanh
+
+import numpy as np
+
+from sma_actuator.base.jit import jit
+from sma_actuator.base.parameters import parameter
+
+from .checks import wrong_ranges, wrong_size
+from .model import COEFFICIENTS
+
+DIRECT = 3  #: features that are no plays: R, σ, θ
+CURVE_TERMS = 10  #: of a quadratic in them
+(
+    TIME_CONSTANT_s,
+    LOSS_GROWTH_1_K,
+    HEAT_LOSS_W_K,
+    LATENT_K_Ohm,
+    LATENT_K_m,
+    APPARENT_K_Ohm,
+    WIDE_K_Pa,
+    NARROW_K_Pa,
+) = range(8)
+THERMAL = 8  #: numbers of the heat balance, in this order
+NARROW = 2  #: so many of the plays in temperature, the first, are shifted by stress as the narrow loop is
+# What is remembered: time, heat content, resistance and displacement of the sample before, then the plays.
+_TIME, _HEAT, _RESISTANCE, _DISPLACEMENT, _PLAYS = range(5)
+# Limits: δ at the two ends of what was seen, size of the residual, novelty beyond which it fades, growth of the
+# interval with novelty, half-width of the interval of the physical curve alone.
+_LOWEST, _HIGHEST, _LARGEST, _EDGE, _GROWTH, _CURVE_WIDTH = range(6)
+_START_PASSES = 5
+
+
+@jit
+def heat_rise(power, thermal):
+    """Temperature above ambient [K] at which the wire loses ``power``."""
+    rise = power / thermal[HEAT_LOSS_W_K]
+    growth = thermal[LOSS_GROWTH_1_K]
+    if growth > 0.0 and rise > 0.0:
+        rise = (sqrt(1.0 + 4.0 * growth * rise) - 1.0) / (2.0 * growth)
+    return rise
+
+
+@jit
+def at_rest(time, power, ambient, resistance, displacement, thermal, state):
+    """Start in balance with ``power`` at ``displacement``; the plays start with the first sample."""
+    temperature = ambient + heat_rise(power, thermal)
+    state[_TIME] = time
+    state[_HEAT] = temperature - thermal[LATENT_K_Ohm] * resistance - thermal[LATENT_K_m] * displacement
+    state[_RESISTANCE] = resistance
+    state[_DISPLACEMENT] = displacement
+    state[_PLAYS] = nan
+
+
+@jit
+def features(time, power, ambient, resistance, stress, thermal, widths_K, widths_Ohm, state, out):
+    """What the estimate sees of one sample, ``out`` (DIRECT + plays,); all of ``state`` but the displacement moves on.
+
+    The displacement of the sample before is in ``state``, where the caller puts it.
+    """
+    step = max(time - state[_TIME], 0.0)
+    temperature = (
+        state[_HEAT] + thermal[LATENT_K_Ohm] * state[_RESISTANCE] + thermal[LATENT_K_m] * state[_DISPLACEMENT]
+    )
+    rise = temperature - ambient
+    loss = 1.0 + thermal[LOSS_GROWTH_1_K] * max(rise, 0.0)
+    gained = 1.0 - exp(-step * loss / thermal[TIME_CONSTANT_s])
+    state[_HEAT] += gained * (power / thermal[HEAT_LOSS_W_K] / loss - rise)
+    state[_TIME] = time
+    state[_RESISTANCE] = resistance
+    apparent = state[_HEAT] + thermal[APPARENT_K_Ohm] * resistance
+    out[0] = resistance
+    out[1] = stress
+    out[2] = apparent
+    first = not state[_PLAYS] == state[_PLAYS]
+    count = len(widths_K)
+    for k in range(count):
+        shifted = apparent - stress * (thermal[NARROW_K_Pa] if k < NARROW else thermal[WIDE_K_Pa])
+        if first:  # at rest the wire has come from where it was hotter
+            state[_PLAYS + k] = shifted + widths_K[k]
+        state[_PLAYS + k] = min(max(state[_PLAYS + k], shifted - widths_K[k]), shifted + widths_K[k])
+        out[DIRECT + k] = shifted - state[_PLAYS + k]
+    for k in range(len(widths_Ohm)):
+        place = _PLAYS + count + k
+        if first:
+            state[place] = resistance
+        state[place] = min(max(state[place], resistance - widths_Ohm[k]), resistance + widths_Ohm[k])
+        out[DIRECT + count + k] = resistance - state[place]
+
+
+@jit
+def features_all(
+    time, power, ambient, resistance, stress, displacement, first, thermal, widths_K, widths_Ohm, state, out
+):
+    """``features`` of n samples whose displacement is known; a log begins where ``first``."""
+    for i in range(len(time)):
+        if first[i]:
+            at_rest(time[i], power[i], ambient[i], resistance[i], displacement[i], thermal, state)
+        features(time[i], power[i], ambient[i], resistance[i], stress[i], thermal, widths_K, widths_Ohm, state, out[i])
+        state[_DISPLACEMENT] = displacement[i]
+
+
+@jit
+def _quadratic(z, c):
+    """A quadratic in the first three of ``z``, of :data:`CURVE_TERMS` coefficients."""
+    return (
+        c[0]
+        + c[1] * z[0]
+        + c[2] * z[1]
+        + c[3] * z[2]
+        + c[4] * z[0] * z[0]
+        + c[5] * z[1] * z[1]
+        + c[6] * z[2] * z[2]
+        + c[7] * z[0] * z[1]
+        + c[8] * z[0] * z[2]
+        + c[9] * z[1] * z[2]
+    )
+
+
+@jit
+def _network(z, linear, hidden, bias, output):
+    """All that was learned: a quadratic in what is seen directly, a line in the plays, one layer of tanh."""
+    value = _quadratic(z, linear)
+    for j in range(DIRECT, len(z)):
+        value += linear[CURVE_TERMS + j - DIRECT] * z[j]
+    for k in range(len(bias)):
+        inner = bias[k]
+        for j in range(len(z)):
+            inner += hidden[k, j] * z[j]
+        value += output[k] * tanh(inner)
+    return value
+
+
+@jit
+def _novelty(z, whitening):
+    """How unlike the calibration a sample is: 1 where 95 % of its samples are liker."""
+    square = 0.0
+    for i in range(len(z)):
+        along = 0.0
+        for j in range(i + 1):
+            along += whitening[i, j] * z[j]
+        square += along * along
+    return sqrt(square)
+
+
+@jit
+def _half_width(displacement, heating, widths, lowest, highest):
+    """Half of the 95 % interval on a branch, linear between equally spaced displacements."""
+    last = widths.shape[1] - 1
+    place = min(max((displacement - lowest) / (highest - lowest), 0.0), 1.0) * last
+    below = min(int(place), last - 1)
+    row = 1 if heating else 0
+    return widths[row, below] + (place - below) * (widths[row, below + 1] - widths[row, below])
+
+
+@jit
+def _estimate(heating, seen, limits, centre, scale, whitening, curve, linear, hidden, bias, output, widths, z, out):
+    """δ, half of its 95 % interval and the share of the residual in it, into ``out``, from the features ``seen``."""
+    for j in range(len(seen)):
+        z[j] = (seen[j] - centre[j]) / scale[j]
+    lowest = limits[_LOWEST]
+    highest = limits[_HIGHEST]
+    slack = 0.05 * (highest - lowest)
+    physical = min(max(_quadratic(z, curve), lowest - slack), highest + slack)
+    residual = _network(z, linear, hidden, bias, output) - physical
+    residual = limits[_LARGEST] * tanh(residual / limits[_LARGEST])
+    novelty = _novelty(z, whitening)
+    share = 1.0
+    if novelty > limits[_EDGE]:
+        share = exp(2.0 * (1.0 - novelty / limits[_EDGE]))
+    displacement = min(max(physical + share * residual, lowest - slack), highest + slack)
+    width = _half_width(displacement, heating, widths, lowest, highest)
+    width *= 1.0 + limits[_GROWTH] * max(novelty - 1.0, 0.0)
+    out[0] = displacement
+    out[1] = share * width + (1.0 - share) * max(limits[_CURVE_WIDTH], width)
+    out[2] = share
+
+
+@jit
+def advance(
+    time, power, ambient, resistance, stress, heating, state,
+    thermal, widths_K, widths_Ohm, limits, centre, scale, whitening, curve, linear, hidden, bias, output, widths,
+    seen, z, out,
+):  # fmt: skip
+    """One sample: δ [m], half of its 95 % interval [m] and the share of the residual, into ``out`` (3,)."""
+    if not state[_TIME] == state[_TIME]:
+        # At rest: the displacement that agrees with the temperature that is made of it.
+        displacement = limits[_HIGHEST]
+        for _ in range(_START_PASSES):
+            at_rest(time, power, ambient, resistance, displacement, thermal, state)
+            features(time, power, ambient, resistance, stress, thermal, widths_K, widths_Ohm, state, seen)
+            _estimate(heating, seen, limits, centre, scale, whitening, curve, linear, hidden, bias, output, widths, z, out)
+            displacement = out[0]
+        at_rest(time, power, ambient, resistance, displacement, thermal, state)
+    features(time, power, ambient, resistance, stress, thermal, widths_K, widths_Ohm, state, seen)
+    _estimate(heating, seen, limits, centre, scale, whitening, curve, linear, hidden, bias, output, widths, z, out)
+    state[_DISPLACEMENT] = out[0]
+
+
+@jit
+def advance_all(
+    time, power, ambient, resistance, stress, heating, state,
+    thermal, widths_K, widths_Ohm, limits, centre, scale, whitening, curve, linear, hidden, bias, output, widths,
+    seen, z, out,
+):  # fmt: skip
+    """``advance`` over n samples, ``out`` (n, 3)."""
+    for i in range(len(time)):
+        advance(
+            time[i], power[i], ambient[i], resistance[i], stress[i], heating[i], state,
+            thermal, widths_K, widths_Ohm, limits, centre, scale, whitening, curve, linear, hidden, bias, output, widths,
+            seen, z, out[i],
+        )  # fmt: skip
+
+
+class WholeRangeModel:
+    """The model of one wire; see :class:`sma_actuator.estimation.models.ThermalStrainModel`."""
+
+    def __init__(self, coefficients: WholeRangeCoefficients):
+        c = coefficients
+        self.stress_range_Pa = tuple(c.stress_range)
+        self.displacement_range_m = tuple(c.displacement_range)
+        self._ambient_C = c.ambient_temperature
+        n = len(c.feature_centre)
+        whitening = np.zeros((n, n))
+        whitening[np.tril_indices(n)] = c.novelty
+        self._coefficients = (
+            np.array(c.thermal),
+            np.array(c.play_widths_K),
+            np.array(c.play_widths_Ohm),
+            np.array(
+                [*c.displacement_range, c.largest_residual, c.novelty_edge, c.interval_growth, c.curve_interval]
+            ),
+            np.array(c.feature_centre),
+            np.array(c.feature_scale),
+            whitening,
+            np.array(c.curve),
+            np.array(c.linear),
+            np.array(c.hidden).reshape(len(c.bias), n),
+            np.array(c.bias),
+            np.array(c.output),
+            np.array(c.intervals).reshape(2, -1),
+            np.zeros(n),
+            np.zeros(n),
+        )
+        self._state = np.zeros(_PLAYS + n - DIRECT)
+        self._out = np.zeros(3)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past: the next sample is that of a wire at rest, in balance with its power."""
+        self._state[:] = nan
+
+    def observe(
+        self, time_s: float, resistance_Ohm: float, stress_Pa: float, heating: bool, power_W: float, ambient_C: float
+    ) -> tuple[float, float, bool]:
+        """Advance by one sample: δ [m], half of its 95 % interval [m], and whether the calibration has seen the like."""
+        ambient_C = ambient_C if isfinite(ambient_C) else self._ambient_C
+        out = self._out
+        advance(time_s, power_W, ambient_C, resistance_Ohm, stress_Pa, heating, self._state, *self._coefficients, out)
+        return float(out[0]), float(out[1]), bool(out[2] > 0.5)
+
+    def observe_all(
+        self,
+        time_s: np.ndarray,
+        resistance_Ohm: np.ndarray,
+        stress_Pa: np.ndarray,
+        heating: np.ndarray,
+        power_W: np.ndarray,
+        ambient_C: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same of n samples, arrays of shape (n,), by the same kernel."""
+        out = np.empty((len(time_s), 3))
+        ambient_C = np.where(np.isfinite(ambient_C), ambient_C, self._ambient_C)
+        advance_all(time_s, power_W, ambient_C, resistance_Ohm, stress_Pa, heating, self._state, *self._coefficients, out)
+        return out[:, 0].copy(), out[:, 1].copy(), out[:, 2] > 0.5
+
+
+@COEFFICIENTS.register("whole_range")
+@dataclass(frozen=True, slots=True)
+class WholeRangeCoefficients:
+    """Heat balance, physical curve and learned residual of one particular wire; features are in the order
+    R [Ω], σ [Pa], θ [K], plays of θ [K], plays of R [Ω]."""
+
+    calibrated_length: float = parameter(
+        description="length of the wire the coefficients were fitted on", unit="m", lo=0.005, hi=20.0
+    )
+    calibrated_diameter: float = parameter(description="its diameter", unit="m", lo=10e-6, hi=2e-3)
+    thermal: tuple[float, ...] = parameter(
+        description="time constant [s], growth of the heat loss [1/K], heat loss [W/K], λ_R [K/Ω], λ_δ [K/m], "
+        "λ_θ [K/Ω], shift of wide and of narrow plays with stress [K/Pa]"
+    )
+    ambient_temperature: float = parameter(
+        description="temperature of the surroundings where none is measured", unit="°C", lo=-60.0, hi=100.0
+    )
+    play_widths_K: tuple[float, ...] = parameter(description="half-widths of the plays in temperature", unit="K")
+    play_widths_Ohm: tuple[float, ...] = parameter(description="half-widths of the plays in resistance", unit="Ω")
+    feature_centre: tuple[float, ...] = parameter(description="mean of each feature in the calibration")
+    feature_scale: tuple[float, ...] = parameter(description="its standard deviation", lo=1e-30)
+    novelty: tuple[float, ...] = parameter(
+        description="lower triangle, row by row, that makes features white and their 95 % distance 1"
+    )
+    novelty_edge: float = parameter(description="novelty beyond which the residual fades", unit="1", lo=1e-3, hi=1e6)
+    curve: tuple[float, ...] = parameter(description="physical curve, quadratic in scaled R, σ, θ", unit="m")
+    linear: tuple[float, ...] = parameter(description="learned: the same and a line in the plays", unit="m")
+    hidden: tuple[float, ...] = parameter(description="learned: weights of the tanh layer, row by row", unit="1")
+    bias: tuple[float, ...] = parameter(description="learned: its biases", unit="1")
+    output: tuple[float, ...] = parameter(description="learned: weight of each tanh", unit="m")
+    largest_residual: float = parameter(description="bound of the residual", unit="m", lo=1e-12, hi=1.0)
+    intervals: tuple[float, ...] = parameter(
+        description="half of the 95 % interval at equally spaced displacements over the range, cooling, then heating",
+        unit="m",
+        lo=0.0,
+    )
+    interval_growth: float = parameter(
+        description="growth of the interval per novelty above 1", unit="1", lo=0.0, hi=1e3
+    )
+    curve_interval: float = parameter(
+        description="half of the 95 % interval of the physical curve alone", unit="m", lo=0.0, hi=10.0
+    )
+    stress_range: tuple[float, ...] = parameter(
+        description="lowest and highest stress of the calibration", unit="Pa", lo=-1e9, hi=1e9
+    )
+    displacement_range: tuple[float, ...] = parameter(
+        description="the stroke that the calibration has seen, both ends included", unit="m", lo=-10.0, hi=10.0
+    )
+
+    def mismatches(self, wire) -> list[str]:
+        """Why these coefficients do not suit ``wire``."""
+        return [
+            *wrong_size(self.calibrated_length, self.calibrated_diameter, wire),
+            *wrong_ranges(stress_range=self.stress_range, displacement_range=self.displacement_range),
+            *self._wrong_lengths(),
+        ]
+
+    def _wrong_lengths(self) -> list[str]:
+        plays = len(self.play_widths_K) + len(self.play_widths_Ohm)
+        n, m = DIRECT + plays, len(self.bias)
+        wanted = {
+            "thermal": THERMAL,
+            "feature_centre": n,
+            "feature_scale": n,
+            "novelty": n * (n + 1) // 2,
+            "curve": CURVE_TERMS,
+            "linear": CURVE_TERMS + plays,
+            "hidden": m * n,
+            "output": m,
+        }
+        problems = [
+            f"model.{name}: {len(getattr(self, name))} numbers, but {count} are wanted with these plays and biases"
+            for name, count in wanted.items()
+            if len(getattr(self, name)) != count
+        ]
+        if len(self.intervals) % 2 or len(self.intervals) < 4:
+            problems.append(f"model.intervals: {len(self.intervals)} numbers, but two rows of equal length are wanted")
+        return problems
+
+    def build(self, wire) -> WholeRangeModel:
+        """The model of the wire the coefficients were fitted on."""
+        return WholeRangeModel(self)

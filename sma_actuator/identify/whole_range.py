@@ -1,0 +1,438 @@
+"""Coefficients of the whole-range model: heat balance and learned residual together, judged on what they did not see.
+
+The fit is a damped Gauss-Newton (Levenberg-Marquardt) with a robust loss, from a start that a fixed seed gives: the
+same logs give the same numbers.  The heat balance's numbers are fitted with the weights, each drawn to what is known
+of such wires.  While they are fitted the displacement that the heat balance sees is the measured one.
+
+It is judged three times over by loads left out and three times over by cycles left out, the weights learned afresh
+each time.  The intervals are the errors of the loads left out (split conformal, for every place and branch).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_actuator.estimation.models.whole_range import (
+    CURVE_TERMS,
+    DIRECT,
+    THERMAL,
+    WholeRangeCoefficients,
+    features_all,
+)
+
+from .traces import IdentificationError, Trace
+
+UNITS = 14  #: tanh units
+PLAYS_K = (1.5, 3.0, 5.0, 8.0, 12.0)  #: half-widths; loops of Ni-Ti and Ni-Ti-Cu are 4 to 25 K wide
+PLAYS_OF_RANGE = (0.03, 0.10, 0.25)  #: half-widths of the plays in resistance, as shares of its range
+PLACES = 6  #: at which the interval is stated, on either branch
+FOLDS = 3
+JOINT_ITERATIONS, ITERATIONS = 60, 40
+EVERY = 3  #: the heat balance moves in every third iteration: it costs eight runs through the logs
+MOST_ROWS = 4000  #: that a fit sees; logs of more are thinned
+SHORTEST_STEP_s = 0.045  #: readings closer together are averaged: they say the same
+ROBUST = 1.0  #: % of the full stroke beyond which an error counts linearly
+SHRINKAGE = 0.3  #: of the weights, in squared % of the full stroke
+COVERAGE = 0.95
+HOT_OR_COLD = 0.1  #: share of the stroke that is an end of it
+_PLACE_WIDTH = 0.8  #: of the window around a place, in distances of places
+
+# What is known of wires before a log is seen, and how far it may be off: time constant (share of C/h), growth of the
+# loss, λ_R (K per range of R), λ_δ (K per % of stroke: latent over specific heat, 20 to 30 K), λ_θ, 1/slopes (K/MPa).
+_KNOWN = np.array([1.0, 0.002, 3.0, 0.22, 24.0, 0.125, 0.07])
+_UNSURE = np.array([0.2, 0.0015, 3.0, 0.05, 6.0, 0.025, 0.02])
+_LEAST = np.array([0.2, 0.0, -30.0, 0.0, -60.0, 0.02, 0.02])
+_MOST = np.array([5.0, 0.03, 60.0, 1.0, 90.0, 0.5, 0.5])
+_PRIOR_WEIGHT = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """Errors of the model and of its physical curve where they were not fitted, mean absolute, % of full stroke."""
+
+    loads_percent: float  #: loads left out
+    cycles_percent: float  #: cycles left out
+    curve_percent: float  #: physical curve alone, loads left out
+    coverage: float  #: share of samples of loads left out inside the 95 % intervals of the others
+
+
+@dataclass(frozen=True, slots=True)
+class WholeRangeFit:
+    """What was found, and how good it is where it was not fitted."""
+
+    coefficients: WholeRangeCoefficients
+    held_out: HeldOut
+
+
+def fit_whole_range(
+    traces: Sequence[Trace], config, progress: Callable[[float], None] = lambda fraction: None
+) -> WholeRangeFit:
+    """Fit to all loads, pulses and partial cycles together.  ``config``: the bench's parameters.
+
+    Raises IdentificationError where fewer than three loads were measured.
+    """
+    data = _Data(traces, config)
+    known = _KNOWN.copy()
+    learner, known = _learn_both(data, known, lambda share: progress(0.6 * share))
+    seen = data.features(known)[data.rows]
+    by_load = _errors_left_out(seen, data, data.load[data.rows] % FOLDS, learner)
+    progress(0.8)
+    by_cycle = _errors_left_out(seen, data, data.cycle[data.rows] % FOLDS, learner)
+    progress(0.98)
+    coefficients, coverage = _coefficients(data, known, seen, learner, by_load)
+    held_out = HeldOut(
+        float(np.abs(by_load.error).mean()),
+        float(np.abs(by_cycle.error).mean()),
+        float(np.abs(by_load.curve_error).mean()),
+        coverage,
+    )
+    progress(1.0)
+    return WholeRangeFit(coefficients, held_out)
+
+
+class _Data:
+    """The logs' samples one after the other, thinned to what a fit needs; displacement in % of the full stroke."""
+
+    def __init__(self, traces: Sequence[Trace], config):
+        self.config, self.wire, self.thermal = config, config.wire, config.thermal
+        self.percent_m = config.wire.full_stroke_m / 100.0
+        parts = [_thinned(t, config.thermal.ambient_temperature) for t in traces]
+        names = ("time", "power", "ambient", "resistance", "stress", "displacement", "heating", "cycle")
+        for i, name in enumerate(names):
+            setattr(self, name, np.concatenate([p[i] for p in parts]))
+        self.displacement = self.displacement / self.percent_m
+        lengths = [len(p[0]) for p in parts]
+        self.first = np.zeros(len(self.time), dtype=np.bool_)
+        self.first[np.cumsum([0, *lengths[:-1]])] = True
+        self.load = np.repeat(_load_numbers(traces), lengths)
+        self.cycle = self.cycle + np.repeat(np.arange(len(traces)), lengths)
+        if self.load.max() + 1 < FOLDS:
+            raise IdentificationError(
+                f"whole_range: logs at {FOLDS} different loads are needed, one to be left out while the others are "
+                f"fitted; the logs hold {self.load.max() + 1}"
+            )
+        stride = max(1, -(-len(self.time) // MOST_ROWS))
+        self.rows = np.arange(0, len(self.time), stride)
+        self.span_Ohm = float(np.subtract(*np.percentile(self.resistance, (99, 1))))
+
+    def thermal_numbers(self, known: np.ndarray) -> np.ndarray:
+        """The heat balance for the kernels, from numbers in units of what is known; δ in % of the full stroke."""
+        out = np.empty(THERMAL)
+        lag_s = self.thermal.heat_capacity / self.thermal.heat_loss
+        out[:] = (
+            known[0] * lag_s,
+            known[1],
+            self.thermal.heat_loss,
+            known[2] / self.span_Ohm,
+            known[3],
+            known[4] / self.span_Ohm,
+            known[5] * 1e-6,
+            known[6] * 1e-6,
+        )
+        return out
+
+    @property
+    def plays_Ohm(self) -> np.ndarray:
+        """Half-widths of the plays in resistance."""
+        return np.array(PLAYS_OF_RANGE) * self.span_Ohm
+
+    def features(self, known: np.ndarray) -> np.ndarray:
+        """What the model sees of every sample, shape (n, features)."""
+        out = np.empty((len(self.time), DIRECT + len(PLAYS_K) + len(PLAYS_OF_RANGE)))
+        features_all(
+            self.time, self.power, self.ambient, self.resistance, self.stress, self.displacement, self.first,
+            self.thermal_numbers(known), np.array(PLAYS_K), self.plays_Ohm, np.zeros(4 + out.shape[1] - DIRECT), out,
+        )  # fmt: skip
+        return out
+
+
+def _thinned(trace: Trace, ambient_C: float) -> tuple[np.ndarray, ...]:
+    """A log's good samples, as many together as make a step of SHORTEST_STEP_s; their power is the mean."""
+    s = trace.signals
+    good = np.isfinite(s.resistance_Ohm + s.stress_Pa + s.power_W + s.reference_displacement_m + s.time_s)
+    time_s = s.time_s[good]
+    together = max(1, round(SHORTEST_STEP_s / max(float(np.median(np.diff(time_s))), 1e-6)))
+    n = len(time_s) // together * together
+    ambient = np.broadcast_to(s.ambient_temperature_C, good.shape)[good]
+    ambient = np.where(np.isfinite(ambient), ambient, ambient_C)
+
+    def last(values: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(values[:n].reshape(-1, together)[:, -1])
+
+    return (
+        last(time_s),
+        s.power_W[good][:n].reshape(-1, together).mean(axis=1),
+        last(ambient).astype(float),
+        *(last(v[good]) for v in (s.resistance_Ohm, s.stress_Pa, s.reference_displacement_m)),
+        last(trace.heating[good]),
+        last(trace.cycle[good]),
+    )
+
+
+def _load_numbers(traces: Sequence[Trace]) -> np.ndarray:
+    """A number for every log, the same for logs of one load (within 5 %), in order of the loads."""
+    stress = np.array([t.mean_stress_Pa for t in traces])
+    number, out = -1, np.empty(len(stress), dtype=int)
+    lowest = -np.inf
+    for i in np.argsort(stress):
+        if stress[i] > lowest + 0.05 * abs(lowest) or number < 0:
+            number, lowest = number + 1, stress[i]
+        out[i] = number
+    return out
+
+
+def _terms(z: np.ndarray) -> np.ndarray:
+    """The quadratic of the model, then the plays: shape (n, terms)."""
+    a, b, c = z[:, 0], z[:, 1], z[:, 2]
+    return np.column_stack([np.ones(len(z)), a, b, c, a * a, b * b, c * c, a * b, a * c, b * c, z[:, DIRECT:]])
+
+
+class _Learner:
+    """The learned part: its weights as one vector (linear terms, hidden, bias, output), and its derivatives."""
+
+    def __init__(self, features: int, centre: np.ndarray, scale: np.ndarray):
+        self.n, self.m = features, UNITS
+        self.lines = CURVE_TERMS + features - DIRECT
+        self.centre, self.scale = centre, scale
+        rng = np.random.default_rng(0)
+        hidden = rng.normal(size=(self.m, self.n))
+        reach = 0.7 * self.m ** (1.0 / self.n)  # Nguyen and Widrow's: units spread over what is seen
+        hidden *= reach / np.linalg.norm(hidden, axis=1)[:, None]
+        bias = np.linspace(-reach, reach, self.m)
+        self.weights = np.concatenate([np.zeros(self.lines), hidden.ravel(), bias, np.zeros(self.m)])
+        self.shrinkage = np.concatenate(
+            [np.full(self.lines, 0.02), np.full(self.m * self.n, 0.3), np.full(self.m, 0.3), np.full(self.m, 1.0)]
+        )
+        self.shrinkage = SHRINKAGE * self.shrinkage
+        self.shrinkage[0] = 0.0
+
+    def parts(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Linear terms, hidden weights, biases, outputs."""
+        cut = np.cumsum([self.lines, self.m * self.n, self.m])
+        linear, hidden, bias, output = np.split(weights, cut)
+        return linear, hidden.reshape(self.m, self.n), bias, output
+
+    def start(self, z: np.ndarray, target: np.ndarray) -> np.ndarray:
+        """Weights whose linear terms and outputs fit best for the hidden layer that there is."""
+        linear, hidden, bias, _ = self.parts(self.weights)
+        basis = np.column_stack([_terms(z), np.tanh(z @ hidden.T + bias)])
+        found = np.linalg.solve(basis.T @ basis + np.eye(basis.shape[1]), basis.T @ target)
+        out = self.weights.copy()
+        out[: self.lines], out[-self.m :] = found[: self.lines], found[self.lines :]
+        return out
+
+    def value(self, weights: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Displacement [%]."""
+        linear, hidden, bias, output = self.parts(weights)
+        return _terms(z) @ linear + np.tanh(z @ hidden.T + bias) @ output
+
+    def jacobian(self, weights: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement and its derivative with respect to the weights."""
+        linear, hidden, bias, output = self.parts(weights)
+        terms, act = _terms(z), np.tanh(z @ hidden.T + bias)
+        slope = (1.0 - act * act) * output
+        by_hidden = (slope[:, :, None] * z[:, None, :]).reshape(len(z), -1)
+        return terms @ linear + act @ output, np.concatenate([terms, by_hidden, slope, act], axis=1)
+
+
+def _robust(error: np.ndarray) -> float:
+    size = np.abs(error)
+    return float(np.where(size < ROBUST, error * error, 2.0 * ROBUST * size - ROBUST * ROBUST).sum())
+
+
+def _solve(
+    jacobian: np.ndarray, error: np.ndarray, pull: np.ndarray, stiffness: np.ndarray, damping: float
+) -> np.ndarray:
+    """One damped Gauss-Newton step of the robust, shrunk problem."""
+    weight = np.minimum(1.0, ROBUST / np.maximum(np.abs(error), 1e-12))
+    weighted = jacobian * weight[:, None]
+    normal = weighted.T @ jacobian
+    size = np.diag(normal)
+    return np.linalg.solve(
+        normal + np.diag(stiffness + damping * np.maximum(size, 1e-4 * size.max())), weighted.T @ error - pull
+    )
+
+
+def _learn(learner: _Learner, z: np.ndarray, target: np.ndarray, iterations: int) -> np.ndarray:
+    """Weights for features that stand."""
+    weights, damping = learner.start(z, target), 1e-2
+    value, jacobian = learner.jacobian(weights, z)
+    cost = _robust(target - value) + float(learner.shrinkage @ weights**2)
+    for _ in range(iterations):
+        step = _solve(jacobian, target - value, learner.shrinkage * weights, learner.shrinkage, damping)
+        tried = weights + step
+        new_cost = _robust(target - learner.value(tried, z)) + float(learner.shrinkage @ tried**2)
+        if new_cost >= cost:
+            damping *= 8.0
+            if damping > 1e6:
+                break
+            continue
+        enough = cost - new_cost < 1e-4 * cost
+        weights, cost, damping = tried, new_cost, max(damping / 5.0, 1e-9)
+        if enough:
+            break
+        value, jacobian = learner.jacobian(weights, z)
+    return weights
+
+
+def _learn_both(data: _Data, known: np.ndarray, progress: Callable[[float], None]) -> tuple[_Learner, np.ndarray]:
+    """Weights and heat balance together; returns the learner with its weights, and what is known then."""
+    target = data.displacement[data.rows]
+    seen = data.features(known)[data.rows]
+    learner = _Learner(seen.shape[1], seen.mean(axis=0), seen.std(axis=0) + 1e-12)
+
+    def scaled(numbers: np.ndarray) -> np.ndarray:
+        return (data.features(numbers)[data.rows] - learner.centre) / learner.scale
+
+    def cost_of(error: np.ndarray, weights: np.ndarray, numbers: np.ndarray) -> float:
+        off = (numbers - _KNOWN) / _UNSURE
+        return _robust(error) + float(learner.shrinkage @ weights**2) + _PRIOR_WEIGHT * float(off @ off)
+
+    z = scaled(known)
+    weights, damping = learner.start(z, target), 1e-2
+    value, jacobian = learner.jacobian(weights, z)
+    cost = cost_of(target - value, weights, known)
+    for i in range(JOINT_ITERATIONS):
+        progress(i / JOINT_ITERATIONS)
+        both = i % EVERY == 0
+        pull, stiffness, slopes = learner.shrinkage * weights, learner.shrinkage, jacobian
+        if both:
+            columns = []
+            for k in range(len(known)):
+                moved = known.copy()
+                moved[k] += 1e-3 * _UNSURE[k]
+                columns.append((learner.value(weights, scaled(moved)) - value) / 1e-3)
+            slopes = np.column_stack([jacobian, *columns])
+            pull = np.concatenate([pull, _PRIOR_WEIGHT * (known - _KNOWN) / _UNSURE])
+            stiffness = np.concatenate([stiffness, np.full(len(known), _PRIOR_WEIGHT)])
+        for _ in range(6):
+            step = _solve(slopes, target - value, pull, stiffness, damping)
+            tried = weights + step[: len(weights)]
+            numbers, new_z = known, z
+            if both:
+                numbers = np.clip(known + step[len(weights) :] * _UNSURE, _LEAST, _MOST)
+                new_z = scaled(numbers)
+            new_cost = cost_of(target - learner.value(tried, new_z), tried, numbers)
+            if new_cost < cost:
+                break
+            damping *= 8.0
+        else:
+            break
+        weights, known, z, cost, damping = tried, numbers, new_z, new_cost, max(damping / 5.0, 1e-9)
+        value, jacobian = learner.jacobian(weights, z)
+    learner.weights = weights
+    return learner, known
+
+
+@dataclass(frozen=True, slots=True)
+class _LeftOut:
+    """Of every row, by a fit that did not see it: error, error of the curve alone [%], novelty."""
+
+    error: np.ndarray
+    curve_error: np.ndarray
+    novelty: np.ndarray
+
+
+def _errors_left_out(seen: np.ndarray, data: _Data, fold: np.ndarray, learner: _Learner) -> _LeftOut:
+    """Learn afresh without each fold in turn; the heat balance stands."""
+    z = (seen - learner.centre) / learner.scale
+    target = data.displacement[data.rows]
+    error, curve_error, novelty = np.empty(len(z)), np.empty(len(z)), np.empty(len(z))
+    for number in range(FOLDS):
+        out = fold == number
+        fresh = _Learner(z.shape[1], learner.centre, learner.scale)
+        weights = _learn(fresh, z[~out], target[~out], ITERATIONS)
+        error[out] = fresh.value(weights, z[out]) - target[out]
+        curve_error[out] = _terms(z[out])[:, :CURVE_TERMS] @ _curve(z[~out], target[~out]) - target[out]
+        novelty[out] = np.linalg.norm(z[out] @ _whitening(z[~out]).T, axis=1)
+    return _LeftOut(error, curve_error, novelty)
+
+
+def _curve(z: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """The physical curve: least squares of a quadratic."""
+    return np.linalg.lstsq(_terms(z)[:, :CURVE_TERMS], target, rcond=None)[0]
+
+
+def _whitening(z: np.ndarray) -> np.ndarray:
+    """Lower triangle that makes features white, scaled so that 95 % of them are nearer than 1."""
+    square = z.T @ z / len(z) + 1e-3 * np.eye(z.shape[1])
+    out = np.linalg.inv(np.linalg.cholesky(square))
+    return out / np.percentile(np.linalg.norm(z @ out.T, axis=1), 95)
+
+
+def _intervals(
+    place: np.ndarray, heating: np.ndarray, left: _LeftOut, lowest: float, highest: float
+) -> tuple[np.ndarray, float]:
+    """Half-widths [%] at equally spaced places, (2, PLACES), and their growth with novelty."""
+    size, beyond = np.abs(left.error), np.maximum(left.novelty - 1.0, 0.0)
+    growth = 0.0
+    if (beyond > 0.0).sum() > 50:
+        near, far = (np.quantile(size[chosen], COVERAGE) for chosen in (beyond == 0.0, beyond > 0.0))
+        growth = float(np.clip((far / max(near, 1e-9) - 1.0) / beyond[beyond > 0.0].mean(), 0.0, 3.0))
+    size = size / (1.0 + growth * beyond)
+    step = (highest - lowest) / (PLACES - 1)
+    out = np.empty((2, PLACES))
+    everywhere = np.quantile(size, COVERAGE)
+    for row in range(2):
+        for k in range(PLACES):
+            near = (heating == bool(row)) & (np.abs(place - (lowest + k * step)) < _PLACE_WIDTH * step)
+            # The quantile that split conformal prediction asks for of so many samples.
+            level = min(1.0, COVERAGE * (1.0 + 1.0 / max(near.sum(), 1)))
+            out[row, k] = np.quantile(size[near], level) if near.sum() >= 40 else everywhere
+    return out, growth
+
+
+def _coefficients(
+    data: _Data, known: np.ndarray, seen: np.ndarray, learner: _Learner, left: _LeftOut
+) -> tuple[WholeRangeCoefficients, float]:
+    """In metres, rounded to six digits; and the coverage of the intervals on the rows they come from."""
+    z = (seen - learner.centre) / learner.scale
+    target = data.displacement[data.rows]
+    lowest, highest = (float(v) for v in np.percentile(data.displacement, (0.1, 99.9)))
+    curve = _curve(z, target)
+    value = learner.value(learner.weights, z)
+    slack = 0.05 * (highest - lowest)
+    physical = np.clip(_terms(z)[:, :CURVE_TERMS] @ curve, lowest - slack, highest + slack)
+    whitening = _whitening(z)
+    novelty = np.linalg.norm(z @ whitening.T, axis=1)
+    heating = data.heating[data.rows].astype(bool)
+    widths, growth = _intervals(target + left.error, heating, left, lowest, highest)
+    step = (highest - lowest) / (PLACES - 1)
+    at = np.clip((target + left.error - lowest) / step, 0.0, PLACES - 1.0)
+    half = np.where(heating, np.interp(at, np.arange(PLACES), widths[1]), np.interp(at, np.arange(PLACES), widths[0]))
+    inside = np.abs(left.error) <= half * (1.0 + growth * np.maximum(left.novelty - 1.0, 0.0))
+    linear, hidden, bias, output = learner.parts(learner.weights)
+    percent_m = data.percent_m
+    thermal = data.thermal_numbers(known)
+    thermal[4] /= percent_m
+    return WholeRangeCoefficients(
+        calibrated_length=data.wire.length,
+        calibrated_diameter=data.wire.diameter,
+        thermal=_six(thermal),
+        ambient_temperature=float(f"{np.median(data.ambient):.4g}"),
+        play_widths_K=PLAYS_K,
+        play_widths_Ohm=_six(data.plays_Ohm),
+        feature_centre=_six(learner.centre),
+        feature_scale=_six(learner.scale),
+        novelty=_six(whitening[np.tril_indices(len(whitening))]),
+        novelty_edge=float(f"{1.3 * max(novelty.max(), 1.0):.4g}"),
+        curve=_six(curve * percent_m),
+        linear=_six(linear * percent_m),
+        hidden=_six(hidden.ravel()),
+        bias=_six(bias),
+        output=_six(output * percent_m),
+        largest_residual=float(f"{2.0 * np.abs(value - physical).max() * percent_m:.4g}"),
+        intervals=_six(widths.ravel() * percent_m),
+        interval_growth=float(f"{growth:.4g}"),
+        curve_interval=float(f"{np.quantile(np.abs(left.curve_error), COVERAGE) * percent_m:.4g}"),
+        stress_range=tuple(float(np.round(v)) for v in (data.stress.min(), data.stress.max())),
+        displacement_range=_six(np.array([lowest, highest]) * percent_m),
+    ), float(inside.mean())
+
+
+def _six(values: np.ndarray) -> tuple[float, ...]:
+    return tuple(float(f"{v:.6g}") for v in values)
+
