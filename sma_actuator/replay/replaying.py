@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
-from sma_actuator.estimation.estimator import Estimator
+from sma_actuator.estimation.estimator import ESTIMATOR_RESET, Estimator
 from sma_actuator.identify.errors import LogError, log_error
 from sma_actuator.identify.fitting import make_data
 from sma_actuator.identify.traces import Trace, make_trace, make_traces
-from sma_actuator.logs.bench_log import BenchLog
+from sma_actuator.logs.bench_log import BenchLog, require_reference
 
 from .baselines import all_baselines
+
+#: Errors that differ by less, as a share of themselves or in % of full stroke, tell nobody which model is better.
+AS_GOOD, AS_GOOD_percent = 0.02, 0.01
+LIVE = "displacement_estimate_m"  #: column of a node's recording: what it had estimated
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +32,10 @@ class Replay:
     trace: Trace
     estimates_m: dict[str, np.ndarray]  #: displacement by every model, shape (n,)
     errors: dict[str, LogError]  #: of every model
+    #: Of the first model, where the log holds what the node had estimated: the largest difference from it, and the
+    #: number of readings over which.
+    from_live_m: float = math.nan
+    live_readings: int = 0
 
 
 def estimate_m(trace: Trace, config: Config, constant_load_N: float | None = None) -> np.ndarray:
@@ -33,7 +44,20 @@ def estimate_m(trace: Trace, config: Config, constant_load_N: float | None = Non
     if constant_load_N is not None:
         stress_Pa = np.full(len(trace.log), constant_load_N / config.wire.area_m2)
         signals = dataclasses.replace(signals, stress_Pa=stress_Pa)
-    return Estimator(config).run(signals).displacement_m
+    estimator = Estimator(config)
+    resets_s = [time_s for time_s, event in trace.log.events if ESTIMATOR_RESET in event]
+    bounds = [0, *np.searchsorted(signals.time_s, resets_s), len(signals.time_s)]
+    pieces = []
+    for start, stop in itertools.pairwise(bounds):
+        if start:
+            estimator.reset()
+        pieces.append(estimator.run(_part(signals, slice(start, stop))).displacement_m)
+    return np.concatenate(pieces)
+
+
+def _part(signals: Signals, chosen: slice) -> Signals:
+    fields = {f.name: getattr(signals, f.name) for f in dataclasses.fields(signals)}
+    return Signals(**{name: v[chosen] if np.ndim(v) else v for name, v in fields.items()})
 
 
 def replay(
@@ -59,14 +83,30 @@ def replay(
             progress(0.8 * len(baselines) / len(all_baselines()))
     out = []
     for i, log in enumerate(logs):
-        trace = make_trace(log, first)
+        if not log.has_reference and LIVE not in log:
+            require_reference(log)
+        trace = make_trace(log, first, with_reference=False)
         # Every model with its own calibrations of circuit and load cell, and its own effects on them.
-        estimates = {name: estimate_m(make_trace(log, config), config) for name, config in models.items()}
+        estimates = {
+            name: estimate_m(make_trace(log, config, with_reference=False), config) for name, config in models.items()
+        }
         estimates.update({baseline.name: _where_read(baseline, trace) for baseline in baselines})
-        errors = {n: log_error(trace.name, trace.signals, e, range_m, full_stroke_m) for n, e in estimates.items()}
-        out.append(Replay(trace, estimates, errors))
+        errors = {
+            n: log_error(trace.name, trace.signals, np.where(trace.judged, e, np.nan), range_m, full_stroke_m)
+            for n, e in estimates.items()
+        }
+        out.append(Replay(trace, estimates, errors, *_from_live(trace, estimates[next(iter(models))])))
         progress(1.0 - 0.2 * (1.0 - (i + 1) / len(logs)))
     return out
+
+
+def _from_live(trace: Trace, estimate_m: np.ndarray) -> tuple[float, int]:
+    """Largest difference from what the node estimated where the wire was driven, and the number of readings."""
+    if LIVE not in trace.log:
+        return math.nan, 0
+    away_m = np.abs(estimate_m - trace.log[LIVE])[np.isfinite(trace.resistance_Ohm)]
+    away_m = away_m[np.isfinite(away_m)]
+    return (float(away_m.max()), len(away_m)) if len(away_m) else (math.nan, 0)
 
 
 def _where_read(baseline, trace: Trace) -> np.ndarray:
@@ -77,11 +117,21 @@ def _where_read(baseline, trace: Trace) -> np.ndarray:
     return out
 
 
-def winners(replays: Sequence[Replay]) -> list[tuple[str, str, str]]:
-    """(log, best in the working range, best in the full range)."""
-    rows = []
-    for r in replays:
-        judged = [e for e in r.errors.items() if np.isfinite(e[1].working_percent)]
-        best = min(judged, key=lambda e: e[1].working_percent)[0] if judged else "no sample in the working range"
-        rows.append((r.trace.name, best, min(r.errors.items(), key=lambda e: e[1].full_percent)[0]))
-    return rows
+def winners(replays: Sequence[Replay]) -> list[tuple[str, list[str], list[str]]]:
+    """(log, best in the working range, best in the full range); those as good as the best are all named."""
+    return [
+        (
+            r.trace.name,
+            _best({name: error.working_percent for name, error in r.errors.items()}),
+            _best({name: error.full_percent for name, error in r.errors.items()}),
+        )
+        for r in replays
+    ]
+
+
+def _best(errors_percent: Mapping[str, float]) -> list[str]:
+    judged = {name: error for name, error in errors_percent.items() if math.isfinite(error)}
+    if not judged:
+        return []
+    least = min(judged.values())
+    return [name for name, error in judged.items() if error <= least + max(AS_GOOD * least, AS_GOOD_percent)]

@@ -21,7 +21,7 @@ from sma_actuator.estimation.effects import EffectChain, Effects, Place
 from sma_actuator.estimation.estimator import Estimator
 from sma_actuator.identify.calibration import expected_residual_m
 from sma_actuator.identify.rests import find_rests
-from sma_actuator.identify.traces import Trace, make_trace
+from sma_actuator.identify.traces import Trace, make_trace, sessions
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
 
@@ -67,7 +67,7 @@ class Evidence:
         self.full_stroke_m = config.wire.full_stroke_m
         logs = sorted(logs, key=lambda log: float(log["time_s"][0]))
         thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST))
-        self.traces = [_usable(make_trace(log, self.config)) for log in logs]
+        self.traces = [_usable(session) for log in logs for session in sessions(make_trace(log, self.config))]
         cycles = sum(int(trace.cycle.max()) for trace in self.traces)
         if cycles < FEWEST_CYCLES:
             names = ", ".join(trace.log.source for trace in self.traces)
@@ -322,8 +322,6 @@ def limited(z: np.ndarray) -> np.ndarray:
 
 def _usable(trace: Trace) -> Trace:
     """The samples that count; raises BenchLogError where a channel never moves or the log is shorter than a cycle."""
-    good = np.isfinite(trace.resistance_Ohm + trace.stress_Pa + trace.signals.power_W + trace.displacement_m)
-    trace = trace.rows(good) if not good.all() else trace
     for name, values, unit in (
         ("the resistance", trace.resistance_Ohm, "Ω"),
         ("the measured displacement", trace.displacement_m, "m"),
