@@ -21,6 +21,7 @@ from sma_actuator.logs.bench_log import BenchLog
 
 from . import fitting
 from .flexinol import HIGHEST_ORDER, FlexinolFit, STRESS_UNIT_Pa, stress_range_Pa
+from .kinds import with_kinds
 from .ranges import distinct_stresses, full_cycles, working_range_m
 from .traces import NOT_FITTED, IdentificationError, Trace, make_trace, sessions
 
@@ -58,7 +59,7 @@ def as_one_wire(logs: Sequence[BenchLog], mapping: Mapping[str, Any]) -> list[Tr
             traces.append(dataclasses.replace(trace, signals=signals))
     if not traces:
         raise IdentificationError("no log to fit: pulses or partial cycles of at least one wire are needed")
-    return traces
+    return with_kinds(traces)
 
 
 def martensite_resistivity_Ohm_m(traces: Sequence[Trace], wire) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -118,10 +117,10 @@ def make_trace(log: BenchLog, config, with_reference: bool = True) -> Trace:
     heating = detector.run(*seen)[latest]
     middle_A = 0.5 * (np.nanmin(signals.current_A) + np.nanmax(signals.current_A))
     driven = signals.current_A > middle_A
-    return Trace(log, str(log.metadata.get("kind", "")), signals, heating, driven, _cycles(driven))
+    return Trace(log, str(log.metadata.get("kind", "")), signals, heating, driven, cycles_of(driven))
 
 
-def _cycles(driven: np.ndarray) -> np.ndarray:
+def cycles_of(driven: np.ndarray) -> np.ndarray:
     """Number of the cycle of every sample; one begins when the current is switched on."""
     return np.concatenate(([0], np.cumsum(driven[1:] & ~driven[:-1])))
 
@@ -135,7 +134,7 @@ def sessions(trace: Trace) -> list[Trace]:
     number = np.searchsorted(starts, np.arange(len(trace.log)), side="right")
     judged = trace.judged
     pieces = [trace.rows(judged & (number == k)) for k in range(len(starts) + 1) if (judged & (number == k)).any()]
-    pieces = [dataclasses.replace(piece, cycle=_cycles(piece.driven)) for piece in pieces]
+    pieces = [dataclasses.replace(piece, cycle=cycles_of(piece.driven)) for piece in pieces]
     cycled = [piece for piece in pieces if piece.cycle[-1] > 0] or pieces[:1]
     if len(cycled) < 2:
         return cycled
@@ -145,20 +144,6 @@ def sessions(trace: Trace) -> list[Trace]:
         )
         for k, piece in enumerate(cycled, 1)
     ]
-
-
-def make_traces(logs: Sequence[BenchLog], config) -> list[Trace]:
-    """Traces of the logs that a model is fitted on; calibration and training logs are left out.
-
-    Raises IdentificationError where none is left.
-    """
-    fitted = [log for log in logs if log.metadata.get("kind") not in NOT_FITTED]
-    traces = [session for log in fitted for session in sessions(make_trace(log, config))]
-    if not traces:
-        raise IdentificationError(
-            "no log to fit: pulses or partial cycles of a wire with a measured displacement are needed"
-        )
-    return traces
 
 
 def _same_wire(log: BenchLog, config) -> None:

@@ -52,6 +52,7 @@ class ColumnMap:
         default_factory=dict
     )  #: ours → unit that theirs is in, "-" before it turns the sign
     offsets: Mapping[str, float] = field(default_factory=dict)  #: ours → what is added, in our unit
+    known: tuple[str, ...] = tuple(COLUMNS)  #: the names that mean something
 
     def apply(self, table: Table) -> Table:
         """The table with our names and units.  Raises BenchLogError where that is not certain."""
@@ -68,7 +69,8 @@ class ColumnMap:
                 notes.append(f"column '{theirs}' is taken for {ours}, {words}")
             elif words and ours not in self.units:
                 notes.append(f"{ours}: '{theirs}' is {words}")
-        self._must_do(columns, table)
+        if self.known == tuple(COLUMNS):
+            self._must_do(columns, table)
         return Table(columns, table.source, {}, table.texts, tuple(notes), table.first_line)
 
     def _sources(self, table: Table) -> tuple[dict[str, str | float], set[str]]:
@@ -84,7 +86,7 @@ class ColumnMap:
             wanted[ours] = theirs
         said = {theirs for theirs in wanted.values() if isinstance(theirs, str)}
         for theirs in table.columns:
-            ours = _ours(theirs)
+            ours = _ours(theirs, self.known)
             if ours is None or theirs in said or ours in self.columns:
                 continue
             if ours in wanted:
@@ -145,15 +147,16 @@ class ColumnMap:
 
 
 def _own_unit(ours: str) -> str:
-    return ours.rsplit("_", 1)[1]
+    unit = ours.rsplit("_", 1)[-1]
+    return unit if unit in UNITS else "1"
 
 
-def _ours(theirs: str) -> str | None:
+def _ours(theirs: str, known: tuple[str, ...]) -> str | None:
     """Our column of which this is the name, whatever unit it ends with; None where it is none."""
-    if theirs in COLUMNS:
+    if theirs in known:
         return theirs
     base, _, unit = theirs.rpartition("_")
-    for ours in COLUMNS:
+    for ours in known:
         if base == ours.rsplit("_", 1)[0] and unit in UNITS[_own_unit(ours)]:
             return ours
     return None
@@ -171,7 +174,13 @@ def _may_be(ours: str, theirs: str) -> bool:
     return bool(words & set(_HINTS[ours]))
 
 
-def column_map(maps: Sequence[str], units: Sequence[str], offsets: Sequence[str], file: Path | None) -> ColumnMap:
+def column_map(
+    maps: Sequence[str],
+    units: Sequence[str],
+    offsets: Sequence[str],
+    file: Path | None,
+    known: tuple[str, ...] = tuple(COLUMNS),
+) -> ColumnMap:
     """The map of the options, each ``COLUMN=…``, over that of the file.  Raises BenchLogError."""
     said: dict[str, dict[str, Any]] = _read_file(file) if file else {section: {} for section in _SECTIONS}
     for section, words, option in zip(_SECTIONS, (maps, units, offsets), ("--map", "--unit", "--offset"), strict=True):
@@ -182,8 +191,8 @@ def column_map(maps: Sequence[str], units: Sequence[str], offsets: Sequence[str]
             said[section][ours.strip()] = value.strip()
     for section, entries in said.items():
         for ours in entries:
-            if ours not in COLUMNS:
-                raise BenchLogError(f"{section}: '{ours}' is no column here; known are {', '.join(COLUMNS)}")
+            if ours not in known:
+                raise BenchLogError(f"{section}: '{ours}' is no column here; known are {', '.join(known)}")
     for ours, unit in said["units"].items():
         if str(unit).lstrip("-") not in UNITS[_own_unit(ours)]:
             raise BenchLogError(f"unit of {ours}: '{unit}' is not one of {', '.join(UNITS[_own_unit(ours)])}")
@@ -191,6 +200,7 @@ def column_map(maps: Sequence[str], units: Sequence[str], offsets: Sequence[str]
         {ours: _number_or_name(theirs) for ours, theirs in said["columns"].items()},
         {ours: str(unit) for ours, unit in said["units"].items()},
         {ours: _number(f"offset of {ours}", value) for ours, value in said["offsets"].items()},
+        known,
     )
 
 

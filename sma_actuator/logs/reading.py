@@ -13,6 +13,7 @@ import numpy as np
 
 from .bags import is_bag, log_from_bag, parse_topics
 from .bench_log import (
+    COLUMNS,
     BenchLog,
     check_bench_log,
     log_of,
@@ -36,8 +37,8 @@ class ReadingOptions:
     topics: Mapping[str, str] = field(default_factory=dict)  #: of bags: column → /topic:field
 
 
-def add_log_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options that say how logs are to be read."""
+def add_map_arguments(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """Declare the options that say which column of a table is which."""
     group = parser.add_argument_group("logs of other makers")
     group.add_argument(
         "--map", action="append", default=[], metavar="OURS=THEIRS",
@@ -54,15 +55,25 @@ def add_log_arguments(parser: argparse.ArgumentParser) -> None:
     group.add_argument(
         "--map-file", type=Path, metavar="MAP.yaml", help="the same, written once: columns, units, offsets"
     )
-    group.add_argument(
+    return group
+
+
+def add_log_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options that say how logs are to be read."""
+    add_map_arguments(parser).add_argument(
         "--topic", action="append", default=[], metavar="COLUMN=/TOPIC:FIELD",
         help="rosbag2 recordings: where a column is found; may be repeated",
     )  # fmt: skip
 
 
+def columns_of(args: argparse.Namespace, known: tuple[str, ...]) -> ColumnMap:
+    """Which column is which, by the options, of tables whose columns are the ``known``.  Raises BenchLogError."""
+    return column_map(args.map, args.unit, args.offset, args.map_file, known)
+
+
 def reading_of(args: argparse.Namespace) -> ReadingOptions:
     """How logs are to be read, by the options.  Raises BenchLogError."""
-    return ReadingOptions(column_map(args.map, args.unit, args.offset, args.map_file), parse_topics(args.topic))
+    return ReadingOptions(columns_of(args, tuple(COLUMNS)), parse_topics(args.topic))
 
 
 def read_logs(

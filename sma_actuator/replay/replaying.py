@@ -15,7 +15,8 @@ from sma_actuator.config import Config
 from sma_actuator.estimation.estimator import ESTIMATOR_RESET, Estimator
 from sma_actuator.identify.errors import LogError, log_error
 from sma_actuator.identify.fitting import make_data
-from sma_actuator.identify.traces import Trace, make_trace, make_traces
+from sma_actuator.identify.kinds import make_traces
+from sma_actuator.identify.traces import Trace, make_trace
 from sma_actuator.logs.bench_log import BenchLog, require_reference
 
 from .baselines import all_baselines

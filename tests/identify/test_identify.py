@@ -19,9 +19,10 @@ from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.identify.appendix_c import Tolerances, asymptotes
 from sma_actuator.identify.fatigue import fit_fatigue
 from sma_actuator.identify.fitting import choose_simplest
+from sma_actuator.identify.kinds import make_traces
 from sma_actuator.identify.material import RPhaseAlloy, asymptotes_from_material, corners
 from sma_actuator.identify.ranges import determinate_interval_m, distinct_stresses
-from sma_actuator.identify.traces import make_trace, make_traces
+from sma_actuator.identify.traces import make_trace
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log
 from sma_actuator.logs.errors import BenchLogError
 from sma_actuator.plant.loads import Weight
