@@ -12,7 +12,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,test,check,docs
 
-.PHONY: demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline fleet forward clean
+.PHONY: attack demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline fleet forward clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION)
@@ -79,7 +79,12 @@ FORWARD_RUNS ?= $(wildcard $(FORWARD_DATA)/*.csv)
 
 forward: $(VENV)/ready
 	@test -n "$(FORWARD_RUNS)" || { echo "no runs in $(FORWARD_DATA); set FORWARD_DATA to a folder of CSV files"; exit 1; }
-	$(BIN)/sma-actuator forward $(FORWARD_RUNS) --wire config/flexinol_050_forward.yaml --out out/forward
+	$(BIN)/sma-actuator forward $(FORWARD_RUNS) --wire config/flexinol_050_forward.yaml --out out/forward --force
+
+# Attack the driver at random for as long as ATTACK says, and write what held and what did not to docs/attack.md.
+ATTACK ?=
+attack: $(VENV)/ready
+	nice -n 5 $(BIN)/python -m attack $(ATTACK)
 
 clean:
 	rm -rf $(VENV) build install log out

@@ -17,9 +17,8 @@ from sma_actuator.base.parameters import ConfigError, walk
 from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status, SupplyState
 from sma_actuator.control.pid import PidController
 from sma_actuator.control.setpoints import Trajectory
+from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
 from sma_actuator.estimation.circuit import is_driven, signals_from_reading, without_undriven
-from sma_actuator.estimation.effects import EffectChain, Place
-from sma_actuator.estimation.estimator import ESTIMATOR_RESET, Estimator
 from sma_actuator.safety.faults import FAULTS, gravest
 from sma_actuator.safety.guards.estimate import estimate_invalid
 from sma_actuator.safety.guards.program import unhandled_exception
@@ -63,8 +62,7 @@ class Actuator:
 
     def __init__(self, config: Config):
         self._config = config
-        self._estimator = Estimator(config)
-        self._measuring = EffectChain(config.effects.active, Place.of(config))
+        self._chain = Chain(config)
         self._controller = PidController(config.controller, config.supply.bias_current)
         self._supervisor = Supervisor(config)
         self._mode = Mode.OFF
@@ -74,11 +72,12 @@ class Actuator:
         self._setpoint_m = nan
         self._setpoint_s = nan
         self._trajectory: tuple[float, Trajectory] | None = None
-        self._tare_N = 0.0
         self._now_s = nan
         self._reading_s = -inf  #: time stamp of the last usable reading
         self._controlled_s = nan  #: when the controller was last stepped
-        self._readings: collections.deque[Reading] = collections.deque(maxlen=AVERAGED_READINGS)
+        self._tare_N = 0.0
+        #: Loads of the last readings, as they would be without a tare.
+        self._loads_N: collections.deque[float] = collections.deque(maxlen=AVERAGED_READINGS)
         #: Those with current since the output went on; they outlast it.
         self._readings_with_current: collections.deque[Reading] = collections.deque(maxlen=AVERAGED_READINGS)
         self._signals = _NOTHING
@@ -165,8 +164,11 @@ class Actuator:
         return ""
 
     def reset_estimator(self) -> tuple[bool, str]:
-        """Forget the past of the estimate: the next reading is taken for a wire at rest on its cooling curve."""
-        self._estimator.reset()
+        """Forget where on its loop the wire is: the next reading is taken for a wire at rest on its cooling curve.
+
+        What has come over the wire since the session began (creep, a slip, cycles) stays: it was not estimated away.
+        """
+        self._chain.reset()
         self._changes.append(ESTIMATOR_RESET)
         if self._mode is not Mode.OFF:
             self._mode, self._starting = Mode.HOLD, True
@@ -182,12 +184,12 @@ class Actuator:
         if self._mode is not Mode.OFF:
             return False, "not tared: the wire is driven; switch it off with ~/enable first"
         if (
-            len(self._readings) < FEWEST_READINGS
+            len(self._loads_N) < FEWEST_READINGS
             or not self._now_s - self._reading_s <= self._config.safety.reading_timeout
         ):
             return False, f"not tared: {FEWEST_READINGS} readings of just now are wanted"
-        cell, wire = self._config.load_cell, self._config.wire
-        load_N = cell.slope * _mean(self._readings, "load_cell_voltage_V") + cell.offset
+        wire = self._config.wire
+        load_N = sum(self._loads_N) / len(self._loads_N)
         bound_N = MOST_TARE * wire.max_stress * wire.area_m2
         if not abs(load_N) <= bound_N:
             return (
@@ -195,7 +197,7 @@ class Actuator:
                 f"not tared: {load_N:.3g} N is more than the drift of a load cell (up to {bound_N:.3g} N); take the load off",
             )
         self._tare_N = load_N
-        self._estimator.reset()
+        self._chain.reset()
         self._changes += [f"tared {load_N:.6g} N", ESTIMATOR_RESET]
         return True, f"tared: {load_N:.4f} N count as zero from now on"
 
@@ -244,7 +246,7 @@ class Actuator:
         self._changes += [f"{name} {before[name]} -> {wanted[name][0]}" for name in differing]
         self._config = self._supervisor.config = config
         self._controller.set_gains(config.controller)
-        self._estimator.update(config)
+        self._chain.update(config)
 
     # --- the step ---------------------------------------------------------------------------------
 
@@ -272,9 +274,9 @@ class Actuator:
         reading = supervisor.usable(raw, self._reading_s, now_s)
         if reading is not None:
             self._sense(reading)
-        elif self._mode is Mode.OFF:
-            self._power_W = 0.0
-        supervisor.heat(self._power_W, dt_s, self._signals.ambient_temperature_C)
+        elif supply is not None and not supply.output_on:
+            self._power_W = 0.0  # without either, the current may well flow on
+        supervisor.keep_heat(self._power_W, self._signals.current_A, dt_s, self._signals.ambient_temperature_C)
 
         driven = self._mode is not Mode.OFF
         settled = driven and supervisor.settled(now_s)
@@ -292,7 +294,7 @@ class Actuator:
                 self._estimate,
                 supply,
                 self._told,
-                supervisor.temperature_C,
+                supervisor.heat,
             )
         )
         supervisor.watch_stress(self._signals.stress_Pa, self._estimate.displacement_m, self._told.current_A)
@@ -329,17 +331,14 @@ class Actuator:
         """Signals and estimate of a usable reading."""
         config = self._config
         self._reading_s = reading.time_s
-        self._readings.append(reading)
-        signals = self._measuring.measure(signals_from_reading(reading, config, self._tare_N))
-        signals = without_undriven(signals, config.supply.bias_current)
-        if is_driven(signals.current_A, config.supply.bias_current):
-            # The leads count with the wire: the heat balance errs on the hot side.
-            self._power_W = signals.current_A * max(reading.supply_voltage_V - reading.reference_voltage_V, 0.0)
+        calibrated = without_undriven(signals_from_reading(reading, config, self._tare_N), config.supply.bias_current)
+        self._signals, self._estimate = self._chain.step(calibrated)
+        self._loads_N.append(self._signals.load_N + self._tare_N)
+        self._power_W = 0.0
+        if is_driven(calibrated.current_A, config.supply.bias_current):
+            # Leads and leaks count with the wire: the heat balance errs on the hot side.
+            self._power_W = calibrated.current_A * max(reading.supply_voltage_V - reading.reference_voltage_V, 0.0)
             self._readings_with_current.append(reading)
-        else:
-            self._power_W = 0.0
-        self._signals = signals
-        self._estimate = self._estimator.step(signals)
 
     def _setpoint(self, now_s: float, limits: set[Limit]) -> float:
         """What the controller is to reach [m], inside the working range."""
@@ -348,7 +347,7 @@ class Actuator:
             self._setpoint_m = trajectory(now_s - start_s)
         setpoint_m = self._setpoint_m
         if self._mode is Mode.TRACKING:
-            lo_m, hi_m = self._estimator.displacement_range_m
+            lo_m, hi_m = self._chain.displacement_range_m
             if not lo_m <= setpoint_m <= hi_m:
                 limits.add(SETPOINT_RANGE)
                 setpoint_m = min(max(setpoint_m, lo_m), hi_m)
@@ -462,7 +461,8 @@ class Actuator:
                 "power_W": signals.power_W,
                 "load_N": signals.load_N,
                 "stress_Pa": signals.stress_Pa,
-                "temperature_C": supervisor.temperature_C,
+                "temperature_C": supervisor.heat.temperature_C,
+                "temperature_at_most_C": supervisor.heat.at_most_C,
                 "current_limit_A": supervisor.limit_A(),
                 "reference_m": self._controller.reference_m if self._mode is not Mode.OFF else nan,
                 "branch": estimate.branch.name.lower(),

@@ -23,9 +23,18 @@ try:
         """Compile ``function`` to machine code and keep it in the on-disk cache."""
         return njit(cache=True, error_model="numpy")(function)
 
+    def inlined(function: Kernel) -> Kernel:
+        """Compile ``function`` into each of its callers: for parts of a loop that are handed arrays, whose counting of
+        references would else cost more than they do."""
+        return njit(inline="always", error_model="numpy")(function)
+
 except ImportError:
     COMPILED = False
 
     def jit(function: Kernel) -> Kernel:
         """Leave ``function`` as it is: numba is not installed (extra ``speed``)."""
+        return function
+
+    def inlined(function: Kernel) -> Kernel:
+        """As :func:`jit`."""
         return function

@@ -59,6 +59,7 @@ class Signals(Generic[Value]):
     stress_Pa: Value
     reference_displacement_m: Value = nan  # type: ignore[assignment]  # not measured
     ambient_temperature_C: Value = nan  # type: ignore[assignment]  # not measured
+    tare_N: Value = 0.0  # type: ignore[assignment]  #: load that counts as zero, taken off load_N already
 
 
 class Branch(enum.IntEnum):

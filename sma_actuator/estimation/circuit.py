@@ -90,6 +90,7 @@ def signals_from_reading(reading: Reading, config: Config, tare_N: float | np.nd
         stress_Pa=load_N / config.wire.area_m2,
         reference_displacement_m=reference_m,
         ambient_temperature_C=reading.ambient_temperature_C,
+        tare_N=tare_N,
     )
 
 

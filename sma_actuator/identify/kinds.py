@@ -13,7 +13,7 @@ import numpy as np
 
 from sma_actuator.logs.bench_log import BenchLog, uncalibrated_resistance_and_current
 
-from .traces import NOT_FITTED, IdentificationError, Trace, cycles_of, make_trace, sessions
+from .traces import NOT_FITTED, IdentificationError, Trace, cycles_of, judged_rows, make_trace, sessions
 
 FULL, PARTIAL, MANY = "pulses", "partial", "fatigue"
 SAME_LOAD = 0.05  #: relative difference of stress below which two loads count as one
@@ -24,6 +24,8 @@ _SHORTEST = 10  #: samples of a stretch
 _AT_REST = 0.08  #: share of a cycle's stroke that it may move at its ends
 _HOT_PART, _COLD_PART = 0.25, 0.15  #: shares of the time driven and not, at their ends, in which it rests
 _WIDEST = 0.93  #: share of the widest stroke of a load that a full cycle has at least
+_MOST_CUTS = 3  #: of one log: more, and its cycles are those of a controller and no programme of pulses
+_IN_MOTION = 5  #: samples in mid-stroke that a branch of full cycles has at least
 _MANY = 15  #: full cycles in a row of which no fit needs more, where other logs have full cycles too
 
 
@@ -47,6 +49,7 @@ def with_kinds(traces: Sequence[Trace]) -> list[Trace]:
             default=np.inf,
         )
         full = np.array([c.rests and c.stroke_m >= _WIDEST * widest_m for c in cycles], dtype=bool)
+        full &= sum(c.heated for c in cycles) >= _IN_MOTION
         out += _of_one_kind(stretch, full)
     elsewhere = sum(t.kind == FULL and t.cycle[-1] < _MANY for t in out)
     return [
@@ -62,7 +65,7 @@ def make_traces(logs: Sequence[BenchLog], config) -> list[Trace]:
     """
     fitted = [log for log in logs if log.metadata.get("kind") not in NOT_FITTED]
     cycled = [log for log in fitted if _is_cycled(log)]
-    traces = [session for log in cycled for session in sessions(make_trace(log, config))]
+    traces = [judged_rows(session) for log in cycled for session in sessions(make_trace(log, config))]
     if not traces:
         raise IdentificationError(
             "no log to fit: pulses or partial cycles of a wire with a measured displacement are needed"
@@ -81,6 +84,7 @@ def _is_cycled(log: BenchLog) -> bool:
 class _Cycle:
     stroke_m: float
     rests: bool  #: at both ends
+    heated: int  #: samples in mid-stroke on the way there
 
 
 def _cycles_of(trace: Trace) -> list[_Cycle]:
@@ -94,9 +98,11 @@ def _cycle(displacement_m: np.ndarray, driven: np.ndarray) -> _Cycle:
     hot, cold = displacement_m[:off], displacement_m[off:]
     stroke_m = float(np.ptp(displacement_m))
     if len(cold) == 0:
-        return _Cycle(stroke_m, rests=False)
+        return _Cycle(stroke_m, rests=False, heated=0)
+    away = np.abs(hot - 0.5 * (displacement_m.min() + displacement_m.max()))
     ends = hot[-max(3, round(_HOT_PART * len(hot))) :], cold[-max(3, round(_COLD_PART * len(cold))) :]
-    return _Cycle(stroke_m, all(float(np.ptp(end)) <= _AT_REST * stroke_m for end in ends))
+    rests = all(float(np.ptp(end)) <= _AT_REST * stroke_m for end in ends)
+    return _Cycle(stroke_m, rests, int(np.count_nonzero(away < 0.25 * stroke_m)))
 
 
 def _same_load(a: Trace, b: Trace) -> bool:
@@ -135,9 +141,9 @@ def _of_one_load(trace: Trace) -> list[Trace]:
 
 def _of_one_kind(trace: Trace, full: np.ndarray) -> list[Trace]:
     """A trace cut where full cycles follow partial ones or the other way round."""
-    if full.all() or not full.any():
-        return [dataclasses.replace(trace, kind=FULL if len(full) and full.all() else PARTIAL)]
     turns = np.flatnonzero(full[1:] != full[:-1]) + 1
+    if len(turns) == 0 or len(turns) > _MOST_CUTS:
+        return [dataclasses.replace(trace, kind=FULL if len(full) and full.all() else PARTIAL)]
     starts = [0, *(int(np.searchsorted(trace.cycle, turn + 1)) for turn in turns), len(trace.cycle)]
     kinds = [FULL if full[k] else PARTIAL for k in (0, *turns)]
     # A cut keeps the rest before its first cycle, as a log of its own would have it.

@@ -23,7 +23,7 @@ from . import fitting
 from .flexinol import HIGHEST_ORDER, FlexinolFit, STRESS_UNIT_Pa, stress_range_Pa
 from .kinds import with_kinds
 from .ranges import distinct_stresses, full_cycles, working_range_m
-from .traces import NOT_FITTED, IdentificationError, Trace, make_trace, sessions
+from .traces import NOT_FITTED, IdentificationError, Trace, judged_rows, make_trace, sessions
 
 _ASYMPTOTES = ("heating_slope", "heating_intercept", "cooling_slope", "cooling_intercept")
 
@@ -50,7 +50,7 @@ def as_one_wire(logs: Sequence[BenchLog], mapping: Mapping[str, Any]) -> list[Tr
         own["safety"] = {**own["safety"]}
         for name in ("resistance_min", "resistance_max"):
             own["safety"][name] /= resistance
-        for trace in sessions(make_trace(log, bench_from_mapping(own))):
+        for trace in map(judged_rows, sessions(make_trace(log, bench_from_mapping(own)))):
             signals = dataclasses.replace(
                 trace.signals,
                 resistance_Ohm=trace.signals.resistance_Ohm * resistance,

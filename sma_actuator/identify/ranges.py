@@ -77,8 +77,8 @@ def full_cycles(traces: Sequence[Trace]) -> list[Trace]:
     found = [t for t in traces if t.kind == FULL and t.constant_load]
     if not found:
         raise IdentificationError(
-            "no log of full cycles at a constant load (open-loop pulses); they are needed to find the branches "
-            "and the ends of the stroke"
+            "no log of full cycles at a constant load (open-loop pulses, from rest in the cold to rest in the heat and back); "
+            "they are needed to find the branches and the ends of the stroke"
         )
     return found
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from sma_actuator.base.signals import Signals
 from sma_actuator.estimation.branch import BranchDetector
+from sma_actuator.estimation.chain import EstimateTrace
 from sma_actuator.logs.bench_log import BenchLog, longest_pause_s, require_reference, signals_from_log
 from sma_actuator.logs.errors import BenchLogError
 
@@ -74,6 +75,10 @@ class Trace:
         log = dataclasses.replace(self.log, columns={k: v[chosen] for k, v in self.log.columns.items()})
         return Trace(log, self.kind, signals, self.heating[chosen], self.driven[chosen], self.cycle[chosen])
 
+    def through(self, estimate: EstimateTrace) -> Trace:
+        """The trace with the signals and the branch that a model's chain made of it."""
+        return dataclasses.replace(self, signals=estimate.signals, heating=estimate.branch.astype(bool))
+
 
 def make_trace(log: BenchLog, config, with_reference: bool = True) -> Trace:
     """Apply the calibrations of ``config`` (Config or bench sections) to a log.
@@ -126,14 +131,13 @@ def cycles_of(driven: np.ndarray) -> np.ndarray:
 
 
 def sessions(trace: Trace) -> list[Trace]:
-    """A trace cut where its log pauses, without the samples that say nothing of the wire.
+    """A trace cut where its log pauses.
 
     Pieces without a cycle are left out where others have one.
     """
     starts = np.flatnonzero(np.diff(trace.signals.time_s) > longest_pause_s(trace.log)) + 1
     number = np.searchsorted(starts, np.arange(len(trace.log)), side="right")
-    judged = trace.judged
-    pieces = [trace.rows(judged & (number == k)) for k in range(len(starts) + 1) if (judged & (number == k)).any()]
+    pieces = [trace.rows(number == k) for k in range(len(starts) + 1)]
     pieces = [dataclasses.replace(piece, cycle=cycles_of(piece.driven)) for piece in pieces]
     cycled = [piece for piece in pieces if piece.cycle[-1] > 0] or pieces[:1]
     if len(cycled) < 2:
@@ -144,6 +148,11 @@ def sessions(trace: Trace) -> list[Trace]:
         )
         for k, piece in enumerate(cycled, 1)
     ]
+
+
+def judged_rows(trace: Trace) -> Trace:
+    """A trace without the samples that say nothing of the wire: undriven, or with something missing."""
+    return trace if trace.judged.all() else trace.rows(trace.judged)
 
 
 def _same_wire(log: BenchLog, config) -> None:

@@ -21,7 +21,6 @@ import numpy as np
 
 from sma_actuator.base.signals import Reading, Signals
 from sma_actuator.estimation.circuit import signals_from_reading, without_undriven
-from sma_actuator.estimation.effects import EffectChain, Place
 
 from .errors import BenchLogError
 from .files import write_atomically
@@ -174,8 +173,7 @@ def to_reading(log: BenchLog) -> Reading:
 
 
 def signals_from_log(log: BenchLog, config: Config) -> Signals:
-    """Physical quantities of a whole log, arrays of shape (n,), with ``config``'s calibrations (and a model's effects
-    of circuit and load cell, where it is a Config).
+    """Physical quantities of a whole log, arrays of shape (n,), with ``config``'s calibrations.
 
     A wire that was not driven has no resistance; the tare is that of the log.  ``displacement_m`` in the log is used
     as it is, also where ``config`` has no reference sensor.
@@ -190,8 +188,6 @@ def signals_from_log(log: BenchLog, config: Config) -> Signals:
         signals = dataclasses.replace(signals, load_N=log["load_N"], stress_Pa=log["load_N"] / config.wire.area_m2)
     if "displacement_m" in log and not ("lvdt_current_A" in log and config.reference_sensor.fitted):
         signals = dataclasses.replace(signals, reference_displacement_m=log["displacement_m"])
-    if hasattr(config, "effects"):  # a bench has none
-        signals = EffectChain(config.effects.active, Place.of(config)).measure(signals)
     if pair[0] == "resistance_Ohm":
         return signals  # however it was measured, it is one
     return without_undriven(signals, config.supply.bias_current)

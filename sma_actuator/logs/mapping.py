@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
+
+from sma_actuator.base.yaml_text import read_yaml
 
 from .bench_log import COLUMNS, ELECTRICAL, LOAD, REFERENCE
 from .errors import BenchLogError
@@ -208,12 +209,7 @@ _EXAMPLES = {"--map": "resistance_Ohm=R", "--unit": "displacement_m=mm", "--offs
 
 
 def _read_file(path: Path) -> dict[str, dict[str, Any]]:
-    try:
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise BenchLogError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise BenchLogError(f"{path}: is not YAML ({error})") from error
+    data = read_yaml(path, "a map of columns")
     if not isinstance(data, dict) or not all(isinstance(data.get(s) or {}, dict) for s in _SECTIONS):
         raise BenchLogError(f"{path}: sections {', '.join(_SECTIONS)} are wanted, each of 'our_column: theirs'")
     unknown = sorted(set(data) - set(_SECTIONS))

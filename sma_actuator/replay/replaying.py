@@ -7,12 +7,13 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
-from sma_actuator.estimation.estimator import ESTIMATOR_RESET, Estimator
+from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain, EstimateTrace
 from sma_actuator.identify.errors import LogError, log_error
 from sma_actuator.identify.fitting import make_data
 from sma_actuator.identify.kinds import make_traces
@@ -39,26 +40,40 @@ class Replay:
     live_readings: int = 0
 
 
-def estimate_m(trace: Trace, config: Config, constant_load_N: float | None = None) -> np.ndarray:
+def estimate(trace: Trace, config: Config, constant_load_N: float | None = None) -> EstimateTrace:
     """What the node would have estimated; ``constant_load_N``: as if it took the load for constant."""
     signals = trace.signals
     if constant_load_N is not None:
-        stress_Pa = np.full(len(trace.log), constant_load_N / config.wire.area_m2)
-        signals = dataclasses.replace(signals, stress_Pa=stress_Pa)
-    estimator = Estimator(config)
+        load_N = np.full(len(trace.log), constant_load_N)
+        signals = dataclasses.replace(signals, load_N=load_N, stress_Pa=load_N / config.wire.area_m2)
+    chain = Chain(config)
     resets_s = [time_s for time_s, event in trace.log.events if ESTIMATOR_RESET in event]
     bounds = [0, *np.searchsorted(signals.time_s, resets_s), len(signals.time_s)]
     pieces = []
     for start, stop in itertools.pairwise(bounds):
         if start:
-            estimator.reset()
-        pieces.append(estimator.run(_part(signals, slice(start, stop))).displacement_m)
-    return np.concatenate(pieces)
+            chain.reset()
+        pieces.append(chain.run(_part(signals, slice(start, stop))))
+    return pieces[0] if len(pieces) == 1 else _together(pieces)
 
 
 def _part(signals: Signals, chosen: slice) -> Signals:
     fields = {f.name: getattr(signals, f.name) for f in dataclasses.fields(signals)}
     return Signals(**{name: v[chosen] if np.ndim(v) else v for name, v in fields.items()})
+
+
+def _together(pieces: Sequence[Any]) -> Any:
+    """Records of arrays, one after the other; what is one number for all stays it."""
+    first = pieces[0]
+    if dataclasses.is_dataclass(first):
+        names = [f.name for f in dataclasses.fields(first)]
+        return type(first)(**{name: _together([getattr(piece, name) for piece in pieces]) for name in names})
+    return np.concatenate(pieces) if np.ndim(first) else first
+
+
+def estimate_m(trace: Trace, config: Config, constant_load_N: float | None = None) -> np.ndarray:
+    """The displacement of :func:`estimate`, shape (n,)."""
+    return estimate(trace, config, constant_load_N).displacement_m
 
 
 def replay(
@@ -84,13 +99,12 @@ def replay(
             progress(0.8 * len(baselines) / len(all_baselines()))
     out = []
     for i, log in enumerate(logs):
-        if not log.has_reference and LIVE not in log:
+        if LIVE not in log:
             require_reference(log)
-        trace = make_trace(log, first, with_reference=False)
         # Every model with its own calibrations of circuit and load cell, and its own effects on them.
-        estimates = {
-            name: estimate_m(make_trace(log, config, with_reference=False), config) for name, config in models.items()
-        }
+        found = {n: estimate(make_trace(log, config, with_reference=False), config) for n, config in models.items()}
+        trace = make_trace(log, first, with_reference=False).through(next(iter(found.values())))
+        estimates = {name: e.displacement_m for name, e in found.items()}
         estimates.update({baseline.name: _where_read(baseline, trace) for baseline in baselines})
         errors = {
             n: log_error(trace.name, trace.signals, np.where(trace.judged, e, np.nan), range_m, full_stroke_m)

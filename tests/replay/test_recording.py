@@ -115,12 +115,17 @@ def test_a_recording_in_many_files_is_one(model_file, tmp_path, capsys):
     assert row["from_live_m"] == 0.0 and row["live_readings"] > 1000
 
 
-def test_a_recording_identifies_a_model(recording, flexinol, tmp_path, capsys):
-    code = main(["identify", str(recording), "--config", str(flexinol.folder / "bench.yaml"), "--model", "flexinol",
-                 "--order", "1", "--out", str(tmp_path / "model.yaml"), "--json", str(tmp_path / "i.json")])  # fmt: skip
+def test_a_recording_has_its_part_in_a_model_beside_pulses(recording, flexinol, tmp_path, capsys):
+    pulses = str(flexinol.folder / "pulses_*.csv")
+    code = main(["identify", str(recording), pulses, "--config", str(flexinol.folder / "bench.yaml"), "--model", "flexinol",
+                 "--order", "2", "--out", str(tmp_path / "model.yaml"), "--json", str(tmp_path / "i.json")])  # fmt: skip
     assert code == 0, capsys.readouterr().err
-    errors = json.loads((tmp_path / "i.json").read_text())["errors"]
-    assert max(e["working_percent"] for e in errors) < 2.0
+    found = json.loads((tmp_path / "i.json").read_text())
+    assert max(e["working_percent"] for e in found["errors"]) < 3.0
+    loads_N = [e["load_N"] for e in found["errors"] if recording.name in e["name"]]
+    for load_N in (0.3, 0.6, 1.2, 2.0):
+        assert any(abs(found_N - load_N) < 0.03 for found_N in loads_N), loads_N
+    assert not any("partial" in note for note in found["notes"])
 
 
 def test_a_recording_is_traced(recording, model_file, tmp_path, capsys):

@@ -15,18 +15,14 @@ numbers.  With all parameters of size at zero an effect changes nothing.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from sma_actuator.base.parameters import check, declaration_of, from_mapping, parameter
-from sma_actuator.base.signals import Signals
 
 from .circuit import ContactDrift, LeadResistance, ReferenceSelfHeating, Shunt, VoltageOffset
-from .frame import Frame, Place
+from .effect import Effect
 from .load_cell import LoadCellDrift, LoadCellGain
 from .mechanism import Backlash, Slip
 from .reference import ReferenceDrift, ReferenceGain, ReferenceLag
@@ -42,7 +38,7 @@ from .wire import (
 )
 
 #: Every effect by its name, in the order of the chain.
-EFFECTS: dict[str, type] = {
+EFFECTS: dict[str, type[Effect]] = {
     "lead_resistance": LeadResistance,
     "contact_drift": ContactDrift,
     "voltage_offset": VoltageOffset,
@@ -97,7 +93,7 @@ class Effects:
     backlash: Backlash | None = _optional(Backlash)
 
     @property
-    def active(self) -> dict[str, Any]:
+    def active(self) -> dict[str, Effect]:
         """Name and parameters of every effect that is there, in the order of the chain."""
         found = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if "effect" in f.metadata}
         return {name: effect for name, effect in found.items() if effect is not None}
@@ -139,76 +135,6 @@ def effects_from_mapping(mapping: Any) -> tuple[Effects, list[str]]:
     return (Effects(), problems) if problems else (Effects(**values), [])
 
 
-class EffectChain:
-    """Effects at work on one wire; remembers their past.  Empty, it costs nothing and changes nothing.
-
-    ``start_s``: when the session began, on the clock of the samples; the first sample where it is not given.
-    """
-
-    def __init__(self, effects: Mapping[str, Any], place: Place, start_s: float = math.nan):
-        ordered = [effects[name] for name in EFFECTS if name in effects]
-        self._place = place
-        self._given_start_s = start_s
-        self._by_stage = {
-            stage: [(i, e) for i, e in enumerate(ordered) if hasattr(e, stage)]
-            for stage in ("measured", "at_resistance", "at_displacement", "shown")
-        }
-        self._states = [np.empty(e.STATES) for e in ordered]
-        self.reset()
-
-    @property
-    def changes_signals(self) -> bool:
-        """Whether circuit or load cell have effects."""
-        return bool(self._by_stage["measured"])
-
-    @property
-    def changes_strain(self) -> bool:
-        """Whether wire or mechanism have effects."""
-        return bool(self._by_stage["at_resistance"] or self._by_stage["at_displacement"])
-
-    def reset(self) -> None:
-        """Forget the past."""
-        self._start_s = self._given_start_s
-        for state in self._states:
-            state[:] = math.nan
-
-    def frame(self, signals: Signals) -> Frame:
-        """The frame of n samples (arrays) or of one (floats)."""
-        time_s = np.atleast_1d(signals.time_s)
-        if math.isnan(self._start_s):
-            self._start_s = float(time_s[0])
-        return Frame(
-            time_s - self._start_s,
-            *(
-                np.atleast_1d(v)
-                for v in (
-                    signals.resistance_Ohm,
-                    signals.current_A,
-                    signals.power_W,
-                    signals.load_N,
-                    signals.ambient_temperature_C,
-                )
-            ),
-        )
-
-    def run(self, stage: str, frame: Frame) -> Frame:
-        """Apply the effects of one stage; returns the frame."""
-        for i, effect in self._by_stage[stage]:
-            getattr(effect, stage)(frame, self._states[i], self._place)
-        return frame
-
-    def measure(self, signals: Signals) -> Signals:
-        """Signals as they would be without the effects of circuit and load cell; floats or arrays as given."""
-        if not self.changes_signals:
-            return signals
-        frame = self.run("measured", self.frame(signals))
-        values = {
-            "resistance_Ohm": frame.resistance_Ohm,
-            "current_A": frame.current_A,
-            "power_W": frame.power_W,
-            "load_N": frame.load_N,
-            "stress_Pa": frame.load_N / self._place.area_m2,
-        }
-        if not isinstance(signals.time_s, np.ndarray):
-            values = {name: float(value[0]) for name, value in values.items()}
-        return dataclasses.replace(signals, **values)
+def in_order(effects: Mapping[str, Effect]) -> list[Effect]:
+    """The effects in the order of the chain."""
+    return [effects[name] for name in EFFECTS if name in effects]

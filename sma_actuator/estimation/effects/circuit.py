@@ -8,6 +8,7 @@ import numpy as np
 
 from sma_actuator.base.parameters import parameter
 
+from .effect import Effect
 from .frame import Frame, Place
 
 
@@ -17,7 +18,7 @@ def _set(frame: Frame, resistance_Ohm, current_A) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class LeadResistance:
+class LeadResistance(Effect):
     """The leads have more (or less) resistance than ``circuit.lead_resistance``: R moves by a constant."""
 
     STAGE = "circuit"
@@ -30,7 +31,7 @@ class LeadResistance:
 
 
 @dataclass(frozen=True, slots=True)
-class ContactDrift:
+class ContactDrift(Effect):
     """A contact or lead whose resistance moves with time: ``r (1 − e^(−t/τ))`` since the session began."""
 
     STAGE = "circuit"
@@ -45,7 +46,7 @@ class ContactDrift:
 
 
 @dataclass(frozen=True, slots=True)
-class VoltageOffset:
+class VoltageOffset(Effect):
     """Zero error of a voltage channel, referred to the supply voltage: the error of R is u/I."""
 
     STAGE = "circuit"
@@ -59,7 +60,7 @@ class VoltageOffset:
 
 
 @dataclass(frozen=True, slots=True)
-class ReferenceSelfHeating:
+class ReferenceSelfHeating(Effect):
     """The sense resistor heats itself: ``R_ref (1 + k P_lagged)``, with its own dissipation ``P = I² R_ref``."""
 
     STAGE = "circuit"
@@ -77,7 +78,7 @@ class ReferenceSelfHeating:
 
 
 @dataclass(frozen=True, slots=True)
-class Shunt:
+class Shunt(Effect):
     """A leak parallel to the wire; it also takes current that then does not heat the wire."""
 
     STAGE = "circuit"
@@ -87,5 +88,5 @@ class Shunt:
     def measured(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Resistance and current of the wire alone."""
         share = 1.0 - frame.resistance_Ohm * self.conductance  # of the current goes through the wire
-        share = np.where(share > 0.0, share, np.nan)
+        share = np.where(share > 0.0, share, np.where(np.isnan(share), 1.0, np.nan))  # unknown: the current stays
         _set(frame, frame.resistance_Ohm / share, frame.current_A * share)

@@ -8,11 +8,12 @@ import numpy as np
 
 from sma_actuator.base.parameters import parameter
 
+from .effect import Effect
 from .frame import Frame, Place
 
 
 @dataclass(frozen=True, slots=True)
-class LoadCellDrift:
+class LoadCellDrift(Effect):
     """The zero of the load cell moved since its calibration, and goes on moving (thesis, app. A: it drifts)."""
 
     STAGE = "load cell"
@@ -26,7 +27,7 @@ class LoadCellDrift:
 
 
 @dataclass(frozen=True, slots=True)
-class LoadCellGain:
+class LoadCellGain(Effect):
     """The slope of the load cell is not the calibrated one."""
 
     STAGE = "load cell"

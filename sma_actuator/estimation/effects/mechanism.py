@@ -8,11 +8,12 @@ import numpy as np
 
 from sma_actuator.base.parameters import parameter
 
+from .effect import Effect
 from .frame import Frame, Place, play
 
 
 @dataclass(frozen=True, slots=True)
-class Slip:
+class Slip(Effect):
     """The wire slipped in its crimp once: from then on every position is longer by a length."""
 
     STAGE = "mechanism"
@@ -26,7 +27,7 @@ class Slip:
 
 
 @dataclass(frozen=True, slots=True)
-class Backlash:
+class Backlash(Effect):
     """Play between wire and joint: at a reversal the joint waits until the play is taken up."""
 
     STAGE = "mechanism"

@@ -12,11 +12,12 @@ import numpy as np
 
 from sma_actuator.base.parameters import parameter
 
+from .effect import Effect
 from .frame import Frame, Place
 
 
 @dataclass(frozen=True, slots=True)
-class ReferenceLag:
+class ReferenceLag(Effect):
     """The sensor follows with a first-order lag."""
 
     STAGE = "reference"
@@ -29,7 +30,7 @@ class ReferenceLag:
 
 
 @dataclass(frozen=True, slots=True)
-class ReferenceGain:
+class ReferenceGain(Effect):
     """The slope of the sensor is not the calibrated one."""
 
     STAGE = "reference"
@@ -43,7 +44,7 @@ class ReferenceGain:
 
 
 @dataclass(frozen=True, slots=True)
-class ReferenceDrift:
+class ReferenceDrift(Effect):
     """The zero of the sensor moved since its calibration, and goes on moving."""
 
     STAGE = "reference"

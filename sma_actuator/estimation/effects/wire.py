@@ -8,6 +8,7 @@ import numpy as np
 
 from sma_actuator.base.parameters import parameter
 
+from .effect import Effect
 from .frame import Frame, Place, count_cycles, incompleteness
 
 RATE_WINDOW_s = 0.3  #: a rate is the slope over this lag, so that noise of single samples does not show
@@ -19,7 +20,7 @@ def _rise_K(frame: Frame, state: np.ndarray, time_constant_s: float, heat_loss_W
 
 
 @dataclass(frozen=True, slots=True)
-class SelfHeating:
+class SelfHeating(Effect):
     """R moves with temperature where the phase no longer changes: at the hot end ``R (1 + α (T − T_amb − T_on))`` above
     the onset, at the cold end ``R (1 + α_c (T − T_amb − T_c))`` below the cold onset.
 
@@ -47,7 +48,7 @@ class SelfHeating:
 
 
 @dataclass(frozen=True, slots=True)
-class AmbientTemperature:
+class AmbientTemperature(Effect):
     """The surroundings are warmer or colder than at the calibration: ``R (1 + α (T_amb − T_cal) e^(−rise/κ))``.
 
     In the middle of the transformation the wire has the temperature of the transformation whatever
@@ -71,7 +72,7 @@ class AmbientTemperature:
 
 
 @dataclass(frozen=True, slots=True)
-class ThermalExpansion:
+class ThermalExpansion(Effect):
     """δ moves with temperature: ``L α (T − T_amb)``, of the wire or of what is heated by it."""
 
     STAGE = "wire"
@@ -89,7 +90,7 @@ class ThermalExpansion:
 
 
 @dataclass(frozen=True, slots=True)
-class ElasticCompliance:
+class ElasticCompliance(Effect):
     """δ moves with load at constant phase, beyond what the calibrated stress dependence holds."""
 
     STAGE = "wire"
@@ -102,7 +103,7 @@ class ElasticCompliance:
 
 
 @dataclass(frozen=True, slots=True)
-class Fatigue:
+class Fatigue(Effect):
     """Ends of the stroke and of the resistance move with the logarithm of the cycle number (thesis, eq. 4.1)."""
 
     STAGE = "wire"
@@ -127,7 +128,7 @@ class Fatigue:
 
 
 @dataclass(frozen=True, slots=True)
-class Creep:
+class Creep(Effect):
     """Slow stretch under load: a Kelvin–Voigt element in series, at rest when the session began."""
 
     STAGE = "wire"
@@ -142,7 +143,7 @@ class Creep:
 
 
 @dataclass(frozen=True, slots=True)
-class MinorLoopMemory:
+class MinorLoopMemory(Effect):
     """After a transformation that turned back early the next branch is shifted in proportion."""
 
     STAGE = "wire"
@@ -162,9 +163,13 @@ class MinorLoopMemory:
         shift_m = np.where(missing > 0.0, self.after_heating * missing, -self.after_cooling * missing)
         frame.displacement_m = frame.displacement_m + shift_m
 
+    def forget_the_loop(self, state: np.ndarray) -> None:
+        """Where the last branch turned is not known any more."""
+        state[:] = np.nan
+
 
 @dataclass(frozen=True, slots=True)
-class Rate:
+class Rate(Effect):
     """The loop opens with the rate: δ lags behind what R says, in proportion to dR/dt, or by relaxing towards it."""
 
     STAGE = "wire"
@@ -179,3 +184,7 @@ class Rate:
         if self.relaxation_time > 0.0:
             displacement_m = frame.lag(displacement_m, state[2:], self.relaxation_time)
         frame.displacement_m = displacement_m - self.displacement_per_rate * slope
+
+    def forget_the_loop(self, state: np.ndarray) -> None:
+        """The displacement that relaxes starts anew; the resistance, which was measured, goes on."""
+        state[2:] = np.nan
