@@ -115,6 +115,11 @@ class Actuator:
         self._changes.append("enabled")
         return True, "the output is on; the wire is held where it is"
 
+    @property
+    def latched(self) -> str:
+        """Name of the latched fault, "" where there is none."""
+        return self._supervisor.latched.name if self._supervisor.latched is not None else ""
+
     def clear_fault(self, now_s: float) -> tuple[bool, str]:
         """Clear a latched fault; the output stays off until enabled again."""
         self._events.clear()

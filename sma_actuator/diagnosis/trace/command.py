@@ -154,14 +154,14 @@ def _print(console: Console, report: dict) -> None:
     )
     if report["effects"]:
         table = Table()
-        for header in ("effect", "stage", "share", "parameters"):
+        for header in ("effect", "what is the matter", "stage", "share", "parameters"):
             table.add_column(header)
         for e in report["effects"]:
             values = ", ".join(
                 f"{n} {p['value']:.3g} ({p['interval'][0]:.3g}…{p['interval'][1]:.3g}) {p['unit']}"
                 for n, p in e["parameters"].items()
             )
-            table.add_row(e["name"], e["stage"], f"{e['share']:.0%}", values)
+            table.add_row(e["name"], e["what"], e["stage"], f"{e['share']:.0%}", values)
         console.print(table)
     for a in report["alternatives"]:
         x = a["experiment"]
