@@ -25,7 +25,7 @@ _AT_REST = 0.08  #: share of a cycle's stroke that it may move at its ends
 _HOT_PART, _COLD_PART = 0.25, 0.15  #: shares of the time driven and not, at their ends, in which it rests
 _WIDEST = 0.93  #: share of the widest stroke of a load that a full cycle has at least
 _MOST_CUTS = 3  #: of one log: more, and its cycles are those of a controller and no programme of pulses
-_IN_MOTION = 5  #: samples in mid-stroke that a branch of full cycles has at least
+_IN_MOTION = 5  #: samples in mid-stroke that the heating of some full cycles in a row has at least
 _MANY = 15  #: full cycles in a row of which no fit needs more, where other logs have full cycles too
 
 
@@ -49,7 +49,8 @@ def with_kinds(traces: Sequence[Trace]) -> list[Trace]:
             default=np.inf,
         )
         full = np.array([c.rests and c.stroke_m >= _WIDEST * widest_m for c in cycles], dtype=bool)
-        full &= sum(c.heated for c in cycles) >= _IN_MOTION
+        for run in np.split(np.arange(len(full)), np.flatnonzero(full[1:] != full[:-1]) + 1):
+            full[run] &= sum(cycles[i].heated for i in run) >= _IN_MOTION
         out += _of_one_kind(stretch, full)
     elsewhere = sum(t.kind == FULL and t.cycle[-1] < _MANY for t in out)
     return [
