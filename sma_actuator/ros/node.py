@@ -382,7 +382,9 @@ class SmaActuatorNode(LifecycleNode):
         """Output off; the loop goes on measuring."""
         self._active = False
         try:
-            self._driver.enable(False, timeout_s=CALL_TIMEOUT_s)
+            off, words = self._driver.enable(False, timeout_s=CALL_TIMEOUT_s)
+            if not off:
+                self.get_logger().error(words)
         except (DriverStopped, TimeoutError) as error:
             self.get_logger().error(f"the loop did not switch off ({error}); it is ended")
             self._give_up_driver()
@@ -418,10 +420,9 @@ class SmaActuatorNode(LifecycleNode):
         self._driver = self._recorder = None
 
     def _loop_failed(self, error: BaseException) -> None:
-        """Called in the control thread, with the output off already."""
-        self._on_fatal(
-            f"{self.get_name()}: the control loop ended with {type(error).__name__}: {error}; the output is off"
-        )
+        """Called in the control thread, after the supply was shut down."""
+        words = self._driver.output_words if self._driver is not None else "the output is off"
+        self._on_fatal(f"{self.get_name()}: the control loop ended with {type(error).__name__}: {error}; {words}")
 
     def wake_no_more(self) -> None:
         """End the hand-off, so that ROS can be shut down."""
