@@ -26,6 +26,7 @@ from sma_actuator.base.signals import Branch, Estimate, Quality, Signals
 from .branch import BranchDetector
 from .effects import Effect, in_order
 from .effects.frame import Frame, Place
+from .models import ThermalStrainModel
 
 if TYPE_CHECKING:
     from sma_actuator.config import Config
@@ -50,6 +51,7 @@ class EstimateTrace:
     velocity_m_s: np.ndarray
     branch: np.ndarray
     quality: np.ndarray
+    uncertainty_m: np.ndarray  #: half of the 95 % interval; NaN where the model has none
     signals: Signals  #: without the effects of circuit and load cell
     resistance_Ohm: np.ndarray  #: that the strain model saw; of the last good sample where a sample is not
     model_m: np.ndarray  #: displacement of the strain model alone, likewise
@@ -108,7 +110,8 @@ class Chain:
 
     Beyond the working range, where R moves with temperature and δ hardly at all, the model goes on
     and the quality says so (INDETERMINATE_COLD, INDETERMINATE_HOT): an estimate that stood still
-    there would not see the wire come back.
+    there would not see the wire come back.  A model of the whole range has no such ends; where it is asked
+    for what its calibration has not seen it says so (OUTSIDE_CALIBRATION).
 
     It has two memories.  That of the *loop*, where the wire stands on it: branch, model, velocity, and
     what effects derive from positions passed; :meth:`reset` forgets it, which a tare asks for too, since
@@ -121,6 +124,8 @@ class Chain:
 
     def __init__(self, config: Config, effects: Mapping[str, Effect] | None = None):
         self._model = config.model.build(config.wire)
+        # A model with a heat balance wants the power too, and says how sure it is; the others are asked as ever.
+        self._thermal: ThermalStrainModel | None = self._model if hasattr(self._model, "observe") else None
         self._branch = BranchDetector(config.estimator)
         self._length_m = config.wire.length
         stress_lo, stress_hi = self._model.stress_range_Pa
@@ -176,7 +181,9 @@ class Chain:
         lowest_Ohm, highest_Ohm = self._resistances_Ohm
         if not (lowest_Ohm <= resistance_Ohm <= highest_Ohm and isfinite(signals.time_s + stress_Pa + power_W)):
             last = self._last
-            self._last = Estimate(signals.time_s, last.displacement_m, last.strain, 0.0, last.branch, Quality.INVALID)
+            self._last = Estimate(
+                signals.time_s, last.displacement_m, last.strain, 0.0, last.branch, Quality.INVALID, last.uncertainty_m
+            )
             return signals, self._last
         if frame is not None:
             resistance_Ohm = float(self._act(self._at_resistance, frame).resistance_Ohm[0])
@@ -184,7 +191,18 @@ class Chain:
         if not started:
             self._start(signals.time_s, resistance_Ohm, stress_Pa, power_W)
         heating = self._branch.step(signals.time_s, resistance_Ohm, power_W)
-        displacement_m = self._model.step(resistance_Ohm, self._in_reach(stress_Pa), heating)
+        uncertainty_m, seen = nan, True
+        if self._thermal is None:
+            displacement_m = self._model.step(resistance_Ohm, self._in_reach(stress_Pa), heating)
+        else:
+            displacement_m, uncertainty_m, seen = self._thermal.observe(
+                signals.time_s,
+                resistance_Ohm,
+                self._in_reach(stress_Pa),
+                heating,
+                power_W,
+                signals.ambient_temperature_C,
+            )
         if frame is not None:
             frame.heating, frame.displacement_m = np.array([heating]), np.array([displacement_m])
             displacement_m = float(self._act(self._at_displacement, frame).displacement_m[0])
@@ -197,7 +215,8 @@ class Chain:
             displacement_m / self._length_m,
             velocity_m_s,
             Branch.HEATING if heating else Branch.COOLING,
-            _QUALITIES[_quality(displacement_m, stress_Pa, self._bounds)],
+            _QUALITIES[_quality(displacement_m, stress_Pa, self._bounds)] if seen else Quality.OUTSIDE_CALIBRATION,
+            uncertainty_m,
         )
         return signals, self._last
 
@@ -227,6 +246,7 @@ class Chain:
             "velocity_m_s": np.zeros(n),
             "branch": np.full(n, int(last.branch)),
             "quality": np.full(n, int(Quality.INVALID)),
+            "uncertainty_m": np.full(n, last.uncertainty_m),
             "signals": signals,
             "resistance_Ohm": np.full(n, nan),
             "model_m": np.full(n, nan),
@@ -245,6 +265,7 @@ class Chain:
                 float(out["velocity_m_s"][-1]),
                 Branch(int(out["branch"][-1])),
                 Quality(int(out["quality"][-1])),
+                float(out["uncertainty_m"][-1]),
             )
         return out
 
@@ -261,7 +282,15 @@ class Chain:
         if not started:
             self._start(time_s[0], resistance_Ohm[0], stress_Pa[0], power_W[0])
         heating = self._branch.run(time_s, resistance_Ohm, power_W)
-        model_m = self._model.run(resistance_Ohm, np.clip(stress_Pa, *self._stress_Pa), heating)
+        in_reach_Pa = np.clip(stress_Pa, *self._stress_Pa)
+        uncertainty_m, seen = np.full(len(time_s), nan), np.True_
+        if self._thermal is None:
+            model_m = self._model.run(resistance_Ohm, in_reach_Pa, heating)
+        else:
+            ambient_C = np.broadcast_to(signals.ambient_temperature_C, good.shape)[good]
+            model_m, uncertainty_m, seen = self._thermal.observe_all(
+                time_s, resistance_Ohm, in_reach_Pa, heating, power_W, ambient_C
+            )
         displacement_m = shown_m = model_m
         if frame is not None:
             frame.heating, frame.displacement_m = heating, model_m
@@ -273,6 +302,7 @@ class Chain:
         velocity_m_s, quality = np.empty(len(time_s)), np.empty(len(time_s), dtype=np.int64)
         _velocity_all(time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s, velocity_m_s)
         _quality_all(displacement_m, stress_Pa, self._bounds, quality)
+        quality = np.where(seen, quality, int(Quality.OUTSIDE_CALIBRATION))
         out["velocity_m_s"][good], out["quality"][good] = velocity_m_s, quality
         latest = np.cumsum(good) - 1  # index of the last good sample at each place; −1 before the first
         known = latest >= 0
@@ -281,6 +311,7 @@ class Chain:
             "branch": heating,
             "resistance_Ohm": resistance_Ohm,
             "model_m": model_m,
+            "uncertainty_m": uncertainty_m,
         }
         if "shown_m" in out:
             held["shown_m"] = shown_m
@@ -330,6 +361,9 @@ class Chain:
         return min(max(stress_Pa, self._stress_Pa[0]), self._stress_Pa[1])
 
     def _start(self, time_s: float, resistance_Ohm: float, stress_Pa: float, power_W: float) -> None:
-        self._model.reset(resistance_Ohm, self._in_reach(stress_Pa))
+        if self._thermal is None:
+            self._model.reset(resistance_Ohm, self._in_reach(stress_Pa))
+        else:
+            self._thermal.reset()
         self._branch.reset(time_s, resistance_Ohm, power_W)
         self._started = True

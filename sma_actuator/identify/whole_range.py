@@ -4,8 +4,9 @@ The fit is a damped Gauss-Newton (Levenberg-Marquardt) with a robust loss, from 
 same logs give the same numbers.  The heat balance's numbers are fitted with the weights, each drawn to what is known
 of such wires.  While they are fitted the displacement that the heat balance sees is the measured one.
 
-It is judged three times over by loads left out and three times over by cycles left out, the weights learned afresh
-each time.  The intervals are the errors of the loads left out (split conformal, for every place and branch).
+It is judged three times over by logs left out and three times over by cycles left out, the weights learned afresh
+each time.  The intervals are the errors of the logs left out over the spread of the learners (normalised conformal
+prediction, for every place and branch).
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 from sma_actuator.estimation.models.whole_range import (
     CURVE_TERMS,
     DIRECT,
+    LATENT_K_m,
     THERMAL,
     WholeRangeCoefficients,
     features_all,
@@ -25,19 +27,20 @@ from sma_actuator.estimation.models.whole_range import (
 
 from .traces import IdentificationError, Trace
 
-UNITS = 14  #: tanh units
+LEARNERS = 3
+UNITS = 10  #: tanh units of each
 PLAYS_K = (1.5, 3.0, 5.0, 8.0, 12.0)  #: half-widths; loops of Ni-Ti and Ni-Ti-Cu are 4 to 25 K wide
 PLAYS_OF_RANGE = (0.03, 0.10, 0.25)  #: half-widths of the plays in resistance, as shares of its range
 PLACES = 6  #: at which the interval is stated, on either branch
 FOLDS = 3
-JOINT_ITERATIONS, ITERATIONS = 60, 40
+JOINT_UNITS = 14  #: of the one learner that the heat balance is fitted with
+JOINT_ITERATIONS, ITERATIONS, HELD_OUT_ITERATIONS = 60, 100, 40
 EVERY = 3  #: the heat balance moves in every third iteration: it costs eight runs through the logs
 MOST_ROWS = 4000  #: that a fit sees; logs of more are thinned
 SHORTEST_STEP_s = 0.045  #: readings closer together are averaged: they say the same
 ROBUST = 1.0  #: % of the full stroke beyond which an error counts linearly
 SHRINKAGE = 0.3  #: of the weights, in squared % of the full stroke
 COVERAGE = 0.95
-HOT_OR_COLD = 0.1  #: share of the stroke that is an end of it
 _PLACE_WIDTH = 0.8  #: of the window around a place, in distances of places
 
 # What is known of wires before a log is seen, and how far it may be off: time constant (share of C/h), growth of the
@@ -53,10 +56,9 @@ _PRIOR_WEIGHT = 3.0
 class HeldOut:
     """Errors of the model and of its physical curve where they were not fitted, mean absolute, % of full stroke."""
 
-    loads_percent: float  #: loads left out
+    logs_percent: float  #: logs left out
     cycles_percent: float  #: cycles left out
-    curve_percent: float  #: physical curve alone, loads left out
-    coverage: float  #: share of samples of loads left out inside the 95 % intervals of the others
+    curve_percent: float  #: physical curve alone, logs left out
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,22 +77,18 @@ def fit_whole_range(
     Raises IdentificationError where fewer than three loads were measured.
     """
     data = _Data(traces, config)
-    known = _KNOWN.copy()
-    learner, known = _learn_both(data, known, lambda share: progress(0.6 * share))
-    seen = data.features(known)[data.rows]
-    by_load = _errors_left_out(seen, data, data.load[data.rows] % FOLDS, learner)
+    known, centre, scale = _heat_balance(data, lambda share: progress(0.4 * share))
+    z = (data.features(known)[data.rows] - centre) / scale
+    by_log = _errors_left_out(z, data, data.log_fold[data.rows])
+    progress(0.6)
+    by_cycle = _errors_left_out(z, data, data.cycle[data.rows] % FOLDS)
     progress(0.8)
-    by_cycle = _errors_left_out(seen, data, data.cycle[data.rows] % FOLDS, learner)
-    progress(0.98)
-    coefficients, coverage = _coefficients(data, known, seen, learner, by_load)
-    held_out = HeldOut(
-        float(np.abs(by_load.error).mean()),
-        float(np.abs(by_cycle.error).mean()),
-        float(np.abs(by_load.curve_error).mean()),
-        coverage,
-    )
+    team = _Team(z, data.displacement[data.rows], ITERATIONS)
+    coefficients = _coefficients(data, known, z, (centre, scale), team, by_log)
     progress(1.0)
-    return WholeRangeFit(coefficients, held_out)
+    return WholeRangeFit(
+        coefficients, HeldOut(*(float(np.abs(e).mean()) for e in (by_log.error, by_cycle.error, by_log.curve_error)))
+    )
 
 
 class _Data:
@@ -107,12 +105,12 @@ class _Data:
         lengths = [len(p[0]) for p in parts]
         self.first = np.zeros(len(self.time), dtype=np.bool_)
         self.first[np.cumsum([0, *lengths[:-1]])] = True
-        self.load = np.repeat(_load_numbers(traces), lengths)
+        self.log_fold = np.repeat(_log_folds(traces), lengths)
         self.cycle = self.cycle + np.repeat(np.arange(len(traces)), lengths)
-        if self.load.max() + 1 < FOLDS:
+        if len(traces) < FOLDS:
             raise IdentificationError(
-                f"whole_range: logs at {FOLDS} different loads are needed, one to be left out while the others are "
-                f"fitted; the logs hold {self.load.max() + 1}"
+                f"whole_range: {FOLDS} logs at least are needed, one to be left out while the others are fitted; "
+                f"there {'is' if len(traces) == 1 else 'are'} {len(traces)}"
             )
         stride = max(1, -(-len(self.time) // MOST_ROWS))
         self.rows = np.arange(0, len(self.time), stride)
@@ -172,15 +170,11 @@ def _thinned(trace: Trace, ambient_C: float) -> tuple[np.ndarray, ...]:
     )
 
 
-def _load_numbers(traces: Sequence[Trace]) -> np.ndarray:
-    """A number for every log, the same for logs of one load (within 5 %), in order of the loads."""
+def _log_folds(traces: Sequence[Trace]) -> np.ndarray:
+    """A fold for every log; logs of neighbouring loads, and of one load, are in different ones."""
     stress = np.array([t.mean_stress_Pa for t in traces])
-    number, out = -1, np.empty(len(stress), dtype=int)
-    lowest = -np.inf
-    for i in np.argsort(stress):
-        if stress[i] > lowest + 0.05 * abs(lowest) or number < 0:
-            number, lowest = number + 1, stress[i]
-        out[i] = number
+    out = np.empty(len(stress), dtype=int)
+    out[np.argsort(stress, kind="stable")] = np.arange(len(stress)) % FOLDS
     return out
 
 
@@ -193,11 +187,10 @@ def _terms(z: np.ndarray) -> np.ndarray:
 class _Learner:
     """The learned part: its weights as one vector (linear terms, hidden, bias, output), and its derivatives."""
 
-    def __init__(self, features: int, centre: np.ndarray, scale: np.ndarray):
-        self.n, self.m = features, UNITS
+    def __init__(self, features: int, units: int, seed: int):
+        self.n, self.m = features, units
         self.lines = CURVE_TERMS + features - DIRECT
-        self.centre, self.scale = centre, scale
-        rng = np.random.default_rng(0)
+        rng = np.random.default_rng(seed)
         hidden = rng.normal(size=(self.m, self.n))
         reach = 0.7 * self.m ** (1.0 / self.n)  # Nguyen and Widrow's: units spread over what is seen
         hidden *= reach / np.linalg.norm(hidden, axis=1)[:, None]
@@ -217,7 +210,7 @@ class _Learner:
 
     def start(self, z: np.ndarray, target: np.ndarray) -> np.ndarray:
         """Weights whose linear terms and outputs fit best for the hidden layer that there is."""
-        linear, hidden, bias, _ = self.parts(self.weights)
+        _, hidden, bias, _ = self.parts(self.weights)
         basis = np.column_stack([_terms(z), np.tanh(z @ hidden.T + bias)])
         found = np.linalg.solve(basis.T @ basis + np.eye(basis.shape[1]), basis.T @ target)
         out = self.weights.copy()
@@ -278,14 +271,30 @@ def _learn(learner: _Learner, z: np.ndarray, target: np.ndarray, iterations: int
     return weights
 
 
-def _learn_both(data: _Data, known: np.ndarray, progress: Callable[[float], None]) -> tuple[_Learner, np.ndarray]:
-    """Weights and heat balance together; returns the learner with its weights, and what is known then."""
+class _Team:
+    """Learners that differ in where they began, learned on the same samples."""
+
+    def __init__(self, z: np.ndarray, target: np.ndarray, iterations: int):
+        self.learners = [_Learner(z.shape[1], UNITS, seed) for seed in range(1, LEARNERS + 1)]
+        for learner in self.learners:
+            learner.weights = _learn(learner, z, target, iterations)
+
+    def values(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and spread [%]."""
+        each = np.array([learner.value(learner.weights, z) for learner in self.learners])
+        return each.mean(axis=0), each.std(axis=0)
+
+
+def _heat_balance(data: _Data, progress: Callable[[float], None]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The heat balance, fitted together with one learner; then centre and scale of the features."""
+    known = _KNOWN.copy()
     target = data.displacement[data.rows]
     seen = data.features(known)[data.rows]
-    learner = _Learner(seen.shape[1], seen.mean(axis=0), seen.std(axis=0) + 1e-12)
+    centre, scale = seen.mean(axis=0), seen.std(axis=0) + 1e-12
+    learner = _Learner(seen.shape[1], JOINT_UNITS, 0)
 
     def scaled(numbers: np.ndarray) -> np.ndarray:
-        return (data.features(numbers)[data.rows] - learner.centre) / learner.scale
+        return (data.features(numbers)[data.rows] - centre) / scale
 
     def cost_of(error: np.ndarray, weights: np.ndarray, numbers: np.ndarray) -> float:
         off = (numbers - _KNOWN) / _UNSURE
@@ -323,32 +332,29 @@ def _learn_both(data: _Data, known: np.ndarray, progress: Callable[[float], None
             break
         weights, known, z, cost, damping = tried, numbers, new_z, new_cost, max(damping / 5.0, 1e-9)
         value, jacobian = learner.jacobian(weights, z)
-    learner.weights = weights
-    return learner, known
+    return known, centre, scale
 
 
 @dataclass(frozen=True, slots=True)
 class _LeftOut:
-    """Of every row, by a fit that did not see it: error, error of the curve alone [%], novelty."""
+    """Of every row, by learners that did not see it: error, their spread, error of the curve alone [%]."""
 
     error: np.ndarray
+    spread: np.ndarray
     curve_error: np.ndarray
-    novelty: np.ndarray
 
 
-def _errors_left_out(seen: np.ndarray, data: _Data, fold: np.ndarray, learner: _Learner) -> _LeftOut:
+def _errors_left_out(z: np.ndarray, data: _Data, fold: np.ndarray) -> _LeftOut:
     """Learn afresh without each fold in turn; the heat balance stands."""
-    z = (seen - learner.centre) / learner.scale
     target = data.displacement[data.rows]
-    error, curve_error, novelty = np.empty(len(z)), np.empty(len(z)), np.empty(len(z))
+    found = _LeftOut(*(np.zeros(len(z)) for _ in range(3)))
     for number in range(FOLDS):
         out = fold == number
-        fresh = _Learner(z.shape[1], learner.centre, learner.scale)
-        weights = _learn(fresh, z[~out], target[~out], ITERATIONS)
-        error[out] = fresh.value(weights, z[out]) - target[out]
-        curve_error[out] = _terms(z[out])[:, :CURVE_TERMS] @ _curve(z[~out], target[~out]) - target[out]
-        novelty[out] = np.linalg.norm(z[out] @ _whitening(z[~out]).T, axis=1)
-    return _LeftOut(error, curve_error, novelty)
+        team = _Team(z[~out], target[~out], HELD_OUT_ITERATIONS)
+        value, found.spread[out] = team.values(z[out])
+        found.error[out] = value - target[out]
+        found.curve_error[out] = _terms(z[out])[:, :CURVE_TERMS] @ _curve(z[~out], target[~out]) - target[out]
+    return found
 
 
 def _curve(z: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -363,51 +369,45 @@ def _whitening(z: np.ndarray) -> np.ndarray:
     return out / np.percentile(np.linalg.norm(z @ out.T, axis=1), 95)
 
 
-def _intervals(
-    place: np.ndarray, heating: np.ndarray, left: _LeftOut, lowest: float, highest: float
-) -> tuple[np.ndarray, float]:
-    """Half-widths [%] at equally spaced places, (2, PLACES), and their growth with novelty."""
-    size, beyond = np.abs(left.error), np.maximum(left.novelty - 1.0, 0.0)
-    growth = 0.0
-    if (beyond > 0.0).sum() > 50:
-        near, far = (np.quantile(size[chosen], COVERAGE) for chosen in (beyond == 0.0, beyond > 0.0))
-        growth = float(np.clip((far / max(near, 1e-9) - 1.0) / beyond[beyond > 0.0].mean(), 0.0, 3.0))
-    size = size / (1.0 + growth * beyond)
-    step = (highest - lowest) / (PLACES - 1)
-    out = np.empty((2, PLACES))
-    everywhere = np.quantile(size, COVERAGE)
+def _intervals(place: np.ndarray, heating: np.ndarray, score: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """The 95 % quantile of a score on either branch near each place, shape (2, PLACES)."""
+    out = np.full((2, len(places)), np.quantile(score, COVERAGE))
+    reach = _PLACE_WIDTH * (places[1] - places[0])
     for row in range(2):
-        for k in range(PLACES):
-            near = (heating == bool(row)) & (np.abs(place - (lowest + k * step)) < _PLACE_WIDTH * step)
-            # The quantile that split conformal prediction asks for of so many samples.
-            level = min(1.0, COVERAGE * (1.0 + 1.0 / max(near.sum(), 1)))
-            out[row, k] = np.quantile(size[near], level) if near.sum() >= 40 else everywhere
-    return out, growth
+        for k, middle in enumerate(places):
+            near = (heating == bool(row)) & (np.abs(place - middle) < reach)
+            if near.sum() >= 40:  # the level is the one that conformal prediction asks for of so many
+                out[row, k] = np.quantile(score[near], min(1.0, COVERAGE * (1.0 + 1.0 / near.sum())))
+    return out
 
 
 def _coefficients(
-    data: _Data, known: np.ndarray, seen: np.ndarray, learner: _Learner, left: _LeftOut
-) -> tuple[WholeRangeCoefficients, float]:
-    """In metres, rounded to six digits; and the coverage of the intervals on the rows they come from."""
-    z = (seen - learner.centre) / learner.scale
-    target = data.displacement[data.rows]
+    data: _Data,
+    known: np.ndarray,
+    z: np.ndarray,
+    scaling: tuple[np.ndarray, np.ndarray],
+    team: _Team,
+    left: _LeftOut,
+) -> WholeRangeCoefficients:
+    """In metres, rounded to six digits."""
+    target, percent_m = data.displacement[data.rows], data.percent_m
     lowest, highest = (float(v) for v in np.percentile(data.displacement, (0.1, 99.9)))
     curve = _curve(z, target)
-    value = learner.value(learner.weights, z)
     slack = 0.05 * (highest - lowest)
     physical = np.clip(_terms(z)[:, :CURVE_TERMS] @ curve, lowest - slack, highest + slack)
+    value, _ = team.values(z)
     whitening = _whitening(z)
     novelty = np.linalg.norm(z @ whitening.T, axis=1)
+    floor = float(np.median(left.spread))
+    score = np.abs(left.error) / (floor + left.spread)
     heating = data.heating[data.rows].astype(bool)
-    widths, growth = _intervals(target + left.error, heating, left, lowest, highest)
-    step = (highest - lowest) / (PLACES - 1)
-    at = np.clip((target + left.error - lowest) / step, 0.0, PLACES - 1.0)
-    half = np.where(heating, np.interp(at, np.arange(PLACES), widths[1]), np.interp(at, np.arange(PLACES), widths[0]))
-    inside = np.abs(left.error) <= half * (1.0 + growth * np.maximum(left.novelty - 1.0, 0.0))
-    linear, hidden, bias, output = learner.parts(learner.weights)
-    percent_m = data.percent_m
+    intervals = _intervals(target + left.error, heating, score, np.linspace(lowest, highest, PLACES))
+    linear, hidden, bias, output = (
+        np.concatenate([np.ravel(part) for part in parts])
+        for parts in zip(*(learner.parts(learner.weights) for learner in team.learners), strict=True)
+    )
     thermal = data.thermal_numbers(known)
-    thermal[4] /= percent_m
+    thermal[LATENT_K_m] /= percent_m
     return WholeRangeCoefficients(
         calibrated_length=data.wire.length,
         calibrated_diameter=data.wire.diameter,
@@ -415,24 +415,24 @@ def _coefficients(
         ambient_temperature=float(f"{np.median(data.ambient):.4g}"),
         play_widths_K=PLAYS_K,
         play_widths_Ohm=_six(data.plays_Ohm),
-        feature_centre=_six(learner.centre),
-        feature_scale=_six(learner.scale),
+        feature_centre=_six(scaling[0]),
+        feature_scale=_six(scaling[1]),
         novelty=_six(whitening[np.tril_indices(len(whitening))]),
         novelty_edge=float(f"{1.3 * max(novelty.max(), 1.0):.4g}"),
         curve=_six(curve * percent_m),
+        learners=LEARNERS,
         linear=_six(linear * percent_m),
-        hidden=_six(hidden.ravel()),
+        hidden=_six(hidden),
         bias=_six(bias),
         output=_six(output * percent_m),
         largest_residual=float(f"{2.0 * np.abs(value - physical).max() * percent_m:.4g}"),
-        intervals=_six(widths.ravel() * percent_m),
-        interval_growth=float(f"{growth:.4g}"),
+        intervals=_six(intervals.ravel()),
+        spread_floor=float(f"{floor * percent_m:.4g}"),
         curve_interval=float(f"{np.quantile(np.abs(left.curve_error), COVERAGE) * percent_m:.4g}"),
         stress_range=tuple(float(np.round(v)) for v in (data.stress.min(), data.stress.max())),
         displacement_range=_six(np.array([lowest, highest]) * percent_m),
-    ), float(inside.mean())
+    )
 
 
 def _six(values: np.ndarray) -> tuple[float, ...]:
     return tuple(float(f"{v:.6g}") for v in values)
-

@@ -13,7 +13,8 @@ error of δ cannot run in a circle with the temperature that is made of it.  Wha
 * how far R has come from its own: plays of several widths [Ω].
 
 A *physical curve*, the mixture rule of the phases solved for δ, is a quadratic in (R, σ, θ): a resistance
-corrected for temperature.  A *residual*, smooth and bounded, is learned for what is left: one layer of tanh.
+corrected for temperature.  A *residual*, smooth and bounded, is learned for what is left: the mean of a few learners
+with one layer of tanh each.  How far they are apart says how sure they are.
 Outside what the calibration has seen it fades away, and the estimate says so.
 
 Everything is one kernel for one sample; a log is a loop over it.
@@ -48,9 +49,9 @@ THERMAL = 8  #: numbers of the heat balance, in this order
 NARROW = 2  #: so many of the plays in temperature, the first, are shifted by stress as the narrow loop is
 # What is remembered: time, heat content, resistance and displacement of the sample before, then the plays.
 _TIME, _HEAT, _RESISTANCE, _DISPLACEMENT, _PLAYS = range(5)
-# Limits: δ at the two ends of what was seen, size of the residual, novelty beyond which it fades, growth of the
-# interval with novelty, half-width of the interval of the physical curve alone.
-_LOWEST, _HIGHEST, _LARGEST, _EDGE, _GROWTH, _CURVE_WIDTH = range(6)
+# Limits: δ at the two ends of what was seen, size of the residual, novelty beyond which it fades, what is added to the
+# learners' spread before it counts, half-width of the interval of the physical curve alone.
+_LOWEST, _HIGHEST, _LARGEST, _EDGE, _FLOOR, _CURVE_WIDTH = range(6)
 _START_PASSES = 5
 
 
@@ -82,9 +83,7 @@ def features(time, power, ambient, resistance, stress, thermal, widths_K, widths
     The displacement of the sample before is in ``state``, where the caller puts it.
     """
     step = max(time - state[_TIME], 0.0)
-    temperature = (
-        state[_HEAT] + thermal[LATENT_K_Ohm] * state[_RESISTANCE] + thermal[LATENT_K_m] * state[_DISPLACEMENT]
-    )
+    temperature = state[_HEAT] + thermal[LATENT_K_Ohm] * state[_RESISTANCE] + thermal[LATENT_K_m] * state[_DISPLACEMENT]
     rise = temperature - ambient
     loss = 1.0 + thermal[LOSS_GROWTH_1_K] * max(rise, 0.0)
     gained = 1.0 - exp(-step * loss / thermal[TIME_CONSTANT_s])
@@ -141,17 +140,29 @@ def _quadratic(z, c):
 
 
 @jit
-def _network(z, linear, hidden, bias, output):
-    """All that was learned: a quadratic in what is seen directly, a line in the plays, one layer of tanh."""
-    value = _quadratic(z, linear)
-    for j in range(DIRECT, len(z)):
-        value += linear[CURVE_TERMS + j - DIRECT] * z[j]
-    for k in range(len(bias)):
-        inner = bias[k]
-        for j in range(len(z)):
-            inner += hidden[k, j] * z[j]
-        value += output[k] * tanh(inner)
-    return value
+def _learned(z, linear, hidden, bias, output, out):
+    """What was learned, into ``out``: the mean of the learners, and how far they are apart.
+
+    Each has a quadratic in what is seen directly, a line in the plays, and its share of the tanh units.
+    """
+    learners = linear.shape[0]
+    units = len(bias) // learners
+    mean = 0.0
+    square = 0.0
+    for i in range(learners):
+        value = _quadratic(z, linear[i])
+        for j in range(DIRECT, len(z)):
+            value += linear[i, CURVE_TERMS + j - DIRECT] * z[j]
+        for k in range(i * units, (i + 1) * units):
+            inner = bias[k]
+            for j in range(len(z)):
+                inner += hidden[k, j] * z[j]
+            value += output[k] * tanh(inner)
+        change = value - mean
+        mean += change / (i + 1)
+        square += change * (value - mean)
+    out[0] = mean
+    out[1] = sqrt(square / learners)
 
 
 @jit
@@ -168,7 +179,7 @@ def _novelty(z, whitening):
 
 @jit
 def _half_width(displacement, heating, widths, lowest, highest):
-    """Half of the 95 % interval on a branch, linear between equally spaced displacements."""
+    """Half of the 95 % interval on a branch, in units of the learners' spread; linear between equally spaced places."""
     last = widths.shape[1] - 1
     place = min(max((displacement - lowest) / (highest - lowest), 0.0), 1.0) * last
     below = min(int(place), last - 1)
@@ -185,15 +196,15 @@ def _estimate(heating, seen, limits, centre, scale, whitening, curve, linear, hi
     highest = limits[_HIGHEST]
     slack = 0.05 * (highest - lowest)
     physical = min(max(_quadratic(z, curve), lowest - slack), highest + slack)
-    residual = _network(z, linear, hidden, bias, output) - physical
-    residual = limits[_LARGEST] * tanh(residual / limits[_LARGEST])
+    _learned(z, linear, hidden, bias, output, out)
+    residual = limits[_LARGEST] * tanh((out[0] - physical) / limits[_LARGEST])
+    spread = out[1]
     novelty = _novelty(z, whitening)
     share = 1.0
     if novelty > limits[_EDGE]:
         share = exp(2.0 * (1.0 - novelty / limits[_EDGE]))
     displacement = min(max(physical + share * residual, lowest - slack), highest + slack)
-    width = _half_width(displacement, heating, widths, lowest, highest)
-    width *= 1.0 + limits[_GROWTH] * max(novelty - 1.0, 0.0)
+    width = _half_width(displacement, heating, widths, lowest, highest) * (limits[_FLOOR] + spread)
     out[0] = displacement
     out[1] = share * width + (1.0 - share) * max(limits[_CURVE_WIDTH], width)
     out[2] = share
@@ -212,7 +223,9 @@ def advance(
         for _ in range(_START_PASSES):
             at_rest(time, power, ambient, resistance, displacement, thermal, state)
             features(time, power, ambient, resistance, stress, thermal, widths_K, widths_Ohm, state, seen)
-            _estimate(heating, seen, limits, centre, scale, whitening, curve, linear, hidden, bias, output, widths, z, out)
+            _estimate(
+                heating, seen, limits, centre, scale, whitening, curve, linear, hidden, bias, output, widths, z, out
+            )
             displacement = out[0]
         at_rest(time, power, ambient, resistance, displacement, thermal, state)
     features(time, power, ambient, resistance, stress, thermal, widths_K, widths_Ohm, state, seen)
@@ -250,14 +263,12 @@ class WholeRangeModel:
             np.array(c.thermal),
             np.array(c.play_widths_K),
             np.array(c.play_widths_Ohm),
-            np.array(
-                [*c.displacement_range, c.largest_residual, c.novelty_edge, c.interval_growth, c.curve_interval]
-            ),
+            np.array([*c.displacement_range, c.largest_residual, c.novelty_edge, c.spread_floor, c.curve_interval]),
             np.array(c.feature_centre),
             np.array(c.feature_scale),
             whitening,
             np.array(c.curve),
-            np.array(c.linear),
+            np.array(c.linear).reshape(c.learners, -1),
             np.array(c.hidden).reshape(len(c.bias), n),
             np.array(c.bias),
             np.array(c.output),
@@ -294,7 +305,9 @@ class WholeRangeModel:
         """The same of n samples, arrays of shape (n,), by the same kernel."""
         out = np.empty((len(time_s), 3))
         ambient_C = np.where(np.isfinite(ambient_C), ambient_C, self._ambient_C)
-        advance_all(time_s, power_W, ambient_C, resistance_Ohm, stress_Pa, heating, self._state, *self._coefficients, out)
+        advance_all(
+            time_s, power_W, ambient_C, resistance_Ohm, stress_Pa, heating, self._state, *self._coefficients, out
+        )
         return out[:, 0].copy(), out[:, 1].copy(), out[:, 2] > 0.5
 
 
@@ -324,18 +337,24 @@ class WholeRangeCoefficients:
     )
     novelty_edge: float = parameter(description="novelty beyond which the residual fades", unit="1", lo=1e-3, hi=1e6)
     curve: tuple[float, ...] = parameter(description="physical curve, quadratic in scaled R, σ, θ", unit="m")
-    linear: tuple[float, ...] = parameter(description="learned: the same and a line in the plays", unit="m")
-    hidden: tuple[float, ...] = parameter(description="learned: weights of the tanh layer, row by row", unit="1")
+    learners: int = parameter(3, "learners, of which the mean is taken", "1", 1, 100)
+    linear: tuple[float, ...] = parameter(
+        description="learned: the same and a line in the plays, learner after learner", unit="m"
+    )
+    hidden: tuple[float, ...] = parameter(
+        description="learned: weights of the tanh units, learner after learner, unit by unit", unit="1"
+    )
     bias: tuple[float, ...] = parameter(description="learned: its biases", unit="1")
     output: tuple[float, ...] = parameter(description="learned: weight of each tanh", unit="m")
     largest_residual: float = parameter(description="bound of the residual", unit="m", lo=1e-12, hi=1.0)
     intervals: tuple[float, ...] = parameter(
-        description="half of the 95 % interval at equally spaced displacements over the range, cooling, then heating",
-        unit="m",
+        description="half of the 95 % interval over the spread of the learners and its floor, at equally spaced "
+        "displacements over the range, cooling, then heating",
+        unit="1",
         lo=0.0,
     )
-    interval_growth: float = parameter(
-        description="growth of the interval per novelty above 1", unit="1", lo=0.0, hi=1e3
+    spread_floor: float = parameter(
+        description="what is added to the spread of the learners for the interval", unit="m", lo=1e-12, hi=1.0
     )
     curve_interval: float = parameter(
         description="half of the 95 % interval of the physical curve alone", unit="m", lo=0.0, hi=10.0
@@ -364,7 +383,7 @@ class WholeRangeCoefficients:
             "feature_scale": n,
             "novelty": n * (n + 1) // 2,
             "curve": CURVE_TERMS,
-            "linear": CURVE_TERMS + plays,
+            "linear": self.learners * (CURVE_TERMS + plays),
             "hidden": m * n,
             "output": m,
         }
@@ -373,6 +392,8 @@ class WholeRangeCoefficients:
             for name, count in wanted.items()
             if len(getattr(self, name)) != count
         ]
+        if m % self.learners:
+            problems.append(f"model.bias: {m} numbers, which are not shared equally by {self.learners} learners")
         if len(self.intervals) % 2 or len(self.intervals) < 4:
             problems.append(f"model.intervals: {len(self.intervals)} numbers, but two rows of equal length are wanted")
         return problems
