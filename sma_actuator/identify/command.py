@@ -16,7 +16,8 @@ from sma_actuator.config import NODE_NAME, read_parameter_file
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.logs.files import write_atomically
 
-from .identification import METHODS, MODELS, Identification, identify
+from .fitters import METHODS
+from .identification import Identification, identify
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="BENCH.yaml",
         help="parameters of the bench (a model in it is replaced)",
     )
-    parser.add_argument("--model", required=True, choices=MODELS, help="model to fit")
+    parser.add_argument("--model", required=True, metavar="TYPE", help="model.type to fit: flexinol, furukawa …")
     parser.add_argument(
         "--out",
         type=Path,
