@@ -17,8 +17,9 @@ from .calibration import calibration_of
 from .errors import LogError, log_errors
 from .fatigue import Fatigue, fit_fatigue
 from .fitters import FITTERS, METHODS, Asked, Fitter, Progress
+from .kinds import make_traces
 from .normalised import as_one_wire
-from .traces import Trace, make_traces
+from .traces import Trace
 
 
 @dataclass(frozen=True, slots=True)
