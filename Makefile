@@ -12,7 +12,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,test,check,docs
 
-.PHONY: demo test check docs coverage tables benchmarks coefficients blind-trial own-baseline fleet forward clean
+.PHONY: demo test check docs coverage results tables benchmarks coefficients blind-trial own-baseline fleet forward clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION)
@@ -39,7 +39,11 @@ $(VENV)/ready: setup.py constraints.txt
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[$(EXTRAS)]'
 	touch $@
 
-# Every figure in README.md comes from one of these.
+# Every figure of README.md and docs/results.md comes from one of these; the names of some sections in RESULTS.
+RESULTS ?=
+results: $(VENV)/ready
+	$(BIN)/python benchmarks/results.py $(RESULTS)
+
 tables: $(VENV)/ready
 	$(BIN)/python benchmarks/control_tables.py
 	$(BIN)/python benchmarks/replay_tables.py

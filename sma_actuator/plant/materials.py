@@ -14,7 +14,8 @@ Sources
          "Deformation behavior of NiTi-based alloys", Metall. Trans. A 9 (1978) 1487;
          Nam, Saburi and Shimizu, "Cu-content dependence of shape memory characteristics in Ti-Ni-Cu alloys", Mater.
          Trans. JIM 31 (1990) 959.
-    [T]  The thesis's figures 40–48 (Flexinol) and 49–56, 101 (NT-H): shape of the loops, strokes, ends of R.
+    [T]  The thesis's figures 40–48 (Flexinol) and 49–56, 101 (NT-H): shape of the loops, strokes,
+         ends of R.
     [F]  No measurement of these very wires: chosen inside the ranges of the sources, so that the ends of R
          and the stroke come out as in [T], and Ω/m as in [D].
 """
