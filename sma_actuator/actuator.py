@@ -445,7 +445,7 @@ class Actuator:
                 "stress_Pa": signals.stress_Pa,
                 "temperature_C": supervisor.temperature_C,
                 "current_limit_A": supervisor.limit_A(),
-                "reference_m": self._controller.reference_m if self._mode is not Mode.OFF else nan,
+                "limited_setpoint_m": self._controller.reference_m if self._mode is not Mode.OFF else nan,
                 "branch": estimate.branch.name.lower(),
                 "quality": estimate.quality.name.lower(),
             },
