@@ -267,7 +267,8 @@ class TestFlood:
     @pytest.fixture
     def flooded(self, start_bench, make_config, start_node, client):
         bench = start_bench("--load", "weight:0.98")
-        node = start_node(make_config(instruments=bench.instruments()))
+        # So low that a flood is one on a slow machine too.
+        node = start_node(make_config(instruments=bench.instruments(), **{"safety.setpoint_flood_rate": 20.0}))
         _enabled(client)
         program = Path(__file__).with_name("flood.py")
         floods = [
