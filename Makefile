@@ -12,7 +12,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,test,check,docs
 
-.PHONY: demo test check docs coverage results tables benchmarks coefficients blind-trial own-baseline fleet forward clean
+.PHONY: attack demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline fleet forward clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION)
@@ -48,6 +48,9 @@ tables: $(VENV)/ready
 	$(BIN)/python benchmarks/control_tables.py
 	$(BIN)/python benchmarks/replay_tables.py
 
+pictures: $(VENV)/ready
+	$(BIN)/python examples/draw_a_loop.py docs/pictures/loop.png
+
 benchmarks: $(VENV)/ready
 	$(BIN)/python benchmarks/cost.py
 	$(BIN)/python benchmarks/loop.py
@@ -77,6 +80,11 @@ FORWARD_RUNS ?= $(wildcard $(FORWARD_DATA)/*.csv)
 forward: $(VENV)/ready
 	@test -n "$(FORWARD_RUNS)" || { echo "no runs in $(FORWARD_DATA); set FORWARD_DATA to a folder of CSV files"; exit 1; }
 	$(BIN)/sma-actuator forward $(FORWARD_RUNS) --wire config/flexinol_050_forward.yaml --out out/forward
+
+# Attack the driver at random for as long as ATTACK says, and write what held and what did not to docs/attack.md.
+ATTACK ?=
+attack: $(VENV)/ready
+	nice -n 5 $(BIN)/python -m attack $(ATTACK)
 
 clean:
 	rm -rf $(VENV) build install log out

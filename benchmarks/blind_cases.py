@@ -34,7 +34,8 @@ from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import Drive
 from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.identify import identify
-from sma_actuator.logs.bench_log import BenchLog, read_bench_log, write_atomically, write_bench_log
+from sma_actuator.logs.bench_log import BenchLog, read_bench_log, write_bench_log
+from sma_actuator.logs.files import write_atomically
 from sma_actuator.replay import replay
 
 ALLOYS = ("flexinol", "furukawa")

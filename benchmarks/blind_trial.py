@@ -30,7 +30,7 @@ from rich.table import Table
 from sma_actuator.bench.hidden import EFFECTS, FOREIGN
 from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import NODE_NAME
-from sma_actuator.logs.bench_log import write_atomically
+from sma_actuator.logs.files import write_atomically
 
 DOUBLED = 2.0  #: error over that of none, from which an effect must be found
 ALIKE_BEST = 1.25

@@ -1,4 +1,4 @@
-"""What one sample costs: estimator, controller and the whole actuator beside simple-pid's call, in one run.
+"""What one sample costs: chain, controller and the whole actuator beside simple-pid's call, in one run.
 
     python benchmarks/cost.py [--json FILE]     (make benchmarks)
 
@@ -23,8 +23,8 @@ from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Reading, SupplyState
 from sma_actuator.config import Config
 from sma_actuator.control.pid import PidController
+from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.circuit import signals_from_reading
-from sma_actuator.estimation.estimator import Estimator
 
 CALLS = 2000
 ROUNDS = 15
@@ -51,7 +51,7 @@ def main() -> int:
 
     peer = PID(800.0, 400.0, 100.0, setpoint=setpoint_m, sample_time=None, output_limits=(0.05, 0.4))
     controller = PidController(config.controller, config.supply.bias_current)
-    estimator, actuator = Estimator(config), Actuator(config)
+    chain, actuator = Chain(config), Actuator(config)
     actuator.step(0.0, readings[0], SupplyState(0.0, 0.0, False, 0.0, 0.0))
     actuator.enable(0.0, True)
 
@@ -70,7 +70,7 @@ def main() -> int:
     calls = {
         "simple-pid call": lambda i: peer(positions_m[i], dt=0.05),
         "controller": lambda i: controller.step(positions_m[i], setpoint_m, 0.05, 0.4),
-        "estimator": lambda i: estimator.step(signals[i]),
+        "chain": lambda i: chain.step(signals[i]),
         "actuator, all of it": whole,
     }
     seconds: dict[str, list[float]] = {name: [] for name in calls}

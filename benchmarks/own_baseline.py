@@ -23,7 +23,8 @@ from rich.table import Table
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace import Evidence, trace
 from sma_actuator.diagnosis.trace.report import extended, summary
-from sma_actuator.logs.bench_log import read_bench_log, write_atomically
+from sma_actuator.logs.bench_log import read_bench_log
+from sma_actuator.logs.files import write_atomically
 from sma_actuator.replay import replay
 
 

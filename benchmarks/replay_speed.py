@@ -27,10 +27,11 @@ from rich.table import Table
 
 from sma_actuator.base.jit import COMPILED
 from sma_actuator.base.signals import Signals
-from sma_actuator.estimation.estimator import Estimator
+from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
 from sma_actuator.identify.traces import make_trace
-from sma_actuator.logs.bench_log import BenchLog, write_atomically, write_bench_log
+from sma_actuator.logs.bench_log import BenchLog, write_bench_log
+from sma_actuator.logs.files import write_atomically
 
 SAMPLES = 4_000_000
 LOOP_SAMPLES = 200_000
@@ -108,7 +109,7 @@ def main() -> int:
             resistance_Ohm=columns[0],
             stress_Pa=columns[1],
         )
-        rate = SAMPLES / best_of(3, lambda config, x: Estimator(config).run(x), result.config, signals)
+        rate = SAMPLES / best_of(3, lambda config, x: Chain(config).run(x), result.config, signals)
         numbers[f"{wire} whole estimator, samples/s"] = rate
         table.add_row(f"{wire}, whole estimator", f"{rate / 1e6:.1f}", f"{rate / loop_rate:.0f}")
     console.print(table)

@@ -7,7 +7,6 @@ tested offline is what runs on the robot.
 from __future__ import annotations
 
 import collections
-import dataclasses
 import logging
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -18,13 +17,11 @@ from sma_actuator.base.parameters import ConfigError, walk
 from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status, SupplyState
 from sma_actuator.control.pid import PidController
 from sma_actuator.control.setpoints import Trajectory
-from sma_actuator.estimation.circuit import signals_from_reading
-from sma_actuator.estimation.effects import EffectChain, Place
-from sma_actuator.estimation.estimator import Estimator
+from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
+from sma_actuator.estimation.circuit import is_driven, signals_from_reading, without_undriven
 from sma_actuator.safety.faults import FAULTS, gravest
 from sma_actuator.safety.guards.estimate import estimate_invalid
 from sma_actuator.safety.guards.program import unhandled_exception
-from sma_actuator.safety.guards.readings import MEASURABLE
 from sma_actuator.safety.guards.setpoints import Bucket, setpoint_flood, setpoint_not_finite, setpoint_stale
 from sma_actuator.safety.limits import CURRENT_BIAS, CURRENT_MAX, LIMITS, SETPOINT_RANGE, SETPOINT_RATE
 from sma_actuator.safety.records import Fault, Limit, Step
@@ -56,6 +53,8 @@ class Output:
     command: Command
     status: Status
     setpoint_m: float  #: what the controller was asked for, NaN where nothing
+    tare_N: float = 0.0  #: load that counts as zero
+    events: tuple[str, ...] = ()  #: what was asked, changed or went wrong since the step before
 
 
 class Actuator:
@@ -63,8 +62,7 @@ class Actuator:
 
     def __init__(self, config: Config):
         self._config = config
-        self._estimator = Estimator(config)
-        self._measuring = EffectChain(config.effects.active, Place.of(config))
+        self._chain = Chain(config)
         self._controller = PidController(config.controller, config.supply.bias_current)
         self._supervisor = Supervisor(config)
         self._mode = Mode.OFF
@@ -74,11 +72,12 @@ class Actuator:
         self._setpoint_m = nan
         self._setpoint_s = nan
         self._trajectory: tuple[float, Trajectory] | None = None
-        self._tare_N = 0.0
         self._now_s = nan
         self._reading_s = -inf  #: time stamp of the last usable reading
         self._controlled_s = nan  #: when the controller was last stepped
-        self._readings: collections.deque[Reading] = collections.deque(maxlen=AVERAGED_READINGS)
+        self._tare_N = 0.0
+        #: Loads of the last readings, as they would be without a tare.
+        self._loads_N: collections.deque[float] = collections.deque(maxlen=AVERAGED_READINGS)
         #: Those with current since the output went on; they outlast it.
         self._readings_with_current: collections.deque[Reading] = collections.deque(maxlen=AVERAGED_READINGS)
         self._signals = _NOTHING
@@ -87,12 +86,16 @@ class Actuator:
         self._power_W = 0.0
         self._setpoint_bucket = Bucket()
         self._events: dict[Fault, tuple[float, str]] = {}  #: fault without duration → when, detail
+        self._changes: list[str] = []  #: that no output has told yet
+        self._latched_told: Fault | None = None
 
     # --- what others may ask ----------------------------------------------------------------------
 
     def enable(self, now_s: float, on: bool) -> tuple[bool, str]:
         """Switch the current on or off; whether it was done, and a sentence."""
         if not on:
+            if self._mode is not Mode.OFF:
+                self._changes.append("disabled")
             self._switch_off()
             return True, "the output is off"
         if self._supervisor.latched is not None:
@@ -109,7 +112,13 @@ class Actuator:
         self._mode, self._starting = Mode.HOLD, True
         self._readings_with_current.clear()
         self._supervisor.enabled(now_s)
+        self._changes.append("enabled")
         return True, "the output is on; the wire is held where it is"
+
+    @property
+    def latched(self) -> str:
+        """Name of the latched fault, "" where there is none."""
+        return self._supervisor.latched.name if self._supervisor.latched is not None else ""
 
     def clear_fault(self, now_s: float) -> tuple[bool, str]:
         """Clear a latched fault; the output stays off until enabled again."""
@@ -117,6 +126,7 @@ class Actuator:
         if self._supervisor.latched is None:
             return True, "there is no fault to clear"
         words = self._fault_words()
+        self._changes.append(f"cleared {self._supervisor.latched.name}")
         self._supervisor.latched, self._supervisor.detail = None, ""
         return True, f"cleared: {words}; the output stays off until ~/enable"
 
@@ -159,8 +169,12 @@ class Actuator:
         return ""
 
     def reset_estimator(self) -> tuple[bool, str]:
-        """Forget the past of the estimate: the next reading is taken for a wire at rest on its cooling curve."""
-        self._estimator.reset()
+        """Forget where on its loop the wire is: the next reading is taken for a wire at rest on its cooling curve.
+
+        What has come over the wire since the session began (creep, a slip, cycles) stays: it was not estimated away.
+        """
+        self._chain.reset()
+        self._changes.append(ESTIMATOR_RESET)
         if self._mode is not Mode.OFF:
             self._mode, self._starting = Mode.HOLD, True
             self._forget_setpoints()
@@ -175,12 +189,12 @@ class Actuator:
         if self._mode is not Mode.OFF:
             return False, "not tared: the wire is driven; switch it off with ~/enable first"
         if (
-            len(self._readings) < FEWEST_READINGS
+            len(self._loads_N) < FEWEST_READINGS
             or not self._now_s - self._reading_s <= self._config.safety.reading_timeout
         ):
             return False, f"not tared: {FEWEST_READINGS} readings of just now are wanted"
-        cell, wire = self._config.load_cell, self._config.wire
-        load_N = cell.slope * _mean(self._readings, "load_cell_voltage_V") + cell.offset
+        wire = self._config.wire
+        load_N = sum(self._loads_N) / len(self._loads_N)
         bound_N = MOST_TARE * wire.max_stress * wire.area_m2
         if not abs(load_N) <= bound_N:
             return (
@@ -188,7 +202,8 @@ class Actuator:
                 f"not tared: {load_N:.3g} N is more than the drift of a load cell (up to {bound_N:.3g} N); take the load off",
             )
         self._tare_N = load_N
-        self._estimator.reset()
+        self._chain.reset()
+        self._changes += [f"tared {load_N:.6g} N", ESTIMATOR_RESET]
         return True, f"tared: {load_N:.4f} N count as zero from now on"
 
     def measure_lead_resistance(self) -> tuple[bool, str, float]:
@@ -227,14 +242,16 @@ class Actuator:
 
         Raises ConfigError where a parameter differs that is not live; nothing is taken over then.
         """
-        fixed = {name: repr(value) for name, value, declaration, _ in walk(self._config) if not declaration.live}
-        wanted = {name: repr(value) for name, value, declaration, _ in walk(config) if not declaration.live}
-        changed = [name for name in wanted if wanted[name] != fixed.get(name)]
+        before = {name: repr(value) for name, value, *_ in walk(self._config)}
+        wanted = {name: (repr(value), declaration.live) for name, value, declaration, _ in walk(config)}
+        differing = {name: live for name, (value, live) in wanted.items() if value != before.get(name)}
+        changed = [name for name, live in differing.items() if not live]
         if changed:
             raise ConfigError([f"{name}: cannot be changed while the actuator runs; start it anew" for name in changed])
+        self._changes += [f"{name} {before[name]} -> {wanted[name][0]}" for name in differing]
         self._config = self._supervisor.config = config
         self._controller.set_gains(config.controller)
-        self._estimator.update(config)
+        self._chain.update(config)
 
     # --- the step ---------------------------------------------------------------------------------
 
@@ -250,7 +267,7 @@ class Actuator:
             _log.exception("the control step failed")
             self._latch(unhandled_exception, f"{type(error).__name__}: {error}")
             self._told = Command(0.0, False)
-            return Output(self._signals, self._estimate, self._told, self._status({}, set()), nan)
+            return self._output({}, set(), nan)
 
     def _step(self, now_s: float, raw: Reading | None, supply: SupplyState | None) -> Output:
         supervisor, config = self._supervisor, self._config
@@ -262,9 +279,9 @@ class Actuator:
         reading = supervisor.usable(raw, self._reading_s, now_s)
         if reading is not None:
             self._sense(reading)
-        elif self._mode is Mode.OFF:
-            self._power_W = 0.0
-        supervisor.heat(self._power_W, dt_s, self._signals.ambient_temperature_C)
+        elif supply is not None and not supply.output_on:
+            self._power_W = 0.0  # without either, the current may well flow on
+        supervisor.keep_heat(self._power_W, self._signals.current_A, dt_s, self._signals.ambient_temperature_C)
 
         driven = self._mode is not Mode.OFF
         settled = driven and supervisor.settled(now_s)
@@ -282,7 +299,7 @@ class Actuator:
                 self._estimate,
                 supply,
                 self._told,
-                supervisor.temperature_C,
+                supervisor.heat,
             )
         )
         supervisor.watch_stress(self._signals.stress_Pa, self._estimate.displacement_m, self._told.current_A)
@@ -303,24 +320,30 @@ class Actuator:
             self._switch_off()
         self._told = command
         self._show_events(now_s, faults)
-        return Output(self._signals, self._estimate, command, self._status(faults, limits), setpoint_m)
+        return self._output(faults, limits, setpoint_m)
+
+    def _output(self, faults: dict[Fault, str], limits: set[Limit], setpoint_m: float) -> Output:
+        """What this step has to say, with what has changed since the one before."""
+        latched = self._supervisor.latched
+        if latched is not self._latched_told and latched is not None:
+            self._changes.append(f"fault {latched.name}: {self._supervisor.detail}")
+        self._latched_told = latched
+        changes, self._changes = tuple(self._changes), []
+        status = self._status(faults, limits)
+        return Output(self._signals, self._estimate, self._told, status, setpoint_m, self._tare_N, changes)
 
     def _sense(self, reading: Reading) -> None:
         """Signals and estimate of a usable reading."""
         config = self._config
         self._reading_s = reading.time_s
-        self._readings.append(reading)
-        signals = self._measuring.measure(signals_from_reading(reading, config, self._tare_N))
-        if signals.current_A >= MEASURABLE * config.supply.bias_current:
-            # The leads count with the wire: the heat balance errs on the hot side.
-            self._power_W = signals.current_A * max(reading.supply_voltage_V - reading.reference_voltage_V, 0.0)
+        calibrated = without_undriven(signals_from_reading(reading, config, self._tare_N), config.supply.bias_current)
+        self._signals, self._estimate = self._chain.step(calibrated)
+        self._loads_N.append(self._signals.load_N + self._tare_N)
+        self._power_W = 0.0
+        if is_driven(calibrated.current_A, config.supply.bias_current):
+            # Leads and leaks count with the wire: the heat balance errs on the hot side.
+            self._power_W = calibrated.current_A * max(reading.supply_voltage_V - reading.reference_voltage_V, 0.0)
             self._readings_with_current.append(reading)
-        else:
-            # Noise divided by noise is no resistance.
-            self._power_W = 0.0
-            signals = dataclasses.replace(signals, resistance_Ohm=nan, power_W=nan)
-        self._signals = signals
-        self._estimate = self._estimator.step(signals)
 
     def _setpoint(self, now_s: float, limits: set[Limit]) -> float:
         """What the controller is to reach [m], inside the working range."""
@@ -329,7 +352,7 @@ class Actuator:
             self._setpoint_m = trajectory(now_s - start_s)
         setpoint_m = self._setpoint_m
         if self._mode is Mode.TRACKING:
-            lo_m, hi_m = self._estimator.displacement_range_m
+            lo_m, hi_m = self._chain.displacement_range_m
             if not lo_m <= setpoint_m <= hi_m:
                 limits.add(SETPOINT_RANGE)
                 setpoint_m = min(max(setpoint_m, lo_m), hi_m)
@@ -443,7 +466,8 @@ class Actuator:
                 "power_W": signals.power_W,
                 "load_N": signals.load_N,
                 "stress_Pa": signals.stress_Pa,
-                "temperature_C": supervisor.temperature_C,
+                "temperature_C": supervisor.heat.temperature_C,
+                "temperature_at_most_C": supervisor.heat.at_most_C,
                 "current_limit_A": supervisor.limit_A(),
                 "limited_setpoint_m": self._controller.reference_m if self._mode is not Mode.OFF else nan,
                 "branch": estimate.branch.name.lower(),

@@ -18,9 +18,9 @@ class Rig:
     ``reading_of`` and ``state_of`` may be replaced, to lie about what the instruments said.
     """
 
-    def __init__(self, mapping):
+    def __init__(self, mapping, wire="flexinol", load=Weight(0.49), **setup):  # noqa: B008 - a frozen record
         self.config = Config.from_mapping(mapping)
-        self.bench = VirtualBench.from_name("flexinol", seed=1, load=Weight(0.49))
+        self.bench = VirtualBench.from_name(wire, seed=1, load=load, **setup)
         self.supply = InProcessSupply(self.bench, self.config)
         self.daq = InProcessDaq(self.bench, self.config)
         self.supply.open()

@@ -315,6 +315,33 @@ def test_the_estimator_starts_anew_on_the_cooling_curve_and_the_wire_is_held_the
     assert rig.output.command.current_A == pytest.approx(before_A, abs=1e-9)
 
 
+def test_a_slip_does_not_unhappen_when_the_estimator_starts_anew_or_the_load_is_tared(rig, make_config):
+    """The wire is longer by its length from then on, whatever is reset: the same readings, with and without."""
+    plain = Config.from_mapping(make_config())
+    slipped = Config.from_mapping(make_config(effects={"slip": {"length": 3e-4, "time": 1.0}}))
+    rig.bench.load = Weight(0.1)
+    seen = []
+    rig.reading_of = lambda reading: seen.append(reading) or reading
+    rig.run(6.0)
+    current = [replace(r, supply_voltage_V=0.3, reference_voltage_V=0.05) for r in seen]  # bias, through 5 Ω
+    actuators = [Actuator(plain), Actuator(slipped)]
+
+    def differ_m(readings):
+        outputs = [[a.step(r.time_s, r, None) for r in readings] for a in actuators]
+        with_, without = outputs[1][-1].estimate, outputs[0][-1].estimate
+        return with_.displacement_m - without.displacement_m
+
+    third = len(current) // 3
+    assert differ_m(current[:third]) == pytest.approx(3e-4)
+    for actuator in actuators:
+        assert actuator.reset_estimator()[0]
+    assert differ_m(current[third : third + 2]) == pytest.approx(3e-4)
+    for actuator in actuators:
+        ok, sentence = actuator.tare_load()
+        assert ok, sentence
+    assert differ_m(current[third + 2 : third + 4]) == pytest.approx(3e-4)
+
+
 def test_clearing_without_a_fault_says_so(rig):
     assert rig.actuator.clear_fault(rig.now_s) == (True, "there is no fault to clear")
 

@@ -164,13 +164,13 @@ class AnyUse(RuleBasedStateMachine):
 
     @rule()
     def the_estimator_breaks_once(self):
-        genuine = self.actuator._estimator.step
+        genuine = self.actuator._chain.step
 
         def step(signals):
-            self.actuator._estimator.step = genuine
+            self.actuator._chain.step = genuine
             raise FloatingPointError("provoked")
 
-        self.actuator._estimator.step = step
+        self.actuator._chain.step = step
 
     # --- what people do ---------------------------------------------------------------------------
 

@@ -47,15 +47,21 @@ def _named(point: EntryPoint) -> str:
 
 
 class Registry(Mapping[str, Part], Generic[Part]):
-    """The parts of one kind, in the order in which they were registered, this package's own first.
+    """The parts of one kind, in the order of ``rank`` and then of their registration, this package's own first.
 
     ``kind`` is what one is called in sentences.  ``group`` names the entry points of other packages.
     ``refusal(name, part)`` says in a sentence what is wrong with a part, or nothing.
     """
 
-    def __init__(self, kind: str, group: str, refusal: Callable[[str, Part], str] = lambda _name, _part: ""):
+    def __init__(
+        self,
+        kind: str,
+        group: str,
+        refusal: Callable[[str, Part], str] = lambda _name, _part: "",
+        rank: Callable[[Part], int] = lambda _part: 0,
+    ):
         self.kind, self.group = kind, group
-        self._refusal = refusal
+        self._refusal, self._rank = refusal, rank
         self._parts: dict[str, Part] = {}
         self._loaded = False
         self._broken: list[str] = []
@@ -72,9 +78,15 @@ class Registry(Mapping[str, Part], Generic[Part]):
             if wrong:
                 raise PartRefusedError(f"{self.kind} '{name}': {wrong}")
             self._parts[name] = part
+            self._parts = dict(sorted(self._parts.items(), key=lambda item: self._rank(item[1])))
             return part
 
         return add
+
+    @property
+    def registered(self) -> Mapping[str, Part]:
+        """Those that are known so far; no plug-in is loaded for it."""
+        return self._parts
 
     def name_of(self, part: Any) -> str:
         """The name of a registered part.  Raises KeyError for any other."""

@@ -9,21 +9,30 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass, field
 from math import nan
+from typing import Generic, TypeVar
+
+import numpy as np
+
+#: One sample (float), or n of them (array of shape (n,)): what the records of a log hold is what one step holds.
+Value = TypeVar("Value", float, np.ndarray)
+
+#: Share of the bias current below which there is no current to measure resistance with.
+MEASURABLE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class Reading(Generic[Value]):
     """One averaged block of raw channels, as the DAQ gives it.
 
     ``time_s`` is on the clock of the loop (monotonic), at the end of the block.
     """
 
-    time_s: float
-    supply_voltage_V: float
-    reference_voltage_V: float
-    load_cell_voltage_V: float
-    lvdt_current_A: float = nan
-    ambient_temperature_C: float = nan
+    time_s: Value
+    supply_voltage_V: Value
+    reference_voltage_V: Value
+    load_cell_voltage_V: Value
+    lvdt_current_A: Value = nan  # type: ignore[assignment]  # not measured
+    ambient_temperature_C: Value = nan  # type: ignore[assignment]  # not measured
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,17 +48,18 @@ class SupplyState:
 
 
 @dataclass(frozen=True, slots=True)
-class Signals:
+class Signals(Generic[Value]):
     """Physical quantities of the wire, after the calibrations of chapter 3 of the thesis."""
 
-    time_s: float
-    resistance_Ohm: float
-    current_A: float
-    power_W: float  #: electrical power in the wire alone, I²R
-    load_N: float
-    stress_Pa: float
-    reference_displacement_m: float = nan
-    ambient_temperature_C: float = nan
+    time_s: Value
+    resistance_Ohm: Value
+    current_A: Value
+    power_W: Value  #: electrical power in the wire alone, I²R
+    load_N: Value
+    stress_Pa: Value
+    reference_displacement_m: Value = nan  # type: ignore[assignment]  # not measured
+    ambient_temperature_C: Value = nan  # type: ignore[assignment]  # not measured
+    tare_N: Value = 0.0  # type: ignore[assignment]  #: load that counts as zero, taken off load_N already
 
 
 class Branch(enum.IntEnum):

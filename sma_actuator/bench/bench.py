@@ -9,7 +9,8 @@ import numpy as np
 
 from sma_actuator.plant import physics
 from sma_actuator.plant.loads import Load, Schedule, Weight
-from sma_actuator.plant.materials import WIRES, Wire
+from sma_actuator.plant.materials import Wire
+from sma_actuator.plant.worlds import HOME, wire_in_world
 
 from .chain import CHANNELS, SATURATED, Chain, Noise, convert
 from .faults import check_fault
@@ -68,32 +69,27 @@ class VirtualBench:
 
     def _rest(self, ambient_C: float) -> None:
         """The wire has cooled to ``ambient_C`` under its load, and nothing has happened yet."""
-        force_N, stiffness_N_m, spring_at_m = self.load.at(0.0)
-        self._state, self._memory_m, self._memory_r = physics.cold_state(self.constants, ambient_C, force_N)
-        self._state[physics.LOAD] = physics.load_at(
-            self.constants,
-            self._state[physics.MARTENSITE],
-            self._state[physics.R_SHARE],
-            ambient_C,
-            force_N,
-            force_N,
-            stiffness_N_m,
-            spring_at_m,
-        )
+        self._wire = physics.cold_state(self.setup.wire, self.constants, ambient_C, *self.load.at(0.0))
+        self._state = self._wire.whole
 
     @classmethod
     def from_name(
-        cls, name: str, seed: int = 0, load: Load | None = None, size_m: tuple[float, float] | None = None, **setup
+        cls,
+        name: str,
+        seed: int = 0,
+        load: Load | None = None,
+        size_m: tuple[float, float] | None = None,
+        physics: str = HOME,
+        **setup,
     ) -> VirtualBench:
         """A bench with the wire ``flexinol`` or ``furukawa``, or one of that alloy and another size.
 
-        ``size_m`` is length and diameter; ``setup`` may hold other fields of :class:`Setup`.
+        ``size_m`` is length and diameter; ``physics`` is a name of :data:`sma_actuator.plant.worlds.WORLDS`;
+        ``setup`` may hold other fields of :class:`Setup`.
         """
-        if name not in WIRES:
-            raise ValueError(f"'{name}' is no wire of the bench; one of {', '.join(WIRES)} is wanted")
+        wire = wire_in_world(name, physics)
         if load is not None:
             setup["load"] = load
-        wire = WIRES[name]
         if size_m is not None:
             wire = replace(wire, length_m=size_m[0], diameter_m=size_m[1])
         return cls(Setup(wire, **setup), seed)
@@ -207,10 +203,8 @@ class VirtualBench:
             steps,
             STEP_S,
             self.constants,
-            self._state,
+            self._wire,
             self._inputs,
-            self._memory_m,
-            self._memory_r,
             self._ring,
             self._row,
         )

@@ -15,6 +15,7 @@ import numpy as np
 
 from sma_actuator.base.jit import jit
 from sma_actuator.plant import physics
+from sma_actuator.plant.worlds import HOME
 
 from .bench import RING, STEP_S, Setup, VirtualBench
 
@@ -296,13 +297,10 @@ class Rate(Hidden):
 
     def stretch_m(self, state, time_s, step_s):
         c = self.bench.constants
-        phases = state[physics.MARTENSITE], state[physics.R_SHARE]
         stress_Pa = state[physics.LOAD] / c.area_m2
         # The same phases without expansion, less what is elastic: what the transformation strained.
-        strain = physics.strain_of(c, *phases, c.reference_C, stress_Pa)
-        r = phases[1] * (1.0 - phases[0])
-        modulus = phases[0] * c.modulus_m + r * c.modulus_r + (1.0 - phases[0] - r) * c.modulus_a
-        now_m = c.length_m * (strain - stress_Pa / modulus)
+        parts = physics.strain_parts(c, state[physics.MARTENSITE], state[physics.R_SHARE], c.reference_C)
+        now_m = c.length_m * (physics.strain_under(c, parts, stress_Pa) - stress_Pa * parts.compliance_1_Pa)
         if self.lagged_m != self.lagged_m:
             self.lagged_m = now_m
         self.lagged_m += (1.0 - exp(-step_s / self.strength)) * (now_m - self.lagged_m)
@@ -561,10 +559,18 @@ class HiddenBench(VirtualBench):
 
     @classmethod
     def from_name(
-        cls, name, seed=0, load=None, size_m=None, hidden: Mapping[str, float] = {}, session_s=500.0, **setup
+        cls,
+        name,
+        seed=0,
+        load=None,
+        size_m=None,
+        physics=HOME,
+        hidden: Mapping[str, float] = {},
+        session_s=500.0,
+        **setup,
     ):
         """As :meth:`VirtualBench.from_name`, with effects."""
-        plain = VirtualBench.from_name(name, seed, load, size_m, **setup)
+        plain = VirtualBench.from_name(name, seed, load, size_m, physics, **setup)
         return cls(plain.setup, seed, hidden, session_s)
 
     def _set_inputs(self) -> None:

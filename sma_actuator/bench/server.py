@@ -20,9 +20,10 @@ from pathlib import Path
 from typing import Any
 
 from sma_actuator.instruments import InstrumentError
-from sma_actuator.logs.bench_log import write_atomically
+from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.loads import parse_load
 from sma_actuator.plant.materials import WIRES
+from sma_actuator.plant.worlds import HOME, WORLDS
 
 from .bench import VirtualBench
 from .faults import FAULTS, parse_fault
@@ -281,6 +282,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("--wire", choices=sorted(WIRES), default="flexinol", help="default %(default)s")
     parser.add_argument(
+        "--physics",
+        choices=WORLDS,
+        default=HOME,
+        metavar="NAME",
+        help=f"what the wire is made of and how it transforms: {', '.join(WORLDS)} (default %(default)s)",
+    )
+    parser.add_argument(
         "--load",
         type=_checked(parse_load),
         default="weight:0.98",
@@ -327,7 +335,9 @@ def run(args: argparse.Namespace) -> int:
     """Serve the benches that the options ask for; 0 after SIGINT or SIGTERM."""
     benches = []
     for number in range(args.count):
-        bench = VirtualBench.from_name(args.wire, seed=args.seed + number, load=args.load, ambient_C=args.ambient)
+        bench = VirtualBench.from_name(
+            args.wire, seed=args.seed + number, load=args.load, physics=args.physics, ambient_C=args.ambient
+        )
         for name, value, at_s in args.fault:
             bench.inject(name, value, at_s=at_s)
         benches.append(bench)

@@ -12,7 +12,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
 from sma_actuator.config import bench_from_mapping, read_parameter_file
-from sma_actuator.logs.bench_log import write_atomically
+from sma_actuator.logs.files import write_atomically
+from sma_actuator.plant.worlds import HOME, WORLDS
 
 from .operators import BenchOperator, ScpiBenchOperator, TerminalOperator
 from .parts import RUN
@@ -28,6 +29,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--virtual", metavar="WIRE", help="the virtual bench in this process, unattended: flexinol or furukawa"
+    )
+    parser.add_argument(
+        "--physics",
+        choices=WORLDS,
+        metavar="NAME",
+        help=f"with --virtual: what the wire is made of and how it transforms: {', '.join(WORLDS)} (default {HOME})",
     )
     parser.add_argument(
         "--unattended-bench",
@@ -143,6 +150,8 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(
             f"--hidden: {args.out} holds logs already, which may hide something else; a new folder is wanted"
         )
+    if args.physics and not args.virtual:
+        raise ConfigError("--physics: only the virtual bench (--virtual) has a choice of physics")
     if args.virtual:
         from sma_actuator.bench import HiddenBench, InProcessDaq, InProcessSupply, VirtualClock
 
@@ -152,6 +161,7 @@ def run(args: argparse.Namespace) -> int:
                 args.virtual,
                 args.seed,
                 size_m=size_m,
+                physics=args.physics or HOME,
                 hidden=dict(args.hidden),
                 session_s=sum(p.duration_s for p in plan),
             )

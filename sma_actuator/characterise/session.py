@@ -9,7 +9,8 @@ from typing import Any
 import yaml
 
 from sma_actuator.config import NODE_NAME, bench_from_mapping
-from sma_actuator.logs.bench_log import BenchLog, read_bench_log, write_atomically, write_bench_log
+from sma_actuator.logs.bench_log import BenchLog, read_bench_log, write_bench_log
+from sma_actuator.logs.files import write_atomically
 
 from .manifest import Manifest
 from .operators import Operator

@@ -30,6 +30,7 @@ from sma_actuator.config import NODE_NAME, Config, read_parameter_file
 from sma_actuator.control.setpoints import Setpoint, sine, steps, triangle
 from sma_actuator.control.tracking import TrackingErrors
 from sma_actuator.instruments import InstrumentError
+from sma_actuator.plant.worlds import HOME, WORLDS
 
 READY_TIMEOUT_s = 30.0
 STOP_TIMEOUT_s = 5.0
@@ -43,6 +44,13 @@ BAR_WIDTH = 48
 def add_arguments(parser) -> None:
     """Declare the options of ``sma-actuator demo``."""
     parser.add_argument("--wire", choices=("flexinol", "furukawa"), default="flexinol", help="wire and model")
+    parser.add_argument(
+        "--physics",
+        choices=WORLDS,
+        default=HOME,
+        metavar="NAME",
+        help=f"of the bench: {', '.join(WORLDS)} (default %(default)s)",
+    )
     parser.add_argument(
         "--load", default="weight:0.98", help="as for the bench: weight:N, spring:N/m,N (default %(default)s)"
     )
@@ -78,6 +86,8 @@ def run(args) -> int:
                     "bench",
                     "--wire",
                     args.wire,
+                    "--physics",
+                    args.physics,
                     "--load",
                     args.load,
                     "--seed",

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from math import nan
 
+import numpy as np
+
 from sma_actuator.base.parameters import parameter
 
 
@@ -56,6 +58,23 @@ class Calibration:
         (), "rms about them at each position, heating", "m", 0.0, 10.0, optional=True
     )
     scatter_cooling: tuple[float, ...] = parameter((), "the same, cooling", "m", 0.0, 10.0, optional=True)
+
+    cooling_position: float = parameter(
+        nan, "displacement at which the rises below were noted", "m", -10.0, 10.0, optional=True
+    )
+    cooling_stress: tuple[float, ...] = parameter((), "stresses of the rises below", "Pa", -1e9, 1e9, optional=True)
+    cooling_rise: tuple[float, ...] = parameter(
+        (),
+        "temperature above ambient by the heat balance when the cooling wire passed that displacement",
+        "K",
+        0.0,
+        1e3,
+        optional=True,
+    )
+
+    def cooling_rise_K(self, stress_Pa: float) -> float:
+        """The rise above ambient at which a cooling wire passes ``cooling_position``; NaN where that is not known."""
+        return float(np.interp(stress_Pa, self.cooling_stress, self.cooling_rise)) if self.cooling_rise else nan
 
     @property
     def known(self) -> bool:

@@ -5,6 +5,7 @@ The functions work on one sample (floats) and on whole logs (arrays) alike.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from math import nan
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sma_actuator.base.parameters import parameter
-from sma_actuator.base.signals import Reading, Signals
+from sma_actuator.base.signals import MEASURABLE, Reading, Signals
 
 if TYPE_CHECKING:
     from sma_actuator.config import Config
@@ -66,7 +67,7 @@ def resistance_and_current(supply_voltage_V, reference_voltage_V, reference_resi
     return resistance_Ohm, reference_voltage_V / reference_resistance_Ohm
 
 
-def signals_from_reading(reading: Reading, config: Config, tare_N: float = 0.0) -> Signals:
+def signals_from_reading(reading: Reading, config: Config, tare_N: float | np.ndarray = 0.0) -> Signals:
     """Apply the calibrations of ``config`` to a reading.
 
     ``reading`` may hold floats or, for replay, arrays of shape (n,) in every field.
@@ -84,9 +85,31 @@ def signals_from_reading(reading: Reading, config: Config, tare_N: float = 0.0) 
         time_s=reading.time_s,
         resistance_Ohm=resistance_Ohm,
         current_A=current_A,
-        power_W=current_A**2 * resistance_Ohm,
+        power_W=current_A * current_A * resistance_Ohm,
         load_N=load_N,
         stress_Pa=load_N / config.wire.area_m2,
         reference_displacement_m=reference_m,
         ambient_temperature_C=reading.ambient_temperature_C,
+        tare_N=tare_N,
     )
+
+
+def is_driven(current_A, bias_current_A: float):
+    """Whether there is current enough to measure a resistance with; of one sample or of n."""
+    return current_A >= MEASURABLE * bias_current_A
+
+
+def without_undriven(signals: Signals, bias_current_A: float) -> Signals:
+    """Signals in which an undriven wire has no resistance: noise divided by noise is none.
+
+    The one rule for the node and for logs of it; of one sample or of n.
+    """
+    driven = is_driven(signals.current_A, bias_current_A)
+    if isinstance(driven, np.ndarray):
+        resistance_Ohm = np.where(driven, signals.resistance_Ohm, np.nan)
+        power_W = np.where(driven, signals.power_W, np.nan)
+    elif driven:
+        return signals
+    else:
+        resistance_Ohm = power_W = np.nan
+    return dataclasses.replace(signals, resistance_Ohm=resistance_Ohm, power_W=power_W)

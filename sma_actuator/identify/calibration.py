@@ -13,7 +13,8 @@ import numpy as np
 from sma_actuator.base.jit import jit
 from sma_actuator.config import Config
 from sma_actuator.estimation.calibration import Calibration
-from sma_actuator.estimation.estimator import Estimator
+from sma_actuator.estimation.chain import Chain
+from sma_actuator.safety.thermal import HeatBalance
 
 from .rests import find_rests
 from .traces import Trace
@@ -27,7 +28,9 @@ def calibration_of(traces: Sequence[Trace], config: Config, at_rest: bool = True
 
     ``at_rest``: with what a resting wire shows; left out for models of wires of any size.
     """
-    estimates = [Estimator(config).run(t.signals).displacement_m for t in traces]
+    found = [Chain(config).run(t.signals) for t in traces]
+    traces = [t.through(estimate) for t, estimate in zip(traces, found, strict=True)]
+    estimates = [estimate.displacement_m for estimate in found]
     full_m = config.wire.full_stroke_m
     errors = [
         float(np.nanmean(np.abs(d - t.displacement_m))) / full_m * 100 for d, t in zip(estimates, traces, strict=True)
@@ -76,6 +79,7 @@ def calibration_of(traces: Sequence[Trace], config: Config, at_rest: bool = True
     }
     if len(ambient):
         values["ambient_temperature"] = float(ambient.mean())
+    values.update(_cooling(traces, config))
     values.update(_at_rest(traces, config.thermal.heat_capacity / config.thermal.heat_loss))
     return Calibration(**values)
 
@@ -192,3 +196,34 @@ def _at_rest(traces: Sequence[Trace], thermal_time_constant_s: float) -> dict:
     if "hot_stress" in out:
         out["hot_power"] = float(power_W)
     return out
+
+
+def _cooling(traces: Sequence[Trace], config: Config) -> dict:
+    """How warm the heat balance called the wire when, cooling, it passed the middle of its working range."""
+    middle_m = float(np.mean(config.model.build(config.wire).displacement_range_m))
+    thermal = config.thermal
+    rows = []
+    for trace in traces:
+        signals = trace.signals
+        read_C = np.broadcast_to(signals.ambient_temperature_C, signals.time_s.shape)
+        ambient_C = np.where(np.isfinite(read_C), read_C, thermal.ambient_temperature)
+        heat = HeatBalance(float(ambient_C[0]))
+        rise_K = np.empty(len(ambient_C))
+        steps_s = np.diff(signals.time_s, prepend=signals.time_s[0])
+        power_W = np.nan_to_num(signals.power_W)
+        for i, step_s in enumerate(steps_s):
+            heat.step(float(power_W[i]), float(step_s), float(ambient_C[i]), thermal.heat_capacity, thermal.heat_loss)
+            rise_K[i] = heat.temperature_C - ambient_C[i]
+        long = trace.displacement_m > middle_m
+        passed = np.flatnonzero(long[1:] & ~long[:-1] & ~trace.driven[1:]) + 1
+        rows += [(float(trace.stress_Pa[i]), float(rise_K[i])) for i in passed if np.isfinite(trace.stress_Pa[i])]
+    if not rows:
+        return {}
+    stress_Pa, rise_K = np.array(rows).T
+    clusters = _clusters(stress_Pa)
+    nearest = np.argmin(np.abs(stress_Pa[:, None] - clusters), axis=1)
+    return {
+        "cooling_position": round(middle_m, 8),
+        "cooling_stress": _rounded(clusters, 0),
+        "cooling_rise": tuple(round(float(rise_K[nearest == i].min()), 2) for i in range(len(clusters))),
+    }

@@ -13,7 +13,8 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from sma_actuator.config import NODE_NAME, read_parameter_file
-from sma_actuator.logs.bench_log import read_bench_log, write_atomically
+from sma_actuator.logs.bench_log import read_bench_log
+from sma_actuator.logs.files import write_atomically
 
 from .identification import METHODS, MODELS, Identification, identify
 

@@ -10,7 +10,9 @@ import numpy as np
 
 from sma_actuator.base.signals import Signals
 from sma_actuator.estimation.branch import BranchDetector
-from sma_actuator.logs.bench_log import BenchLog, BenchLogError, require_reference, signals_from_log
+from sma_actuator.estimation.chain import EstimateTrace
+from sma_actuator.logs.bench_log import BenchLog, require_reference, signals_from_log
+from sma_actuator.logs.errors import BenchLogError
 
 NOT_FITTED = ("lead_resistance", "load_cell", "lvdt", "training")
 _WIRE_KEYS = {"length_m": "length", "diameter_m": "diameter"}
@@ -69,6 +71,10 @@ class Trace:
         log = dataclasses.replace(self.log, columns={k: v[chosen] for k, v in self.log.columns.items()})
         return Trace(log, self.kind, signals, self.heating[chosen], self.driven[chosen], self.cycle[chosen])
 
+    def through(self, estimate: EstimateTrace) -> Trace:
+        """The trace with the signals and the branch that a model's chain made of it."""
+        return dataclasses.replace(self, signals=estimate.signals, heating=estimate.branch.astype(bool))
+
 
 def make_trace(log: BenchLog, config) -> Trace:
     """Apply the calibrations of ``config`` (Config or bench sections) to a log.
@@ -81,8 +87,11 @@ def make_trace(log: BenchLog, config) -> Trace:
     signals = signals_from_log(log, config)
     good = np.isfinite(signals.resistance_Ohm + signals.stress_Pa + signals.power_W)
     if not good.any():
+        largest_A = float(np.nan_to_num(signals.current_A, nan=0.0).max())
         raise BenchLogError(
-            f"{log.source}: line 2: no reading has a resistance and a load; is reference_voltage_V zero throughout?"
+            f"{log.source}: line 2: no reading has a resistance and a load: the current never exceeds {largest_A:.3g} A, where "
+            f"half of supply.bias_current ({config.supply.bias_current:g} A) is the least to measure resistance with, or the "
+            "load is missing; was the wire never driven, or is circuit.reference_resistance of another circuit?"
         )
     resistance_Ohm = np.median(signals.resistance_Ohm[good])
     safety = config.safety

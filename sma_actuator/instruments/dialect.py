@@ -87,7 +87,7 @@ _KEYS = {
     "daq": {"kind", "family", "source", "notes", "identity", "termination", "measures_celsius", "commands", "queries"},
 }
 _YES = {"1", "on", "yes", "true"}
-_NO = {"0", "off", "no", "false", "none", ""}
+_NO = {"0", "off", "no", "false"}  #: not the empty answer: it proves nothing
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,8 @@ import numpy as np
 
 from sma_actuator.base.parameters import ConfigError
 
-from .bench_log import COLUMNS, BenchLog, BenchLogError
+from .bench_log import COLUMNS, BenchLog
+from .errors import BenchLogError
 
 
 def is_bag(path: Path) -> bool:

@@ -1,12 +1,9 @@
 """Bench logs: what was measured on a wire, in a CSV file with the units in the column names.
 
-One header row, one row per reading.  The columns of :data:`COLUMNS` are known; any other is kept.
-``load_N`` may stand instead of ``load_cell_voltage_V`` and ``displacement_m`` instead of
-``lvdt_current_A``.  What was known when the log was made (the wire, the load, the part of the
-experiment) stands beside it in a JSON file of the same name.
-
-Comma, semicolon or tab between the fields; a decimal comma is understood where the separator is
-not a comma.  A byte order mark and Windows line ends are accepted.
+One header row, one row per reading.  The columns of :data:`COLUMNS` are known; any other is kept.  What was
+measured may stand in several ways: resistance and current as voltages over the circuit and its sense resistor, as
+voltage and current of the wire, or as they are; the load and the displacement raw or in N and m.  What was known
+when the log was made (the wire, the load, the part of the experiment) stands beside it in a JSON file of the same name.
 """
 
 from __future__ import annotations
@@ -15,27 +12,22 @@ import dataclasses
 import difflib
 import json
 import math
-import os
-import tempfile
-import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
-from sma_actuator.base.errors import UserError
 from sma_actuator.base.signals import Reading, Signals
-from sma_actuator.estimation.circuit import signals_from_reading
-from sma_actuator.estimation.effects import EffectChain, Place
+from sma_actuator.estimation.circuit import signals_from_reading, without_undriven
+
+from .errors import BenchLogError
+from .files import write_atomically
+from .tables import EVENT_COLUMN, Table, read_text
 
 if TYPE_CHECKING:
     from sma_actuator.config import Config
-
-
-class BenchLogError(UserError, ValueError):
-    """A log that cannot be used.  The message names file, line and column, and what would be right."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +43,11 @@ COLUMNS: dict[str, _Column] = {
     "supply_voltage_V": _Column(-100.0, 100.0, "is it in millivolts?"),
     "reference_voltage_V": _Column(-20.0, 20.0, "is it in millivolts?"),
     "load_cell_voltage_V": _Column(-100.0, 100.0, "is it in millivolts?"),
+    "wire_voltage_V": _Column(-100.0, 100.0, "is it in millivolts?"),
+    "current_A": _Column(-20.0, 20.0, "is it in milliamperes?"),
+    "resistance_Ohm": _Column(-1e4, 1e4, "is it in milliohms?"),
+    "power_W": _Column(-1e3, 1e3, "is it in milliwatts?"),
+    "tare_N": _Column(-1e4, 1e4, "is it in grams?"),
     "load_N": _Column(-1e4, 1e4, "is it in grams?"),
     "lvdt_current_A": _Column(-1.0, 1.0, "is it in milliamperes?"),
     "displacement_m": _Column(-0.5, 0.5, "is it in millimetres?"),
@@ -58,12 +55,21 @@ COLUMNS: dict[str, _Column] = {
     "ambient_temperature_C": _Column(-60.0, 100.0, "is it in kelvin or fahrenheit?"),
     "setpoint_m": _Column(-0.5, 0.5, "is it in millimetres?"),
 }
-_ALWAYS = (("time_s",), ("supply_voltage_V",), ("reference_voltage_V",), ("load_cell_voltage_V", "load_N"))
+#: Pairs of columns that tell resistance and current; the first that is there counts.
+ELECTRICAL = (
+    ("supply_voltage_V", "reference_voltage_V"),
+    ("resistance_Ohm", "current_A"),
+    ("resistance_Ohm", "reference_voltage_V"),
+    ("resistance_Ohm", "power_W"),
+    ("wire_voltage_V", "current_A"),
+    ("wire_voltage_V", "reference_voltage_V"),
+    ("wire_voltage_V", "power_W"),
+    ("power_W", "current_A"),
+)
+_LOAD = ("load_cell_voltage_V", "load_N")
 _REFERENCE = ("lvdt_current_A", "displacement_m")
 _MAY_BE_NAN = {"ambient_temperature_C", "setpoint_m", "current_command_A"}
 _SLOWEST_PERIOD_s = 1.0  #: a wire moves through its stroke within seconds
-_CHUNK_BYTES = 8_000_000
-_SEPARATORS = {b",": "comma", b";": "semicolon", b"\t": "tab"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +79,7 @@ class BenchLog:
     columns: Mapping[str, np.ndarray]
     metadata: Mapping[str, Any] = field(default_factory=dict)
     source: str = "(in memory)"
+    events: tuple[tuple[float, str], ...] = ()  #: time [s] of the row before which it happened, and what
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self.columns[name]
@@ -115,17 +122,17 @@ def read_bench_log(
     Raises BenchLogError with one sentence naming file, line and column.
     """
     path = Path(path)
-    try:
-        with path.open("rb") as stream:
-            columns = _parse(stream, path, progress)
-    except OSError as error:
-        raise BenchLogError(
-            f"{path}: cannot be read ({error.strerror or error}); a bench log (CSV) is wanted"
-        ) from error
-    columns = {name: values for name, values in columns.items() if not len(values) or not np.isnan(values).all()}
-    log = BenchLog(columns, _read_metadata(path), str(path))
+    log = log_of(read_text(path, progress), read_metadata(path))
     check_bench_log(log, allow_gaps)
     return log
+
+
+def log_of(table: Table, metadata: Mapping[str, Any]) -> BenchLog:
+    """A table whose columns have the names used here, as a log, unchecked; empty columns are left out."""
+    columns = {n: values for n, values in table.columns.items() if not len(values) or not np.isnan(values).all()}
+    time_s = columns.get("time_s", np.empty(0))
+    events = tuple((float(time_s[row]), text) for row, text in sorted(table.texts.items()) if row < len(time_s))
+    return BenchLog(columns, metadata, table.source, events)
 
 
 def write_bench_log(path: str | Path, log: BenchLog) -> None:
@@ -134,12 +141,23 @@ def write_bench_log(path: str | Path, log: BenchLog) -> None:
     names = [n for n in COLUMNS if n in log] + [n for n in log.columns if n not in COLUMNS]
     formats = ["%.6f" if n == "time_s" else "%.9g" for n in names]
 
-    def write(stream):
-        stream.write(",".join(names).encode() + b"\n")
+    events = dict(log.events)
+
+    def write(stream: IO[bytes]) -> None:
+        stream.write(",".join([*names, EVENT_COLUMN] if events else names).encode() + b"\n")
         row = ",".join(formats) + "\n"
         for start in range(0, len(log), 50_000):
             block = np.column_stack([log[n][start : start + 50_000] for n in names])
-            stream.write((row * len(block) % tuple(block.ravel())).encode())
+            if not events:
+                stream.write((row * len(block) % tuple(block.ravel())).encode())
+                continue
+            for values in block:
+                event = events.get(float(values[0]), "")
+                stream.write(
+                    (
+                        (row.rstrip() + ',"%s"\n') % (*values, event) if event else row.rstrip() % tuple(values) + ",\n"
+                    ).encode()
+                )
 
     if log.metadata:
         text = json.dumps(dict(log.metadata), indent=1, allow_nan=False) + "\n"
@@ -147,70 +165,67 @@ def write_bench_log(path: str | Path, log: BenchLog) -> None:
     write_atomically(path, write)
 
 
-def write_atomically(path: str | Path, write: Callable[[Any], Any]) -> None:
-    """Call ``write`` with a binary stream; the file appears under its name only when all of it is on disk."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as stream:
-            write(stream)
-            stream.flush()
-            os.fsync(stream.fileno())
-        os.chmod(temporary, 0o644)  # mkstemp gives 0600
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
-
-
-def to_reading(log: BenchLog, config: Config) -> Reading:
-    """The log as one Reading whose fields are arrays of shape (n,).
-
-    Where the log holds ``load_N`` or ``displacement_m``, the calibrations of ``config`` are undone
-    to get the raw channel, so that ``signals_from_reading`` gives the logged value again.
-    """
+def to_reading(log: BenchLog) -> Reading:
+    """The raw channels of a log as one Reading whose fields are arrays of shape (n,); NaN where there is none."""
     missing = np.full(len(log), np.nan)
-    if "load_cell_voltage_V" in log:
-        load_cell_V = log["load_cell_voltage_V"]
-    else:
-        load_cell_V = (log["load_N"] - config.load_cell.offset) / config.load_cell.slope
-    if "lvdt_current_A" in log:
-        lvdt_A = log["lvdt_current_A"]
-    elif "displacement_m" in log and config.reference_sensor.fitted:
-        lvdt_A = (log["displacement_m"] - config.reference_sensor.offset) / config.reference_sensor.slope
-    else:
-        lvdt_A = missing
-    return Reading(
-        time_s=log["time_s"],
-        supply_voltage_V=log["supply_voltage_V"],
-        reference_voltage_V=log["reference_voltage_V"],
-        load_cell_voltage_V=load_cell_V,
-        lvdt_current_A=lvdt_A,
-        ambient_temperature_C=log.columns.get("ambient_temperature_C", missing),
-    )
+    channels = [f.name for f in dataclasses.fields(Reading)]
+    return Reading(**{name: log.columns.get(name, missing) for name in channels})
 
 
 def signals_from_log(log: BenchLog, config: Config) -> Signals:
-    """Physical quantities of a whole log, arrays of shape (n,), with ``config``'s calibrations (and a model's effects
-    of circuit and load cell, where it has a model).
+    """Physical quantities of a whole log, arrays of shape (n,), with ``config``'s calibrations.
 
-    ``displacement_m`` in the log is used as it is, also where ``config`` has no reference sensor.
+    A wire that was not driven has no resistance; the tare is that of the log.  ``displacement_m`` in the log is used
+    as it is, also where ``config`` has no reference sensor.
     """
-    signals = signals_from_reading(to_reading(log, config), config)
-    if "lvdt_current_A" not in log and "displacement_m" in log:
+    signals = signals_from_reading(to_reading(log), config, log.columns.get("tare_N", 0.0))
+    pair = electrical_columns(log)
+    if pair != ELECTRICAL[0]:
+        resistance_Ohm, current_A = _resistance_and_current(log, pair, config.circuit.reference_resistance)
+        power_W = current_A * current_A * resistance_Ohm
+        signals = dataclasses.replace(signals, resistance_Ohm=resistance_Ohm, current_A=current_A, power_W=power_W)
+    if "load_cell_voltage_V" not in log:
+        signals = dataclasses.replace(signals, load_N=log["load_N"], stress_Pa=log["load_N"] / config.wire.area_m2)
+    if "displacement_m" in log and not ("lvdt_current_A" in log and config.reference_sensor.fitted):
         signals = dataclasses.replace(signals, reference_displacement_m=log["displacement_m"])
-    if hasattr(config, "effects"):  # a bench has none
-        signals = EffectChain(config.effects.active, Place.of(config)).measure(signals)
-    return signals
+    if pair[0] == "resistance_Ohm":
+        return signals  # however it was measured, it is one
+    return without_undriven(signals, config.supply.bias_current)
+
+
+def electrical_columns(log: BenchLog) -> tuple[str, str]:
+    """The pair of columns that tells resistance and current.  Raises BenchLogError where there is none."""
+    for pair in ELECTRICAL:
+        if all(name in log for name in pair):
+            return pair
+    raise BenchLogError(f"{log.source}: line 1: {_missing_electrical(log)}")
+
+
+def _resistance_and_current(log: BenchLog, pair: tuple[str, str], sense_Ohm: float) -> tuple[np.ndarray, np.ndarray]:
+    """Resistance [Ω] and current [A] of the wire from any pair but the first."""
+    first, second = log[pair[0]], log[pair[1]]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if pair[1] == "reference_voltage_V":
+            second = second / sense_Ohm
+        if pair[0] == "resistance_Ohm":
+            current_A = np.sqrt(second / first) if pair[1] == "power_W" else second
+            return first, current_A
+        if pair[0] == "wire_voltage_V":
+            current_A = second / first if pair[1] == "power_W" else second
+            resistance_Ohm = first / current_A
+        else:
+            current_A, resistance_Ohm = second, first / (second * second)
+    return np.where(np.isfinite(resistance_Ohm), resistance_Ohm, np.nan), current_A
 
 
 def check_bench_log(log: BenchLog, allow_gaps: bool = False) -> None:
     """Raise BenchLogError where a log lacks columns, or holds values or times that cannot be."""
     source = log.source
-    for alternatives in _ALWAYS:
-        if not any(name in log for name in alternatives):
-            raise BenchLogError(f"{source}: line 1: {_missing_column(alternatives, log)}")
+    if "time_s" not in log:
+        raise BenchLogError(f"{source}: line 1: {_missing_column(('time_s',), log)}")
+    electrical_columns(log)
+    if not any(name in log for name in _LOAD):
+        raise BenchLogError(f"{source}: line 1: {_missing_column(_LOAD, log)}")
     if len(log) == 0:
         raise BenchLogError(f"{source}: line 2: there are no readings after the header row")
     time_s = log["time_s"]
@@ -285,11 +300,30 @@ def _missing_column(alternatives: tuple[str, ...], log: BenchLog) -> str:
     return f"column {wanted} is missing (or holds no number); found {', '.join(log.columns)}"
 
 
+def _missing_electrical(log: BenchLog) -> str:
+    """What to say of a log that tells no resistance."""
+    if "supply_voltage_V" in log and "current_A" in log:
+        return (
+            "supply_voltage_V and current_A tell the resistance of wire, leads and sense resistor together; name the "
+            "voltage wire_voltage_V if it is that over the wire alone, else give reference_voltage_V (over the sense resistor)"
+        )
+    if "supply_voltage_V" in log:
+        return _missing_column(("reference_voltage_V",), log)
+    if "reference_voltage_V" in log:
+        return _missing_column(("supply_voltage_V",), log)
+    pairs = "; ".join(" and ".join(pair) for pair in ELECTRICAL)
+    return (
+        f"{_missing_column(('supply_voltage_V', 'reference_voltage_V'), log)}; resistance and current come from one of these "
+        f"pairs: {pairs}"
+    )
+
+
 def _metadata_path(path: Path) -> Path:
     return path.with_suffix(".json")
 
 
-def _read_metadata(path: Path) -> dict[str, Any]:
+def read_metadata(path: Path) -> dict[str, Any]:
+    """What was known when a log was made, from the JSON file beside it; {} where there is none.  Raises BenchLogError."""
     beside = _metadata_path(path)
     if not beside.exists():
         return {}
@@ -300,110 +334,3 @@ def _read_metadata(path: Path) -> dict[str, Any]:
     if not isinstance(metadata, dict):
         raise BenchLogError(f"{beside}: holds no JSON object; it describes {path.name}")
     return metadata
-
-
-# --- reading -------------------------------------------------------------------------------------
-
-
-def _parse(stream, path: Path, progress) -> dict[str, np.ndarray]:
-    """All columns of the file, as rows of one array of shape (columns, n): n is counted first, so
-    that a log of any length needs little more memory than its columns."""
-    header = stream.readline(1_000_000)
-    if header.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise BenchLogError(f"{path}: line 1: the file is UTF-16; save it as UTF-8")
-    header = header.removeprefix(b"\xef\xbb\xbf").rstrip(b"\r\n")
-    if not header.strip():
-        raise BenchLogError(f"{path}: line 1: the file is empty; a header row with the columns is wanted")
-    separator = max(_SEPARATORS, key=header.count)
-    try:
-        names = [n.strip().strip('"') for n in header.decode("utf-8").split(separator.decode())]
-    except UnicodeDecodeError as error:
-        raise BenchLogError(f"{path}: line 1: is not text in UTF-8; a CSV file is wanted") from error
-    if all(_is_number(n) for n in names):
-        raise BenchLogError(f"{path}: line 1: numbers where the header row with the columns' names is wanted")
-    for i, name in enumerate(names):
-        if not name or name in names[:i]:
-            what = f"the column '{name}' stands twice" if name else f"column {i + 1} has no name"
-            raise BenchLogError(f"{path}: line 1: {what}")
-    start = stream.tell()
-    total_bytes = max(1, os.fstat(stream.fileno()).st_size - start)
-    rows = sum(block.count(b"\n") for block in iter(lambda: stream.read(_CHUNK_BYTES), b"")) + 1
-    stream.seek(start)
-    values = np.empty((len(names), rows))
-    parser = _ChunkParser(path, names, separator)
-    filled, rest = 0, b""
-    while True:
-        block = stream.read(_CHUNK_BYTES)
-        end = len(block) < _CHUNK_BYTES
-        block = rest + block
-        cut = len(block) if end else block.rfind(b"\n") + 1
-        block, rest = block[:cut], block[cut:]
-        parsed = parser.parse(block, first_line=filled + 2)
-        values[:, filled : filled + len(parsed)] = parsed.T
-        filled += len(parsed)
-        if progress:
-            progress((stream.tell() - start) / total_bytes)
-        if end:
-            return dict(zip(names, values[:, :filled]))
-
-
-class _ChunkParser:
-    """Turns whole lines into numbers: all at once where they are regular, one by one where not."""
-
-    def __init__(self, path: Path, names: list[str], separator: bytes):
-        self.path, self.names, self.separator = path, names, separator
-        translation = b",;\t\n" if separator == b"," else b".,\t\n" if separator == b";" else b".;,\n"
-        self._table = bytes.maketrans(b",;\t\n", translation)
-
-    def parse(self, block: bytes, first_line: int) -> np.ndarray:
-        """Numbers of the lines in ``block``, shape (lines, columns)."""
-        block = block.replace(b"\r\n", b"\n").rstrip(b"\n ")
-        if not block:
-            return np.empty((0, len(self.names)))
-        table = block.translate(self._table)
-        width = len(self.names)
-        characters = np.frombuffer(table, np.uint8)
-        ends = np.flatnonzero((characters == ord(",")) | (characters == ord("\n")))
-        newline = characters[ends] == ord("\n")
-        lines = np.count_nonzero(newline) + 1
-        if len(ends) == lines * width - 1 and newline[width - 1 :: width].all():
-            with warnings.catch_warnings():
-                warnings.simplefilter("error", DeprecationWarning)  # numpy's way to say: not all of it was numbers
-                try:
-                    numbers = np.fromstring(table.replace(b"\n", b","), sep=",")
-                    if len(numbers) == lines * width:
-                        return numbers.reshape(lines, width)
-                except (DeprecationWarning, ValueError):
-                    pass
-        return self._parse_lines(block.decode("utf-8", errors="replace").split("\n"), first_line)
-
-    def _parse_lines(self, lines: list[str], first_line: int) -> np.ndarray:
-        out = np.empty((len(lines), len(self.names)))
-        separator = self.separator.decode()
-        for i, line in enumerate(lines):
-            fields = line.strip("\r").split(separator)
-            place = f"{self.path}: line {first_line + i}"
-            if len(fields) != len(self.names):
-                help_ = ""
-                if separator == "," and len(fields) > len(self.names):
-                    help_ = "; decimal commas need a semicolon between the fields"
-                elif i == len(lines) - 1:
-                    help_ = "; was the file cut off?"
-                raise BenchLogError(f"{place}: {len(fields)} fields where the header has {len(self.names)}{help_}")
-            for j, text in enumerate(fields):
-                text = text.strip().strip('"')
-                if separator != ",":
-                    text = text.replace(",", ".")
-                try:
-                    out[i, j] = float(text) if text else math.nan
-                except ValueError:
-                    raise BenchLogError(f"{place}, column {self.names[j]}: '{text}' is not a number") from None
-        return out
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -2,42 +2,53 @@
 
 Rows go through a bounded queue to a thread of their own, so that a slow disk costs rows, which are
 counted, and never time in the loop.  A file is called ``….csv.part`` while it is written and
-``….csv`` when it is complete; it is flushed whenever the queue is empty, so a killed process loses
-next to nothing, and the next recorder on that folder completes what was left behind.
+``….csv`` when it is complete; every row is with the system before the next is taken, so a killed
+process loses next to nothing, and the next recorder on that folder completes what was left behind.
+Where the disk is full the wire is driven on without a log, until there is room again.
+
+Numbers are written with all their digits: whoever reads them gets the estimator's own numbers back.
+The column ``event`` says what changed before its row: output on or off, fault, tare, parameters.
+
+Only files of the recorder's own :class:`Manifest` are ever completed or removed.
 """
 
 from __future__ import annotations
 
 import contextlib
 import datetime
+import errno
 import fcntl
 import json
 import logging
 import os
 import queue
 import threading
+import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import TYPE_CHECKING
 
 from sma_actuator.base.parameters import ConfigError, parameter
 from sma_actuator.base.signals import Reading
 
 from .bench_log import COLUMNS
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
+from .manifest import Files, Manifest
+from .tables import EVENT_COLUMN
 
 if TYPE_CHECKING:
     from sma_actuator.actuator import Output
+    from sma_actuator.config import Config
 
 _log = logging.getLogger(__name__)
 
 #: What the estimator made of the reading, beside the columns every bench log has.
 ESTIMATE_COLUMNS = ("displacement_estimate_m", "velocity_estimate_m_s", "branch", "quality", "output_on")
-_ALWAYS = ("time_s", "supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V")
+RETRY_s = 10.0  #: between two attempts to go on where the disk was full
+_ALWAYS = ("time_s", "supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V", "tare_N")
 _PART = ".part"
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _STOP = None
+_Row = tuple[tuple[float, ...], str]  #: numbers, event
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,50 +64,63 @@ class BenchLogRecorder:
     """Writes the bench log of one wire into ``config.recorder.folder``.
 
     ``current_command_A`` is the command that followed the reading; it acts until the next row.
-    Raises ConfigError where the folder cannot be made or written.
+    Raises ConfigError where the folder cannot be made or written; a full disk is a ``problem``, no reason not to start.
     """
 
     def __init__(self, config: Config, name: str = "sma_actuator", queue_rows: int = 10_000):
         self.dropped_rows = 0
-        self.problem = ""  #: why nothing is written any more
+        self.problem = ""  #: why nothing is written now
         self.columns = _columns(config)
         self._config = config
         self._name = name.strip("/").replace("/", "_")
         self._folder = Path(config.recorder.folder).expanduser()
+        self._manifest = Manifest(self._folder, self._name)
         self._last_time_s = float("-inf")
+        self._events: list[str] = []  #: that stand in no row yet
         self._number = 0
         self._size = 0
-        self._file: IO[bytes] | None = None
-        self._queue: queue.Queue[tuple[float, ...] | None] = queue.Queue(queue_rows)
+        self._handle = -1  #: the open file; −1 where there is none
+        self._part = Path()  #: and its name
+        self._retry_s = 0.0  #: when to try again after a failure
+        self._queue: queue.Queue[_Row | None] = queue.Queue(queue_rows)
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
             self._complete_left_behind()
             self._begin_file()
         except OSError as error:
-            raise ConfigError(
-                f"recorder.folder: {self._folder} cannot be written ({error.strerror}); a folder this process may write is wanted"
-            ) from error
+            if error.errno not in _NO_ROOM:
+                raise ConfigError(
+                    f"recorder.folder: {self._folder} cannot be written ({error.strerror}); a folder this process may write is wanted"
+                ) from error
+            self._end_with(error)
         self._thread = threading.Thread(target=self._run, name=f"{name} recorder", daemon=True)
         self._thread.start()
 
-    def record(self, reading: Reading, output: Output) -> None:
-        """Queue one row; where the queue is full the row is dropped and counted."""
-        if not reading.time_s > self._last_time_s:
+    def record(self, reading: Reading | None, output: Output) -> None:
+        """Queue one row; where the queue is full the row is dropped and counted.
+
+        A step without a reading has no row: what happened in it stands in the next.
+        """
+        self._events += output.events
+        if reading is None or not reading.time_s > self._last_time_s:
             return  # the same block again: a log's times increase
         self._last_time_s = reading.time_s
         row = {name: getattr(reading, name) for name in COLUMNS if hasattr(reading, name)} | {
+            "tare_N": output.tare_N,
             "current_command_A": output.command.current_A,
             "setpoint_m": output.setpoint_m,
             "displacement_estimate_m": output.estimate.displacement_m,
             "velocity_estimate_m_s": output.estimate.velocity_m_s,
-            "branch": output.estimate.branch,
-            "quality": output.estimate.quality,
-            "output_on": output.command.output_on,
+            "branch": int(output.estimate.branch),
+            "quality": int(output.estimate.quality),
+            "output_on": int(output.command.output_on),
         }
         try:
-            self._queue.put_nowait(tuple(row[name] for name in self.columns))
+            self._queue.put_nowait((tuple(row[name] for name in self.columns), "; ".join(self._events)))
         except queue.Full:
             self.dropped_rows += 1
+        else:
+            self._events.clear()
 
     def close(self, timeout_s: float = 5.0) -> None:
         """Write what is queued, complete the file and end the thread.  May be called twice."""
@@ -110,78 +134,155 @@ class BenchLogRecorder:
     # --- in the recorder's thread -----------------------------------------------------------------
 
     def _run(self) -> None:
+        while (row := self._queue.get()) is not _STOP:
+            try:
+                self._keep(row)
+            except (OSError, ConfigError) as error:
+                self._end_with(error)
+                self.dropped_rows += 1
         try:
-            while (row := self._queue.get()) is not _STOP:
-                self._write_row(row)
-                if self._queue.empty():
-                    self._file.flush()
-                if self._size >= self._config.recorder.max_file_size:
-                    self._complete_file()
-                    self._begin_file()
             self._complete_file()
         except OSError as error:
-            self.problem = f"the bench log in {self._folder} ended: {error.strerror or error}"
-            _log.error("%s: %s", self._name, self.problem)
-            self.dropped_rows += 1  # the row at hand
-            while self._queue.get() is not _STOP:
-                self.dropped_rows += 1
+            self._end_with(error)
 
-    def _write_row(self, row: tuple[float, ...]) -> None:
-        line = (f"{row[0]:.6f}," + ",".join(f"{value:.9g}" for value in row[1:]) + "\n").encode()
-        self._file.write(line)
-        self._size += len(line)
+    def _keep(self, row: _Row) -> None:
+        if self._handle < 0:
+            if time.monotonic() < self._retry_s:
+                self.dropped_rows += 1
+                return
+            self._begin_file()
+            self.problem = ""
+            _log.warning("%s: the bench log goes on in %s", self._name, self._part.with_suffix(""))
+        self._write_row(row)
+        if self._size >= self._config.recorder.max_file_size:
+            self._complete_file()
+            self._begin_file()
+
+    def _write_row(self, row: _Row) -> None:
+        numbers, event = row
+        quoted = '"' + event.replace('"', "'").replace("\n", " ") + '"' if event else ""
+        self._write(",".join([repr(v) if type(v) is int else repr(float(v)) for v in numbers]) + f",{quoted}\n")
+
+    def _write(self, text: str) -> None:
+        data = text.encode()
+        self._size += len(data)
+        while data:
+            data = data[os.write(self._handle, data) :]  # a disk that fills takes a part of it
 
     def _begin_file(self) -> None:
-        """Open the next file, with its header, and its metadata beside it."""
+        """Open the next file, with its header, and its metadata beside it; remove the oldest where there are too many."""
         started = datetime.datetime.now().astimezone()
-        self._number += 1
-        stem = f"{self._name}_{started:%Y%m%d_%H%M%S}_{os.getpid()}_{self._number:04d}"
-        self._file = (self._folder / f"{stem}.csv{_PART}").open("xb")
-        fcntl.flock(self._file, fcntl.LOCK_EX)  # says that its writer lives
-        header = (",".join(self.columns) + "\n").encode()
-        self._file.write(header)
-        self._file.flush()
-        self._size = len(header)
         metadata = {
             "recorded_by": self._name,
             "started": started.isoformat(timespec="seconds"),
             "wire": self._config.to_mapping()["wire"],
             "parameters": self._config.to_mapping(),
         }
-        (self._folder / f"{stem}.json").write_text(json.dumps(metadata, indent=1) + "\n", encoding="utf-8")
-        self._remove_oldest()
+        with self._manifest.changing() as files:
+            self._remove_oldest(files)
+            stem = self._free_stem(started)
+            log, beside = stem + ".csv", stem + ".json"
+            try:
+                self._part = self._folder / (log + _PART)
+                self._handle = os.open(self._part, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+                fcntl.flock(self._handle, fcntl.LOCK_EX)  # says that its writer lives
+                files[log] = os.fstat(self._handle).st_ino
+                with (self._folder / beside).open("x", encoding="utf-8") as stream:
+                    files[beside] = os.fstat(stream.fileno()).st_ino
+                    json.dump(metadata, stream, indent=1)
+                self._size = 0
+                self._write(",".join((*self.columns, EVENT_COLUMN)) + "\n")
+            except BaseException:
+                self._manifest.remove(files, beside)
+                if self._handle >= 0:
+                    self._part.unlink()
+                    os.close(self._handle)
+                    self._handle = -1
+                files.pop(log, None)
+                raise
+
+    def _free_stem(self, started: datetime.datetime) -> str:
+        """A name that no file has: a recorder of the same process may have begun in the same second."""
+        while True:
+            self._number += 1
+            stem = f"{self._name}_{started:%Y%m%d_%H%M%S}_{os.getpid()}_{self._number:04d}"
+            if not any(os.path.lexists(self._folder / (stem + end)) for end in (".csv", ".csv" + _PART, ".json")):
+                return stem
 
     def _complete_file(self) -> None:
-        path = Path(self._file.name)
-        self._file.flush()
-        os.fsync(self._file.fileno())
-        path.rename(path.with_suffix(""))
-        self._file.close()
+        if self._handle < 0:
+            return
+        os.fsync(self._handle)
+        with self._manifest.changing():
+            self._give_name(self._part)
+        os.close(self._handle)
+        self._handle = -1
 
-    def _remove_oldest(self) -> None:
-        files = sorted(self._folder.glob(f"{self._name}_*.csv"), key=lambda path: (path.stat().st_mtime_ns, path.name))
-        for path in files[: max(0, len(files) - (self._config.recorder.max_files - 1))]:
-            path.unlink(missing_ok=True)
-            path.with_suffix(".json").unlink(missing_ok=True)
+    def _end_with(self, error: Exception) -> None:
+        """Go on without a log for a while: say why, and keep what is whole of the file at hand."""
+        if not self.problem:
+            why = error.strerror or error if isinstance(error, OSError) else error
+            self.problem = f"the bench log in {self._folder} ended: {why}"
+            _log.error("%s: %s; trying again every %g s", self._name, self.problem, RETRY_s)
+        self._retry_s = time.monotonic() + RETRY_s
+        if self._handle < 0:
+            return
+        with contextlib.suppress(OSError):
+            os.ftruncate(self._handle, _end_of_last_line(self._handle))
+            self._give_name(self._part)
+        os.close(self._handle)
+        self._handle = -1
+
+    def _give_name(self, part: Path) -> None:
+        """Take ``.part`` off a name, unless there is somebody's file of the name it would have."""
+        path = part.with_suffix("")
+        if os.path.lexists(path):
+            _log.warning("%s: %s is complete, but %s exists already and is not the recorder's", self._name, part, path)
+        else:
+            part.rename(path)
+
+    def _remove_oldest(self, files: Files) -> None:
+        """Leave room for one more log, and forget files that are gone."""
+        for name in list(files):
+            if not (self._manifest.is_own(files, name) or self._is_part(files, name)):
+                del files[name]
+        logs = [name for name in files if name.endswith(".csv")]
+        for name in logs[: max(0, len(logs) - (self._config.recorder.max_files - 1))]:
+            if self._is_part(files, name):
+                continue  # a recorder that lives is writing it
+            self._manifest.remove(files, name)
+            self._manifest.remove(files, name.removesuffix(".csv") + ".json")
+            _log.warning(
+                "%s: removed the oldest log, %s (recorder.max_files is %d)",
+                self._name, self._folder / name, self._config.recorder.max_files,
+            )  # fmt: skip
+
+    def _is_part(self, files: Files, name: str) -> bool:
+        return self._manifest.is_own({name + _PART: files[name]}, name + _PART)
 
     def _complete_left_behind(self) -> None:
         """Give the files of a killed recorder their name, without a last line that is half written."""
-        for path in self._folder.glob(f"{self._name}_*.csv{_PART}"):
-            with path.open("r+b") as stream:
+        with self._manifest.changing() as files:
+            for name in files:
+                if not self._is_part(files, name):
+                    continue
+                path = self._folder / (name + _PART)
+                handle = os.open(path, os.O_RDWR | os.O_NOFOLLOW)
                 try:
-                    fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 except OSError:
                     continue  # its writer lives
-                content_end = _end_of_last_line(stream)
-                stream.truncate(content_end)
-                path.rename(path.with_suffix(""))
+                else:
+                    os.ftruncate(handle, _end_of_last_line(handle))
+                    self._give_name(path)
+                finally:
+                    os.close(handle)
 
 
-def _end_of_last_line(stream: IO[bytes]) -> int:
-    size = stream.seek(0, os.SEEK_END)
+def _end_of_last_line(handle: int) -> int:
+    size = os.fstat(handle).st_size
     start = max(0, size - 65536)
-    stream.seek(start)
-    return start + stream.read().rfind(b"\n") + 1
+    return start + os.pread(handle, 65536, start).rfind(b"\n") + 1
 
 
 def _columns(config: Config) -> tuple[str, ...]:

@@ -3,7 +3,8 @@
 Sources
     [D]  Dynalloy Inc., *Technical characteristics of Flexinol actuator wires*, F1140: density 6.45 g/cm³,
          specific heat 0.20 cal/(g·°C), latent heat 5.78 cal/g, expansion 6.6e-6 and 11.0e-6 /°C, moduli
-         28–41 and 83 GPa, resistivity 80–100 µΩ·cm, 0.006 in wire: 55 Ω/m, 410 mA contracts in 1 s.
+         28–41 and 83 GPa, resistivity 80–100 µΩ·cm, 0.006 in wire: 55 Ω/m, 410 mA contracts in 1 s; thermal
+         conductivity of Ni-Ti 8.6 W/(m·K) as martensite, 18 as austenite.
     [B]  R. Brammajyosula, V. Buravalla, A. Khandelwal, "Model for resistance evolution in shape memory alloys
          including R-phase", Smart Materials and Structures 20 (2011) 035015: three phases, each with its
          resistivity and temperature coefficient; R-phase the most resistive, its band the steepest in stress.
@@ -23,6 +24,8 @@ Sources
 from __future__ import annotations
 
 from dataclasses import dataclass
+
+from .kinetics import Kinetics, LiangRogers
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,17 +68,49 @@ class Material:
     martensite_resistivity_stress_1_Pa: float  #: relative rise of ρ_M per stress (orientation)
     geometric_factor: float  #: R ∝ 1 + g ε; 2 at constant volume
     reference_temperature_C: float
+    conductivity_W_mK: float = 13.0  #: heat conduction along the wire, mean of both phases
+
+    @property
+    def liang_rogers(self) -> LiangRogers:
+        """Kinetics between the four temperatures above."""
+        return LiangRogers(
+            austenite_start_C=self.austenite_start_C,
+            austenite_finish_C=self.austenite_finish_C,
+            martensite_start_C=self.martensite_start_C,
+            martensite_finish_C=self.martensite_finish_C,
+            stress_slope_Pa_K=self.stress_slope_Pa_K,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Untrained:
+    """What a wire lacks before its first cycle; of each, exp(−N/cycles) is left after N."""
+
+    hot_strain: float  #: by how much shorter the hot wire is than it will be
+    cold_share: float  #: the same of the cold wire, over that of the hot one
+    heating_K: float  #: by how much higher it transforms on heating
+    cooling_K: float  #: and on cooling (below zero: lower, so that the hysteresis is wider)
+    cycles: float
 
 
 @dataclass(frozen=True, slots=True)
 class Wire:
-    """One wire between two crimps."""
+    """One wire between two crimps; the defaults are those of the simplest physics."""
 
     name: str
     material: Material
     length_m: float
     diameter_m: float
-    heat_transfer_W_m2K: float  #: still air and conduction into the crimps together
+    heat_transfer_W_m2K: float  #: still air and, unless clamped, conduction into the crimps together
+    convection_exponent: float = 0.0  #: n of h ∝ (T − T_air)^n, which has the value above at 60 K
+    clamped: bool = False  #: cold clamps at the ends: temperature varies along the wire
+    untrained: Untrained | None = None
+    other_kinetics: Kinetics | None = None
+
+    @property
+    def kinetics(self) -> Kinetics:
+        """How it transforms: Liang & Rogers with the material's temperatures, unless it has another."""
+        return self.other_kinetics or self.material.liang_rogers
 
 
 NI_TI = Material(

@@ -2,22 +2,32 @@
 
 All kernels are scalar; :func:`simulate` is the loop over steps.  The heat balance is kept as an
 enthalpy, so that no energy is lost to the solution's tolerance, however abrupt a transformation.
+How the fraction of martensite follows temperature and stress is a part to choose (:mod:`.kinetics`);
+a wire is one cell of one temperature or, where clamps cool its ends, several from the clamp inwards.
 """
 
 from __future__ import annotations
 
-from math import cos, exp, pi
+from math import exp, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
-from sma_actuator.base.jit import jit
+from sma_actuator.base.jit import inlined, jit
 
+from .kinetics import (
+    COOLING,
+    MEASURED,
+    SLOPE_K_PA,
+    START_C,
+    Shift,
+    half_cosine,
+    logistic,
+    martensite_after,
+    new_memory,
+    transform,
+)
 from .materials import Wire
-
-DEPTH = 12  #: nested reversals a transformation remembers
-_MEMORY = 5 + 4 * DEPTH
-_EPS = 1e-9
 
 # Indices of the state array.
 (
@@ -36,8 +46,13 @@ _EPS = 1e-9
     POWER,
     HEAT_IN,
     HEAT_OUT,
-) = range(15)
-STATES = 15
+    CYCLES,
+    HOT,
+) = range(17)
+STATES = 17
+# Columns of the array of cells.
+CELL_ENTHALPY, CELL_TEMPERATURE, CELL_MARTENSITE, CELL_R_SHARE, CELL_LENGTH_SHARE, CELL_CONDUCTANCE_W_K = range(6)
+CELL_COLUMNS = 6
 # Indices of the inputs array.
 (
     CURRENT_SET,
@@ -62,6 +77,24 @@ COLUMNS = ("current_A", "voltage_V", "load_N", "displacement_m", "ambient_C")
 NORMAL, OPEN, SHORT = 0.0, 1.0, 2.0
 TRIP_OVP, TRIP_OCP = 1.0, 2.0
 SUPPLY_TIME_CONSTANT_S = 0.4e-3  #: settles within about 1 ms
+HOT_BELOW, COLD_ABOVE = 0.4, 0.6  #: fractions of martensite between which a cycle is counted
+CONVECTION_AT_K = 60.0  #: excess at which the heat transfer has its stated value, whatever its exponent
+_LOGISTIC_OF_BAND = 0.134  #: width of the logistic with the same 10-90 % width as a cosine, per width of the cosine
+_END_CELLS = (0.5, 1.0, 1.5)  #: lengths of the cells next to a clamp, in units of the decay length
+
+
+class Transformation(NamedTuple):
+    """What decides phases and temperature from heat; the bands of the martensite are in :class:`WireState`."""
+
+    family: int  #: of the kinetics
+    heat_capacity_J_K: float
+    latent_J: float
+    latent_r_J: float
+    has_r: bool
+    rs_C: float
+    rf_C: float
+    r_hysteresis_K: float
+    slope_r_K_Pa: float
 
 
 class Constants(NamedTuple):
@@ -69,20 +102,9 @@ class Constants(NamedTuple):
 
     length_m: float
     area_m2: float
-    heat_capacity_J_K: float
-    latent_J: float
-    latent_r_J: float
+    transformation: Transformation
     heat_loss_W_K: float
-    as_C: float
-    af_C: float
-    ms_C: float
-    mf_C: float
-    rs_C: float
-    rf_C: float
-    r_hysteresis_K: float
-    has_r: bool
-    slope_K_Pa: float
-    slope_r_K_Pa: float
+    convection_exponent: float
     rho_m: float
     rho_a: float
     rho_r: float
@@ -104,6 +126,33 @@ class Constants(NamedTuple):
     geometric_factor: float
     reference_C: float
     series_Ohm: float
+    untrained_strain: float
+    untrained_cold_share: float
+    untrained_heating_K: float
+    untrained_cooling_K: float
+    training_cycles: float
+
+
+class WireState(NamedTuple):
+    """What changes in place while a wire runs, and the bands of its kinetics.
+
+    Cells run from the clamps inwards: their share of the length, the conductance to the one before (of the first: to
+    the clamps), and their state, with the enthalpy the whole wire would have in it.
+    """
+
+    whole: np.ndarray  #: (:data:`STATES`,)
+    cells: np.ndarray  #: (n, :data:`CELL_COLUMNS`)
+    memory_m: np.ndarray  #: (n, memory)
+    memory_r: np.ndarray
+    bands: np.ndarray
+
+
+class Strain(NamedTuple):
+    """What a wire's strain under any stress is made of."""
+
+    transformation: float  #: where the stress orients all of the martensite
+    compliance_1_Pa: float
+    other: float  #: thermal expansion, and what is permanent
 
 
 def constants(wire: Wire, series_Ohm: float) -> Constants:
@@ -111,213 +160,126 @@ def constants(wire: Wire, series_Ohm: float) -> Constants:
     m = wire.material
     area_m2 = pi * wire.diameter_m**2 / 4.0
     mass_kg = m.density_kg_m3 * area_m2 * wire.length_m
+    untrained = wire.untrained
     return Constants(
-        wire.length_m,
-        area_m2,
-        mass_kg * m.specific_heat_J_kgK,
-        mass_kg * m.latent_heat_J_kg,
-        mass_kg * m.latent_heat_r_J_kg,
-        wire.heat_transfer_W_m2K * pi * wire.diameter_m * wire.length_m,
-        m.austenite_start_C,
-        m.austenite_finish_C,
-        m.martensite_start_C,
-        m.martensite_finish_C,
-        m.r_start_C,
-        m.r_finish_C,
-        m.r_hysteresis_K,
-        m.has_r_phase,
-        1.0 / m.stress_slope_Pa_K,
-        1.0 / m.stress_slope_r_Pa_K,
-        m.martensite.resistivity_Ohm_m,
-        m.austenite.resistivity_Ohm_m,
-        m.r_phase.resistivity_Ohm_m,
-        m.martensite.resistivity_temperature_coefficient_1_K,
-        m.austenite.resistivity_temperature_coefficient_1_K,
-        m.r_phase.resistivity_temperature_coefficient_1_K,
-        m.martensite.modulus_Pa,
-        m.austenite.modulus_Pa,
-        m.r_phase.modulus_Pa,
-        m.martensite.expansion_1_K,
-        m.austenite.expansion_1_K,
-        m.r_phase.expansion_1_K,
-        m.saturation_strain,
-        m.saturation_strain_r,
-        m.training_stress_Pa,
-        m.strain_stress_scale_Pa,
-        m.strain_shape,
-        m.martensite_resistivity_stress_1_Pa,
-        m.geometric_factor,
-        m.reference_temperature_C,
-        series_Ohm,
+        length_m=wire.length_m,
+        area_m2=area_m2,
+        transformation=Transformation(
+            family=wire.kinetics.family,
+            heat_capacity_J_K=mass_kg * m.specific_heat_J_kgK,
+            latent_J=mass_kg * m.latent_heat_J_kg,
+            latent_r_J=mass_kg * m.latent_heat_r_J_kg,
+            has_r=m.has_r_phase,
+            rs_C=m.r_start_C,
+            rf_C=m.r_finish_C,
+            r_hysteresis_K=m.r_hysteresis_K,
+            slope_r_K_Pa=1.0 / m.stress_slope_r_Pa_K,
+        ),
+        heat_loss_W_K=wire.heat_transfer_W_m2K * pi * wire.diameter_m * wire.length_m,
+        convection_exponent=wire.convection_exponent,
+        rho_m=m.martensite.resistivity_Ohm_m,
+        rho_a=m.austenite.resistivity_Ohm_m,
+        rho_r=m.r_phase.resistivity_Ohm_m,
+        alpha_m=m.martensite.resistivity_temperature_coefficient_1_K,
+        alpha_a=m.austenite.resistivity_temperature_coefficient_1_K,
+        alpha_r=m.r_phase.resistivity_temperature_coefficient_1_K,
+        modulus_m=m.martensite.modulus_Pa,
+        modulus_a=m.austenite.modulus_Pa,
+        modulus_r=m.r_phase.modulus_Pa,
+        expansion_m=m.martensite.expansion_1_K,
+        expansion_a=m.austenite.expansion_1_K,
+        expansion_r=m.r_phase.expansion_1_K,
+        strain_m=m.saturation_strain,
+        strain_r=m.saturation_strain_r,
+        strain_stress_0=m.training_stress_Pa,
+        strain_stress_scale=m.strain_stress_scale_Pa,
+        strain_shape=m.strain_shape,
+        rho_m_stress=m.martensite_resistivity_stress_1_Pa,
+        geometric_factor=m.geometric_factor,
+        reference_C=m.reference_temperature_C,
+        series_Ohm=series_Ohm,
+        untrained_strain=untrained.hot_strain if untrained else 0.0,
+        untrained_cold_share=untrained.cold_share if untrained else 0.0,
+        untrained_heating_K=untrained.heating_K if untrained else 0.0,
+        untrained_cooling_K=untrained.cooling_K if untrained else 0.0,
+        training_cycles=untrained.cycles if untrained else 1.0,
     )
 
 
-@jit
-def half_cosine(temperature_C, finish_C, start_C):
-    """Liang and Rogers' cosine: 1 at or below ``finish_C``, 0 at or above ``start_C`` (eq. 2.5–2.8)."""
-    if temperature_C <= finish_C:
-        return 1.0
-    if temperature_C >= start_C:
-        return 0.0
-    return 0.5 * (1.0 + cos(pi * (temperature_C - finish_C) / (start_C - finish_C)))
+def _cells(wire: Wire) -> tuple[np.ndarray, np.ndarray]:
+    """Shares of the length and conductances, from the clamps inwards; both ends lie in the same cells.
 
-
-def new_memory(fraction: float) -> np.ndarray:
-    """The memory of a transformation that stands, fully cooled (1) or fully heated (0).
-
-    Layout: direction (+1 heating, −1 cooling), extreme of its driving coordinate, extreme of the
-    other one, number of remembered heating and of cooling reversals, then their coordinates and
-    fractions.
+    Towards the middle the temperature's distance from that of an endless wire decays as exp(−x/ℓ),
+    ℓ² = k d / (4 h), so the last end cell sees the middle across its own half and one ℓ.
     """
-    memory = np.zeros(_MEMORY)
-    memory[0:3] = (-1.0, 1.0, 1.0) if fraction == 1.0 else (1.0, 0.0, 0.0)
-    return memory
+    if not wire.clamped:
+        return np.ones(1), np.zeros(1)
+    conductivity_W_mK = wire.material.conductivity_W_mK
+    decay_m = sqrt(conductivity_W_mK * wire.diameter_m / (4.0 * wire.heat_transfer_W_m2K))
+    decay_m = min(decay_m, wire.length_m / (4.0 * sum(_END_CELLS)))  # a very short wire still has a middle
+    ends_m = np.array(_END_CELLS) * decay_m
+    lengths_m = np.append(ends_m, 0.5 * wire.length_m - ends_m.sum())
+    half_m = np.append(0.5 * ends_m, decay_m)
+    distances_m = half_m + np.append(0.0, half_m[:-1])
+    area_m2 = pi * wire.diameter_m**2 / 4.0
+    return 2.0 * lengths_m / wire.length_m, 2.0 * conductivity_W_mK * area_m2 / distances_m
 
 
-@jit
-def transform(memory, fraction, u, v, commit):
-    """Fraction of the low-temperature phase after its driving coordinates became ``u`` and ``v``.
-
-    ``u`` falls from 1 to 0 over the heating band, ``v`` rises from 0 to 1 over the cooling band.
-    From any reversal (u_0 = 1 or v_0 = 0, ξ_0) the fraction is Liang and Rogers': ξ_0·u on heating,
-    (1 − ξ_0)·v + ξ_0 on cooling.  Two things are added.  ξ_0 is taken anew only when the reverse
-    transformation has moved, not when the temperature merely turned; and a minor loop closes
-    where it began and is then forgotten (return-point memory).  So dithering does not ratchet.
-
-    ``memory`` changes only if ``commit``.
-    """
-    heating = memory[0] > 0.0
-    extreme = float(memory[1])
-    other = float(memory[2])
-    n_heat = int(memory[3])
-    n_cool = int(memory[4])
-    if heating:
-        if u < extreme:
-            pass
-        elif v > other + _EPS:
-            if commit and extreme > 0.0:
-                if n_heat == DEPTH:
-                    for i in range(1, DEPTH):
-                        memory[4 + i] = memory[5 + i]
-                        memory[4 + DEPTH + i] = memory[5 + DEPTH + i]
-                    n_heat = DEPTH - 1
-                memory[5 + n_heat] = extreme
-                memory[5 + DEPTH + n_heat] = fraction
-            n_heat += 1 if extreme > 0.0 else 0
-            heating = False
-            extreme = other
-            other = u
-        else:
-            if commit and v < other:
-                memory[2] = v
-            return fraction
-    else:
-        if v > extreme:
-            pass
-        elif u < other - _EPS:
-            if commit and extreme < 1.0:
-                if n_cool == DEPTH:
-                    for i in range(1, DEPTH):
-                        memory[4 + 2 * DEPTH + i] = memory[5 + 2 * DEPTH + i]
-                        memory[4 + 3 * DEPTH + i] = memory[5 + 3 * DEPTH + i]
-                    n_cool = DEPTH - 1
-                memory[5 + 2 * DEPTH + n_cool] = extreme
-                memory[5 + 3 * DEPTH + n_cool] = fraction
-            n_cool += 1 if extreme < 1.0 else 0
-            heating = True
-            extreme = other
-            other = v
-        else:
-            if commit and u > other:
-                memory[2] = u
-            return fraction
-
-    if heating:
-        if u <= 0.0:
-            fraction = 0.0
-            n_heat = 0
-            n_cool = 0
-        else:
-            while n_heat > 0 and u <= memory[4 + n_heat]:
-                extreme = float(memory[4 + n_heat])
-                fraction = float(memory[4 + DEPTH + n_heat])
-                n_heat -= 1
-                n_cool = max(n_cool - 1, 0)
-            end_u = 0.0
-            end = 0.0
-            if n_heat > 0:
-                end_u = float(memory[4 + n_heat])
-                end = float(memory[4 + DEPTH + n_heat])
-            if extreme > end_u:
-                fraction = end + (fraction - end) * (u - end_u) / (extreme - end_u)
-        extreme = u
-        other = min(other, v)
-    else:
-        if v >= 1.0:
-            fraction = 1.0
-            n_heat = 0
-            n_cool = 0
-        else:
-            while n_cool > 0 and v >= memory[4 + 2 * DEPTH + n_cool]:
-                extreme = float(memory[4 + 2 * DEPTH + n_cool])
-                fraction = float(memory[4 + 3 * DEPTH + n_cool])
-                n_cool -= 1
-                n_heat = max(n_heat - 1, 0)
-            end_v = 1.0
-            end = 1.0
-            if n_cool > 0:
-                end_v = float(memory[4 + 2 * DEPTH + n_cool])
-                end = float(memory[4 + 3 * DEPTH + n_cool])
-            if extreme < end_v:
-                fraction = end + (fraction - end) * (end_v - v) / (end_v - extreme)
-        extreme = v
-        other = max(other, u)
-    if commit:
-        memory[0] = 1.0 if heating else -1.0
-        memory[1] = extreme
-        memory[2] = other
-        memory[3] = n_heat
-        memory[4] = n_cool
-    return fraction
+@inlined
+def martensite_at(x, bands, memory, fraction, temperature_C, stress_Pa, shift, commit):
+    """Martensite fraction at a temperature and stress; ``memory`` changes only if ``commit``."""
+    return martensite_after(x.family, bands, memory, fraction, temperature_C, stress_Pa, shift, commit)
 
 
-@jit
-def martensite_at(c, memory, fraction, temperature_C, stress_Pa, commit):
-    """Martensite fraction at a temperature and stress; bands shift with stress (eq. 2.9, 2.10)."""
-    t = temperature_C - stress_Pa * c.slope_K_Pa
-    return transform(memory, fraction, half_cosine(t, c.as_C, c.af_C), half_cosine(t, c.mf_C, c.ms_C), commit)
+@inlined
+def _r_band(x, temperature_C):
+    """Share of R-phase along its band, as smooth as the kinetics of the martensite."""
+    if x.family == MEASURED:
+        return logistic(temperature_C, 0.5 * (x.rs_C + x.rf_C), _LOGISTIC_OF_BAND * (x.rs_C - x.rf_C))
+    return half_cosine(temperature_C, x.rf_C, x.rs_C)
 
 
-@jit
-def r_share_at(c, memory, share, temperature_C, stress_Pa, commit):
+@inlined
+def r_share_at(x, bands, memory, share, temperature_C, stress_Pa, shift, commit):
     """Share of R-phase in what is not martensite.
 
     Austenite turns to R-phase only down to where martensite starts; below, what is left of it turns
     to martensite directly.  So the higher the stress, the less R-phase (as in eq. 5.47).
     """
-    if not c.has_r:
+    if not x.has_r:
         return 0.0
-    shift = stress_Pa * c.slope_r_K_Pa
-    u = half_cosine(temperature_C - shift - c.r_hysteresis_K, c.rf_C, c.rs_C)
-    coldest = max(temperature_C, c.ms_C + stress_Pa * c.slope_K_Pa)
-    return transform(memory, share, u, half_cosine(coldest - shift, c.rf_C, c.rs_C), commit)
+    r_shift = stress_Pa * x.slope_r_K_Pa + shift.cooling_K
+    martensite_start_C = bands[COOLING, START_C] + stress_Pa * bands[COOLING, SLOPE_K_PA] + shift.cooling_K
+    coldest = max(temperature_C, martensite_start_C)
+    u = _r_band(x, temperature_C - r_shift - x.r_hysteresis_K)
+    return transform(memory, share, u, _r_band(x, coldest - r_shift), commit)
+
+
+@inlined
+def strain_parts(c, martensite, r_share, temperature_C):
+    """The strain's parts, against unstressed austenite at the reference temperature."""
+    r = r_share * (1.0 - martensite)
+    a = 1.0 - martensite - r
+    transformation = c.strain_m * martensite * (1.0 + c.strain_shape * (1.0 - martensite)) + c.strain_r * r
+    modulus = martensite * c.modulus_m + r * c.modulus_r + a * c.modulus_a
+    expansion = martensite * c.expansion_m + r * c.expansion_r + a * c.expansion_a
+    return Strain(transformation, 1.0 / modulus, expansion * (temperature_C - c.reference_C))
+
+
+@inlined
+def strain_under(c, parts, stress_Pa):
+    """Strain of which these are the parts."""
+    saturation = 1.0 - exp(-(stress_Pa + c.strain_stress_0) / c.strain_stress_scale)
+    return saturation * parts.transformation + stress_Pa * parts.compliance_1_Pa + parts.other
 
 
 @jit
 def strain_of(c, martensite, r_share, temperature_C, stress_Pa):
     """Strain against unstressed austenite at the reference temperature."""
-    r = r_share * (1.0 - martensite)
-    a = 1.0 - martensite - r
-    saturation = 1.0 - exp(-(stress_Pa + c.strain_stress_0) / c.strain_stress_scale)
-    transformation = saturation * (
-        c.strain_m * martensite * (1.0 + c.strain_shape * (1.0 - martensite)) + c.strain_r * r
-    )
-    modulus = martensite * c.modulus_m + r * c.modulus_r + a * c.modulus_a
-    expansion = martensite * c.expansion_m + r * c.expansion_r + a * c.expansion_a
-    return transformation + stress_Pa / modulus + expansion * (temperature_C - c.reference_C)
+    return strain_under(c, strain_parts(c, martensite, r_share, temperature_C), stress_Pa)
 
 
-@jit
+@inlined
 def resistance_of(c, martensite, r_share, temperature_C, stress_Pa, strain):
     """Resistance [Ω]: mixture of the phases' resistivities (2.12, 2.15) times the geometry's change (2.13)."""
     dt = temperature_C - c.reference_C
@@ -332,7 +294,7 @@ def resistance_of(c, martensite, r_share, temperature_C, stress_Pa, strain):
 
 
 @jit
-def load_at(c, martensite, r_share, temperature_C, load_N, force_N, stiffness_N_m, spring_at_m):
+def load_at(c, parts, load_N, force_N, stiffness_N_m, spring_at_m):
     """Tension at which wire and load have the same displacement; a wire cannot push."""
     if stiffness_N_m <= 0.0:
         return max(force_N, 0.0)
@@ -340,7 +302,7 @@ def load_at(c, martensite, r_share, temperature_C, load_N, force_N, stiffness_N_
     high = max(force_N + stiffness_N_m * (spring_at_m + 0.2 * c.length_m), 0.0)
     x = min(max(load_N, low), high)
     for _ in range(60):
-        delta = c.length_m * strain_of(c, martensite, r_share, temperature_C, x / c.area_m2)
+        delta = c.length_m * strain_under(c, parts, x / c.area_m2)
         wrong = x - max(force_N + stiffness_N_m * (spring_at_m - delta), 0.0)
         if abs(wrong) < 1e-9:
             break
@@ -349,7 +311,7 @@ def load_at(c, martensite, r_share, temperature_C, load_N, force_N, stiffness_N_
         else:
             low = x
         ahead = x + 1e-5
-        delta = c.length_m * strain_of(c, martensite, r_share, temperature_C, ahead / c.area_m2)
+        delta = c.length_m * strain_under(c, parts, ahead / c.area_m2)
         slope = (ahead - max(force_N + stiffness_N_m * (spring_at_m - delta), 0.0) - wrong) / 1e-5
         x = x - wrong / slope
         if not low < x < high:
@@ -358,19 +320,25 @@ def load_at(c, martensite, r_share, temperature_C, load_N, force_N, stiffness_N_
 
 
 @jit
-def enthalpy_of(c, martensite, r_share, temperature_C):
+def enthalpy_of(x, martensite, r_share, temperature_C):
     """Heat content [J] above austenite at 0 °C."""
-    return c.heat_capacity_J_K * temperature_C - c.latent_J * martensite - c.latent_r_J * r_share * (1.0 - martensite)
+    return x.heat_capacity_J_K * temperature_C - x.latent_J * martensite - x.latent_r_J * r_share * (1.0 - martensite)
+
+
+@inlined
+def _excess(x, bands, memory_m, memory_r, martensite, r_share, temperature_C, stress_Pa, shift, enthalpy_J):
+    """By how much the heat content at a temperature exceeds ``enthalpy_J``, transforming as it must."""
+    m = martensite_at(x, bands, memory_m, martensite, temperature_C, stress_Pa, shift, False)
+    r = r_share_at(x, bands, memory_r, r_share, temperature_C, stress_Pa, shift, False)
+    return enthalpy_of(x, m, r, temperature_C) - enthalpy_J
 
 
 @jit
-def temperature_for(c, memory_m, memory_r, martensite, r_share, temperature_C, stress_Pa, enthalpy_J):
+def temperature_for(x, bands, memory_m, memory_r, martensite, r_share, temperature_C, stress_Pa, shift, enthalpy_J):
     """Temperature at which the wire, transforming as it must, holds ``enthalpy_J``."""
-    capacity = c.heat_capacity_J_K
-    t1 = temperature_C + (enthalpy_J - enthalpy_of(c, martensite, r_share, temperature_C)) / capacity
-    m = martensite_at(c, memory_m, martensite, t1, stress_Pa, False)
-    r = r_share_at(c, memory_r, r_share, t1, stress_Pa, False)
-    f1 = enthalpy_of(c, m, r, t1) - enthalpy_J
+    capacity = x.heat_capacity_J_K
+    t1 = temperature_C + (enthalpy_J - enthalpy_of(x, martensite, r_share, temperature_C)) / capacity
+    f1 = _excess(x, bands, memory_m, memory_r, martensite, r_share, t1, stress_Pa, shift, enthalpy_J)
     if abs(f1) <= 1e-9 * capacity:
         return t1
     # Heat content rises with temperature: walk until the sign changes, then close in (Illinois).
@@ -380,18 +348,14 @@ def temperature_for(c, memory_m, memory_r, martensite, r_share, temperature_C, s
         t1 = t0
         f1 = f0
         t0 = t1 - f1 / capacity
-        m = martensite_at(c, memory_m, martensite, t0, stress_Pa, False)
-        r = r_share_at(c, memory_r, r_share, t0, stress_Pa, False)
-        f0 = enthalpy_of(c, m, r, t0) - enthalpy_J
+        f0 = _excess(x, bands, memory_m, memory_r, martensite, r_share, t0, stress_Pa, shift, enthalpy_J)
         if f0 * f1 <= 0.0:
             break
     for _ in range(60):
         if abs(f0) <= 1e-9 * capacity:
             return t0
         t = t0 - f0 * (t0 - t1) / (f0 - f1)
-        m = martensite_at(c, memory_m, martensite, t, stress_Pa, False)
-        r = r_share_at(c, memory_r, r_share, t, stress_Pa, False)
-        f = enthalpy_of(c, m, r, t) - enthalpy_J
+        f = _excess(x, bands, memory_m, memory_r, martensite, r_share, t, stress_Pa, shift, enthalpy_J)
         if f * f0 < 0.0:
             t1 = t0
             f1 = f0
@@ -402,122 +366,215 @@ def temperature_for(c, memory_m, memory_r, martensite, r_share, temperature_C, s
     return t0
 
 
+@inlined
+def convection(exponent, excess_K):
+    """Heat transfer over that at :data:`CONVECTION_AT_K` above the air: natural convection grows with the excess."""
+    if exponent <= 0.0:
+        return 1.0
+    return (max(abs(excess_K), 0.1) / CONVECTION_AT_K) ** exponent
+
+
+@inlined
+def _electric(c, state, inputs, on, response):
+    """Supply and circuit for one step: current and voltage into ``state``; the current through the wire [A]."""
+    resistance = state[RESISTANCE]
+    condition = inputs[WIRE_CONDITION]
+    shunted = 1.0 + inputs[SHUNT] * resistance
+    seen = inputs[BRIDGE] if condition == SHORT else resistance / shunted
+    total = seen + c.series_Ohm + inputs[MORE_SERIES]
+    setting = inputs[CURRENT_SET] * inputs[CURRENT_FACTOR]
+    target = min(setting, inputs[VOLTAGE_LIMIT] / total) if on and condition != OPEN else 0.0
+    current = state[CURRENT] + response * (target - state[CURRENT])
+    if current < 1e-9:
+        current = 0.0
+    if condition == OPEN:
+        current = 0.0
+        voltage = inputs[VOLTAGE_LIMIT] if on and setting > 0.0 else 0.0
+    else:
+        voltage = current * total
+    state[CURRENT] = current
+    state[VOLTAGE] = voltage
+    if on and (current > inputs[OCP] or voltage > inputs[OVP]):
+        state[TRIP] = TRIP_OCP if current > inputs[OCP] else TRIP_OVP
+    return current / shunted if condition == NORMAL else 0.0
+
+
+@inlined
+def _heat(c, whole, cells, through_A, stress_Pa, loss_W_K, ambient_C, step_s):
+    """The heat of every cell after one step: the current heats it, air and neighbours cool it."""
+    heat_in = 0.0
+    heat_out = 0.0
+    before_C = ambient_C  # the temperature of the neighbour, at the beginning of the step
+    for j in range(cells.shape[0]):
+        temperature = cells[j, CELL_TEMPERATURE]
+        excess_K = temperature - ambient_C
+        power = 0.0
+        if through_A > 0.0:
+            resistance = whole[RESISTANCE]
+            if cells.shape[0] > 1:
+                resistance = resistance_of(
+                    c, cells[j, CELL_MARTENSITE], cells[j, CELL_R_SHARE], temperature, stress_Pa, whole[STRAIN]
+                )
+            power = through_A * through_A * resistance
+        gained = power * step_s
+        lost = loss_W_K * convection(c.convection_exponent, excess_K) * excess_K * step_s
+        share = cells[j, CELL_LENGTH_SHARE]
+        heat_in += share * gained
+        heat_out += share * lost
+        cells[j, CELL_ENTHALPY] += gained - lost
+        if cells[j, CELL_CONDUCTANCE_W_K] > 0.0:
+            flow = cells[j, CELL_CONDUCTANCE_W_K] * (temperature - before_C) * step_s
+            cells[j, CELL_ENTHALPY] -= flow / share
+            if j == 0:
+                heat_out += flow  # the clamps take it, and stay as cold as the air
+            else:
+                cells[j - 1, CELL_ENTHALPY] += flow / cells[j - 1, CELL_LENGTH_SHARE]
+            before_C = temperature
+    whole[HEAT_IN] += heat_in
+    whole[HEAT_OUT] += heat_out
+
+
+@inlined
+def _transform(x, bands, cells, memory_m, memory_r, stress_Pa, shift):
+    """Temperature and phases of every cell from its heat."""
+    for j in range(cells.shape[0]):
+        of_m = memory_m[j]
+        of_r = memory_r[j]
+        martensite = cells[j, CELL_MARTENSITE]
+        r_share = cells[j, CELL_R_SHARE]
+        before_C = cells[j, CELL_TEMPERATURE]
+        enthalpy = cells[j, CELL_ENTHALPY]
+        t = temperature_for(x, bands, of_m, of_r, martensite, r_share, before_C, stress_Pa, shift, enthalpy)
+        cells[j, CELL_TEMPERATURE] = t
+        cells[j, CELL_MARTENSITE] = martensite_at(x, bands, of_m, martensite, t, stress_Pa, shift, True)
+        cells[j, CELL_R_SHARE] = r_share_at(x, bands, of_r, r_share, t, stress_Pa, shift, True)
+
+
 @jit
-def simulate(steps, step_s, c, state, inputs, memory_m, memory_r, ring, first):
+def _untrained(c, cycles):
+    """How far from trained a wire is after so many cycles: 1 − (1 − exp(−N/N_0))."""
+    return exp(-cycles / c.training_cycles)
+
+
+@inlined
+def _shift(c, cycles):
+    """Where the bands of a wire lie that is still in training."""
+    if c.untrained_heating_K == 0.0 and c.untrained_cooling_K == 0.0:
+        return Shift(0.0, 0.0)
+    untrained = _untrained(c, cycles)
+    return Shift(untrained * c.untrained_heating_K, untrained * c.untrained_cooling_K)
+
+
+@inlined
+def _mechanics(c, whole, cells, force_N, stiffness_N_m, spring_at_m):
+    """Means over the cells, the tension that balances the load, displacement and resistance, into ``whole``."""
+    n = cells.shape[0]
+    enthalpy = temperature = martensite = r_phase = r_share = 0.0
+    transformation = compliance = other = 0.0
+    for j in range(n):
+        share = cells[j, CELL_LENGTH_SHARE]
+        m = cells[j, CELL_MARTENSITE]
+        r = cells[j, CELL_R_SHARE]
+        t = cells[j, CELL_TEMPERATURE]
+        parts = strain_parts(c, m, r, t)
+        enthalpy += share * cells[j, CELL_ENTHALPY]
+        temperature += share * t
+        martensite += share * m
+        r_share += share * r
+        r_phase += share * r * (1.0 - m)
+        transformation += share * parts.transformation
+        compliance += share * parts.compliance_1_Pa
+        other += share * parts.other
+    if n > 1 and martensite < 1.0:
+        r_share = r_phase / (1.0 - martensite)
+    if c.untrained_strain > 0.0:
+        grown = 1.0 - (1.0 - c.untrained_cold_share) * martensite
+        other -= c.untrained_strain * _untrained(c, whole[CYCLES]) * grown
+    parts = Strain(transformation, compliance, other)
+    load = load_at(c, parts, whole[LOAD], force_N, stiffness_N_m, spring_at_m)
+    stress = load / c.area_m2
+    strain = strain_under(c, parts, stress)
+    resistance = 0.0
+    for j in range(n):
+        resistance += cells[j, CELL_LENGTH_SHARE] * resistance_of(
+            c,
+            cells[j, CELL_MARTENSITE],
+            cells[j, CELL_R_SHARE],
+            cells[j, CELL_TEMPERATURE],
+            stress,
+            strain,
+        )
+    if martensite < HOT_BELOW:
+        whole[HOT] = 1.0
+    elif martensite > COLD_ABOVE and whole[HOT] > 0.0:
+        whole[HOT] = 0.0
+        whole[CYCLES] += 1.0
+    whole[ENTHALPY] = enthalpy
+    whole[TEMPERATURE] = temperature
+    whole[MARTENSITE] = martensite
+    whole[R_SHARE] = r_share
+    whole[LOAD] = load
+    whole[STRAIN] = strain
+    whole[DISPLACEMENT] = c.length_m * strain
+    whole[RESISTANCE] = resistance
+
+
+@jit
+def simulate(steps, step_s, c, wire, inputs, ring, first):
     """Advance ``steps`` steps of ``step_s`` [s], writing each sample into ``ring`` (n, 5) from row ``first``.
 
-    ``state`` (:data:`STATES`,), ``memory_m`` and ``memory_r`` change in place; ``inputs``
-    (:data:`INPUTS`,) hold throughout, but a protection that trips cuts the output at once and
-    leaves its code in ``state[TRIP]``.
+    ``wire`` (:class:`WireState`) changes in place; ``inputs`` (:data:`INPUTS`,) hold throughout, but a
+    protection that trips cuts the output at once and leaves its code in ``wire.whole[TRIP]``.
     """
-    time_s = float(state[TIME])
-    enthalpy = float(state[ENTHALPY])
-    temperature = float(state[TEMPERATURE])
-    martensite = float(state[MARTENSITE])
-    r_share = float(state[R_SHARE])
-    load = float(state[LOAD])
-    resistance = float(state[RESISTANCE])
-    current = float(state[CURRENT])
-    trip = float(state[TRIP])
-    heat_in = float(state[HEAT_IN])
-    heat_out = float(state[HEAT_OUT])
-    setting = float(inputs[CURRENT_SET]) * float(inputs[CURRENT_FACTOR])
-    limit = float(inputs[VOLTAGE_LIMIT])
-    on = inputs[OUTPUT_ON] > 0.0 and trip == 0.0
-    ocp = float(inputs[OCP])
-    ovp = float(inputs[OVP])
-    force = float(inputs[FORCE])
-    stiffness = float(inputs[STIFFNESS])
-    spring_at = float(inputs[SPRING_AT])
+    state, cells, bands = wire.whole, wire.cells, wire.bands
+    memory_m, memory_r = wire.memory_m, wire.memory_r
+    on = inputs[OUTPUT_ON] > 0.0
     ambient = float(inputs[AMBIENT])
     loss = c.heat_loss_W_K * float(inputs[LOSS_FACTOR])
-    condition = float(inputs[WIRE_CONDITION])
-    bridge = float(inputs[BRIDGE])
-    series = c.series_Ohm + float(inputs[MORE_SERIES])
-    shunt = float(inputs[SHUNT])
     response = 1.0 - exp(-step_s / SUPPLY_TIME_CONSTANT_S)
     rows = ring.shape[0]
     row = first
-    strain = 0.0
-    voltage = 0.0
-    power = 0.0
-    displacement = 0.0
     for _ in range(steps):
-        seen = resistance / (1.0 + shunt * resistance)
-        if condition == SHORT:
-            seen = bridge
-        total = seen + series
-        target = 0.0
-        if on and condition != OPEN:
-            target = min(setting, limit / total)
-        current += response * (target - current)
-        if current < 1e-9:
-            current = 0.0
-        if condition == OPEN:
-            current = 0.0
-            voltage = limit if on and setting > 0.0 else 0.0
-        else:
-            voltage = current * total
-        if on and (current > ocp or voltage > ovp):
-            trip = TRIP_OCP if current > ocp else TRIP_OVP
-            on = False
-        through = current / (1.0 + shunt * resistance)
-        power = through * through * resistance if condition == NORMAL else 0.0
-        stress = load / c.area_m2
-        gained = power * step_s
-        lost = loss * (temperature - ambient) * step_s
-        heat_in += gained
-        heat_out += lost
-        enthalpy += gained - lost
-        temperature = temperature_for(c, memory_m, memory_r, martensite, r_share, temperature, stress, enthalpy)
-        martensite = martensite_at(c, memory_m, martensite, temperature, stress, True)
-        r_share = r_share_at(c, memory_r, r_share, temperature, stress, True)
-        load = load_at(c, martensite, r_share, temperature, load, force, stiffness, spring_at)
-        stress = load / c.area_m2
-        strain = strain_of(c, martensite, r_share, temperature, stress)
-        displacement = c.length_m * strain
-        resistance = resistance_of(c, martensite, r_share, temperature, stress, strain)
-        time_s += step_s
-        ring[row, 0] = current
-        ring[row, 1] = voltage
-        ring[row, 2] = load
-        ring[row, 3] = displacement
+        through = _electric(c, state, inputs, on and state[TRIP] == 0.0, response)
+        state[POWER] = through * through * state[RESISTANCE]
+        stress = state[LOAD] / c.area_m2
+        _heat(c, state, cells, through, stress, loss, ambient, step_s)
+        _transform(c.transformation, bands, cells, memory_m, memory_r, stress, _shift(c, state[CYCLES]))
+        _mechanics(c, state, cells, inputs[FORCE], inputs[STIFFNESS], inputs[SPRING_AT])
+        state[TIME] += step_s
+        ring[row, 0] = state[CURRENT]
+        ring[row, 1] = state[VOLTAGE]
+        ring[row, 2] = state[LOAD]
+        ring[row, 3] = state[DISPLACEMENT]
         ring[row, 4] = ambient
         row += 1
         if row == rows:
             row = 0
-    state[TIME] = time_s
-    state[ENTHALPY] = enthalpy
-    state[TEMPERATURE] = temperature
-    state[MARTENSITE] = martensite
-    state[R_SHARE] = r_share
-    state[LOAD] = load
-    state[DISPLACEMENT] = displacement
-    state[RESISTANCE] = resistance
-    state[CURRENT] = current
-    state[VOLTAGE] = voltage
-    state[TRIP] = trip
-    state[STRAIN] = strain
-    state[POWER] = power
-    state[HEAT_IN] = heat_in
-    state[HEAT_OUT] = heat_out
     return row
 
 
-def cold_state(c: Constants, ambient_C: float, load_N: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """State and memories of a wire that has cooled to ``ambient_C`` under ``load_N``; (state, memory_m, memory_r)."""
-    memory_m = new_memory(0.0)
-    memory_r = new_memory(0.0)
-    stress_Pa = load_N / c.area_m2
-    martensite = martensite_at(c, memory_m, 0.0, ambient_C, stress_Pa, True)
-    r_share = r_share_at(c, memory_r, 0.0, ambient_C, stress_Pa, True)
-    state = np.zeros(STATES)
-    state[TEMPERATURE] = ambient_C
-    state[MARTENSITE] = martensite
-    state[R_SHARE] = r_share
-    state[LOAD] = load_N
-    state[ENTHALPY] = enthalpy_of(c, martensite, r_share, ambient_C)
-    state[STRAIN] = strain_of(c, martensite, r_share, ambient_C, stress_Pa)
-    state[DISPLACEMENT] = c.length_m * state[STRAIN]
-    state[RESISTANCE] = resistance_of(c, martensite, r_share, ambient_C, stress_Pa, state[STRAIN])
-    return state, memory_m, memory_r
+def cold_state(
+    wire: Wire, c: Constants, ambient_C: float, force_N: float, stiffness_N_m: float = 0.0, spring_at_m: float = 0.0
+) -> WireState:
+    """A wire that has cooled to ``ambient_C`` under ``force_N``, and then hangs on its load."""
+    shares, conductances_W_K = _cells(wire)
+    n = len(shares)
+    state = WireState(
+        whole=np.zeros(STATES),
+        cells=np.zeros((n, CELL_COLUMNS)),
+        memory_m=np.array([new_memory(0.0) for _ in range(n)]),
+        memory_r=np.array([new_memory(0.0) for _ in range(n)]),
+        bands=wire.kinetics.bands(),
+    )
+    stress_Pa = force_N / c.area_m2
+    shift = _shift(c, 0.0)
+    cells, bands = state.cells, state.bands
+    cells[:, CELL_LENGTH_SHARE], cells[:, CELL_CONDUCTANCE_W_K] = shares, conductances_W_K
+    cells[:, CELL_TEMPERATURE] = ambient_C
+    for cell, memory_m, memory_r in zip(cells, state.memory_m, state.memory_r, strict=True):
+        cell[CELL_MARTENSITE] = martensite_at(c.transformation, bands, memory_m, 0.0, ambient_C, stress_Pa, shift, True)
+        cell[CELL_R_SHARE] = r_share_at(c.transformation, bands, memory_r, 0.0, ambient_C, stress_Pa, shift, True)
+        cell[CELL_ENTHALPY] = enthalpy_of(c.transformation, cell[CELL_MARTENSITE], cell[CELL_R_SHARE], ambient_C)
+    state.whole[LOAD] = force_N
+    _mechanics(c, state.whole, cells, force_N, stiffness_N_m, spring_at_m)
+    return state

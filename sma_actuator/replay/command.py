@@ -13,7 +13,8 @@ from rich.table import Table
 
 from sma_actuator.config import Config
 from sma_actuator.logs.bags import is_bag, log_from_bag, parse_topics
-from sma_actuator.logs.bench_log import check_bench_log, read_bench_log, write_atomically, write_bench_log
+from sma_actuator.logs.bench_log import check_bench_log, read_bench_log, write_bench_log
+from sma_actuator.logs.files import write_atomically
 
 from .replaying import Replay, replay, winners
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_actuator.config import Config
-from sma_actuator.estimation.estimator import Estimator
+from sma_actuator.estimation.chain import Chain, EstimateTrace
 from sma_actuator.identify.errors import LogError, log_error
 from sma_actuator.identify.fitting import make_data
 from sma_actuator.identify.traces import Trace, make_trace, make_traces
@@ -27,13 +27,18 @@ class Replay:
     errors: dict[str, LogError]  #: of every model
 
 
-def estimate_m(trace: Trace, config: Config, constant_load_N: float | None = None) -> np.ndarray:
+def estimate(trace: Trace, config: Config, constant_load_N: float | None = None) -> EstimateTrace:
     """What the node would have estimated; ``constant_load_N``: as if it took the load for constant."""
     signals = trace.signals
     if constant_load_N is not None:
-        stress_Pa = np.full(len(trace.log), constant_load_N / config.wire.area_m2)
-        signals = dataclasses.replace(signals, stress_Pa=stress_Pa)
-    return Estimator(config).run(signals).displacement_m
+        load_N = np.full(len(trace.log), constant_load_N)
+        signals = dataclasses.replace(signals, load_N=load_N, stress_Pa=load_N / config.wire.area_m2)
+    return Chain(config).run(signals)
+
+
+def estimate_m(trace: Trace, config: Config, constant_load_N: float | None = None) -> np.ndarray:
+    """The displacement of :func:`estimate`, shape (n,)."""
+    return estimate(trace, config, constant_load_N).displacement_m
 
 
 def replay(
@@ -59,9 +64,10 @@ def replay(
             progress(0.8 * len(baselines) / len(all_baselines()))
     out = []
     for i, log in enumerate(logs):
-        trace = make_trace(log, first)
         # Every model with its own calibrations of circuit and load cell, and its own effects on them.
-        estimates = {name: estimate_m(make_trace(log, config), config) for name, config in models.items()}
+        found = {name: estimate(make_trace(log, config), config) for name, config in models.items()}
+        trace = make_trace(log, first).through(next(iter(found.values())))
+        estimates = {name: e.displacement_m for name, e in found.items()}
         estimates.update({baseline.name: _where_read(baseline, trace) for baseline in baselines})
         errors = {n: log_error(trace.name, trace.signals, e, range_m, full_stroke_m) for n, e in estimates.items()}
         out.append(Replay(trace, estimates, errors))

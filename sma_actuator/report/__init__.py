@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.logs.bench_log import write_atomically
+from sma_actuator.logs.files import write_atomically
 
 try:
     import jinja2

@@ -235,7 +235,7 @@ class SmaActuatorNode(LifecycleNode):
         try:
             return driver.enable(False, timeout_s=CALL_TIMEOUT_s)
         except DriverStopped:
-            return True, "the output is off: the loop has ended"
+            return True, f"the loop has ended; {driver.output_words}"
         except TimeoutError as error:
             driver.submit(lambda actuator, now_s: actuator.enable(now_s, False))  # it stands until the loop can obey
             sentence = f"not confirmed: {error}; the output goes off as soon as the loop goes on, or by the watchdog"
@@ -451,8 +451,12 @@ class SmaActuatorNode(LifecycleNode):
         """Output off; the loop goes on measuring."""
         with self._arming:  # so that nothing goes on that was asked for before
             self._active = False
-        done, _ = self.switch_off()
-        if not done:
+        try:
+            off, words = self._driver.enable(False, timeout_s=CALL_TIMEOUT_s)
+            if not off:
+                self._say(ERROR, words)
+        except (DriverStopped, TimeoutError) as error:
+            self._say(ERROR, f"the loop did not switch off ({error}); it is ended")
             self._give_up_driver()
             return TransitionCallbackReturn.ERROR
         return super().on_deactivate(state)
@@ -486,10 +490,9 @@ class SmaActuatorNode(LifecycleNode):
         self._driver = self._recorder = None
 
     def _loop_failed(self, error: BaseException) -> None:
-        """Called in the control thread, with the output off already."""
-        self._on_fatal(
-            f"{self.get_name()}: the control loop ended with {type(error).__name__}: {error}; the output is off"
-        )
+        """Called in the control thread, after the supply was shut down."""
+        words = self._driver.output_words if self._driver is not None else "the output is off"
+        self._on_fatal(f"{self.get_name()}: the control loop ended with {type(error).__name__}: {error}; {words}")
 
     def wake_no_more(self) -> None:
         """End the hand-off, so that ROS can be shut down."""

@@ -39,8 +39,10 @@ STRESS_NEAR_LIMIT = Limit(
 TEMPERATURE_DERATING = Limit(
     "temperature_derating",
     "current limit lowered by temperature",
-    "heat balance above thermal.derate_temperature; the limit falls linearly from supply.max_current there to "
-    "supply.bias_current at thermal.max_temperature",
+    "the largest current that could flow on until supply.watchdog_timeout cuts it (for ever, where there is no watchdog) "
+    "and leave the wire below thermal.max_temperature even if it lost only heat_loss / heat_loss_margin; and above "
+    "thermal.derate_temperature, by the parameters' heat_loss, from supply.max_current linearly down to "
+    "supply.bias_current at max_temperature. A wire of which nothing is known yet counts as that hot",
     ONE_STEP,
 )
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Generic, ParamSpec
 from sma_actuator.base.signals import Command, Estimate, Reading, Signals, SupplyState
 
 from .formula import Formula
+from .thermal import WireHeat
 
 if TYPE_CHECKING:
     from sma_actuator.config import Config
@@ -28,6 +29,7 @@ class Action(enum.Enum):
     """What is done with the current, mildest first."""
 
     HOLD = "hold"  #: the wire is held: at its position, or at the last good setpoint
+    NOTE = "note"  #: what is wrong is not used, and the current goes on
     BIAS = "bias"  #: the current falls to supply.bias_current, enough to measure with
     OFF = "off"  #: current zero and output off
 
@@ -140,4 +142,4 @@ class Step:
     estimate: Estimate
     supply: SupplyState | None
     told: Command  #: what the supply was told in the step before
-    temperature_C: float
+    heat: WireHeat

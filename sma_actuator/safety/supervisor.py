@@ -6,7 +6,7 @@ what follows from a fault stands beside its guard.
 
 from __future__ import annotations
 
-from math import inf, nan
+from math import inf, nan, sqrt
 from typing import TYPE_CHECKING
 
 from sma_actuator.base.signals import Command, Reading
@@ -16,15 +16,13 @@ from .guards.program import command_invalid
 from .guards.readings import voltages
 from .limits import STRESS_NEAR_LIMIT, TEMPERATURE_DERATING
 from .records import Action, Fault, Guard, Limit, Memory, Step
-from .thermal import HeatBalance, derated_limit_A
+from .thermal import WireHeat, derated_limit_A
 from .timing import SETTLING_READINGS, SETTLING_TIME_S
 
 if TYPE_CHECKING:
     from sma_actuator.config import Config
 
 
-#: Surroundings a wire can be driven in [°C]; a sensor that says otherwise is not believed.
-AMBIENT_RANGE_C = (-60.0, 100.0)
 _OFF = Command(0.0, False)
 
 
@@ -36,8 +34,8 @@ class Supervisor:
         self.latched: Fault | None = None
         self.detail = ""  #: of the latched fault
         self.present: dict[Fault, str] = {}  #: of the last step, also those that only prevent enabling
-        self.temperature_C = config.thermal.ambient_temperature
-        self._heat = HeatBalance(self.temperature_C)
+        self.heat = WireHeat(config.thermal)
+        self._resistance_Ohm = nan  #: of wire and leads
         self.memory = Memory()  #: of the guards
         self._enabled_s = nan
         self._good_readings = 0
@@ -68,11 +66,11 @@ class Supervisor:
         bound_V = self.config.safety.channel_max_voltage
         return reading if all(-bound_V < value < bound_V for value in voltages(reading).values()) else None
 
-    def heat(self, power_W: float, dt_s: float, ambient_C: float) -> None:
-        """Keep the heat balance, on measured power [W]; ambient from the parameters where it is not measured."""
-        if not AMBIENT_RANGE_C[0] <= ambient_C <= AMBIENT_RANGE_C[1]:
-            ambient_C = self.config.thermal.ambient_temperature
-        self.temperature_C = self._heat.step(power_W, dt_s, ambient_C, self.config.thermal)
+    def keep_heat(self, power_W: float, current_A: float, dt_s: float, ambient_C: float) -> None:
+        """Keep the heat balance, on the power [W] and current [A] measured in wire and leads."""
+        if power_W > 0.0 and current_A > 0.0:
+            self._resistance_Ohm = power_W / current_A**2
+        self.heat.step(power_W, dt_s, ambient_C, self.config.thermal)
 
     def inspect(self, step: Step) -> dict[Fault, str]:
         """The faults of this step and why; those that latch are latched.
@@ -108,8 +106,16 @@ class Supervisor:
         return min(self._derated_A(), self._stress_cap_A)
 
     def _derated_A(self) -> float:
-        supply = self.config.supply
-        return derated_limit_A(self.temperature_C, supply.max_current, supply.bias_current, self.config.thermal)
+        """Highest current that the heat leaves [A]: what may flow on, if nobody looks any more, until the supply's
+        watchdog cuts it; for ever, where there is none."""
+        supply, thermal = self.config.supply, self.config.thermal
+        if not self._resistance_Ohm > 0.0:
+            return supply.bias_current
+        unwatched_s = max(supply.watchdog_timeout or inf, self.config.safety.reading_timeout)
+        power_W = self.heat.power_limit_W(unwatched_s + 1.0 / self.config.loop.rate, thermal)
+        heat_A = sqrt(max(power_W, 0.0) / self._resistance_Ohm)
+        derated_A = derated_limit_A(self.heat.temperature_C, supply.max_current, supply.bias_current, thermal)
+        return max(min(heat_A, derated_A), supply.bias_current)
 
     def gate(self, wanted_A: float, driven: bool, faults: dict[Fault, str]) -> tuple[Command, set[Limit]]:
         """The command that goes to the supply, and the limits that bent it."""
@@ -123,7 +129,8 @@ class Supervisor:
         max_A, limit_A = self.config.supply.max_current, self.limit_A()
         if any(fault.action is Action.BIAS for fault in faults):
             limit_A = min(limit_A, self.config.supply.bias_current)
-        if self._derated_A() < max_A:
+        derated_A = self._derated_A()
+        if wanted_A >= derated_A < max_A:
             limits.add(TEMPERATURE_DERATING)
         if self._stress_cap_A < inf:
             limits.add(STRESS_NEAR_LIMIT)

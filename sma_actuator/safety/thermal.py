@@ -1,7 +1,14 @@
-"""How hot the wire must be, from the power that was measured in it.
+"""How hot the wire must be, and how hot it can be, from the power that was measured in it.
 
 Lumped heat balance ``C dT/dt = P − h (T − T_amb)``.  Latent heat is left out, so the answer errs
-on the hot side while the wire transforms.
+on the hot side while the wire transforms.  The balance is kept twice: with the heat loss of the
+parameters, and with the least that the wire may have (``thermal.heat_loss_margin``): a wire that
+hangs in a tube loses its heat more slowly than one in the open.  What limits the current is the
+second.
+
+Nothing is known of a wire when an actuator begins: it may come from another that was ended while
+the wire was hot.  So it starts as hot as a wire may be and cools by the balance, which takes a few
+of the wire's time constants; meanwhile it may be driven with less current.
 """
 
 from __future__ import annotations
@@ -11,6 +18,13 @@ from dataclasses import dataclass
 
 from sma_actuator.base.parameters import parameter
 
+#: The hottest that a wire may be is aimed at with this distance, for noise and a resistance that rises.
+HEADROOM_K = 5.0
+#: Surroundings no wire is driven in [°C]; a sensor that reads more is not believed.
+HOTTEST_AMBIENT_C = 100.0
+#: A sensor that falls below the usual temperature is followed at this rate: surroundings cool no faster.
+AMBIENT_FALL_K_S = 0.1
+
 
 @dataclass(frozen=True, slots=True)
 class ThermalParameters:
@@ -18,13 +32,39 @@ class ThermalParameters:
 
     heat_capacity: float = parameter(description="heat capacity of the wire", unit="J/K", lo=1e-6, hi=1e3)
     heat_loss: float = parameter(description="heat lost per kelvin above ambient", unit="W/K", lo=1e-6, hi=1e2)
+    heat_loss_margin: float = parameter(
+        3.0,
+        "the wire stays below max_temperature even where it loses this many times less heat than heat_loss",
+        "1",
+        1.0,
+        10.0,
+        live=True,
+    )
     ambient_temperature: float = parameter(
         24.0, "temperature of the surroundings where none is measured", "°C", -60.0, 100.0, live=True
+    )
+    ambient_tolerance: float = parameter(
+        15.0,
+        "the surroundings are never colder than ambient_temperature by more than this; a sensor that says so is not "
+        "believed",
+        "K",
+        0.0,
+        100.0,
+        live=True,
+    )
+    ambient_stuck_time: float = parameter(
+        600.0,
+        "time with not one changed digit after which an ambient sensor is believed only where it reads more than "
+        "ambient_temperature",
+        "s",
+        1.0,
+        1e6,
+        live=True,
     )
     derate_temperature: float = parameter(
         160.0, "estimated temperature where the current limit starts to fall", "°C", 40.0, 400.0, live=True
     )
-    max_temperature: float = parameter(200.0, "estimated temperature that is a fault", "°C", 40.0, 400.0, live=True)
+    max_temperature: float = parameter(200.0, "temperature that the wire must never have", "°C", 40.0, 400.0, live=True)
 
 
 class HeatBalance:
@@ -35,7 +75,9 @@ class HeatBalance:
     def __init__(self, temperature_C: float):
         self.temperature_C = temperature_C
 
-    def step(self, power_W: float, dt_s: float, ambient_C: float, parameters: ThermalParameters) -> float:
+    def step(
+        self, power_W: float, dt_s: float, ambient_C: float, heat_capacity_J_K: float, heat_loss_W_K: float
+    ) -> float:
         """Advance by ``dt_s`` ≥ 0 and return the temperature [°C].
 
         Exact: ``T ← T_∞ + (T − T_∞) exp(−h dt / C)`` with ``T_∞ = T_amb + P/h``.  Arguments that
@@ -43,10 +85,88 @@ class HeatBalance:
         """
         if not (math.isfinite(power_W) and 0.0 <= dt_s < math.inf and math.isfinite(ambient_C)):
             return self.temperature_C
-        settled_C = ambient_C + power_W / parameters.heat_loss
-        decay = math.exp(-dt_s * parameters.heat_loss / parameters.heat_capacity)
+        settled_C = ambient_C + power_W / heat_loss_W_K
+        decay = math.exp(-dt_s * heat_loss_W_K / heat_capacity_J_K)
         self.temperature_C = settled_C + (self.temperature_C - settled_C) * decay
         return self.temperature_C
+
+
+class Ambient:
+    """What the surroundings are taken for, from a sensor that may be broken and the parameters.
+
+    Too warm only costs current, too cold costs the wire: a sensor is followed upwards at once,
+    downwards slowly and not far.
+    """
+
+    def __init__(self, parameters: ThermalParameters):
+        self.temperature_C = parameters.ambient_temperature
+        self.doubt = ""  #: why the sensor is not believed
+        self._read_C = math.nan
+        self._stands_s = 0.0
+
+    def step(self, read_C: float, dt_s: float, parameters: ThermalParameters) -> float:
+        """Advance by ``dt_s`` with what a sensor reads, NaN where there is none; the temperature to reckon with [°C]."""
+        dt_s = dt_s if 0.0 <= dt_s < math.inf else 0.0
+        self._stands_s = self._stands_s + dt_s if read_C == self._read_C else 0.0
+        self._read_C = read_C
+        usual_C = parameters.ambient_temperature
+        self.doubt = "" if math.isnan(read_C) else self._doubt(read_C, parameters)
+        believed_C = usual_C if self.doubt or math.isnan(read_C) else read_C
+        self.temperature_C = max(believed_C, min(self.temperature_C, usual_C) - AMBIENT_FALL_K_S * dt_s)
+        return self.temperature_C
+
+    def _doubt(self, read_C: float, parameters: ThermalParameters) -> str:
+        usual_C, tolerance_K = parameters.ambient_temperature, parameters.ambient_tolerance
+        if not read_C <= HOTTEST_AMBIENT_C:
+            return f"it reads {read_C:.4g} °C; up to {HOTTEST_AMBIENT_C:g} °C is plausible"
+        if not read_C >= usual_C - tolerance_K:
+            return (
+                f"it reads {read_C:.4g} °C; thermal.ambient_temperature is {usual_C:g} °C and "
+                f"thermal.ambient_tolerance {tolerance_K:g} K"
+            )
+        if read_C < usual_C and self._stands_s > parameters.ambient_stuck_time:
+            return (
+                f"it reads {read_C:.4g} °C for {self._stands_s:.0f} s to the last digit; thermal.ambient_stuck_time is "
+                f"{parameters.ambient_stuck_time:g} s"
+            )
+        return ""
+
+
+class WireHeat:
+    """What is known of the heat of one wire."""
+
+    def __init__(self, parameters: ThermalParameters):
+        self.ambient = Ambient(parameters)
+        self._likely = HeatBalance(parameters.max_temperature)
+        self._most = HeatBalance(parameters.max_temperature)
+
+    @property
+    def temperature_C(self) -> float:
+        """The temperature with the heat loss of the parameters."""
+        return self._likely.temperature_C
+
+    @property
+    def at_most_C(self) -> float:
+        """The temperature with the least heat loss that the wire may have."""
+        return self._most.temperature_C
+
+    def step(self, power_W: float, dt_s: float, ambient_read_C: float, parameters: ThermalParameters) -> None:
+        """Keep both balances, on measured power [W]."""
+        ambient_C = self.ambient.step(ambient_read_C, dt_s, parameters)
+        loss_W_K, capacity_J_K = parameters.heat_loss, parameters.heat_capacity
+        self._likely.step(power_W, dt_s, ambient_C, capacity_J_K, loss_W_K)
+        self._most.step(power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / parameters.heat_loss_margin)
+
+    def power_limit_W(self, horizon_s: float, parameters: ThermalParameters) -> float:
+        """Power that may flow on for ``horizon_s`` without anybody looking and leave the wire below max_temperature.
+
+        May be below zero: then the wire is too hot already.
+        """
+        loss_W_K = parameters.heat_loss / parameters.heat_loss_margin
+        decay = math.exp(-horizon_s * loss_W_K / parameters.heat_capacity)
+        hottest_C = parameters.max_temperature - HEADROOM_K
+        settled_C = (hottest_C - self.at_most_C * decay) / (1.0 - decay)
+        return loss_W_K * (settled_C - self.ambient.temperature_C)
 
 
 def derated_limit_A(

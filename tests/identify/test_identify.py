@@ -22,7 +22,8 @@ from sma_actuator.identify.fitting import choose_simplest
 from sma_actuator.identify.material import RPhaseAlloy, asymptotes_from_material, corners
 from sma_actuator.identify.ranges import determinate_interval_m, distinct_stresses
 from sma_actuator.identify.traces import make_trace, make_traces
-from sma_actuator.logs.bench_log import BenchLog, BenchLogError, signals_from_log
+from sma_actuator.logs.bench_log import BenchLog, signals_from_log
+from sma_actuator.logs.errors import BenchLogError
 from sma_actuator.plant.loads import Weight
 from sma_actuator.plant.materials import WIRES
 from sma_actuator.replay import estimate_m
@@ -210,9 +211,15 @@ def of_another_wire(log):
     return dataclasses.replace(log, metadata={**log.metadata, "wire": {"length_m": 0.2}})
 
 
-def in_other_ohms(log):
+def never_driven(log):
     columns = dict(log.columns)
     columns["reference_voltage_V"] = columns["reference_voltage_V"] * 0.01
+    return dataclasses.replace(log, columns=columns)
+
+
+def in_other_ohms(log):
+    columns = dict(log.columns)
+    columns["supply_voltage_V"] = columns["supply_voltage_V"] * 4.0
     return dataclasses.replace(log, columns=columns)
 
 
@@ -225,6 +232,7 @@ def in_other_ohms(log):
         pytest.param(lambda f: [without_cooling(log) for log in f.only("pulses")], {}, "there is no cooling branch", id="no cooling branch"),
         pytest.param(lambda f: [saturated(log) for log in f.only("pulses")], {}, "line 52, column load_cell_voltage_V: the channel is saturated", id="saturated channel"),
         pytest.param(lambda f: [of_another_wire(log) for log in f.only("pulses")], {}, "log of another wire: its length is 200 mm", id="another wire by its metadata"),
+        pytest.param(lambda f: [never_driven(log) for log in f.only("pulses")], {}, "was the wire never driven", id="never driven"),
         pytest.param(lambda f: [in_other_ohms(log) for log in f.only("pulses")], {}, "is it the log of another wire", id="another wire by its resistance"),
         pytest.param(lambda f: [without(log, "lvdt_current_A") for log in f.only("pulses")], {}, "nothing to compare", id="no displacement"),
         pytest.param(lambda f: [], {}, "no log to fit", id="no logs"),

@@ -10,13 +10,14 @@ from characterised import virtual_rig
 
 from sma_actuator.base.signals import Signals
 from sma_actuator.cli.main import main
-from sma_actuator.estimation.estimator import Estimator
+from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
 from sma_actuator.identify.command import write_model
 from sma_actuator.identify.errors import log_error
 from sma_actuator.identify.fitting import make_data
 from sma_actuator.identify.traces import make_trace, make_traces
-from sma_actuator.logs.bench_log import BenchLogError, read_bench_log
+from sma_actuator.logs.bench_log import read_bench_log
+from sma_actuator.logs.errors import BenchLogError
 from sma_actuator.replay import estimate_m, log_from_bag, replay
 from sma_actuator.replay.baselines import Duhem, NeuralNetwork, PolynomialInResistance, TwoLines, all_baselines
 from sma_actuator.replay.replaying import winners
@@ -31,12 +32,12 @@ def model(flexinol):
 def test_a_replay_gives_what_the_node_would_have_given(flexinol, model):
     log = flexinol.only("partial_0.600N")[0]
     trace = make_trace(log, model.config)
-    estimator = Estimator(model.config)
+    estimator = Chain(model.config)
     s = trace.signals
     one_by_one = []
     for k in range(len(log)):
         fields = (s.time_s, s.resistance_Ohm, s.current_A, s.power_W, s.load_N, s.stress_Pa)
-        one_by_one.append(estimator.step(Signals(*(float(f[k]) for f in fields))).displacement_m)
+        one_by_one.append(estimator.step(Signals(*(float(f[k]) for f in fields)))[1].displacement_m)
     np.testing.assert_allclose(estimate_m(trace, model.config), one_by_one, rtol=1e-12)
 
 

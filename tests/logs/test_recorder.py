@@ -1,6 +1,8 @@
 """The recorder keeps every row it can, and says what it could not keep."""
 
+import dataclasses
 import errno
+import fnmatch
 import json
 import math
 import os
@@ -8,12 +10,13 @@ import signal
 import subprocess
 import sys
 import threading
-import types
+from pathlib import Path
 
 import pytest
 
+from sma_actuator.actuator import Output
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Reading
+from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status
 from sma_actuator.config import Config
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.logs.recorder import ESTIMATE_COLUMNS, BenchLogRecorder
@@ -33,7 +36,8 @@ def _step(number):
     time_s = 100.0 + 0.05 * number
     reading = Reading(time_s, 1.5, 0.2, 0.08, 0.0151, 22.5)
     estimate = Estimate(time_s, 0.0021, 0.021, -0.001, Branch.HEATING, Quality.DETERMINATE)
-    return reading, types.SimpleNamespace(command=Command(0.21, True), estimate=estimate, setpoint_m=0.002)
+    status = Status(Mode.TRACKING)
+    return reading, Output(Signals(*[math.nan] * 6), estimate, Command(0.21, True), status, 0.002, tare_N=0.01)
 
 
 def _record(recorder, steps):
@@ -43,7 +47,12 @@ def _record(recorder, steps):
 
 def _files(config, pattern="*.csv"):
     return sorted(
-        (path for path in os.scandir(config.recorder.folder) if path.name.endswith(pattern[1:])), key=lambda p: p.name
+        (
+            path
+            for path in os.scandir(config.recorder.folder)
+            if fnmatch.fnmatch(path.name, pattern) and path.name[0] != "."
+        ),
+        key=lambda p: p.name,
     )
 
 
@@ -79,6 +88,7 @@ def test_channels_that_are_not_wired_have_no_column(config):
         "supply_voltage_V",
         "reference_voltage_V",
         "load_cell_voltage_V",
+        "tare_N",
         "current_command_A",
         "setpoint_m",
         *ESTIMATE_COLUMNS,
@@ -131,6 +141,34 @@ def test_a_full_queue_drops_rows_counts_them_and_never_waits(config, monkeypatch
     assert len(read_bench_log(_files(config)[0].path)) == 100 - recorder.dropped_rows
 
 
+def test_numbers_come_back_to_the_bit(config):
+    config = config()
+    recorder = BenchLogRecorder(config)
+    _, output = _step(0)
+    values = [1.0 / (3 + k) for k in range(50)]
+    for k, value in enumerate(values):
+        recorder.record(Reading(100.0 + k / 7.0, value, value / 3, value / 7), output)
+    recorder.close()
+    log = read_bench_log(_files(config)[0].path)
+    assert log["supply_voltage_V"].tolist() == values
+    assert log["time_s"].tolist() == [100.0 + k / 7.0 for k in range(50)]
+    assert log["load_cell_voltage_V"].tolist() == [value / 7 for value in values]
+
+
+def test_what_happened_stands_in_the_next_row_that_is_kept(config):
+    config = config()
+    recorder = BenchLogRecorder(config)
+    reading, output = _step(1)
+    recorder.record(_step(0)[0], output)
+    recorder.record(None, dataclasses.replace(output, events=("tared 0.01 N", 'a "quoted", word')))
+    recorder.record(reading, dataclasses.replace(output, events=("enabled",)))
+    recorder.record(_step(2)[0], output)
+    recorder.close()
+    log = read_bench_log(_files(config)[0].path)
+    assert log.events == ((reading.time_s, "tared 0.01 N; a 'quoted', word; enabled"),)
+    assert log["tare_N"].tolist() == [0.01] * 3
+
+
 def test_a_disk_that_fills_ends_the_log_with_a_sentence_and_not_the_loop(config, monkeypatch):
     def full(self, row):
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -171,7 +209,7 @@ def test_what_a_killed_process_left_is_completed_by_the_next_one(config):
         [sys.executable, "-c", _KILLED, json.dumps(config.to_mapping())],
         stdout=subprocess.PIPE,
         text=True,
-        env={**os.environ, "PYTHONPATH": os.path.dirname(__file__)},
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parent)},
     )
     assert process.stdout.readline() == "ready\n"
     BenchLogRecorder(config).close()
@@ -179,10 +217,125 @@ def test_what_a_killed_process_left_is_completed_by_the_next_one(config):
     process.send_signal(signal.SIGKILL)
     process.wait(10.0)
     (part,) = _files(config, "*.csv.part")
-    with open(part.path, "ab") as stream:
+    with Path(part.path).open("ab") as stream:
         stream.write(b"110.0,1.5,0.")  # a line cut short
     BenchLogRecorder(config).close()
     assert not _files(config, "*.csv.part")
     lengths = [len(read_bench_log(file.path)) for file in _files(config) if file.stat().st_size > 500]
     assert len(lengths) == 1
     assert lengths[0] >= 199  # the row that is being written when the kill comes may be lost
+
+
+# --- whose files they are -------------------------------------------------------------------------
+
+
+def _record_many(config, name="left", steps=1000):
+    recorder = BenchLogRecorder(config, name)
+    _record(recorder, range(steps))
+    recorder.close()
+    return recorder
+
+
+def test_only_its_own_files_are_removed_however_they_are_called(config, tmp_path, caplog):
+    config = config(recorder={"max_file_size": 10_000, "max_files": 3})
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    for name in ("left_calibration.csv", "left_calibration.json", "left_20200101_000000_1_0001.csv"):
+        (folder / name).write_text("a person's")
+    _record_many(config, "left_arm")
+    others = {path.name: path.read_bytes() for path in folder.glob("left_arm_*")}
+    _record_many(config, "left")
+    assert (folder / "left_calibration.csv").read_text() == "a person's"
+    assert (folder / "left_calibration.json").read_text() == "a person's"
+    assert (folder / "left_20200101_000000_1_0001.csv").read_text() == "a person's"
+    assert {path.name: path.read_bytes() for path in folder.glob("left_arm_*")} == others
+    own = [p for p in folder.glob("left_2*.csv") if "20200101" not in p.name]
+    assert len(own) == 3
+    removed = [record.getMessage() for record in caplog.records if "removed the oldest log" in record.getMessage()]
+    assert len(removed) >= 2 * 2 and all("recorder.max_files is 3" in sentence for sentence in removed)
+
+
+def test_a_log_that_was_replaced_is_not_removed(config, tmp_path):
+    config = config(recorder={"max_file_size": 10_000, "max_files": 2})
+    _record_many(config, steps=50)
+    (mine,) = (tmp_path / "logs").glob("left_*.csv")
+    kept = tmp_path / "kept.csv"
+    kept.write_text("worth keeping")
+    mine.unlink()
+    mine.symlink_to(kept)
+    _record_many(config)
+    assert mine.is_symlink() and kept.read_text() == "worth keeping"
+
+
+def test_a_part_that_is_a_link_leads_nowhere(config, tmp_path):
+    config = config()
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    target = tmp_path / "thesis.txt"
+    target.write_text("line\nhalf a line")
+    (folder / "left_20200101_000000_1_0001.csv.part").symlink_to(target)
+    _record_many(config, steps=5)
+    assert target.read_text() == "line\nhalf a line"
+    assert (folder / "left_20200101_000000_1_0001.csv.part").is_symlink()
+
+
+def test_a_file_in_the_place_of_the_list_is_refused(config, tmp_path):
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "logs" / ".left.manifest.json").write_text("{}")
+    with pytest.raises(ConfigError, match=r"left.manifest.json is not the list of the files"):
+        BenchLogRecorder(config(), "left")
+
+
+_ON_A_FULL_DISK = """
+import json, os, subprocess, sys, time
+from pathlib import Path
+from test_recorder import _record
+from sma_actuator.config import Config
+from sma_actuator.logs import recorder as module
+module.RETRY_s = 0.05
+folder = Path(sys.argv[2])
+subprocess.run(["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(folder)], check=True)
+print("mounted", flush=True)
+config = Config.from_mapping({**json.loads(sys.argv[1]), "recorder": {"folder": str(folder)}})
+module.BenchLogRecorder(config).close()
+with (folder / "ballast").open("wb", buffering=0) as stream:
+    try:
+        while True:
+            stream.write(b"x" * 4096)
+    except OSError:
+        pass
+recorder = module.BenchLogRecorder(config)
+_record(recorder, range(20))
+deadline = time.monotonic() + 20
+while recorder.dropped_rows < 20 and time.monotonic() < deadline:
+    time.sleep(0.01)
+before = (recorder.problem, recorder.dropped_rows)
+(folder / "ballast").unlink()
+number = 20
+while recorder.problem and time.monotonic() < deadline:
+    _record(recorder, [number])
+    number += 1
+    time.sleep(0.01)
+_record(recorder, range(number, number + 10))
+recorder.close()
+sizes = [len(p.read_text().splitlines()) for p in sorted(folder.glob("*.csv"))]
+print(json.dumps([*before, recorder.problem, sizes]))
+"""
+
+
+def test_a_full_disk_prevents_no_start_and_the_log_goes_on_when_there_is_room(config, tmp_path):
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    done = subprocess.run(
+        ["unshare", "-rm", sys.executable, "-c", _ON_A_FULL_DISK, json.dumps(config().to_mapping()), str(folder)],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])},
+    )
+    if "mounted" not in done.stdout:
+        pytest.skip(f"no file system of its own to fill: {done.stderr[-200:]}")
+    assert done.returncode == 0, done.stderr
+    problem, dropped, after, sizes = json.loads(done.stdout.splitlines()[-1])
+    assert "No space left on device" in problem and dropped == 20
+    assert after == "" and sizes[-1] >= 11  # the header and what was recorded after there was room

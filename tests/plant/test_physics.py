@@ -66,14 +66,14 @@ def test_the_latent_heat_shows_in_the_temperature(name):
     drive(bench, HEATING_A[name], 6.0)
     put_in_J, lost_J, _ = bench.heat_J
     assert bench.truth.martensite == 0.0 and before.martensite == 1.0
-    sensible_J = c.heat_capacity_J_K * (bench.truth.temperature_C - before.temperature_C)
+    sensible_J = c.transformation.heat_capacity_J_K * (bench.truth.temperature_C - before.temperature_C)
     assert put_in_J - lost_J - sensible_J == pytest.approx(mass_kg * wire.material.latent_heat_J_kg, rel=1e-9)
 
 
 def test_without_transformation_it_warms_and_cools_exponentially():
     bench = powered("flexinol", load=Weight(0.98))
     c = bench.constants
-    time_constant_s = c.heat_capacity_J_K / c.heat_loss_W_K
+    time_constant_s = c.transformation.heat_capacity_J_K / c.heat_loss_W_K
     resistance_Ohm = bench.truth.resistance_Ohm
     bench.advance(time_constant_s)
     final_K = 0.05**2 * resistance_Ohm / c.heat_loss_W_K

@@ -10,7 +10,7 @@ RATE, TIMEOUT = parameter_value("loop.rate"), parameter_value("safety.reading_ti
 
 
 def read(text, config):
-    sections = {name: getattr(config, name) for name in ("loop", "safety", "controller", "supply", "instruments")}
+    sections = {name: getattr(config, name) for name in ("loop", "safety", "controller", "supply", "thermal")}
     return eval(text, {"__builtins__": {}, "max": max}, sections)
 
 

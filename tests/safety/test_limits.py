@@ -1,6 +1,7 @@
 """Every limit of the table, provoked on the virtual bench: the command is bent, nothing is wrong."""
 
 import itertools
+import math
 from dataclasses import replace
 
 import pytest
@@ -19,6 +20,7 @@ from sma_actuator.safety.limits import (
     TEMPERATURE_DERATING,
 )
 from sma_actuator.safety.supervisor import Supervisor
+from sma_actuator.safety.thermal import WireHeat
 
 
 def shown(rig, limit):
@@ -48,6 +50,7 @@ def test_a_setpoint_that_leaps_is_followed_at_its_rate_limit(make_rig):
 
 def test_the_current_saturates_at_its_maximum_and_says_so(make_rig):
     rig = make_rig(**{"controller.kp": 1e5, "controller.setpoint_rate_limit": 1.0})
+    rig.run(5.0)  # until it counts as cold
     rig.enable()
     rig.track(0.0010)
     assert any(CURRENT_MAX.name in output.status.limits for output in rig.outputs)
@@ -67,7 +70,12 @@ def test_the_current_never_falls_below_the_bias_while_enabled(make_rig):
 def spring_rig(make_rig):
     """Contraction raises the stress: 0.5 N at 4 mm and 2 N/mm."""
     rig = make_rig(
-        **{"wire.max_stress": 150e6, "safety.stress_limit_fraction": 0.5, "controller.setpoint_rate_limit": 0.002}
+        **{
+            "wire.max_stress": 150e6,
+            "safety.stress_limit_fraction": 0.5,
+            "controller.setpoint_rate_limit": 0.002,
+            "thermal.heat_loss_margin": 1.0,
+        }
     )
     rig.bench.load = Spring(stiffness_N_m=1000.0, preload_N=0.6)
     rig.enable()
@@ -124,6 +132,7 @@ def test_a_hot_wire_gets_less_current_and_stays_below_the_fault(make_rig):
 
 def test_without_derating_it_runs_into_the_fault(make_rig, monkeypatch):
     monkeypatch.setattr(supervisor_module, "derated_limit_A", lambda temperature_C, max_current_A, *_: max_current_A)
+    monkeypatch.setattr(WireHeat, "power_limit_W", lambda *_: math.inf)
     rig = make_rig(**HOT)
     rig.bench.load = Weight(2.0)
     rig.enable()
@@ -134,6 +143,7 @@ def test_without_derating_it_runs_into_the_fault(make_rig, monkeypatch):
 
 def test_a_controller_that_asks_for_too_much_is_clipped_at_the_gate(config):
     supervisor = Supervisor(config)
+    supervisor.keep_heat(0.0125, 0.05, 60.0, 24.0)  # a wire that has cooled, and whose resistance is known
     command, _ = supervisor.gate(1e6, True, {})
     assert command.current_A == config.supply.max_current
     assert supervisor.latched is None

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from sma_actuator.safety.thermal import HeatBalance, derated_limit_A
+from sma_actuator.safety.thermal import AMBIENT_FALL_K_S, Ambient, HeatBalance, WireHeat, derated_limit_A
 
 
 @pytest.fixture
@@ -13,24 +13,26 @@ def parameters(config):
     return replace(config.thermal, heat_capacity=0.01, heat_loss=0.005, derate_temperature=160.0, max_temperature=200.0)
 
 
-def test_one_step_follows_the_exponential_to_the_settled_temperature(parameters):
+def test_one_step_follows_the_exponential_to_the_settled_temperature():
     heat = HeatBalance(20.0)
     tau_s, settled_C = 0.01 / 0.005, 20.0 + 0.5 / 0.005
-    assert heat.step(0.5, 3.0, 20.0, parameters) == pytest.approx(settled_C - 100.0 * math.exp(-3.0 / tau_s), abs=1e-12)
+    assert heat.step(0.5, 3.0, 20.0, 0.01, 0.005) == pytest.approx(
+        settled_C - 100.0 * math.exp(-3.0 / tau_s), abs=1e-12
+    )
 
 
-def test_a_thousand_small_steps_are_one_large_one(parameters):
+def test_a_thousand_small_steps_are_one_large_one():
     one, many = HeatBalance(20.0), HeatBalance(20.0)
-    one.step(0.5, 3.0, 20.0, parameters)
+    one.step(0.5, 3.0, 20.0, 0.01, 0.005)
     for _ in range(1000):
-        many.step(0.5, 0.003, 20.0, parameters)
+        many.step(0.5, 0.003, 20.0, 0.01, 0.005)
     assert many.temperature_C == pytest.approx(one.temperature_C, abs=1e-9)
 
 
-def test_it_obeys_the_heat_balance(parameters):
+def test_it_obeys_the_heat_balance():
     heat = HeatBalance(80.0)
     dt_s = 1e-6
-    rate_K_s = (heat.step(0.5, dt_s, 20.0, parameters) - 80.0) / dt_s
+    rate_K_s = (heat.step(0.5, dt_s, 20.0, 0.01, 0.005) - 80.0) / dt_s
     assert 0.01 * rate_K_s == pytest.approx(0.5 - 0.005 * (80.0 - 20.0), rel=1e-5)
 
 
@@ -38,9 +40,9 @@ def test_it_obeys_the_heat_balance(parameters):
     "arguments",
     [(math.nan, 1.0, 20.0), (math.inf, 1.0, 20.0), (0.1, math.nan, 20.0), (0.1, -1.0, 20.0), (0.1, 1.0, math.nan)],
 )
-def test_what_is_not_known_does_not_cool_the_wire(parameters, arguments):
+def test_what_is_not_known_does_not_cool_the_wire(arguments):
     heat = HeatBalance(150.0)
-    assert heat.step(*arguments, parameters) == 150.0
+    assert heat.step(*arguments, 0.01, 0.005) == 150.0
 
 
 @pytest.mark.parametrize(
@@ -58,3 +60,62 @@ def test_what_is_not_known_does_not_cool_the_wire(parameters, arguments):
 )
 def test_the_current_limit_falls_from_the_maximum_to_the_bias(parameters, temperature_C, limit_A):
     assert derated_limit_A(temperature_C, 0.4, 0.05, parameters) == pytest.approx(limit_A)
+
+
+def test_a_wire_of_which_nothing_is_known_counts_as_hot_as_it_may_be(parameters):
+    heat = WireHeat(parameters)
+    assert heat.temperature_C == heat.at_most_C == parameters.max_temperature
+    heat.step(0.0, 3.0, math.nan, parameters)
+    rise_K = parameters.max_temperature - parameters.ambient_temperature
+    assert heat.temperature_C == pytest.approx(parameters.ambient_temperature + rise_K * math.exp(-1.5))
+    assert heat.at_most_C == pytest.approx(parameters.ambient_temperature + rise_K * math.exp(-0.5))
+
+
+@pytest.mark.parametrize("at_most_C", [24.0, 120.0, 190.0])
+@pytest.mark.parametrize("horizon_s", [0.1, 1.05, 60.0, math.inf])
+def test_the_power_limit_takes_the_wire_to_its_limit_at_the_horizon_and_no_further(parameters, at_most_C, horizon_s):
+    heat = WireHeat(parameters)
+    heat._most.temperature_C = at_most_C
+    power_W = heat.power_limit_W(horizon_s, parameters)
+    heat.step(power_W, min(horizon_s, 1e6), math.nan, parameters)
+    assert heat.at_most_C == pytest.approx(195.0)
+
+
+def test_surroundings_are_the_parameter_where_nothing_is_measured(parameters):
+    ambient = Ambient(parameters)
+    assert ambient.step(math.nan, 0.05, parameters) == 24.0
+    assert ambient.doubt == ""
+
+
+@pytest.mark.parametrize("read_C", [-59.0, 8.9, 101.0, -1e4, math.inf, -math.inf])
+def test_a_sensor_that_reads_what_cannot_be_is_not_believed(parameters, read_C):
+    ambient = Ambient(parameters)
+    for _ in range(10_000):
+        ambient.step(read_C, 0.05, parameters)
+    assert ambient.temperature_C == 24.0
+    assert "it reads" in ambient.doubt
+
+
+def test_a_sensor_is_followed_upwards_at_once_and_downwards_slowly(parameters):
+    ambient = Ambient(parameters)
+    assert ambient.step(60.0, 0.05, parameters) == 60.0
+    assert ambient.step(24.0, 0.05, parameters) == 24.0
+    assert ambient.step(14.0, 10.0, parameters) == pytest.approx(24.0 - 10.0 * AMBIENT_FALL_K_S)
+    ambient.step(14.1, 200.0, parameters)
+    assert ambient.temperature_C == 14.1
+    assert ambient.doubt == ""
+
+
+def test_a_sensor_that_stands_still_is_believed_only_where_it_is_warm(parameters):
+    for read_C, believed_C in ((15.0, 24.0), (30.0, 30.0)):
+        ambient = Ambient(parameters)
+        for _ in range(1300):
+            ambient.step(read_C, 0.5, parameters)
+        assert ambient.temperature_C == pytest.approx(believed_C, abs=5.1)
+        assert bool(ambient.doubt) == (read_C < 24.0)
+
+
+@pytest.mark.parametrize("dt_s", [math.nan, -1.0, math.inf])
+def test_time_that_is_none_does_not_cool_the_surroundings(parameters, dt_s):
+    ambient = Ambient(parameters)
+    assert ambient.step(15.0, dt_s, parameters) == 24.0

@@ -17,7 +17,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 from rich.table import Table
 
 from sma_actuator.base.errors import UserError
-from sma_actuator.logs.bench_log import write_atomically
+from sma_actuator.logs.files import write_atomically
 
 from .findings import sentences, summary
 from .runs import Run, read_run

@@ -18,6 +18,8 @@ from sma_actuator.base.errors import UserError
 from sma_actuator.base.parameters import from_mapping, parameter, section, to_mapping
 from sma_actuator.base.yaml_text import read_yaml
 from sma_actuator.plant import materials
+from sma_actuator.plant.kinetics import Kinetics
+from sma_actuator.plant.measured import lagoudas_between, measured_between
 from sma_actuator.plant.physics import Constants, constants
 
 _HUGE_PA = 1.0e15  #: stress at which oriented martensite would saturate: the maker gives one strain, so at once
@@ -28,6 +30,12 @@ class WireData:
     """The wire as the maker sells it; temperatures at zero stress."""
 
     name: str = parameter("wire", "name of the wire")
+    kinetics: str = parameter(
+        "liang_rogers",
+        "how it transforms: cosines between the four temperatures; the shape of a measured wire, whose tenth and "
+        "ninetieth percent lie there; or smooth hardening between them",
+        choices=("liang_rogers", "measured", "lagoudas"),
+    )
     length_m: float = parameter(description="length between the crimps", unit="m", lo=0.005, hi=20.0)
     diameter_m: float = parameter(description="diameter", unit="m", lo=1e-5, hi=5e-3)
     density_kg_m3: float = parameter(6450.0, "density", "kg/m³", 5000.0, 8000.0)
@@ -133,28 +141,81 @@ class ForwardWire:
         where, _, key = name.partition(".")
         return getattr(getattr(self, where), key)
 
+    @property
+    def kinetics(self) -> Kinetics:
+        """The kinetics chosen, between the four temperatures."""
+        w = self.wire
+        if w.kinetics == "liang_rogers":
+            return self._wire().kinetics
+        make = measured_between if w.kinetics == "measured" else lagoudas_between
+        return make(
+            austenite_start_C=w.austenite_start_C,
+            austenite_finish_C=w.austenite_finish_C,
+            martensite_start_C=w.martensite_start_C,
+            martensite_finish_C=w.martensite_finish_C,
+            stress_slope_Pa_K=w.stress_slope_Pa_K,
+        )
+
     def constants(self) -> Constants:
         """The numbers for the kernels of :mod:`sma_actuator.plant.physics`."""
+        c = constants(self._wire(), self.effects.lead_Ohm)
+        return c._replace(transformation=c.transformation._replace(family=self.kinetics.family))
+
+    def _wire(self) -> materials.Wire:
         w, e = self.wire, self.effects
         alpha = e.resistivity_coefficient_1_K
         martensite = materials.Phase(
-            w.martensite_resistivity_Ohm_m, alpha, w.martensite_modulus_Pa, w.martensite_expansion_1_K
+            resistivity_Ohm_m=w.martensite_resistivity_Ohm_m,
+            resistivity_temperature_coefficient_1_K=alpha,
+            modulus_Pa=w.martensite_modulus_Pa,
+            expansion_1_K=w.martensite_expansion_1_K,
         )
         austenite = materials.Phase(
-            w.austenite_resistivity_Ohm_m, alpha, w.austenite_modulus_Pa, w.austenite_expansion_1_K
+            resistivity_Ohm_m=w.austenite_resistivity_Ohm_m,
+            resistivity_temperature_coefficient_1_K=alpha,
+            modulus_Pa=w.austenite_modulus_Pa,
+            expansion_1_K=w.austenite_expansion_1_K,
         )
-        mixed = materials.Phase(
-            w.austenite_resistivity_Ohm_m, alpha, 0.5 * (w.martensite_modulus_Pa + w.austenite_modulus_Pa),
-            0.5 * (w.martensite_expansion_1_K + w.austenite_expansion_1_K),
-        )  # fmt: skip
+        mixed = dataclasses.replace(
+            austenite,
+            modulus_Pa=0.5 * (w.martensite_modulus_Pa + w.austenite_modulus_Pa),
+            expansion_1_K=0.5 * (w.martensite_expansion_1_K + w.austenite_expansion_1_K),
+        )
         material = materials.Material(
-            w.name, w.density_kg_m3, w.specific_heat_J_kgK, w.latent_heat_J_kg, 0.0, martensite, austenite, mixed,
-            w.austenite_start_C, w.austenite_finish_C, w.martensite_start_C, w.martensite_finish_C,
-            e.r_start_C, e.r_start_C - e.r_width_K, 2.0, e.r_strain > 0.0, w.stress_slope_Pa_K, w.stress_slope_Pa_K,
-            w.transformation_strain, e.r_strain, _HUGE_PA, 1.0, 0.0, 0.0, 0.0, self.surroundings.ambient_C,
-        )  # fmt: skip
-        wire = materials.Wire(w.name, material, w.length_m, w.diameter_m, self.surroundings.heat_transfer_W_m2K)
-        return constants(wire, e.lead_Ohm)
+            name=w.name,
+            density_kg_m3=w.density_kg_m3,
+            specific_heat_J_kgK=w.specific_heat_J_kgK,
+            latent_heat_J_kg=w.latent_heat_J_kg,
+            latent_heat_r_J_kg=0.0,
+            martensite=martensite,
+            austenite=austenite,
+            r_phase=mixed,
+            austenite_start_C=w.austenite_start_C,
+            austenite_finish_C=w.austenite_finish_C,
+            martensite_start_C=w.martensite_start_C,
+            martensite_finish_C=w.martensite_finish_C,
+            r_start_C=e.r_start_C,
+            r_finish_C=e.r_start_C - e.r_width_K,
+            r_hysteresis_K=2.0,
+            has_r_phase=e.r_strain > 0.0,
+            stress_slope_Pa_K=w.stress_slope_Pa_K,
+            stress_slope_r_Pa_K=w.stress_slope_Pa_K,
+            saturation_strain=w.transformation_strain,
+            saturation_strain_r=e.r_strain,
+            training_stress_Pa=_HUGE_PA,
+            strain_stress_scale_Pa=1.0,
+            strain_shape=0.0,
+            martensite_resistivity_stress_1_Pa=0.0,
+            geometric_factor=0.0,
+            reference_temperature_C=self.surroundings.ambient_C,
+        )
+        return materials.Wire(
+            name=w.name,
+            material=material,
+            length_m=w.length_m,
+            diameter_m=w.diameter_m,
+            heat_transfer_W_m2K=self.surroundings.heat_transfer_W_m2K,
+        )
 
 
 #: Quantiles and weights of a normal distribution in five parts (Gauss–Hermite, probabilists').

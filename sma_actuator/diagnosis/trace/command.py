@@ -20,7 +20,8 @@ from sma_actuator.config import NODE_NAME, Config, read_parameter_file
 from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.identify.calibration import calibration_of
 from sma_actuator.identify.traces import make_traces
-from sma_actuator.logs.bench_log import read_bench_log, write_atomically
+from sma_actuator.logs.bench_log import read_bench_log
+from sma_actuator.logs.files import write_atomically
 
 from .evidence import Evidence
 from .race import trace
@@ -144,14 +145,14 @@ def _print(console: Console, report: dict) -> None:
     )
     if report["effects"]:
         table = Table()
-        for header in ("effect", "stage", "share", "parameters"):
+        for header in ("effect", "what is the matter", "stage", "share", "parameters"):
             table.add_column(header)
         for e in report["effects"]:
             values = ", ".join(
                 f"{n} {p['value']:.3g} ({p['interval'][0]:.3g}…{p['interval'][1]:.3g}) {p['unit']}"
                 for n, p in e["parameters"].items()
             )
-            table.add_row(e["name"], e["stage"], f"{e['share']:.0%}", values)
+            table.add_row(e["name"], e["what"], e["stage"], f"{e['share']:.0%}", values)
         console.print(table)
     for a in report["alternatives"]:
         x = a["experiment"]

@@ -15,14 +15,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtr
 
+from sma_actuator.base.signals import Quality, Signals
 from sma_actuator.config import Config
 from sma_actuator.estimation.calibration import Calibration
-from sma_actuator.estimation.effects import EffectChain, Effects, Place
-from sma_actuator.estimation.estimator import Estimator
+from sma_actuator.estimation.chain import Chain
+from sma_actuator.estimation.effects import Effect, Effects
+from sma_actuator.estimation.effects.frame import Place
 from sma_actuator.identify.calibration import expected_residual_m
 from sma_actuator.identify.rests import find_rests
 from sma_actuator.identify.traces import Trace, make_trace
-from sma_actuator.logs.bench_log import BenchLog, BenchLogError
+from sma_actuator.logs.bench_log import BenchLog
+from sma_actuator.logs.errors import BenchLogError
 
 INDEPENDENT = 8.0  #: samples of one cycle that say something new, all others are correlated with them
 LIMIT = 3.0  #: residual, in standard deviations, above which it counts linearly (Huber)
@@ -60,13 +63,15 @@ class Evidence:
         """``beyond_floor``: count also what was there at the calibration, as the model's and not as its floor."""
         self.beyond_floor = beyond_floor
         self.config = dataclasses.replace(config, effects=Effects())
-        self.base = config.effects.active
+        self.base: Mapping[str, Effect] = config.effects.active
         self.calibration = Calibration() if beyond_floor else config.calibration
         self.place = Place.of(config)
         self.full_stroke_m = config.wire.full_stroke_m
         logs = sorted(logs, key=lambda log: float(log["time_s"][0]))
         thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST))
-        self.traces = [_usable(make_trace(log, self.config)) for log in logs]
+        seen = [make_trace(log, self.config) for log in logs]
+        judged = [self._judged(trace) for trace in seen]
+        self.traces = [_moving(trace.rows(good)) for trace, good in zip(seen, judged, strict=True)]
         cycles = sum(int(trace.cycle.max()) for trace in self.traces)
         if cycles < FEWEST_CYCLES:
             names = ", ".join(trace.log.source for trace in self.traces)
@@ -83,6 +88,8 @@ class Evidence:
             ]
             self.rests = [[r for r in rests if r.stop > r.start] for rests in self.rests]
             self.traces = [trace.rows(np.arange(len(trace.log)) % thin == 0) for trace in self.traces]
+        #: What the chain is given of every log, and which of it is judged.
+        self._seen = [_thinned(trace, good, thin) for trace, good in zip(seen, judged, strict=True)]
         self._measured_m = [np.ascontiguousarray(t.displacement_m) for t in self.traces]
         starts = [t.signals.time_s[0] for t in self.traces]
         ends = [t.signals.time_s[-1] for t in self.traces]
@@ -97,6 +104,11 @@ class Evidence:
                 f"{self.traces[0].log.source}: the model errs by {error:.0f} % of full stroke on these logs; it is not of this wire, or "
                 "circuit, load_cell or reference_sensor are those of another bench"
             )
+
+    def _judged(self, trace: Trace) -> np.ndarray:
+        """Which samples count, bool, shape (n,): those with a reference that the chain does not drop."""
+        quality = self.chain({}).run(trace.signals).quality
+        return (quality != Quality.INVALID) & np.isfinite(trace.displacement_m)
 
     def _cut(self) -> tuple[list[np.ndarray], int]:
         """Number of the cycle of every sample, over all logs; blocks of time where there are too few cycles."""
@@ -138,39 +150,39 @@ class Evidence:
         """Displacement by the reference sensor, of every log."""
         return self._measured_m
 
-    def predict(self, effects: Mapping[str, object]) -> list[Prediction]:
+    def predict(self, effects: Mapping[str, Effect]) -> list[Prediction]:
         """Every log through the chain with ``effects`` beside those that the model has."""
-        effects = {**self.base, **effects}
-        chain = EffectChain(effects, self.place)
-        estimator = Estimator(self.config)
+        return self.through(self.chain(effects))
+
+    def chain(self, effects: Mapping[str, Effect]) -> Chain:
+        """The model's chain with ``effects`` beside those that it has."""
+        return Chain(self.config, {**self.base, **effects})
+
+    def through(self, chain: Chain) -> list[Prediction]:
+        """Every log through a chain.  Between two logs of a session nobody saw the wire: only its position is forgotten."""
         out = []
-        for trace in self.traces:
-            if not self.one_session:
-                chain.reset()
-            signals = chain.measure(trace.signals)
-            frame = chain.run("at_resistance", chain.frame(signals))
-            resistance_Ohm = np.ascontiguousarray(frame.resistance_Ohm)
-            estimator.reset()
-            estimate = estimator.run(dataclasses.replace(signals, resistance_Ohm=resistance_Ohm))
-            frame.heating, frame.displacement_m = estimate.branch.astype(bool), estimate.displacement_m
-            model_m = estimate.displacement_m
-            corrected_m = chain.run("at_displacement", frame).displacement_m
-            shown_m = chain.run("shown", frame).displacement_m
+        for signals, kept in self._seen:
+            chain.reset() if self.one_session else chain.begin_session()
+            p = chain.judge(signals)
+            heating = p.branch[kept].astype(bool)
+            model_m, stress_Pa = p.model_m[kept], p.signals.stress_Pa[kept]
+            expected_m, scatter_m = self._floor(model_m, stress_Pa, heating)
             out.append(
                 Prediction(
-                    shown_m,
-                    model_m,
-                    *self._floor(corrected_m, model_m, signals.stress_Pa, frame.heating),
-                    frame.heating,
-                    resistance_Ohm,
-                    signals.power_W,
-                    signals.stress_Pa,
-                    frame.elapsed_s,
+                    shown_m=p.shown_m[kept],
+                    model_m=model_m,
+                    expected_m=expected_m,
+                    scatter_m=scatter_m,
+                    heating=heating,
+                    resistance_Ohm=p.resistance_Ohm[kept],
+                    power_W=p.signals.power_W[kept],
+                    stress_Pa=stress_Pa,
+                    elapsed_s=p.elapsed_s[kept],
                 )
             )
         return out
 
-    def _floor(self, corrected_m, model_m, stress_Pa, heating) -> tuple[np.ndarray, np.ndarray]:
+    def _floor(self, model_m: np.ndarray, stress_Pa: np.ndarray, heating: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residual expected from the calibration and its standard deviation."""
         c = self.calibration
         if self._scale_m > 0.0:
@@ -198,7 +210,7 @@ class Evidence:
             )
         )
 
-    def residual(self, effects: Mapping[str, object]) -> np.ndarray:
+    def residual(self, effects: Mapping[str, Effect]) -> np.ndarray:
         """Rows to be made small by a fit of ``effects`` (see :meth:`rows`)."""
         return self.rows(self.predict(effects))
 
@@ -319,10 +331,16 @@ def limited(z: np.ndarray) -> np.ndarray:
     return np.where(size <= LIMIT, z, np.sign(z) * np.sqrt(np.maximum(LIMIT * (2.0 * size - LIMIT), 0.0)))
 
 
-def _usable(trace: Trace) -> Trace:
-    """The samples that count; raises BenchLogError where a channel never moves or the log is shorter than a cycle."""
-    good = np.isfinite(trace.resistance_Ohm + trace.stress_Pa + trace.signals.power_W + trace.displacement_m)
-    trace = trace.rows(good) if not good.all() else trace
+def _thinned(trace: Trace, good: np.ndarray, thin: int) -> tuple[Signals, np.ndarray | slice]:
+    """Every ``thin``-th of the good samples, with what the chain drops between them; and which of these are good."""
+    if good.all() and thin == 1:
+        return trace.signals, slice(None)
+    fed = ~good | ((np.cumsum(good) - 1) % thin == 0)
+    return trace.rows(fed).signals, good[fed]
+
+
+def _moving(trace: Trace) -> Trace:
+    """The trace; raises BenchLogError where a channel never moves or the log is shorter than a cycle."""
     for name, values, unit in (
         ("the resistance", trace.resistance_Ohm, "Ω"),
         ("the measured displacement", trace.displacement_m, "m"),

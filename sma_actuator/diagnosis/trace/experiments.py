@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from sma_actuator.base.signals import Signals
-from sma_actuator.estimation.effects import EffectChain
-from sma_actuator.estimation.estimator import Estimator
+from sma_actuator.estimation.chain import Chain
+from sma_actuator.estimation.effects import Effect
 
 from .evidence import Evidence
 
@@ -33,7 +32,7 @@ class Experiment:
     difference_m: float
 
 
-def best_experiment(evidence: Evidence, first: Mapping[str, object], second: Mapping[str, object]) -> Experiment:
+def best_experiment(evidence: Evidence, first: Mapping[str, Effect], second: Mapping[str, Effect]) -> Experiment:
     """The shortest experiment in which the two differ by ENOUGH_percent; the one where they differ most if none does."""
     chains = [_after_the_session(evidence, effects) for effects in (first, second)]
     found = []
@@ -45,28 +44,20 @@ def best_experiment(evidence: Evidence, first: Mapping[str, object], second: Map
     return min(enough, key=lambda e: e.duration_s) if enough else max(found, key=lambda e: e.difference_m)
 
 
-def _after_the_session(evidence: Evidence, effects: Mapping[str, object]) -> EffectChain:
-    """The effects as the last log leaves them: what creeps has crept, what slipped has slipped."""
-    chain = EffectChain(
-        {**evidence.base, **effects}, evidence.place, evidence.start_s if evidence.one_session else math.nan
-    )
-    _through(evidence, chain, evidence.traces[-1].signals)
+def _after_the_session(evidence: Evidence, effects: Mapping[str, Effect]) -> Chain:
+    """The chain as the last log leaves it: what creeps has crept, what slipped has slipped."""
+    chain = evidence.chain(effects)
+    evidence.through(chain)
     return chain
 
 
-def _shown(evidence: Evidence, chain: EffectChain, signals: Signals) -> np.ndarray:
+def _shown(evidence: Evidence, chain: Chain, signals: Signals) -> np.ndarray:
     """What the reference sensor would show in an experiment right after the session."""
     begin_s = float(evidence.traces[-1].signals.time_s[-1]) + 1.0
     shifted = dataclasses.replace(signals, time_s=signals.time_s - signals.time_s[0] + begin_s)
-    return _through(evidence, copy.deepcopy(chain), shifted)
-
-
-def _through(evidence: Evidence, chain: EffectChain, signals: Signals) -> np.ndarray:
-    signals = chain.measure(signals)
-    frame = chain.run("at_resistance", chain.frame(signals))
-    estimate = Estimator(evidence.config).run(dataclasses.replace(signals, resistance_Ohm=frame.resistance_Ohm))
-    frame.heating, frame.displacement_m = estimate.branch.astype(bool), estimate.displacement_m
-    return np.nan_to_num(chain.run("shown", chain.run("at_displacement", frame)).displacement_m)
+    chain = copy.deepcopy(chain)
+    chain.reset()
+    return np.nan_to_num(chain.judge(shifted).shown_m)
 
 
 def _experiments(evidence: Evidence):

@@ -10,9 +10,9 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL
-from sma_actuator.logs.bench_log import BenchLogError
+from sma_actuator.logs.errors import BenchLogError
 
-from .candidates import Candidate, Scales, candidate, untestable
+from .candidates import Candidate, candidate, scales_of, untestable
 from .evidence import INDEPENDENT, Evidence, Prediction
 from .fitting import Fit, fit
 
@@ -86,16 +86,14 @@ def trace(
     that ``joblib.parallel_config("dask")`` around the call spreads them over a cluster.  Raises BenchLogError where
     an effect of ``only`` cannot be fitted on these logs.
     """
-    scales = Scales.of(evidence)
+    scales = scales_of(evidence)
     names = [n for n in EFFECTS if (not only or n in only) and n not in without]
     if evidence.beyond_floor and not only:  # what circuit and sensors did at the calibration, it has absorbed
-        names = [n for n in names if EFFECTS[n].STAGE == "wire"]
-    reasons = {n: untestable(n, scales, evidence) for n in names}
-    if only and any(reasons.values()):
-        raise BenchLogError(
-            "; ".join(f"{n} cannot be fitted on these logs: {why}" for n, why in reasons.items() if why)
-        )
-    field_ = [candidate(n, scales, evidence) for n in names if not reasons[n]]
+        names = [n for n in names if EFFECTS[n].PART == "wire"]
+    reasons = untestable(names, scales)
+    if only and reasons:
+        raise BenchLogError("; ".join(f"{n} cannot be fitted on these logs: {why}" for n, why in reasons.items()))
+    field_ = [candidate(n, scales) for n in names if n not in reasons]
     last = max(1, round(LAST_BLOCK * evidence.units))
     train = np.arange(evidence.units) < evidence.units - last
     before = evidence.predict({})
@@ -108,7 +106,7 @@ def trace(
         None,
         [],
         {},
-        {n: r for n, r in reasons.items() if r},
+        reasons,
         train,
         {"before": base, "after": base},
         {"before": errors, "after": errors},
@@ -262,4 +260,4 @@ def _alternatives(rounds: list[Round], current: Fit) -> dict[str, Trial]:
 
 def of_the_model(names: Sequence[str]) -> list[str]:
     """Those of the effects that belong into a model file; the others are named and left alone."""
-    return [n for n in names if EFFECTS[n].STAGE not in NOT_THE_MODEL]
+    return [n for n in names if EFFECTS[n].PART not in NOT_THE_MODEL]

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from math import exp, isnan
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sma_actuator.base.jit import jit
+from sma_actuator.base.signals import Signals
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,16 +29,16 @@ class Place:
     working_range_m: tuple[float, float]
 
     @classmethod
-    def of(cls, config) -> Place:
+    def of(cls, config: Config) -> Place:
         """The place that a Config describes."""
         return cls(
-            config.circuit.reference_resistance,
-            config.circuit.lead_resistance,
-            config.wire.area_m2,
-            config.wire.length,
-            config.thermal.heat_loss,
-            config.thermal.ambient_temperature,
-            config.model.build(config.wire).displacement_range_m,
+            reference_resistance_Ohm=config.circuit.reference_resistance,
+            lead_resistance_Ohm=config.circuit.lead_resistance,
+            area_m2=config.wire.area_m2,
+            length_m=config.wire.length,
+            heat_loss_W_K=config.thermal.heat_loss,
+            ambient_C=config.thermal.ambient_temperature,
+            working_range_m=config.model.build(config.wire).displacement_range_m,
         )
 
 
@@ -43,7 +49,7 @@ class Frame:
     ``displacement_m`` and ``heating`` are there from the strain model on, ``cycles`` from a counter on.
     """
 
-    elapsed_s: np.ndarray  #: since the first sample of the session
+    elapsed_s: np.ndarray  #: since the session began
     resistance_Ohm: np.ndarray
     current_A: np.ndarray
     power_W: np.ndarray
@@ -52,6 +58,25 @@ class Frame:
     heating: np.ndarray | None = None
     displacement_m: np.ndarray | None = None
     cycles: np.ndarray | None = None
+
+    @classmethod
+    def of(cls, signals: Signals, start_s: float) -> Frame:
+        """The frame of n samples (arrays) or of one (floats) of a session that began at ``start_s``."""
+        return cls(
+            elapsed_s=np.atleast_1d(signals.time_s) - start_s,
+            resistance_Ohm=np.atleast_1d(signals.resistance_Ohm),
+            current_A=np.atleast_1d(signals.current_A),
+            power_W=np.atleast_1d(signals.power_W),
+            load_N=np.atleast_1d(signals.load_N),
+            ambient_C=np.atleast_1d(signals.ambient_temperature_C),
+        )
+
+    def rows(self, chosen: np.ndarray) -> Frame:
+        """The frame with some of its samples only (bool, shape (n,))."""
+        values = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        return Frame(
+            **{name: None if v is None else np.broadcast_to(v, chosen.shape)[chosen] for name, v in values.items()}
+        )
 
     def lag(self, values: np.ndarray, state: np.ndarray, time_constant_s: float, from_zero: bool = False) -> np.ndarray:
         """``values`` through a first-order lag, shape (n,); ``state`` (2,) is NaN before the first sample.

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from math import isfinite, nan
 
-from sma_actuator.base.signals import Reading
+from sma_actuator.base.signals import MEASURABLE, Reading
 from sma_actuator.safety.formula import parameter_value
 from sma_actuator.safety.records import Action, Step, guard
 from sma_actuator.safety.timing import ONE_STEP, READING_TIMEOUT, TWO_STEPS
-
-#: Share of the bias current below which there is no current to measure resistance with.
-MEASURABLE = 0.5
 
 
 def voltages(reading: Reading) -> dict[str, float]:

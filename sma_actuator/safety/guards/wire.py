@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from sma_actuator.safety.formula import longest
+from sma_actuator.base.signals import Quality
+from sma_actuator.safety.formula import longest, parameter_value
 from sma_actuator.safety.records import Action, Step, guard
-from sma_actuator.safety.timing import RATE, SETTLING_READINGS, SETTLING_TIME_S, THREE_STEPS, TWO_STEPS
+from sma_actuator.safety.thermal import AMBIENT_FALL_K_S
+from sma_actuator.safety.timing import ONE_STEP, RATE, SETTLING_READINGS, SETTLING_TIME_S, THREE_STEPS, TWO_STEPS
 
 #: Share of supply.max_voltage that counts as being at the compliance voltage.
 COMPLIANCE = 0.95
+#: Time constants of the wire that it must have been contracted for although the balance calls it cold.
+COOLING_TIMES = 1.5
+#: Share of the calibration's rise above ambient below which a wire that is still contracted is hotter than the balance says.
+LEAST_RISE = 0.5
 
 
 @guard(
@@ -83,7 +89,7 @@ def load_spike(step: Step) -> str:
 
 @guard(
     words="the wire is too hot",
-    detector="heat balance on measured power above thermal.max_temperature",
+    detector="heat balance on measured power, with heat_loss / heat_loss_margin, above thermal.max_temperature",
     within=TWO_STEPS,
     action=Action.OFF,
     latches=True,
@@ -91,8 +97,52 @@ def load_spike(step: Step) -> str:
 )
 def too_hot(step: Step) -> str:
     """The heat balance on measured power."""
-    if step.temperature_C <= step.config.thermal.max_temperature:
+    thermal, heat = step.config.thermal, step.heat
+    if heat.at_most_C <= thermal.max_temperature:
         return ""
     return (
-        f"estimated {step.temperature_C:.0f} °C; thermal.max_temperature is {step.config.thermal.max_temperature:g} °C"
+        f"estimated {heat.temperature_C:.0f} °C, at most {heat.at_most_C:.0f} °C; thermal.max_temperature is "
+        f"{thermal.max_temperature:g} °C"
     )
+
+
+@guard(
+    words="the heat loss is not that of the parameters",
+    detector=f"the heat balance says that the wire has cooled, and it stays contracted for {COOLING_TIMES:g} of its time "
+    "constants, heat_capacity / heat_loss, or longer: it is enclosed, or the surroundings are warmer than believed "
+    "(what a cooling wire shows is in the calibration; without one: never)",
+    within=COOLING_TIMES * parameter_value("thermal.heat_capacity") / parameter_value("thermal.heat_loss") + TWO_STEPS,
+    action=Action.OFF,
+    latches=True,
+)
+def heat_loss_wrong(step: Step) -> str:
+    """A wire that is still contracted is still hot, whatever the balance says."""
+    calibration, thermal, heat = step.config.calibration, step.config.thermal, step.heat
+    contracted = (
+        step.settled
+        and step.estimate.quality <= Quality.INDETERMINATE_HOT
+        and step.estimate.displacement_m < calibration.cooling_position
+    )
+    rise_K = heat.temperature_C - heat.ambient.temperature_C
+    still_hot = contracted and rise_K < LEAST_RISE * calibration.cooling_rise_K(step.signals.stress_Pa)
+    lasts_s = step.memory.lasts_s("heat_loss_wrong", still_hot, step.now_s)
+    if not lasts_s >= COOLING_TIMES * thermal.heat_capacity / thermal.heat_loss:
+        return ""
+    return (
+        f"for {lasts_s:.3g} s the wire is contracted to {step.estimate.displacement_m * 1e3:.3g} mm and the balance says "
+        f"{heat.temperature_C:.0f} °C; it cools more slowly than thermal.heat_loss, {thermal.heat_loss:g} W/K, has it, or the "
+        f"surroundings are warmer than {heat.ambient.temperature_C:.0f} °C"
+    )
+
+
+@guard(
+    words="the ambient sensor is not believed",
+    detector="ambient temperature below ambient_temperature − ambient_tolerance, above 100 °C, or below "
+    "ambient_temperature without one changed digit for thermal.ambient_stuck_time; ambient_temperature is taken instead. "
+    f"Below that, a sensor that falls is followed at {AMBIENT_FALL_K_S:g} K/s",
+    within=ONE_STEP,
+    action=Action.NOTE,
+)
+def ambient_doubted(step: Step) -> str:
+    """Surroundings that nobody drives a wire in."""
+    return step.heat.ambient.doubt

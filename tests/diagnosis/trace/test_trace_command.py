@@ -135,7 +135,7 @@ def test_the_node_estimates_with_the_extended_model_what_replay_does(traced):
     log = read_bench_log(logs[0])
     trace_ = make_trace(log, config)
     whole = estimate_m(trace_, config)
-    actuator, reading = Actuator(config), to_reading(log, config)
+    actuator, reading = Actuator(config), to_reading(log)
     for i in range(len(log)):
         one = Reading(*(float(getattr(reading, f.name)[i]) for f in dataclasses.fields(Reading)))
         output = actuator.step(one.time_s, one, None)

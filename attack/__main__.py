@@ -1,0 +1,140 @@
+"""``python -m attack``: run attacks, print what they broke, and write their figures to docs/attack.md.
+
+Without a name of an attack all of them are run, side by side, and the page is written; with one, it alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import math
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import get_context
+from pathlib import Path
+
+from .result import Result
+from .units import RUNNERS
+
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "attack.md"
+TITLES = {
+    "hours": "virtual hours",
+    "lines": "lines between driver and instruments",
+    "kills": "kills",
+    "fuzz": "ROS fuzz",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Attack; 0 where nothing was broken."""
+    options = _options().parse_args(arguments)
+    work: list[tuple[str, tuple]] = []
+    if options.what in ("hours", "all"):
+        chunk = max(1, min(6, math.ceil(options.sessions / options.jobs)))
+        firsts = range(options.first, options.first + options.sessions, chunk)
+        work += [("hours", (first, min(chunk, options.first + options.sessions - first))) for first in firsts]
+    if options.what in ("lines", "all"):
+        work += [("lines", (options.seed + number, options.only)) for number in range(options.rounds)]
+    if options.what in ("kills", "all"):
+        share = math.ceil(options.count / options.jobs)
+        work += [("kills", (options.seed + job, share)) for job in range(options.jobs)]
+    if options.what in ("fuzz", "all"):
+        work += [("fuzz", (options.seed, options.messages))]
+    began_s = time.monotonic()
+    results = _run(work, options.jobs, options.minutes)
+    whole = Result()
+    for name, result in results.items():
+        print(f"{TITLES[name]}: {dict(result.counts)}\n  worst: {result.worst}\n{result.verdict()}", flush=True)
+        whole.add(result)
+    if options.what == "all" or options.write:
+        PAGE.write_text(page(results, time.monotonic() - began_s), encoding="utf-8")
+        print(f"written: {PAGE}")
+    return 1 if whole.violations else 0
+
+
+def _run(work: list[tuple[str, tuple]], jobs: int, minutes: float) -> dict[str, Result]:
+    """Results by attack; what has not begun when the time is over is left out."""
+    results: dict[str, Result] = {}
+    # Taken in turns, so that each attack has its share where the time does not suffice for all.
+    by_name = {name: [arguments for kind, arguments in work if kind == name] for name in RUNNERS}
+    order = sorted(
+        (number / len(jobs_of), name, arguments)
+        for name, jobs_of in by_name.items()
+        for number, arguments in enumerate(jobs_of)
+    )
+    ends_s = time.monotonic() + 60.0 * minutes
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), max_tasks_per_child=1) as pool:
+        futures = {pool.submit(RUNNERS[name], *arguments): name for _, name, arguments in order}
+        for future in as_completed(futures):
+            name = futures[future]
+            if future.cancelled():
+                continue
+            results.setdefault(name, Result()).add(future.result())
+            done = sum(each.done() for each in futures)
+            print(f"{done} of {len(futures)}: {name}", file=sys.stderr, flush=True)
+            if time.monotonic() > ends_s:
+                for each in futures:
+                    each.cancel()
+    return results
+
+
+def page(results: dict[str, Result], took_s: float) -> str:
+    """docs/attack.md."""
+    commit = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"], cwd=PAGE.parent, capture_output=True, text=True, check=False
+    ).stdout.strip()
+    lines = [
+        "# The attack",
+        "",
+        f"Written by `make attack` on {datetime.date.today().isoformat()}, at commit {commit or 'unknown'}, in {took_s / 60:.0f} minutes.",
+        "",
+        "An attacker that does everything which instruments, operating systems and ROS 2 can do, at random, and a judge that",
+        "knows only [docs/faults.md](faults.md), the parameter file and what is true on the virtual bench: its temperature,",
+        "stress and current. It asks nothing of the code under test. Every attack is seeded; what is broken is listed with the",
+        "command that shows it again. `tests/attack` runs a short attack with every test run.",
+        "",
+        "| attack | what was done | how often |",
+        "|---|---|---|",
+    ]
+    for name, result in results.items():
+        counts = dict(result.counts)
+        seconds = counts.pop("virtual seconds", None)
+        if seconds is not None:
+            lines.append(f"| {TITLES[name]} | virtual hours | {seconds / 3600:.1f} |")
+        lines += [
+            f"| {TITLES[name]} | {what} | {number} |" for what, number in sorted(counts.items(), key=lambda c: -c[1])
+        ]
+    lines += ["", "## Worst seen", "", "| attack | what | worst |", "|---|---|---|"]
+    for name, result in results.items():
+        lines += [f"| {TITLES[name]} | {what} | {value:.3g} |" for what, value in sorted(result.worst.items())]
+    broken = sum(len(result.violations) for result in results.values())
+    lines += ["", "## Promises broken", "", f"{broken} in all." if broken else "None."]
+    for name, result in results.items():
+        if result.violations:
+            lines += ["", f"{TITLES[name]}:", ""]
+            lines += [f"- {line}" for line in result.verdict().splitlines() if " × " in line]
+    return "\n".join(lines) + "\n"
+
+
+def _options() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m attack", description=__doc__)
+    parser.add_argument("what", nargs="?", choices=(*TITLES, "all"), default="all")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the lines, kills and fuzz")
+    parser.add_argument("--first", type=int, default=0, help="hours: seed of the first session")
+    parser.add_argument("--sessions", type=int, default=600, help="hours: sessions of ten virtual minutes")
+    parser.add_argument("--rounds", type=int, default=5, help="lines: how often every mischief is done")
+    parser.add_argument("--only", type=int, nargs="*", default=(), help="lines: numbers of the mischief to do")
+    parser.add_argument("--count", type=int, default=1000, help="kills")
+    parser.add_argument("--messages", type=int, default=1_000_000, help="fuzz: messages")
+    parser.add_argument("--jobs", type=int, default=max(1, os.cpu_count() or 1), help="attacks side by side")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="begin nothing more after so many minutes")
+    parser.add_argument("--write", action="store_true", help="write docs/attack.md also from one attack alone")
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,223 @@
+"""Attacks on the lines between the driver and its instruments: a proxy in each, spoilt one after the other."""
+
+from __future__ import annotations
+
+import math
+import random
+import time
+from collections.abc import Iterable
+from typing import Any
+
+from sma_actuator.base.signals import Mode
+from sma_actuator.config import Config, read_parameter_file
+from sma_actuator.driver import Driver, DriverStopped
+from sma_actuator.instruments import InstrumentError, open_daq, open_supply
+from sma_actuator.instruments.clock import MonotonicClock
+
+from .hours import CONFIG, OFF_AT_MOST_s
+from .promises import Promises
+from .proxy import HONEST, Mischief, Proxy
+from .result import Result, Violation
+from .stand import SOON_s, Stand, wait_until
+
+#: What the bench's tick, its answers and the judge's look add to a time.
+MEASURING_s = 0.06
+RECOVERY_s = 15.0
+#: A reading older than this is not of now.
+FRESH_s = 0.5
+FRESH_A = 5e-3
+#: Mischief after which no conversation is left, so that the current has to go off.
+_ENDS_THE_TALK = (
+    Mischief("drop"),
+    Mischief("drop", "questions"),
+    Mischief("drop", "both"),
+    Mischief("cut", "none"),
+    Mischief("refuse", "none"),
+    Mischief("late", delay_s=0.7),
+    Mischief("late", delay_s=2.5),
+    Mischief("late", "questions", delay_s=0.7),
+    Mischief("empty"),
+    Mischief("garble"),
+    Mischief("garble", "questions"),
+    Mischief("garble", "both"),
+    Mischief("nan"),
+    Mischief("half"),
+    Mischief("unended"),
+    Mischief("trickle"),
+    Mischief("flood"),
+)
+#: Mischief that a driver may see through or get over.
+_CONFUSES = (
+    Mischief("late", delay_s=0.03),
+    Mischief("late", "both", delay_s=0.1),
+    Mischief("duplicate"),
+    Mischief("duplicate", "questions"),
+    Mischief("duplicate", "both"),
+    Mischief("extra"),
+    Mischief("swap digits"),
+)
+ALL = tuple((role, mischief) for role in ("supply", "daq") for mischief in (*_ENDS_THE_TALK, *_CONFUSES))
+
+
+class Line:
+    """A driver on a bench process, with a proxy before each instrument."""
+
+    def __init__(self, seed: int):
+        self.seed = seed
+        self.result = Result()
+        self._chance = random.Random(seed)
+        self.stand = Stand("--load", "weight:0.98", "--seed", str(seed))
+        self.proxies = {
+            "supply": Proxy(self.stand.supply_port, seed),
+            "daq": Proxy(self.stand.daq_port, seed + 1),
+        }
+        parameters = read_parameter_file(CONFIG / "flexinol.yaml")
+        for role, proxy in self.proxies.items():
+            parameters["instruments"][role]["resource"] = f"TCPIP::127.0.0.1::{proxy.port}::SOCKET"
+        parameters["instruments"]["reconnect_backoff_max"] = 0.5
+        self.config = Config.from_mapping(parameters)
+        self.promises = Promises(self.config.to_mapping())
+        self.outputs: list[Any] = []
+        self.cause = ""
+        self._stale = 0
+        self._driver: Driver | None = None
+
+    def close(self) -> None:
+        """End the driver, the proxies and the bench."""
+        if self._driver is not None:
+            self._driver.stop()
+        for proxy in self.proxies.values():
+            proxy.close()
+        self.stand.close()
+
+    def broken(self, rule: str, detail: str) -> None:
+        """Write down a broken promise."""
+        number = ALL.index(self.present)
+        replay = f"python -m attack lines --seed {self.seed} --only {number}"
+        self.result.violations.append(Violation(rule, f"{self.cause}: {detail}", replay))
+
+    def attack(self, role: str, mischief: Mischief) -> None:
+        """Drive the wire, spoil one line, judge, and see the driver come back."""
+        self.present, self.cause = (role, mischief), f"{role}, {mischief}"
+        self.result.counts["lines spoilt"] += 1
+        if not self._driven():
+            self.broken("the driver does not come back", "before the mischief")
+            return
+        proxy = self.proxies[role]
+        self.stand.fresh()
+        self._stale = 0
+        self.outputs.clear()
+        began_s = time.monotonic()
+        proxy.spoil(mischief)
+        if mischief in _ENDS_THE_TALK:
+            self._must_go_off(role, mischief, began_s)
+        else:
+            self._may_go_on()
+        self._switch_off()
+        proxy.spoil(HONEST)
+        if self.stand.hottest_C > self.config.thermal.max_temperature:
+            self.broken("the wire is above its limit of temperature", f"{self.stand.hottest_C:.0f} °C")
+        if self.stand.most_A > self.config.supply.max_current * 1.001:
+            self.broken("more than supply.max_current flows", f"{self.stand.most_A:.4f} A")
+
+    def _must_go_off(self, role: str, mischief: Mischief, began_s: float) -> None:
+        within_s = self.promises.within_s(f"{role}_lost")
+        if role == "supply":
+            within_s = max(within_s, self.config.supply.watchdog_timeout)
+        within_s = min(within_s, OFF_AT_MOST_s) + MEASURING_s
+        if mischief.touches("questions"):
+            within_s += mischief.delay_s  # "off" itself is on its way for so long
+        took_s = self.stand.off_within_s(began_s, 3.0)
+        if not took_s <= within_s:
+            took = "not within 3 s" if math.isnan(took_s) else f"after {took_s:.2f} s"
+            self.broken("the current is not off in time", f"{took}; {within_s:.2f} s are promised")
+        else:
+            self.result.see(f"{role} spoilt, current off [s]", took_s)
+        try:
+            wait_until(lambda: self._says_fault(began_s), 2.0)
+        except TimeoutError:
+            self.broken(
+                "the driver does not say that something is wrong", "two seconds after the current should be off"
+            )
+
+    def _says_fault(self, since_s: float) -> bool:
+        driver = self._driver
+        return driver.failure is not None or bool(driver.lost_instruments) or any(o.status.fault for o in self.outputs)
+
+    def _may_go_on(self) -> None:
+        """Steps of the setpoint: the readings have to be of now as long as current is commanded."""
+        end_s = time.monotonic() + 4.0
+        while time.monotonic() < end_s:
+            self._driver.offer_setpoint(self._chance.choice((0.0, 0.001, 0.002, 0.003)))
+            time.sleep(0.25)
+        if self._stale > 20:
+            self.broken("readings are old and count as new", f"{self._stale} steps")
+
+    def _switch_off(self) -> None:
+        """The commander says off while the line is spoilt; "off" has to be true."""
+        try:
+            done, words = self._driver.enable(False, timeout_s=0.6)
+        except (DriverStopped, TimeoutError):
+            return
+        said_s = time.monotonic()
+        wait_until(lambda: self.stand.now.at_s > said_s + MEASURING_s, what="a look at the bench")
+        if done and "not confirmed" not in words and not self.stand.off_since_s <= said_s + MEASURING_s:
+            self.broken("the driver says off and current flows", f"'{words}', {self.stand.now.current_A:.3f} A")
+
+    def _driven(self) -> bool:
+        """A driver that holds the wire, with current."""
+        try:
+            return bool(wait_until(self._try_to_drive, RECOVERY_s))
+        except TimeoutError:
+            return False
+
+    def _try_to_drive(self) -> bool:
+        driver = self._driver
+        try:
+            if driver is None or driver.failure is not None:
+                driver = self._driver = self._new_driver()
+            if driver.lost_instruments:
+                return False
+            driver.clear_fault(timeout_s=1.0)
+            done, _ = driver.enable(True, timeout_s=1.0)
+            driver.offer_setpoint(0.002)
+        except (InstrumentError, DriverStopped, TimeoutError):
+            return False
+        try:
+            wait_until(lambda: not done or self.stand.now.current_A > 0.06, 1.5)
+        except TimeoutError:
+            return False
+        return done and self.stand.now.current_A > 0.06
+
+    def _new_driver(self) -> Driver:
+        clock = MonotonicClock()
+        driver = Driver(
+            self.config, open_supply(self.config), open_daq(self.config, clock), clock, on_output=self._on_output
+        )
+        driver.start()
+        wait_until(lambda: driver.statistics().steps > 3, SOON_s, "the loop's first steps")
+        return driver
+
+    def _on_output(self, output: Any) -> None:
+        self.outputs.append(output)
+        current_A = output.command.current_A
+        if not 0.0 <= current_A <= self.config.supply.max_current:
+            self.broken("a command outside 0 to supply.max_current", f"{current_A} A")
+        if output.status.mode is Mode.OFF or not math.isfinite(output.signals.current_A):
+            return
+        read_A, now_s = output.signals.current_A, time.monotonic()
+        lately = [seen.current_A for seen in list(self.stand.seen)[-200:] if seen.at_s > now_s - FRESH_s]
+        # The mean of a block lies between the currents of its time.
+        if lately and not min(lately) - FRESH_A <= read_A <= max(lately) + FRESH_A:
+            self._stale += 1
+
+
+def attack(seed: int, cases: Iterable[tuple[str, Mischief]] = ALL) -> Result:
+    """Spoil the lines as ``cases`` say, in a random order."""
+    line = Line(seed)
+    try:
+        for role, mischief in random.Random(seed).sample(list(cases), len(list(cases))):
+            line.attack(role, mischief)
+        return line.result
+    finally:
+        line.close()

@@ -1,0 +1,158 @@
+"""A proxy between the driver and one instrument of the bench, that spoils what passes through it.
+
+It knows lines, not SCPI.  What it does is named by a :class:`Mischief`; the same seed spoils the same lines in the same
+way.  It stands on loopback, as the bench does.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import socket
+import threading
+import time
+from dataclasses import dataclass
+
+TRICKLE_s = 0.1  #: between two bytes of an answer without an end
+EXTRA_LINES = 25
+
+
+@dataclass(frozen=True, slots=True)
+class Mischief:
+    """What happens to lines: ``kind``, in the direction of ``questions`` (to the instrument), ``answers``, or both."""
+
+    kind: str
+    direction: str = "answers"
+    delay_s: float = 0.0  #: of "late"
+
+    def touches(self, direction: str) -> bool:
+        """Whether lines in ``direction`` are spoilt."""
+        return self.direction in (direction, "both")
+
+    def __str__(self) -> str:
+        return f"{self.kind}{f' {self.delay_s:g} s' if self.delay_s else ''}, {self.direction}"
+
+
+HONEST = Mischief("honest", "none")
+
+
+class Proxy:
+    """Listens on ``port`` and passes lines to and from ``target_port``, as ``mischief`` has it."""
+
+    def __init__(self, target_port: int, seed: int):
+        self.mischief = HONEST
+        self.spoilt = 0  #: lines
+        self._target_port = target_port
+        self._chance = random.Random(seed)
+        self._ending = threading.Event()
+        self._sockets: set[socket.socket] = set()
+        self._gate = threading.Lock()
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.port = self._listener.getsockname()[1]
+        threading.Thread(target=self._accept, name="proxy", daemon=True).start()
+
+    def spoil(self, mischief: Mischief) -> None:
+        """Behave so from now on."""
+        self.spoilt = 0
+        self.mischief = mischief
+        if mischief.kind in ("cut", "refuse"):
+            self._hang_up()
+
+    def close(self) -> None:
+        """End every connection and listen no more."""
+        self._ending.set()
+        self._listener.close()
+        self._hang_up()
+
+    def _hang_up(self) -> None:
+        with self._gate:
+            sockets, self._sockets = self._sockets, set()
+        for each in sockets:
+            with contextlib.suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)
+            each.close()
+
+    def _accept(self) -> None:
+        while not self._ending.is_set():
+            try:
+                near, _ = self._listener.accept()
+            except OSError:
+                return
+            if self.mischief.kind == "refuse":
+                near.close()
+                continue
+            try:
+                far = socket.create_connection(("127.0.0.1", self._target_port), timeout=5.0)
+            except OSError:
+                near.close()
+                continue
+            far.settimeout(None)
+            with self._gate:
+                self._sockets |= {near, far}
+            for source, sink, direction in ((near, far, "questions"), (far, near, "answers")):
+                for each in (source, sink):
+                    each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                threading.Thread(target=self._pass, args=(source, sink, direction), name="proxy", daemon=True).start()
+
+    def _pass(self, source: socket.socket, sink: socket.socket, direction: str) -> None:
+        with contextlib.suppress(OSError, ValueError), source.makefile("rb") as lines:
+            for line in lines:
+                mischief = self.mischief
+                if mischief.touches(direction):
+                    self.spoilt += 1
+                    self._send_spoilt(sink, line, mischief)
+                else:
+                    sink.sendall(line)
+        for each in (source, sink):
+            with contextlib.suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)
+            each.close()
+            with self._gate:
+                self._sockets.discard(each)
+
+    def _send_spoilt(self, sink: socket.socket, line: bytes, mischief: Mischief) -> None:
+        kind = mischief.kind
+        if kind == "late":
+            time.sleep(mischief.delay_s)
+            sink.sendall(line)
+        elif kind == "duplicate":
+            sink.sendall(line + line)
+        elif kind == "empty":
+            sink.sendall(b"\n")
+        elif kind == "extra":
+            # Once: from then on every answer is that to an older question.
+            sink.sendall(line * (EXTRA_LINES if self.spoilt == 1 else 1))
+        elif kind == "garble":
+            sink.sendall(self._garbled(line))
+        elif kind == "swap digits":
+            sink.sendall(bytes(self._digit() if 48 <= byte < 58 else byte for byte in line))
+        elif kind == "nan":
+            sink.sendall(b",".join(b"NAN" for _ in line.split(b",")) + b"\n")
+        elif kind == "half":
+            sink.sendall(line[: len(line) // 2].rstrip(b"\n") + b"\n")
+        elif kind == "unended":
+            sink.sendall(line.rstrip(b"\r\n"))
+        elif kind == "trickle":
+            self._trickle(sink, mischief)
+        elif kind == "flood":
+            while self.mischief is mischief and not self._ending.is_set():
+                sink.sendall(b"9" * 65536)
+        elif kind != "drop":
+            raise ValueError(f"'{kind}' is no mischief of the proxy")
+
+    def _trickle(self, sink: socket.socket, mischief: Mischief) -> None:
+        """Ten bytes a second without an end, until the mischief is over."""
+        while self.mischief is mischief and not self._ending.is_set():
+            sink.sendall(b"1")
+            time.sleep(TRICKLE_s)
+        sink.sendall(b"\n")
+
+    def _digit(self) -> int:
+        return 48 + self._chance.randrange(10)
+
+    def _garbled(self, line: bytes) -> bytes:
+        body = bytearray(line.rstrip(b"\r\n"))
+        for place in range(len(body)):
+            if self._chance.random() < 0.5:
+                body[place] = self._chance.choice(b"\x00\x07\xff;:,-+eE.0123456789ABC?*\"' ")
+        return bytes(body) + b"\n"

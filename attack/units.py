@@ -1,0 +1,46 @@
+"""The attacks as functions that a process of a pool can be given."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+from .result import Result
+
+
+def run_hours(first: int, sessions: int) -> Result:
+    """Sessions of ten virtual minutes, in this process."""
+    from .hours import attack
+
+    return attack(first, sessions)
+
+
+def run_lines(seed: int, only: Sequence[int] = ()) -> Result:
+    """Every kind of mischief once on each instrument's line."""
+    from .lines import ALL, attack
+
+    return attack(seed, [ALL[number] for number in only] or ALL)
+
+
+def run_kills(seed: int, count: int) -> Result:
+    """Nodes killed at random instants."""
+    _own_domain(seed)
+    from .kills import attack
+
+    return attack(seed, count)
+
+
+def run_fuzz(seed: int, messages: int) -> Result:
+    """Messages, parameters and calls with odd values."""
+    _own_domain(seed + 40)
+    from .fuzz import attack
+
+    return attack(seed, messages)
+
+
+def _own_domain(number: int) -> None:
+    """A ROS domain of its own for each process that attacks; 1 to 99 are for those who work on this machine."""
+    os.environ["ROS_DOMAIN_ID"] = str(100 + number % 100)
+
+
+RUNNERS = {"hours": run_hours, "lines": run_lines, "kills": run_kills, "fuzz": run_fuzz}

@@ -1,0 +1,335 @@
+"""From what is measured of a wire to where it is: one chain, live and judged.
+
+    measured → at resistance → branch and strain model → at displacement → shown
+
+``measured`` takes off what circuit and load cell do, ``at resistance`` and ``at displacement`` add what
+the strain model does not know of wire and mechanism; those are the stages at which effects act.
+``shown`` is what a reference sensor makes of the displacement: only a log that is judged goes so far.
+
+One sample in the node and a whole log in replay or tracing go through the same code, kernel by kernel,
+so both give the same numbers.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import inf, isfinite, isnan, nan
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sma_actuator.base.jit import jit
+from sma_actuator.base.signals import Branch, Estimate, Quality, Signals
+
+from .branch import BranchDetector
+from .effects import Effect, in_order
+from .effects.frame import Frame, Place
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
+
+#: The event that says in a log: here the chain forgot where on its loop the wire was.
+ESTIMATOR_RESET = "estimator reset"
+#: Share of the calibrated stress range by which a stress may lie outside it.  Beyond that the model sees the
+#: stress at the margin: polynomials in stress go astray quickly outside the data they were fitted on.
+STRESS_MARGIN = 0.05
+
+_QUALITIES = tuple(Quality)  # indexing is quicker than calling an enumeration
+Act = tuple[Callable[[Frame, np.ndarray, Place], None], np.ndarray]  #: what an effect does at a stage, and its memory
+
+
+@dataclass(frozen=True, slots=True)
+class EstimateTrace:
+    """Estimates of n samples, the fields of :class:`Estimate`, and how they came about: arrays of shape (n,)."""
+
+    time_s: np.ndarray
+    displacement_m: np.ndarray
+    strain: np.ndarray
+    velocity_m_s: np.ndarray
+    branch: np.ndarray
+    quality: np.ndarray
+    signals: Signals  #: without the effects of circuit and load cell
+    resistance_Ohm: np.ndarray  #: that the strain model saw; of the last good sample where a sample is not
+    model_m: np.ndarray  #: displacement of the strain model alone, likewise
+
+
+@dataclass(frozen=True, slots=True)
+class Judged(EstimateTrace):
+    """The same of a log that is held against a reference sensor."""
+
+    elapsed_s: np.ndarray  #: since the session began
+    shown_m: np.ndarray  #: displacement that the reference sensor should show, likewise
+
+
+@jit
+def _velocity(time, displacement, state, time_constant):
+    """Difference quotient through a first-order low-pass; ``state`` = [time, δ, velocity]."""
+    step = time - state[0]
+    if step > 0.0:
+        state[2] += (displacement - state[1] - state[2] * step) / (time_constant + step)
+    if step != 0.0:  # also where the clock was set back: else the velocity would stand until it has caught up
+        state[0], state[1] = time, displacement
+    return state[2]
+
+
+@jit
+def _velocity_all(time, displacement, state, time_constant, velocity):
+    for i in range(len(time)):
+        velocity[i] = _velocity(time[i], displacement[i], state, time_constant)
+
+
+@jit
+def _quality(displacement, stress, bounds):
+    """``bounds`` = [σ_lo, σ_hi, δ_lo, δ_hi]."""
+    if not bounds[0] <= stress <= bounds[1]:
+        return 3
+    if not displacement <= bounds[3]:
+        return 1
+    if not displacement >= bounds[2]:
+        return 2
+    return 0
+
+
+@jit
+def _quality_all(displacement, stress, bounds, quality):
+    for i in range(len(displacement)):
+        quality[i] = _quality(displacement[i], stress[i], bounds)
+
+
+class Chain:
+    """The chain of one wire; remembers its past.
+
+    A sample that is not finite, or whose resistance no wire of this circuit can have
+    (``safety.resistance_min``, ``resistance_max``), goes no further than ``measured``: no later stage
+    sees it, the last good displacement comes back, marked INVALID.  The first good sample starts the
+    model on its cooling curve, which is where a wire at rest is.
+
+    Beyond the working range, where R moves with temperature and δ hardly at all, the model goes on
+    and the quality says so (INDETERMINATE_COLD, INDETERMINATE_HOT): an estimate that stood still
+    there would not see the wire come back.
+
+    It has two memories.  That of the *loop*, where the wire stands on it: branch, model, velocity, and
+    what effects derive from positions passed; :meth:`reset` forgets it, which a tare asks for too, since
+    the stress was wrong with which it was found.  And that of the *session*: its clock, and what has crept,
+    slipped, warmed up and been counted since; it is the wire's and not the estimate's, and only
+    :meth:`begin_session` forgets it.
+
+    ``effects``: by name; those of ``config`` where none are given.
+    """
+
+    def __init__(self, config: Config, effects: Mapping[str, Effect] | None = None):
+        self._model = config.model.build(config.wire)
+        self._branch = BranchDetector(config.estimator)
+        self._length_m = config.wire.length
+        stress_lo, stress_hi = self._model.stress_range_Pa
+        margin_Pa = STRESS_MARGIN * (stress_hi - stress_lo)
+        self._stress_Pa = stress_lo - margin_Pa, stress_hi + margin_Pa
+        self._bounds = np.array([*self._stress_Pa, *self._model.displacement_range_m])
+        self._resistances_Ohm = config.safety.resistance_min, config.safety.resistance_max
+        self._velocity_state = np.zeros(3)
+        self._effects = [
+            (e, np.empty(e.STATES)) for e in in_order(config.effects.active if effects is None else effects).values()
+        ]
+        self._measured = self._at("measured")
+        self._at_resistance = self._at("at_resistance")
+        self._at_displacement = self._at("at_displacement")
+        self._shown = self._at("shown")
+        self.update(config)
+        self.begin_session()
+
+    def _at(self, stage: str) -> tuple[Act, ...]:
+        return tuple((getattr(effect, stage), state) for effect, state in self._effects if hasattr(effect, stage))
+
+    @property
+    def displacement_range_m(self) -> tuple[float, float]:
+        """The model's working range [m]."""
+        return self._model.displacement_range_m
+
+    def begin_session(self) -> None:
+        """Forget everything: the next sample is the first of a session."""
+        self._start_s = nan
+        for _, state in self._effects:
+            state[:] = nan
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget where on its loop the wire is: the next good sample is taken for a wire at rest on its cooling curve."""
+        self._started = False
+        for effect, state in self._effects:
+            effect.forget_the_loop(state)
+        self._last = Estimate(-inf, nan, nan, 0.0, Branch.COOLING, Quality.INVALID)
+
+    def update(self, config: Config) -> None:
+        """Take over live parameters; the memory stays."""
+        self._branch.configure(config.estimator)
+        self._velocity_time_constant_s = config.estimator.velocity_time_constant
+        self._place = Place.of(config)
+
+    # --- one sample ---------------------------------------------------------------------------------
+
+    def step(self, signals: Signals) -> tuple[Signals, Estimate]:
+        """One sample: its signals without the effects of circuit and load cell, and the estimate."""
+        signals, frame = self._measure(signals)
+        resistance_Ohm, stress_Pa, power_W = signals.resistance_Ohm, signals.stress_Pa, signals.power_W
+        lowest_Ohm, highest_Ohm = self._resistances_Ohm
+        if not (lowest_Ohm <= resistance_Ohm <= highest_Ohm and isfinite(signals.time_s + stress_Pa + power_W)):
+            last = self._last
+            self._last = Estimate(signals.time_s, last.displacement_m, last.strain, 0.0, last.branch, Quality.INVALID)
+            return signals, self._last
+        if frame is not None:
+            resistance_Ohm = float(self._act(self._at_resistance, frame).resistance_Ohm[0])
+        started = self._started
+        if not started:
+            self._start(signals.time_s, resistance_Ohm, stress_Pa, power_W)
+        heating = self._branch.step(signals.time_s, resistance_Ohm, power_W)
+        displacement_m = self._model.step(resistance_Ohm, self._in_reach(stress_Pa), heating)
+        if frame is not None:
+            frame.heating, frame.displacement_m = np.array([heating]), np.array([displacement_m])
+            displacement_m = float(self._act(self._at_displacement, frame).displacement_m[0])
+        if not started:
+            self._velocity_state[:] = signals.time_s, displacement_m, 0.0
+        velocity_m_s = _velocity(signals.time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s)
+        self._last = Estimate(
+            signals.time_s,
+            displacement_m,
+            displacement_m / self._length_m,
+            velocity_m_s,
+            Branch.HEATING if heating else Branch.COOLING,
+            _QUALITIES[_quality(displacement_m, stress_Pa, self._bounds)],
+        )
+        return signals, self._last
+
+    # --- many ---------------------------------------------------------------------------------------
+
+    def run(self, signals: Signals) -> EstimateTrace:
+        """The live view of n samples: every field of ``signals`` is an array of shape (n,), or one number for all.
+
+        The memory is carried on, so a log may come in pieces.
+        """
+        return EstimateTrace(**self._run(signals, judged=False))
+
+    def judge(self, signals: Signals) -> Judged:
+        """The judged view of n samples: the same, and what a reference sensor should show."""
+        return Judged(**self._run(signals, judged=True))
+
+    def _run(self, signals: Signals, judged: bool) -> dict[str, Any]:
+        signals, frame = self._measure(signals)
+        last = self._last
+        lowest_Ohm, highest_Ohm = self._resistances_Ohm
+        good = (signals.resistance_Ohm >= lowest_Ohm) & (signals.resistance_Ohm <= highest_Ohm)
+        good &= np.isfinite(signals.time_s + signals.stress_Pa + signals.power_W)
+        n = len(good)
+        out: dict[str, Any] = {
+            "time_s": signals.time_s,
+            "displacement_m": np.full(n, last.displacement_m),
+            "velocity_m_s": np.zeros(n),
+            "branch": np.full(n, int(last.branch)),
+            "quality": np.full(n, int(Quality.INVALID)),
+            "signals": signals,
+            "resistance_Ohm": np.full(n, nan),
+            "model_m": np.full(n, nan),
+        }
+        if judged:
+            out["elapsed_s"] = np.asarray(signals.time_s) - self._start_s
+            out["shown_m"] = np.full(n, nan)
+        if good.any():
+            self._run_good(signals, frame, good, out)
+        out["strain"] = out["displacement_m"] / self._length_m
+        if n:
+            self._last = Estimate(
+                float(signals.time_s[-1]),
+                float(out["displacement_m"][-1]),
+                float(out["strain"][-1]),
+                float(out["velocity_m_s"][-1]),
+                Branch(int(out["branch"][-1])),
+                Quality(int(out["quality"][-1])),
+            )
+        return out
+
+    def _run_good(self, signals: Signals, frame: Frame | None, good: np.ndarray, out: dict[str, Any]) -> None:
+        """Everything after ``measured``, of the good samples; what is held in between is held in ``out``."""
+        time_s, resistance_Ohm, stress_Pa, power_W = (
+            np.ascontiguousarray(np.broadcast_to(getattr(signals, name), good.shape)[good])
+            for name in ("time_s", "resistance_Ohm", "stress_Pa", "power_W")
+        )
+        if frame is not None:
+            frame = frame if good.all() else frame.rows(good)
+            resistance_Ohm = np.ascontiguousarray(self._act(self._at_resistance, frame).resistance_Ohm)
+        started = self._started
+        if not started:
+            self._start(time_s[0], resistance_Ohm[0], stress_Pa[0], power_W[0])
+        heating = self._branch.run(time_s, resistance_Ohm, power_W)
+        model_m = self._model.run(resistance_Ohm, np.clip(stress_Pa, *self._stress_Pa), heating)
+        displacement_m = shown_m = model_m
+        if frame is not None:
+            frame.heating, frame.displacement_m = heating, model_m
+            displacement_m = np.ascontiguousarray(self._act(self._at_displacement, frame).displacement_m)
+            if "shown_m" in out:
+                shown_m = self._act(self._shown, frame).displacement_m
+        if not started:
+            self._velocity_state[:] = time_s[0], displacement_m[0], 0.0
+        velocity_m_s, quality = np.empty(len(time_s)), np.empty(len(time_s), dtype=np.int64)
+        _velocity_all(time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s, velocity_m_s)
+        _quality_all(displacement_m, stress_Pa, self._bounds, quality)
+        out["velocity_m_s"][good], out["quality"][good] = velocity_m_s, quality
+        latest = np.cumsum(good) - 1  # index of the last good sample at each place; −1 before the first
+        known = latest >= 0
+        held = {
+            "displacement_m": displacement_m,
+            "branch": heating,
+            "resistance_Ohm": resistance_Ohm,
+            "model_m": model_m,
+        }
+        if "shown_m" in out:
+            held["shown_m"] = shown_m
+        for name, values in held.items():
+            out[name][known] = values[latest[known]]
+
+    # --- small print --------------------------------------------------------------------------------
+
+    def _measure(self, signals: Signals) -> tuple[Signals, Frame | None]:
+        """The signals without the effects of circuit and load cell, and a frame where there are any effects."""
+        if isnan(self._start_s):
+            self._begin(signals.time_s)
+        if not self._effects:
+            return signals, None
+        frame = Frame.of(signals, self._start_s)
+        if not self._measured:
+            return signals, frame
+        frame.load_N = frame.load_N + signals.tare_N  # what the load cell shows is what its faults act on
+        self._act(self._measured, frame)
+        frame.load_N = frame.load_N - signals.tare_N
+        values = {
+            "resistance_Ohm": frame.resistance_Ohm,
+            "current_A": frame.current_A,
+            "power_W": frame.power_W,
+            "load_N": frame.load_N,
+            "stress_Pa": frame.load_N / self._place.area_m2,
+        }
+        if not isinstance(signals.time_s, np.ndarray):
+            values = {name: float(value[0]) for name, value in values.items()}
+        return dataclasses.replace(signals, **values), frame
+
+    def _begin(self, time_s: float | np.ndarray) -> None:
+        """Start the session's clock at the first time that is one."""
+        if isinstance(time_s, np.ndarray):
+            known = time_s[np.isfinite(time_s)]
+            self._start_s = float(known[0]) if len(known) else nan
+        elif isfinite(time_s):
+            self._start_s = time_s
+
+    def _act(self, acts: tuple[Act, ...], frame: Frame) -> Frame:
+        for act, state in acts:
+            act(frame, state, self._place)
+        return frame
+
+    def _in_reach(self, stress_Pa: float) -> float:
+        """The stress, or the margin of the calibrated range where it lies beyond."""
+        return min(max(stress_Pa, self._stress_Pa[0]), self._stress_Pa[1])
+
+    def _start(self, time_s: float, resistance_Ohm: float, stress_Pa: float, power_W: float) -> None:
+        self._model.reset(resistance_Ohm, self._in_reach(stress_Pa))
+        self._branch.reset(time_s, resistance_Ohm, power_W)
+        self._started = True

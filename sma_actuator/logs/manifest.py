@@ -1,0 +1,80 @@
+"""The list of the files that a recorder wrote, kept beside them: no other file is ever changed or removed.
+
+A file is known by its name and its inode, so that one which somebody put in its place is left alone, and a
+link never leads out of the folder.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+from sma_actuator.base.parameters import ConfigError
+
+from .files import write_atomically
+
+Files = dict[str, int]  #: name → inode, oldest first
+
+
+class Manifest:
+    """What the recorders of one name wrote into one folder."""
+
+    def __init__(self, folder: Path, recorder: str):
+        self.path = folder / f".{recorder}.manifest.json"
+        self._folder = folder
+        self._recorder = recorder
+
+    @contextlib.contextmanager
+    def changing(self) -> Iterator[Files]:
+        """The files, to be changed: kept afterwards, and locked meanwhile against other processes.
+
+        Raises OSError where the list cannot be written, ConfigError where it is not one.
+        """
+        handle = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX)
+            files = self._read()
+            before = dict(files)
+            yield files
+            if files != before:
+                text = json.dumps({"recorder": self._recorder, "files": files}, indent=1) + "\n"
+                write_atomically(self.path, lambda stream: stream.write(text.encode()))
+        finally:
+            os.close(handle)
+
+    def _read(self) -> Files:
+        if not os.path.lexists(self.path):
+            return {}
+        try:
+            with os.fdopen(os.open(self.path, os.O_RDONLY | os.O_NOFOLLOW), "rb") as stream:
+                data = json.load(stream)
+            files = data["files"]
+            if data["recorder"] == self._recorder and all(isinstance(inode, int) for inode in files.values()):
+                return dict(files)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            pass
+        raise ConfigError(
+            f"recorder.folder: {self.path} is not the list of the files that the recorder '{self._recorder}' wrote; "
+            "move it away, and the recorder starts a new one (it then leaves all older logs alone)"
+        )
+
+    def is_own(self, files: Files, name: str) -> bool:
+        """Whether there is a file of that name and it is the one that was written."""
+        try:
+            found = os.lstat(self._folder / name)
+        except OSError:
+            return False
+        return stat.S_ISREG(found.st_mode) and found.st_ino == files.get(name)
+
+    def remove(self, files: Files, name: str) -> bool:
+        """Remove an own file and forget it; whether it was there."""
+        own = self.is_own(files, name)
+        if own:
+            (self._folder / name).unlink()
+        files.pop(name, None)
+        return own

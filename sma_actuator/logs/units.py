@@ -1,0 +1,64 @@
+"""Units that other people's logs are in, and what one of each is in the unit that is used here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+_GRAVITY_m_s2 = 9.80665
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """SI value = factor × value + offset."""
+
+    factor: float
+    offset: float = 0.0
+
+    def to_si(self, values: np.ndarray) -> np.ndarray:
+        """Values in the unit that the column's name ends with."""
+        return values if self == _SAME else self.factor * values + self.offset
+
+
+_SAME = Unit(1.0)
+_PREFIXES = {"": 1.0, "m": 1e-3, "u": 1e-6, "µ": 1e-6, "μ": 1e-6, "k": 1e3}
+
+
+def _prefixed(*symbols: str) -> dict[str, Unit]:
+    return {prefix + symbol: Unit(factor) for symbol in symbols for prefix, factor in _PREFIXES.items()}
+
+
+#: Unit of a column's name → the units that can be converted to it.
+UNITS: dict[str, dict[str, Unit]] = {
+    "s": {**_prefixed("s"), "ns": Unit(1e-9), "sec": Unit(1.0), "min": Unit(60.0), "h": Unit(3600.0)},
+    "V": _prefixed("V"),
+    "A": _prefixed("A"),
+    "Ohm": _prefixed("Ohm", "ohm", "Ω", "Ω"),
+    "W": _prefixed("W"),
+    "N": {
+        **_prefixed("N"),
+        "g": Unit(1e-3 * _GRAVITY_m_s2),
+        "gf": Unit(1e-3 * _GRAVITY_m_s2),
+        "kg": Unit(_GRAVITY_m_s2),
+        "kgf": Unit(_GRAVITY_m_s2),
+        "lb": Unit(4.4482216152605),
+        "lbf": Unit(4.4482216152605),
+    },
+    "m": {**_prefixed("m"), "cm": Unit(1e-2), "in": Unit(0.0254), "inch": Unit(0.0254), "mil": Unit(25.4e-6)},
+    "C": {
+        "C": _SAME,
+        "°C": _SAME,
+        "degC": _SAME,
+        "K": Unit(1.0, -273.15),
+        "F": Unit(5.0 / 9.0, -160.0 / 9.0),
+        "°F": Unit(5.0 / 9.0, -160.0 / 9.0),
+    },
+    "1": {"1": _SAME, "%": Unit(0.01)},
+}
+
+
+def is_unit(text: str) -> bool:
+    """Whether a field is the name of a unit, or empty."""
+    text = text.strip("[]() ")
+    return not text or text == "-" or any(text in units for units in UNITS.values())

@@ -1,0 +1,55 @@
+"""A short attack with every test run; ``make attack`` runs the long one and writes docs/attack.md."""
+
+import subprocess
+import sys
+
+import pytest
+
+from attack import hours
+from attack.promises import Promises, read_table
+
+
+class TestTheJudge:
+    def test_every_time_in_the_table_of_faults_can_be_worked_out(self, config):
+        promises = Promises(config.to_mapping())
+        assert len(read_table()) > 20
+        assert all(0.0 <= promises.within_s(fault) < 60.0 for fault in promises.rows)
+
+    def test_a_current_that_stays_is_found(self):
+        session = hours.Session(0, seconds=1.0)
+        _let_current_flow(session.bench, 0.2)
+        session.bench.watch = session.look
+        session.expect_off_within(0.1)
+        session.bench.advance(session.bench.time_s + 0.09)
+        assert session.result.violations == []
+        session.bench.advance(session.bench.time_s + 0.1)
+        assert [violation.rule.split(":")[0] for violation in session.result.violations] == [
+            "the current is not off in time"
+        ]
+
+    def test_a_wire_above_its_limit_and_too_much_current_are_found(self):
+        session = hours.Session(0, seconds=1.0)
+        _let_current_flow(session.bench, 0.9)
+        session.bench.watch = session.look
+        session.bench.advance(20.0)
+        assert {violation.rule for violation in session.result.violations} == {
+            "the wire is above its limit of temperature",
+            "more than supply.max_current flows",
+        }
+
+
+def _let_current_flow(bench, current_A):
+    bench.supply.set_voltage(20.0)
+    bench.supply.set_ocp(1.0)
+    bench.supply.set_current(current_A)
+    bench.supply.set_output(True)
+
+
+@pytest.mark.timeout(180)
+@pytest.mark.parametrize(("what", "how_many"), [("kills", ("--count", "3"))])
+def test_kills_and_odd_messages_break_no_promise(what, how_many):
+    pytest.importorskip("rclpy")
+    run = subprocess.run(
+        [sys.executable, "-m", "attack", what, "--jobs", "1", *how_many], capture_output=True, text=True, timeout=170
+    )
+    assert run.returncode == 0, run.stdout + run.stderr[-2000:]

@@ -1,0 +1,300 @@
+"""The chain: one for a sample and for a log, honest about what it does not know."""
+
+import dataclasses
+import itertools
+import json
+import os
+import subprocess
+import sys
+from math import inf, nan
+
+import numpy as np
+import pytest
+
+from sma_actuator.base.parameters import walk
+from sma_actuator.base.share import shared_file
+from sma_actuator.base.signals import Quality, Signals
+from sma_actuator.config import Config, read_parameter_file
+from sma_actuator.estimation.chain import Chain
+
+
+@pytest.fixture
+def config(make_config):
+    return Config.from_mapping(make_config())
+
+
+def signals(n=400, seed=0, resistance_Ohm=5.0):
+    """n samples of a wire that goes twice through its loop, as arrays."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(n) * 0.05
+    resistance = resistance_Ohm * (1.0 + 0.06 * np.cos(time_s)) + 1e-3 * rng.standard_normal(n)
+    power = np.where(np.sin(time_s) > 0.0, 0.6, 0.013)
+    load = 1.0 + 0.01 * rng.standard_normal(n)
+    return Signals(time_s, resistance, np.sqrt(power / resistance), power, load, load / 1.82e-8)
+
+
+def sample(arrays, i):
+    values = (getattr(arrays, field.name) for field in dataclasses.fields(Signals))
+    return Signals(*(value if np.isscalar(value) else float(value[i]) for value in values))
+
+
+def test_sample_by_sample_gives_the_numbers_of_replay(config):
+    arrays = signals()
+    live, replay = Chain(config), Chain(config)
+    trace = replay.run(arrays)
+    for i in range(len(arrays.time_s)):
+        estimate = live.step(sample(arrays, i))[1]
+        for name in ("displacement_m", "strain", "velocity_m_s", "branch", "quality"):
+            assert getattr(estimate, name) == getattr(trace, name)[i], f"{name} of sample {i}"
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    (
+        *itertools.product(("time_s", "resistance_Ohm", "stress_Pa", "power_W"), (nan, inf, -inf)),
+        *(("resistance_Ohm", value) for value in (-5.0, 0.0, 0.99, 20.1, 9.9e37)),
+    ),
+)
+def test_an_impossible_reading_leaves_the_memory_as_it_was(config, field, value):
+    arrays = signals(50)
+    disturbed, clean = Chain(config), Chain(config)
+    for i in range(49):
+        last = disturbed.step(sample(arrays, i))[1]
+        clean.step(sample(arrays, i))
+    invalid = disturbed.step(dataclasses.replace(sample(arrays, 48), **{field: value}))[1]
+    assert invalid.quality is Quality.INVALID
+    assert invalid.displacement_m == last.displacement_m
+    a, b = (chain.step(sample(arrays, 49))[1] for chain in (disturbed, clean))
+    assert a.displacement_m == b.displacement_m
+
+
+@pytest.mark.parametrize("stress_Pa", (400e6, -400e6, 1e308), ids="{:g} Pa".format)
+def test_a_stress_beyond_calibration_acts_as_the_stress_at_the_margin(config, stress_Pa):
+    # A cubic in stress is anything at all out there; one such reading must not cost the estimate its memory.
+    arrays = signals(60)
+    lo, hi = config.model.stress_range
+    margin = 0.05 * (hi - lo)
+    wild, bounded = Chain(config), Chain(config)
+    at = {400e6: hi + margin, -400e6: lo - margin, 1e308: hi + margin}[stress_Pa]
+    for i in range(60):
+        seen = sample(arrays, i)
+        far, near = (wild, stress_Pa), (bounded, at)
+        a, b = (e.step(dataclasses.replace(seen, stress_Pa=s) if i == 30 else seen)[1] for e, s in (far, near))
+        assert a.displacement_m == b.displacement_m
+        assert (a.quality is Quality.OUTSIDE_CALIBRATION) == (i == 30)
+    arrays.stress_Pa[30] = stress_Pa
+    assert Chain(config).run(arrays).displacement_m[-1] == a.displacement_m
+
+
+def test_velocity_survives_a_clock_that_is_set_back(config):
+    estimator = Chain(config)
+    for i in range(400):
+        time_s = (1e6 if i < 200 else 0.0) + i * 0.05
+        estimate = estimator.step(Signals(time_s, 5.0 + i * 1e-4, 0.05, 0.0125, 1.0, 55e6))[1]
+    assert estimate.velocity_m_s == pytest.approx(4.3e-3 * 1e-4 / 0.05, rel=1e-3)
+
+
+def test_replay_treats_gaps_as_the_node_does(config):
+    arrays = signals(60)
+    arrays.resistance_Ohm[[0, 20, 21]] = nan
+    arrays.resistance_Ohm[[40, 59]] = 0.0
+    arrays.time_s[50] = nan
+    trace, live = Chain(config).run(arrays), Chain(config)
+    for i in range(60):
+        estimate = live.step(sample(arrays, i))[1]
+        assert estimate.quality == trace.quality[i]
+        np.testing.assert_equal(estimate.displacement_m, trace.displacement_m[i])
+
+
+@pytest.mark.parametrize(
+    ("change", "quality"),
+    (
+        ({}, Quality.DETERMINATE),
+        ({"resistance_Ohm": 5.6}, Quality.INDETERMINATE_COLD),
+        ({"resistance_Ohm": 4.3}, Quality.INDETERMINATE_HOT),
+        ({"stress_Pa": 400e6}, Quality.OUTSIDE_CALIBRATION),
+    ),
+)
+def test_quality_names_the_reason(config, change, quality):
+    ordinary = Signals(0.0, 5.0, 0.3, 0.45, 1.0, 55e6)
+    assert Chain(config).step(dataclasses.replace(ordinary, **change))[1].quality is quality
+
+
+def test_velocity_is_the_slope_of_a_steady_motion(config):
+    estimator = Chain(config)
+    for i in range(200):
+        estimate = estimator.step(Signals(i * 0.05, 5.0 + i * 1e-3, 0.05, 0.0125, 1.0, 55e6))[1]
+    assert estimate.velocity_m_s == pytest.approx(4.3e-3 * 1e-3 / 0.05, rel=1e-3)
+
+
+_WITHOUT_NUMBA = """
+import json, sys
+from sma_actuator.config import Config
+from sma_actuator.estimation.chain import Chain
+from sma_actuator.base.jit import COMPILED
+from test_chain import signals
+
+assert not COMPILED
+config = Config.from_mapping(json.loads(sys.argv[1]))
+print(json.dumps(Chain(config).run(signals(resistance_Ohm=float(sys.argv[2]))).displacement_m.tolist()))
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "resistance_Ohm"),
+    (
+        ("flexinol", {}, 5.0),
+        ("flexinol_normalised", {}, 5.0),
+        ("furukawa", {"variant": "direct_switching"}, 1.9),
+        ("furukawa", {"variant": "transition"}, 1.9),
+        ("furukawa_normalised", {}, 1.9),
+    ),
+)
+def test_numbers_do_not_depend_on_numba(name, changes, resistance_Ohm):
+    pytest.importorskip("numba")
+    mapping = read_parameter_file(shared_file(f"config/{name}.yaml"))
+    mapping["model"] = {**mapping["model"], **changes}
+    plain = subprocess.run(
+        [sys.executable, "-c", _WITHOUT_NUMBA, json.dumps(mapping), str(resistance_Ohm)],
+        env={**os.environ, "SMA_ACTUATOR_NO_JIT": "1", "PYTHONPATH": os.path.dirname(__file__)},
+        capture_output=True, text=True, check=True, timeout=60,
+    )  # fmt: skip
+    compiled = Chain(Config.from_mapping(mapping)).run(signals(resistance_Ohm=resistance_Ohm)).displacement_m
+    np.testing.assert_allclose(json.loads(plain.stdout), compiled, rtol=0, atol=1e-12)
+
+
+# --- what is forgotten, and what is not ----------------------------------------------------------
+
+#: Effects that are of the session: what has come since it began does not go because the estimate starts anew.
+LASTING = {
+    "slip": {"length": 3e-4, "time": 5.0},
+    "creep": {"compliance": 3e-4, "time_constant": 20.0},
+    "contact_drift": {"resistance": 0.3, "time_constant": 20.0},
+    "fatigue": {"displacement_per_ln_cycle": 2e-4},
+    "load_cell_drift": {"rate": 0.005},
+}
+
+
+def some(arrays, here):
+    return Signals(
+        **{f.name: v if np.isscalar(v := getattr(arrays, f.name)) else v[here] for f in dataclasses.fields(Signals)}
+    )
+
+
+@pytest.mark.parametrize("name", LASTING)
+def test_what_has_come_over_the_wire_outlasts_a_reset(make_config, name):
+    """What the effect takes off or adds afterwards is what it would have without the reset."""
+    config = Config.from_mapping(make_config(effects={name: LASTING[name]}))
+    arrays = signals()
+    before, after = some(arrays, slice(0, 200)), some(arrays, slice(200, None))
+    chain = Chain(config)
+    chain.run(before)
+    chain.reset()
+    found, whole = chain.judge(after), Chain(config).judge(arrays)
+    assert found.elapsed_s[0] == after.time_s[0] - before.time_s[0]
+    np.testing.assert_array_equal(found.signals.load_N, whole.signals.load_N[200:])
+    np.testing.assert_array_equal(found.resistance_Ohm, whole.resistance_Ohm[200:])
+    added_m = whole.displacement_m - whole.model_m
+    np.testing.assert_allclose(found.displacement_m - found.model_m, added_m[200:], rtol=1e-9, atol=1e-15)
+    fresh = Chain(config).run(after)
+    moved = np.abs(found.displacement_m - fresh.displacement_m) / 4e-3 + np.abs(
+        found.signals.load_N - fresh.signals.load_N
+    )
+    assert moved.max() > 1e-3  # a session of its own would give something else
+
+
+def test_what_is_derived_from_the_loop_is_forgotten_with_it(make_config):
+    """After a reset an incomplete branch of before says nothing: the estimate is that of a new chain."""
+    config = Config.from_mapping(make_config(effects={"minor_loop_memory": {"after_heating": 5e-4}}))
+    arrays = signals()
+    chain = Chain(config)
+    chain.run(some(arrays, slice(0, 230)))
+    chain.reset()
+    after = some(arrays, slice(230, None))
+    np.testing.assert_array_equal(chain.run(after).displacement_m, Chain(config).run(after).displacement_m)
+
+
+def test_a_session_begins_with_nothing(make_config):
+    config = Config.from_mapping(make_config(effects=LASTING))
+    arrays = signals()
+    chain = Chain(config)
+    first = chain.run(arrays)
+    chain.begin_session()
+    np.testing.assert_array_equal(chain.run(arrays).displacement_m, first.displacement_m)
+
+
+def test_a_tare_is_of_the_load_without_the_effects(make_config):
+    """What the model knows of the load cell's drift is not taken off twice."""
+    config = Config.from_mapping(
+        make_config(effects={"load_cell_drift": {"offset": 0.1}, "load_cell_gain": {"gain": 0.2}})
+    )
+    chain = Chain(config)
+    empty = Signals(0.0, 5.0, 0.05, 0.0125, 0.1 + 0.036, 1e6)
+    measured, _ = chain.step(empty)
+    assert measured.load_N == pytest.approx(0.03)
+
+    def tared(time_s, load_N):
+        return dataclasses.replace(empty, time_s=time_s, load_N=load_N - 0.03, tare_N=0.03)
+
+    measured, _ = chain.step(tared(0.05, empty.load_N))
+    assert measured.load_N == pytest.approx(0.0, abs=1e-12)
+    assert measured.stress_Pa == pytest.approx(0.0, abs=1e-3)
+    measured, _ = chain.step(tared(0.1, empty.load_N + 1.2))
+    assert measured.load_N == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", ["self_heating", "creep", "fatigue", "rate"])
+def test_what_the_chain_drops_no_later_stage_sees(make_config, name):
+    """Live and judged alike: impossible samples leave the memory of wire and mechanism as it was."""
+    strong = {
+        "self_heating": {"temperature_coefficient": 5e-4, "onset": 10.0},
+        "rate": {"displacement_per_rate": 1e-3, "relaxation_time": 0.2},
+        **LASTING,
+    }
+    config = Config.from_mapping(make_config(effects={name: strong[name]}))
+    arrays = signals()
+    spoilt = dataclasses.replace(arrays, resistance_Ohm=arrays.resistance_Ohm.copy(), power_W=arrays.power_W.copy())
+    bad = np.zeros(len(arrays.time_s), dtype=bool)
+    bad[[0, 57, 58, 200, 311]] = True
+    spoilt.resistance_Ohm[bad] = [nan, 1e3, inf, 1e-6, -1.0]
+    spoilt.power_W[bad] = 30.0
+    judged, live = Chain(config).judge(spoilt), Chain(config)
+    without = Chain(config).run(some(arrays, ~bad))
+    np.testing.assert_array_equal(judged.quality == Quality.INVALID, bad)
+    np.testing.assert_allclose(judged.displacement_m[~bad], without.displacement_m, rtol=1e-9)
+    for i in range(len(bad)):
+        np.testing.assert_equal(live.step(sample(spoilt, i))[1].displacement_m, judged.displacement_m[i])
+
+
+# --- live parameters -----------------------------------------------------------------------------
+
+LIVE = {
+    "estimator.heating_power": ("power", 0.8),
+    "estimator.heating_power_hysteresis": ("heat_balance", 0.8),
+    "estimator.thermal_time_constant": ("heat_balance", 0.3),
+    "estimator.resistance_deadband": ("resistance_rate", 0.5),
+    "estimator.velocity_time_constant": ("heat_balance", 2.0),
+    "thermal.ambient_temperature": ("heat_balance", 60.0),
+}
+
+
+def test_every_live_parameter_of_the_estimate_is_in_the_list(config):
+    live = {name for name, _, declaration, _ in walk(config) if declaration.live}
+    assert {name for name in live if name.startswith("estimator.")} == {n for n in LIVE if n.startswith("estimator.")}
+
+
+@pytest.mark.parametrize("name", LIVE)
+def test_a_live_parameter_arrives_in_the_estimate(make_config, name):
+    """After the update the chain gives what one gives that was made with the new value, and not what it gave."""
+    decision, value = LIVE[name]
+    effects = {"ambient_temperature": {"temperature_coefficient": 1e-3, "fading": 1e6}}
+    old = Config.from_mapping(make_config(effects=effects)).replace({"estimator.branch_decision": decision})
+    new = old.replace({name: value})
+    changed = Chain(old)
+    changed.update(new)
+    wavering = signals()  # the branch is not decided by on and off alone
+    wavering = dataclasses.replace(wavering, power_W=0.3 + 0.3 * np.sin(3.0 * wavering.time_s))
+    found, wanted, stale = (chain.run(wavering) for chain in (changed, Chain(new), Chain(old)))
+    for field in ("displacement_m", "velocity_m_s"):
+        np.testing.assert_array_equal(getattr(found, field), getattr(wanted, field))
+    assert (found.displacement_m != stale.displacement_m).any() or (found.velocity_m_s != stale.velocity_m_s).any()
