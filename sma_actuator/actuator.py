@@ -120,6 +120,10 @@ class Actuator:
         """Name of the latched fault, "" where there is none."""
         return self._supervisor.latched.name if self._supervisor.latched is not None else ""
 
+    def switched_off(self) -> None:
+        """Take note that the supply was switched off since the last step: it will read back so, and nobody else did it."""
+        self._told = Command(0.0, False)
+
     def clear_fault(self, now_s: float) -> tuple[bool, str]:
         """Clear a latched fault; the output stays off until enabled again."""
         self._events.clear()

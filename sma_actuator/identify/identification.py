@@ -18,8 +18,9 @@ from .errors import LogError, log_errors
 from .fatigue import Fatigue, fit_fatigue
 from .flexinol import FlexinolFit, fit_appendix_c, fit_joint
 from .furukawa import FurukawaFit, fit_furukawa
+from .kinds import make_traces
 from .normalised import as_one_wire, fit_furukawa_normalised, flexinol_normalised
-from .traces import Trace, make_traces
+from .traces import Trace
 
 METHODS = ("joint", "appendix-c")
 MODELS = ("flexinol", "flexinol_normalised", "furukawa", "furukawa_normalised")

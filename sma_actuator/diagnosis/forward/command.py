@@ -12,15 +12,15 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from sma_actuator.base.errors import UserError
+from sma_actuator.console import add_output_arguments, notes, progress_bar, refuse_to_overwrite, results, write_json
 from sma_actuator.logs.files import write_atomically
+from sma_actuator.logs.reading import add_map_arguments, columns_of
 
 from .findings import sentences, summary
-from .runs import Run, read_run
+from .runs import COLUMNS, Run, read_run
 from .tracing import Tracing, trace
 from .wire import read_wire, wire_yaml
 
@@ -40,7 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--judge", nargs="+", type=Path, default=[], metavar="RUN.csv",
         help="runs to judge on, which have no part in choice and fit (default: each in turn, chosen and fitted on the others)",
     )  # fmt: skip
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write report.json here instead")
+    add_map_arguments(parser)
+    add_output_arguments(parser, "the report")
     parser.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), help="processes (default %(default)s)")
 
 
@@ -48,13 +49,13 @@ def run(args: argparse.Namespace) -> int:
     """Fit, trace, write and report; 0 when all files were written."""
     from .page import write_page
 
-    console = Console(stderr=True)
+    refuse_to_overwrite(args, *(args.out / name for name in ("forward.yaml", "report.json", "report.html")))
+    columns, console = columns_of(args, COLUMNS), notes(args)
     wire = read_wire(args.wire)
-    runs, judge = [read_run(path) for path in args.runs], [read_run(path) for path in args.judge]
+    runs = [read_run(path, columns, console.print) for path in args.runs]
+    judge = [read_run(path, columns, console.print) for path in args.judge]
     _check(runs, judge, args)
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), console=console
-    ) as bar:
+    with progress_bar(args) as bar:
         task = bar.add_task("fitting", total=1.0)
 
         def progress(what: str, share: float) -> None:
@@ -70,14 +71,14 @@ def run(args: argparse.Namespace) -> int:
         args.out / "forward.yaml", lambda stream: stream.write(wire_yaml(found.fitted.wire, comment).encode())
     )
     text = json.dumps(summary(found), indent=1) + "\n"
-    write_atomically(args.json or args.out / "report.json", lambda stream: stream.write(text.encode()))
+    write_atomically(args.out / "report.json", lambda stream: stream.write(text.encode()))
+    write_json(args, summary(found))
     write_page(args.out / "report.html", found)
-    console.print(_table(found))
+    told = results(args)
+    told.print(_table(found))
     for sentence in sentences(found):
-        console.print(sentence, highlight=False)
-    console.print(
-        f"wrote {args.out / 'forward.yaml'}, {args.json or args.out / 'report.json'} and {args.out / 'report.html'}"
-    )
+        told.print(sentence)
+    console.print(f"wrote {args.out / 'forward.yaml'}, report.json and report.html")
     return 0
 
 
