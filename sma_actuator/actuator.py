@@ -472,7 +472,7 @@ class Actuator:
                 "temperature_C": supervisor.heat.temperature_C,
                 "temperature_at_most_C": supervisor.heat.at_most_C,
                 "current_limit_A": supervisor.limit_A(),
-                "reference_m": self._controller.reference_m if self._mode is not Mode.OFF else nan,
+                "limited_setpoint_m": self._controller.reference_m if self._mode is not Mode.OFF else nan,
                 "branch": estimate.branch.name.lower(),
                 "quality": estimate.quality.name.lower(),
             },
