@@ -532,6 +532,7 @@ class Driver:
         done, words = actuator.enable(now_s, False)
         self._supply.ask(self._switch_off)
         if not self._may_flow:
+            actuator.switched_off()
             return done, words
         self._report_unconfirmed(now_s)
         return False, f"{self.output_words}: {self._supply.detail}"

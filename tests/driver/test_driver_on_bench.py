@@ -57,6 +57,16 @@ def test_no_current_flows_before_enable(rig):
     assert not rig.bench.supply.output_on
 
 
+def test_what_was_disabled_by_hand_can_be_enabled_again(rig):
+    rig = rig()
+    rig.enable()
+    assert rig.driver.enable(False)[0]
+    rig.driver.run_for(1.0)
+    assert rig.status.mode is Mode.OFF and rig.status.fault == "", rig.status.message
+    rig.enable()
+    assert rig.status.mode is Mode.HOLD
+
+
 def test_a_setpoint_is_reached_by_the_estimate(rig):
     rig = rig()
     rig.enable()
