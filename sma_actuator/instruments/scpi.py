@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from decimal import Decimal
+from functools import partial
 from math import inf, isfinite, nan
 from typing import TYPE_CHECKING
 
