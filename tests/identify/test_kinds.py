@@ -45,8 +45,8 @@ def together(flexinol, words, gap_s=0.05):
     logs = [log for word in words for log in flexinol.only(word)]
     columns, start_s = {name: [] for name in logs[0].columns if name != "setpoint_m"}, 0.0
     for log in logs:
-        for name in columns:
-            columns[name].append(log[name] - log["time_s"][0] + start_s if name == "time_s" else log[name])
+        for name, parts in columns.items():
+            parts.append(log[name] - log["time_s"][0] + start_s if name == "time_s" else log[name])
         start_s = float(columns["time_s"][-1][-1]) + gap_s
     return dataclasses.replace(logs[0], columns={n: np.concatenate(v) for n, v in columns.items()}, metadata={})
 
