@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import multiprocessing
 import os
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +12,7 @@ from rich.table import Table
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.console import add_output_arguments, notes, progress_bar, refuse_to_overwrite, results, write_json
+from sma_actuator.diagnosis.selection import cluster
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.logs.reading import add_map_arguments, columns_of
 
@@ -43,6 +40,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_map_arguments(parser)
     add_output_arguments(parser, "the report")
     parser.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), help="processes (default %(default)s)")
+    parser.add_argument(
+        "--dask", metavar="ADDRESS", help="spread the fits over this Dask cluster, as tcp://127.0.0.1:8786"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -61,8 +61,8 @@ def run(args: argparse.Namespace) -> int:
         def progress(what: str, share: float) -> None:
             bar.update(task, description=what, completed=share)
 
-        with _single_threaded(), ProcessPoolExecutor(args.jobs, multiprocessing.get_context("spawn")) as pool:
-            found = trace(wire, runs, judge, progress, pool)
+        with cluster(args.dask):
+            found = trace(wire, runs, judge, progress, args.jobs)
         bar.update(task, description="done", completed=1.0)
     comment = "Written by `sma-actuator forward`; pictures are in report.html beside it.\n" + "\n".join(
         sentences(found)[:2]
@@ -80,22 +80,6 @@ def run(args: argparse.Namespace) -> int:
         told.print(sentence)
     console.print(f"wrote {args.out / 'forward.yaml'}, report.json and report.html")
     return 0
-
-
-@contextmanager
-def _single_threaded() -> Iterator[None]:
-    """Processes that start meanwhile do their linear algebra in one thread each: a dozen columns are not worth more."""
-    names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update(dict.fromkeys(names, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 def _check(runs: list[Run], judge: list[Run], args: argparse.Namespace) -> None:

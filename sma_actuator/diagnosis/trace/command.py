@@ -5,11 +5,8 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
-import joblib
 import yaml
 from rich.console import Console
 from rich.table import Table
@@ -17,6 +14,7 @@ from rich.table import Table
 from sma_actuator.base.parameters import ConfigError, to_mapping
 from sma_actuator.config import NODE_NAME, Config, read_parameter_file
 from sma_actuator.console import add_output_arguments, notes, progress_bar, refuse_to_overwrite, results, write_json
+from sma_actuator.diagnosis.selection import cluster
 from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.identify.calibration import calibration_of
 from sma_actuator.identify.kinds import make_traces
@@ -97,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
                 tasks[what] = bar.add_task(what, total=1.0)
             bar.update(tasks[what], completed=fraction)
 
-        with _cluster(args.dask):
+        with cluster(args.dask):
             tracing = trace(evidence, args.only, args.without, args.jobs, progress)
         report = summary(evidence, tracing)
         model = extended(mapping, evidence, tracing, report, _when(find_logs(args.logs)))
@@ -116,26 +114,6 @@ def run(args: argparse.Namespace) -> int:
     _print(results(args), report)
     console.print(f"wrote {args.out / 'report.json'}, report.html" + (" and model.yaml" if model is not None else ""))
     return 0
-
-
-@contextmanager
-def _cluster(address: str | None) -> Iterator[None]:
-    """Have joblib work on a Dask cluster, where one is named."""
-    if not address:
-        yield
-        return
-    try:
-        from dask.distributed import Client
-
-        client = Client(address, timeout=10)
-    except ModuleNotFoundError as error:
-        raise ConfigError(f"--dask: needs the Python package '{error.name}' (extra 'fleet')") from error
-    except (OSError, ValueError) as error:
-        raise ConfigError(
-            f"--dask: no scheduler answers at '{address}' ({error}); start one with `dask scheduler`"
-        ) from error
-    with client, joblib.parallel_config("dask"):
-        yield
 
 
 def _when(paths: list[Path]) -> str:
