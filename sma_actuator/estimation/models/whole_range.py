@@ -53,6 +53,8 @@ _TIME, _HEAT, _RESISTANCE, _DISPLACEMENT, _PLAYS = range(5)
 # learners' spread before it counts, half-width of the interval of the physical curve alone.
 _LOWEST, _HIGHEST, _LARGEST, _EDGE, _FLOOR, _CURVE_WIDTH = range(6)
 _START_PASSES = 5
+_PER_RANGE = 4.0  #: a feature that lies beyond its range by a quarter of it is as strange as twice the edge
+_STILL_SEEN = 0.9  #: share of the residual below which the quality says that it fades
 
 
 @jit
@@ -94,7 +96,7 @@ def features(time, power, ambient, resistance, stress, thermal, widths_K, widths
     out[0] = resistance
     out[1] = stress
     out[2] = apparent
-    first = not state[_PLAYS] == state[_PLAYS]
+    first = state[_PLAYS] != state[_PLAYS]  # NaN
     count = len(widths_K)
     for k in range(count):
         shifted = apparent - stress * (thermal[NARROW_K_Pa] if k < NARROW else thermal[WIDE_K_Pa])
@@ -166,15 +168,20 @@ def _learned(z, linear, hidden, bias, output, out):
 
 
 @jit
-def _novelty(z, whitening):
-    """How unlike the calibration a sample is: 1 where 95 % of its samples are liker."""
+def _strangeness(seen, z, whitening, edge, low, high):
+    """How unlike the calibration a sample is: above 1 where it lies beyond all that was seen.
+
+    By the distance in features made white, and by each feature's own range.
+    """
     square = 0.0
+    beyond = 0.0
     for i in range(len(z)):
         along = 0.0
         for j in range(i + 1):
             along += whitening[i, j] * z[j]
         square += along * along
-    return sqrt(square)
+        beyond = max(beyond, max(low[i] - seen[i], seen[i] - high[i]) / (high[i] - low[i]))
+    return max(sqrt(square) / edge, 1.0 + _PER_RANGE * beyond if beyond > 0.0 else 0.0)
 
 
 @jit
@@ -188,7 +195,9 @@ def _half_width(displacement, heating, widths, lowest, highest):
 
 
 @jit
-def _estimate(heating, seen, limits, centre, scale, whitening, curve, linear, hidden, bias, output, widths, z, out):
+def _estimate(
+    heating, seen, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths, z, out
+):
     """δ, half of its 95 % interval and the share of the residual in it, into ``out``, from the features ``seen``."""
     for j in range(len(seen)):
         z[j] = (seen[j] - centre[j]) / scale[j]
@@ -199,10 +208,8 @@ def _estimate(heating, seen, limits, centre, scale, whitening, curve, linear, hi
     _learned(z, linear, hidden, bias, output, out)
     residual = limits[_LARGEST] * tanh((out[0] - physical) / limits[_LARGEST])
     spread = out[1]
-    novelty = _novelty(z, whitening)
-    share = 1.0
-    if novelty > limits[_EDGE]:
-        share = exp(2.0 * (1.0 - novelty / limits[_EDGE]))
+    strangeness = _strangeness(seen, z, whitening, limits[_EDGE], low, high)
+    share = 1.0 if strangeness <= 1.0 else exp(2.0 * (1.0 - strangeness))
     displacement = min(max(physical + share * residual, lowest - slack), highest + slack)
     width = _half_width(displacement, heating, widths, lowest, highest) * (limits[_FLOOR] + spread)
     out[0] = displacement
@@ -213,37 +220,54 @@ def _estimate(heating, seen, limits, centre, scale, whitening, curve, linear, hi
 @jit
 def advance(
     time, power, ambient, resistance, stress, heating, state,
-    thermal, widths_K, widths_Ohm, limits, centre, scale, whitening, curve, linear, hidden, bias, output, widths,
+    thermal, widths_K, widths_Ohm, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths,
     seen, z, out,
 ):  # fmt: skip
     """One sample: δ [m], half of its 95 % interval [m] and the share of the residual, into ``out`` (3,)."""
-    if not state[_TIME] == state[_TIME]:
+    if state[_TIME] != state[_TIME]:  # NaN
         # At rest: the displacement that agrees with the temperature that is made of it.
         displacement = limits[_HIGHEST]
         for _ in range(_START_PASSES):
             at_rest(time, power, ambient, resistance, displacement, thermal, state)
             features(time, power, ambient, resistance, stress, thermal, widths_K, widths_Ohm, state, seen)
             _estimate(
-                heating, seen, limits, centre, scale, whitening, curve, linear, hidden, bias, output, widths, z, out
+                heating,
+                seen,
+                limits,
+                centre,
+                scale,
+                low,
+                high,
+                whitening,
+                curve,
+                linear,
+                hidden,
+                bias,
+                output,
+                widths,
+                z,
+                out,
             )
             displacement = out[0]
         at_rest(time, power, ambient, resistance, displacement, thermal, state)
     features(time, power, ambient, resistance, stress, thermal, widths_K, widths_Ohm, state, seen)
-    _estimate(heating, seen, limits, centre, scale, whitening, curve, linear, hidden, bias, output, widths, z, out)
+    _estimate(
+        heating, seen, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths, z, out
+    )
     state[_DISPLACEMENT] = out[0]
 
 
 @jit
 def advance_all(
     time, power, ambient, resistance, stress, heating, state,
-    thermal, widths_K, widths_Ohm, limits, centre, scale, whitening, curve, linear, hidden, bias, output, widths,
+    thermal, widths_K, widths_Ohm, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths,
     seen, z, out,
 ):  # fmt: skip
     """``advance`` over n samples, ``out`` (n, 3)."""
     for i in range(len(time)):
         advance(
             time[i], power[i], ambient[i], resistance[i], stress[i], heating[i], state,
-            thermal, widths_K, widths_Ohm, limits, centre, scale, whitening, curve, linear, hidden, bias, output, widths,
+            thermal, widths_K, widths_Ohm, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths,
             seen, z, out[i],
         )  # fmt: skip
 
@@ -266,6 +290,8 @@ class WholeRangeModel:
             np.array([*c.displacement_range, c.largest_residual, c.novelty_edge, c.spread_floor, c.curve_interval]),
             np.array(c.feature_centre),
             np.array(c.feature_scale),
+            np.array(c.feature_low),
+            np.array(c.feature_high),
             whitening,
             np.array(c.curve),
             np.array(c.linear).reshape(c.learners, -1),
@@ -291,7 +317,7 @@ class WholeRangeModel:
         ambient_C = ambient_C if isfinite(ambient_C) else self._ambient_C
         out = self._out
         advance(time_s, power_W, ambient_C, resistance_Ohm, stress_Pa, heating, self._state, *self._coefficients, out)
-        return float(out[0]), float(out[1]), bool(out[2] > 0.5)
+        return float(out[0]), float(out[1]), bool(out[2] > _STILL_SEEN)
 
     def observe_all(
         self,
@@ -308,7 +334,7 @@ class WholeRangeModel:
         advance_all(
             time_s, power_W, ambient_C, resistance_Ohm, stress_Pa, heating, self._state, *self._coefficients, out
         )
-        return out[:, 0].copy(), out[:, 1].copy(), out[:, 2] > 0.5
+        return out[:, 0].copy(), out[:, 1].copy(), out[:, 2] > _STILL_SEEN
 
 
 @COEFFICIENTS.register("whole_range")
@@ -332,6 +358,8 @@ class WholeRangeCoefficients:
     play_widths_Ohm: tuple[float, ...] = parameter(description="half-widths of the plays in resistance", unit="Ω")
     feature_centre: tuple[float, ...] = parameter(description="mean of each feature in the calibration")
     feature_scale: tuple[float, ...] = parameter(description="its standard deviation", lo=1e-30)
+    feature_low: tuple[float, ...] = parameter(description="what it was at least, less a tenth of its range")
+    feature_high: tuple[float, ...] = parameter(description="what it was at most, and a tenth of its range")
     novelty: tuple[float, ...] = parameter(
         description="lower triangle, row by row, that makes features white and their 95 % distance 1"
     )
@@ -381,6 +409,8 @@ class WholeRangeCoefficients:
             "thermal": THERMAL,
             "feature_centre": n,
             "feature_scale": n,
+            "feature_low": n,
+            "feature_high": n,
             "novelty": n * (n + 1) // 2,
             "curve": CURVE_TERMS,
             "linear": self.learners * (CURVE_TERMS + plays),
