@@ -240,6 +240,6 @@ class FurukawaNormalisedCoefficients:
 def _padded(*polynomials) -> np.ndarray:
     """Polynomials of different orders as the rows of one array."""
     out = np.zeros((len(polynomials), max(map(len, polynomials))))
-    for row, polynomial in zip(out, polynomials):
+    for row, polynomial in zip(out, polynomials, strict=True):
         row[: len(polynomial)] = polynomial
     return out
