@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 from sma_actuator.base.parameters import ConfigError, walk
 from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status, SupplyState
-from sma_actuator.control.pid import PidController
 from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
 from sma_actuator.estimation.circuit import is_driven, signals_from_reading, without_undriven
@@ -64,7 +63,7 @@ class Actuator:
     def __init__(self, config: Config):
         self._config = config
         self._chain = Chain(config)
-        self._controller = PidController(config.controller, config.supply.bias_current)
+        self._controller = config.controller.build(config.supply.bias_current)
         self._supervisor = Supervisor(config)
         self._mode = Mode.OFF
         self._starting = False  #: the controller starts where the wire is, once that is known

@@ -30,20 +30,22 @@ class PlugInError(UserError):
     """An installed package whose part cannot be loaded.  The sentence names the package."""
 
 
+#: How a sentence about a broken package ends.
+MEND = "mend the package or uninstall it"
+
+
+def described(point: EntryPoint) -> str:
+    """An entry point and its package, to begin a sentence with."""
+    package = f"package '{point.dist.name}' {point.dist.version}" if point.dist else "an installed package"
+    return f"{package}: its entry point {point.name} = {point.value} ({point.group})"
+
+
 def load_plug_in(point: EntryPoint) -> Any:
     """What an entry point names.  Raises PlugInError, whatever is wrong with it."""
     try:
         return point.load()
     except Exception as error:  # whatever it is: the code is somebody else's
-        raise PlugInError(f"{_named(point)} cannot be loaded: {type(error).__name__}: {error}; {_MEND}") from error
-
-
-_MEND = "mend the package or uninstall it"
-
-
-def _named(point: EntryPoint) -> str:
-    package = f"package '{point.dist.name}' {point.dist.version}" if point.dist else "an installed package"
-    return f"{package}: its entry point {point.name} = {point.value} ({point.group})"
+        raise PlugInError(f"{described(point)} cannot be loaded: {type(error).__name__}: {error}; {MEND}") from error
 
 
 class Registry(Mapping[str, Part], Generic[Part]):
@@ -118,6 +120,6 @@ class Registry(Mapping[str, Part], Generic[Part]):
                     self._broken.append(str(error))
                 else:
                     if point.name not in self._parts:
-                        self._broken.append(f"{_named(point)} registers no {self.kind} '{point.name}'; {_MEND}")
+                        self._broken.append(f"{described(point)} registers no {self.kind} '{point.name}'; {MEND}")
         if self._broken:
             raise PlugInError("\n".join(self._broken))

@@ -22,7 +22,8 @@ from sma_actuator.console import (
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.logs.reading import add_log_arguments, read_logs, reading_of
 
-from .identification import METHODS, MODELS, Identification, identify
+from .fitters import METHODS
+from .identification import Identification, identify
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="BENCH.yaml",
         help="parameters of the bench (a model in it is replaced)",
     )
-    parser.add_argument("--model", required=True, choices=MODELS, help="model to fit")
+    parser.add_argument("--model", required=True, metavar="TYPE", help="model.type to fit: flexinol, furukawa …")
     parser.add_argument(
         "--out",
         type=Path,
@@ -84,9 +85,14 @@ def run(args: argparse.Namespace) -> int:
         logs = read_logs(args.logs, reading, console.print, lambda fraction: bar.update(task, completed=fraction))
         fitting = bar.add_task("fitting", total=1.0)
         result = identify(
-            logs, mapping, args.model, args.method, args.variant, args.order,
+            logs,
+            mapping,
+            args.model,
+            args.method,
+            args.variant,
+            args.order,
             lambda fraction: bar.update(fitting, completed=fraction),
-        )  # fmt: skip
+        )
         bar.update(fitting, completed=1.0)
     write_model(args.out, result)
     write_page(page, result)

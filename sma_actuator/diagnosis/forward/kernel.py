@@ -84,9 +84,7 @@ def _heat_and_transform(c, stand, bands, parts, memory_m, memory_r, means, load_
         a = (h + 4.0 * radiation * kelvin**3) * step_s / x.heat_capacity_J_K
         parts[j, ENTHALPY] += (power_W - lost) * step_s * (1.0 - exp(-a)) / a  # exact while nothing transforms
         shift = Shift(parts[j, SHIFT_K], parts[j, SHIFT_K])
-        t = temperature_for(
-            x, bands, memory_m[j], memory_r[j], m, r, before_C, stress, shift, parts[j, ENTHALPY]
-        )  # fmt: skip
+        t = temperature_for(x, bands, memory_m[j], memory_r[j], m, r, before_C, stress, shift, parts[j, ENTHALPY])
         m = martensite_at(x, bands, memory_m[j], m, t, stress, shift, True)
         r = r_share_at(x, bands, memory_r[j], r, t, stress, shift, True)
         parts[j, PART_TEMPERATURE] = t
@@ -171,7 +169,7 @@ def _advance(c, stand, bands, parts, memory_m, memory_r, duty, step_s, out):
         around = body if stand.surround_J_K > 0.0 else ambient
         strain = _heat_and_transform(
             c, stand, bands, parts, memory_m, memory_r, means, load, power, duty[i], around, step_s
-        )  # fmt: skip
+        )
         if stand.surround_J_K > 0.0:
             beyond = c.heat_loss_W_K / stand.surround_share * (body - ambient)
             body += (means[LOST_W] - beyond) * step_s / stand.surround_J_K
