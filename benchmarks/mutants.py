@@ -321,6 +321,7 @@ def _judge(folder: Path, target: str, tests: list[str]) -> None:
             str(folder),
             *(p for p in sys.path if p and Path(p).resolve() not in (ROOT, ROOT / "benchmarks")),
         ]
+        _forget(folder, target)
         import pytest
 
         code = int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests]))
@@ -338,6 +339,8 @@ def _forget(folder: Path, target: str) -> None:
     while more := {each for each, used in uses.items() if used & changed} - changed:
         changed |= more
     for each in changed:
+        package, _, last = each.rpartition(".")
+        vars(sys.modules[package]).pop(last, None) if package in sys.modules else None
         sys.modules.pop(each, None)
     for each, module in list(sys.modules.items()):
         if each.startswith(PACKAGE) and hasattr(module, "__path__"):
@@ -424,6 +427,8 @@ def main() -> int:
             tests = sorted(lines.get(mutant.line) or everything, key=lambda test: times.get(test, 0.0))
             return survives(mutant, tests, LEAST_s + TIMES * sum(times.get(test, 0.0) for test in tests))
 
+        broken = Mutant(target, "", 0, 0, "", "", "raise RuntimeError\n")
+        assert not survives(broken, everything[:5], 120.0), f"{target}: the tests do not run the mutants"
         began_s = time.monotonic()
         with ThreadPoolExecutor(options.jobs) as pool:
             alive = list(pool.map(live, found))
