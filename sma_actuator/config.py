@@ -207,7 +207,7 @@ def markdown() -> str:
     ]
     sections: list[tuple[str, type]] = [("", Config)]
     effects = [("effects.", Effects)]
-    effects += [(f"effects.{name}.", cls) for name, cls in EFFECTS.items() if cls.STAGE != "reference"]
+    effects += [(f"effects.{name}.", cls) for name, cls in EFFECTS.items() if cls.PART != "reference"]
     while sections:
         title, cls = sections.pop(0)
         rows, nested = [], []

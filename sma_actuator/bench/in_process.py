@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sma_actuator.base.signals import Reading, SupplyState
-from sma_actuator.instruments import InstrumentLost, InstrumentRefused
+from sma_actuator.instruments import InstrumentLost, InstrumentRefused, InstrumentUnreachable
 
 from .bench import VirtualBench
 from .chain import CHANNELS
@@ -49,7 +49,7 @@ class _InProcess:
         bench = self._bench
         if f"{self.name}_hangup" in bench.faults:
             self._open = False
-            raise InstrumentLost(f"virtual {self.name}: the connection was closed")
+            raise InstrumentUnreachable(f"virtual {self.name}: the connection was closed")
         delay_s = bench.faults.get("slow_answers", 0.0)
         if f"{self.name}_silent" in bench.faults or delay_s > timeout_s:
             bench.advance(bench.time_s + timeout_s)
@@ -125,15 +125,21 @@ class InProcessSupply(_InProcess):
         """Clear a tripped protection; the output stays off."""
         self._command(self._bench.supply.clear_trips)
 
-    def shut_down(self) -> None:
-        """Current to zero and output off, where the supply can still be reached.  Never raises."""
+    def switch_off(self) -> None:
+        """Output off and 0 A."""
+        self._command(self._bench.supply.set_output, False)
+        self._command(self._bench.supply.set_current, 0.0)
+
+    def shut_down(self) -> bool:
+        """Current to zero and output off; false where the supply cannot be reached any more.  Never raises."""
         supply = self._bench.supply
         try:
             self._reach(self._timeout_s)
         except InstrumentLost:
-            return
+            return False
         supply.set_current(0.0)
         supply.set_output(False)
+        return True
 
     @property
     def _timeout_s(self) -> float:

@@ -130,7 +130,7 @@ class Chain:
         self._resistances_Ohm = config.safety.resistance_min, config.safety.resistance_max
         self._velocity_state = np.zeros(3)
         self._effects = [
-            (e, np.empty(e.STATES)) for e in in_order(config.effects.active if effects is None else effects)
+            (e, np.empty(e.STATES)) for e in in_order(config.effects.active if effects is None else effects).values()
         ]
         self._measured = self._at("measured")
         self._at_resistance = self._at("at_resistance")

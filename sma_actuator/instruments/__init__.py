@@ -21,6 +21,10 @@ class InstrumentLost(InstrumentError):
     """It does not answer any more (time-out, closed connection).  Reopening may help."""
 
 
+class InstrumentUnreachable(InstrumentLost):
+    """It cannot be connected to, so it has not heard a word either."""
+
+
 class InstrumentRefused(InstrumentError):
     """It answers, but it is not what was configured, or will not do what is needed."""
 
@@ -28,14 +32,18 @@ class InstrumentRefused(InstrumentError):
 class PowerSupply(Protocol):
     """A current-controlled supply.  Every method but ``shut_down`` and ``close`` may raise InstrumentError.
 
-    Not thread-safe: one owner.
+    Off is said first and last on every connection, without a question: before ``open`` asks who answers, and
+    before a connection is given up.  Every method returns or raises within the time of one answer,
+    ``instruments.supply.timeout``; ``open`` within ten of them, ``shut_down`` within half a second.
+    Not thread-safe, but for ``shut_down``: one owner.
     """
 
     identity: str  #: answer to ``*IDN?``, "" before ``open``
 
     def open(self) -> None:
-        """Connect, check who answers, output off, program compliance voltage, over-voltage and
-        over-current trips, arm the watchdog, read all of it back; refuse where it does not hold."""
+        """Connect, output off, check who answers, program compliance voltage, over-voltage and
+        over-current trips, arm the watchdog, read all of it back; refuse where it does not hold.
+        May be called again: it then makes a new connection."""
 
     def set_current(self, current_A: float) -> None:
         """Program the current limit [A]."""
@@ -53,9 +61,13 @@ class PowerSupply(Protocol):
     def clear_trip(self) -> None:
         """Clear a tripped protection; the output stays off."""
 
-    def shut_down(self) -> None:
-        """Current to zero and output off, whatever else fails.  Never raises; may be called
-        twice, from a signal handler's thread, after the connection died (it tries to reopen)."""
+    def switch_off(self) -> None:
+        """Output off and current to zero, read back; raises InstrumentRefused where it stays on."""
+
+    def shut_down(self) -> bool:
+        """Output off and current to zero, whatever else fails; whether the output was read back as off.
+        Never raises; may be called twice, from any thread, after the connection died or while it
+        hangs in another thread (it then makes one of its own)."""
 
     def close(self) -> None:
         """Give up the connection.  Never raises."""

@@ -54,6 +54,10 @@ class StandInSupply:
         self.settings.append(("output", on))
         self.output_on = on
 
+    def switch_off(self):
+        self.set_output(False)
+        self.set_current(0.0)
+
     def read_back(self):
         self._asked()
         flowing_A = self.current_A if self.output_on else 0.0
@@ -69,6 +73,7 @@ class StandInSupply:
     def shut_down(self):
         self.shut_downs += 1
         self.current_A, self.output_on = 0.0, False
+        return True
 
     def close(self):
         pass

@@ -56,6 +56,16 @@ def test_no_current_flows_before_enable(rig):
     assert not rig.bench.supply.output_on
 
 
+def test_what_was_disabled_by_hand_can_be_enabled_again(rig):
+    rig = rig()
+    rig.enable()
+    assert rig.driver.enable(False)[0]
+    rig.driver.run_for(1.0)
+    assert rig.status.mode is Mode.OFF and rig.status.fault == "", rig.status.message
+    rig.enable()
+    assert rig.status.mode is Mode.HOLD
+
+
 def test_a_setpoint_is_reached_by_the_estimate(rig):
     rig = rig()
     rig.enable()
@@ -231,3 +241,12 @@ def test_a_watchdog_that_stopped_holding_is_noticed_before_the_next_enable(rig):
     wire.driver.run_for(0.5)
     assert not wire.bench.supply.output_on
     assert wire.status.fault == "watchdog_not_held"
+
+
+def test_clearing_no_fault_leaves_a_wire_that_is_driven_as_it_is(rig):
+    rig = rig()
+    rig.enable()
+    assert rig.driver.clear_fault() == (True, "there is no fault to clear")
+    rig.driver.run_for(1.0)
+    assert rig.bench.supply.output_on
+    assert rig.status.fault == ""

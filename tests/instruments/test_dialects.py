@@ -17,6 +17,8 @@ SUPPLIES = {
     "keysight_n6700": (
         "Keysight Technologies,N6700C,MY123,D.01.08",
         [
+            "OUTP OFF,(@2)",
+            "CURR 0.00000,(@2)",
             "*IDN?",
             "*CLS",
             "OUTP OFF,(@2)",
@@ -46,6 +48,8 @@ SUPPLIES = {
     "keithley_2260b": (
         "KEITHLEY,2260B-30-36,1405537,1.72",
         [
+            "OUTP OFF",
+            "SOUR:CURR 0.0000",
             "*IDN?",
             "*CLS",
             "SYST:COMM:RLST REM",
@@ -77,6 +81,8 @@ SUPPLIES = {
     "rigol_dp800": (
         "RIGOL TECHNOLOGIES,DP832,DP8C1234567,00.01.16",
         [
+            ":OUTP CH2,OFF",
+            ":SOUR2:CURR 0.0000",
             "*IDN?",
             "*CLS",
             ":SYST:REM",

@@ -1,6 +1,8 @@
 """Real pyvisa over TCP: to the virtual bench, and to a stand-in that can be made to misbehave."""
 
 import contextlib
+import os
+import select
 import threading
 import time
 
@@ -184,7 +186,7 @@ def test_a_silent_instrument_is_lost_within_its_timeout_and_comes_back_by_openin
     daq.open()
     lost, ask, other = (supply, supply.read_back, daq) if instrument == "supply" else (daq, daq.read_block, supply)
     command(lost, f"BENC:FAUL {instrument}_silent")
-    with pytest.raises(InstrumentLost, match=f"{instrument} at .*no answer.* within 0.3 s"):
+    with pytest.raises(InstrumentLost, match=f"{instrument} at .*no complete answer.* within 0.3 s"):
         ask()
     with pytest.raises(InstrumentLost, match="not connected"):
         ask()
@@ -227,14 +229,20 @@ def test_the_wrong_instrument_is_refused_by_what_it_says_it_is(bench, make_confi
         open_supply(Config.from_mapping(swapped)).open()
 
 
-def test_a_supply_that_another_client_has_locked_is_refused(stand_in, make_config, monkeypatch):
+def test_a_supply_that_another_client_has_locked_is_refused_without_a_word_to_it(make_config, monkeypatch):
     def locked_elsewhere(self, timeout="default"):
         raise pyvisa.VisaIOError(pyvisa.constants.StatusCode.error_resource_locked)
 
-    monkeypatch.setattr(pyvisa.resources.TCPIPSocket, "lock_excl", locked_elsewhere)
+    monkeypatch.setattr(pyvisa.resources.SerialInstrument, "lock_excl", locked_elsewhere)
+    ours, theirs = os.openpty()
+    config = Config.from_mapping(
+        make_config(instruments={"supply": {"resource": f"ASRL{os.ttyname(theirs)}::INSTR", "timeout": 0.2}})
+    )
     with pytest.raises(InstrumentRefused, match="somebody else holds its VISA lock.*instruments.supply.exclusive_lock"):
-        opened(stand_in, make_config)
-    assert stand_in.lines == []
+        open_supply(config).open()
+    assert not select.select([ours], [], [], 0.2)[0]
+    os.close(ours)
+    os.close(theirs)
 
 
 @pytest.mark.parametrize("quantity", ("supply_voltage", "reference_voltage", "load_cell"))
@@ -297,7 +305,7 @@ def test_a_late_reply_is_never_taken_for_the_answer_to_the_next_question(stand_i
     supply = opened(stand_in, make_config)
     chain = ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?"
     stand_in.silent_on, stand_in.replies[chain] = chain, "0.9;1;9.9;0.9;OCP"
-    with pytest.raises(InstrumentLost, match="no answer"):
+    with pytest.raises(InstrumentLost, match="no complete answer"):
         supply.read_back()
     stand_in.silent_on, stand_in.replies[chain] = None, "0.1;1;0.65;0.1;NONE"
     stand_in.release.set()  # now the late reply goes out
@@ -316,7 +324,7 @@ def test_a_garbled_reply_is_a_loss_that_quotes_it(stand_in, make_config, reply):
 def test_shut_down_does_not_wait_for_a_query_that_hangs_in_another_thread(stand_in, make_config):
     supply = opened(stand_in, make_config)
     stand_in.silent_on = ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?"
-    supply._session._visa.timeout = 5000
+    supply._session._timeout_s = 5.0
 
     def hang():
         with contextlib.suppress(InstrumentLost):

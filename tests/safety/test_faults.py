@@ -125,10 +125,12 @@ def cold_but_contracted(rig):
 SCENARIOS = {
     "unhandled_exception": Scenario(raise_in_estimator, mend_estimator),
     "node_lost": reported("node_lost"),
+    "loop_hung": reported("loop_hung"),
     "command_invalid": Scenario(poison_controller, mend_controller),
     "clock_jump": jump(-5.0),
     "supply_tripped": Scenario(lambda rig: rig.bench.supply.trip("OCP"), lambda rig: rig.supply.clear_trip()),
     "watchdog_not_held": reported("watchdog_not_held"),
+    "output_not_confirmed": reported("output_not_confirmed"),
     "second_commander": bench_fault("second_commander", 0.39, tracking=False),
     "supply_lost": lie_about_supply(lambda state: None),
     "daq_lost": lie_about_readings(lambda reading: None),

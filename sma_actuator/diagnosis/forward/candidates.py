@@ -22,7 +22,12 @@ class Candidate:
     signature: str  #: what in the record tells it from the others
 
     @property
-    def parameters(self) -> tuple[str, ...]:
+    def parameters(self) -> int:
+        """How many values it has to earn."""
+        return len(self.free)
+
+    @property
+    def value_names(self) -> tuple[str, ...]:
         """Names of its values in the ``effects`` section."""
         return tuple(f.name for f in self.free)
 

@@ -8,7 +8,7 @@ from sma_actuator.base.parameters import to_mapping
 
 from .fitting import predict
 from .runs import IDLE_DUTY, Run
-from .tracing import Choice, Entry, Tracing
+from .tracing import Choice, Outcome, Tracing
 from .wire import ForwardWire
 
 _AFTER_S = 8.0  #: the movement after power off is looked for within this
@@ -279,7 +279,7 @@ def _choice(choice: Choice) -> dict:
     """One choice: its errors are those of the folds that it was made on."""
     names = [run.name for run in choice.runs]
 
-    def entry(e: Entry) -> dict:
+    def entry(e: Outcome) -> dict:
         return {
             "effects": list(e.names), "leave_one_out_rms_m": dict(zip(names, e.held_out_m, strict=True)), "ratio": e.ratio,
             "earns": bool(e.earns), "verdict": e.verdict or "earns its parameters", "values": e.values,

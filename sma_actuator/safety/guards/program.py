@@ -31,6 +31,16 @@ node_lost: Fault = Fault(
     while_off=True,
 )
 
+loop_hung: Fault = Fault(
+    "loop_hung",
+    words="the control loop hangs",
+    detector="the driver's watchman, a thread of its own: no step for safety.reading_timeout",
+    within=READING_TIMEOUT + 0.5,
+    action=Action.OFF,
+    latches=True,
+    while_off=True,
+)
+
 
 @guard(
     words="the command is not a current",

@@ -37,6 +37,16 @@ watchdog_not_held: Fault = Fault(
     while_off=True,
 )
 
+output_not_confirmed: Fault = Fault(
+    "output_not_confirmed",
+    words="the output is told to be off, not confirmed",
+    detector="the driver: the supply was told to switch off and has not read back that it did",
+    within=ONE_STEP,
+    action=Action.OFF,
+    latches=True,
+    while_off=True,
+)
+
 
 @guard(
     words="somebody else commands the supply",
