@@ -7,6 +7,7 @@ import pytest
 
 from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
 from sma_actuator.config import Config
+from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.guards.estimate import estimate_invalid, estimator_outside
 from sma_actuator.safety.guards.program import clock_jump, command_invalid, loop_overrun
 from sma_actuator.safety.guards.readings import (
@@ -20,7 +21,8 @@ from sma_actuator.safety.guards.readings import (
 from sma_actuator.safety.guards.setpoints import Bucket, setpoint_flood, setpoint_not_finite, setpoint_stale
 from sma_actuator.safety.guards.supply import second_commander, supply_disagrees, supply_lost, supply_tripped
 from sma_actuator.safety.guards.wire import load_spike, open_wire, short, stress_above_limit, too_hot
-from sma_actuator.safety.records import Memory, Step
+from sma_actuator.safety.records import Action, Memory, Step
+from sma_actuator.safety.supervisor import Supervisor
 from sma_actuator.safety.thermal import WireHeat
 
 NOW_s = 100.0
@@ -354,3 +356,47 @@ class TestBucket:
         words = [setpoint_flood.look(bucket, 0.0, config) for _ in range(101)]
         assert not any(words[:100])
         assert "1000 Hz" in words[100]
+
+
+# --- the table and the last gate --------------------------------------------------------------------------------------
+
+
+def test_what_latches_while_the_output_is_off_is_what_must_be_known_before_it_goes_on():
+    assert {
+        "unhandled_exception", "node_lost", "supply_tripped", "watchdog_not_held", "second_commander",
+        "supply_disagrees", "too_hot",
+    } <= {fault.name for fault in FAULTS.values() if fault.while_off}  # fmt: skip
+    for fault in FAULTS.values():
+        assert fault.latches or not fault.while_off
+        assert fault.latches is (fault.action is Action.OFF)
+
+
+class TestGate:
+    @pytest.fixture
+    def gate(self, config, monkeypatch):
+        """``gate(wanted_A, limit_A)``: the command that passes."""
+
+        def command(wanted_A, limit_A, driven=True, faults=()):
+            supervisor = Supervisor(config)
+            monkeypatch.setattr(supervisor, "limit_A", lambda: limit_A)
+            return supervisor.gate(wanted_A, driven, dict.fromkeys(faults, "as a test says"))[0]
+
+        return command
+
+    @pytest.mark.parametrize(
+        ("wanted_A", "limit_A", "passes_A"),
+        [(0.1, 0.4, 0.1), (0.4, 0.4, 0.4), (0.5, 0.4, 0.4), (0.5, 0.9, 0.4), (0.3, 0.2, 0.2), (0.0, 0.4, 0.0)],
+    )
+    def test_the_least_of_what_is_wanted_and_allowed_passes(self, gate, wanted_A, limit_A, passes_A):
+        assert gate(wanted_A, limit_A) == Command(passes_A, True)
+
+    @pytest.mark.parametrize("limit_A", [-0.1, -1e-12])
+    def test_a_limit_that_is_no_current_lets_nothing_pass(self, gate, limit_A):
+        assert gate(0.3, limit_A) == Command(0.0, False)
+
+    def test_without_being_driven_nothing_passes(self, gate):
+        assert gate(0.3, 0.4, driven=False) == Command(0.0, False)
+
+    @pytest.mark.parametrize(("fault", "passes_A"), [(estimate_invalid, 0.05), (setpoint_not_finite, 0.3)])
+    def test_a_fault_whose_action_is_the_bias_leaves_the_bias(self, gate, fault, passes_A):
+        assert gate(0.3, 0.4, faults=[fault]) == Command(passes_A, True)
