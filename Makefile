@@ -10,7 +10,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DURATION ?= 60
 WIRE ?= flexinol
-EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,test,check,docs
+EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
 .PHONY: attack demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline fleet forward clean
 

@@ -27,6 +27,7 @@ from rich.table import Table
 from sma_actuator.base.interrupts import Interrupts, noted_signals
 from sma_actuator.base.share import shared_file
 from sma_actuator.config import NODE_NAME, Config, read_parameter_file
+from sma_actuator.console import add_output_arguments, refuse_to_overwrite, write_json
 from sma_actuator.control.setpoints import Setpoint, sine, steps, triangle
 from sma_actuator.control.tracking import TrackingErrors
 from sma_actuator.instruments import InstrumentError
@@ -62,12 +63,13 @@ def add_arguments(parser) -> None:
         help="seconds to run; 0: until Ctrl-C (default %(default)s)",
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the bench's noise")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the errors here")
+    add_output_arguments(parser, "the errors")
 
 
 def run(args) -> int:
     """Run the demonstration; 0 when the wire was driven and the output is off at the end."""
-    console = Console()
+    refuse_to_overwrite(args)
+    console = Console(stderr=args.json == Path("-"))
     parameters = read_parameter_file(shared_file(f"config/{args.wire}.yaml"))
     with (
         noted_signals() as interrupts,
@@ -124,8 +126,7 @@ def run(args) -> int:
         f"supply output {'off' if supply_is_off else 'STILL ON'}; node and bench have ended"
         + (" (Ctrl-C)" if interrupts else "")
     )
-    if args.json:
-        args.json.write_text(json.dumps(errors.as_dict(), indent=2) + "\n")
+    write_json(args, errors.as_dict())
     return 0 if supply_is_off and (errors.samples or interrupts) else 1
 
 

@@ -37,12 +37,6 @@ def add_output_arguments(parser: argparse.ArgumentParser, json_of: str, csv_of: 
     parser.add_argument("--force", action="store_true", help="overwrite files that exist already")
 
 
-def add_verbosity_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare ``-q`` and ``-v``."""
-    parser.add_argument("-q", "--quiet", action="store_true", help="no progress and no notes, only results and errors")
-    parser.add_argument("-v", "--verbose", action="store_true", help="also what the parts of the program log")
-
-
 def results(args: argparse.Namespace) -> Console:
     """Where results go: standard output, unless a machine reads that."""
     to_machine = _STANDARD_OUTPUT in (getattr(args, "json", None), getattr(args, "csv", None))

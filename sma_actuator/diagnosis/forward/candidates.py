@@ -18,7 +18,7 @@ class Candidate:
     name: str
     sentence: str  #: what would be said of the bench if it earned its place
     free: tuple[Free, ...]
-    place: str  #: mechanism, sensor, heat, alloy or circuit
+    part: str  #: where it lies: mechanism, sensor, heat, alloy or circuit
     signature: str  #: what in the record tells it from the others
 
     @property

@@ -74,7 +74,7 @@ def verdict_sentence(found: Tracing) -> str:
         return "Nothing is missing: on unseen runs the plain model errs by no more than a position sensor does, and no effect is chosen."
     if found.verdict == "traced":
         text = f"The model lacks {' and '.join(c.name for c in found.named)}."
-        places = {c.name: c.place for c in found.named if c.place in ("mechanism", "sensor", "circuit")}
+        places = {c.name: c.part for c in found.named if c.part in ("mechanism", "sensor", "circuit")}
         for name, place in places.items():
             text += f" {name}: the fault lies in the {place}, not in the alloy's model."
         alike = [" + ".join(names) for names in _alternatives(found)]
@@ -258,7 +258,7 @@ def _effects(found: Tracing) -> list[dict]:
         out.append(
             {
                 "name": c.name,
-                "stage": c.place,
+                "stage": c.part,
                 "says": c.sentence,
                 "signature": c.signature,
                 "parameters": {
@@ -269,7 +269,7 @@ def _effects(found: Tracing) -> list[dict]:
                     for f in c.free
                 },
                 "confidence": found.chosen_in(c.name),
-                "in_the_model": c.place in ("alloy", "heat"),
+                "in_the_model": c.part in ("alloy", "heat"),
             }
         )  # fmt: skip
     return out
