@@ -260,7 +260,7 @@ class Session:
 
     def _expect_off(self, row: str, name: str) -> None:
         within_s = self.promises.within_s(row)
-        if name.startswith("supply_"):
+        if name.startswith("supply_") or name == "slow_answers":
             # It hears nothing: its own watchdog is all there is, and counts from the last word before the fault.
             within_s = max(within_s, self.config.supply.watchdog_timeout)
         if row == "daq_lost":
