@@ -4,7 +4,14 @@ import pytest
 from stand_in_server import ScpiStandIn
 
 from sma_actuator.config import Config
-from sma_actuator.instruments import InstrumentError, InstrumentLost, InstrumentRefused, open_supply
+from sma_actuator.instruments import (
+    InstrumentError,
+    InstrumentLost,
+    InstrumentRefused,
+    LimitsNotHeld,
+    WatchdogNotHeld,
+    open_supply,
+)
 
 
 @pytest.fixture
@@ -14,6 +21,7 @@ def server():
             "*IDN?": "SMA Actuator,Virtual Supply,7,stand-in",
             ":SYST:ERR?": '0,"No error"',
             ":OUTP:PROT:WDOG?": "1",
+            ":OUTP:PROT:WDOG:SESS?": "1",
             ":OUTP:PROT:WDOG:DEL?": "1.0",
             ":OUTP?": "0",
             ":VOLT?": "6.0",
@@ -28,7 +36,7 @@ def server():
 @pytest.fixture
 def supply(server, make_config):
     def make(**changes):
-        mapping = make_config(instruments={"supply": {"resource": server.resource, "timeout": 0.5}}, **changes)
+        mapping = make_config(instruments={"supply": {"resource": server.resource}}, **changes)
         made.append(open_supply(Config.from_mapping(mapping)))
         return made[-1]
 
@@ -57,16 +65,31 @@ def test_the_parameters_can_disarm_the_watchdog_and_then_it_is(supply, server):
     assert "OUTP:PROT:WDOG ON" not in server.lines
 
 
-def test_a_watchdog_is_asked_whether_it_holds_and_for_how_long(supply, server):
+@pytest.mark.parametrize(
+    ("query", "reply", "refused"),
+    [
+        (":OUTP:PROT:WDOG:DEL?", "1.0", None),
+        (":OUTP:PROT:WDOG:DEL?", "0.5", None),
+        (":OUTP:PROT:WDOG:DEL?", "1.5", WatchdogNotHeld),
+        (":OUTP:PROT:WDOG?", "0", WatchdogNotHeld),
+        (":OUTP:PROT:WDOG:SESS?", "0", WatchdogNotHeld),
+        (":VOLT?", "6.1", None),
+        (":VOLT?", "6.2", LimitsNotHeld),
+        (":VOLT?", "5.8", LimitsNotHeld),
+        (":VOLT:PROT?", "20", LimitsNotHeld),
+        (":CURR:PROT?", "0.5", LimitsNotHeld),
+    ],
+)
+def test_what_was_programmed_is_asked_for_again_and_has_to_hold(supply, server, query, reply, refused):
     one = supply()
     one.open()
-    assert one.watchdog_holds()
-    server.replies[":OUTP:PROT:WDOG:DEL?"] = "1.5"
-    assert not one.watchdog_holds()
-    server.replies[":OUTP:PROT:WDOG:DEL?"] = "0.5"
-    assert one.watchdog_holds()
-    server.replies[":OUTP:PROT:WDOG?"] = "0"
-    assert not one.watchdog_holds()
+    one.check_settings()
+    server.replies[query] = reply
+    if refused is None:
+        one.check_settings()
+        return
+    with pytest.raises(refused):
+        one.check_settings()
 
 
 def test_a_supply_that_refuses_its_configuration_is_told_off_last_and_given_up(supply, server):
