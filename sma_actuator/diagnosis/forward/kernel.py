@@ -85,7 +85,7 @@ def _heat_and_transform(c, stand, bands, parts, memory_m, memory_r, means, load_
         parts[j, ENTHALPY] += (power_W - lost) * step_s * (1.0 - exp(-a)) / a  # exact while nothing transforms
         shift = Shift(parts[j, SHIFT_K], parts[j, SHIFT_K])
         t = temperature_for(
-            x, bands, memory_m[j], memory_r[j], m, r, before_C, stress, shift, parts[j, ENTHALPY]
+            x, bands, memory_m[j], memory_r[j], m, r, before_C, stress, shift, parts[j, ENTHALPY], x.heat_capacity_J_K
         )  # fmt: skip
         m = martensite_at(x, bands, memory_m[j], m, t, stress, shift, True)
         r = r_share_at(x, bands, memory_r[j], r, t, stress, shift, True)
