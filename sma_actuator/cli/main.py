@@ -1,4 +1,4 @@
-"""The edge to a person: ``sma-actuator demo | bench | characterise | identify | replay | forward``.
+"""The edge to a person: ``sma-actuator demo | bench | characterise | identify | replay | trace | forward | loop``.
 
 Each command lives in the package it drives, which offers ``SUMMARY``, ``add_arguments(parser)``
 and ``run(args) -> int``; only the one asked for is imported, so ``--help`` is quick and a missing
@@ -23,6 +23,10 @@ COMMANDS = {
     "forward": (
         "sma_actuator.diagnosis.forward",
         "fit power-to-displacement physics to a real bench and find what it lacks",
+    ),
+    "loop": (
+        "sma_actuator.diagnosis.loop",
+        "fit and draw isobaric loops: strain against temperature, kinetics compared",
     ),
 }
 

@@ -370,3 +370,23 @@ def martensite_after(family, bands, memory, fraction, temperature_C, stress_Pa, 
         else:
             u = band_fraction(family, bands, HEATING, temperature_C - shift.heating_K, stress_Pa)
     return transform(memory, fraction, u, v, commit)
+
+
+@jit
+def follow(family, bands, temperature_C, stress_Pa, fraction):
+    """Fill ``fraction`` (n,) along temperatures and stresses (n,), from a wire that came from the hot end."""
+    memory = np.zeros(_MEMORY)
+    memory[DIRECTION] = 1.0
+    memory[OTHER] = 1.0
+    now = 0.0
+    shift = Shift(0.0, 0.0)
+    for i in range(len(temperature_C)):
+        now = martensite_after(family, bands, memory, now, temperature_C[i], stress_Pa[i], shift, True)
+        fraction[i] = now
+
+
+@jit
+def outer(family, bands, row, temperature_C, stress_Pa, fraction):
+    """Fill ``fraction`` (n,) with that of a band at temperatures (n,), under one stress."""
+    for i in range(len(temperature_C)):
+        fraction[i] = band_fraction(family, bands, row, temperature_C[i], stress_Pa)
