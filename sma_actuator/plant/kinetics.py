@@ -16,6 +16,7 @@ austenite the fraction formed is ``v``; both fall from 1 to 0 as the temperature
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from math import cos, exp, pi
 from typing import NamedTuple
 
@@ -140,11 +141,12 @@ class Measured:
     def quantiles_C(self, share: float) -> tuple[float, float]:
         """Temperatures at zero stress below which this share of martensite is left on heating, or has formed on cooling."""
         found = []
+        bands = self.bands()
         for row in (HEATING, COOLING):
             low_C, high_C = -300.0, 500.0
             for _ in range(60):
                 middle_C = 0.5 * (low_C + high_C)
-                if distribution(self.bands(), row, middle_C, 0.0) > share:
+                if distribution(bands, row, middle_C, 0.0) > share:
                     low_C = middle_C
                 else:
                     high_C = middle_C
@@ -190,6 +192,7 @@ def hardening_way(fraction: np.ndarray, n: float, m: float) -> np.ndarray:
     return 0.5 * (1.0 + fraction**n - (1.0 - fraction) ** m)
 
 
+@lru_cache(maxsize=8)
 def hardening_table(n: float, m: float) -> np.ndarray:
     """Fraction at equal steps from the cold end to the hot end; exponents within 0 (exclusive) to 1."""
     if not (0.0 < n <= 1.0 and 0.0 < m <= 1.0):
@@ -204,6 +207,7 @@ def hardening_table(n: float, m: float) -> np.ndarray:
     fraction = np.concatenate((knots, 1.0 - left))
     table = np.interp(np.linspace(1.0, 0.0, TABLE + 1), way, fraction)
     table[0], table[-1] = 1.0, 0.0  # not what is left of them after rounding
+    table.flags.writeable = False
     return table
 
 

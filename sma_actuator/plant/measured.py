@@ -13,6 +13,8 @@ Only the fitted numbers are here.
 
 from __future__ import annotations
 
+from functools import cache
+
 from .kinetics import Logistic, Measured, SmoothHardening
 from .materials import Material
 
@@ -34,11 +36,16 @@ LOW_TEMPERATURE_TYPE_K = -20.0
 NI_TI_CU_WIDTH = 0.55
 
 
+@cache
+def _quantiles_C(share: float) -> tuple[float, float]:
+    return FLEXINOL_381UM.quantiles_C(share)
+
+
 def measured_for(material: Material) -> Measured:
     """The measured distribution, moved to where an alloy of the bench transforms."""
     if material.name != "ni-ti-cu":
         return FLEXINOL_381UM.mapped((LOW_TEMPERATURE_TYPE_K, 1.0), (LOW_TEMPERATURE_TYPE_K, 1.0))
-    half_C = FLEXINOL_381UM.quantiles_C(0.5)
+    half_C = _quantiles_C(0.5)
     heating_C = 0.5 * (material.austenite_start_C + material.austenite_finish_C)
     cooling_C = 0.5 * (material.martensite_start_C + material.martensite_finish_C)
     return FLEXINOL_381UM.mapped(
@@ -56,7 +63,7 @@ def measured_between(
     stress_slope_Pa_K: float,
 ) -> Measured:
     """The measured shape with the tenth and the ninetieth percent of both transformations at these temperatures."""
-    most_C, least_C = FLEXINOL_381UM.quantiles_C(0.9), FLEXINOL_381UM.quantiles_C(0.1)
+    most_C, least_C = _quantiles_C(0.9), _quantiles_C(0.1)
     heating = (austenite_finish_C - austenite_start_C) / (least_C[0] - most_C[0])
     cooling = (martensite_start_C - martensite_finish_C) / (least_C[1] - most_C[1])
     return FLEXINOL_381UM.mapped(
