@@ -12,29 +12,70 @@ from sma_actuator.plant.worlds import WORLDS
 ALL = EFFECTS | FOREIGN
 SESSION_S = 36.0
 STRENGTH = {
-    "lead_resistance": 0.1, "contact_drift": 0.2, "voltage_offset": 0.01, "reference_self_heating": 0.1, "shunt": 0.01,
-    "self_heating": 5e-4, "ambient_temperature": 6.0, "thermal_expansion": 4e-5, "elastic_compliance": 3e-4,
-    "fatigue": 2e-4, "creep": 3e-4, "minor_loop_memory": 5e-4, "rate": 0.1, "load_cell_drift": 0.2,
-    "load_cell_gain": 0.1, "slip": 5e-4, "backlash": 4e-4, "reference_lag": 0.2, "reference_gain": 0.05,
-    "reference_drift": 5e-4, "draught": 0.3, "hum": 2e-4, "lvdt_nonlinearity": 2e-4, "contact_bounce": 0.2,
-    "stick_slip": 3e-4, "thermo_voltage": 2e-4, "clock_skew": 0.3, "load_cell_nonlinearity": 0.1, "cross_talk": 0.02,
-}  # fmt: skip
+    "lead_resistance": 0.1,
+    "contact_drift": 0.2,
+    "voltage_offset": 0.01,
+    "reference_self_heating": 0.1,
+    "shunt": 0.01,
+    "self_heating": 5e-4,
+    "ambient_temperature": 6.0,
+    "thermal_expansion": 4e-5,
+    "elastic_compliance": 3e-4,
+    "fatigue": 2e-4,
+    "creep": 3e-4,
+    "minor_loop_memory": 5e-4,
+    "rate": 0.1,
+    "load_cell_drift": 0.2,
+    "load_cell_gain": 0.1,
+    "slip": 5e-4,
+    "backlash": 4e-4,
+    "reference_lag": 0.2,
+    "reference_gain": 0.05,
+    "reference_drift": 5e-4,
+    "draught": 0.3,
+    "hum": 2e-4,
+    "lvdt_nonlinearity": 2e-4,
+    "contact_bounce": 0.2,
+    "stick_slip": 3e-4,
+    "thermo_voltage": 2e-4,
+    "clock_skew": 0.3,
+    "load_cell_nonlinearity": 0.1,
+    "cross_talk": 0.02,
+}
 VOLTAGE, REFERENCE, LOAD, LVDT, AMBIENT = range(5)
 #: Channels that an effect reaches, under a constant weight.  All others must stay as they are, bit by bit.
 REACHES = {
-    **dict.fromkeys(("lead_resistance", "contact_drift", "voltage_offset", "contact_bounce", "thermo_voltage", "cross_talk"), {VOLTAGE}),
-    "reference_self_heating": {VOLTAGE, REFERENCE},
-    **dict.fromkeys(("load_cell_drift", "load_cell_gain", "load_cell_nonlinearity"), {LOAD}),
     **dict.fromkeys(
-        ("thermal_expansion", "elastic_compliance", "creep", "minor_loop_memory", "rate", "slip", "backlash", "reference_lag",
-         "reference_gain", "reference_drift", "hum", "lvdt_nonlinearity", "stick_slip", "clock_skew"), {LVDT},
+        ("lead_resistance", "contact_drift", "voltage_offset", "contact_bounce", "thermo_voltage", "cross_talk"),
+        frozenset({VOLTAGE}),
+    ),
+    "reference_self_heating": {VOLTAGE, REFERENCE},
+    **dict.fromkeys(("load_cell_drift", "load_cell_gain", "load_cell_nonlinearity"), frozenset({LOAD})),
+    **dict.fromkeys(
+        (
+            "thermal_expansion",
+            "elastic_compliance",
+            "creep",
+            "minor_loop_memory",
+            "rate",
+            "slip",
+            "backlash",
+            "reference_lag",
+            "reference_gain",
+            "reference_drift",
+            "hum",
+            "lvdt_nonlinearity",
+            "stick_slip",
+            "clock_skew",
+        ),
+        frozenset({LVDT}),
     ),
     "self_heating": {VOLTAGE, LVDT},  # more resistance, more heat
     "shunt": {VOLTAGE, LVDT},
     "draught": {VOLTAGE, LVDT},
     "fatigue": {VOLTAGE, LVDT},
     "ambient_temperature": {VOLTAGE, LVDT, AMBIENT},
-}  # fmt: skip
+}
 
 
 def drive(bench, seconds=SESSION_S):

@@ -1,8 +1,11 @@
 """Characterisation: what it measures, that it loses nothing, and that the current is off on every way out."""
 
+import contextlib
 import dataclasses
 import itertools
 import json
+import os
+import signal
 
 import numpy as np
 import pytest
@@ -86,6 +89,23 @@ def test_an_interrupted_characterisation_keeps_what_is_finished_and_resumes_ther
     assert len(read_bench_log(tmp_path / "pulses_0.500N.csv")) > 100
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda n: n.name)
+def test_a_signal_that_a_library_would_swallow_still_ends_it_with_the_output_off(tmp_path, number):
+    bench, rig, operator = virtual_rig("flexinol")
+    read_block = rig.daq.read_block
+
+    def swallowing():
+        with contextlib.suppress(KeyboardInterrupt):
+            os.kill(os.getpid(), number)
+        return read_block()
+
+    rig.daq.read_block = swallowing
+    with pytest.raises(KeyboardInterrupt):
+        characterise(bench_mapping("flexinol"), make_plan(rig.config, QUICK), rig, operator, tmp_path)
+    assert not bench.supply.output_on
+    assert bench.supply.current_A == 0.0
+
+
 def test_other_settings_in_the_same_folder_are_refused(tmp_path):
     _, rig, operator = virtual_rig("flexinol")
     characterise(bench_mapping("flexinol"), make_plan(rig.config, QUICK), rig, operator, tmp_path)
@@ -137,9 +157,35 @@ def test_the_same_characterisation_over_tcp(tmp_path):
         for name in ("supply", "daq"):
             mapping["instruments"][name]["resource"] = f"TCPIP::127.0.0.1::{ports[name]}::SOCKET"
         (tmp_path / "in.yaml").write_text(yaml.safe_dump({"sma_actuator": {"ros__parameters": mapping}}))
-        code = main(["characterise", "--config", str(tmp_path / "in.yaml"), "--unattended-bench", mapping["instruments"]["daq"]["resource"],
-                     "--out", str(tmp_path / "out"), "--loads", "0.6", "--pulses", "1", "--heat-time", "0.5", "--cool-time", "0.5",
-                     "--average", "0.2", "--masses", "20,100,200", "--skip", "partial", "--skip", "training", "--skip", "fatigue"])  # fmt: skip
+        code = main(
+            [
+                "characterise",
+                "--config",
+                str(tmp_path / "in.yaml"),
+                "--unattended-bench",
+                mapping["instruments"]["daq"]["resource"],
+                "--out",
+                str(tmp_path / "out"),
+                "--loads",
+                "0.6",
+                "--pulses",
+                "1",
+                "--heat-time",
+                "0.5",
+                "--cool-time",
+                "0.5",
+                "--average",
+                "0.2",
+                "--masses",
+                "20,100,200",
+                "--skip",
+                "partial",
+                "--skip",
+                "training",
+                "--skip",
+                "fatigue",
+            ]
+        )
     assert code == 0
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest["calibration"]["circuit.lead_resistance"] == pytest.approx(0.25, abs=0.01)

@@ -175,7 +175,7 @@ def _advance(c, stand, bands, parts, memory_m, memory_r, duty, step_s, out):
         around = body if stand.surround_J_K > 0.0 else ambient
         strain = _heat_and_transform(
             c, stand, bands, parts, memory_m, memory_r, means, load, power, duty[i], around, step_s
-        )  # fmt: skip
+        )
         if stand.surround_J_K > 0.0:
             beyond = c.heat_loss_W_K / stand.surround_share * (body - ambient)
             body += (means[LOST_W] - beyond) * step_s / stand.surround_J_K

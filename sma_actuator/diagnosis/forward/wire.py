@@ -77,9 +77,10 @@ class Drive:
 
     supply_V: float = parameter(description="supply of the bridge", unit="V", lo=0.1, hi=400.0)
     heats: str = parameter(
-        "rms", "voltage that heats: rms, √duty·supply, as of a switched resistor; mean, duty·supply, as after a filter",
+        "rms",
+        "voltage that heats: rms, √duty·supply, as of a switched resistor; mean, duty·supply, as after a filter",
         choices=("rms", "mean"),
-    )  # fmt: skip
+    )
 
 
 @dataclass(frozen=True)

@@ -7,22 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.report import Page, figure
 
 from .analysis import quantities, residual_m
 from .evidence import Evidence
 from .race import Tracing
 
-#: The quantity against which an effect shows best.
-TELL_TALE = {
-    "lead_resistance": "resistance_Ohm", "contact_drift": "time_s", "voltage_offset": "inverse_current_1_A",
-    "reference_self_heating": "power_lagged_10_s_W", "shunt": "resistance_Ohm", "load_cell_drift": "time_s",
-    "load_cell_gain": "stress_Pa", "self_heating": "power_lagged_1_s_W", "ambient_temperature": "ambient_temperature_C",
-    "thermal_expansion": "power_lagged_10_s_W", "elastic_compliance": "stress_Pa", "fatigue": "cycle", "creep": "time_s",
-    "minor_loop_memory": "distance_from_reversal_m", "rate": "resistance_rate_Ohm_s", "slip": "time_s",
-    "backlash": "distance_from_reversal_m", "reference_lag": "resistance_rate_Ohm_s", "reference_gain": "displacement_m",
-    "reference_drift": "time_s",
-}  # fmt: skip
 _MM = 1e3
 _MOST_POINTS = 6000
 BEFORE, AFTER = {"color": "tab:red", "label": "before"}, {"color": "tab:blue", "label": "after"}
@@ -52,16 +43,27 @@ def _numbers(page: Page, report: dict[str, Any]) -> None:
         [
             ("cycles that the fit had not seen", report["error_before_pct_stroke"], report["error_after_pct_stroke"]),
             ("95 % interval over cycles", f"{before[0]:.3f} – {before[1]:.3f}", f"{after[0]:.3f} – {after[1]:.3f}"),
-            (f"the last {last['cycles']} cycles, looked at once", last["error_before_pct_stroke"], last["error_after_pct_stroke"]),
-            ("sensors' noise carried through the model", *(report[f"residual_{w}"]["sensor_noise_pct_stroke"] for w in ("before", "after"))),
-            ("share that repeats every cycle", *(report[f"residual_{w}"]["share_repeating_every_cycle"] for w in ("before", "after"))),
+            (
+                f"the last {last['cycles']} cycles, looked at once",
+                last["error_before_pct_stroke"],
+                last["error_after_pct_stroke"],
+            ),
+            (
+                "sensors' noise carried through the model",
+                *(report[f"residual_{w}"]["sensor_noise_pct_stroke"] for w in ("before", "after")),
+            ),
+            (
+                "share that repeats every cycle",
+                *(report[f"residual_{w}"]["share_repeating_every_cycle"] for w in ("before", "after")),
+            ),
             ("mean over cycles", report["cycle_mean_before_pct_stroke"], report["cycle_mean_after_pct_stroke"]),
             ("the model's own floor for it", report["floor_pct_stroke"], report["floor_pct_stroke"]),
         ],
-    )  # fmt: skip
+    )
     rows = [
         (
             e["name"],
+            e["what"],
             e["stage"],
             name,
             p["value"],
@@ -73,7 +75,19 @@ def _numbers(page: Page, report: dict[str, Any]) -> None:
         for name, p in e["parameters"].items()
     ]
     if rows:
-        page.table(("effect", "stage", "parameter", "value", "95 % interval", "unit", "share of the excess"), rows)
+        page.table(
+            (
+                "effect",
+                "what is the matter",
+                "stage",
+                "parameter",
+                "value",
+                "95 % interval",
+                "unit",
+                "share of the excess",
+            ),
+            rows,
+        )
 
 
 def _some(n: int) -> slice:
@@ -103,8 +117,14 @@ def _residual(page: Page, evidence: Evidence, tracing: Tracing) -> None:
 def _loop(page: Page, evidence: Evidence, tracing: Tracing) -> None:
     page.heading("Resistance and displacement")
     drawing, axes = figure(2, 1)
-    worst = int(np.argmax([np.mean(np.abs(m - p.shown_m)) for m, p in
-                           zip(evidence.measured_m, tracing.predictions["before"], strict=True)]))  # fmt: skip
+    worst = int(
+        np.argmax(
+            [
+                np.mean(np.abs(m - p.shown_m))
+                for m, p in zip(evidence.measured_m, tracing.predictions["before"], strict=True)
+            ]
+        )
+    )
     trace = evidence.traces[worst]
     few = _some(len(trace.log))
     for ax, (which, style) in zip(axes[0], (("before", BEFORE), ("after", AFTER)), strict=True):
@@ -140,7 +160,8 @@ def _tell_tale(page: Page, evidence: Evidence, tracing: Tracing) -> None:
     names = tracing.fit.names
     drawing, axes = figure(len(names), 1)
     for ax, effect in zip(axes[0], names, strict=True):
-        name = TELL_TALE[effect] if TELL_TALE[effect] in values else "time_s"
+        tell_tale = EFFECTS[effect].TELL_TALE
+        name = tell_tale if tell_tale in values else "time_s"  # it may stand still in these logs
         x = values[name]
         edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, 21)))
         place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
@@ -202,11 +223,17 @@ def _the_rest(page: Page, report: dict[str, Any]) -> None:
         page.table(
             ("instead of", "could be", "confidence", "experiment", "takes", "then they differ by"),
             [
-                (a["instead_of"], a["name"], f"{a['confidence']:.0%}", a["experiment"]["what"], f"{a['experiment']['duration_s']:.0f} s",
-                 f"{a['experiment']['predicted_difference_m'] * _MM:.3f} mm")
+                (
+                    a["instead_of"],
+                    a["name"],
+                    f"{a['confidence']:.0%}",
+                    a["experiment"]["what"],
+                    f"{a['experiment']['duration_s']:.0f} s",
+                    f"{a['experiment']['predicted_difference_m'] * _MM:.3f} mm",
+                )
                 for a in report["alternatives"]
             ],
-        )  # fmt: skip
+        )
     if report["untestable"]:
         page.heading("What these logs could not have shown")
         page.table(("effect", "why"), [(u["name"], u["reason"]) for u in report["untestable"]])

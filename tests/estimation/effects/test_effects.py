@@ -12,7 +12,7 @@ from sma_actuator.base.parameters import ConfigError, to_mapping
 from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain
-from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL
+from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL, PARTS
 from sma_actuator.estimation.effects.frame import Frame, Place
 
 #: Parameters that make each effect show.
@@ -39,9 +39,14 @@ STRONG = {
     "reference_drift": {"offset": 1e-4, "rate": 1e-5},
 }
 PLACE = Place(
-    reference_resistance_Ohm=1.0, lead_resistance_Ohm=0.25, area_m2=1.82e-8, length_m=0.1, heat_loss_W_K=5e-3, ambient_C=24.0,
+    reference_resistance_Ohm=1.0,
+    lead_resistance_Ohm=0.25,
+    area_m2=1.82e-8,
+    length_m=0.1,
+    heat_loss_W_K=5e-3,
+    ambient_C=24.0,
     working_range_m=(0.2e-3, 4.2e-3),
-)  # fmt: skip
+)
 
 
 def signals(n=400, seed=0):
@@ -96,7 +101,7 @@ def through(name, arrays, displacement_m=None):
 
 def test_the_list_is_complete_and_every_effect_has_a_stage():
     assert set(STRONG) == set(EFFECTS)
-    assert {cls.STAGE for cls in EFFECTS.values()} == {"circuit", "load cell", "wire", "mechanism", "reference"}
+    assert list(dict.fromkeys(cls.PART for cls in EFFECTS.values())) == list(PARTS)
     assert NOT_THE_MODEL == ("mechanism", "reference")
 
 
@@ -117,13 +122,14 @@ def test_a_strong_effect_shows(name):
     moving = 2e-3 + 1e-3 * np.cos(arrays.time_s)
     measured, resistance, displacement = through(name, arrays, moving.copy())
     changed = max(
-        np.max(np.abs(resistance - arrays.resistance_Ohm)) / 5.0, np.max(np.abs(measured.load_N - arrays.load_N)),
+        np.max(np.abs(resistance - arrays.resistance_Ohm)) / 5.0,
+        np.max(np.abs(measured.load_N - arrays.load_N)),
         np.max(np.abs(displacement - moving)) / 4e-3,
-    )  # fmt: skip
+    )
     assert changed > 1e-3
 
 
-@pytest.mark.parametrize("name", [n for n in EFFECTS if EFFECTS[n].STAGE != "reference"])
+@pytest.mark.parametrize("name", [n for n in EFFECTS if EFFECTS[n].PART != "reference"])
 def test_live_and_replay_give_the_same_numbers(make_config, name):
     """One sample at a time, as the node does it, and a whole log at once."""
     config = Config.from_mapping(make_config(effects={name: STRONG[name]}))
