@@ -8,14 +8,14 @@ effect is; time constants and phases are drawn from the bench's seed.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import exp, log, pi, sin
+from math import exp, pi, sin, sqrt
 from zlib import crc32
 
 import numpy as np
 
 from sma_actuator.base.jit import jit
 from sma_actuator.plant import physics
-from sma_actuator.plant.worlds import HOME
+from sma_actuator.plant.worlds import HOME, IN_TRAINING
 
 from .bench import RING, STEP_S, Setup, VirtualBench
 
@@ -227,7 +227,7 @@ class ElasticCompliance(Hidden):
 
 
 class Fatigue(Hidden):
-    """Every cycle leaves some strain and some defects: length and resistivity grow with the logarithm of the cycles."""
+    """Every cycle leaves some strain and some defects: with the square root of the cycles the hot end of the stroke moves by the strength, the cold one by less, and resistivity grows."""
 
     unit, where = "m", "wire"
 
@@ -237,17 +237,20 @@ class Fatigue(Hidden):
 
     def stretch_m(self, state, time_s, step_s):
         martensite = state[physics.MARTENSITE]
-        if martensite < 0.4:
+        c = self.bench.constants
+        if martensite < physics.HOT_BELOW:
             self.hot = True
-        elif martensite > 0.6 and self.hot:
+        elif martensite > physics.COLD_ABOVE and self.hot:
             self.hot = False
             self.cycles += 1
-            c, now_m = self.bench.constants, self.strength * log(self.cycles)
+            now_m = self.strength * (sqrt(self.cycles) - 1.0)
             strain = (now_m - self.worn_m) / c.length_m
             self.worn_m = now_m
             more = 1.0 + self.scatter * strain
             self.bench.constants = c._replace(rho_m=c.rho_m * more, rho_a=c.rho_a * more, rho_r=c.rho_r * more)
-        return self.worn_m
+        # As on the measured wire: what is left in place while it is martensite is less (see IN_TRAINING).
+        parts = physics.strain_parts(c, martensite, state[physics.R_SHARE], c.reference_C)
+        return self.worn_m * (1.0 - (1.0 - IN_TRAINING.cold_share) * parts.transformation / c.strain_m)
 
 
 class Creep(Hidden):
