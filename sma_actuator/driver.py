@@ -52,6 +52,7 @@ _WATCH_PERIOD_s = 0.05  #: how often the watchman looks
 #: also a question, feeds a watchdog, and one that is fed never cuts.
 _QUIET_WATCHDOGS = 1.25
 _SHORTEST_WAIT_s = 0.1
+_CHECK_PERIOD_s = 0.5  #: how often one of the supply's settings is read back while driving
 _OFF = Command(0.0, False)
 _SETPOINT_QUEUE = 1024
 _STATISTICS_WINDOW = 2048
@@ -89,6 +90,7 @@ class _Link:
         self.instrument = instrument
         self.answers = False
         self.detail = ""  #: why it does not answer
+        self.fault = f"{name}_lost"  #: what that is
         self._longest_wait_s = longest_wait_s
         self._wait_s = 0.0
         self._next_attempt_s = -math.inf
@@ -105,9 +107,12 @@ class _Link:
 
     def lose(self, error: InstrumentError) -> None:
         self.answers = False
-        self.detail = str(error)
+        self._note(error)
         self._wait_s = 0.0
         self._next_attempt_s = -math.inf  # the first attempt is made at once: opening switches the output off
+
+    def _note(self, error: InstrumentError) -> None:
+        self.detail, self.fault = str(error), error.fault or f"{self.name}_lost"
 
     def reconnect(self, now_s: Callable[[], float], quiet_s: float) -> bool:
         """Try to open it again, not more often than the back-off allows; whether that was done.
@@ -119,7 +124,7 @@ class _Link:
         try:
             self.instrument.open()
         except InstrumentError as error:
-            self.detail = str(error)
+            self._note(error)
             self._wait_s = min(self._longest_wait_s, max(_SHORTEST_WAIT_s, 2.0 * self._wait_s))
             quiet_s = 0.0 if isinstance(error, InstrumentUnreachable) else quiet_s
             self._next_attempt_s = now_s() + max(self._wait_s, quiet_s)
@@ -156,6 +161,7 @@ class Driver:
         self._clock = clock
         self._actuator = Actuator(config)
         self._supply_instrument = supply
+        self._daq_instrument = daq
         self._supply = _Link("supply", supply, config.instruments.reconnect_backoff_max)
         self._daq = _Link("daq", daq, config.instruments.reconnect_backoff_max)
         self._links = (self._supply, self._daq)
@@ -169,6 +175,7 @@ class Driver:
         self._output: Output | None = None  #: of the last step
         self._alive_s = math.inf  #: when the control thread last showed life; infinite while there is none
         self._hung = ""  #: what the watchman found, until the control thread goes on
+        self._checked_s = -math.inf  #: when a setting of the supply was last looked at
         self._cut = False  #: the watchman has shut the supply down, and the control thread has not noted it yet
         self._thread: threading.Thread | None = None
         self._stopping = threading.Event()
@@ -422,9 +429,10 @@ class Driver:
     def _tick(self) -> Output:
         self._run_calls()
         self._reconnect()
-        reading: Reading | None = self._daq.ask(self._daq.instrument.read_block)
-        state: SupplyState | None = self._supply.ask(self._supply.instrument.read_back)
+        reading: Reading | None = self._daq.ask(self._daq_instrument.read_block)
+        state: SupplyState | None = self._supply.ask(self._supply_instrument.read_back)
         now_s = self._clock.now_s()
+        self._check_a_setting(now_s)
         self._report_losses(now_s)
         if now_s - self._fed_at_s > self._feed_timeout_s:
             self._actuator.raise_fault(
@@ -442,6 +450,12 @@ class Driver:
             self._on_output(output)
         return output
 
+    def _check_a_setting(self, now_s: float) -> None:
+        """While driving, look now and then whether limits and watchdog still stand, one of them at a time."""
+        if now_s - self._checked_s >= _CHECK_PERIOD_s and self._written is not None and self._written.output_on:
+            self._checked_s = now_s
+            self._supply.ask(self._supply_instrument.check_next_setting)
+
     def _write(self, command: Command, state: SupplyState | None) -> None:
         """Tell the supply what it does not know yet."""
         written = self._written
@@ -449,11 +463,11 @@ class Driver:
         if command.output_on:
             self._may_flow = True
             if written is None or abs(command.current_A - written.current_A) > CURRENT_RESOLUTION_A:
-                self._supply.instrument.set_current(command.current_A)
+                self._supply_instrument.set_current(command.current_A)
             else:
                 command = Command(written.current_A, True)
             if written is None or not written.output_on:
-                self._supply.instrument.set_output(True)
+                self._supply_instrument.set_output(True)
         elif written is None or written.output_on or self._may_flow or (state is not None and state.output_on):
             self._switch_off()
         self._written = command
@@ -495,7 +509,7 @@ class Driver:
             self._written = None
         for link in self._links:
             if not link.answers:
-                self._actuator.raise_fault(now_s, f"{link.name}_lost", link.detail)
+                self._actuator.raise_fault(now_s, link.fault, link.detail)
 
     def _clear_fault(self, actuator: Actuator, now_s: float) -> tuple[bool, str]:
         lost = self.lost_instruments
@@ -503,15 +517,15 @@ class Driver:
             return False, "; ".join(f"the {name} still does not answer: {detail}" for name, detail in lost.items())
         if not actuator.latched:
             return actuator.clear_fault(now_s)  # a wire that is driven goes on being driven
-        self._supply.ask(self._supply.instrument.clear_trip)
+        self._supply.ask(self._supply_instrument.clear_trip)
         self._supply.ask(self._switch_off)
         if self._may_flow:
             return False, f"not cleared: {self.output_words} ({self._supply.detail})"
         return actuator.clear_fault(now_s)
 
     def _enable_checked(self, actuator: Actuator, now_s: float) -> tuple[bool, str]:
-        if self._supply.ask(self._supply.instrument.watchdog_holds) is False:
-            actuator.raise_fault(now_s, "watchdog_not_held", "armed on opening, and it does not read back so any more")
+        self._supply.ask(self._supply_instrument.check_settings)
+        self._report_losses(now_s)
         return actuator.enable(now_s, True)
 
     def _disable(self, actuator: Actuator, now_s: float) -> tuple[bool, str]:

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sma_actuator.base.signals import Reading, SupplyState
-from sma_actuator.instruments import InstrumentLost, InstrumentRefused, InstrumentUnreachable
+from sma_actuator.instruments import (
+    InstrumentLost,
+    InstrumentRefused,
+    InstrumentUnreachable,
+    LimitsNotHeld,
+    WatchdogNotHeld,
+)
 
 from .bench import VirtualBench
 from .chain import CHANNELS
@@ -89,8 +95,7 @@ class InProcessSupply(_InProcess):
         if limits.watchdog_timeout > 0.0:
             self._command(supply.set_watchdog_delay, limits.watchdog_timeout)
             supply.watchdog_on = True
-            if not self.watchdog_holds():
-                raise InstrumentRefused("virtual supply: the watchdog was armed and reads back off")
+            self.check_settings()
         else:
             supply.watchdog_on = False
 
@@ -115,11 +120,24 @@ class InProcessSupply(_InProcess):
             tripped=",".join(supply.trips),
         )
 
-    def watchdog_holds(self) -> bool:
-        """Whether the watchdog reads back as it was armed."""
+    def check_settings(self) -> None:
+        """Whether limits and watchdog read back as they were programmed; raises LimitsNotHeld or WatchdogNotHeld."""
         self._command()
-        wanted = self._config.supply.watchdog_timeout > 0.0 and not self._config.supply.allow_no_watchdog
-        return not wanted or (self._bench.supply.watchdog_on and self._bench.faults.get("watchdog_dead") != 0.0)
+        limits, supply = self._config.supply, self._bench.supply
+        if (supply.voltage_V, supply.ocp_A) != (limits.max_voltage, limits.over_current_trip):
+            self.switch_off()
+            raise LimitsNotHeld(
+                f"virtual supply: does not hold its limits: it reads back {supply.voltage_V:g} V, {supply.ocp_A:g} A"
+            )
+        if limits.watchdog_timeout > 0.0 and not (
+            supply.watchdog_on and self._bench.faults.get("watchdog_dead") != 0.0
+        ):
+            self.switch_off()
+            raise WatchdogNotHeld("virtual supply: its watchdog was armed and does not read back so")
+
+    def check_next_setting(self) -> None:
+        """All of them: here they cost nothing."""
+        self.check_settings()
 
     def clear_trip(self) -> None:
         """Clear a tripped protection; the output stays off."""

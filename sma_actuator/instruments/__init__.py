@@ -16,6 +16,8 @@ from sma_actuator.base.signals import Reading, SupplyState
 class InstrumentError(UserError, OSError):
     """Something is wrong with an instrument.  The message names it, and what to do."""
 
+    fault = ""  #: name of the fault that this is; "": the instrument is lost
+
 
 class InstrumentLost(InstrumentError):
     """It does not answer any more (time-out, closed connection).  Reopening may help."""
@@ -27,6 +29,18 @@ class InstrumentUnreachable(InstrumentLost):
 
 class InstrumentRefused(InstrumentError):
     """It answers, but it is not what was configured, or will not do what is needed."""
+
+
+class LimitsNotHeld(InstrumentRefused):
+    """A limit does not stand as it was programmed.  Opening programs it anew."""
+
+    fault = "limits_not_held"
+
+
+class WatchdogNotHeld(InstrumentRefused):
+    """The communication watchdog does not stand as it was armed.  Opening arms it anew."""
+
+    fault = "watchdog_not_held"
 
 
 class PowerSupply(Protocol):
@@ -54,9 +68,11 @@ class PowerSupply(Protocol):
     def read_back(self) -> SupplyState:
         """Ask the instrument for its settings and measurements."""
 
-    def watchdog_holds(self) -> bool:
-        """Whether the communication watchdog still stands as it was armed; true where the
-        parameters do without one."""
+    def check_settings(self) -> None:
+        """Read back every limit and the watchdog; raises LimitsNotHeld or WatchdogNotHeld, and switches off then."""
+
+    def check_next_setting(self) -> None:
+        """The same of one of them, in turn: cheap enough to be done while driving."""
 
     def clear_trip(self) -> None:
         """Clear a tripped protection; the output stays off."""

@@ -50,6 +50,7 @@ _SUPPLY_QUERIES = {
         "voltage",
         "current",
         "watchdog_armed",
+        "watchdog_tied",
         "watchdog_delay",
         "error",
     )
@@ -85,6 +86,8 @@ _KEYS = {
         "chained_queries",
         "watchdog_range_s",
         "watchdog_step_s",
+        "watchdog_fed_by",
+        "second_session",
         "commands",
         "queries",
         "trips",
@@ -137,6 +140,8 @@ class Dialect:
     measures_celsius: bool  #: whether the channel of a temperature sensor answers in °C
     watchdog_range_s: tuple[float, float] | None
     watchdog_step_s: float
+    watchdog_fed_by: str  #: session or anyone; "" where there is none
+    second_session: bool  #: whether it is known to listen to a second session beside one that hangs
 
     @classmethod
     def load(cls, name_or_path: str, kind: str) -> Dialect:
@@ -193,6 +198,11 @@ class Dialect:
             problems.append(
                 "queries.watchdog_armed, watchdog_delay: missing; a watchdog that cannot be read back is none"
             )
+        fed_by = document.get("watchdog_fed_by", "")
+        if watchdog and fed_by not in ("session", "anyone"):
+            problems.append(
+                "watchdog_fed_by: session, where only the connection that armed the watchdog feeds it, or anyone is wanted"
+            )
         if watchdog and "watchdog_range_s" not in document:
             problems.append("watchdog_range_s: missing; shortest and longest delay in seconds are wanted")
         span, step_s = document.get("watchdog_range_s"), document.get("watchdog_step_s", 0.0)
@@ -207,7 +217,7 @@ class Dialect:
             problems.append(
                 f'termination: {termination!r} ends no line; "\\n", "\\r\\n" or "\\r" is wanted, in double quotes'
             )
-        flags = {key: document.get(key, False) for key in ("chained_queries", "measures_celsius")}
+        flags = {key: document.get(key, False) for key in ("chained_queries", "measures_celsius", "second_session")}
         for key, value in flags.items():
             if not isinstance(value, bool):
                 problems.append(f"{key}: {value!r} is neither true nor false")
@@ -232,6 +242,8 @@ class Dialect:
             flags["measures_celsius"],
             (float(span[0]), float(span[1])) if span else None,
             float(step_s),
+            fed_by,
+            flags["second_session"],
         )
 
     def lines(self, name: str, **values: Any) -> list[str]:

@@ -19,9 +19,9 @@ except ImportError:  # the extra is not installed: said when the class is looked
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import SupplyState
 
-from . import InstrumentLost, InstrumentRefused
+from . import InstrumentLost, InstrumentRefused, LimitsNotHeld
 from .session import Session
-from .supply import SessionSupply
+from .supply import SessionSupply, unsafe_states
 
 if TYPE_CHECKING:
     from sma_actuator.config import Config
@@ -86,11 +86,7 @@ class PymeasureSupply(SessionSupply):
 
         Raises InstrumentLost or InstrumentRefused.
         """
-        if not self._limits.allow_no_watchdog:
-            raise InstrumentRefused(
-                f"instruments.supply.pymeasure_class: {self._class.__name__} has no communication watchdog, so a killed computer "
-                "leaves the current on; set supply.allow_no_watchdog: true to drive it all the same"
-            )
+        self._acknowledged(unsafe_states(self._class.__name__, watchdog=False, second_session=False))
         if not self._session.off_lines:
             self._session.off_lines = self._off_on_paper()
         super().open()
@@ -101,11 +97,8 @@ class PymeasureSupply(SessionSupply):
         self._set("output", False)
         self._set("current setting", 0.0)
         self._set("voltage setting", self._limits.max_voltage)
-        found_V = self._get("voltage setting")
-        if not abs(found_V - self._limits.max_voltage) <= 0.02 * self._limits.max_voltage:
-            raise InstrumentRefused(
-                f"{self.identity}: does not take supply.max_voltage, {self._limits.max_voltage:g} V: it reads back {found_V:g} V"
-            )
+        self._checks = [self._voltage_holds]
+        self.check_settings()
         if self._output_is_on(self._session):
             raise InstrumentRefused(f"{self.identity}: was told to switch off and answers that its output is on")
 
@@ -156,9 +149,12 @@ class PymeasureSupply(SessionSupply):
                 self._get("measured current"),
             )
 
-    def watchdog_holds(self) -> bool:
-        """True: ``open`` has made sure that doing without a watchdog was accepted."""
-        return True
+    def _voltage_holds(self) -> None:
+        found_V, wanted_V = self._get("voltage setting"), self._limits.max_voltage
+        if not abs(found_V - wanted_V) <= 0.02 * wanted_V:
+            raise LimitsNotHeld(
+                f"{self.identity}: does not hold supply.max_voltage, {wanted_V:g} V: it reads back {found_V:g} V"
+            )
 
     def clear_trip(self) -> None:
         """Nothing to clear: pymeasure's classes do not report trips."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from decimal import Decimal
+from functools import partial
 from math import inf, isfinite, nan
 from typing import TYPE_CHECKING
 
@@ -11,10 +12,10 @@ import numpy as np
 
 from sma_actuator.base.signals import Reading, SupplyState
 
-from . import Clock, InstrumentRefused
+from . import Clock, InstrumentRefused, LimitsNotHeld, WatchdogNotHeld
 from .dialect import Dialect, yes
 from .session import OPENING_ANSWERS, Session
-from .supply import SessionSupply
+from .supply import SessionSupply, unsafe_states
 
 if TYPE_CHECKING:
     from sma_actuator.config import Config
@@ -98,21 +99,21 @@ class ScpiSupply(SessionSupply):
             raise self._session.garbled("; ".join(lines), "; ".join(replies)) from None
         return SupplyState(nan, setting_A, output_on, voltage_V, current_A, ",".join(filter(None, tripped)))
 
-    def watchdog_holds(self) -> bool:
-        """Ask the watchdog for its state and delay; see :class:`sma_actuator.instruments.PowerSupply`."""
+    def _watchdog_holds(self) -> None:
+        """Raise WatchdogNotHeld where the watchdog does not stand as it was armed."""
         dialect, wanted_s = self._dialect, self._limits.watchdog_timeout
-        if self._limits.allow_no_watchdog or wanted_s == 0.0:
-            return True
-        if "arm_watchdog" not in dialect.commands:
-            return False
-        armed, delay = (
-            self._session.ask(dialect.query(name, channel=self._channel))
-            for name in ("watchdog_armed", "watchdog_delay")
-        )
+        names = [name for name in ("watchdog_armed", "watchdog_tied", "watchdog_delay") if name in dialect.queries]
+        replies = [self._session.ask(dialect.query(name, channel=self._channel)) for name in names]
         try:
-            return yes(armed) and float(delay) <= wanted_s + dialect.watchdog_step_s + 1e-3
+            holds = all(map(yes, replies[:-1])) and float(replies[-1]) <= wanted_s + dialect.watchdog_step_s + 1e-3
         except ValueError:
-            raise self._session.garbled(dialect.queries["watchdog_delay"], f"{armed}; {delay}") from None
+            raise self._session.garbled(dialect.queries["watchdog_delay"], "; ".join(replies)) from None
+        if not holds:
+            raise WatchdogNotHeld(
+                f"{self._session.name}: its watchdog was armed with {wanted_s:g} s and does not read back so: "
+                "a killed computer would leave the current on (supply.watchdog_timeout: 0 with supply.allow_no_watchdog: true "
+                "does without it)"
+            )
 
     def clear_trip(self) -> None:
         """Clear a tripped protection; the output stays off."""
@@ -142,14 +143,22 @@ class ScpiSupply(SessionSupply):
         self._tell("set_over_current", limits.over_current_trip)
         self._arm_watchdog()
         _no_errors(session, self._dialect)
-        self._holds("output", 0.0, "output off")
-        self._holds("voltage_setting", limits.max_voltage, f"supply.max_voltage, {limits.max_voltage:g} V")
-        self._holds("over_voltage_setting", over_voltage_V, f"an over-voltage trip of {over_voltage_V:g} V")
-        self._holds(
-            "over_current_setting",
-            limits.over_current_trip,
-            f"supply.over_current_trip, {limits.over_current_trip:g} A",
-        )
+        if self._output_is_on(session):
+            raise InstrumentRefused(f"{session.name}: was told to switch off and answers that its output is on")
+        wanted = {
+            "voltage_setting": (limits.max_voltage, f"supply.max_voltage, {limits.max_voltage:g} V"),
+            "over_voltage_setting": (over_voltage_V, f"an over-voltage trip of {over_voltage_V:g} V"),
+            "over_current_setting": (
+                limits.over_current_trip,
+                f"supply.over_current_trip, {limits.over_current_trip:g} A",
+            ),
+        }
+        self._checks = [
+            partial(self._holds, query, *value) for query, value in wanted.items() if query in self._dialect.queries
+        ]
+        if self._has_watchdog:
+            self._checks.append(self._watchdog_holds)
+        self.check_settings()
 
     def _tell(self, name: str, value: float = nan) -> None:
         self._session.tell(*self._dialect.lines(name, channel=self._channel, value=value))
@@ -169,16 +178,14 @@ class ScpiSupply(SessionSupply):
             return "" if reply.strip().strip('"').upper() in ("NONE", "0", "") else reply.strip().strip('"')
         return word if yes(reply) else ""
 
+    @property
+    def _has_watchdog(self) -> bool:
+        return self._limits.watchdog_timeout > 0.0 and "arm_watchdog" in self._dialect.commands
+
     def _arm_watchdog(self) -> None:
         wanted_s, dialect = self._limits.watchdog_timeout, self._dialect
-        if "arm_watchdog" not in dialect.commands:
-            if wanted_s > 0.0 and not self._limits.allow_no_watchdog:
-                raise InstrumentRefused(
-                    f"{self._session.name}: {dialect.family} has no communication watchdog, so a killed computer leaves the current on; "
-                    "set supply.allow_no_watchdog: true to drive it all the same"
-                )
-            return
-        if wanted_s == 0.0:
+        self._acknowledged(unsafe_states(dialect.family, self._has_watchdog, dialect.second_session))
+        if not self._has_watchdog:
             self._tell("disarm_watchdog")
             return
         lo_s, hi_s = dialect.watchdog_range_s
@@ -187,24 +194,17 @@ class ScpiSupply(SessionSupply):
                 f"supply.watchdog_timeout: {wanted_s:g} s; {dialect.family} can do {lo_s:g} to {hi_s:g} s"
             )
         self._tell("arm_watchdog", wanted_s)
-        if not self.watchdog_holds():
-            raise InstrumentRefused(
-                f"{self._session.name}: its watchdog was armed with {wanted_s:g} s and does not read back so: "
-                "a killed computer would leave the current on (supply.allow_no_watchdog accepts that)"
-            )
 
     def _holds(self, query: str, wanted: float, what: str) -> None:
-        """Ask for a setting, where the dialect can; raise InstrumentRefused where it is not as wanted."""
-        if query not in self._dialect.queries:
-            return
+        """Ask for a setting; raise LimitsNotHeld where it is not as wanted."""
         line = self._dialect.query(query, channel=self._channel)
         reply = self._session.ask(line)
         try:
-            found = float(yes(reply)) if query == "output" else float(reply)
+            found = float(reply)
         except ValueError:
             raise self._session.garbled(line, reply) from None
         if not abs(found - wanted) <= SETTING_TOLERANCE * abs(wanted) + 1e-6:
-            raise InstrumentRefused(f"{self._session.name}: does not take {what}: it reads back {reply}")
+            raise LimitsNotHeld(f"{self._session.name}: does not hold {what}: it reads back {reply}")
 
 
 class ScpiDaq:

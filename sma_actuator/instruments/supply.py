@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from . import InstrumentError, InstrumentRefused
@@ -24,6 +24,22 @@ _CONFIRM_s, _CONFIRM_BESIDE_s = 0.2, 0.25
 _OFF_ATTEMPTS, _OFF_PAUSE_s = 5, 0.02
 
 
+def unsafe_states(what: str, watchdog: bool, second_session: bool) -> dict[str, str]:
+    """What a supply leaves to others, and what to wire up for it: parameter that acknowledges it → sentence."""
+    if watchdog:
+        return {}  # whatever hangs or dies, its silence cuts the output
+    states = {
+        "allow_no_watchdog": f"{what} has no communication watchdog, so a killed computer or a pulled network cable leaves the "
+        "current on; wire a relay into its output that drops out when the computer is silent, and a fuse that the wire survives"
+    }
+    if not second_session:
+        states["allow_single_session"] = (
+            f"{what} is not known to take a second session and has no communication watchdog, so where its session hangs the "
+            "current stays on until that is closed; wire a switch into its output that a hand can reach"
+        )
+    return states
+
+
 class SessionSupply(ABC):
     """How a supply is opened, switched off and given up; what it is told is for the subclasses to say."""
 
@@ -35,6 +51,11 @@ class SessionSupply(ABC):
         self._unlock_lines = tuple(unlock_lines)
         self._claim: Claim | None = None
         self._ours = False  #: it was opened, so that whatever flows is ours
+        self._checks: list[
+            Callable[[], None]
+        ] = []  #: one for each setting that must stand; they raise where it does not
+        self._check_number = 0
+        self._unsafe: list[str] = []  #: states that cannot be made safe, in a sentence each
         self.identity = ""
 
     @abstractmethod
@@ -68,7 +89,20 @@ class SessionSupply(ABC):
                 if not self._ours:
                     self._release()
                 raise
+        if not self._ours:
+            for sentence in self._unsafe:
+                _log.warning("%s: %s", session.name, sentence)
         self._ours = True
+
+    def _acknowledged(self, unsafe: dict[str, str]) -> None:
+        """Keep the sentences of states that cannot be made safe, each by the parameter that must acknowledge it.
+
+        Raises InstrumentRefused where one is not acknowledged.
+        """
+        for parameter, sentence in unsafe.items():
+            if not getattr(self._limits, parameter):
+                raise InstrumentRefused(f"{self._session.name}: {sentence}; supply.{parameter}: true acknowledges that")
+        self._unsafe = list(unsafe.values())
 
     def set_current(self, current_A: float) -> None:
         """Program the current limit [A].  The last gate: nothing but 0 to supply.max_current passes."""
@@ -83,6 +117,26 @@ class SessionSupply(ABC):
         """Output off and 0 A, read back.  Raises InstrumentLost, or InstrumentRefused where it stays on."""
         with self._session.within():
             self._off(self._session)
+
+    def check_settings(self) -> None:
+        """Read back every limit and the watchdog; raises LimitsNotHeld or WatchdogNotHeld, having said off."""
+        with self._session.within():
+            for check in self._checks:
+                self._do_check(check)
+
+    def check_next_setting(self) -> None:
+        """The same of one of them, in turn."""
+        if self._checks:
+            self._check_number = (self._check_number + 1) % len(self._checks)
+            self._do_check(self._checks[self._check_number])
+
+    def _do_check(self, check: Callable[[], None]) -> None:
+        try:
+            check()
+        except InstrumentRefused:
+            self._session.say_off()
+            self._session.close()  # opening programs everything anew
+            raise
 
     def shut_down(self) -> bool:
         """Output off and current to zero, through a new connection where the old one is gone or hangs; whether

@@ -400,7 +400,9 @@ class SmaActuatorNode(LifecycleNode):
             return
         if self.config.wait_for_instruments:
             self.get_logger().warning(f"{self._refusal}; trying again", throttle_duration_sec=10.0)
-            self._steady_timer(RETRY_PERIOD_s, self._autostart, once=True)
+            # An attempt feeds the watchdog of the supply: it must have the time to cut what a dead program left on.
+            period_s = max(RETRY_PERIOD_s, 2.0 * self.config.supply.watchdog_timeout)
+            self._steady_timer(period_s, self._autostart, once=True)
         else:
             self._on_fatal(f"{self.get_fully_qualified_name()}: {self._refusal}")
 

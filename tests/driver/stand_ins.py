@@ -63,9 +63,11 @@ class StandInSupply:
         flowing_A = self.current_A if self.output_on else 0.0
         return SupplyState(time.monotonic(), self.current_A, self.output_on, 6.5 * flowing_A, flowing_A)
 
-    def watchdog_holds(self):
+    def check_settings(self):
         self._asked()
-        return True
+
+    def check_next_setting(self):
+        self._asked()
 
     def clear_trip(self):
         self._asked()

@@ -28,12 +28,12 @@ SUPPLIES = {
             "VOLT:PROT 6.600,(@2)",
             "OUTP:PROT:WDOG:DEL 1",
             "OUTP:PROT:WDOG ON",
-            "OUTP:PROT:WDOG?",
-            "OUTP:PROT:WDOG:DEL?",
             "SYST:ERR?",
             "OUTP? (@2)",
             "VOLT? (@2)",
             "VOLT:PROT? (@2)",
+            "OUTP:PROT:WDOG?",
+            "OUTP:PROT:WDOG:DEL?",
             "CURR 0.12300,(@2)",
             "OUTP ON,(@2)",
             "CURR? (@2)",
@@ -176,6 +176,7 @@ def test_a_supply_hears_its_manuals_commands_and_no_other(make_config, name):
                 **{
                     "instruments": {"supply": {"resource": server.resource, "dialect": name, "channel": 2}},
                     "supply.allow_no_watchdog": name != "keysight_n6700",
+                    "supply.allow_single_session": name != "keysight_n6700",
                 }
             )
         )
@@ -290,6 +291,8 @@ def test_an_unknown_dialect_names_its_neighbour():
         (lambda d: d["queries"].update(current=["A?", "B?"]), "queries.current: .* has 2 texts; a query has one"),
         (lambda d: d.update(trips=["OVP"]), "trips: .* is no section of SCPI texts"),
         (lambda d: d.update(trips={"OVP": 5}), "trips: .* is no section of SCPI texts"),
+        (lambda d: d.pop("watchdog_fed_by"), "watchdog_fed_by: session, .* or anyone is wanted"),
+        (lambda d: d.update(second_session="yes"), "second_session: 'yes' is neither true nor false"),
         (lambda d: d.update(watchdog_range_s=5), "watchdog_range_s: 5 is not shortest and longest"),
         (lambda d: d.update(watchdog_range_s=[3600, 1]), "watchdog_range_s: .* is not shortest and longest"),
         (lambda d: d.update(watchdog_step_s="one"), "watchdog_step_s: 'one' is not a number"),

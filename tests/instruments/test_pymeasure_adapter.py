@@ -22,6 +22,7 @@ def supply_of(server, make_config, dotted=E36312A, accepted=True):
     changes = {
         "instruments": {"supply": {"resource": server.resource if server else "x", "pymeasure_class": dotted}},
         "supply.allow_no_watchdog": accepted,
+        "supply.allow_single_session": accepted,
     }
     return open_supply(Config.from_mapping(make_config(**changes)))
 
@@ -52,7 +53,8 @@ def test_shut_down_works_through_a_new_connection_when_the_old_one_is_dead(serve
     supply.set_output(True)
     assert server.heard("OUTPut 1, (@1)")
     server.hang_up()
-    supply.shut_down()
+    caplog.clear()
+    assert supply.shut_down()
     last_on = len(server.lines) - server.lines[::-1].index("OUTPut 1, (@1)")
     assert {"OUTPut 0, (@1)", "CURR 0, (@1)"} <= set(server.lines[last_on:])
     assert caplog.text == ""

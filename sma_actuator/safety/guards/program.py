@@ -25,7 +25,7 @@ node_lost: Fault = Fault(
     "node_lost",
     words="the node is gone",
     detector="the driver: the ROS 2 context ended, or the node no longer feeds it",
-    within=seconds(1.0),
+    within=0.95 + ONE_STEP,
     action=Action.OFF,
     latches=True,
     while_off=True,
