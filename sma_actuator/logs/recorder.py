@@ -262,8 +262,10 @@ class BenchLogRecorder:
             self._manifest.remove(files, name.removesuffix(".csv") + ".json")
             _log.warning(
                 "%s: removed the oldest log, %s (recorder.max_files is %d)",
-                self._name, self._folder / name, self._config.recorder.max_files,
-            )  # fmt: skip
+                self._name,
+                self._folder / name,
+                self._config.recorder.max_files,
+            )
 
     def _is_part(self, files: Files, name: str) -> bool:
         return self._manifest.is_own({name + _PART: files[name]}, name + _PART)

@@ -128,8 +128,18 @@ def test_missing_readings_are_bridged_and_not_judged(flexinol, model):
 def test_the_command_replays_and_reports(flexinol, model, tmp_path, capsys):
     write_model(tmp_path / "model.yaml", model)
     log = str(flexinol.folder / "partial_0.600N.csv")
-    code = main(["replay", log, "--config", str(tmp_path / "model.yaml"), "--json", str(tmp_path / "e.json"),
-                 "--report", str(tmp_path / "r.html")])  # fmt: skip
+    code = main(
+        [
+            "replay",
+            log,
+            "--config",
+            str(tmp_path / "model.yaml"),
+            "--json",
+            str(tmp_path / "e.json"),
+            "--report",
+            str(tmp_path / "r.html"),
+        ]
+    )
     assert code == 0
     rows = json.loads((tmp_path / "e.json").read_text())
     assert rows[0]["model"] == "flexinol" and rows[0]["working_percent"] < 2.0
@@ -218,8 +228,19 @@ def test_a_recording_is_replayed_and_saved_by_the_command(readings, model, tmp_p
     bag = record(tmp_path / "bag", readings, mcap=True)
     write_model(tmp_path / "model.yaml", model)
     words = [f"--topic={column}={spec}" for column, spec in TOPICS.items()]
-    code = main(["replay", str(bag), "--config", str(tmp_path / "model.yaml"), *words, "--save-log", str(tmp_path / "log.csv"),
-                 "--json", str(tmp_path / "e.json")])  # fmt: skip
+    code = main(
+        [
+            "replay",
+            str(bag),
+            "--config",
+            str(tmp_path / "model.yaml"),
+            *words,
+            "--save-log",
+            str(tmp_path / "log.csv"),
+            "--json",
+            str(tmp_path / "e.json"),
+        ]
+    )
     assert code == 0
     assert len(read_bench_log(tmp_path / "log.csv")) == len(readings)
     assert json.loads((tmp_path / "e.json").read_text())[0]["working_percent"] < 2.0

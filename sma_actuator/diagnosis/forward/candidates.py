@@ -18,7 +18,7 @@ class Candidate:
     name: str
     sentence: str  #: what would be said of the bench if it earned its place
     free: tuple[Free, ...]
-    place: str  #: mechanism, sensor, heat, alloy or circuit
+    part: str  #: where it lies: mechanism, sensor, heat, alloy or circuit
     signature: str  #: what in the record tells it from the others
 
     @property
@@ -59,9 +59,12 @@ CANDIDATES = (
         "a standstill of the same width at every reversal, hot or cold",
     ),
     Candidate(
-        "sensor lag", "the position sensor or its filter lags",
+        "sensor lag",
+        "the position sensor or its filter lags",
         # More than a tenth of a second would be a filter that also takes the noise from sample to sample away.
-        (_f("sensor_lag_s", "s", 0.0, 0.1, 0.03),), "sensor", "an error in proportion to the speed, corners rounded",
+        (_f("sensor_lag_s", "s", 0.0, 0.1, 0.03),),
+        "sensor",
+        "an error in proportion to the speed, corners rounded",
     ),
     Candidate(
         "dead time",
@@ -80,57 +83,88 @@ CANDIDATES = (
     Candidate(
         "R-phase",
         "on cooling, part of the austenite passes through the R-phase first",
-        (_f("r_strain", "", 0.0, 0.008, 0.001), _f("r_start_C", "°C", 20.0, 130.0, 85.0), _f("r_width_K", "K", 1.0, 60.0, 20.0)),
+        (
+            _f("r_strain", "", 0.0, 0.008, 0.001),
+            _f("r_start_C", "°C", 20.0, 130.0, 85.0),
+            _f("r_width_K", "K", 1.0, 60.0, 20.0),
+        ),
         "alloy",
         "a small early lengthening on cooling that heating does not have",
     ),
     Candidate(
-        "cooling loss", "without power the wire loses heat at another rate than with it (an airflow, an idle bridge)",
-        (_f("cooling_loss_factor", "", 0.3, 3.0, 1.1),), "heat", "heating and cooling ask for different heat transfers",
+        "cooling loss",
+        "without power the wire loses heat at another rate than with it (an airflow, an idle bridge)",
+        (_f("cooling_loss_factor", "", 0.3, 3.0, 1.1),),
+        "heat",
+        "heating and cooling ask for different heat transfers",
     ),
     Candidate(
-        "natural convection", "heat transfer rises with the wire's excess temperature",
-        (_f("convection_exponent", "", 0.0, 0.5, 0.15),), "heat", "cooling that is fast at first and slow at last",
+        "natural convection",
+        "heat transfer rises with the wire's excess temperature",
+        (_f("convection_exponent", "", 0.0, 0.5, 0.15),),
+        "heat",
+        "cooling that is fast at first and slow at last",
     ),
-    Candidate("radiation", "the surface radiates", (_f("emissivity", "", 0.0, 1.0, 0.3),), "heat", "as convection, weaker"),
     Candidate(
-        "warm surroundings", "what touches the wire (air in the duct, crimps, a sleeve) warms up with it and stays warm",
-        (_f("surround_J_K", "J/K", 0.05, 60.0, 3.0), _f("surround_share", "", 0.02, 0.9, 0.2)), "heat",
+        "radiation", "the surface radiates", (_f("emissivity", "", 0.0, 1.0, 0.3),), "heat", "as convection, weaker"
+    ),
+    Candidate(
+        "warm surroundings",
+        "what touches the wire (air in the duct, crimps, a sleeve) warms up with it and stays warm",
+        (_f("surround_J_K", "J/K", 0.05, 60.0, 3.0), _f("surround_share", "", 0.02, 0.9, 0.2)),
+        "heat",
         "a slow tail after a fast cooling, a slow drift while hot",
     ),
     Candidate(
-        "spread", "the wire does not transform everywhere at one temperature (local stress, composition, training)",
-        (_f("spread_K", "K", 0.0, 25.0, 5.0),), "alloy", "long rounded ends of both transformations where the cosine ends sharply",
+        "spread",
+        "the wire does not transform everywhere at one temperature (local stress, composition, training)",
+        (_f("spread_K", "K", 0.0, 25.0, 5.0),),
+        "alloy",
+        "long rounded ends of both transformations where the cosine ends sharply",
     ),
     Candidate(
-        "two populations", "part of the wire transforms at lower temperatures than the rest",
-        (_f("early_share", "", 0.0, 0.5, 0.08), _f("early_by_K", "K", 2.0, 40.0, 20.0)), "alloy",
+        "two populations",
+        "part of the wire transforms at lower temperatures than the rest",
+        (_f("early_share", "", 0.0, 0.5, 0.08), _f("early_by_K", "K", 2.0, 40.0, 20.0)),
+        "alloy",
         "a shoulder before the main transformation on heating, and after it on cooling",
     ),
     Candidate(
-        "cold ends", "the wire is colder near its crimps",
-        (_f("cold_share", "", 0.0, 0.5, 0.1), _f("cold_loss_factor", "", 1.0, 20.0, 3.0)), "heat",
+        "cold ends",
+        "the wire is colder near its crimps",
+        (_f("cold_share", "", 0.0, 0.5, 0.1), _f("cold_loss_factor", "", 1.0, 20.0, 3.0)),
+        "heat",
         "a late end of heating and an early begin of cooling",
     ),
     Candidate(
-        "lead resistance", "leads and bridge take part of the voltage", (_f("lead_Ohm", "Ω", 0.0, 4.0, 0.3),), "circuit",
+        "lead resistance",
+        "leads and bridge take part of the voltage",
+        (_f("lead_Ohm", "Ω", 0.0, 4.0, 0.3),),
+        "circuit",
         "less power, and less of it as the wire's resistance falls",
     ),
     Candidate(
-        "resistance with temperature", "the resistivity rises with temperature",
-        (_f("resistivity_coefficient_1_K", "1/K", -2e-4, 1.2e-3, 3e-4),), "circuit",
+        "resistance with temperature",
+        "the resistivity rises with temperature",
+        (_f("resistivity_coefficient_1_K", "1/K", -2e-4, 1.2e-3, 3e-4),),
+        "circuit",
         "less power when hot",
     ),
     Candidate(
-        "other expansion", "the hot wire expands less, or more, than the maker's coefficient says",
-        (Free("wire.austenite_expansion_1_K", "1/K", 6e-6, 15e-6, 9e-6),), "alloy",
+        "other expansion",
+        "the hot wire expands less, or more, than the maker's coefficient says",
+        (Free("wire.austenite_expansion_1_K", "1/K", 6e-6, 15e-6, 9e-6),),
+        "alloy",
         "the size of the movement between power off and the first martensite",
     ),
     Candidate(
-        "lasting strain", "the first cold state holds strain that cooling under this bias does not restore",
-        (_f("start_strain", "", -0.003, 0.005, 3e-4),), "alloy", "the slider does not come back to where it began",
+        "lasting strain",
+        "the first cold state holds strain that cooling under this bias does not restore",
+        (_f("start_strain", "", -0.003, 0.005, 3e-4),),
+        "alloy",
+        "the slider does not come back to where it began",
     ),
-)  # fmt: skip
+)
 
 
 def named(name: str) -> Candidate:

@@ -13,7 +13,7 @@ from .frame import Frame, Place
 from .free import Free, Scales, shape, size
 
 
-def _set(frame: Frame, resistance_Ohm, current_A) -> None:
+def _set(frame: Frame, resistance_Ohm: np.ndarray, current_A: np.ndarray) -> None:
     frame.resistance_Ohm, frame.current_A = resistance_Ohm, current_A
     frame.power_W = current_A**2 * resistance_Ohm
 

@@ -84,7 +84,7 @@ def _refusal(_name: str, cls: type[Effect]) -> str:
         f"PART is '{part}'; one of {', '.join(PARTS)} is wanted": part not in PARTS,
         f"TELL_TALE is '{tell_tale}'; one of {', '.join(QUANTITIES)} is wanted": tell_tale not in QUANTITIES,
         "WORDS are missing: what is the matter, in words": not getattr(cls, "WORDS", ""),
-        "free is missing: what a fit may vary": cls.free.__func__ is Effect.free.__func__,  # type: ignore[attr-defined]
+        "free is missing: what a fit may vary": cls.free.__func__ is Effect.free.__func__,
         f"it acts nowhere; a method {', '.join(STAGES)} is wanted": not acts,
         "a fault of the reference acts at 'shown', and nothing else does": ("shown" in acts) != (part == "reference"),
         f"ESSENTIAL '{cls.ESSENTIAL}' is none of its parameters": bool(cls.ESSENTIAL) and cls.ESSENTIAL not in names,
