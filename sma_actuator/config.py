@@ -261,4 +261,4 @@ def _row(field: dataclasses.Field) -> str:
 
 
 if __name__ == "__main__":
-    print(markdown(), end="")
+    print(markdown(), end="")  # noqa: T201

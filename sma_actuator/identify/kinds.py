@@ -7,6 +7,7 @@ or loads is cut into stretches of one each.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -91,7 +92,7 @@ class _Cycle:
 def _cycles_of(trace: Trace) -> list[_Cycle]:
     """The cycles 1 … n of a trace."""
     bounds = np.searchsorted(trace.cycle, np.arange(1, trace.cycle[-1] + 2))
-    return [_cycle(trace.displacement_m[a:b], trace.driven[a:b]) for a, b in zip(bounds, bounds[1:], strict=False)]
+    return [_cycle(trace.displacement_m[a:b], trace.driven[a:b]) for a, b in itertools.pairwise(bounds)]
 
 
 def _cycle(displacement_m: np.ndarray, driven: np.ndarray) -> _Cycle:

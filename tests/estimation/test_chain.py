@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from math import inf, nan
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -156,9 +157,12 @@ def test_numbers_do_not_depend_on_numba(name, changes, resistance_Ohm):
     mapping["model"] = {**mapping["model"], **changes}
     plain = subprocess.run(
         [sys.executable, "-c", _WITHOUT_NUMBA, json.dumps(mapping), str(resistance_Ohm)],
-        env={**os.environ, "SMA_ACTUATOR_NO_JIT": "1", "PYTHONPATH": os.path.dirname(__file__)},
-        capture_output=True, text=True, check=True, timeout=60,
-    )  # fmt: skip
+        env={**os.environ, "SMA_ACTUATOR_NO_JIT": "1", "PYTHONPATH": str(Path(__file__).parent)},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
     compiled = Chain(Config.from_mapping(mapping)).run(signals(resistance_Ohm=resistance_Ohm)).displacement_m
     np.testing.assert_allclose(json.loads(plain.stdout), compiled, rtol=0, atol=1e-12)
 

@@ -17,8 +17,22 @@ LOADS = ("0.300N", "0.600N", "1.200N", "2.000N")
 
 
 def model_of(flexinol, logs, out):
-    code = main(["identify", *map(str, logs), "--config", str(flexinol.folder / "bench.yaml"), "--model", "flexinol",
-                 "--order", "2", "--out", str(out), "--json", str(out.with_suffix(".json"))])  # fmt: skip
+    code = main(
+        [
+            "identify",
+            *map(str, logs),
+            "--config",
+            str(flexinol.folder / "bench.yaml"),
+            "--model",
+            "flexinol",
+            "--order",
+            "2",
+            "--out",
+            str(out),
+            "--json",
+            str(out.with_suffix(".json")),
+        ]
+    )
     assert code == 0
     found = json.loads(out.with_suffix(".json").read_text())
     assert not any("no log of partial cycles" in note for note in found["notes"])

@@ -229,10 +229,14 @@ def summary(found: Tracing) -> dict:
         "judged": "nested" if found.nested else "given",
         "runs": [
             {
-                "run": run.name, "stroke_mm": 1e3 * run.stroke_m,
-                "error_before_mm": float(1e3 * b), "error_after_mm": float(1e3 * a),
-                "error_before_pct_stroke": float(percent(run, b)), "error_after_pct_stroke": float(percent(run, a)),
-                "chosen_and_fitted_on": [r.name for r in j.choice.runs], "effects": list(j.choice.winner.names),
+                "run": run.name,
+                "stroke_mm": 1e3 * run.stroke_m,
+                "error_before_mm": float(1e3 * b),
+                "error_after_mm": float(1e3 * a),
+                "error_before_pct_stroke": float(percent(run, b)),
+                "error_after_pct_stroke": float(percent(run, a)),
+                "chosen_and_fitted_on": [r.name for r in j.choice.runs],
+                "effects": list(j.choice.winner.names),
             }
             for run, b, a, j in zip(judged, before, after, found.by_run, strict=True)
         ],
@@ -248,31 +252,30 @@ def summary(found: Tracing) -> dict:
         "wire": to_mapping(found.fitted.wire),
         "repeatability_rms_m": [{"runs": [a, b], "rms_m": v} for a, b, v in found.repeat_m],
         "sentences": sentences(found),
-    }  # fmt: skip
+    }
 
 
 def _effects(found: Tracing) -> list[dict]:
     """What is named; the interval is the span over the folds of the choice."""
-    out = []
-    for c in found.named:
-        out.append(
-            {
-                "name": c.name,
-                "stage": c.part,
-                "says": c.sentence,
-                "signature": c.signature,
-                "parameters": {
-                    f.name.partition(".")[2]: {
-                        "value": float(found.fitted.wire.value(f.name)), "unit": f.unit,
-                        "interval": [min(found.choice.winner.values[f.name]), max(found.choice.winner.values[f.name])],
-                    }
-                    for f in c.free
-                },
-                "confidence": found.chosen_in(c.name),
-                "in_the_model": c.part in ("alloy", "heat"),
-            }
-        )  # fmt: skip
-    return out
+    return [
+        {
+            "name": c.name,
+            "stage": c.part,
+            "says": c.sentence,
+            "signature": c.signature,
+            "parameters": {
+                f.name.partition(".")[2]: {
+                    "value": float(found.fitted.wire.value(f.name)),
+                    "unit": f.unit,
+                    "interval": [min(found.choice.winner.values[f.name]), max(found.choice.winner.values[f.name])],
+                }
+                for f in c.free
+            },
+            "confidence": found.chosen_in(c.name),
+            "in_the_model": c.part in ("alloy", "heat"),
+        }
+        for c in found.named
+    ]
 
 
 def _choice(choice: Choice) -> dict:
@@ -281,9 +284,13 @@ def _choice(choice: Choice) -> dict:
 
     def entry(e: Outcome) -> dict:
         return {
-            "effects": list(e.names), "leave_one_out_rms_m": dict(zip(names, e.held_out_m, strict=True)), "ratio": e.ratio,
-            "earns": bool(e.earns), "verdict": e.verdict or "earns its parameters", "values": e.values,
-        }  # fmt: skip
+            "effects": list(e.names),
+            "leave_one_out_rms_m": dict(zip(names, e.held_out_m, strict=True)),
+            "ratio": e.ratio,
+            "earns": bool(e.earns),
+            "verdict": e.verdict or "earns its parameters",
+            "values": e.values,
+        }
 
     return {
         "runs": names,

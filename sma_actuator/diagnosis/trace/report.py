@@ -77,8 +77,10 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
         "notes": []
         if evidence.one_session or len(evidence.traces) == 1
         else [
-            "the logs do not follow each other on one clock: each counts as a session, and what changes from one to the next (a slip, a "
-            "drift) cannot show; where they are one session, let time_s go on from log to log"
+            (
+                "the logs do not follow each other on one clock: each counts as a session, and what changes from one to the next (a slip, a "
+                "drift) cannot show; where they are one session, let time_s go on from log to log"
+            )
         ],
         "model_file": str(model_file) if model_file else None,
         "logs": [t.log.source for t in evidence.traces],
@@ -219,7 +221,7 @@ def _anatomy(found) -> dict[str, Any]:
     return {
         "sensor_noise_pct_stroke": found.noise_percent,
         "share_repeating_every_cycle": found.repeats,
-        "share_explained_by": {name: share for name, share in list(found.depends.items())[:8]},
+        "share_explained_by": dict(list(found.depends.items())[:8]),
     }
 
 
