@@ -204,5 +204,5 @@ def _counts_contraction(log: BenchLog) -> bool:
     good = np.isfinite(resistance + current + displacement_m) & (current > 0.02 * np.nanmax(current))
     if np.count_nonzero(good) < 20 or np.ptp(displacement_m[good]) == 0.0 or np.ptp(resistance[good]) == 0.0:
         return False
-    ranks = [np.argsort(np.argsort(values[good])).astype(float) for values in (resistance, displacement_m)]
-    return float(np.corrcoef(ranks[0], ranks[1])[0, 1]) < -0.5
+    rank = [np.argsort(np.argsort(values[good])) for values in (resistance, displacement_m)]
+    return float(np.corrcoef(np.array(rank))[0, 1]) < -0.5
