@@ -32,9 +32,10 @@ def joint_state_message(joint_name: str, estimate: Estimate, signals: Signals, s
 
 def position_velocity_tension_from(message: JointState) -> tuple[float, float, float]:
     """Position [m], velocity [m/s] and tension [N] of the only joint; NaN where it has none."""
-    return tuple(
+    position, velocity, effort = (
         values[0] if len(values) else math.nan for values in (message.position, message.velocity, message.effort)
     )
+    return position, velocity, effort
 
 
 def reference_message(joint_name: str, signals: Signals, stamp: Time) -> JointState:
