@@ -72,7 +72,8 @@ def _flexinol(traces: Sequence[Trace], bench: BenchConfig, asked: Asked) -> Fitt
 
 def _flexinol_normalised(traces: Sequence[Trace], bench: BenchConfig, asked: Asked) -> Fitted:
     found = _found(traces, bench, asked)
-    return Fitted(*flexinol_normalised(found, traces, bench.wire), found)
+    coefficients, samples = flexinol_normalised(found, traces, bench.wire)
+    return Fitted(coefficients, samples, found)
 
 
 def _furukawa(traces: Sequence[Trace], bench: BenchConfig, asked: Asked) -> Fitted:

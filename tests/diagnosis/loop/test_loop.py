@@ -48,7 +48,7 @@ COSINES = LiangRogers(
 )
 
 
-@pytest.fixture()
+@pytest.fixture
 def loops(tmp_path):
     return [read_loop(written(tmp_path / f"made_{s}.csv", made(COSINES, s))) for s in (40, 100, 160)]
 
@@ -83,7 +83,7 @@ def test_cooling_first_gives_the_same_branches(tmp_path):
         ("1 2 3\n" * 5, "5 samples are no loop"),
         ("20 0.01 100\n" * 50, "spans 0.0 K"),
         ("20 0.01 100\n" + "20 x 100\n" + "20 0.01 100\n" * 50, "line 2: temperature, strain and stress"),
-        ("".join(f"{t} 0.01 100\n" for t in [*range(0, 100), *range(100, 0, -1), *range(0, 100)]), "3 times"),
+        ("".join(f"{t} 0.01 100\n" for t in [*range(100), *range(100, 0, -1), *range(100)]), "3 times"),
     ],
 )
 def test_what_is_no_loop_is_refused_by_file_and_line(tmp_path, text, sentence):
