@@ -20,12 +20,12 @@ from sma_actuator.estimation.models.whole_range import (
     CURVE_TERMS,
     DIRECT,
     THERMAL,
-    LATENT_K_m,
     WholeRangeCoefficients,
     features_all,
 )
 
 from .fitting import predict
+from .ranges import distinct_stresses
 from .traces import IdentificationError, Trace
 
 LEARNERS = 3
@@ -49,11 +49,11 @@ COVERAGE = 0.95
 _PLACE_WIDTH = 0.8  #: of the window around a place, in distances of places
 
 # What is known of wires before a log is seen, and how far it may be off: time constant (share of C/h), growth of the
-# loss, λ_R (K per range of R), λ_δ (K per % of stroke: latent over specific heat, 20 to 30 K), λ_θ, 1/slopes (K/MPa).
-_KNOWN = np.array([1.0, 0.002, 3.0, 0.22, 24.0, 0.125, 0.07])
-_UNSURE = np.array([0.2, 0.0015, 3.0, 0.05, 6.0, 0.025, 0.02])
+# loss, λ_R (K per range of R), λ_X (latent over specific heat, 20 to 35 K), λ_θ, 1/slopes (K/MPa).
+_KNOWN = np.array([1.0, 0.002, 3.0, 26.0, 24.0, 0.125, 0.07])
+_UNSURE = np.array([0.2, 0.0015, 3.0, 5.0, 6.0, 0.025, 0.02])
 _LEAST = np.array([0.2, 0.0, -30.0, 0.0, -60.0, 0.02, 0.02])
-_MOST = np.array([5.0, 0.03, 60.0, 1.0, 90.0, 0.5, 0.5])
+_MOST = np.array([5.0, 0.03, 60.0, 120.0, 90.0, 0.5, 0.5])
 _PRIOR_WEIGHT = 3.0
 
 
@@ -146,6 +146,10 @@ class _Data:
         for i, name in enumerate(names):
             setattr(self, name, np.concatenate([p[i] for p in parts]))
         self.displacement = self.displacement / self.percent_m
+        self.ends = _ends_of_stroke(traces, parts) / self.percent_m
+        powers = self.stress[:, None] ** np.arange(3)
+        hot, cold = powers @ self.ends[0], powers @ self.ends[1]
+        self.share = np.clip((self.displacement - hot) / (cold - hot), 0.0, 1.0)
         lengths = [len(p[0]) for p in parts]
         self.lengths = lengths[: len(traces)]
         self.first = np.zeros(len(self.time), dtype=np.bool_)
@@ -164,7 +168,7 @@ class _Data:
         self.span_Ohm = float(np.subtract(*np.percentile(self.resistance, (99, 1))))
 
     def thermal_numbers(self, known: np.ndarray) -> np.ndarray:
-        """The heat balance for the kernels, from numbers in units of what is known; δ in % of the full stroke."""
+        """The heat balance for the kernels, from numbers in units of what is known."""
         out = np.empty(THERMAL)
         lag_s = self.thermal.heat_capacity / self.thermal.heat_loss
         out[:] = (
@@ -188,7 +192,7 @@ class _Data:
         """What the model sees of every sample, shape (n, features)."""
         out = np.empty((len(self.time), DIRECT + len(PLAYS_K) + len(PLAYS_OF_RANGE)))
         features_all(
-            self.time, self.power, self.ambient, self.resistance, self.stress, self.displacement, self.first,
+            self.time, self.power, self.ambient, self.resistance, self.stress, self.share, self.first,
             self.thermal_numbers(known), np.array(PLAYS_K), self.plays_Ohm, np.zeros(4 + out.shape[1] - DIRECT), out,
         )  # fmt: skip
         return out
@@ -215,6 +219,25 @@ def _thinned(trace: Trace, ambient_C: float) -> tuple[np.ndarray, ...]:
         last(trace.heating[good]),
         last(trace.cycle[good]),
     )
+
+
+def _ends_of_stroke(traces: Sequence[Trace], parts: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
+    """Hot and cold end [m] as quadratics in stress (lower orders where there are fewer loads), shape (2, 3)."""
+    whole = [p for t, p in zip(traces, parts, strict=False) if t.kind != "partial"] or list(parts[: len(traces)])
+    stress_Pa, place_m = np.empty((2, len(whole))), np.empty((2, len(whole)))
+    for k, part in enumerate(whole):
+        stress, displacement = part[4], part[5]
+        low, high = np.percentile(displacement, (0.5, 99.5))
+        for end, chosen in enumerate(
+            (displacement <= low + 0.02 * (high - low), displacement >= high - 0.02 * (high - low))
+        ):
+            stress_Pa[end, k], place_m[end, k] = np.median(stress[chosen]), (low, high)[end]
+    order = min(2, distinct_stresses(traces) - 1)
+    out = np.zeros((2, 3))
+    for end in range(2):
+        found = np.polynomial.polynomial.polyfit(stress_Pa[end] / 1e8, place_m[end], order)
+        out[end, : order + 1] = found / 1e8 ** np.arange(order + 1)
+    return out
 
 
 def _with_other_surroundings(
@@ -471,11 +494,12 @@ def _coefficients(
         for parts in zip(*(learner.parts(learner.weights) for learner in team.learners), strict=True)
     )
     thermal = data.thermal_numbers(known)
-    thermal[LATENT_K_m] /= percent_m
     return WholeRangeCoefficients(
         calibrated_length=data.wire.length,
         calibrated_diameter=data.wire.diameter,
         thermal=_six(thermal),
+        hot_end=_six(data.ends[0] * percent_m),
+        cold_end=_six(data.ends[1] * percent_m),
         ambient_temperature=float(f"{np.median(data.ambient):.4g}"),
         play_widths_K=PLAYS_K,
         play_widths_Ohm=_six(data.plays_Ohm),

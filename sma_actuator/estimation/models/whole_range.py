@@ -3,10 +3,11 @@
 The thesis's models leave out the ends of the stroke, where resistance moves with temperature and displacement
 does not.  Here a heat balance stands beside the resistance.  It keeps the wire's *heat content* as a temperature,
 
-    E = T - λ_R R - λ_δ δ,     dE/dt = (P/h - G x) / τ,     x = T - T_ambient,     G = 1 + g max(x, 0),
+    E = T - λ_R R - λ_X X,     dE/dt = (P/h - G x) / τ,     x = T - T_ambient,     G = 1 + g max(x, 0),
 
-with the latent heat in λ_R and λ_δ.  E is an integral of power: δ enters only through the heat lost, so that an
-error of δ cannot run in a circle with the temperature that is made of it.  What the estimate sees is
+with the latent heat in λ_R and λ_X, where X is how far δ lies between the ends of the stroke at the present stress.
+E is an integral of power: δ enters only through the heat lost, so that an error of δ cannot run in a circle with the
+temperature that is made of it.  What the estimate sees is
 
 * R, σ and an apparent temperature θ = E + λ_θ R,
 * how far θ, less what stress adds to it, has come from its last turns: plays of several widths [K],
@@ -40,15 +41,15 @@ CURVE_TERMS = 10  #: of a quadratic in them
     LOSS_GROWTH_1_K,
     HEAT_LOSS_W_K,
     LATENT_K_Ohm,
-    LATENT_K_m,
+    LATENT_K,
     APPARENT_K_Ohm,
     WIDE_K_Pa,
     NARROW_K_Pa,
 ) = range(8)
 THERMAL = 8  #: numbers of the heat balance, in this order
 NARROW = 2  #: so many of the plays in temperature, the first, are shifted by stress as the narrow loop is
-# What is remembered: time, heat content, resistance and displacement of the sample before, then the plays.
-_TIME, _HEAT, _RESISTANCE, _DISPLACEMENT, _PLAYS = range(5)
+# What is remembered: time, heat content, resistance and X of the sample before, then the plays.
+_TIME, _HEAT, _RESISTANCE, _SHARE, _PLAYS = range(5)
 # Limits: δ at the two ends of what was seen, size of the residual, novelty beyond which it fades, what is added to the
 # learners' spread before it counts, half-width of the interval of the physical curve alone.
 _LOWEST, _HIGHEST, _LARGEST, _EDGE, _FLOOR, _CURVE_WIDTH = range(6)
@@ -68,24 +69,32 @@ def heat_rise(power, thermal):
 
 
 @jit
-def at_rest(time, power, ambient, resistance, displacement, thermal, state):
-    """Start in balance with ``power`` at ``displacement``; the plays start with the first sample."""
+def share_of_stroke(displacement, stress, ends):
+    """How far δ lies between the hot end (0) and the cold end (1) at a stress; ``ends`` (2, 3), quadratics in stress."""
+    hot = ends[0, 0] + stress * (ends[0, 1] + stress * ends[0, 2])
+    cold = ends[1, 0] + stress * (ends[1, 1] + stress * ends[1, 2])
+    return min(max((displacement - hot) / (cold - hot), 0.0), 1.0)
+
+
+@jit
+def at_rest(time, power, ambient, resistance, share, thermal, state):
+    """Start in balance with ``power`` at a share of the stroke; the plays start with the first sample."""
     temperature = ambient + heat_rise(power, thermal)
     state[_TIME] = time
-    state[_HEAT] = temperature - thermal[LATENT_K_Ohm] * resistance - thermal[LATENT_K_m] * displacement
+    state[_HEAT] = temperature - thermal[LATENT_K_Ohm] * resistance - thermal[LATENT_K] * share
     state[_RESISTANCE] = resistance
-    state[_DISPLACEMENT] = displacement
+    state[_SHARE] = share
     state[_PLAYS] = nan
 
 
 @jit
 def features(time, power, ambient, resistance, stress, thermal, widths_K, widths_Ohm, state, out):
-    """What the estimate sees of one sample, ``out`` (DIRECT + plays,); all of ``state`` but the displacement moves on.
+    """What the estimate sees of one sample, ``out`` (DIRECT + plays,); all of ``state`` but the share X moves on.
 
-    The displacement of the sample before is in ``state``, where the caller puts it.
+    That of the sample before is in ``state``, where the caller puts it.
     """
     step = max(time - state[_TIME], 0.0)
-    temperature = state[_HEAT] + thermal[LATENT_K_Ohm] * state[_RESISTANCE] + thermal[LATENT_K_m] * state[_DISPLACEMENT]
+    temperature = state[_HEAT] + thermal[LATENT_K_Ohm] * state[_RESISTANCE] + thermal[LATENT_K] * state[_SHARE]
     rise = temperature - ambient
     loss = 1.0 + thermal[LOSS_GROWTH_1_K] * max(rise, 0.0)
     gained = 1.0 - exp(-step * loss / thermal[TIME_CONSTANT_s])
@@ -113,15 +122,13 @@ def features(time, power, ambient, resistance, stress, thermal, widths_K, widths
 
 
 @jit
-def features_all(
-    time, power, ambient, resistance, stress, displacement, first, thermal, widths_K, widths_Ohm, state, out
-):
-    """``features`` of n samples whose displacement is known; a log begins where ``first``."""
+def features_all(time, power, ambient, resistance, stress, share, first, thermal, widths_K, widths_Ohm, state, out):
+    """``features`` of n samples whose share of the stroke is known; a log begins where ``first``."""
     for i in range(len(time)):
         if first[i]:
-            at_rest(time[i], power[i], ambient[i], resistance[i], displacement[i], thermal, state)
+            at_rest(time[i], power[i], ambient[i], resistance[i], share[i], thermal, state)
         features(time[i], power[i], ambient[i], resistance[i], stress[i], thermal, widths_K, widths_Ohm, state, out[i])
-        state[_DISPLACEMENT] = displacement[i]
+        state[_SHARE] = share[i]
 
 
 @jit
@@ -220,15 +227,15 @@ def _estimate(
 @jit
 def advance(
     time, power, ambient, resistance, stress, heating, state,
-    thermal, widths_K, widths_Ohm, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths,
+    thermal, ends, widths_K, widths_Ohm, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths,
     seen, z, out,
 ):  # fmt: skip
     """One sample: δ [m], half of its 95 % interval [m] and the share of the residual, into ``out`` (3,)."""
     if state[_TIME] != state[_TIME]:  # NaN
-        # At rest: the displacement that agrees with the temperature that is made of it.
-        displacement = limits[_HIGHEST]
+        # At rest: the place that agrees with the temperature that is made of it.
+        share = 1.0
         for _ in range(_START_PASSES):
-            at_rest(time, power, ambient, resistance, displacement, thermal, state)
+            at_rest(time, power, ambient, resistance, share, thermal, state)
             features(time, power, ambient, resistance, stress, thermal, widths_K, widths_Ohm, state, seen)
             _estimate(
                 heating,
@@ -248,26 +255,26 @@ def advance(
                 z,
                 out,
             )
-            displacement = out[0]
-        at_rest(time, power, ambient, resistance, displacement, thermal, state)
+            share = share_of_stroke(out[0], stress, ends)
+        at_rest(time, power, ambient, resistance, share, thermal, state)
     features(time, power, ambient, resistance, stress, thermal, widths_K, widths_Ohm, state, seen)
     _estimate(
         heating, seen, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths, z, out
     )
-    state[_DISPLACEMENT] = out[0]
+    state[_SHARE] = share_of_stroke(out[0], stress, ends)
 
 
 @jit
 def advance_all(
     time, power, ambient, resistance, stress, heating, state,
-    thermal, widths_K, widths_Ohm, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths,
+    thermal, ends, widths_K, widths_Ohm, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths,
     seen, z, out,
 ):  # fmt: skip
     """``advance`` over n samples, ``out`` (n, 3)."""
     for i in range(len(time)):
         advance(
             time[i], power[i], ambient[i], resistance[i], stress[i], heating[i], state,
-            thermal, widths_K, widths_Ohm, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths,
+            thermal, ends, widths_K, widths_Ohm, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths,
             seen, z, out[i],
         )  # fmt: skip
 
@@ -285,6 +292,7 @@ class WholeRangeModel:
         whitening[np.tril_indices(n)] = c.novelty
         self._coefficients = (
             np.array(c.thermal),
+            np.array([c.hot_end, c.cold_end]),
             np.array(c.play_widths_K),
             np.array(c.play_widths_Ohm),
             np.array([*c.displacement_range, c.largest_residual, c.novelty_edge, c.spread_floor, c.curve_interval]),
@@ -348,9 +356,11 @@ class WholeRangeCoefficients:
     )
     calibrated_diameter: float = parameter(description="its diameter", unit="m", lo=10e-6, hi=2e-3)
     thermal: tuple[float, ...] = parameter(
-        description="time constant [s], growth of the heat loss [1/K], heat loss [W/K], λ_R [K/Ω], λ_δ [K/m], "
+        description="time constant [s], growth of the heat loss [1/K], heat loss [W/K], λ_R [K/Ω], λ_X [K], "
         "λ_θ [K/Ω], shift of wide and of narrow plays with stress [K/Pa]"
     )
+    hot_end: tuple[float, ...] = parameter(description="δ where all is austenite, quadratic in stress [Pa]", unit="m")
+    cold_end: tuple[float, ...] = parameter(description="δ where it is cold, likewise", unit="m")
     ambient_temperature: float = parameter(
         description="temperature of the surroundings where none is measured", unit="°C", lo=-60.0, hi=100.0
     )
@@ -407,6 +417,8 @@ class WholeRangeCoefficients:
         n, m = DIRECT + plays, len(self.bias)
         wanted = {
             "thermal": THERMAL,
+            "hot_end": 3,
+            "cold_end": 3,
             "feature_centre": n,
             "feature_scale": n,
             "feature_low": n,
