@@ -19,6 +19,7 @@ from .fatigue import Fatigue, fit_fatigue
 from .flexinol import FlexinolFit, fit_appendix_c, fit_joint
 from .furukawa import FurukawaFit, fit_furukawa
 from .normalised import as_one_wire, fit_furukawa_normalised, flexinol_normalised
+from .ranges import check_width, shortest_seen_m
 from .traces import Trace, make_traces
 
 METHODS = ("joint", "appendix-c")
@@ -86,6 +87,17 @@ def identify(
         mapping.pop(stale, None)
     mapping["model"] = {"type": model_type, **to_mapping(coefficients)}
     config = Config.from_mapping(mapping)
+    if not normalised:
+        low_m, high_m = coefficients.displacement_range
+        seen_m = shortest_seen_m(traces, config)
+        if seen_m > low_m:
+            check_width(seen_m, high_m, bench.wire.full_stroke_m)
+            notes.append(
+                f"heated as far as it goes, the wire shows the model no less than {seen_m * 1e3:.2f} mm at some load, since "
+                f"its resistance rises again with temperature: the working range ends there, not at {low_m * 1e3:.2f} mm"
+            )
+            mapping["model"]["displacement_range"] = [seen_m, high_m]
+            config = Config.from_mapping(mapping)
     mapping["calibration"] = to_mapping(calibration_of(traces, config, at_rest=not normalised))
     config = Config.from_mapping(mapping)
     model = config.model.build(bench.wire)
