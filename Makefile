@@ -10,7 +10,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DURATION ?= 60
 WIRE ?= flexinol
-EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,test,check,docs
+EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
 .PHONY: attack demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline fleet forward clean
 
@@ -79,7 +79,7 @@ FORWARD_RUNS ?= $(wildcard $(FORWARD_DATA)/*.csv)
 
 forward: $(VENV)/ready
 	@test -n "$(FORWARD_RUNS)" || { echo "no runs in $(FORWARD_DATA); set FORWARD_DATA to a folder of CSV files"; exit 1; }
-	$(BIN)/sma-actuator forward $(FORWARD_RUNS) --wire config/flexinol_050_forward.yaml --out out/forward
+	$(BIN)/sma-actuator forward $(FORWARD_RUNS) --wire config/flexinol_050_forward.yaml --out out/forward --force
 
 # Attack the driver at random for as long as ATTACK says, and write what held and what did not to docs/attack.md.
 ATTACK ?=

@@ -33,6 +33,9 @@ setup(
         "speed": ["numba>=0.59"],
         "report": ["matplotlib>=3.6", "Jinja2>=3.1"],
         "bags": ["rosbags>=0.10"],
+        # Logs in Excel, Parquet, TDMS and HDF5; MATLAB's are read by SciPy.
+        "formats": ["openpyxl>=3.1", "pyarrow>=14", "npTDMS>=1.7", "h5py>=3.8"],
+        "completion": ["argcomplete>=3.0"],
         "baselines": ["scikit-learn>=1.3"],
         "fleet": ["distributed>=2024.1"],
         "pymeasure": ["PyMeasure>=0.14"],

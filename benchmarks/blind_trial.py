@@ -48,7 +48,7 @@ def model_file(alloy: str, folder: Path) -> Path:
 
 def _traced(*words: str) -> dict:
     with contextlib.redirect_stderr(io.StringIO()) as said:
-        code = sma_actuator(["trace", *words, "--jobs", "1"])
+        code = sma_actuator(["trace", *words, "--jobs", "1", "--force"])
     if code:
         raise RuntimeError(said.getvalue())
     return json.loads((Path(words[words.index("--out") + 1]) / "report.json").read_text())

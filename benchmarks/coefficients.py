@@ -84,6 +84,7 @@ def main() -> None:
             str(ROOT / "config" / f"{name}.yaml"),
             "--report",
             str(OUT / f"{name}.html"),
+            "--force",
         )
         others = [
             log
@@ -102,6 +103,7 @@ def main() -> None:
             str(ROOT / "config" / f"{model}.yaml"),
             "--report",
             str(OUT / f"{model}.html"),
+            "--force",
         )
 
 

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 from sma_actuator.base.parameters import ConfigError, walk
 from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status, SupplyState
-from sma_actuator.control.pid import PidController
 from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
 from sma_actuator.estimation.circuit import is_driven, signals_from_reading, without_undriven
@@ -66,7 +65,7 @@ class Actuator:
     def __init__(self, config: Config):
         self._config = config
         self._chain = Chain(config)
-        self._controller = PidController(config.controller, config.supply.bias_current)
+        self._controller = config.controller.build(config.supply.bias_current)
         self._supervisor = Supervisor(config)
         self._reach = Reach(config.wire.full_stroke_m, config.thermal.heat_capacity / config.thermal.heat_loss)
         self._mode = Mode.OFF
@@ -118,6 +117,15 @@ class Actuator:
         self._supervisor.enabled(now_s)
         self._changes.append("enabled")
         return True, "the output is on; the wire is held where it is"
+
+    @property
+    def latched(self) -> str:
+        """Name of the latched fault, "" where there is none."""
+        return self._supervisor.latched.name if self._supervisor.latched is not None else ""
+
+    def switched_off(self) -> None:
+        """Take note that the supply was switched off since the last step: it will read back so, and nobody else did it."""
+        self._told = Command(0.0, False)
 
     def clear_fault(self, now_s: float) -> tuple[bool, str]:
         """Clear a latched fault; the output stays off until enabled again."""
@@ -483,7 +491,7 @@ class Actuator:
                 "temperature_C": supervisor.heat.temperature_C,
                 "temperature_at_most_C": supervisor.heat.at_most_C,
                 "current_limit_A": supervisor.limit_A(),
-                "reference_m": self._controller.reference_m if self._mode is not Mode.OFF else nan,
+                "limited_setpoint_m": self._controller.reference_m if self._mode is not Mode.OFF else nan,
                 "branch": estimate.branch.name.lower(),
                 "quality": estimate.quality.name.lower(),
             },

@@ -187,6 +187,13 @@ def _cross_checks(common: BenchConfig) -> list[str]:
             f"safety.reading_timeout: {safety.reading_timeout:g} s is less than two periods of loop.rate, {loop.rate:g} Hz: "
             "readings would count as stale in normal use"
         )
+    supply_s, daq_s = common.instruments.supply.timeout, common.instruments.daq.timeout
+    if not safety.reading_timeout >= daq_s + supply_s + 1.0 / loop.rate:
+        problems.append(
+            f"safety.reading_timeout: {safety.reading_timeout:g} s is less than instruments.daq.timeout, {daq_s:g} s, "
+            f"instruments.supply.timeout, {supply_s:g} s, and a period of loop.rate together: a silent instrument would be "
+            "found later than docs/faults.md says"
+        )
     if 0.0 < supply.watchdog_timeout < 2.0 / loop.rate:
         problems.append(
             f"supply.watchdog_timeout: {supply.watchdog_timeout:g} s is less than two periods of loop.rate, {loop.rate:g} Hz: "
@@ -207,7 +214,7 @@ def markdown() -> str:
     ]
     sections: list[tuple[str, type]] = [("", Config)]
     effects = [("effects.", Effects)]
-    effects += [(f"effects.{name}.", cls) for name, cls in EFFECTS.items() if cls.STAGE != "reference"]
+    effects += [(f"effects.{name}.", cls) for name, cls in EFFECTS.items() if cls.PART != "reference"]
     while sections:
         title, cls = sections.pop(0)
         rows, nested = [], []

@@ -4,7 +4,11 @@ One control thread per wire runs on absolute deadlines of the monotonic clock; n
 the instruments or the actuator.  What other threads want is handed over: setpoints through a
 bounded queue, everything else as a call that is executed between two steps.  Whatever ends the
 loop (``stop``, an exception, the end of the interpreter), the supply is shut down: current zero and
-output off.
+output off.  A second thread, the watchman, does nothing but look whether the control thread still
+shows life; where it does not, the watchman shuts the supply down beside it.
+
+"Off" is what the supply reads back.  Until it does, the output counts as *told to be off, not
+confirmed*, and everything here says so.
 
 Tests and tools step the same loop by hand, in the virtual time of a bench in this process.
 """
@@ -14,6 +18,7 @@ from __future__ import annotations
 import atexit
 import collections
 import contextlib
+import dataclasses
 import logging
 import math
 import signal
@@ -27,8 +32,9 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 import numpy as np
 
 from sma_actuator.actuator import Actuator, Output
-from sma_actuator.base.signals import Command, Reading, SupplyState
-from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
+from sma_actuator.base.signals import Command, Mode, Reading, SupplyState
+from sma_actuator.instruments import Clock, Daq, InstrumentError, InstrumentUnreachable, PowerSupply
+from sma_actuator.safety.guards.program import loop_hung
 from sma_actuator.safety.timing import SETTLING_TIME_S
 
 if TYPE_CHECKING:
@@ -40,7 +46,14 @@ _log = logging.getLogger(__name__)
 #: in use is 0.02 mA (thesis, ch. 3), and each message costs time on the bus.
 CURRENT_RESOLUTION_A = 5e-6
 _LONGEST_SLEEP_s = 0.05  #: so that a stop and a call do not wait for a slow loop's next deadline
-_JOIN_TIMEOUT_s = 0.4  #: what ``stop`` leaves a thread that waits for an instrument, of the second it has
+_JOIN_TIMEOUT_s = 0.3  #: what ``stop`` leaves a thread that waits for an instrument, of the second it has
+_WATCH_PERIOD_s = 0.05  #: how often the watchman looks
+#: Silence after a failed attempt to reach a supply that may be on, in multiples of its watchdog's delay: every word,
+#: also a question, feeds a watchdog, and one that is fed never cuts.
+_QUIET_WATCHDOGS = 1.25
+_SHORTEST_WAIT_s = 0.1
+_CHECK_PERIOD_s = 0.5  #: how often one of the supply's settings is read back while driving
+_OFF = Command(0.0, False)
 _SETPOINT_QUEUE = 1024
 _STATISTICS_WINDOW = 2048
 
@@ -77,6 +90,7 @@ class _Link:
         self.instrument = instrument
         self.answers = False
         self.detail = ""  #: why it does not answer
+        self.fault = f"{name}_lost"  #: what that is
         self._longest_wait_s = longest_wait_s
         self._wait_s = 0.0
         self._next_attempt_s = -math.inf
@@ -93,32 +107,40 @@ class _Link:
 
     def lose(self, error: InstrumentError) -> None:
         self.answers = False
-        self.detail = str(error)
+        self._note(error)
         self._wait_s = 0.0
         self._next_attempt_s = -math.inf  # the first attempt is made at once: opening switches the output off
 
-    def reconnect(self, now_s: Callable[[], float]) -> None:
-        """Try to open it again, not more often than the back-off allows."""
-        if self.answers or now_s() < self._next_attempt_s:
-            return
-        self.instrument.close()
+    def _note(self, error: InstrumentError) -> None:
+        self.detail, self.fault = str(error), error.fault or f"{self.name}_lost"
+
+    def reconnect(self, now_s: Callable[[], float], quiet_s: float) -> bool:
+        """Try to open it again, not more often than the back-off allows; whether that was done.
+
+        An attempt that was heard and failed is followed by ``quiet_s`` without a word.
+        """
+        if now_s() < self._next_attempt_s:
+            return False
         try:
             self.instrument.open()
         except InstrumentError as error:
-            self.detail = str(error)
-            self._wait_s = min(self._longest_wait_s, max(0.1, 2.0 * self._wait_s))
-            self._next_attempt_s = now_s() + self._wait_s
+            self._note(error)
+            self._wait_s = min(self._longest_wait_s, max(_SHORTEST_WAIT_s, 2.0 * self._wait_s))
+            quiet_s = 0.0 if isinstance(error, InstrumentUnreachable) else quiet_s
+            self._next_attempt_s = now_s() + max(self._wait_s, quiet_s)
         else:
             self.answers = True
+        return self.answers
 
 
 class Driver:
     """Drives one wire.
 
-    ``on_output(output)`` is called in the control thread after every step and must return at once;
-    ``on_failure(exception)`` likewise when an exception has ended the loop, after the supply has
-    been shut down.  ``recorder`` gets every step.  With a ``feed_timeout_s``
-    somebody must call :meth:`feed` that often, or the wire is switched off: its commander is gone.
+    ``on_output(output)`` is called in the control thread after every step, by the watchman where that
+    thread hangs, and must return at once; ``on_failure(exception)`` likewise in the control thread when
+    an exception has ended the loop, after the supply has been shut down.  ``recorder`` gets every step.
+    With a ``feed_timeout_s`` somebody must call :meth:`feed` that often, or the wire is switched off: its
+    commander is gone.
     """
 
     def __init__(
@@ -139,6 +161,7 @@ class Driver:
         self._clock = clock
         self._actuator = Actuator(config)
         self._supply_instrument = supply
+        self._daq_instrument = daq
         self._supply = _Link("supply", supply, config.instruments.reconnect_backoff_max)
         self._daq = _Link("daq", daq, config.instruments.reconnect_backoff_max)
         self._links = (self._supply, self._daq)
@@ -148,6 +171,12 @@ class Driver:
         self._feed_timeout_s = feed_timeout_s
         self._fed_at_s = clock.now_s()
         self._written: Command | None = None  #: what the supply was last told; None: not known
+        self._may_flow = False  #: the output was told to be on, and since then not read back as off
+        self._output: Output | None = None  #: of the last step
+        self._alive_s = math.inf  #: when the control thread last showed life; infinite while there is none
+        self._hung = ""  #: what the watchman found, until the control thread goes on
+        self._checked_s = -math.inf  #: when a setting of the supply was last looked at
+        self._cut = False  #: the watchman has shut the supply down, and the control thread has not noted it yet
         self._thread: threading.Thread | None = None
         self._stopping = threading.Event()
         self._gate = threading.Lock()  #: guards _ended and the mailbox against each other
@@ -187,23 +216,25 @@ class Driver:
         self.feed()
         # A daemon: at the interpreter's end atexit stops it, where joining it would wait for ever.
         self._thread = threading.Thread(target=self._loop, name=f"{self.name} control", daemon=True)
+        self._alive_s = self._clock.now_s()
         self._thread.start()
+        threading.Thread(target=self._watch, name=f"{self.name} watchman", daemon=True).start()
 
-    def stop(self) -> None:
-        """End the loop with the current at zero and the output off, within a second.
+    def stop(self) -> bool:
+        """End the loop with the current at zero and the output off, within a second; whether off was read back.
 
         May be called from any thread but the control thread, and more than once.  A thread that
         hangs in an instrument's answer is not waited for: the supply is then shut down from here.
         """
         self._stopping.set()
-        if self._thread is not None:
+        if self._thread is None:
+            self._finish()
+        else:
             self._thread.join(_JOIN_TIMEOUT_s)
-            if not self._thread.is_alive():
-                return
-            _log.warning("%s: an instrument holds up the loop; shutting the supply down beside it", self.name)
-            self._supply_instrument.shut_down()
-            return
-        self._finish()
+            if self._thread.is_alive():
+                _log.warning("%s: an instrument holds up the loop; shutting the supply down beside it", self.name)
+                self._shut_down()
+        return not self._may_flow
 
     def __enter__(self) -> Self:
         return self
@@ -265,10 +296,11 @@ class Driver:
         return out
 
     def enable(self, on: bool, timeout_s: float = 5.0) -> tuple[bool, str]:
-        """Switch the current on or off; whether that was done, and the sentence that says so."""
-        return self.call(
-            self._enable_checked if on else lambda actuator, now_s: actuator.enable(now_s, False), timeout_s
-        )
+        """Switch the current on or off; whether that was done, and the sentence that says so.
+
+        Off is done when the supply has read it back.
+        """
+        return self.call(self._enable_checked if on else self._disable, timeout_s)
 
     def clear_fault(self, timeout_s: float = 5.0) -> tuple[bool, str]:
         """Clear a latched fault and the supply's own trips; the output stays off."""
@@ -296,9 +328,22 @@ class Driver:
         return self._supply_instrument.identity
 
     @property
+    def output_words(self) -> str:
+        """What is known of the supply's output."""
+        if not self._may_flow:
+            return "the output is off"
+        told = self._written
+        if told is not None and told.output_on:
+            return "the output is on"
+        return "the output is told to be off, not confirmed"
+
+    @property
     def lost_instruments(self) -> dict[str, str]:
-        """Instruments that do not answer, and why."""
-        return {link.name: link.detail for link in self._links if not link.answers}
+        """Instruments that do not answer, and why; also the control loop itself, where it hangs."""
+        lost = {link.name: link.detail for link in self._links if not link.answers}
+        if self._may_flow and "supply" in lost:
+            lost["supply"] += f"; {self.output_words}"
+        return {"control loop": self._hung, **lost} if self._hung else lost
 
     def statistics(self) -> LoopStatistics:
         """Period and overruns of the loop."""
@@ -352,10 +397,12 @@ class Driver:
         while target_s < deadline_s and (now_s := self._clock.now_s()) < deadline_s:
             target_s = min(deadline_s, now_s + _LONGEST_SLEEP_s)
             self._clock.sleep_until_s(target_s)
+            self._alive_s = self._clock.now_s()
             self._run_calls()
             if self._stopping.is_set():
                 return None
-        self._account_start(self._clock.now_s())
+        self._alive_s = self._clock.now_s()
+        self._account_start(self._alive_s)
         output = self.tick()
         self._account_end(deadline_s, self._clock.now_s())
         return output
@@ -382,9 +429,10 @@ class Driver:
     def _tick(self) -> Output:
         self._run_calls()
         self._reconnect()
-        reading: Reading | None = self._daq.ask(self._daq.instrument.read_block)
-        state: SupplyState | None = self._supply.ask(self._supply.instrument.read_back)
+        reading: Reading | None = self._daq.ask(self._daq_instrument.read_block)
+        state: SupplyState | None = self._supply.ask(self._supply_instrument.read_back)
         now_s = self._clock.now_s()
+        self._check_a_setting(now_s)
         self._report_losses(now_s)
         if now_s - self._fed_at_s > self._feed_timeout_s:
             self._actuator.raise_fault(
@@ -394,52 +442,100 @@ class Driver:
         output = self._actuator.step(now_s, reading, state)
         self._supply.ask(lambda: self._write(output.command, state))
         self._report_losses(now_s)
+        self._report_unconfirmed(now_s)
+        output = self._output = self._with_truth(output)
         if self._recorder is not None:
             self._recorder.record(reading, output)
         if self._on_output is not None:
             self._on_output(output)
         return output
 
+    def _check_a_setting(self, now_s: float) -> None:
+        """While driving, look now and then whether limits and watchdog still stand, one of them at a time."""
+        if now_s - self._checked_s >= _CHECK_PERIOD_s and self._written is not None and self._written.output_on:
+            self._checked_s = now_s
+            self._supply.ask(self._supply_instrument.check_next_setting)
+
     def _write(self, command: Command, state: SupplyState | None) -> None:
         """Tell the supply what it does not know yet."""
         written = self._written
         self._written = None  # until all of it is sent
         if command.output_on:
+            self._may_flow = True
             if written is None or abs(command.current_A - written.current_A) > CURRENT_RESOLUTION_A:
-                self._supply.instrument.set_current(command.current_A)
+                self._supply_instrument.set_current(command.current_A)
             else:
                 command = Command(written.current_A, True)
             if written is None or not written.output_on:
-                self._supply.instrument.set_output(True)
-        elif written is None or written.output_on or (state is not None and state.output_on):
-            self._supply.instrument.set_output(False)
-            self._supply.instrument.set_current(0.0)
+                self._supply_instrument.set_output(True)
+        elif written is None or written.output_on or self._may_flow or (state is not None and state.output_on):
+            self._switch_off()
         self._written = command
 
+    def _switch_off(self) -> None:
+        """Have the output off, and know it."""
+        self._written = None
+        self._may_flow = True
+        self._supply_instrument.switch_off()
+        self._written, self._may_flow = _OFF, False
+
     def _reconnect(self) -> None:
-        for link in self._links:
-            if not link.answers:
-                link.reconnect(self._clock.now_s)
-                if link is self._supply:
-                    self._written = None
+        if not self._daq.answers:
+            self._daq.reconnect(self._clock.now_s, quiet_s=0.0)
+        if not self._supply.answers:
+            self._written = None
+            quiet_s = _QUIET_WATCHDOGS * self._config.supply.watchdog_timeout if self._may_flow else 0.0
+            if self._supply.reconnect(self._clock.now_s, quiet_s):
+                self._may_flow = False  # opening has read that back
+
+    def _report_unconfirmed(self, now_s: float) -> None:
+        if self._may_flow and not (self._written is not None and self._written.output_on):
+            self._actuator.raise_fault(
+                now_s, "output_not_confirmed", self._supply.detail or "the supply has not read it back"
+            )
+
+    def _with_truth(self, output: Output) -> Output:
+        """The output of a step with what is known of the supply's output beside what was commanded."""
+        words = self.output_words
+        output.status.values["output"] = words.removeprefix("the output is ")
+        if output.command.output_on or not self._may_flow:
+            return output
+        message = words + output.status.message.removeprefix("off")
+        return dataclasses.replace(output, status=dataclasses.replace(output.status, message=message))
 
     def _report_losses(self, now_s: float) -> None:
+        self._note_hang(now_s)  # what was cut for it is lost for it
+        if not self._supply.answers:
+            self._written = None
         for link in self._links:
             if not link.answers:
-                self._actuator.raise_fault(now_s, f"{link.name}_lost", link.detail)
+                self._actuator.raise_fault(now_s, link.fault, link.detail)
 
     def _clear_fault(self, actuator: Actuator, now_s: float) -> tuple[bool, str]:
         lost = self.lost_instruments
         if lost:
             return False, "; ".join(f"the {name} still does not answer: {detail}" for name, detail in lost.items())
-        self._supply.ask(self._supply.instrument.clear_trip)
-        self._supply.ask(lambda: self._write(Command(0.0, False), None))
+        if not actuator.latched:
+            return actuator.clear_fault(now_s)  # a wire that is driven goes on being driven
+        self._supply.ask(self._supply_instrument.clear_trip)
+        self._supply.ask(self._switch_off)
+        if self._may_flow:
+            return False, f"not cleared: {self.output_words} ({self._supply.detail})"
         return actuator.clear_fault(now_s)
 
     def _enable_checked(self, actuator: Actuator, now_s: float) -> tuple[bool, str]:
-        if self._supply.ask(self._supply.instrument.watchdog_holds) is False:
-            actuator.raise_fault(now_s, "watchdog_not_held", "armed on opening, and it does not read back so any more")
+        self._supply.ask(self._supply_instrument.check_settings)
+        self._report_losses(now_s)
         return actuator.enable(now_s, True)
+
+    def _disable(self, actuator: Actuator, now_s: float) -> tuple[bool, str]:
+        done, words = actuator.enable(now_s, False)
+        self._supply.ask(self._switch_off)
+        if not self._may_flow:
+            actuator.switched_off()
+            return done, words
+        self._report_unconfirmed(now_s)
+        return False, f"{self.output_words}: {self._supply.detail}"
 
     def _update(self, actuator: Actuator, config: Config) -> None:
         actuator.update(config)
@@ -484,7 +580,7 @@ class Driver:
     def _fail(self, error: BaseException) -> None:
         self.failure = error
         self._finish()
-        _log.error("%s: the loop ended, the output is off: %r", self.name, error)
+        _log.error("%s: the loop ended, %s: %r", self.name, self.output_words, error)
         if self._on_failure is not None:
             self._on_failure(error)
 
@@ -495,13 +591,62 @@ class Driver:
                 return
             self._ended = True
             waiting, self._mailbox = self._mailbox, collections.deque()
-        self._supply_instrument.shut_down()
+        self._alive_s = math.inf
+        self._shut_down()
         for _, future in waiting:
             if future.set_running_or_notify_cancel():
                 future.set_exception(DriverStopped(f"{self.name}: the loop has ended"))
         for link in self._links:
             link.answers = False
             link.instrument.close()
+
+    def _shut_down(self) -> None:
+        self._written = None
+        confirmed = self._supply_instrument.shut_down()
+        self._may_flow = not confirmed and self._may_flow
+
+    # --- the watchman -----------------------------------------------------------------------------
+
+    def _watch(self) -> None:
+        """In a thread of its own: shut the supply down beside a control thread that shows no life."""
+        while not self._ended and not self._stopping.wait(_WATCH_PERIOD_s):
+            silent_s = self._clock.now_s() - self._alive_s
+            if self._hung or silent_s <= self._config.safety.reading_timeout:
+                continue
+            self._hung = (
+                f"no step for {silent_s:.3g} s; safety.reading_timeout is {self._config.safety.reading_timeout:g} s"
+            )
+            if not (self._may_flow and self._supply.answers):
+                continue  # nothing flows, or the control thread is about to say off on a new connection
+            try:
+                self._cut = True
+                self._shut_down()
+                _log.error("%s: the control loop hangs (%s); %s", self.name, self._hung, self.output_words)
+                self._show_hang()
+            except Exception:  # noqa: BLE001 - the last pair of eyes must stay open
+                _log.exception("%s: the watchman failed", self.name)
+
+    def _show_hang(self) -> None:
+        """Put out what is known while the control thread says nothing."""
+        output = self._output
+        if output is None or self._on_output is None:
+            return
+        status = dataclasses.replace(
+            output.status,
+            mode=Mode.OFF,
+            fault=loop_hung.name,
+            limits=(),
+            message=f"off: {loop_hung.words} ({self._hung})",
+            values=dict(output.status.values),
+        )
+        self._on_output(self._with_truth(dataclasses.replace(output, command=_OFF, status=status)))
+
+    def _note_hang(self, now_s: float) -> None:
+        """In the control thread, when it goes on: what the watchman has done is a fault."""
+        if self._cut:
+            self._actuator.raise_fault(now_s, loop_hung.name, self._hung)
+            self._written, self._cut = None, False
+        self._hung = ""
 
 
 def _warm_up(config: Config) -> None:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from rig import Rig
 
 from sma_actuator.config import Config
+
+if TYPE_CHECKING:
+    from characterised import Characterised
 
 #: A 0.1524 mm × 100 mm Ni-Ti wire; every required parameter, and no other.
 _NI_TI: dict[str, Any] = {
@@ -70,3 +73,19 @@ def make_rig(make_config: Callable[..., dict[str, Any]]) -> Callable[..., Rig]:
 @pytest.fixture
 def config(make_config: Callable[..., dict[str, Any]]) -> Config:
     return Config.from_mapping(make_config())
+
+
+@pytest.fixture(scope="session")
+def flexinol(tmp_path_factory: pytest.TempPathFactory) -> Characterised:
+    """The Ni-Ti wire of the virtual bench, characterised once for all tests."""
+    from characterised import Characterised
+
+    return Characterised("flexinol", tmp_path_factory.mktemp("flexinol"))
+
+
+@pytest.fixture(scope="session")
+def furukawa(tmp_path_factory: pytest.TempPathFactory) -> Characterised:
+    """The Ni-Ti-Cu wire of the virtual bench, characterised once for all tests."""
+    from characterised import Characterised
+
+    return Characterised("furukawa", tmp_path_factory.mktemp("furukawa"))

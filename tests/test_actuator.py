@@ -370,7 +370,15 @@ def test_a_wire_without_current_cools_in_the_heat_balance(rig, lie):
 
 def test_readings_slower_than_their_timeout_are_refused_as_a_configuration(make_config):
     with pytest.raises(ConfigError, match="safety.reading_timeout: 0.3 s is less than two periods"):
-        Config.from_mapping(make_config(**{"loop.rate": 5.0, "loop.samples_per_block": 100}))
+        Config.from_mapping(
+            make_config(**{"loop.rate": 5.0, "loop.samples_per_block": 100, "safety.reading_timeout": 0.3})
+        )
+
+
+@pytest.mark.parametrize("instrument", ["supply", "daq"])
+def test_answers_that_may_take_longer_than_what_is_promised_are_refused_as_a_configuration(make_config, instrument):
+    with pytest.raises(ConfigError, match=f"less than .*instruments.{instrument}.timeout, 0.5 s, .*faults.md says"):
+        Config.from_mapping(make_config(**{f"instruments.{instrument}.timeout": 0.5}))
 
 
 def test_the_same_readings_give_the_same_commands(make_rig):

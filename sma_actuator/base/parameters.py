@@ -78,6 +78,14 @@ def typed_section(variants: Callable[[], Registry[Any]], description: str, defau
     return dataclasses.field(metadata={"variants": variants, "section": description, "type": default}, kw_only=True)
 
 
+def sections_by_name(registry: Registry[Any]) -> Any:
+    """Declare that a section holds others beside its parameters, each named like the class in ``registry`` it is of.
+
+    The field maps the names of those that are there to their sections.
+    """
+    return dataclasses.field(default_factory=dict, metadata={"named": registry}, kw_only=True)
+
+
 def type_of(field: dataclasses.Field[Any], instance: Any) -> str:
     """The value of ``type`` that stands for ``instance`` in a section made by :func:`typed_section`."""
     name: str = field.metadata["variants"]().name_of(type(instance))
@@ -177,15 +185,10 @@ def _is_number(text: str) -> bool:
 
 def from_mapping(cls: type, mapping: Mapping[str, Any], prefix: str = "") -> tuple[Any, list[str]]:
     """Build ``cls`` from a nested mapping; return it (or None) and every problem found."""
-    problems: list[str] = []
     if not isinstance(mapping, Mapping):
         return None, [f"{prefix.rstrip('.') or 'configuration'}: {_shown(mapping)} is not a section of parameters"]
-    fields = {f.name: f for f in dataclasses.fields(cls) if f.init}
-    values: dict[str, Any] = {}
-    unknown = [key for key in mapping if key not in fields]
-    problems += [no_such_parameter(str(key), fields, prefix) for key in unknown[:_MOST_UNKNOWN]]
-    if len(unknown) > _MOST_UNKNOWN:
-        problems.append(f"{prefix or 'the file'}: {len(unknown) - _MOST_UNKNOWN} more are unknown")
+    fields = {f.name: f for f in dataclasses.fields(cls) if f.init and "named" not in f.metadata}
+    values, problems = _read_others(cls, {key: mapping[key] for key in mapping if key not in fields}, fields, prefix)
     for name, field in fields.items():
         given = mapping.get(name, _NOT_GIVEN)
         found: list[str] = []
@@ -205,6 +208,27 @@ def from_mapping(cls: type, mapping: Mapping[str, Any], prefix: str = "") -> tup
     if problems:
         return None, problems
     return cls(**values), []
+
+
+def _read_others(
+    cls: type, others: Mapping[str, Any], fields: Collection[str], prefix: str
+) -> tuple[dict[str, Any], list[str]]:
+    """What stands in a section beside its ``fields``: sections by name where it holds such, else nothing is right."""
+    named = next((f for f in dataclasses.fields(cls) if "named" in f.metadata), None)
+    if named is None:
+        problems = [no_such_parameter(str(key), fields, prefix) for key in list(others)[:_MOST_UNKNOWN]]
+        if len(others) > _MOST_UNKNOWN:
+            problems.append(f"{prefix or 'the file'}: {len(others) - _MOST_UNKNOWN} more are unknown")
+        return {}, problems
+    registry, sections, problems = named.metadata["named"], {}, []
+    for key, given in others.items():
+        if isinstance(key, str) and key in registry:
+            sections[key], found = from_mapping(registry[key], given, f"{prefix}{key}.")
+            problems += found
+        else:
+            known = f"known here: {', '.join(registry)} (a newer version may know more)"
+            problems.append(f"{prefix}{key}: no such {registry.kind}; {known}")
+    return {named.name: sections}, problems
 
 
 def no_such_parameter(name: str, known: Collection[str], prefix: str = "") -> str:
@@ -243,6 +267,9 @@ def walk(instance: Any, prefix: str = "") -> Iterator[tuple[str, Any, Declaratio
             yield f"{prefix}{field.name}.type", type_of(field, value), type_declaration(field), "str"
         if "parameter" in field.metadata:
             yield f"{prefix}{field.name}", value, declaration_of(field), str(field.type)
+        elif "named" in field.metadata:
+            for name, section_ in value.items():
+                yield from walk(section_, f"{prefix}{name}.")
         elif dataclasses.is_dataclass(value):
             yield from walk(value, f"{prefix}{field.name}.")
 
@@ -259,6 +286,8 @@ def to_mapping(instance: Any) -> dict[str, Any]:
             if declaration_of(field).optional and (value in ("", ()) or value != value):
                 continue
             out[field.name] = list(value) if isinstance(value, tuple) else value
+        elif "named" in field.metadata:
+            out |= {name: to_mapping(section_) for name, section_ in value.items()}
         elif dataclasses.is_dataclass(value):
             nested = to_mapping(value)
             if "variants" in field.metadata:

@@ -30,32 +30,40 @@ class PlugInError(UserError):
     """An installed package whose part cannot be loaded.  The sentence names the package."""
 
 
+#: How a sentence about a broken package ends.
+MEND = "mend the package or uninstall it"
+
+
+def described(point: EntryPoint) -> str:
+    """An entry point and its package, to begin a sentence with."""
+    package = f"package '{point.dist.name}' {point.dist.version}" if point.dist else "an installed package"
+    return f"{package}: its entry point {point.name} = {point.value} ({point.group})"
+
+
 def load_plug_in(point: EntryPoint) -> Any:
     """What an entry point names.  Raises PlugInError, whatever is wrong with it."""
     try:
         return point.load()
     except Exception as error:  # whatever it is: the code is somebody else's
-        raise PlugInError(f"{_named(point)} cannot be loaded: {type(error).__name__}: {error}; {_MEND}") from error
-
-
-_MEND = "mend the package or uninstall it"
-
-
-def _named(point: EntryPoint) -> str:
-    package = f"package '{point.dist.name}' {point.dist.version}" if point.dist else "an installed package"
-    return f"{package}: its entry point {point.name} = {point.value} ({point.group})"
+        raise PlugInError(f"{described(point)} cannot be loaded: {type(error).__name__}: {error}; {MEND}") from error
 
 
 class Registry(Mapping[str, Part], Generic[Part]):
-    """The parts of one kind, in the order in which they were registered, this package's own first.
+    """The parts of one kind, in the order of ``rank`` and then of their registration, this package's own first.
 
     ``kind`` is what one is called in sentences.  ``group`` names the entry points of other packages.
     ``refusal(name, part)`` says in a sentence what is wrong with a part, or nothing.
     """
 
-    def __init__(self, kind: str, group: str, refusal: Callable[[str, Part], str] = lambda _name, _part: ""):
+    def __init__(
+        self,
+        kind: str,
+        group: str,
+        refusal: Callable[[str, Part], str] = lambda _name, _part: "",
+        rank: Callable[[Part], int] = lambda _part: 0,
+    ):
         self.kind, self.group = kind, group
-        self._refusal = refusal
+        self._refusal, self._rank = refusal, rank
         self._parts: dict[str, Part] = {}
         self._loaded = False
         self._broken: list[str] = []
@@ -72,9 +80,15 @@ class Registry(Mapping[str, Part], Generic[Part]):
             if wrong:
                 raise PartRefusedError(f"{self.kind} '{name}': {wrong}")
             self._parts[name] = part
+            self._parts = dict(sorted(self._parts.items(), key=lambda item: self._rank(item[1])))
             return part
 
         return add
+
+    @property
+    def registered(self) -> Mapping[str, Part]:
+        """Those that are known so far; no plug-in is loaded for it."""
+        return self._parts
 
     def name_of(self, part: Any) -> str:
         """The name of a registered part.  Raises KeyError for any other."""
@@ -106,6 +120,6 @@ class Registry(Mapping[str, Part], Generic[Part]):
                     self._broken.append(str(error))
                 else:
                     if point.name not in self._parts:
-                        self._broken.append(f"{_named(point)} registers no {self.kind} '{point.name}'; {_MEND}")
+                        self._broken.append(f"{described(point)} registers no {self.kind} '{point.name}'; {MEND}")
         if self._broken:
             raise PlugInError("\n".join(self._broken))

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sma_actuator.base.signals import Reading, SupplyState
-from sma_actuator.instruments import InstrumentLost, InstrumentRefused
+from sma_actuator.instruments import (
+    InstrumentLost,
+    InstrumentRefused,
+    InstrumentUnreachable,
+    LimitsNotHeld,
+    WatchdogNotHeld,
+)
 
 from .bench import VirtualBench
 from .chain import CHANNELS
@@ -49,7 +55,7 @@ class _InProcess:
         bench = self._bench
         if f"{self.name}_hangup" in bench.faults:
             self._open = False
-            raise InstrumentLost(f"virtual {self.name}: the connection was closed")
+            raise InstrumentUnreachable(f"virtual {self.name}: the connection was closed")
         delay_s = bench.faults.get("slow_answers", 0.0)
         if f"{self.name}_silent" in bench.faults or delay_s > timeout_s:
             bench.advance(bench.time_s + timeout_s)
@@ -89,8 +95,7 @@ class InProcessSupply(_InProcess):
         if limits.watchdog_timeout > 0.0:
             self._command(supply.set_watchdog_delay, limits.watchdog_timeout)
             supply.watchdog_on = True
-            if not self.watchdog_holds():
-                raise InstrumentRefused("virtual supply: the watchdog was armed and reads back off")
+            self.check_settings()
         else:
             supply.watchdog_on = False
 
@@ -115,25 +120,44 @@ class InProcessSupply(_InProcess):
             tripped=",".join(supply.trips),
         )
 
-    def watchdog_holds(self) -> bool:
-        """Whether the watchdog reads back as it was armed."""
+    def check_settings(self) -> None:
+        """Whether limits and watchdog read back as they were programmed; raises LimitsNotHeld or WatchdogNotHeld."""
         self._command()
-        wanted = self._config.supply.watchdog_timeout > 0.0 and not self._config.supply.allow_no_watchdog
-        return not wanted or (self._bench.supply.watchdog_on and self._bench.faults.get("watchdog_dead") != 0.0)
+        limits, supply = self._config.supply, self._bench.supply
+        if (supply.voltage_V, supply.ocp_A) != (limits.max_voltage, limits.over_current_trip):
+            self.switch_off()
+            raise LimitsNotHeld(
+                f"virtual supply: does not hold its limits: it reads back {supply.voltage_V:g} V, {supply.ocp_A:g} A"
+            )
+        if limits.watchdog_timeout > 0.0 and not (
+            supply.watchdog_on and self._bench.faults.get("watchdog_dead") != 0.0
+        ):
+            self.switch_off()
+            raise WatchdogNotHeld("virtual supply: its watchdog was armed and does not read back so")
+
+    def check_next_setting(self) -> None:
+        """All of them: here they cost nothing."""
+        self.check_settings()
 
     def clear_trip(self) -> None:
         """Clear a tripped protection; the output stays off."""
         self._command(self._bench.supply.clear_trips)
 
-    def shut_down(self) -> None:
-        """Current to zero and output off, where the supply can still be reached.  Never raises."""
+    def switch_off(self) -> None:
+        """Output off and 0 A."""
+        self._command(self._bench.supply.set_output, False)
+        self._command(self._bench.supply.set_current, 0.0)
+
+    def shut_down(self) -> bool:
+        """Current to zero and output off; false where the supply cannot be reached any more.  Never raises."""
         supply = self._bench.supply
         try:
             self._reach(self._timeout_s)
         except InstrumentLost:
-            return
+            return False
         supply.set_current(0.0)
         supply.set_output(False)
+        return True
 
     @property
     def _timeout_s(self) -> float:

@@ -38,6 +38,8 @@ Supply (one output, 0–1 A, 0–20 V)
                                                              command received on any connection; then it latches
                                                              WDOG and cuts the output
     ``OUTPut:PROTection:WDOG:DELay <s>``                     0.05–3600 s; ``?``
+    ``OUTPut:PROTection:WDOG:SESSion <bool>``     on: it counts from the last command of the connection that
+                                                  switched this, or the watchdog, on; ``?`` (power-on: off)
     ``MEASure[:SCALar]:VOLTage[:DC]?``                       at the output terminals [V]
     ``MEASure[:SCALar]:CURRent[:DC]?``                       [A]
     ``MEASure[:SCALar]:POWer[:DC]?``                         [W]
@@ -249,7 +251,7 @@ class Instrument:
     def steps(self, line: str, client: Client) -> Generator[float, None, str | None]:
         """As :meth:`execute`, but yields each bench time [s] that must come before it can go on."""
         if not line.lstrip(": ").upper().startswith("BENC"):
-            self._heard()
+            self._heard(client)
         answers = []
         path: list[str] = []
         for command in line.split(";"):
@@ -295,7 +297,7 @@ class Instrument:
     def reset(self) -> None:
         """Settings as at power-on."""
 
-    def _heard(self) -> None:
+    def _heard(self, client: Client) -> None:
         """A line arrived, whatever it says."""
 
     def _guarded(self, client: Client, action: Callable[[], None]) -> None:
@@ -355,6 +357,7 @@ class ScpiSupply(Instrument):
         super().__init__(bench, "Virtual Supply", "supply", serial)
         supply = bench.supply
         self._owner: Client | None = None
+        self._feeder: Client | None = None
         level = "[:LEVel][:IMMediate][:AMPLitude]"
         self._setting(f"[SOURce:]CURRent{level}", "current_A", supply.set_current, CURRENT_RANGE_A)
         self._setting(f"[SOURce:]VOLTage{level}", "voltage_V", supply.set_voltage, VOLTAGE_RANGE_V)
@@ -363,8 +366,9 @@ class ScpiSupply(Instrument):
         self._setting("OUTPut:PROTection:WDOG:DELay", "watchdog_delay_s", supply.set_watchdog_delay, WATCHDOG_RANGE_S)
         self._switch("[SOURce:]CURRent:PROTection:STATe", "ocp_on")
         self._switch("[SOURce:]VOLTage:PROTection:STATe", "ovp_on")
-        self._switch("OUTPut[:STATe]", "output_on", supply.set_output)
+        self._switch("OUTPut[:STATe]", "output_on", lambda on, _: supply.set_output(on))
         self._switch("OUTPut:PROTection:WDOG[:STATe]", "watchdog_on", self._set_watchdog)
+        self._switch("OUTPut:PROTection:WDOG:SESSion", "watchdog_tied", self._tie_watchdog)
         self._add("[SOURce:]CURRent:PROTection:TRIPped?", lambda a, c: str(int("OCP" in supply.trips)))
         self._add("[SOURce:]VOLTage:PROTection:TRIPped?", lambda a, c: str(int("OVP" in supply.trips)))
         self._add("OUTPut:PROTection:TRIPped?", lambda a, c: ",".join(supply.trips) or "NONE")
@@ -394,8 +398,9 @@ class ScpiSupply(Instrument):
         if self._owner is client:
             self._owner = None
 
-    def _heard(self) -> None:
-        self.bench.supply.heard(self.bench.time_s)
+    def _heard(self, client: Client) -> None:
+        if not self.bench.supply.watchdog_tied or self._feeder is client:
+            self.bench.supply.heard(self.bench.time_s)
 
     def _guarded(self, client: Client, action: Callable[[], None]) -> None:
         if self._owner not in (None, client):
@@ -408,13 +413,19 @@ class ScpiSupply(Instrument):
             pattern + "?", lambda a, c: f"{number(a[0], limits) if a else getattr(self.bench.supply, name):.6E}", 0, 1
         )
 
-    def _switch(self, pattern: str, name: str, setter: Callable[[bool], None] | None = None) -> None:
+    def _switch(self, pattern: str, name: str, setter: Callable[[bool, Client], None] | None = None) -> None:
         supply = self.bench.supply
-        set_ = setter or (lambda on: setattr(supply, name, on))
-        self._add(pattern, lambda a, c: self._guarded(c, lambda: set_(boolean(a[0]))), 1)
+        set_ = setter or (lambda on, _: setattr(supply, name, on))
+        self._add(pattern, lambda a, c: self._guarded(c, lambda: set_(boolean(a[0]), c)), 1)
         self._add(pattern + "?", lambda a, c: str(int(getattr(supply, name))))
 
-    def _set_watchdog(self, on: bool) -> None:
+    def _tie_watchdog(self, on: bool, client: Client) -> None:
+        self.bench.supply.watchdog_tied, self._feeder = on, client
+        self._heard(client)
+
+    def _set_watchdog(self, on: bool, client: Client) -> None:
+        self._feeder = client
+        self._heard(client)
         self.bench.supply.watchdog_on = on and self.bench.faults.get("watchdog_dead") != 0.0
 
     def _lock(self, client: Client) -> None:

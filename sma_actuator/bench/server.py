@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from sma_actuator.console import refuse_to_overwrite
 from sma_actuator.instruments import InstrumentError
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.loads import parse_load
@@ -316,6 +317,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--ports-file", type=Path, metavar="FILE", help="write the ports here, as JSON, once they are open"
     )
+    parser.add_argument("--force", action="store_true", help="overwrite the file of the ports if it exists already")
     parser.add_argument(
         "--fault",
         type=_checked(parse_fault),
@@ -333,6 +335,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve the benches that the options ask for; 0 after SIGINT or SIGTERM."""
+    refuse_to_overwrite(args, args.ports_file)
     benches = []
     for number in range(args.count):
         bench = VirtualBench.from_name(

@@ -37,6 +37,7 @@ class SimulatedSupply:
         self.ovp_V = OVP_RANGE_V[1]
         self.ovp_on = True
         self.watchdog_on = False
+        self.watchdog_tied = False  #: fed by the connection that armed it alone
         self.watchdog_delay_s = 60.0
         self.last_command_s = 0.0
 

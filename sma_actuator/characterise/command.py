@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 
 from rich.console import Console
@@ -12,7 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
 from sma_actuator.config import bench_from_mapping, read_parameter_file
-from sma_actuator.logs.files import write_atomically
+from sma_actuator.console import add_output_arguments, refuse_to_overwrite, results, write_json
 from sma_actuator.plant.worlds import HOME, WORLDS
 
 from .operators import BenchOperator, ScpiBenchOperator, TerminalOperator
@@ -115,13 +114,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="EFFECT=STRENGTH",
         help="with --virtual: an undeclared effect in the bench, in SI units, for trying `trace`; may be repeated (see docs/tracing.md)",
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the manifest here as well")
+    add_output_arguments(parser, "the manifest")
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure what the folder lacks; 0 when every part is finished."""
     from .page import write_page
 
+    refuse_to_overwrite(args)
     console = Console(stderr=True)
     path = args.config or shared_file(
         f"config/{args.virtual}_bench.yaml" if args.virtual else "config/flexinol_bench.yaml"
@@ -185,7 +185,7 @@ def run(args: argparse.Namespace) -> int:
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console) as bar:
+    with Progress(*columns, console=console, disable=args.quiet) as bar:
         task = bar.add_task("characterise", total=sum(part.duration_s for part in plan))
         before_s = {part.name: sum(p.duration_s for p in plan[:i]) for i, part in enumerate(plan)}
 
@@ -194,10 +194,10 @@ def run(args: argparse.Namespace) -> int:
 
         manifest = characterise(mapping, plan, rig, operator, args.out, progress)
     write_page(args.out, manifest)
-    if args.json:
-        text = json.dumps(manifest.data, indent=1) + "\n"
-        write_atomically(args.json, lambda stream: stream.write(text.encode()))
-    console.print(f"{len(plan)} parts are in {args.out}: logs, {manifest.path.name}, bench.yaml and calibration.html")
+    write_json(args, manifest.data)
+    results(args).print(
+        f"{len(plan)} parts are in {args.out}: logs, {manifest.path.name}, bench.yaml and calibration.html"
+    )
     return 0
 
 

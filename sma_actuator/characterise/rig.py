@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import Clock, Daq, InstrumentRefused, PowerSupply
 from sma_actuator.logs.bench_log import BenchLog
@@ -34,16 +35,20 @@ class Rig:
 
     @contextlib.contextmanager
     def opened(self) -> Iterator[Rig]:
-        """Connect; on every way out, SIGTERM included, current to zero and output off."""
+        """Connect; on every way out, SIGTERM included, current to zero and output off.
+
+        While nothing is driven a signal ends what is under way at once, since a person may be asked something.
+        """
         with _terminate_as_interrupt():
             try:
                 self.supply.open()
                 self.daq.open()
                 yield self
             finally:
-                self.supply.shut_down()
-                self.supply.close()
-                self.daq.close()
+                with noted_signals():  # a second Ctrl-C must not get between
+                    self.supply.shut_down()
+                    self.supply.close()
+                    self.daq.close()
 
     @contextlib.contextmanager
     def _output(self) -> Iterator[None]:
@@ -64,6 +69,7 @@ class Rig:
     def record(self, program: Program, progress: Callable[[float], None] = lambda elapsed_s: None) -> BenchLog:
         """Run a program with the output on; return everything that was read.
 
+        While the output is on signals are noted, and end it after the row at hand with KeyboardInterrupt.
         Raises InstrumentRefused where the stress exceeds ``wire.max_stress`` or the supply has
         tripped, and whatever the instruments raise; the output is off by then.
         """
@@ -71,9 +77,10 @@ class Rig:
         period_s = 1.0 / config.loop.rate
         rows = []
         drive = next(program)
-        with self._output():
+        with noted_signals() as interrupts, self._output():
             start_s = deadline_s = clock.now_s()
             while True:
+                interrupts.raise_noted()
                 current_A = float(np.clip(drive.current_A, 0.0, config.supply.max_current))
                 self.supply.set_current(current_A)
                 deadline_s = max(deadline_s + period_s, clock.now_s())
@@ -112,7 +119,7 @@ class Rig:
 
 @contextlib.contextmanager
 def _terminate_as_interrupt() -> Iterator[None]:
-    """Let SIGTERM unwind the stack as Ctrl-C does, so that the output is switched off."""
+    """Let SIGTERM and SIGHUP unwind the stack as Ctrl-C does, so that the output is switched off."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -120,8 +127,9 @@ def _terminate_as_interrupt() -> Iterator[None]:
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGTERM, interrupt)
+    before = {number: signal.signal(number, interrupt) for number in (signal.SIGTERM, signal.SIGHUP)}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

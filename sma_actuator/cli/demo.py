@@ -24,8 +24,10 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
+from sma_actuator.base.interrupts import Interrupts, noted_signals
 from sma_actuator.base.share import shared_file
 from sma_actuator.config import NODE_NAME, Config, read_parameter_file
+from sma_actuator.console import add_output_arguments, refuse_to_overwrite, write_json
 from sma_actuator.control.setpoints import Setpoint, sine, steps, triangle
 from sma_actuator.control.tracking import TrackingErrors
 from sma_actuator.instruments import InstrumentError
@@ -33,6 +35,7 @@ from sma_actuator.plant.worlds import HOME, WORLDS
 
 READY_TIMEOUT_s = 30.0
 STOP_TIMEOUT_s = 5.0
+ANSWER_TIMEOUT_s = 5.0
 SETPOINT_PERIOD_s = 0.05
 SETTLING_s = 2.0  #: after this the first setpoint counts in the errors
 PICTURES_Hz = 5
@@ -60,14 +63,19 @@ def add_arguments(parser) -> None:
         help="seconds to run; 0: until Ctrl-C (default %(default)s)",
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the bench's noise")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the errors here")
+    add_output_arguments(parser, "the errors")
 
 
 def run(args) -> int:
     """Run the demonstration; 0 when the wire was driven and the output is off at the end."""
-    console = Console()
+    refuse_to_overwrite(args)
+    console = Console(stderr=args.json == Path("-"))
     parameters = read_parameter_file(shared_file(f"config/{args.wire}.yaml"))
-    with tempfile.TemporaryDirectory(prefix="sma_demo_") as folder, contextlib.ExitStack() as stack:
+    with (
+        noted_signals() as interrupts,
+        tempfile.TemporaryDirectory(prefix="sma_demo_") as folder,
+        contextlib.ExitStack() as stack,
+    ):
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         ports_file = Path(folder) / "ports.json"
         bench = stack.enter_context(
@@ -96,7 +104,7 @@ def run(args) -> int:
                 Path(folder) / "bench.log",
             )
         )
-        ports = _wait_for_ports(ports_file, bench)
+        ports = _wait_for_ports(ports_file, bench, interrupts)
         for instrument in ("supply", "daq"):
             parameters["instruments"][instrument]["resource"] = f"TCPIP::127.0.0.1::{ports[instrument]}::SOCKET"
         config = Config.from_mapping(parameters)
@@ -109,22 +117,17 @@ def run(args) -> int:
                 Path(folder) / "node.log",
             )
         )
-        stopped_by_user = False
         errors = TrackingErrors(config.wire.full_stroke_m)
-        try:
-            _drive(config, args.duration, errors, console, (bench, node))
-        except KeyboardInterrupt:
-            stopped_by_user = True
+        _drive(config, args.duration, errors, console, (bench, node), interrupts)
         node.stop()
         supply_is_off = _supply_is_off(config)
     console.print(str(errors))
     console.print(
         f"supply output {'off' if supply_is_off else 'STILL ON'}; node and bench have ended"
-        + (" (Ctrl-C)" if stopped_by_user else "")
+        + (" (Ctrl-C)" if interrupts else "")
     )
-    if args.json:
-        args.json.write_text(json.dumps(errors.as_dict(), indent=2) + "\n")
-    return 0 if supply_is_off and (errors.samples or stopped_by_user) else 1
+    write_json(args, errors.as_dict())
+    return 0 if supply_is_off and (errors.samples or interrupts) else 1
 
 
 def _program(config: Config, duration_s: float) -> Setpoint:
@@ -144,8 +147,10 @@ def _program(config: Config, duration_s: float) -> Setpoint:
     return position_m
 
 
-def _drive(config: Config, duration_s: float, errors: TrackingErrors, console: Console, children) -> None:
-    """Be the third process: enable the node, send setpoints, show what it publishes."""
+def _drive(
+    config: Config, duration_s: float, errors: TrackingErrors, console: Console, children, interrupts: Interrupts
+) -> None:
+    """Be the third process: enable the node, send setpoints, show what it publishes; until a signal is noted."""
     # Imported here: rclpy belongs to the extra 'ros', and --help must not need it.
     import rclpy
     from rclpy.signals import SignalHandlerOptions
@@ -153,7 +158,7 @@ def _drive(config: Config, duration_s: float, errors: TrackingErrors, console: C
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
         client = _Client(config, errors)
-        client.enable(children)
+        client.enable(children, interrupts)
         program = _program(config, duration_s)
         start = next_setpoint = time.monotonic()
         next_picture = start
@@ -162,7 +167,7 @@ def _drive(config: Config, duration_s: float, errors: TrackingErrors, console: C
             if console.is_terminal
             else contextlib.nullcontext() as live
         ):
-            while (elapsed := time.monotonic() - start) < (duration_s or math.inf):
+            while not interrupts and (elapsed := time.monotonic() - start) < (duration_s or math.inf):
                 for child in children:
                     child.check()
                 client.spin_until(next_setpoint)
@@ -227,21 +232,24 @@ class _Client:
     def _on_status(self, message) -> None:
         self._status = message.message
 
-    def enable(self, children) -> None:
+    def enable(self, children, interrupts: Interrupts) -> None:
         """Switch the current on once the node has readings.  Raises InstrumentError when it will not."""
         deadline = time.monotonic() + READY_TIMEOUT_s
         answer = "the node did not appear"
-        while time.monotonic() < deadline:
+        while not interrupts and time.monotonic() < deadline:
             for child in children:
                 child.check()
             if self._enable.wait_for_service(timeout_sec=0.2):
                 future = self._enable.call_async(self._request)
-                self._executor.spin_until_future_complete(future, timeout_sec=5.0)
+                answer_deadline = time.monotonic() + ANSWER_TIMEOUT_s
+                while not (interrupts or future.done()) and time.monotonic() < answer_deadline:
+                    self.spin_until(time.monotonic() + 0.05)
                 if future.done() and future.result().success:
                     return
                 answer = future.result().message if future.done() else "~/enable did not answer"
                 self.spin_until(time.monotonic() + 0.1)
-        raise InstrumentError(f"the node would not enable the wire: {answer}")
+        if not interrupts:
+            raise InstrumentError(f"the node would not enable the wire: {answer}")
 
     def send(self, position_m: float, counts: bool) -> None:
         """Publish one setpoint; from then on samples count in the errors or do not."""
@@ -336,10 +344,11 @@ def _process(name: str, command: list[str], log: Path):
         child.stop()
 
 
-def _wait_for_ports(ports_file: Path, bench: _Child) -> dict[str, int]:
+def _wait_for_ports(ports_file: Path, bench: _Child, interrupts: Interrupts) -> dict[str, int]:
     """The ports of the first bench, once it has announced them."""
     deadline = time.monotonic() + READY_TIMEOUT_s
     while not ports_file.exists():
+        interrupts.raise_noted()
         bench.check()
         if time.monotonic() > deadline:
             raise InstrumentError(f"the virtual bench did not open its ports within {READY_TIMEOUT_s:g} s")

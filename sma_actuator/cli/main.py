@@ -1,14 +1,19 @@
-"""The edge to a person: ``sma-actuator demo | bench | characterise | identify | replay | forward``.
+# PYTHON_ARGCOMPLETE_OK
+"""The edge to a person: ``sma-actuator COMMAND``.
 
-Each command lives in the package it drives, which offers ``SUMMARY``, ``add_arguments(parser)``
-and ``run(args) -> int``; only the one asked for is imported, so ``--help`` is quick and a missing
-extra stops nobody who does not need it.
+Each command lives in the package it drives, which offers ``add_arguments(parser)`` and ``run(args) -> int``; only
+the one asked for is imported, so ``--help`` is quick and a missing extra stops nobody who does not need it.
+Completion in the shell (extra ``completion``): ``eval "$(register-python-argcomplete sma-actuator)"``.
 """
 
 from __future__ import annotations
 
 import argparse
+import difflib
 import importlib
+import importlib.metadata
+import logging
+import os
 import sys
 
 from sma_actuator.base.errors import UserError
@@ -30,23 +35,60 @@ COMMANDS = {
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns its exit code (0 only on success)."""
     argv = sys.argv[1:] if argv is None else argv
-    parser = argparse.ArgumentParser(prog="sma-actuator", description="Drive and calibrate shape memory alloy wires.")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    chosen = next((word for word in argv if not word.startswith("-")), None)
-    for name, (module_name, summary) in COMMANDS.items():
-        subparser = commands.add_parser(name, help=summary, description=summary)
-        if name == chosen:
-            try:
-                module = importlib.import_module(module_name)
-            except ModuleNotFoundError as error:
-                if error.name is None or error.name.startswith("sma_actuator"):
-                    raise
-                parser.exit(
-                    2, f"sma-actuator {name}: needs the Python package '{error.name}', which is not installed\n"
-                )
-            module.add_arguments(subparser)
-            subparser.set_defaults(run=module.run)
-    args = parser.parse_args(argv)
+    parser = argparse.ArgumentParser(
+        prog="sma-actuator",
+        description="Drive and calibrate shape memory alloy wires.",
+        epilog="sma-actuator COMMAND --help says what a command wants.",
+    )
+    parser.add_argument("--version", action="version", version=f"sma-actuator {_version()}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND")
+    completing = "_ARGCOMPLETE" in os.environ
+    words = os.environ.get("COMP_LINE", "").split()[1:] if completing else argv
+    chosen = next((word for word in words if not word.startswith("-")), None)
+    subparsers = {
+        name: commands.add_parser(name, help=summary, description=summary) for name, (_, summary) in COMMANDS.items()
+    }
+    if chosen in COMMANDS:
+        _load(chosen, subparsers[chosen])
+    if completing:
+        import argcomplete
+
+        argcomplete.autocomplete(parser)
+    if not argv:
+        parser.print_help()
+        return 0
+    if chosen is not None and chosen not in COMMANDS:
+        near = difflib.get_close_matches(chosen, COMMANDS, n=1)
+        parser.error(
+            f"'{chosen}' is no command{f'; did you mean {near[0]}?' if near else ''}; commands are {', '.join(COMMANDS)}"
+        )
+    args, unknown = parser.parse_known_args(argv)
+    if args.command is None:
+        parser.error(f"a command is wanted: {', '.join(COMMANDS)}")
+    if unknown:
+        subparsers[args.command].error(f"unrecognized arguments: {' '.join(unknown)}")
+    return _run(args)
+
+
+def _load(name: str, parser: argparse.ArgumentParser) -> None:
+    """Give a command's parser its options."""
+    try:
+        module = importlib.import_module(COMMANDS[name][0])
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.startswith("sma_actuator"):
+            raise
+        parser.exit(2, f"sma-actuator {name}: needs the Python package '{error.name}', which is not installed\n")
+    module.add_arguments(parser)
+    parser.add_argument("-q", "--quiet", action="store_true", help="no progress and no notes, only results and errors")
+    parser.add_argument("-v", "--verbose", action="store_true", help="also what the parts of the program log")
+    parser.set_defaults(run=module.run)
+
+
+def _run(args: argparse.Namespace) -> int:
+    if args.verbose:
+        logging.basicConfig(level=logging.DEBUG, format="%(name)s: %(message)s")
+    elif args.quiet:
+        logging.basicConfig(level=logging.ERROR, format="%(message)s")
     try:
         return args.run(args)
     except UserError as error:
@@ -55,6 +97,17 @@ def main(argv: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(f"sma-actuator {args.command}: interrupted", file=sys.stderr)
         return 130
+    except BrokenPipeError:
+        # Whoever read the results has enough; the interpreter must not write what is left either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+
+
+def _version() -> str:
+    try:
+        return importlib.metadata.version("sma_actuator")
+    except importlib.metadata.PackageNotFoundError:
+        return "of a folder that is not installed"
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 from sma_actuator.base.parameters import parameter
 from sma_actuator.base.registry import Registry
@@ -28,18 +28,19 @@ class ControllerParameters:
         "hold", "what to do when the setpoint is lost", choices=("hold", "bias", "off"), live=True
     )
 
+    def build(self, bias_A: float) -> ControlLaw:
+        """The law with these parameters, whose output lies between ``bias_A`` and the limit of each step."""
+        raise NotImplementedError
+
 
 class ControlLaw(Protocol):
-    """One control law of one wire, with its memory.  Its class names the section it is made from."""
+    """One control law of one wire, with its memory."""
 
-    PARAMETERS: ClassVar[type[ControllerParameters]]
+    output_A: float  #: the current of the last step
     reference_m: float  #: the setpoint as far as it is followed yet (rate limited)
     rate_limited: bool  #: the setpoint moves faster than it is followed
     at_max: bool  #: the law wants more than the limit
     at_bias: bool  #: the law wants less than the bias
-
-    def __init__(self, parameters: Any, bias_A: float) -> None:
-        """A law whose output lies between ``bias_A`` and the limit of each step."""
 
     def reset(self, position_m: float, output_A: float) -> None:
         """Start at a position and a current [A], without a jump."""
@@ -54,5 +55,11 @@ class ControlLaw(Protocol):
         """
 
 
+def _refusal(_name: str, cls: type[ControllerParameters]) -> str:
+    if not (isinstance(cls, type) and issubclass(cls, ControllerParameters)):
+        return "it is no class of parameters that derives from ControllerParameters"
+    return "build is missing: what makes the law" if cls.build is ControllerParameters.build else ""
+
+
 #: The section ``controller`` for each ``controller.type``.
-CONTROL_LAWS: Registry[type[ControllerParameters]] = Registry("control law", "sma_actuator.control_laws")
+CONTROL_LAWS: Registry[type[ControllerParameters]] = Registry("control law", "sma_actuator.control_laws", _refusal)

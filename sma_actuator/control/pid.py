@@ -22,12 +22,16 @@ SHORTEST_STEP_s = 1e-6
 @CONTROL_LAWS.register("pid")
 @dataclass(frozen=True, slots=True)
 class PidParameters(ControllerParameters):
-    """PidParameters of the PID."""
+    """Gains of the PID."""
 
     kp: float = parameter(description="proportional gain", unit="A/m", lo=0.0, hi=1e6, live=True)
     ki: float = parameter(0.0, "integral gain", "A/(m·s)", 0.0, 1e6, live=True)
     kd: float = parameter(0.0, "derivative gain, on the estimate", "A·s/m", 0.0, 1e6, live=True)
     derivative_time_constant: float = parameter(0.1, "low-pass of the derivative", "s", 0.0, 10.0, live=True)
+
+    def build(self, bias_A: float) -> PidController:
+        """The PID with these gains."""
+        return PidController(self, bias_A)
 
 
 class PidController:

@@ -56,7 +56,7 @@ class EstimatorParameters:
 
 
 @jit
-def _by_power(power, state, on, off):
+def _by_power(power: float, state: np.ndarray, on: float, off: float) -> bool:
     """``state`` = [heating, –]."""
     if power >= on:
         state[0] = 1.0
@@ -66,7 +66,7 @@ def _by_power(power, state, on, off):
 
 
 @jit
-def _by_heat_balance(time, power, state, time_constant, hysteresis):
+def _by_heat_balance(time: float, power: float, state: np.ndarray, time_constant: float, hysteresis: float) -> bool:
     """``state`` = [heating, power that holds the present temperature, time]."""
     state[1] -= expm1(-max(time - state[2], 0.0) / time_constant) * (power - state[1])
     state[2] = time
@@ -78,7 +78,7 @@ def _by_heat_balance(time, power, state, time_constant, hysteresis):
 
 
 @jit
-def _by_resistance(resistance, state, deadband):
+def _by_resistance(resistance: float, state: np.ndarray, deadband: float) -> bool:
     """``state`` = [heating, extreme of R on this branch]."""
     if state[0] > 0.5:
         if resistance > state[1] + deadband:
@@ -94,19 +94,21 @@ def _by_resistance(resistance, state, deadband):
 
 
 @jit
-def _by_power_all(power, state, on, off, heating):
+def _by_power_all(power: np.ndarray, state: np.ndarray, on: float, off: float, heating: np.ndarray) -> None:
     for i in range(len(power)):
         heating[i] = _by_power(power[i], state, on, off)
 
 
 @jit
-def _by_heat_balance_all(time, power, state, time_constant, hysteresis, heating):
+def _by_heat_balance_all(
+    time: np.ndarray, power: np.ndarray, state: np.ndarray, time_constant: float, hysteresis: float, heating: np.ndarray
+) -> None:
     for i in range(len(power)):
         heating[i] = _by_heat_balance(time[i], power[i], state, time_constant, hysteresis)
 
 
 @jit
-def _by_resistance_all(resistance, state, deadband, heating):
+def _by_resistance_all(resistance: np.ndarray, state: np.ndarray, deadband: float, heating: np.ndarray) -> None:
     for i in range(len(resistance)):
         heating[i] = _by_resistance(resistance[i], state, deadband)
 

@@ -65,7 +65,7 @@ class Judged(EstimateTrace):
 
 
 @jit
-def _velocity(time, displacement, state, time_constant):
+def _velocity(time: float, displacement: float, state: np.ndarray, time_constant: float) -> float:
     """Difference quotient through a first-order low-pass; ``state`` = [time, δ, velocity]."""
     step = time - state[0]
     if step > 0.0:
@@ -76,13 +76,15 @@ def _velocity(time, displacement, state, time_constant):
 
 
 @jit
-def _velocity_all(time, displacement, state, time_constant, velocity):
+def _velocity_all(
+    time: np.ndarray, displacement: np.ndarray, state: np.ndarray, time_constant: float, velocity: np.ndarray
+) -> None:
     for i in range(len(time)):
         velocity[i] = _velocity(time[i], displacement[i], state, time_constant)
 
 
 @jit
-def _quality(displacement, stress, contracted, bounds):
+def _quality(displacement: float, stress: float, contracted: bool, bounds: np.ndarray) -> int:
     """``bounds`` = [σ_lo, σ_hi, δ_lo, δ_hi]."""
     if not bounds[0] <= stress <= bounds[1]:
         return 3
@@ -96,7 +98,9 @@ def _quality(displacement, stress, contracted, bounds):
 
 
 @jit
-def _quality_all(displacement, stress, contracted, bounds, quality):
+def _quality_all(
+    displacement: np.ndarray, stress: np.ndarray, contracted: np.ndarray, bounds: np.ndarray, quality: np.ndarray
+) -> None:
     for i in range(len(displacement)):
         quality[i] = _quality(displacement[i], stress[i], contracted[i], bounds)
 
@@ -135,7 +139,7 @@ class Chain:
         self._resistances_Ohm = config.safety.resistance_min, config.safety.resistance_max
         self._velocity_state = np.zeros(3)
         self._effects = [
-            (e, np.empty(e.STATES)) for e in in_order(config.effects.active if effects is None else effects)
+            (e, np.empty(e.STATES)) for e in in_order(config.effects.active if effects is None else effects).values()
         ]
         self._measured = self._at("measured")
         self._at_resistance = self._at("at_resistance")
@@ -320,7 +324,7 @@ class Chain:
         frame.load_N = frame.load_N + signals.tare_N  # what the load cell shows is what its faults act on
         self._act(self._measured, frame)
         frame.load_N = frame.load_N - signals.tare_N
-        values = {
+        values: dict[str, Any] = {
             "resistance_Ohm": frame.resistance_Ohm,
             "current_A": frame.current_A,
             "power_W": frame.power_W,

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sma_actuator.base.parameters import parameter
-from sma_actuator.base.signals import MEASURABLE, Reading, Signals
+from sma_actuator.base.signals import MEASURABLE, Reading, Signals, Value
 
 if TYPE_CHECKING:
     from sma_actuator.config import Config
@@ -49,14 +49,16 @@ class ReferenceSensor:
         return math.isfinite(self.slope) and math.isfinite(self.offset)
 
 
-def _positive_or_nan(value):
+def _positive_or_nan(value: Value) -> Value:
     """NaN where ``value`` is not above zero, so that a division by it cannot be infinite."""
     if isinstance(value, np.ndarray):
         return np.where(value > 0.0, value, np.nan)
     return value if value > 0.0 else np.nan
 
 
-def resistance_and_current(supply_voltage_V, reference_voltage_V, reference_resistance_Ohm, lead_resistance_Ohm):
+def resistance_and_current(
+    supply_voltage_V: Value, reference_voltage_V: Value, reference_resistance_Ohm: float, lead_resistance_Ohm: float
+) -> tuple[Value, Value]:
     """Resistance of the wire [Ω] and current through it [A], eq. 3.3 and 3.4.
 
     Where the reference voltage is not above zero there is no current to measure with: the
@@ -94,7 +96,7 @@ def signals_from_reading(reading: Reading, config: Config, tare_N: float | np.nd
     )
 
 
-def is_driven(current_A, bias_current_A: float):
+def is_driven(current_A: Value, bias_current_A: float) -> bool | np.ndarray:
     """Whether there is current enough to measure a resistance with; of one sample or of n."""
     return current_A >= MEASURABLE * bias_current_A
 
@@ -106,10 +108,9 @@ def without_undriven(signals: Signals, bias_current_A: float) -> Signals:
     """
     driven = is_driven(signals.current_A, bias_current_A)
     if isinstance(driven, np.ndarray):
-        resistance_Ohm = np.where(driven, signals.resistance_Ohm, np.nan)
-        power_W = np.where(driven, signals.power_W, np.nan)
-    elif driven:
-        return signals
-    else:
-        resistance_Ohm = power_W = np.nan
-    return dataclasses.replace(signals, resistance_Ohm=resistance_Ohm, power_W=power_W)
+        return dataclasses.replace(
+            signals,
+            resistance_Ohm=np.where(driven, signals.resistance_Ohm, np.nan),
+            power_W=np.where(driven, signals.power_W, np.nan),
+        )
+    return signals if driven else dataclasses.replace(signals, resistance_Ohm=np.nan, power_W=np.nan)

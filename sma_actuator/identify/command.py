@@ -4,25 +4,36 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 from pathlib import Path
 
 import yaml
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from sma_actuator.config import NODE_NAME, read_parameter_file
-from sma_actuator.logs.bench_log import read_bench_log
+from sma_actuator.console import (
+    add_output_arguments,
+    notes,
+    progress_bar,
+    refuse_to_overwrite,
+    results,
+    write_csv,
+    write_json,
+)
 from sma_actuator.logs.files import write_atomically
+from sma_actuator.logs.reading import add_log_arguments, read_logs, reading_of
 
-from .identification import METHODS, MODELS, Identification, identify
+from .fitters import METHODS
+from .identification import Identification, identify
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``sma-actuator identify``."""
     parser.add_argument(
-        "logs", nargs="+", type=Path, metavar="LOG", help="bench logs; calibration and training logs are left out"
+        "logs",
+        nargs="+",
+        type=Path,
+        metavar="LOG",
+        help="logs, folders or patterns of them; those of calibration and training are left out",
     )
     parser.add_argument(
         "--config",
@@ -31,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="BENCH.yaml",
         help="parameters of the bench (a model in it is replaced)",
     )
-    parser.add_argument("--model", required=True, choices=MODELS, help="model to fit")
+    parser.add_argument("--model", required=True, metavar="TYPE", help="model.type to fit: flexinol, furukawa …")
     parser.add_argument(
         "--out",
         type=Path,
@@ -57,21 +68,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--report", type=Path, metavar="FILE.html", help="page with the pictures (default: beside MODEL.yaml)"
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write coefficients, intervals and errors here")
+    add_log_arguments(parser)
+    add_output_arguments(parser, "coefficients, intervals and errors", "the errors")
 
 
 def run(args: argparse.Namespace) -> int:
     """Fit, write and report; 0 when MODEL.yaml was written."""
     from .page import write_page
 
-    console = Console(stderr=True)
+    page = args.report or args.out.with_suffix(".html")
+    refuse_to_overwrite(args, args.out, page)
+    reading, console = reading_of(args), notes(args)
     mapping = read_parameter_file(args.config)
-    with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console) as bar:
-        reading = bar.add_task("reading", total=len(args.logs))
-        logs = []
-        for path in args.logs:
-            logs.append(read_bench_log(path))
-            bar.advance(reading)
+    with progress_bar(args) as bar:
+        task = bar.add_task("reading", total=1.0)
+        logs = read_logs(args.logs, reading, console.print, lambda fraction: bar.update(task, completed=fraction))
         fitting = bar.add_task("fitting", total=1.0)
         result = identify(
             logs, mapping, args.model, args.method, args.variant, args.order,
@@ -79,12 +90,10 @@ def run(args: argparse.Namespace) -> int:
         )  # fmt: skip
         bar.update(fitting, completed=1.0)
     write_model(args.out, result)
-    page = args.report or args.out.with_suffix(".html")
     write_page(page, result)
-    if args.json:
-        text = json.dumps(summary(result), indent=1) + "\n"
-        write_atomically(args.json, lambda stream: stream.write(text.encode()))
-    console.print(_table(result))
+    write_json(args, summary(result))
+    write_csv(args, [dataclasses.asdict(e) for e in result.errors])
+    results(args).print(_table(result))
     for note in result.notes:
         console.print(f"note: {note}")
     console.print(f"wrote {args.out} and {page}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,15 +16,11 @@ from sma_actuator.logs.bench_log import BenchLog
 from .calibration import calibration_of
 from .errors import LogError, log_errors
 from .fatigue import Fatigue, fit_fatigue
-from .flexinol import FlexinolFit, fit_appendix_c, fit_joint
-from .furukawa import FurukawaFit, fit_furukawa
-from .normalised import as_one_wire, fit_furukawa_normalised, flexinol_normalised
-from .ranges import check_width, shortest_seen_m
-from .traces import Trace, make_traces
-
-METHODS = ("joint", "appendix-c")
-MODELS = ("flexinol", "flexinol_normalised", "furukawa", "furukawa_normalised")
-Progress = Callable[[float], None]
+from .fitters import FITTERS, METHODS, Asked, Fitter, Progress
+from .kinds import make_traces
+from .normalised import as_one_wire
+from .ranges import MARGIN, check_width, shortest_seen_m
+from .traces import Trace
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +31,7 @@ class Identification:
     config: Config  #: the same, checked
     intervals: dict[str, list[tuple[float, float]]]  #: 95 % of every coefficient, by bootstrap over cycles
     errors: list[LogError]  #: of the logs it was fitted on
-    fit: FlexinolFit | FurukawaFit | None  #: how it was found
+    fit: Any  #: how it was found, as its fitter has it
     traces: tuple[Trace, ...]
     fatigue: Fatigue | None = None
     notes: list[str] = field(default_factory=list)  #: what the user should know
@@ -56,49 +52,32 @@ def identify(
     stress polynomials; None: chosen on held-out cycles (appendix C: 2).  ``variant`` of the
     Ni-Ti-Cu model.  Raises IdentificationError naming what the logs lack, BenchLogError, ConfigError.
     """
-    if model_type not in MODELS:
-        raise ConfigError(f"model: '{model_type}' is not one of {', '.join(MODELS)}")
-    if method not in METHODS:
-        raise ConfigError(f"method: '{method}' is not one of {', '.join(METHODS)}")
-    if method == "appendix-c" and not model_type.startswith("flexinol"):
-        raise ConfigError("method: appendix-c is for the R-phase wire (flexinol, flexinol_normalised)")
+    fitter = _fitter(model_type, method)
     bench = bench_from_mapping(config_mapping)
-    normalised = model_type.endswith("_normalised")
-    everything = as_one_wire(logs, config_mapping) if normalised else make_traces(logs, bench)
+    everything = as_one_wire(logs, config_mapping) if fitter.any_size else make_traces(logs, bench)
     fatigue_traces = [t for t in everything if t.kind == "fatigue"]
     traces = [t for t in everything if t.kind != "fatigue"]
     notes = []
-    if model_type.startswith("flexinol"):
-        if method == "appendix-c":
-            fit = fit_appendix_c(traces, bench.wire, 2 if order is None else order)
-        else:
-            fit = fit_joint(traces, bench.wire, None if order is None else (order, order), progress)
-        coefficients, samples = fit.coefficients, fit.samples
-        if normalised:
-            coefficients, samples = flexinol_normalised(fit, traces, bench.wire)
-    elif normalised:
-        fit = None
-        coefficients, samples = fit_furukawa_normalised(traces, bench.wire, order)
-    else:
-        fit = fit_furukawa(traces, bench.wire, variant, order, progress)
-        coefficients, samples = fit.coefficients, fit.samples
+    fitted = fitter.fit(traces, bench.wire, Asked(method, variant, order, progress))
     mapping = copy.deepcopy(dict(config_mapping))
     for stale in ("effects", "calibration"):
         mapping.pop(stale, None)
-    mapping["model"] = {"type": model_type, **to_mapping(coefficients)}
+    mapping["model"] = {"type": model_type, **to_mapping(fitted.coefficients)}
     config = Config.from_mapping(mapping)
-    if not normalised:
-        low_m, high_m = coefficients.displacement_range
+    if "displacement_range" in mapping["model"]:
+        low_m, high_m = mapping["model"]["displacement_range"]
         seen_m = shortest_seen_m(traces, config)
         if seen_m > low_m:
             check_width(seen_m, high_m, bench.wire.full_stroke_m)
-            notes.append(
-                f"heated as far as it goes, the wire shows the model no less than {seen_m * 1e3:.2f} mm at some load, since "
-                f"its resistance rises again with temperature: the working range ends there, not at {low_m * 1e3:.2f} mm"
-            )
+            if seen_m > low_m + MARGIN * bench.wire.full_stroke_m:
+                notes.append(
+                    f"heated as far as it goes, the wire shows the model no less than {seen_m * 1e3:.2f} mm at some load: "
+                    "its resistance has a minimum and rises again with temperature; the working range ends there, not at "
+                    f"{low_m * 1e3:.2f} mm"
+                )
             mapping["model"]["displacement_range"] = [seen_m, high_m]
             config = Config.from_mapping(mapping)
-    mapping["calibration"] = to_mapping(calibration_of(traces, config, at_rest=not normalised))
+    mapping["calibration"] = to_mapping(calibration_of(traces, config, at_rest=not fitter.any_size))
     config = Config.from_mapping(mapping)
     model = config.model.build(bench.wire)
     fatigue = None
@@ -109,13 +88,26 @@ def identify(
     return Identification(
         mapping=mapping,
         config=config,
-        intervals={name: _interval(draws) for name, draws in samples.items()},
+        intervals={name: _interval(draws) for name, draws in fitted.samples.items()},
         errors=log_errors(model, traces, model.displacement_range_m, bench.wire.full_stroke_m),
-        fit=fit,
+        fit=fitted.how,
         traces=tuple(traces),
         fatigue=fatigue,
         notes=notes,
     )
+
+
+def _fitter(model_type: str, method: str) -> Fitter:
+    """The fitter of a model.  Raises ConfigError where there is none, or none that fits so."""
+    if model_type not in FITTERS:
+        raise ConfigError(f"model: '{model_type}' is not one of {', '.join(FITTERS)}")
+    if method not in METHODS:
+        raise ConfigError(f"method: '{method}' is not one of {', '.join(METHODS)}")
+    fitter = FITTERS[model_type]
+    if method not in fitter.methods:
+        able = ", ".join(name for name, each in FITTERS.items() if method in each.methods)
+        raise ConfigError(f"method: {method} is not for {model_type}; it is for {able}")
+    return fitter
 
 
 def _interval(draws: np.ndarray) -> list[tuple[float, float]]:

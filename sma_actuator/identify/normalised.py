@@ -21,8 +21,9 @@ from sma_actuator.logs.bench_log import BenchLog
 
 from . import fitting
 from .flexinol import HIGHEST_ORDER, FlexinolFit, STRESS_UNIT_Pa, stress_range_Pa
+from .kinds import with_kinds
 from .ranges import distinct_stresses, full_cycles, working_range_m
-from .traces import NOT_FITTED, IdentificationError, Trace, make_trace
+from .traces import NOT_FITTED, IdentificationError, Trace, judged_rows, make_trace, sessions
 
 _ASYMPTOTES = ("heating_slope", "heating_intercept", "cooling_slope", "cooling_intercept")
 
@@ -49,16 +50,16 @@ def as_one_wire(logs: Sequence[BenchLog], mapping: Mapping[str, Any]) -> list[Tr
         own["safety"] = {**own["safety"]}
         for name in ("resistance_min", "resistance_max"):
             own["safety"][name] /= resistance
-        trace = make_trace(log, bench_from_mapping(own))
-        signals = dataclasses.replace(
-            trace.signals,
-            resistance_Ohm=trace.signals.resistance_Ohm * resistance,
-            reference_displacement_m=trace.signals.reference_displacement_m * (reference.length / unscaled.length),
-        )
-        traces.append(dataclasses.replace(trace, signals=signals))
+        for trace in map(judged_rows, sessions(make_trace(log, bench_from_mapping(own)))):
+            signals = dataclasses.replace(
+                trace.signals,
+                resistance_Ohm=trace.signals.resistance_Ohm * resistance,
+                reference_displacement_m=trace.signals.reference_displacement_m * (reference.length / unscaled.length),
+            )
+            traces.append(dataclasses.replace(trace, signals=signals))
     if not traces:
         raise IdentificationError("no log to fit: pulses or partial cycles of at least one wire are needed")
-    return traces
+    return with_kinds(traces)
 
 
 def martensite_resistivity_Ohm_m(traces: Sequence[Trace], wire) -> float:

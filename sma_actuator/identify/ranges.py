@@ -13,10 +13,10 @@ import numpy as np
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain
 
+from .kinds import FULL, SAME_LOAD
 from .traces import IdentificationError, Trace
 
 MARGIN = 0.02  #: share of the full stroke that the working range keeps from where resistance stops telling
-SAME_LOAD = 0.05  #: relative difference of stress below which two loads count as one
 _SMOOTH = 3  #: samples either side that a local slope is taken over
 _FLAT = 0.4  #: share of the branch's slope below which it is called flat
 _CORE = (0.25, 0.75)  #: part of the stroke that is determinate beyond doubt
@@ -92,24 +92,12 @@ def shortest_seen_m(traces: Sequence[Trace], config: Config) -> float:
 
 
 def full_cycles(traces: Sequence[Trace]) -> list[Trace]:
-    """The traces of open-loop pulses at a constant load.
-
-    By their metadata or, where no log has any, those with the longest stroke of their load.
-    Raises IdentificationError where there is none.
-    """
-    found = [t for t in traces if t.kind == "pulses" and t.constant_load]
-    if not found:
-        unnamed = [t for t in traces if not t.kind and t.constant_load]
-        stroke_m = np.array([float(np.ptp(t.displacement_m)) for t in unnamed])
-        stress_Pa = np.array([t.mean_stress_Pa for t in unnamed])
-        for t, stroke, stress in zip(unnamed, stroke_m, stress_Pa, strict=True):
-            same_load = np.abs(stress_Pa - stress) <= SAME_LOAD * np.abs(stress)
-            if stroke >= 0.95 * stroke_m[same_load].max() and stroke > 0.5 * stroke_m.max():
-                found.append(t)
+    """The traces of full cycles at a constant load.  Raises IdentificationError where there is none."""
+    found = [t for t in traces if t.kind == FULL and t.constant_load]
     if not found:
         raise IdentificationError(
-            "no log of full cycles at a constant load (open-loop pulses); they are needed to find the branches "
-            "and the ends of the stroke"
+            "no log of full cycles at a constant load (open-loop pulses, from rest in the cold to rest in the heat and back); "
+            "they are needed to find the branches and the ends of the stroke"
         )
     return found
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +10,7 @@ import numpy as np
 from sma_actuator.base.signals import Signals
 from sma_actuator.estimation.branch import BranchDetector
 from sma_actuator.estimation.chain import EstimateTrace
-from sma_actuator.logs.bench_log import BenchLog, require_reference, signals_from_log
+from sma_actuator.logs.bench_log import BenchLog, longest_pause_s, require_reference, signals_from_log
 from sma_actuator.logs.errors import BenchLogError
 
 NOT_FITTED = ("lead_resistance", "load_cell", "lvdt", "training")
@@ -64,6 +63,11 @@ class Trace:
         spread_N = float(np.subtract(*np.nanpercentile(self.signals.load_N, (97.5, 2.5))))
         return spread_N <= max(0.05 * abs(float(np.nanmean(self.signals.load_N))), 0.02)
 
+    @property
+    def judged(self) -> np.ndarray:
+        """Bool, the samples that say something of the wire: it is driven, and nothing is missing."""
+        return np.isfinite(self.resistance_Ohm + self.stress_Pa + self.signals.power_W + self.displacement_m)
+
     def rows(self, chosen: np.ndarray) -> Trace:
         """The trace with some of its samples only (bool, shape (n,))."""
         fields = {f.name: getattr(self.signals, f.name) for f in dataclasses.fields(self.signals)}
@@ -76,13 +80,15 @@ class Trace:
         return dataclasses.replace(self, signals=estimate.signals, heating=estimate.branch.astype(bool))
 
 
-def make_trace(log: BenchLog, config) -> Trace:
+def make_trace(log: BenchLog, config, with_reference: bool = True) -> Trace:
     """Apply the calibrations of ``config`` (Config or bench sections) to a log.
 
-    Raises BenchLogError: no reference, a saturated channel, or a log of another wire.
+    Raises BenchLogError: no reference (where one is wanted), a saturated channel, or a log of another wire.
     """
-    require_reference(log)
+    if with_reference:
+        require_reference(log)
     _same_wire(log, config)
+    log = _as_the_node_read_it(log, config)
     _not_saturated(log, config)
     signals = signals_from_log(log, config)
     good = np.isfinite(signals.resistance_Ohm + signals.stress_Pa + signals.power_W)
@@ -116,22 +122,37 @@ def make_trace(log: BenchLog, config) -> Trace:
     heating = detector.run(*seen)[latest]
     middle_A = 0.5 * (np.nanmin(signals.current_A) + np.nanmax(signals.current_A))
     driven = signals.current_A > middle_A
-    switched_on = np.flatnonzero(driven & ~np.roll(driven, 1))
-    cycle = np.searchsorted(switched_on[switched_on > 0], np.arange(len(driven)), side="right")
-    return Trace(log, str(log.metadata.get("kind", "")), signals, heating, driven, cycle)
+    return Trace(log, str(log.metadata.get("kind", "")), signals, heating, driven, cycles_of(driven))
 
 
-def make_traces(logs: Sequence[BenchLog], config) -> list[Trace]:
-    """Traces of the logs that a model is fitted on; calibration and training logs are left out.
+def cycles_of(driven: np.ndarray) -> np.ndarray:
+    """Number of the cycle of every sample; one begins when the current is switched on."""
+    return np.concatenate(([0], np.cumsum(driven[1:] & ~driven[:-1])))
 
-    Raises IdentificationError where none is left.
+
+def sessions(trace: Trace) -> list[Trace]:
+    """A trace cut where its log pauses.
+
+    Pieces without a cycle are left out where others have one.
     """
-    traces = [make_trace(log, config) for log in logs if log.metadata.get("kind") not in NOT_FITTED]
-    if not traces:
-        raise IdentificationError(
-            "no log to fit: pulses or partial cycles of a wire with a measured displacement are needed"
+    starts = np.flatnonzero(np.diff(trace.signals.time_s) > longest_pause_s(trace.log)) + 1
+    number = np.searchsorted(starts, np.arange(len(trace.log)), side="right")
+    pieces = [trace.rows(number == k) for k in range(len(starts) + 1)]
+    pieces = [dataclasses.replace(piece, cycle=cycles_of(piece.driven)) for piece in pieces]
+    cycled = [piece for piece in pieces if piece.cycle[-1] > 0] or pieces[:1]
+    if len(cycled) < 2:
+        return cycled
+    return [
+        dataclasses.replace(
+            piece, log=dataclasses.replace(piece.log, source=f"{piece.log.source} ({k} of {len(cycled)})")
         )
-    return traces
+        for k, piece in enumerate(cycled, 1)
+    ]
+
+
+def judged_rows(trace: Trace) -> Trace:
+    """A trace without the samples that say nothing of the wire: undriven, or with something missing."""
+    return trace if trace.judged.all() else trace.rows(trace.judged)
 
 
 def _same_wire(log: BenchLog, config) -> None:
@@ -148,6 +169,20 @@ def _same_wire(log: BenchLog, config) -> None:
             f"{log.source}: is a log of another wire: its alloy is {said['alloy']} and wire.alloy is "
             f"{config.wire.alloy}"
         )
+
+
+def _as_the_node_read_it(log: BenchLog, config) -> BenchLog:
+    """A node's own recording without the readings that the node did not use: a channel at its limit."""
+    limit_V = config.safety.channel_max_voltage
+    channels = ("supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V")
+    if "output_on" not in log or not all(name in log for name in channels):
+        return log
+    usable = np.all([np.abs(log[name]) < limit_V for name in channels], axis=0)
+    if usable.all():
+        return log
+    return dataclasses.replace(
+        log, columns={**log.columns, **{name: np.where(usable, log[name], np.nan) for name in channels}}
+    )
 
 
 def _not_saturated(log: BenchLog, config) -> None:

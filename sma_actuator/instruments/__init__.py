@@ -16,26 +16,48 @@ from sma_actuator.base.signals import Reading, SupplyState
 class InstrumentError(UserError, OSError):
     """Something is wrong with an instrument.  The message names it, and what to do."""
 
+    fault = ""  #: name of the fault that this is; "": the instrument is lost
+
 
 class InstrumentLost(InstrumentError):
     """It does not answer any more (time-out, closed connection).  Reopening may help."""
+
+
+class InstrumentUnreachable(InstrumentLost):
+    """It cannot be connected to, so it has not heard a word either."""
 
 
 class InstrumentRefused(InstrumentError):
     """It answers, but it is not what was configured, or will not do what is needed."""
 
 
+class LimitsNotHeld(InstrumentRefused):
+    """A limit does not stand as it was programmed.  Opening programs it anew."""
+
+    fault = "limits_not_held"
+
+
+class WatchdogNotHeld(InstrumentRefused):
+    """The communication watchdog does not stand as it was armed.  Opening arms it anew."""
+
+    fault = "watchdog_not_held"
+
+
 class PowerSupply(Protocol):
     """A current-controlled supply.  Every method but ``shut_down`` and ``close`` may raise InstrumentError.
 
-    Not thread-safe: one owner.
+    Off is said first and last on every connection, without a question: before ``open`` asks who answers, and
+    before a connection is given up.  Every method returns or raises within the time of one answer,
+    ``instruments.supply.timeout``; ``open`` within ten of them, ``shut_down`` within half a second.
+    Not thread-safe, but for ``shut_down``: one owner.
     """
 
     identity: str  #: answer to ``*IDN?``, "" before ``open``
 
     def open(self) -> None:
-        """Connect, check who answers, output off, program compliance voltage, over-voltage and
-        over-current trips, arm the watchdog, read all of it back; refuse where it does not hold."""
+        """Connect, output off, check who answers, program compliance voltage, over-voltage and
+        over-current trips, arm the watchdog, read all of it back; refuse where it does not hold.
+        May be called again: it then makes a new connection."""
 
     def set_current(self, current_A: float) -> None:
         """Program the current limit [A]."""
@@ -46,16 +68,22 @@ class PowerSupply(Protocol):
     def read_back(self) -> SupplyState:
         """Ask the instrument for its settings and measurements."""
 
-    def watchdog_holds(self) -> bool:
-        """Whether the communication watchdog still stands as it was armed; true where the
-        parameters do without one."""
+    def check_settings(self) -> None:
+        """Read back every limit and the watchdog; raises LimitsNotHeld or WatchdogNotHeld, and switches off then."""
+
+    def check_next_setting(self) -> None:
+        """The same of one of them, in turn: cheap enough to be done while driving."""
 
     def clear_trip(self) -> None:
         """Clear a tripped protection; the output stays off."""
 
-    def shut_down(self) -> None:
-        """Current to zero and output off, whatever else fails.  Never raises; may be called
-        twice, from a signal handler's thread, after the connection died (it tries to reopen)."""
+    def switch_off(self) -> None:
+        """Output off and current to zero, read back; raises InstrumentRefused where it stays on."""
+
+    def shut_down(self) -> bool:
+        """Output off and current to zero, whatever else fails; whether the output was read back as off.
+        Never raises; may be called twice, from any thread, after the connection died or while it
+        hangs in another thread (it then makes one of its own)."""
 
     def close(self) -> None:
         """Give up the connection.  Never raises."""

@@ -8,17 +8,22 @@ current flows.
 from __future__ import annotations
 
 import difflib
+import importlib.resources
 import re
 import string
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
 from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.registry import MEND, PlugInError, described, load_plug_in
 from sma_actuator.base.yaml_text import read_yaml
 
 FOLDER = Path(__file__).parent / "dialects"
+#: Entry points of other packages that bring a dialect: its name, and the package whose folder holds <name>.yaml.
+GROUP = "sma_actuator.dialects"
 #: Placeholders each entry may use.
 _SUPPLY_COMMANDS = {
     "prepare": {"channel"},
@@ -45,6 +50,7 @@ _SUPPLY_QUERIES = {
         "voltage",
         "current",
         "watchdog_armed",
+        "watchdog_tied",
         "watchdog_delay",
         "error",
     )
@@ -80,6 +86,8 @@ _KEYS = {
         "chained_queries",
         "watchdog_range_s",
         "watchdog_step_s",
+        "watchdog_fed_by",
+        "second_session",
         "commands",
         "queries",
         "trips",
@@ -87,7 +95,33 @@ _KEYS = {
     "daq": {"kind", "family", "source", "notes", "identity", "termination", "measures_celsius", "commands", "queries"},
 }
 _YES = {"1", "on", "yes", "true"}
-_NO = {"0", "off", "no", "false", "none", ""}
+_NO = {"0", "off", "no", "false"}  #: not the empty answer: it proves nothing
+
+
+def _named(name: str, kind: str) -> Path:
+    """The file of a dialect by its name: this package's own, or one that another package brings.
+
+    Raises ConfigError, or PlugInError where that package is broken.
+    """
+    path = FOLDER / f"{name}.yaml"
+    if path.exists():
+        return path
+    brought = {point.name: point for point in entry_points(group=GROUP)}
+    if name in brought:
+        return _brought(brought[name])
+    known = sorted([*(p.stem for p in FOLDER.glob("*.yaml")), *brought])
+    near = difflib.get_close_matches(name, known, n=1)
+    help_ = f"did you mean {near[0]}?" if near else f"there are {', '.join(known)}, or give the path of a YAML file"
+    raise ConfigError(f"instruments.{kind}.dialect: there is no dialect '{name}'; {help_}")
+
+
+def _brought(point: EntryPoint) -> Path:
+    """The file ``<name>.yaml`` in the package that an entry point names.  Raises PlugInError where it is not there."""
+    folder = Path(str(importlib.resources.files(load_plug_in(point))))
+    path = folder / f"{point.name}.yaml"
+    if not path.is_file():
+        raise PlugInError(f"{described(point)} wants the file {path}, which is not there; {MEND}")
+    return path
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +140,8 @@ class Dialect:
     measures_celsius: bool  #: whether the channel of a temperature sensor answers in °C
     watchdog_range_s: tuple[float, float] | None
     watchdog_step_s: float
+    watchdog_fed_by: str  #: session or anyone; "" where there is none
+    second_session: bool  #: whether it is known to listen to a second session beside one that hangs
 
     @classmethod
     def load(cls, name_or_path: str, kind: str) -> Dialect:
@@ -115,18 +151,7 @@ class Dialect:
         """
         path = Path(name_or_path)
         if path.suffix not in (".yaml", ".yml"):
-            path = FOLDER / f"{name_or_path}.yaml"
-            if not path.exists():
-                known = sorted(p.stem for p in FOLDER.glob("*.yaml"))
-                near = difflib.get_close_matches(name_or_path, known, n=1)
-                raise ConfigError(
-                    f"instruments.{kind}.dialect: there is no dialect '{name_or_path}'; "
-                    + (
-                        f"did you mean {near[0]}?"
-                        if near
-                        else f"there are {', '.join(known)}, or give the path of a YAML file"
-                    )
-                )
+            path = _named(name_or_path, kind)
         return cls._checked(path, read_yaml(path, f"a dialect for instruments.{kind}.dialect"), kind)
 
     @classmethod
@@ -173,6 +198,11 @@ class Dialect:
             problems.append(
                 "queries.watchdog_armed, watchdog_delay: missing; a watchdog that cannot be read back is none"
             )
+        fed_by = document.get("watchdog_fed_by", "")
+        if watchdog and fed_by not in ("session", "anyone"):
+            problems.append(
+                "watchdog_fed_by: session, where only the connection that armed the watchdog feeds it, or anyone is wanted"
+            )
         if watchdog and "watchdog_range_s" not in document:
             problems.append("watchdog_range_s: missing; shortest and longest delay in seconds are wanted")
         span, step_s = document.get("watchdog_range_s"), document.get("watchdog_step_s", 0.0)
@@ -187,7 +217,7 @@ class Dialect:
             problems.append(
                 f'termination: {termination!r} ends no line; "\\n", "\\r\\n" or "\\r" is wanted, in double quotes'
             )
-        flags = {key: document.get(key, False) for key in ("chained_queries", "measures_celsius")}
+        flags = {key: document.get(key, False) for key in ("chained_queries", "measures_celsius", "second_session")}
         for key, value in flags.items():
             if not isinstance(value, bool):
                 problems.append(f"{key}: {value!r} is neither true nor false")
@@ -212,6 +242,8 @@ class Dialect:
             flags["measures_celsius"],
             (float(span[0]), float(span[1])) if span else None,
             float(step_s),
+            fed_by,
+            flags["second_session"],
         )
 
     def lines(self, name: str, **values: Any) -> list[str]:

@@ -16,8 +16,13 @@ class SupplyInstrument:
         "virtual_bench_supply", "name of a dialect in sma_actuator/instruments/dialects, or path of a YAML file"
     )
     channel: int = parameter(1, "output channel", "1", 1, 100)
-    timeout: float = parameter(0.5, "time to wait for an answer", "s", 0.01, 60.0)
-    exclusive_lock: bool = parameter(True, "take the VISA lock where the instrument has one")
+    timeout: float = parameter(
+        0.2, "time in which an answer, a read-back or a connection must be complete", "s", 0.01, 60.0
+    )
+    exclusive_lock: bool = parameter(
+        True,
+        "keep others away: programs of this computer always, others by the instrument's lock or VISA's where there is one",
+    )
     pymeasure_class: str = parameter("", "dotted name of a pymeasure instrument, instead of a dialect", optional=True)
 
 
@@ -29,7 +34,7 @@ class DaqInstrument:
     dialect: str = parameter(
         "virtual_bench_daq", "name of a dialect in sma_actuator/instruments/dialects, or path of a YAML file"
     )
-    timeout: float = parameter(0.5, "time to wait for an answer", "s", 0.01, 60.0)
+    timeout: float = parameter(0.2, "time in which a reading or a connection must be complete", "s", 0.01, 60.0)
     supply_voltage_channel: int = parameter(101, "channel of the supply voltage", "1", 0, 10**6)
     reference_voltage_channel: int = parameter(102, "channel of the sense resistor's voltage", "1", 0, 10**6)
     load_cell_channel: int = parameter(103, "channel of the load cell's amplifier", "1", 0, 10**6)

@@ -7,19 +7,24 @@ lacks one of them is refused in a sentence.
 from __future__ import annotations
 
 import importlib
-import logging
+from collections.abc import Callable
 from math import nan
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+try:
+    from pymeasure.adapters import Adapter
+except ImportError:  # the extra is not installed: said when the class is looked for
+    Adapter = object
 
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import SupplyState
 
-from . import InstrumentLost, InstrumentRefused
+from . import InstrumentLost, InstrumentRefused, LimitsNotHeld
+from .session import Session
+from .supply import SessionSupply, unsafe_states
 
 if TYPE_CHECKING:
     from sma_actuator.config import Config
-
-_log = logging.getLogger(__name__)
 
 #: What is needed → names it has in pymeasure, in order of preference.
 NAMES = {
@@ -31,67 +36,102 @@ NAMES = {
 }
 
 
-class PymeasureSupply:
+class _OverSession(Adapter):
+    """Lets an instrument of pymeasure speak over our own session, with its deadlines."""
+
+    def __init__(self, session: Session):
+        super().__init__()
+        self._session = session
+        self._reply = ""
+
+    def _write(self, command: str, **_: Any) -> None:
+        if "?" in command:
+            self._reply = self._session.ask(command)
+        else:
+            self._session.tell(command)
+
+    def _read(self, **_: Any) -> str:
+        reply, self._reply = self._reply, ""
+        return reply
+
+    def flush_read_buffer(self) -> None:
+        """Nothing: an answer is read whole, with its question."""
+
+
+class _OnPaper(Adapter):
+    """Notes what a class of pymeasure would say."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.lines: list[str] = []
+
+    def _write(self, command: str, **_: Any) -> None:
+        self.lines.append(command)
+
+    def _read(self, **_: Any) -> str:
+        return "0"
+
+
+class PymeasureSupply(SessionSupply):
     """A pymeasure instrument behind the interface :class:`~sma_actuator.instruments.PowerSupply`."""
 
     def __init__(self, config: Config):
-        self._limits = config.supply
-        self._instrument = config.instruments.supply
-        self._class = _find_class(self._instrument.pymeasure_class)
-        self._device = None
-        self._output = None
+        self._class = _find_class(config.instruments.supply.pymeasure_class)
         self._names: dict[str, str] = {}
-        self.identity = ""
+        self._output: Any = None
+        super().__init__(config, "\n", ())
 
     def open(self) -> None:
         """Connect, output off, compliance voltage programmed and read back.
 
         Raises InstrumentLost or InstrumentRefused.
         """
-        if not self._limits.allow_no_watchdog:
-            raise InstrumentRefused(
-                f"instruments.supply.pymeasure_class: {self._class.__name__} has no communication watchdog, so a killed computer "
-                "leaves the current on; set supply.allow_no_watchdog: true to drive it all the same"
-            )
-        self._connect()
-        try:
-            self._configure()
-        except InstrumentRefused:
-            self.close()  # nobody shall switch on what was refused
-            raise
-
-    def _connect(self) -> None:
-        self.close()
-        try:
-            self._device = self._class(
-                self._instrument.resource,
-                visa_library="@py",
-                timeout=int(1e3 * self._instrument.timeout),
-                read_termination="\n",
-                write_termination="\n",
-            )
-        except Exception as error:  # pymeasure and pyvisa raise of all kinds
-            raise InstrumentLost(f"supply at {self._instrument.resource}: cannot be opened ({error})") from error
-        self._output = getattr(self._device, f"ch_{self._instrument.channel}", self._device)
-        self._names = {what: self._name_of(what, names) for what, names in NAMES.items()}
+        self._acknowledged(unsafe_states(self._class.__name__, watchdog=False, second_session=False))
+        if not self._session.off_lines:
+            self._session.off_lines = self._off_on_paper()
+        super().open()
 
     def _configure(self) -> None:
-        self.identity = str(self._do("*IDN?", lambda: self._device.id))
-        self.set_output(False)
+        self._output = self._output_over(_OverSession(self._session))
+        self.identity = str(self._do("*IDN?", lambda: self._output_device.id))
+        self._set("output", False)
         self._set("current setting", 0.0)
         self._set("voltage setting", self._limits.max_voltage)
-        found_V = self._get("voltage setting")
-        if not abs(found_V - self._limits.max_voltage) <= 0.02 * self._limits.max_voltage:
-            raise InstrumentRefused(
-                f"{self.identity}: does not take supply.max_voltage, {self._limits.max_voltage:g} V: it reads back {found_V:g} V"
-            )
+        self._checks = [self._voltage_holds]
+        self.check_settings()
+        if self._output_is_on(self._session):
+            raise InstrumentRefused(f"{self.identity}: was told to switch off and answers that its output is on")
 
-    def set_current(self, current_A: float) -> None:
-        """Program the current limit [A]; nothing but 0 to supply.max_current passes."""
-        if not 0.0 <= current_A <= self._limits.max_current:
+    def _off_on_paper(self) -> tuple[str, ...]:
+        """The lines that switch the output off and set 0 A, to be said blind, as this class of pymeasure says them."""
+        paper = _OnPaper()
+        output = self._output_over(paper)
+        self._names = {what: self._name_of(output, what, names) for what, names in NAMES.items()}
+        paper.lines.clear()
+        try:
+            setattr(output, self._names["output"], False)
+            setattr(output, self._names["current setting"], 0.0)
+        except Exception as error:
             raise InstrumentRefused(
-                f"{self.identity}: was to be set to {current_A} A; 0 to supply.max_current, {self._limits.max_current:g} A, is allowed"
-            )
+                f"instruments.supply.pymeasure_class: {self._class.__name__} cannot switch off without asking first ({error}); "
+                "write a dialect for it instead (docs/dialects.md)"
+            ) from error
+        return tuple(line for line in paper.lines if "?" not in line)
+
+    def _output_over(self, adapter: Adapter) -> Any:
+        """The channel of the instrument that is wanted, or the instrument where it has only one."""
+        try:
+            device = self._class(adapter)
+        except InstrumentLost:
+            raise
+        except Exception as error:  # pymeasure raises of all kinds
+            raise InstrumentRefused(
+                f"instruments.supply.pymeasure_class: {self._class.__name__} cannot be made ({error})"
+            ) from error
+        self._output_device = device
+        return getattr(device, f"ch_{self._channel}", device)
+
+    def _tell_current(self, current_A: float) -> None:
         self._set("current setting", current_A)
 
     def set_output(self, on: bool) -> None:
@@ -100,71 +140,51 @@ class PymeasureSupply:
 
     def read_back(self) -> SupplyState:
         """Settings and measurements; ``time_s`` is left NaN.  Trips are not known to pymeasure."""
-        return SupplyState(
-            nan,
-            self._get("current setting"),
-            bool(self._get("output")),
-            self._get("measured voltage"),
-            self._get("measured current"),
-        )
+        with self._session.within():
+            return SupplyState(
+                nan,
+                self._get("current setting"),
+                self._output_is_on(self._session),
+                self._get("measured voltage"),
+                self._get("measured current"),
+            )
 
-    def watchdog_holds(self) -> bool:
-        """True: ``open`` has made sure that doing without a watchdog was accepted."""
-        return True
+    def _voltage_holds(self) -> None:
+        found_V, wanted_V = self._get("voltage setting"), self._limits.max_voltage
+        if not abs(found_V - wanted_V) <= 0.02 * wanted_V:
+            raise LimitsNotHeld(
+                f"{self.identity}: does not hold supply.max_voltage, {wanted_V:g} V: it reads back {found_V:g} V"
+            )
 
     def clear_trip(self) -> None:
         """Nothing to clear: pymeasure's classes do not report trips."""
 
-    def shut_down(self) -> None:
-        """Output off and current to zero, through a new connection where the old one is gone.  Never raises."""
-        try:
-            try:
-                self._off()
-            except InstrumentLost:
-                self._connect()
-                self._off()
-        except Exception as error:  # noqa: BLE001 - the last thing a program does must not fail
-            _log.error("supply at %s: could not be told to switch off (%s)", self._instrument.resource, error)
+    def _output_is_on(self, session: Session) -> bool:
+        output = self._output if session is self._session else self._output_over(_OverSession(session))
+        return self._do("output", lambda: bool(float(getattr(output, self._names["output"]))), session)
 
-    def _off(self) -> None:
-        self.set_output(False)
-        self._set("current setting", 0.0)
-        if self._get("output"):
-            raise InstrumentRefused(f"{self.identity}: was told to switch off and answers that its output is on")
-
-    def close(self) -> None:
-        """Give up the connection.  Never raises."""
-        device, self._device, self._output = self._device, None, None
-        try:
-            if device is not None:
-                device.adapter.close()
-        except Exception as error:  # noqa: BLE001 - nothing depends on a connection that is given up
-            _log.debug("closing: %s", error)
-
-    def _name_of(self, what: str, names: tuple[str, ...]) -> str:
+    def _name_of(self, output: Any, what: str, names: tuple[str, ...]) -> str:
         for name in names:
-            if hasattr(type(self._output), name):
+            if hasattr(type(output), name):
                 return name
-        self.close()
         raise InstrumentRefused(
             f"instruments.supply.pymeasure_class: {self._class.__name__} has no {what} (looked for {', '.join(names)}); "
             "write a dialect for it instead (docs/dialects.md)"
         )
 
-    def _get(self, what: str):
-        return self._do(what, lambda: getattr(self._output, self._names[what]))
+    def _get(self, what: str) -> float:
+        return self._do(what, lambda: float(getattr(self._output, self._names[what])))
 
-    def _set(self, what: str, value) -> None:
+    def _set(self, what: str, value: float | bool) -> None:
         self._do(what, lambda: setattr(self._output, self._names[what], value))
 
-    def _do(self, what: str, action):
-        if self._device is None:
-            raise InstrumentLost(f"supply at {self._instrument.resource}: not connected")
+    def _do(self, what: str, action: Callable[[], Any], session: Session | None = None) -> Any:
         try:
             return action()
-        except Exception as error:  # pymeasure and pyvisa raise of all kinds
-            self.close()
-            raise InstrumentLost(f"supply at {self._instrument.resource}: {what} failed ({error})") from error
+        except InstrumentLost:
+            raise
+        except Exception as error:  # pymeasure raises of all kinds at what it does not understand
+            raise (session or self._session).give_up(f"{what} failed ({error})") from error
 
 
 def _find_class(dotted: str) -> type:

@@ -66,8 +66,8 @@ ELECTRICAL = (
     ("wire_voltage_V", "power_W"),
     ("power_W", "current_A"),
 )
-_LOAD = ("load_cell_voltage_V", "load_N")
-_REFERENCE = ("lvdt_current_A", "displacement_m")
+LOAD = ("load_cell_voltage_V", "load_N")
+REFERENCE = ("lvdt_current_A", "displacement_m")
 _MAY_BE_NAN = {"ambient_temperature_C", "setpoint_m", "current_command_A"}
 _SLOWEST_PERIOD_s = 1.0  #: a wire moves through its stroke within seconds
 
@@ -103,7 +103,7 @@ class BenchLog:
     @property
     def has_reference(self) -> bool:
         """Whether the displacement was measured."""
-        return any(name in self for name in _REFERENCE)
+        return any(name in self for name in REFERENCE)
 
     def slice(self, start: int, stop: int) -> BenchLog:
         """The readings start … stop−1 as a log (views, not copies)."""
@@ -218,14 +218,28 @@ def _resistance_and_current(log: BenchLog, pair: tuple[str, str], sense_Ohm: flo
     return np.where(np.isfinite(resistance_Ohm), resistance_Ohm, np.nan), current_A
 
 
+def uncalibrated_resistance_and_current(log: BenchLog) -> tuple[np.ndarray, np.ndarray]:
+    """What rises with resistance and with current, where nothing is known of the circuit."""
+    pair = electrical_columns(log)
+    if pair != ELECTRICAL[0]:
+        return _resistance_and_current(log, pair, 1.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return log[pair[0]] / log[pair[1]], log[pair[1]]
+
+
+def longest_pause_s(log: BenchLog) -> float:
+    """Time between two readings above which nobody knows what the wire did meanwhile."""
+    return max(10.0 * log.period_s, 0.5) if len(log) > 1 else np.inf
+
+
 def check_bench_log(log: BenchLog, allow_gaps: bool = False) -> None:
     """Raise BenchLogError where a log lacks columns, or holds values or times that cannot be."""
     source = log.source
     if "time_s" not in log:
         raise BenchLogError(f"{source}: line 1: {_missing_column(('time_s',), log)}")
     electrical_columns(log)
-    if not any(name in log for name in _LOAD):
-        raise BenchLogError(f"{source}: line 1: {_missing_column(_LOAD, log)}")
+    if not any(name in log for name in LOAD):
+        raise BenchLogError(f"{source}: line 1: {_missing_column(LOAD, log)}")
     if len(log) == 0:
         raise BenchLogError(f"{source}: line 2: there are no readings after the header row")
     time_s = log["time_s"]
@@ -264,7 +278,7 @@ def check_bench_log(log: BenchLog, allow_gaps: bool = False) -> None:
                 f"{source}: line {_first(~np.isfinite(values))}, column {name}: not a finite number; cut the log "
                 "there, or allow gaps"
             )
-    if not allow_gaps and len(step_s) and step_s.max() > (limit_s := max(10.0 * period_s, 0.5)):
+    if not allow_gaps and len(step_s) and step_s.max() > (limit_s := longest_pause_s(log)):
         bad = int(np.argmax(step_s > limit_s))
         raise BenchLogError(
             f"{source}: line {bad + 3}, column time_s: a gap, {step_s[bad]:.4g} s without a reading where the "
@@ -277,7 +291,7 @@ def require_reference(log: BenchLog) -> None:
     """Raise BenchLogError where the displacement was not measured."""
     if not log.has_reference:
         raise BenchLogError(
-            f"{log.source}: line 1: {_missing_column(_REFERENCE, log)}: nothing to compare an estimate with"
+            f"{log.source}: line 1: {_missing_column(REFERENCE, log)}: nothing to compare an estimate with"
         )
 
 

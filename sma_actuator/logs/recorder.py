@@ -24,6 +24,7 @@ import os
 import queue
 import threading
 import time
+import uuid
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -78,6 +79,9 @@ class BenchLogRecorder:
         self._last_time_s = float("-inf")
         self._events: list[str] = []  #: that stand in no row yet
         self._number = 0
+        #: The same in every file from here on; what follows a failure is another recording.
+        self._recording = str(uuid.uuid4())
+        self._part_number = 0
         self._size = 0
         self._handle = -1  #: the open file; −1 where there is none
         self._part = Path()  #: and its name
@@ -172,8 +176,11 @@ class BenchLogRecorder:
     def _begin_file(self) -> None:
         """Open the next file, with its header, and its metadata beside it; remove the oldest where there are too many."""
         started = datetime.datetime.now().astimezone()
+        self._part_number += 1
         metadata = {
             "recorded_by": self._name,
+            "recording": self._recording,
+            "part": self._part_number,
             "started": started.isoformat(timespec="seconds"),
             "wire": self._config.to_mapping()["wire"],
             "parameters": self._config.to_mapping(),
@@ -225,6 +232,7 @@ class BenchLogRecorder:
             self.problem = f"the bench log in {self._folder} ended: {why}"
             _log.error("%s: %s; trying again every %g s", self._name, self.problem, RETRY_s)
         self._retry_s = time.monotonic() + RETRY_s
+        self._recording, self._part_number = str(uuid.uuid4()), 0
         if self._handle < 0:
             return
         with contextlib.suppress(OSError):

@@ -212,10 +212,14 @@ class _ChunkParser:
     def _by_field(self, lines: list[str], row: int) -> np.ndarray:
         names = self.header.names
         delimiter = "\t" if self.header.separator == _BLANKS else self.header.separator.decode()
-        rows = list(csv.reader(lines, delimiter=delimiter))
-        for i, fields in enumerate(rows):
-            if len(fields) != len(names):
-                raise BenchLogError(self._wrong_width(i, len(fields), row, len(rows)))
+        rows = []
+        for i, fields in enumerate(csv.reader(lines, delimiter=delimiter)):
+            if len(fields) == len(names):
+                rows.append(fields)
+            elif any(text.strip() for text in fields):
+                raise BenchLogError(self._wrong_width(row + i, len(fields), last=i == len(lines) - 1))
+        if not rows:
+            return np.empty((0, len(names)))
         if not self._known:
             self._find_kinds(rows[0])
         out = np.empty((len(rows), len(names)))
@@ -232,13 +236,13 @@ class _ChunkParser:
                 out[:, j] = self._numbers(column, name, row)
         return out
 
-    def _wrong_width(self, i: int, found: int, row: int, rows: int) -> str:
+    def _wrong_width(self, row: int, found: int, last: bool) -> str:
         help_ = ""
         if self.header.separator == b"," and found > len(self.header.names):
             help_ = "; decimal commas need a semicolon between the fields"
-        elif i == rows - 1:
+        elif last:
             help_ = "; was the file cut off?"
-        return f"{self._place(row + i)}: {found} fields where the header has {len(self.header.names)}{help_}"
+        return f"{self._place(row)}: {found} fields where the header has {len(self.header.names)}{help_}"
 
     def _place(self, row: int) -> str:
         return f"{self.path}: line {self.header.first_line + row}"

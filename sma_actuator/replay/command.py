@@ -4,17 +4,25 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 from pathlib import Path
+from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+import numpy as np
 from rich.table import Table
 
 from sma_actuator.config import Config
-from sma_actuator.logs.bags import is_bag, log_from_bag, parse_topics
-from sma_actuator.logs.bench_log import check_bench_log, read_bench_log, write_bench_log
-from sma_actuator.logs.files import write_atomically
+from sma_actuator.console import (
+    add_output_arguments,
+    notes,
+    progress_bar,
+    refuse_to_overwrite,
+    results,
+    write_csv,
+    write_json,
+)
+from sma_actuator.logs.bench_log import write_bench_log
+from sma_actuator.logs.errors import BenchLogError
+from sma_actuator.logs.reading import add_log_arguments, read_logs, reading_of
 
 from .replaying import Replay, replay, winners
 
@@ -26,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         type=Path,
         metavar="LOG",
-        help="bench logs, or rosbag2 recordings (.mcap, .db3 or their folder)",
+        help="logs, folders or patterns of them; the node's recordings, rosbag2 and other makers' files among them",
     )
     parser.add_argument(
         "--config",
@@ -45,76 +53,88 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="calibration logs to fit the literature's models on, for comparison",
     )
     parser.add_argument(
-        "--topic",
-        action="append",
-        default=[],
-        metavar="COLUMN=/TOPIC:FIELD",
-        help="recordings: where a column of the bench log is found; may be repeated",
+        "--save-log", type=Path, metavar="FILE.csv", help="also write the one log that is read as a bench log"
     )
-    parser.add_argument(
-        "--save-log", type=Path, metavar="FILE.csv", help="recordings: also write the one recording as a bench log"
-    )
-    parser.add_argument("--allow-gaps", action="store_true", help="accept readings that are missing and pauses in time")
     parser.add_argument("--report", type=Path, metavar="FILE.html", help="page with traces and loops")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the errors here")
+    add_log_arguments(parser)
+    add_output_arguments(parser, "the errors", "the errors")
 
 
 def run(args: argparse.Namespace) -> int:
     """Replay and judge; 0 when every log was replayed."""
     if args.report:
         from .page import write_page
-    console = Console(stderr=True)
+    refuse_to_overwrite(args, args.report, args.save_log)
+    reading, console = reading_of(args), notes(args)
     models = {}
     for path in args.config:
         config = Config.load(path)
         name = config.model_type if config.model_type not in models else f"{config.model_type} ({path.stem})"
         models[name] = config
-    with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console) as bar:
-        reading = bar.add_task("reading", total=len(args.logs) + len(args.baselines))
-
-        def read(path: Path):
-            if is_bag(path):
-                log = log_from_bag(path, parse_topics(args.topic))
-                check_bench_log(log, allow_gaps=True)
-                if args.save_log:
-                    write_bench_log(args.save_log, log)
-            else:
-                log = read_bench_log(path, args.allow_gaps)
-            bar.advance(reading)
-            return log
-
-        logs, calibration = [read(p) for p in args.logs], [read(p) for p in args.baselines]
+    with progress_bar(args) as bar:
+        task = bar.add_task("reading", total=1.0)
+        logs = read_logs(args.logs, reading, console.print, lambda fraction: bar.update(task, completed=fraction))
+        calibration = read_logs(args.baselines, reading, console.print) if args.baselines else []
+        if args.save_log:
+            if len(logs) != 1:
+                raise BenchLogError(f"--save-log: {len(logs)} logs were read, and one can be saved")
+            write_bench_log(args.save_log, logs[0])
         working = bar.add_task("replaying", total=1.0)
         replays = replay(logs, models, calibration, lambda fraction: bar.update(working, completed=fraction))
-    console.print(error_table(replays))
-    for log, in_working, in_full in winners(replays):
-        console.print(f"{log}: best in the working range {in_working}; in the full range {in_full}")
+    rows = error_rows(replays)
+    results(args).print(error_table(replays))
+    for sentence in _beside_live(replays):
+        console.print(sentence)
     if args.report:
         write_page(args.report, replays, next(iter(models.values())))
         console.print(f"wrote {args.report}")
-    if args.json:
-        rows = [{"model": name, **dataclasses.asdict(e)} for r in replays for name, e in r.errors.items()]
-        text = json.dumps(rows, indent=1) + "\n"
-        write_atomically(args.json, lambda stream: stream.write(text.encode()))
+    write_json(args, rows)
+    write_csv(args, rows)
     return 0
 
 
+def error_rows(replays: list[Replay]) -> list[dict[str, Any]]:
+    """One row for every model on every log, and what the first model says beside the node's own estimate."""
+    rows = []
+    for r in replays:
+        for i, (name, error) in enumerate(r.errors.items()):
+            live = (r.from_live_m, r.live_readings) if i == 0 else (float("nan"), 0)
+            rows.append({"model": name, **dataclasses.asdict(error), "from_live_m": live[0], "live_readings": live[1]})
+    return rows
+
+
+def _beside_live(replays: list[Replay]) -> list[str]:
+    return [
+        f"{r.trace.name}: {next(iter(r.errors))} differs by at most {r.from_live_m * 1e3:.3g} mm from what the node had "
+        f"estimated, over {r.live_readings} readings with current"
+        for r in replays
+        if r.live_readings
+    ]
+
+
 def error_table(replays: list[Replay]) -> Table:
-    """Every model on every log, the best in bold."""
+    """Every model on every log, those as good as the best in bold, and the mean over the logs."""
     table = Table(title="Mean absolute error, % of full stroke")
     for header in ("log", "model", "working range", "samples in it", "full range"):
         table.add_column(header, justify="left" if header in ("log", "model") else "right")
-    best = {name: chosen for name, *chosen in winners(replays)}
+    best = {name: working for name, working, _ in winners(replays)}
     for r in replays:
-        in_working = best[r.trace.name][0]
-        for name, e in r.errors.items():
-            table.add_row(
-                r.trace.name if name == next(iter(r.errors)) else "",
-                name,
-                f"{e.working_percent:.2f}",
-                f"{e.working_share:.0%}",
-                f"{e.full_percent:.2f}",
-                style="bold" if name == in_working else None,
-            )
+        for i, (name, e) in enumerate(r.errors.items()):
+            bold = len(r.errors) > 1 and name in best[r.trace.name]
+            cells = (name, f"{e.working_percent:.2f}", f"{e.working_share:.0%}", f"{e.full_percent:.2f}")
+            table.add_row("" if i else r.trace.name, *cells, style="bold" if bold else None)
         table.add_section()
+    if len(replays) > 1:
+        for i, name in enumerate(replays[0].errors):
+            errors = [r.errors[name] for r in replays]
+            means = [
+                _mean([getattr(e, what) for e in errors])
+                for what in ("working_percent", "working_share", "full_percent")
+            ]
+            table.add_row("" if i else "mean", name, f"{means[0]:.2f}", f"{means[1]:.0%}", f"{means[2]:.2f}")
     return table
+
+
+def _mean(values: list[float]) -> float:
+    known = np.array(values)[np.isfinite(values)]
+    return float(known.mean()) if len(known) else float("nan")

@@ -28,7 +28,9 @@ def write_page(path: Path, replays: Sequence[Replay], config: Config) -> None:
                 for r in replays
             ],
         )
-    page.table(("log", "best in the working range", "best in the full range"), winners(replays))
+    if len(names) > 1:
+        best = [(log, " or ".join(working) or "–", " or ".join(full) or "–") for log, working, full in winners(replays)]
+        page.table(("log", "best in the working range", "best in the full range"), best)
     for r in replays:
         page.heading(r.trace.name)
         drawing, axes = figure(2, width_in=6.0, height_in=4.0)

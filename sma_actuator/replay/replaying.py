@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
-from sma_actuator.estimation.chain import Chain, EstimateTrace
+from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain, EstimateTrace
 from sma_actuator.identify.errors import LogError, log_error
 from sma_actuator.identify.fitting import make_data
-from sma_actuator.identify.traces import Trace, make_trace, make_traces
-from sma_actuator.logs.bench_log import BenchLog
+from sma_actuator.identify.kinds import make_traces
+from sma_actuator.identify.traces import Trace, make_trace
+from sma_actuator.logs.bench_log import BenchLog, require_reference
 
 from .baselines import all_baselines
+
+#: Errors that differ by less, as a share of themselves or in % of full stroke, tell nobody which model is better.
+AS_GOOD, AS_GOOD_percent = 0.02, 0.01
+LIVE = "displacement_estimate_m"  #: column of a node's recording: what it had estimated
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +34,10 @@ class Replay:
     trace: Trace
     estimates_m: dict[str, np.ndarray]  #: displacement by every model, shape (n,)
     errors: dict[str, LogError]  #: of every model
+    #: Of the first model, where the log holds what the node had estimated: the largest difference from it, and the
+    #: number of readings over which.
+    from_live_m: float = math.nan
+    live_readings: int = 0
 
 
 def estimate(trace: Trace, config: Config, constant_load_N: float | None = None) -> EstimateTrace:
@@ -33,7 +46,29 @@ def estimate(trace: Trace, config: Config, constant_load_N: float | None = None)
     if constant_load_N is not None:
         load_N = np.full(len(trace.log), constant_load_N)
         signals = dataclasses.replace(signals, load_N=load_N, stress_Pa=load_N / config.wire.area_m2)
-    return Chain(config).run(signals)
+    chain = Chain(config)
+    resets_s = [time_s for time_s, event in trace.log.events if ESTIMATOR_RESET in event]
+    bounds = [0, *np.searchsorted(signals.time_s, resets_s), len(signals.time_s)]
+    pieces = []
+    for start, stop in itertools.pairwise(bounds):
+        if start:
+            chain.reset()
+        pieces.append(chain.run(_part(signals, slice(start, stop))))
+    return pieces[0] if len(pieces) == 1 else _together(pieces)
+
+
+def _part(signals: Signals, chosen: slice) -> Signals:
+    fields = {f.name: getattr(signals, f.name) for f in dataclasses.fields(signals)}
+    return Signals(**{name: v[chosen] if np.ndim(v) else v for name, v in fields.items()})
+
+
+def _together(pieces: Sequence[Any]) -> Any:
+    """Records of arrays, one after the other; what is one number for all stays it."""
+    first = pieces[0]
+    if dataclasses.is_dataclass(first):
+        names = [f.name for f in dataclasses.fields(first)]
+        return type(first)(**{name: _together([getattr(piece, name) for piece in pieces]) for name in names})
+    return np.concatenate(pieces) if np.ndim(first) else first
 
 
 def estimate_m(trace: Trace, config: Config, constant_load_N: float | None = None) -> np.ndarray:
@@ -64,15 +99,29 @@ def replay(
             progress(0.8 * len(baselines) / len(all_baselines()))
     out = []
     for i, log in enumerate(logs):
+        if LIVE not in log:
+            require_reference(log)
         # Every model with its own calibrations of circuit and load cell, and its own effects on them.
-        found = {name: estimate(make_trace(log, config), config) for name, config in models.items()}
-        trace = make_trace(log, first).through(next(iter(found.values())))
+        found = {n: estimate(make_trace(log, config, with_reference=False), config) for n, config in models.items()}
+        trace = make_trace(log, first, with_reference=False).through(next(iter(found.values())))
         estimates = {name: e.displacement_m for name, e in found.items()}
         estimates.update({baseline.name: _where_read(baseline, trace) for baseline in baselines})
-        errors = {n: log_error(trace.name, trace.signals, e, range_m, full_stroke_m) for n, e in estimates.items()}
-        out.append(Replay(trace, estimates, errors))
+        errors = {
+            n: log_error(trace.name, trace.signals, np.where(trace.judged, e, np.nan), range_m, full_stroke_m)
+            for n, e in estimates.items()
+        }
+        out.append(Replay(trace, estimates, errors, *_from_live(trace, estimates[next(iter(models))])))
         progress(1.0 - 0.2 * (1.0 - (i + 1) / len(logs)))
     return out
+
+
+def _from_live(trace: Trace, estimate_m: np.ndarray) -> tuple[float, int]:
+    """Largest difference from what the node estimated where the wire was driven, and the number of readings."""
+    if LIVE not in trace.log:
+        return math.nan, 0
+    away_m = np.abs(estimate_m - trace.log[LIVE])[np.isfinite(trace.resistance_Ohm)]
+    away_m = away_m[np.isfinite(away_m)]
+    return (float(away_m.max()), len(away_m)) if len(away_m) else (math.nan, 0)
 
 
 def _where_read(baseline, trace: Trace) -> np.ndarray:
@@ -83,11 +132,21 @@ def _where_read(baseline, trace: Trace) -> np.ndarray:
     return out
 
 
-def winners(replays: Sequence[Replay]) -> list[tuple[str, str, str]]:
-    """(log, best in the working range, best in the full range)."""
-    rows = []
-    for r in replays:
-        judged = [e for e in r.errors.items() if np.isfinite(e[1].working_percent)]
-        best = min(judged, key=lambda e: e[1].working_percent)[0] if judged else "no sample in the working range"
-        rows.append((r.trace.name, best, min(r.errors.items(), key=lambda e: e[1].full_percent)[0]))
-    return rows
+def winners(replays: Sequence[Replay]) -> list[tuple[str, list[str], list[str]]]:
+    """(log, best in the working range, best in the full range); those as good as the best are all named."""
+    return [
+        (
+            r.trace.name,
+            _best({name: error.working_percent for name, error in r.errors.items()}),
+            _best({name: error.full_percent for name, error in r.errors.items()}),
+        )
+        for r in replays
+    ]
+
+
+def _best(errors_percent: Mapping[str, float]) -> list[str]:
+    judged = {name: error for name, error in errors_percent.items() if math.isfinite(error)}
+    if not judged:
+        return []
+    least = min(judged.values())
+    return [name for name, error in judged.items() if error <= least + max(AS_GOOD * least, AS_GOOD_percent)]

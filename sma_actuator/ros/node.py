@@ -1,9 +1,10 @@
 """The edge to ROS 2: a lifecycle node around a driver, thin.
 
 Every node has its control thread (``driver.py``) and its ROS thread (a single-threaded executor);
-the main thread only waits for signals.  The control thread never calls ROS: outputs are handed over
-by a slot in which the latest wins, and published by the ROS thread.  Switching the output off never
-needs ROS.
+one more ROS thread serves ``~/enable`` and ``~/stop`` of all (``switch.py``), and the main thread
+only waits for signals.  The control thread never calls ROS: outputs are handed over by a slot in
+which the latest wins, and published by the ROS thread.  Switching the output off never needs ROS,
+and no message ends the node (``guard.py``).
 
 ``sma_actuator_node --ros-args --params-file FILE``; several wires in one process:
 ``sma_actuator_node --nodes left right --ros-args --params-file FILE``, a section of the file each.
@@ -15,7 +16,6 @@ import argparse
 import dataclasses
 import gc
 import math
-import signal
 import sys
 import threading
 import time
@@ -27,13 +27,12 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
@@ -41,8 +40,9 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from sma_actuator.actuator import Output
-from sma_actuator.base.parameters import ConfigError, Declaration, walk
-from sma_actuator.base.signals import Mode, Status
+from sma_actuator.base.interrupts import noted_signals
+from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.signals import Mode, Quality, Status
 from sma_actuator.config import NODE_NAME, Config
 from sma_actuator.driver import Driver, DriverStopped
 from sma_actuator.instruments import InstrumentError, open_daq, open_supply
@@ -59,9 +59,11 @@ from sma_msgs_py import (
 )
 
 from . import arguments as ros_arguments
+from .guard import refuse_what_raises, spin
+from .parameters import NO_SIM_TIME, ROS_PARAMETERS, NodeParameters
+from .switch import Switch
+from .words import ERROR, INFO, WARNING, Events, Refusals
 
-#: Parameters every ROS 2 node has; rclpy gives them their meaning.
-ROS_PARAMETERS = ("use_sim_time", "start_type_description_service")
 CALL_TIMEOUT_s = 0.6  #: a service waits no longer for the control thread
 FEED_PERIOD_s = 0.2
 FEED_TIMEOUT_s = 0.9  #: silence of the ROS thread after which the driver switches the wire off
@@ -73,6 +75,9 @@ LEAST_PUBLISH_PERIOD_s = 5e-3
 GIL_INTERVAL_s = 0.1e-3
 #: How often the main thread looks whether a signal was noted.
 SIGNAL_INTERVAL_s = 0.05
+
+#: A trajectory of some thousand points; see ``_on_trajectory``.
+LONGEST_TRAJECTORY_B = 500_000
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _DEPTH = 10
@@ -124,65 +129,33 @@ class SmaActuatorNode(LifecycleNode):
         self._driver: Driver | None = None
         self._recorder: BenchLogRecorder | None = None
         self._active = False
+        self._arming = threading.Lock()  #: held while the output goes on, and while the node stops being active
         self._refusal = ""
         self._monotonic = MonotonicClock()
-        self._published: tuple = ()  #: what the last status said
+        self._published: tuple[Any, ...] = ()  #: what the last status said
+        self._events, self._refusals = Events(), Refusals()
         values = arguments.parameters_of(self.get_fully_qualified_name())
         own = {key: values.pop(key) for key in ROS_PARAMETERS if key in values}
-        self.config = Config.from_mapping(values)
-        self._declare(own)
+        self._parameters_of_wire = NodeParameters(self, Config.from_mapping(values), self._take_over)
+        if own.get("use_sim_time", False) is not False:
+            self._say(WARNING, NO_SIM_TIME)
         self._make_interface()
+        refuse_what_raises(self, self.report)
         if self.config.autostart:
             self._steady_timer(0.0, self._autostart, once=True)
 
-    # --- parameters -------------------------------------------------------------------------------
+    @property
+    def config(self) -> Config:
+        """The parameters as they are now."""
+        return self._parameters_of_wire.config
 
-    def _declare(self, own: dict[str, Any]) -> None:
-        """Declare every parameter with what is known of it, and listen to changes."""
-        for name, value in own.items():
-            if self.has_parameter(name):
-                self.set_parameters([Parameter(name, value=value)])
-        self._declarations: dict[str, tuple[Declaration, str]] = {}
-        for name, value, declaration, kind in walk(self.config):
-            self._declarations[name] = declaration, kind
-            if isinstance(value, tuple):
-                if not value:
-                    continue  # not given; an empty list has no type in ROS
-                value = list(value)
-            self.declare_parameter(name, value, _descriptor(declaration, kind))
-        self.add_pre_set_parameters_callback(self._whole_numbers_to_floats)
-        self.add_on_set_parameters_callback(self._check_parameters)
-        self.add_post_set_parameters_callback(self._apply_parameters)
-
-    def _whole_numbers_to_floats(self, parameters: list[Parameter]) -> list[Parameter]:
-        """Accept ``250`` where a float is wanted, as everybody types it."""
-        return [
-            Parameter(p.name, value=float(p.value))
-            if p.type_ is Parameter.Type.INTEGER and self._declarations.get(p.name, (None, ""))[1] == "float"
-            else p
-            for p in parameters
-        ]
-
-    def _changes(self, parameters: list[Parameter]) -> dict[str, Any]:
-        return {p.name: p.value for p in parameters if p.name in self._declarations}
-
-    def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        try:
-            self.config.replace(self._changes(parameters))
-        except ConfigError as error:
-            return SetParametersResult(successful=False, reason="; ".join(error.problems))
-        return SetParametersResult(successful=True)
-
-    def _apply_parameters(self, parameters: list[Parameter]) -> None:
-        changes = self._changes(parameters)
-        if not changes:
+    def _take_over(self, config: Config, changed: list[str]) -> None:
+        if self._driver is None:
             return
-        self.config = self.config.replace(changes)
-        if self._driver is not None:
-            try:
-                self._driver.update(self.config, timeout_s=CALL_TIMEOUT_s)
-            except (DriverStopped, TimeoutError) as error:
-                self.get_logger().error(f"{', '.join(changes)} changed, but not in the loop: {error}")
+        try:
+            self._driver.update(config, timeout_s=CALL_TIMEOUT_s)
+        except (DriverStopped, TimeoutError) as error:
+            self._say(ERROR, f"{', '.join(changed)} changed, but not in the loop: {error}")
 
     # --- topics and services ----------------------------------------------------------------------
 
@@ -198,11 +171,12 @@ class SmaActuatorNode(LifecycleNode):
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
 
         self.create_subscription(Float64, "~/setpoint", self._on_setpoint, _DEPTH)
-        self.create_subscription(JointTrajectory, "~/joint_trajectory", self._on_trajectory, _DEPTH)
-
-        self.create_service(SetBool, "~/enable", self._on_enable)
+        # As bytes: to make Python objects of a million points would hold up this thread, and the loop with it.
+        self.create_subscription(JointTrajectory, "~/joint_trajectory", self._on_trajectory, _DEPTH, raw=True)
         for name in ("clear_fault", "reset_estimator", "tare_load", "measure_lead_resistance"):
             self.create_service(Trigger, f"~/{name}", self._trigger(name))
+        self._change_state = self._service_change_state.callback
+        self._service_change_state.callback = self._on_change_state
 
         self._woken = self.create_guard_condition(self._publish)
         self._handoff = _Handoff(self.get_name(), self._woken.trigger)
@@ -210,7 +184,7 @@ class SmaActuatorNode(LifecycleNode):
         self._steady_timer(FEED_PERIOD_s, self._feed)
 
     def _steady_timer(self, period_s: float, callback: Callable[[], None], once: bool = False) -> None:
-        """A timer that also ticks where /clock does not."""
+        """A timer that does not follow the system's clock when that is set."""
 
         def run_once() -> None:
             self.destroy_timer(timer)
@@ -221,62 +195,129 @@ class SmaActuatorNode(LifecycleNode):
         )
 
     def _on_setpoint(self, message: Float64) -> None:
-        if not self._active:
-            self._warn(f"a setpoint was ignored: {self._not_active()}")
+        driver = self._driver
+        if not self._active or driver is None:
+            self.report(f"a setpoint was ignored: {self._not_active()}")
             return
-        self._driver.offer_setpoint(position_from(message))
+        driver.offer_setpoint(position_from(message))
 
-    def _on_trajectory(self, message: JointTrajectory) -> None:
-        if not self._active:
-            self._warn(f"a trajectory was ignored: {self._not_active()}")
+    def _on_trajectory(self, serialized: bytes) -> None:
+        driver = self._driver
+        if not self._active or driver is None:
+            self.report(f"a trajectory was ignored: {self._not_active()}")
+            return
+        if len(serialized) > LONGEST_TRAJECTORY_B:
+            self.report(
+                f"trajectory refused: its message has {len(serialized)} bytes, more than {LONGEST_TRAJECTORY_B}; "
+                "send it in parts"
+            )
             return
         try:
-            times_s, positions_m = trajectory_from(message, self.config.joint_name)
+            trajectory = trajectory_from(deserialize_message(serialized, JointTrajectory), self.config.joint_name)
         except ValueError as error:
-            self._warn(str(error))
+            self.report(str(error))
             return
-        self._driver.offer_trajectory(times_s, positions_m)
+        driver.offer_trajectory(*trajectory)
 
-    def _on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        return self._answer(response, lambda: self._driver.enable(request.data, timeout_s=CALL_TIMEOUT_s))
-
-    def _trigger(self, name: str) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
-        return lambda _, response: self._answer(response, lambda: getattr(self._driver, name)(timeout_s=CALL_TIMEOUT_s))
-
-    def _answer(self, response: Any, request: Callable[[], tuple]) -> Any:
-        """Fill a response with what the actuator says."""
-        if not self._active:
-            response.success, response.message = False, self._not_active()
+    def on_enable(self, request: SetBool.Request, response: SetBool.Response) -> Any:
+        """Switch the output on or off.  Called in the thread of the switch."""
+        if not request.data:
+            response.success, response.message = self.switch_off()
             return response
+        with self._arming:
+            return self._answer(response, lambda driver: driver.enable(True, timeout_s=CALL_TIMEOUT_s))
+
+    def switch_off(self) -> tuple[bool, str]:
+        """Output off, in every state of the node and from any thread; whether it is, and the sentence that says so."""
+        driver = self._driver
+        if driver is None:
+            return True, "the output is off: no instruments are open"
         try:
-            response.success, response.message, *_ = request()
-        except (DriverStopped, TimeoutError) as error:
-            response.success, response.message = False, str(error)
+            return driver.enable(False, timeout_s=CALL_TIMEOUT_s)
+        except DriverStopped:
+            return True, f"the loop has ended; {driver.output_words}"
+        except TimeoutError as error:
+            driver.submit(lambda actuator, now_s: actuator.enable(now_s, False))  # it stands until the loop can obey
+            sentence = f"not confirmed: {error}; the output goes off as soon as the loop goes on, or by the watchdog"
+            self._say(ERROR, sentence)
+            return False, sentence
+
+    def _trigger(self, name: str) -> Callable[[Trigger.Request, Trigger.Response], Any]:
+        def answer(_: Trigger.Request, response: Trigger.Response) -> Any:
+            self._answer(response, lambda driver: getattr(driver, name)(timeout_s=CALL_TIMEOUT_s))
+            if response.success and name != "clear_fault":  # of which the log tells by itself
+                self._say(INFO, response.message)
+            return response
+
+        return answer
+
+    def _answer(self, response: Any, request: Callable[[Driver], tuple[Any, ...]]) -> Any:
+        """Fill a response with what the actuator says."""
+        driver = self._driver
+        if not self._active or driver is None:
+            response.success, response.message = False, self._not_active()
+        else:
+            try:
+                response.success, response.message, *_ = request(driver)
+            except (DriverStopped, TimeoutError) as error:
+                response.success, response.message = False, str(error)
+        if not response.success:
+            self.report(response.message)
         return response
 
     def _not_active(self) -> str:
-        return f"the node is {self._state_machine.current_state[1]}; configure and activate it first"
+        state = self._state_machine.current_state[1]
+        what = {"unconfigured": "configure and activate it first", "inactive": "activate it first"}.get(state, "")
+        return f"the node is {state}" + (f"; {what}" if what else "")
 
-    def _warn(self, sentence: str) -> None:
-        self.get_logger().warning(sentence, throttle_duration_sec=1.0)
+    # --- words ------------------------------------------------------------------------------------
+
+    def report(self, sentence: str) -> None:
+        """Say why something was refused; the same again and again only now and then."""
+        sentence = self._refusals.worth_saying(sentence, self._monotonic.now_s())
+        if sentence:
+            self._say(WARNING, sentence)
+
+    def _say(self, level: str, sentence: str) -> None:
+        logger = self.get_logger()  # which wants a place of its own for each level
+        if level == ERROR:
+            logger.error(sentence)
+        elif level == WARNING:
+            logger.warning(sentence)
+        else:
+            logger.info(sentence)
+
+    def callback_failed(self, error: Exception) -> None:
+        """Take an exception that no message is to blame for as a fault: the output goes off, the node goes on."""
+        words = f"{type(error).__name__} in a ROS callback: {error}"
+        trace = "".join(traceback.format_exception(error))
+        self.report(f"{words}\n{trace}")
+        if self._driver is not None:
+            self._driver.submit(lambda actuator, now_s: actuator.raise_fault(now_s, "unhandled_exception", words))
 
     # --- publishing, in the ROS thread ------------------------------------------------------------
 
     def _publish(self) -> None:
-        output = self._handoff.latest
-        if output is None or self._driver is None:
+        output, driver = self._handoff.latest, self._driver
+        if output is None or driver is None:
             return
-        for refusal in self._driver.refusals():
-            self._warn(refusal)
+        for refusal in driver.refusals():
+            self.report(refusal)
         signals, estimate = output.signals, output.estimate
         if self._active and math.isfinite(signals.time_s):
             stamp = self._stamp(signals.time_s)
-            self._joint_states.publish(joint_state_message(self.config.joint_name, estimate, signals, stamp))
+            if estimate.quality is not Quality.INVALID:  # silence rather than a position that nobody knows
+                self._joint_states.publish(joint_state_message(self.config.joint_name, estimate, signals, stamp))
             self._load.publish(load_message(self.config.frame_id, signals, stamp))
             if self._reference is not None:
                 self._reference.publish(reference_message(self.config.joint_name, signals, stamp))
             self._command_current.publish(command_current_message(output.command))
         status = output.status
+        now_s = self._monotonic.now_s()
+        for level, sentence in self._events.of_status(status, now_s):
+            self._say(level, sentence)
+        for level, sentence in self._events.of_instruments(driver.lost_instruments, status.fault):
+            self._say(level, sentence)
         if (status.mode, status.fault, status.limits) != self._published:
             self._publish_status()
 
@@ -286,15 +327,19 @@ class SmaActuatorNode(LifecycleNode):
         return (self.get_clock().now() - age).to_msg()
 
     def _publish_status(self) -> None:
-        output = self._handoff.latest if self._driver is not None else None
+        driver = self._driver
+        output = self._handoff.latest if driver is not None else None
         if output is not None:
             status = output.status
             self._published = (status.mode, status.fault, status.limits)
         else:
-            status = Status(Mode.OFF, message=self._refusal or self._not_active())
+            words = "no reading has come yet" if self._active else self._not_active()
+            status = Status(Mode.OFF, message=self._refusal or words)
+        if output is not None and not self._active:
+            status = dataclasses.replace(status, message=f"{status.message}; {self._not_active()}")
         status = dataclasses.replace(status, values={**status.values, **self._health()})
         message = diagnostic_status_from(self.get_fully_qualified_name(), self._hardware_id(), status)
-        lost = self._driver.lost_instruments if self._driver is not None else {}
+        lost = driver.lost_instruments if driver is not None else {}
         if lost or (output is None and self._refusal):
             message.level = DiagnosticStatus.ERROR
         if lost:
@@ -326,13 +371,38 @@ class SmaActuatorNode(LifecycleNode):
 
     # --- life -------------------------------------------------------------------------------------
 
+    def _on_change_state(self, request: ChangeState.Request, response: ChangeState.Response) -> Any:
+        """Refuse a transition that the state does not have, in words; rclpy would raise."""
+        wanted = request.transition.label or request.transition.id
+        possible = self._transitions()
+        if wanted not in possible and wanted not in possible.values():
+            state = self._state_machine.current_state[1]
+            names = ", ".join(f"{label} ({number})" for number, label in possible.items())
+            self.report(f"~/change_state: the node is {state}; '{wanted}' is not one of {names}")
+            response.success = False
+            return response
+        response = self._change_state(request, response)
+        self._publish_status()
+        return response
+
+    def _transitions(self) -> dict[int, str]:
+        return {number: label for number, label, *_ in self._state_machine.available_transitions}
+
     def _autostart(self) -> None:
-        done = self.trigger_configure() == TransitionCallbackReturn.SUCCESS
-        if done and self.trigger_activate() == TransitionCallbackReturn.SUCCESS:
+        """Configure and activate, from whatever state the node was brought to meanwhile."""
+        state = self._state_machine.current_state[1]
+        if state == "unconfigured" and self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+            state = "inactive"
+        if state == "inactive":
+            self.trigger_activate()
+        if state != "unconfigured":
+            self._publish_status()
             return
         if self.config.wait_for_instruments:
             self.get_logger().warning(f"{self._refusal}; trying again", throttle_duration_sec=10.0)
-            self._steady_timer(RETRY_PERIOD_s, self._autostart, once=True)
+            # An attempt feeds the watchdog of the supply: it must have the time to cut what a dead program left on.
+            period_s = max(RETRY_PERIOD_s, 2.0 * self.config.supply.watchdog_timeout)
+            self._steady_timer(period_s, self._autostart, once=True)
         else:
             self._on_fatal(f"{self.get_fully_qualified_name()}: {self._refusal}")
 
@@ -362,14 +432,15 @@ class SmaActuatorNode(LifecycleNode):
             self._driver.start()
         except (InstrumentError, ConfigError) as error:
             self._refusal = str(error)
-            self.get_logger().error(self._refusal)
+            if not (self.config.autostart and self.config.wait_for_instruments):  # who waits for them says so himself
+                self._say(ERROR, self._refusal)
             self._give_up_driver()
             self._publish_status()
             return TransitionCallbackReturn.FAILURE
         except Exception as error:
             # rclpy would go on to on_error without a word.
             self._refusal = f"{type(error).__name__}: {error}"
-            self.get_logger().error(traceback.format_exc())
+            self._say(ERROR, traceback.format_exc())
             raise
         return super().on_configure(state)
 
@@ -380,11 +451,14 @@ class SmaActuatorNode(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Output off; the loop goes on measuring."""
-        self._active = False
+        with self._arming:  # so that nothing goes on that was asked for before
+            self._active = False
         try:
-            self._driver.enable(False, timeout_s=CALL_TIMEOUT_s)
+            off, words = self._driver.enable(False, timeout_s=CALL_TIMEOUT_s)
+            if not off:
+                self._say(ERROR, words)
         except (DriverStopped, TimeoutError) as error:
-            self.get_logger().error(f"the loop did not switch off ({error}); it is ended")
+            self._say(ERROR, f"the loop did not switch off ({error}); it is ended")
             self._give_up_driver()
             return TransitionCallbackReturn.ERROR
         return super().on_deactivate(state)
@@ -418,43 +492,13 @@ class SmaActuatorNode(LifecycleNode):
         self._driver = self._recorder = None
 
     def _loop_failed(self, error: BaseException) -> None:
-        """Called in the control thread, with the output off already."""
-        self._on_fatal(
-            f"{self.get_name()}: the control loop ended with {type(error).__name__}: {error}; the output is off"
-        )
+        """Called in the control thread, after the supply was shut down."""
+        words = self._driver.output_words if self._driver is not None else "the output is off"
+        self._on_fatal(f"{self.get_name()}: the control loop ended with {type(error).__name__}: {error}; {words}")
 
     def wake_no_more(self) -> None:
         """End the hand-off, so that ROS can be shut down."""
         self._handoff.close()
-
-
-def _descriptor(declaration: Declaration, kind: str) -> ParameterDescriptor:
-    unit = f" [{declaration.unit}]" if declaration.unit not in ("", "1") else ""
-    descriptor = ParameterDescriptor(
-        description=declaration.description + unit,
-        additional_constraints=f"one of {', '.join(declaration.choices)}" if declaration.choices else "",
-        read_only=not declaration.live,
-        # So that a wrong type comes to our own check, which answers in a sentence.
-        dynamic_typing=declaration.live,
-    )
-    finite = math.isfinite(declaration.lo) and math.isfinite(declaration.hi) and not declaration.optional
-    if finite and kind == "float":
-        descriptor.floating_point_range = [FloatingPointRange(from_value=declaration.lo, to_value=declaration.hi)]
-    elif finite and kind == "int":
-        descriptor.integer_range = [IntegerRange(from_value=int(declaration.lo), to_value=int(declaration.hi))]
-    return descriptor
-
-
-def _spin(node: SmaActuatorNode, on_fatal: Callable[[str], None]) -> None:
-    """Run the callbacks of one node until ROS is shut down."""
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    try:
-        executor.spin()
-    except ExternalShutdownException:
-        pass
-    except Exception as error:  # noqa: BLE001 - it must end the process, and say so
-        on_fatal(f"{node.get_name()}: {type(error).__name__} in a ROS callback: {error}")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -463,32 +507,29 @@ def main(arguments: list[str] | None = None) -> int:
     A signal is only noted: whatever it interrupts goes on, and the outputs are switched off by
     this thread, without ROS.
     """
-    noted: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda number, _frame: noted.append(number))
     sys.setswitchinterval(GIL_INTERVAL_s)
     fatal: list[str] = []
     nodes: list[SmaActuatorNode] = []
     threads: list[threading.Thread] = []
-    try:
-        ros, names = _names(sys.argv[1:] if arguments is None else arguments)
-        rclpy.init(args=ros.rclpy, signal_handler_options=SignalHandlerOptions.NO)
-        for name in names:
-            nodes.append(SmaActuatorNode(name, ros, fatal.append))
-        gc.collect()
-        for node in nodes:
-            thread = threading.Thread(
-                target=_spin, args=(node, fatal.append), name=f"{node.get_name()} ROS", daemon=True
-            )
-            thread.start()
-            threads.append(thread)
-        while not fatal and not noted:
-            time.sleep(SIGNAL_INTERVAL_s)  # a signal does not end a sleep; it need not, it is short
-    except ConfigError as error:
-        fatal += error.problems
-    finally:
-        sentences = tuple(fatal)  # what is said while everything ends is no reason for ending
-        _stop(nodes, threads)
+    switch: Switch | None = None
+    with noted_signals() as interrupts:
+        try:
+            ros, names = _names(sys.argv[1:] if arguments is None else arguments)
+            rclpy.init(args=ros.rclpy, signal_handler_options=SignalHandlerOptions.NO)
+            nodes += [SmaActuatorNode(name, ros, fatal.append) for name in names]
+            switch = Switch(nodes, ros.rclpy)
+            gc.collect()
+            for node in nodes:
+                threads.append(threading.Thread(target=spin, args=(node, node.callback_failed), daemon=True))
+                threads[-1].name = f"{node.get_name()} ROS"
+                threads[-1].start()
+            while not fatal and not interrupts:
+                time.sleep(SIGNAL_INTERVAL_s)  # a signal does not end a sleep; it need not, it is short
+        except ConfigError as error:
+            fatal += error.problems
+        finally:
+            sentences = tuple(fatal)  # what is said while everything ends is no reason for ending
+            _stop(nodes, threads, switch)
     for sentence in sentences:
         print(f"sma_actuator_node: {sentence}", file=sys.stderr)
     return 1 if sentences else 0
@@ -516,13 +557,15 @@ def _names(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str]]
     return ros, names
 
 
-def _stop(nodes: list[SmaActuatorNode], threads: list[threading.Thread]) -> None:
+def _stop(nodes: list[SmaActuatorNode], threads: list[threading.Thread], switch: Switch | None) -> None:
     """All outputs off, at the same time; then ROS."""
     if nodes:
         with ThreadPoolExecutor(len(nodes)) as pool:
             list(pool.map(SmaActuatorNode.halt, nodes))
     for node in nodes:
         node.wake_no_more()
+    if switch is not None:
+        switch.close()
     rclpy.try_shutdown()
     for thread in threads:
         thread.join(1.0)

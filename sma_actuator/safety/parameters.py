@@ -38,6 +38,11 @@ class SupplyParameters:
     allow_no_watchdog: bool = parameter(
         False, "drive a supply that has no watchdog: a killed computer then leaves the current on"
     )
+    allow_single_session: bool = parameter(
+        False,
+        "drive a supply that has no watchdog and is not known to take a second session: one that hangs then leaves the "
+        "current on",
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,8 +74,16 @@ class SafetyParameters:
     current_disagreement: float = parameter(
         0.02, "difference of commanded and measured current that is a fault once settled", "A", 1e-4, 5.0, live=True
     )
+    voltage_disagreement: float = parameter(
+        0.5,
+        "difference of the voltages that supply and DAQ measure that is a fault: drop along the supply's leads, and noise",
+        "V",
+        1e-3,
+        60.0,
+        live=True,
+    )
     disagreement_time: float = parameter(0.5, "time such a difference must last", "s", 0.0, 60.0, live=True)
-    reading_timeout: float = parameter(0.3, "age of the last good reading that is a fault", "s", 0.01, 60.0, live=True)
+    reading_timeout: float = parameter(0.5, "age of the last good reading that is a fault", "s", 0.01, 60.0, live=True)
     setpoint_flood_rate: float = parameter(
         1000.0, "setpoints per second above which their source is taken for broken", "Hz", 1.0, 1e6, live=True
     )

@@ -50,7 +50,7 @@ def test_silence_costs_the_timeout_and_is_a_loss(rig):
     bench.inject("daq_silent")
     with pytest.raises(InstrumentLost):
         supply.set_current(0.1)
-    assert clock.now_s() == pytest.approx(0.5) and bench.supply.current_A == 0.0
+    assert clock.now_s() == pytest.approx(0.2) and bench.supply.current_A == 0.0
     with pytest.raises(InstrumentLost):
         daq.read_block()
 

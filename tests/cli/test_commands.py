@@ -1,5 +1,10 @@
 """The command line: every command explains itself, and says what is wrong in a sentence, not a traceback."""
 
+import csv
+import io
+import json
+import os
+import re
 import subprocess
 import sys
 
@@ -41,3 +46,68 @@ def test_what_a_user_can_mend_is_one_sentence_and_code_1(words, sentence, capsys
     assert code == 1
     assert sentence in error
     assert "Traceback" not in error
+
+
+def sma_actuator(*words, **environment):
+    return subprocess.run(
+        [sys.executable, "-m", "sma_actuator", *map(str, words)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env={**os.environ, **environment},
+    )
+
+
+def test_called_bare_it_lists_the_commands():
+    said = sma_actuator()
+    assert said.returncode == 0
+    assert all(f"    {command}" in said.stdout for command in COMMANDS)
+
+
+def test_it_says_its_version():
+    assert re.fullmatch(r"sma-actuator \S.*\n", sma_actuator("--version").stdout)
+
+
+def test_a_slip_in_a_command_is_answered_with_the_nearest():
+    said = sma_actuator("reply", "a.csv")
+    assert said.returncode == 2 and "'reply' is no command; did you mean replay?" in said.stderr
+
+
+def test_a_slip_in_an_option_is_answered_with_the_usage_of_that_command():
+    said = sma_actuator("replay", "a.csv", "--config", "m.yaml", "--jsn", "x")
+    assert said.returncode == 2
+    assert "usage: sma-actuator replay" in said.stderr and "unrecognized arguments: --jsn x" in said.stderr
+
+
+def test_the_shell_completes_commands_and_their_options(tmp_path):
+    pytest.importorskip("argcomplete")
+
+    def completions(line):
+        path = tmp_path / "completions"
+        completing = {"_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)), "_ARGCOMPLETE_IFS": " "}
+        sma_actuator(_ARGCOMPLETE_STDOUT_FILENAME=str(path), **completing)
+        return path.read_text().split()
+
+    assert completions("sma-actuator rep") == ["replay"]
+    assert "--map-file" in completions("sma-actuator replay --map")
+
+
+def test_results_go_to_standard_output_in_full_width_and_notes_to_the_other(flexinol, tmp_path):
+    """In a pipe nothing is broken, cut or coloured; with -q nothing else is said."""
+    from sma_actuator.identify import identify
+    from sma_actuator.identify.command import write_model
+
+    write_model(tmp_path / "model.yaml", identify(flexinol.logs, flexinol.mapping, "flexinol", order=2))
+    name = "a_log_with_a_name_that_is_longer_than_any_terminal_is_wide_" * 2 + ".csv"
+    (tmp_path / name).write_bytes((flexinol.folder / "pulses_0.600N.csv").read_bytes())
+    words = ["replay", tmp_path / name, flexinol.folder / "pulses_1.200N.csv", "--config", tmp_path / "model.yaml"]
+    said = sma_actuator(*words)
+    assert said.returncode == 0
+    assert name in said.stdout and "mean" in said.stdout and "\x1b" not in said.stdout
+    assert "reading" in said.stderr and "Mean absolute error" not in said.stderr
+    quiet = sma_actuator(*words, "-q", "--csv", "-")
+    assert "reading" not in quiet.stderr
+    rows = list(csv.DictReader(io.StringIO(quiet.stdout)))
+    assert [row["name"] for row in rows] == [name, "pulses_1.200N.csv"] and float(rows[0]["full_percent"]) < 5.0
+    machine = sma_actuator(*words, "--json", "-")
+    assert [row["name"] for row in json.loads(machine.stdout)] == [name, "pulses_1.200N.csv"]

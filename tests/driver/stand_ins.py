@@ -54,14 +54,20 @@ class StandInSupply:
         self.settings.append(("output", on))
         self.output_on = on
 
+    def switch_off(self):
+        self.set_output(False)
+        self.set_current(0.0)
+
     def read_back(self):
         self._asked()
         flowing_A = self.current_A if self.output_on else 0.0
         return SupplyState(time.monotonic(), self.current_A, self.output_on, 6.5 * flowing_A, flowing_A)
 
-    def watchdog_holds(self):
+    def check_settings(self):
         self._asked()
-        return True
+
+    def check_next_setting(self):
+        self._asked()
 
     def clear_trip(self):
         self._asked()
@@ -69,6 +75,7 @@ class StandInSupply:
     def shut_down(self):
         self.shut_downs += 1
         self.current_A, self.output_on = 0.0, False
+        return True
 
     def close(self):
         pass

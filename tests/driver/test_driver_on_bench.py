@@ -10,6 +10,7 @@ from sma_actuator.bench.bench import VirtualBench
 from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply, VirtualClock
 from sma_actuator.config import Config
 from sma_actuator.driver import Driver
+from sma_actuator.safety.faults import FAULTS
 
 
 class Rig:
@@ -54,6 +55,16 @@ def test_no_current_flows_before_enable(rig):
     assert len(rig.outputs) > 30
     assert all(output.status.mode is Mode.OFF for output in rig.outputs)
     assert not rig.bench.supply.output_on
+
+
+def test_what_was_disabled_by_hand_can_be_enabled_again(rig):
+    rig = rig()
+    rig.enable()
+    assert rig.driver.enable(False)[0]
+    rig.driver.run_for(1.0)
+    assert rig.status.mode is Mode.OFF and rig.status.fault == "", rig.status.message
+    rig.enable()
+    assert rig.status.mode is Mode.HOLD
 
 
 def test_a_setpoint_is_reached_by_the_estimate(rig):
@@ -231,3 +242,82 @@ def test_a_watchdog_that_stopped_holding_is_noticed_before_the_next_enable(rig):
     wire.driver.run_for(0.5)
     assert not wire.bench.supply.output_on
     assert wire.status.fault == "watchdog_not_held"
+
+
+def test_clearing_no_fault_leaves_a_wire_that_is_driven_as_it_is(rig):
+    rig = rig()
+    rig.enable()
+    assert rig.driver.clear_fault() == (True, "there is no fault to clear")
+    rig.driver.run_for(1.0)
+    assert rig.bench.supply.output_on
+    assert rig.status.fault == ""
+
+
+def test_a_limit_that_was_changed_behind_the_driver_prevents_enabling_and_is_programmed_again(rig):
+    rig = rig()
+    rig.driver.run_for(0.5)
+    rig.bench.supply.set_ocp(1.0)
+    done, words = rig.driver.enable(True)
+    assert not done
+    assert "a limit of the supply does not hold" in words
+    rig.driver.run_for(0.5)
+    assert rig.bench.supply.ocp_A == rig.config.supply.over_current_trip
+    assert rig.status.fault == "limits_not_held"
+    assert rig.driver.clear_fault()[0]
+    rig.enable()
+
+
+@pytest.mark.parametrize("change", ["ocp_A", "voltage_V", "watchdog_on"])
+def test_a_setting_that_is_changed_while_driving_is_found_within_the_published_time(rig, change):
+    rig = rig()
+    rig.enable()
+    fault = "watchdog_not_held" if change == "watchdog_on" else "limits_not_held"
+    setattr(rig.bench.supply, change, {"ocp_A": 1.0, "voltage_V": 12.0, "watchdog_on": False}[change])
+    within_s = FAULTS[fault].within(rig.config) + 0.05
+    rig.run_until(lambda: rig.status.fault == fault, within_s)
+    assert not rig.bench.supply.output_on
+    rig.driver.run_for(0.5)
+    assert rig.driver.clear_fault()[0]
+    rig.enable()
+
+
+@pytest.mark.parametrize("instrument", ["supply", "daq"])
+@pytest.mark.parametrize("manner", ["silent", "hangup"])
+@pytest.mark.parametrize("rate_Hz", [5.0, 20.0, 100.0])
+def test_a_lost_instrument_is_named_within_the_published_time(rig, instrument, manner, rate_Hz):
+    rig = rig(
+        **{
+            "loop.rate": rate_Hz,
+            "loop.samples_per_block": 10,
+            "safety.reading_timeout": 0.4 + 1.0 / rate_Hz,
+            "loop.overruns_to_fault": 100,
+        }
+    )
+    rig.enable()
+    start_s = rig.bench.time_s
+    rig.bench.inject(f"{instrument}_{manner}")
+    while not rig.status.fault:
+        rig.driver.run_for(1e-3)
+    assert rig.status.fault == f"{instrument}_lost"
+    assert rig.outputs[-1].signals.time_s <= rig.bench.time_s
+    assert rig.bench.time_s - start_s <= FAULTS[rig.status.fault].within(rig.config) + 1e-6
+
+
+@pytest.mark.parametrize("rate_Hz", [1.0, 20.0])
+def test_a_node_that_is_gone_is_named_within_the_published_time(make_config, rate_Hz):
+    changes = {"loop.rate": rate_Hz, "safety.reading_timeout": 3.0, "supply.watchdog_timeout": 3.0}
+    one = Rig(make_config(**changes))
+    one.driver = Driver(
+        one.config,
+        one.supply,
+        InProcessDaq(one.bench, one.config),
+        one.clock,
+        on_output=one.outputs.append,
+        feed_timeout_s=0.9,
+    )
+    one.driver.run_for(2.0)
+    one.driver.feed()
+    start_s = one.bench.time_s
+    while not (one.status.fault == "node_lost" and not one.bench.supply.output_on):
+        one.driver.run_for(1e-3)
+        assert one.bench.time_s - start_s <= FAULTS["node_lost"].within(one.config) + 1e-6

@@ -2,11 +2,13 @@
 
 import json
 import os
+import queue
 import signal
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 from stand_ins import RealClock, StandInDaq, StandInSupply
@@ -263,7 +265,7 @@ def test_sixteen_wires_in_one_process_keep_their_rate(make_driver):
 
 
 _PROGRAM = """
-import json, sys, threading
+import json, signal, sys, threading
 from stand_ins import RealClock, StandInDaq, StandInSupply
 from sma_actuator.config import Config
 from sma_actuator.driver import Driver, signals_end_the_program
@@ -289,9 +291,14 @@ def runs():
         ("runs()", None, 0),
         ("runs(); sys.exit(3)", None, 3),
         ("runs(); raise ZeroDivisionError", None, 1),
-        ("runs(); threading.Event().wait()", signal.SIGINT, -signal.SIGINT),
-        ("with signals_end_the_program(): runs(); threading.Event().wait()", signal.SIGTERM, 128 + signal.SIGTERM),
-        ("with signals_end_the_program(): runs(); threading.Event().wait()", signal.SIGHUP, 128 + signal.SIGHUP),
+        (
+            # A program that is started in the background starts with SIGINT ignored.
+            "signal.signal(signal.SIGINT, signal.default_int_handler); runs(); threading.Event().wait(60)",
+            signal.SIGINT,
+            -signal.SIGINT,
+        ),
+        ("with signals_end_the_program(): runs(); threading.Event().wait(60)", signal.SIGTERM, 128 + signal.SIGTERM),
+        ("with signals_end_the_program(): runs(); threading.Event().wait(60)", signal.SIGHUP, 128 + signal.SIGHUP),
     ],
     ids=["end of the program", "sys.exit", "exception", "SIGINT", "SIGTERM", "SIGHUP"],
 )
@@ -301,12 +308,32 @@ def test_however_a_program_ends_the_supply_is_shut_down(make_config, ending, kil
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         text=True,
-        env={**os.environ, "PYTHONPATH": os.path.dirname(__file__)},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])},
     )
-    assert process.stdout.readline() == "runs\n"
-    if kill_with is not None:
-        process.send_signal(kill_with)
-    start_s = time.monotonic()
-    assert process.stdout.readline() == "shut down\n"
-    assert time.monotonic() - start_s < 1.0
-    assert process.wait(SOON_s) == code
+    said = queue.Queue()
+    reader = threading.Thread(target=lambda: [said.put(line) for line in process.stdout], daemon=True)
+    reader.start()
+    try:
+        assert said.get(timeout=6 * SOON_s) == "runs\n"
+        if kill_with is not None:
+            process.send_signal(kill_with)
+        assert said.get(timeout=SOON_s) == "shut down\n"
+        assert process.wait(SOON_s) == code
+    finally:
+        process.kill()
+        process.wait(SOON_s)
+        reader.join(SOON_s)
+        process.stdout.close()
+
+
+def test_a_program_started_with_sigint_ignored_shuts_the_supply_down_too(make_config):
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        test_however_a_program_ends_the_supply_is_shut_down(
+            make_config,
+            "with signals_end_the_program(): runs(); threading.Event().wait(60)",
+            signal.SIGTERM,
+            128 + signal.SIGTERM,
+        )
+    finally:
+        signal.signal(signal.SIGINT, before)

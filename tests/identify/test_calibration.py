@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.identify import identify
 from sma_actuator.identify.calibration import calibration_of, expected_residual_m
+from sma_actuator.identify.kinds import make_traces
 from sma_actuator.identify.rests import WINDOW_s, find_rests
-from sma_actuator.identify.traces import make_trace, make_traces
+from sma_actuator.identify.traces import make_trace
 
 
 @pytest.fixture(scope="module")

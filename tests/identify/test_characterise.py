@@ -1,8 +1,11 @@
 """Characterisation: what it measures, that it loses nothing, and that the current is off on every way out."""
 
+import contextlib
 import dataclasses
 import itertools
 import json
+import os
+import signal
 
 import numpy as np
 import pytest
@@ -84,6 +87,23 @@ def test_an_interrupted_characterisation_keeps_what_is_finished_and_resumes_ther
     assert set(manifest.data["parts"]) == {"lead_resistance", "pulses_0.500N"}
     assert (tmp_path / "calibration" / "lead_resistance.csv").read_bytes() == kept
     assert len(read_bench_log(tmp_path / "pulses_0.500N.csv")) > 100
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda n: n.name)
+def test_a_signal_that_a_library_would_swallow_still_ends_it_with_the_output_off(tmp_path, number):
+    bench, rig, operator = virtual_rig("flexinol")
+    read_block = rig.daq.read_block
+
+    def swallowing():
+        with contextlib.suppress(KeyboardInterrupt):
+            os.kill(os.getpid(), number)
+        return read_block()
+
+    rig.daq.read_block = swallowing
+    with pytest.raises(KeyboardInterrupt):
+        characterise(bench_mapping("flexinol"), make_plan(rig.config, QUICK), rig, operator, tmp_path)
+    assert not bench.supply.output_on
+    assert bench.supply.current_A == 0.0
 
 
 def test_other_settings_in_the_same_folder_are_refused(tmp_path):

@@ -20,9 +20,10 @@ from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.identify.appendix_c import Tolerances, asymptotes
 from sma_actuator.identify.fatigue import fit_fatigue
 from sma_actuator.identify.fitting import choose_simplest
+from sma_actuator.identify.kinds import make_traces
 from sma_actuator.identify.material import RPhaseAlloy, asymptotes_from_material, corners
 from sma_actuator.identify.ranges import determinate_interval_m, distinct_stresses
-from sma_actuator.identify.traces import make_trace, make_traces
+from sma_actuator.identify.traces import make_trace
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log
 from sma_actuator.logs.errors import BenchLogError
 from sma_actuator.plant.loads import Weight
@@ -230,7 +231,7 @@ def in_other_ohms(log):
         pytest.param(lambda f: f.only("_0.600N"), {}, "needs full cycles at 2 different loads; the logs hold 1", id="one load"),
         pytest.param(lambda f: f.only("_0.600N", "_1.200N"), {"order": 2}, "needs full cycles at 3 different loads; the logs hold 2", id="two loads for a quadratic"),
         pytest.param(lambda f: f.only("partial"), {}, "no log of full cycles at a constant load", id="no full cycles"),
-        pytest.param(lambda f: [without_cooling(log) for log in f.only("pulses")], {}, "there is no cooling branch", id="no cooling branch"),
+        pytest.param(lambda f: [without_cooling(log) for log in f.only("pulses")], {}, "no log of full cycles at a constant load .*and back", id="no cooling branch"),
         pytest.param(lambda f: [saturated(log) for log in f.only("pulses")], {}, "line 52, column load_cell_voltage_V: the channel is saturated", id="saturated channel"),
         pytest.param(lambda f: [of_another_wire(log) for log in f.only("pulses")], {}, "log of another wire: its length is 200 mm", id="another wire by its metadata"),
         pytest.param(lambda f: [never_driven(log) for log in f.only("pulses")], {}, "was the wire never driven", id="never driven"),

@@ -17,6 +17,8 @@ SUPPLIES = {
     "keysight_n6700": (
         "Keysight Technologies,N6700C,MY123,D.01.08",
         [
+            "OUTP OFF,(@2)",
+            "CURR 0.00000,(@2)",
             "*IDN?",
             "*CLS",
             "OUTP OFF,(@2)",
@@ -26,12 +28,12 @@ SUPPLIES = {
             "VOLT:PROT 6.600,(@2)",
             "OUTP:PROT:WDOG:DEL 1",
             "OUTP:PROT:WDOG ON",
-            "OUTP:PROT:WDOG?",
-            "OUTP:PROT:WDOG:DEL?",
             "SYST:ERR?",
             "OUTP? (@2)",
             "VOLT? (@2)",
             "VOLT:PROT? (@2)",
+            "OUTP:PROT:WDOG?",
+            "OUTP:PROT:WDOG:DEL?",
             "CURR 0.12300,(@2)",
             "OUTP ON,(@2)",
             "CURR? (@2)",
@@ -46,6 +48,8 @@ SUPPLIES = {
     "keithley_2260b": (
         "KEITHLEY,2260B-30-36,1405537,1.72",
         [
+            "OUTP OFF",
+            "SOUR:CURR 0.0000",
             "*IDN?",
             "*CLS",
             "SYST:COMM:RLST REM",
@@ -77,6 +81,8 @@ SUPPLIES = {
     "rigol_dp800": (
         "RIGOL TECHNOLOGIES,DP832,DP8C1234567,00.01.16",
         [
+            ":OUTP CH2,OFF",
+            ":SOUR2:CURR 0.0000",
             "*IDN?",
             "*CLS",
             ":SYST:REM",
@@ -170,6 +176,7 @@ def test_a_supply_hears_its_manuals_commands_and_no_other(make_config, name):
                 **{
                     "instruments": {"supply": {"resource": server.resource, "dialect": name, "channel": 2}},
                     "supply.allow_no_watchdog": name != "keysight_n6700",
+                    "supply.allow_single_session": name != "keysight_n6700",
                 }
             )
         )
@@ -284,6 +291,8 @@ def test_an_unknown_dialect_names_its_neighbour():
         (lambda d: d["queries"].update(current=["A?", "B?"]), "queries.current: .* has 2 texts; a query has one"),
         (lambda d: d.update(trips=["OVP"]), "trips: .* is no section of SCPI texts"),
         (lambda d: d.update(trips={"OVP": 5}), "trips: .* is no section of SCPI texts"),
+        (lambda d: d.pop("watchdog_fed_by"), "watchdog_fed_by: session, .* or anyone is wanted"),
+        (lambda d: d.update(second_session="yes"), "second_session: 'yes' is neither true nor false"),
         (lambda d: d.update(watchdog_range_s=5), "watchdog_range_s: 5 is not shortest and longest"),
         (lambda d: d.update(watchdog_range_s=[3600, 1]), "watchdog_range_s: .* is not shortest and longest"),
         (lambda d: d.update(watchdog_step_s="one"), "watchdog_step_s: 'one' is not a number"),

@@ -22,6 +22,7 @@ def supply_of(server, make_config, dotted=E36312A, accepted=True):
     changes = {
         "instruments": {"supply": {"resource": server.resource if server else "x", "pymeasure_class": dotted}},
         "supply.allow_no_watchdog": accepted,
+        "supply.allow_single_session": accepted,
     }
     return open_supply(Config.from_mapping(make_config(**changes)))
 
@@ -38,8 +39,10 @@ def test_a_pymeasure_class_drives_its_instrument(server, make_config):
     supply.shut_down()
     supply.close()
     assert (state.current_setting_A, state.output_on, state.voltage_V, state.current_A) == (0.2, True, 1.3, 0.2)
-    assert server.heard("CURR 0, (@1)", times=2)  # on opening, and at the end
-    assert server.lines[-3:] == ["OUTPut 0, (@1)", "CURR 0, (@1)", "OUTPut? (@1)"]
+    assert server.heard("CURR 0, (@1)", times=4)  # blind and asked for on opening; at the end; blind on closing
+    off = ["OUTPut 0, (@1)", "CURR 0, (@1)"]
+    assert server.lines[:3] == [*off, "*IDN?"]
+    assert server.lines[-5:] == [*off, "OUTPut? (@1)", *off]
     assert "CURR 0.2, (@1)" in server.lines
 
 
@@ -50,7 +53,8 @@ def test_shut_down_works_through_a_new_connection_when_the_old_one_is_dead(serve
     supply.set_output(True)
     assert server.heard("OUTPut 1, (@1)")
     server.hang_up()
-    supply.shut_down()
+    caplog.clear()
+    assert supply.shut_down()
     last_on = len(server.lines) - server.lines[::-1].index("OUTPut 1, (@1)")
     assert {"OUTPut 0, (@1)", "CURR 0, (@1)"} <= set(server.lines[last_on:])
     assert caplog.text == ""
@@ -58,10 +62,11 @@ def test_shut_down_works_through_a_new_connection_when_the_old_one_is_dead(serve
 
 
 def test_shut_down_says_so_where_the_output_stays_on(server, make_config, caplog):
-    server.replies.update({"VOLT? (@1)": "6.0", "OUTPut? (@1)": "1"})
+    server.replies.update({"VOLT? (@1)": "6.0"})
     supply = supply_of(server, make_config)
     supply.open()
-    supply.shut_down()
+    server.replies.update({"OUTPut? (@1)": "1"})
+    assert not supply.shut_down()
     assert "was told to switch off and answers that its output is on" in caplog.text
     supply.close()
 

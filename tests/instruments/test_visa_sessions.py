@@ -1,6 +1,9 @@
 """Real pyvisa over TCP: to the virtual bench, and to a stand-in that can be made to misbehave."""
 
 import contextlib
+import os
+import select
+import socket
 import threading
 import time
 
@@ -13,7 +16,15 @@ from stand_in_server import ScpiStandIn
 from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
 from sma_actuator.config import Config
-from sma_actuator.instruments import InstrumentError, InstrumentLost, InstrumentRefused, open_daq, open_supply
+from sma_actuator.instruments import (
+    InstrumentError,
+    InstrumentLost,
+    InstrumentRefused,
+    LimitsNotHeld,
+    WatchdogNotHeld,
+    open_daq,
+    open_supply,
+)
 from sma_actuator.instruments.clock import MonotonicClock
 from sma_actuator.instruments.scpi import ScpiSupply
 
@@ -31,12 +42,12 @@ def bench(make_config):
         config = Config.from_mapping(
             make_config(
                 instruments={
-                    "supply": {"resource": f"TCPIP::127.0.0.1::{server.ports[0]['supply']}::SOCKET", "timeout": 0.3},
+                    "supply": {"resource": f"TCPIP::127.0.0.1::{server.ports[0]['supply']}::SOCKET", "timeout": 0.2},
                     "daq": {
                         "resource": f"TCPIP::127.0.0.1::{server.ports[0]['daq']}::SOCKET",
                         "lvdt_channel": 104,
                         "ambient_temperature_channel": 105,
-                        "timeout": 0.3,
+                        "timeout": 0.2,
                     },
                 }
             )
@@ -173,7 +184,7 @@ def test_a_watchdog_that_does_not_hold_is_refused(bench):
 )
 def test_a_limit_that_the_supply_does_not_take_is_refused(stand_in, make_config, query, words):
     stand_in.replies[query] = "20.0"
-    with pytest.raises(InstrumentRefused, match=f"does not take {words}: it reads back 20.0"):
+    with pytest.raises(InstrumentRefused, match=f"does not hold {words}: it reads back 20.0"):
         opened(stand_in, make_config)
 
 
@@ -184,7 +195,7 @@ def test_a_silent_instrument_is_lost_within_its_timeout_and_comes_back_by_openin
     daq.open()
     lost, ask, other = (supply, supply.read_back, daq) if instrument == "supply" else (daq, daq.read_block, supply)
     command(lost, f"BENC:FAUL {instrument}_silent")
-    with pytest.raises(InstrumentLost, match=f"{instrument} at .*no answer.* within 0.3 s"):
+    with pytest.raises(InstrumentLost, match=f"{instrument} at .*no complete answer.* within 0.2 s"):
         ask()
     with pytest.raises(InstrumentLost, match="not connected"):
         ask()
@@ -227,14 +238,20 @@ def test_the_wrong_instrument_is_refused_by_what_it_says_it_is(bench, make_confi
         open_supply(Config.from_mapping(swapped)).open()
 
 
-def test_a_supply_that_another_client_has_locked_is_refused(stand_in, make_config, monkeypatch):
+def test_a_supply_that_another_client_has_locked_is_refused_without_a_word_to_it(make_config, monkeypatch):
     def locked_elsewhere(self, timeout="default"):
         raise pyvisa.VisaIOError(pyvisa.constants.StatusCode.error_resource_locked)
 
-    monkeypatch.setattr(pyvisa.resources.TCPIPSocket, "lock_excl", locked_elsewhere)
+    monkeypatch.setattr(pyvisa.resources.SerialInstrument, "lock_excl", locked_elsewhere)
+    ours, theirs = os.openpty()
+    config = Config.from_mapping(
+        make_config(instruments={"supply": {"resource": f"ASRL{os.ttyname(theirs)}::INSTR", "timeout": 0.2}})
+    )
     with pytest.raises(InstrumentRefused, match="somebody else holds its VISA lock.*instruments.supply.exclusive_lock"):
-        opened(stand_in, make_config)
-    assert stand_in.lines == []
+        open_supply(config).open()
+    assert not select.select([ours], [], [], 0.2)[0]
+    os.close(ours)
+    os.close(theirs)
 
 
 @pytest.mark.parametrize("quantity", ("supply_voltage", "reference_voltage", "load_cell"))
@@ -273,6 +290,7 @@ def stand_in():
             "*IDN?": "SMA Actuator,Virtual Supply,7,stand-in",
             ":SYST:ERR?": '0,"No error"',
             ":OUTP:PROT:WDOG?": "1",
+            ":OUTP:PROT:WDOG:SESS?": "1",
             ":OUTP:PROT:WDOG:DEL?": "1.0",
             ":OUTP?": "0",
             ":VOLT?": "6.0",
@@ -297,7 +315,7 @@ def test_a_late_reply_is_never_taken_for_the_answer_to_the_next_question(stand_i
     supply = opened(stand_in, make_config)
     chain = ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?"
     stand_in.silent_on, stand_in.replies[chain] = chain, "0.9;1;9.9;0.9;OCP"
-    with pytest.raises(InstrumentLost, match="no answer"):
+    with pytest.raises(InstrumentLost, match="no complete answer"):
         supply.read_back()
     stand_in.silent_on, stand_in.replies[chain] = None, "0.1;1;0.65;0.1;NONE"
     stand_in.release.set()  # now the late reply goes out
@@ -316,7 +334,7 @@ def test_a_garbled_reply_is_a_loss_that_quotes_it(stand_in, make_config, reply):
 def test_shut_down_does_not_wait_for_a_query_that_hangs_in_another_thread(stand_in, make_config):
     supply = opened(stand_in, make_config)
     stand_in.silent_on = ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?"
-    supply._session._visa.timeout = 5000
+    supply._session._timeout_s = 5.0
 
     def hang():
         with contextlib.suppress(InstrumentLost):
@@ -376,3 +394,127 @@ def test_no_number_beyond_the_limit_is_ever_sent(make_config, current_A, max_cur
         sent_A = float(line.split()[1].split(",")[0])
         assert current_A - 1.01e-4 <= sent_A <= max_current_A
     assert bool(supply._session.lines) == (0.0 <= current_A <= max_current_A)
+
+
+class TestBystander:
+    """Somebody who asks, and commands nothing."""
+
+    @pytest.fixture
+    def asked(self, make_config):
+        """``asked(dialect)``: the virtual supply, left with a current by a driver that died, while another client asks."""
+        ended = threading.Event()
+        with contextlib.ExitStack() as stack:
+
+            def make(dialect):
+                virtual = VirtualBench.from_name("flexinol")
+                server = stack.enter_context(background(virtual))
+                resource = f"TCPIP::127.0.0.1::{server.ports[0]['supply']}::SOCKET"
+                changes = {"instruments": {"supply": {"resource": resource, "dialect": dialect, "timeout": 2.0}}}
+                changes |= {"supply.watchdog_timeout": 0.5, "safety.reading_timeout": 5.0}
+                supply = open_supply(Config.from_mapping(make_config(**changes)))
+                stack.callback(supply.close)
+                supply.open()
+                supply.set_current(0.1)
+                supply.set_output(True)
+                assert supply.read_back().output_on
+                stream = stack.enter_context(
+                    socket.create_connection(("127.0.0.1", server.ports[0]["supply"]), 10.0).makefile(
+                        "rw", newline="\n"
+                    )
+                )
+
+                def ask():
+                    while not ended.wait(0.05):
+                        stream.write("*IDN?\n")
+                        stream.flush()
+                        stream.readline()
+
+                thread = threading.Thread(target=ask)
+                thread.start()
+                stack.callback(thread.join, 10.0)
+                stack.callback(ended.set)
+                return virtual, supply
+
+            yield make
+
+    def test_does_not_feed_a_watchdog_that_is_tied_to_a_session(self, asked):
+        virtual, _ = asked("virtual_bench_supply")
+        deadline_s = time.monotonic() + 10.0
+        while virtual.supply.output_on:
+            assert time.monotonic() < deadline_s
+            time.sleep(0.01)
+        assert virtual.supply.trips == ["WDOG"]
+
+    def test_feeds_one_that_is_not(self, asked):
+        virtual, _ = asked("virtual_bench_supply_shared")
+        deadline_s, first_s = time.monotonic() + 20.0, virtual.supply.last_command_s
+        while virtual.supply.last_command_s < first_s + 1.0:  # twice its delay
+            assert time.monotonic() < deadline_s
+            time.sleep(0.01)
+
+
+@pytest.mark.parametrize("dialect", ["virtual_bench_supply", "virtual_bench_supply_shared"])
+def test_a_second_program_that_wants_the_supply_does_not_say_a_word_to_it(stand_in, make_config, dialect):
+    changes = {"instruments": {"supply": {"resource": stand_in.resource, "dialect": dialect}}}
+    stand_in.replies[":OUTP:PROT:WDOG:SESS?"] = "1"
+    one, other = (open_supply(Config.from_mapping(make_config(**changes))) for _ in range(2))
+    one.open()
+    said = len(stand_in.lines)
+    with pytest.raises(InstrumentRefused, match="another program on this computer"):
+        other.open()
+    assert other.shut_down(), "nothing of the second one flows"
+    other.close()
+    assert stand_in.lines[said:] == []
+    one.close()
+    other.open()
+    other.close()
+
+
+def test_after_a_reset_behind_the_connection_everything_is_found_and_programmed_again(bench):
+    supply, _, config = bench
+    supply.open()
+    supply.check_settings()
+    supply._session.tell("*RST")
+    with pytest.raises(LimitsNotHeld, match="does not hold supply.max_voltage"):
+        supply.check_settings()
+    with pytest.raises(InstrumentLost, match="not connected"):
+        supply.set_output(True)
+    supply.open()
+    supply.check_settings()
+    supply._session.tell("OUTP:PROT:WDOG OFF")
+    with pytest.raises(WatchdogNotHeld, match="does not read back so"):
+        for _ in range(4):
+            supply.check_next_setting()
+
+
+@pytest.mark.parametrize(
+    ("acknowledged", "words"),
+    [
+        ({}, "has no communication watchdog.*wire a relay.*supply.allow_no_watchdog: true acknowledges that"),
+        (
+            {"supply.allow_no_watchdog": True},
+            "is not known to take a second session.*wire a switch.*supply.allow_single_session: true acknowledges that",
+        ),
+        ({"supply.allow_no_watchdog": True, "supply.allow_single_session": True}, ""),
+    ],
+)
+def test_what_cannot_be_made_safe_is_said_with_what_to_wire_up_and_must_be_acknowledged(
+    make_config, acknowledged, words, caplog
+):
+    server = ScpiStandIn({"*IDN?": "RIGOL TECHNOLOGIES,DP832,DP8C1234567,00.01.16", ":SYST:ERR?": '0,"No error"'})
+    changes = {"instruments": {"supply": {"resource": server.resource, "dialect": "rigol_dp800"}}, **acknowledged}
+    supply = open_supply(Config.from_mapping(make_config(**changes)))
+    try:
+        if words:
+            with pytest.raises(InstrumentRefused, match=words):
+                supply.open()
+            return
+        supply.open()
+        assert "wire a relay into its output" in caplog.text
+        assert "wire a switch into its output" in caplog.text
+        caplog.clear()
+        supply.open()
+        assert caplog.text == "", "once is enough"
+    finally:
+        supply.close()
+        server.close()

@@ -26,7 +26,7 @@ def make_config(make_config):
     identified = read_parameter_file(Path(__file__).resolve().parents[2] / "config" / "flexinol.yaml")
     real = {section: identified[section] for section in ("model", "controller", "thermal", "estimator")}
     real |= {"safety.reading_timeout": 3.0, "supply.watchdog_timeout": 3.0, "loop.overruns_to_fault": 100}
-    real |= {f"instruments.{name}.timeout": 2.0 for name in ("supply", "daq")}
+    real |= {f"instruments.{name}.timeout": 1.4 for name in ("supply", "daq")}
     return lambda **changes: make_config(**{**real, **changes})
 
 

@@ -132,10 +132,13 @@ def seem_to_grow(rig):
 SCENARIOS = {
     "unhandled_exception": Scenario(raise_in_estimator, mend_estimator),
     "node_lost": reported("node_lost"),
+    "loop_hung": reported("loop_hung"),
     "command_invalid": Scenario(poison_controller, mend_controller),
     "clock_jump": jump(-5.0),
     "supply_tripped": Scenario(lambda rig: rig.bench.supply.trip("OCP"), lambda rig: rig.supply.clear_trip()),
     "watchdog_not_held": reported("watchdog_not_held"),
+    "output_not_confirmed": reported("output_not_confirmed"),
+    "limits_not_held": reported("limits_not_held"),
     "second_commander": bench_fault("second_commander", 0.39, tracking=False),
     "supply_lost": lie_about_supply(lambda state: None),
     "daq_lost": lie_about_readings(lambda reading: None),
@@ -164,6 +167,7 @@ SCENARIOS = {
     ),
     "ambient_doubted": lie_about_readings(lambda r: replace(r, ambient_temperature_C=-59.0)),
     "supply_disagrees": bench_fault("current_disagrees", 0.6),
+    "measurements_disagree": lie_about_supply(lambda state: replace(state, current_A=state.current_A + 0.05)),
     "estimator_outside": weight(
         1.5, changes={"model.stress_range": [0.0, 60e6], "safety.outside_calibration_time": 1.0}
     ),

@@ -42,10 +42,10 @@ def test_a_setpoint_outside_the_working_range_is_clipped_to_it(make_rig):
 def test_a_setpoint_that_leaps_is_followed_at_its_rate_limit(make_rig):
     rig = make_rig(**{"controller.setpoint_rate_limit": 0.0005})
     rig.enable()
-    start_m = rig.status.values["reference_m"]
+    start_m = rig.status.values["limited_setpoint_m"]
     rig.track(0.0010)
     assert shown(rig, SETPOINT_RATE)
-    assert start_m - rig.status.values["reference_m"] == pytest.approx(0.0005 * 0.5, rel=1e-6)
+    assert start_m - rig.status.values["limited_setpoint_m"] == pytest.approx(0.0005 * 0.5, rel=1e-6)
 
 
 def test_the_current_saturates_at_its_maximum_and_says_so(make_rig):

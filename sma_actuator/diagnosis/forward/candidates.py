@@ -18,11 +18,16 @@ class Candidate:
     name: str
     sentence: str  #: what would be said of the bench if it earned its place
     free: tuple[Free, ...]
-    place: str  #: mechanism, sensor, heat, alloy or circuit
+    part: str  #: where it lies: mechanism, sensor, heat, alloy or circuit
     signature: str  #: what in the record tells it from the others
 
     @property
-    def parameters(self) -> tuple[str, ...]:
+    def parameters(self) -> int:
+        """How many values it has to earn."""
+        return len(self.free)
+
+    @property
+    def value_names(self) -> tuple[str, ...]:
         """Names of its values in the ``effects`` section."""
         return tuple(f.name for f in self.free)
 

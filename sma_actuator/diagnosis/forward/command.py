@@ -4,23 +4,20 @@ from __future__ import annotations
 
 import argparse
 import json
-import multiprocessing
 import os
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from sma_actuator.base.errors import UserError
+from sma_actuator.console import add_output_arguments, notes, progress_bar, refuse_to_overwrite, results, write_json
+from sma_actuator.diagnosis.selection import cluster
 from sma_actuator.logs.files import write_atomically
+from sma_actuator.logs.reading import add_map_arguments, columns_of
 
 from .findings import sentences, summary
-from .runs import Run, read_run
+from .runs import COLUMNS, Run, read_run
 from .tracing import Tracing, trace
 from .wire import read_wire, wire_yaml
 
@@ -40,28 +37,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--judge", nargs="+", type=Path, default=[], metavar="RUN.csv",
         help="runs to judge on, which have no part in choice and fit (default: each in turn, chosen and fitted on the others)",
     )  # fmt: skip
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write report.json here instead")
+    add_map_arguments(parser)
+    add_output_arguments(parser, "the report")
     parser.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), help="processes (default %(default)s)")
+    parser.add_argument(
+        "--dask", metavar="ADDRESS", help="spread the fits over this Dask cluster, as tcp://127.0.0.1:8786"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
     """Fit, trace, write and report; 0 when all files were written."""
     from .page import write_page
 
-    console = Console(stderr=True)
+    refuse_to_overwrite(args, *(args.out / name for name in ("forward.yaml", "report.json", "report.html")))
+    columns, console = columns_of(args, COLUMNS), notes(args)
     wire = read_wire(args.wire)
-    runs, judge = [read_run(path) for path in args.runs], [read_run(path) for path in args.judge]
+    runs = [read_run(path, columns, console.print) for path in args.runs]
+    judge = [read_run(path, columns, console.print) for path in args.judge]
     _check(runs, judge, args)
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), console=console
-    ) as bar:
+    with progress_bar(args) as bar:
         task = bar.add_task("fitting", total=1.0)
 
         def progress(what: str, share: float) -> None:
             bar.update(task, description=what, completed=share)
 
-        with _single_threaded(), ProcessPoolExecutor(args.jobs, multiprocessing.get_context("spawn")) as pool:
-            found = trace(wire, runs, judge, progress, pool)
+        with cluster(args.dask):
+            found = trace(wire, runs, judge, progress, args.jobs)
         bar.update(task, description="done", completed=1.0)
     comment = "Written by `sma-actuator forward`; pictures are in report.html beside it.\n" + "\n".join(
         sentences(found)[:2]
@@ -70,31 +71,15 @@ def run(args: argparse.Namespace) -> int:
         args.out / "forward.yaml", lambda stream: stream.write(wire_yaml(found.fitted.wire, comment).encode())
     )
     text = json.dumps(summary(found), indent=1) + "\n"
-    write_atomically(args.json or args.out / "report.json", lambda stream: stream.write(text.encode()))
+    write_atomically(args.out / "report.json", lambda stream: stream.write(text.encode()))
+    write_json(args, summary(found))
     write_page(args.out / "report.html", found)
-    console.print(_table(found))
+    told = results(args)
+    told.print(_table(found))
     for sentence in sentences(found):
-        console.print(sentence, highlight=False)
-    console.print(
-        f"wrote {args.out / 'forward.yaml'}, {args.json or args.out / 'report.json'} and {args.out / 'report.html'}"
-    )
+        told.print(sentence)
+    console.print(f"wrote {args.out / 'forward.yaml'}, report.json and report.html")
     return 0
-
-
-@contextmanager
-def _single_threaded() -> Iterator[None]:
-    """Processes that start meanwhile do their linear algebra in one thread each: a dozen columns are not worth more."""
-    names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update(dict.fromkeys(names, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 def _check(runs: list[Run], judge: list[Run], args: argparse.Namespace) -> None:

@@ -8,7 +8,7 @@ from sma_actuator.base.parameters import to_mapping
 
 from .fitting import predict
 from .runs import IDLE_DUTY, Run
-from .tracing import Choice, Entry, Tracing
+from .tracing import Choice, Outcome, Tracing
 from .wire import ForwardWire
 
 _AFTER_S = 8.0  #: the movement after power off is looked for within this
@@ -74,7 +74,7 @@ def verdict_sentence(found: Tracing) -> str:
         return "Nothing is missing: on unseen runs the plain model errs by no more than a position sensor does, and no effect is chosen."
     if found.verdict == "traced":
         text = f"The model lacks {' and '.join(c.name for c in found.named)}."
-        places = {c.name: c.place for c in found.named if c.place in ("mechanism", "sensor", "circuit")}
+        places = {c.name: c.part for c in found.named if c.part in ("mechanism", "sensor", "circuit")}
         for name, place in places.items():
             text += f" {name}: the fault lies in the {place}, not in the alloy's model."
         alike = [" + ".join(names) for names in _alternatives(found)]
@@ -258,7 +258,7 @@ def _effects(found: Tracing) -> list[dict]:
         out.append(
             {
                 "name": c.name,
-                "stage": c.place,
+                "stage": c.part,
                 "says": c.sentence,
                 "signature": c.signature,
                 "parameters": {
@@ -269,7 +269,7 @@ def _effects(found: Tracing) -> list[dict]:
                     for f in c.free
                 },
                 "confidence": found.chosen_in(c.name),
-                "in_the_model": c.place in ("alloy", "heat"),
+                "in_the_model": c.part in ("alloy", "heat"),
             }
         )  # fmt: skip
     return out
@@ -279,7 +279,7 @@ def _choice(choice: Choice) -> dict:
     """One choice: its errors are those of the folds that it was made on."""
     names = [run.name for run in choice.runs]
 
-    def entry(e: Entry) -> dict:
+    def entry(e: Outcome) -> dict:
         return {
             "effects": list(e.names), "leave_one_out_rms_m": dict(zip(names, e.held_out_m, strict=True)), "ratio": e.ratio,
             "earns": bool(e.earns), "verdict": e.verdict or "earns its parameters", "values": e.values,

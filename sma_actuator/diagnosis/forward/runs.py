@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import csv
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from sma_actuator.base.errors import UserError
+from sma_actuator.logs.formats import read_table
+from sma_actuator.logs.mapping import ColumnMap
 
 from .wire import nearest
 
@@ -74,57 +76,48 @@ class Run:
         return float(np.ptp(self.coarse_position_m))
 
 
-def read_run(path: str | Path) -> Run:
-    """Read and check a CSV; every complaint names file, line and column."""
-    path = Path(path)
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            rows = list(csv.reader(stream))
-    except OSError as error:
-        raise UserError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise UserError(f"{path}: is not a CSV file in UTF-8 ({error})") from error
-    if not rows:
-        raise UserError(f"{path}: line 1: the file is empty; a header row with {', '.join(COLUMNS)} is wanted")
-    names = [name.strip() for name in rows[0]]
+def read_run(
+    path: str | Path,
+    columns: ColumnMap = ColumnMap(known=COLUMNS),  # noqa: B008 - it is frozen
+    say: Callable[[str], None] = lambda sentence: None,
+) -> Run:
+    """Read and check a run; every complaint names file, line and column."""
+    table = columns.apply(read_table(Path(path)))
+    for note in table.notes:
+        say(f"{Path(path).name}: {note}")
     for column in COLUMNS:
-        if column not in names:
+        if column not in table.columns:
+            names = list(table.columns)
             raise UserError(
                 f"{path}: line 1: column {column} is missing{nearest(column, names)}; found {', '.join(names)}"
             )
-    where = [names.index(column) for column in COLUMNS]
-    values = np.empty((len(rows) - 1, 3))
-    count = 0
-    for line, row in enumerate(rows[1:], 2):
-        if not any(field.strip() for field in row):
-            continue
-        if len(row) != len(names):
-            raise UserError(f"{path}: line {line}: {len(row)} fields where the header has {len(names)}")
-        for j, (column, index) in enumerate(zip(COLUMNS, where, strict=True)):
-            try:
-                values[count, j] = float(row[index])
-            except ValueError:
-                raise UserError(f"{path}: line {line}, column {column}: '{row[index]}' is not a number") from None
-            if not np.isfinite(values[count, j]):
-                raise UserError(f"{path}: line {line}, column {column}: {row[index].strip()} is not a finite number")
-        if count and values[count, 0] <= values[count - 1, 0]:
+    time_s, duty, position_m = (table.columns[column] for column in COLUMNS)
+    for column in COLUMNS:
+        values = table.columns[column]
+        if not np.isfinite(values).all():
+            bad = int(np.argmin(np.isfinite(values)))
             raise UserError(
-                f"{path}: line {line}, column time_s: time does not advance, {values[count - 1, 0]:.6g} s then {values[count, 0]:.6g} s"
+                f"{path}: line {table.first_line + bad}, column {column}: {values[bad]:g} is not a finite number"
             )
-        if not 0.0 <= values[count, 1] <= 1.0:
-            raise UserError(
-                f"{path}: line {line}, column duty_cycle: {values[count, 1]:g} is outside 0 to 1; is it in percent?"
-            )
-        count += 1
-    if count < SHORTEST:
-        raise UserError(f"{path}: {count} samples; a run of at least {SHORTEST} is wanted")
-    values = values[:count]
-    step_s = np.diff(values[:, 0])
+    step_s = np.diff(time_s)
+    if (step_s <= 0.0).any():
+        bad = int(np.argmax(step_s <= 0.0))
+        raise UserError(
+            f"{path}: line {table.first_line + bad + 1}, column time_s: time does not advance, {time_s[bad]:.6g} s then {time_s[bad + 1]:.6g} s"
+        )
+    outside = (duty < 0.0) | (duty > 1.0)
+    if outside.any():
+        bad = int(np.argmax(outside))
+        raise UserError(
+            f"{path}: line {table.first_line + bad}, column duty_cycle: {duty[bad]:g} is outside 0 to 1; is it in percent?"
+        )
+    if len(time_s) < SHORTEST:
+        raise UserError(f"{path}: {len(time_s)} samples; a run of at least {SHORTEST} is wanted")
     if step_s.max() > 5.0 * np.median(step_s) + 1e-9:
         bad = int(np.argmax(step_s))
         raise UserError(
-            f"{path}: line {bad + 3}, column time_s: a gap of {step_s[bad]:.4g} s where {np.median(step_s):.4g} s is usual"
+            f"{path}: line {table.first_line + bad + 1}, column time_s: a gap of {step_s[bad]:.4g} s where {np.median(step_s):.4g} s is usual"
         )
-    if np.ptp(values[:, 2]) == 0.0:
+    if np.ptp(position_m) == 0.0:
         raise UserError(f"{path}: column slider_position_m: the slider never moves; there is nothing to fit")
-    return Run(path.stem, values[:, 0].copy(), values[:, 1].copy(), values[:, 2].copy())
+    return Run(Path(path).stem, *(np.ascontiguousarray(values) for values in (time_s, duty, position_m)))

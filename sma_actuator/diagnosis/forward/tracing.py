@@ -2,68 +2,95 @@
 
 An effect is chosen on leave-one-run-out folds; the error that is stated is that of a run on which
 nothing was chosen or fitted.  Choosing is a fit too: on the folds of the choice the error always falls.
+
+The competition is that of :mod:`sma_actuator.diagnosis.selection`: a unit is a run, its loss the logarithm
+of the RMS error, so that a run that nobody can explain does not drown the others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
+from math import log
 
 import numpy as np
+
+from sma_actuator.diagnosis.selection import Call, Entry, Progress, Rules, Selection, Trial, run, select, spread
 
 from .candidates import CANDIDATES, Candidate
 from .fitting import Fit, fit, plain_parameters, plain_starts, residual_m
 from .runs import Run
 from .wire import ForwardWire
 
-EARNS_RATIO = (
-    0.95  #: held-out error with the effect over that without, geometric mean over runs, and one standard error
-)
+EARNS_RATIO = 0.95  #: error on unseen runs with the effect over that without, geometric mean over runs
 EARNS_STROKE = 0.0005  #: and at least this share of the stroke: less is noise
-WORSE_RATIO = 1.03  #: no run may become this much worse: what a bench has, it has in every run
 AGREE_RATIO = 0.5  #: span of an effect's value over the folds, over its median: a bench has one value
 AGREE_SPAN = 0.05  #: or over the span that physics leaves it, if that is more
 NOTHING_STROKE = 0.002  #: a held-out error below this share of the stroke is that of the position sensor
-_LEADERS = 2  #: the best few that earn it alone are tried with a second; no more than two effects are ever named
+RULES = Rules(
+    significant=1.0,  # three or four runs leave no room for more
+    margin=-log(EARNS_RATIO),
+    worst_rise=log(1.03),
+    leaders=2,
+    most=2,
+    unit="run",
+)
 _RACE_EVALUATIONS = 15
 _FINAL_EVALUATIONS = 60
+_LEAST_M = 1e-9
 
 #: A fold: runs to fit, runs to judge.
 Fold = tuple[tuple[Run, ...], tuple[Run, ...]]
-Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
-class Entry:
-    """One competitor in a choice."""
+class Outcome:
+    """One competitor in a choice, in metres and beside the plain model."""
 
-    effects: tuple[Candidate, ...]
-    held_out_m: tuple[float, ...]  #: RMS on each run, fitted on the others of the choice
-    ratio: float  #: geometric mean over runs, against the plain model
-    verdict: str  #: "" if it earned its place
-    fits: tuple[Fit, ...] = field(repr=False)
+    trial: Trial
+    plain_m: tuple[float, ...]  #: of the plain model on each run, fitted on the others
+
+    @property
+    def effects(self) -> tuple[Candidate, ...]:
+        """Its effects."""
+        return self.trial.candidates
+
+    @property
+    def fits(self) -> tuple[Fit, ...]:
+        """The fit of each fold."""
+        return self.trial.fit
+
+    @property
+    def held_out_m(self) -> tuple[float, ...]:
+        """RMS on each run, fitted on the others of the choice."""
+        return tuple(float(e) for e in np.exp(self.trial.losses))
+
+    @property
+    def ratio(self) -> float:
+        """Geometric mean over runs, against the plain model."""
+        return _mean(self.held_out_m) / _mean(self.plain_m)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of its effects."""
-        return tuple(c.name for c in self.effects)
+        return self.trial.names
+
+    @property
+    def verdict(self) -> str:
+        """Why it did not earn its place; empty if it did."""
+        return self.trial.refusal
 
     @property
     def earns(self) -> bool:
         """Whether it may be chosen."""
-        return not self.verdict
+        return not self.trial.refusal
 
     @property
     def values(self) -> dict[str, list[float]]:
         """Its values in each fold."""
         return {f.name: [float(found.wire.value(f.name)) for found in self.fits] for c in self.effects for f in c.free}
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Effects, and values of theirs."""
-        return len(self.effects), len(self.values)
 
 
 @dataclass(frozen=True)
@@ -73,10 +100,10 @@ class Choice:
     runs: tuple[Run, ...]
     folds: tuple[Fold, ...]
     heats: dict[str, tuple[float, ...]]  #: held-out RMS [m] of the plain model for each voltage
-    plain: Entry
-    entries: tuple[Entry, ...]  #: all that competed, best first
-    winner: Entry  #: the plain model if none earned it
-    alike: tuple[Entry, ...]  #: others that earn it and are as good within a standard error
+    plain: Outcome
+    entries: tuple[Outcome, ...]  #: all that competed, best first
+    winner: Outcome  #: the plain model if none earned it
+    alike: tuple[Outcome, ...]  #: others that earn it and are as good within a standard error
     fitted_plain: Fit  #: on all of ``runs``
     fitted: Fit  #: with the winner's effects
     fitted_heats: dict[str, Fit]  #: the plain model for each voltage
@@ -168,17 +195,20 @@ def trace(
     runs: Sequence[Run],
     judge: Sequence[Run] = (),
     progress: Progress = lambda what, share: None,
-    pool: Executor | None = None,
+    jobs: int = 1,
     candidates: Sequence[Candidate] = CANDIDATES,
 ) -> Tracing:
-    """Choose effects on ``runs`` and judge the choice: on ``judge``, or on each run in turn, chosen on the others."""
-    do = pool.map if pool else map
+    """Choose effects on ``runs`` and judge the choice: on ``judge``, or on each run in turn, chosen on the others.
+
+    ``jobs``: fits at a time, by joblib, so that ``joblib.parallel_config("dask")`` around the call spreads them
+    over a cluster.
+    """
     groups = [tuple(runs)]
     if not judge:
         groups += [tuple(r for r in runs if r is not out) for out in runs]
-    choice, *others = _choose(do, wire, groups, candidates, progress)
+    choice, *others = _choose(wire, groups, candidates, progress, jobs)
     if judge:
-        judgements = (_judged(choice, tuple(judge)),)
+        judgements: tuple[Judgement, ...] = (_judged(choice, tuple(judge)),)
     else:
         judgements = tuple(_judged(c, (out,)) for c, out in zip(others, runs, strict=True))
     found = Tracing(choice, judgements, (), "unexplained", choice.fitted_plain, repeats([*runs, *judge]))
@@ -186,7 +216,8 @@ def trace(
     if named and found.falls:
         fitted = choice.fitted
         if len(named) < len(choice.winner.effects):
-            fitted = next(iter(do(_fit_named, [(choice, named)])))
+            names = {c.name for c in named}
+            fitted = _fit_all(next(e for e in choice.entries if set(e.names) == names), choice.runs)
         return replace(found, named=named, verdict="traced", fitted=fitted)
     strokes_m = [run.stroke_m for run in found.judged]
     if not choice.winner.effects and np.mean(np.divide(found.before_m, strokes_m)) < NOTHING_STROKE:
@@ -203,76 +234,65 @@ def _judged(choice: Choice, judged: tuple[Run, ...]) -> Judgement:
 
 
 def _choose(
-    do, wire: ForwardWire, groups: Sequence[tuple[Run, ...]], candidates: Sequence[Candidate], progress: Progress
+    wire: ForwardWire,
+    groups: Sequence[tuple[Run, ...]],
+    candidates: Sequence[Candidate],
+    progress: Progress,
+    jobs: int,
 ) -> list[Choice]:
-    """What each group of runs chooses; the groups go side by side, so that no process waits."""
+    """What each group of runs chooses; the groups go side by side."""
     every = [tuple((tuple(r for r in group if r is not out), (out,)) for out in group) for group in groups]
     variants = {heats: wire.with_values({"drive.heats": heats}) for heats in ("rms", "mean")}
-    fitted = _counted(
-        do(_fit_plain, [(v, folds) for folds in every for v in variants.values()]), len(every) * len(variants), "plain model", 0.0, 0.1,
-        progress,
-    )  # fmt: skip
+    plain_calls = [(_fit_plain, (variant, folds)) for folds in every for variant in variants.values()]
+    fitted = list(_counted(jobs, plain_calls, "plain model", progress))
     plains, heats = [], []
     for i, folds in enumerate(every):
         fits = dict(zip(variants, fitted[len(variants) * i :], strict=False))
         heats.append({name: _held_out(f, folds) for name, f in fits.items()})
         best = min(variants, key=lambda name: _mean(heats[i][name]))
-        plains.append(Entry((), heats[i][best], 1.0, "", tuple(fits[best])))
-
-    jobs = [(plains[i].fits, (c,), folds, _RACE_EVALUATIONS) for c in candidates for i, folds in enumerate(every)]
-    fits = _counted(do(_fit_with, jobs), len(jobs), "each effect alone", 0.1, 0.45, progress)
-    alone: list[list[Entry]] = [[] for _ in every]
-    for number, ((_, added, folds, _), f) in enumerate(zip(jobs, fits, strict=True)):
-        i = number % len(every)
-        alone[i].append(_entry(plains[i], added, f, folds))
-
-    jobs, where = [], []
-    for i, folds in enumerate(every):
-        for first, second in _pairs(alone[i], candidates):
-            jobs.append((first.fits, (second,), folds, _RACE_EVALUATIONS))
-            where.append((i, (*first.effects, second)))
-    fits = _counted(do(_fit_with, jobs), len(jobs), "in pairs", 0.45, 0.9, progress)
-    entries = [list(e) for e in alone]
-    for (i, pair), f in zip(where, fits, strict=True):
-        entries[i].append(_pair_entry(plains[i], pair, f, every[i], alone[i]))
-
-    ranked = [_ranked(e) for e in entries]
-    jobs = [(wire, group, plains[i], ranked[i]) for i, group in enumerate(groups)]
-    ends = _counted(do(_finish, jobs), len(jobs), "last fits", 0.9, 1.0, progress)
+        plains.append(Outcome(Trial((), _losses(heats[i][best]), tuple(fits[best])), heats[i][best]))
+    works = [_Work(plain, folds) for plain, folds in zip(plains, every, strict=True)]
+    selections = [select(candidates, plain.trial.losses, RULES, together=_together) for plain in plains]
+    selected = run(selections, works, jobs, partial(progress, "effects"))
+    ranked = [_ranked(s, plain) for s, plain in zip(selected, plains, strict=True)]
+    end_calls = [(_finish, (wire, group, plains[i], ranked[i])) for i, group in enumerate(groups)]
+    ends = list(_counted(jobs, end_calls, "last fits", progress))
     out = []
-    for i, (winner, fitted_heats, rigid, found) in enumerate(ends):
-        best = ranked[i][winner] if winner is not None else plains[i]
-        alike = tuple(e for e in ranked[i] if e is not best and len(e.names) <= len(best.names) and _as_good(e, best))
+    for i, (place, fitted_heats, rigid, found) in enumerate(ends):
+        winner = ranked[i][place] if place is not None else plains[i]
+        alternatives = selected[i].rounds[-1].alternatives if place == 0 else ()
+        alike = tuple(Outcome(t, plains[i].plain_m) for t in alternatives if len(t.names) <= len(winner.names))
         plain_fit = fitted_heats[plains[i].fits[0].wire.drive.heats]
-        entries[i].sort(key=lambda e: e.ratio)
+        entries = sorted((Outcome(t, plains[i].plain_m) for t in selected[i].trials), key=lambda e: e.ratio)
         out.append(
             Choice(
-                groups[i], every[i], heats[i], plains[i], tuple(entries[i]), best, alike, plain_fit, found or plain_fit, fitted_heats,
-                rigid,
+                runs=groups[i],
+                folds=every[i],
+                heats=heats[i],
+                plain=plains[i],
+                entries=tuple(entries),
+                winner=winner,
+                alike=alike,
+                fitted_plain=plain_fit,
+                fitted=found or plain_fit,
+                fitted_heats=fitted_heats,
+                fitted_rigid=rigid,
             )
-        )  # fmt: skip
+        )
     return out
 
 
-def _counted(results: Iterable, total: int, what: str, begin: float, end: float, progress: Progress) -> list:
-    out = []
-    for result in results:
-        out.append(result)
-        progress(what, begin + (end - begin) * len(out) / max(total, 1))
-    return out
+def _counted(jobs: int, calls: Sequence[Call], what: str, progress: Progress) -> Iterator:
+    with spread(jobs) as do:
+        for done, result in enumerate(do(calls), 1):
+            progress(what, done / len(calls))
+            yield result
 
 
-def _pairs(alone: Sequence[Entry], candidates: Sequence[Candidate]) -> list[tuple[Entry, Candidate]]:
-    """The best few that stand on their own, each with every other effect that has values of its own."""
-    leaders = sorted((e for e in alone if e.earns), key=lambda e: e.ratio)[:_LEADERS]
-    out, seen = [], set()
-    for leader in leaders:
-        for c in candidates:
-            pair = frozenset((*leader.names, c.name))
-            if len(pair) == 2 and pair not in seen and not set(c.parameters) & set(leader.effects[0].parameters):
-                seen.add(pair)
-                out.append((leader, c))
-    return out
+def _together(candidates: Sequence[Candidate]) -> bool:
+    """Whether no two of them have a value in common."""
+    names = [name for c in candidates for name in c.value_names]
+    return len(names) == len(set(names))
 
 
 def repeats(runs: Sequence[Run]) -> tuple[tuple[str, str, float], ...]:
@@ -301,85 +321,52 @@ def _held_out(fits: Sequence[Fit], folds: Sequence[Fold]) -> tuple[float, ...]:
     return tuple(_rms(f, run) for f, (_, judged) in zip(fits, folds, strict=True) for run in judged)
 
 
-def _fit_plain(job: tuple[ForwardWire, Sequence[Fold]]) -> list[Fit]:
-    wire, folds = job
+def _losses(held_out_m: Sequence[float]) -> np.ndarray:
+    return np.log(np.maximum(held_out_m, _LEAST_M))
+
+
+def _fit_plain(wire: ForwardWire, folds: Sequence[Fold]) -> list[Fit]:
     free = plain_parameters(wire)
     return [fit(wire, free, fitted, plain_starts(free)) for fitted, _ in folds]
 
 
-def _fit_with(job: tuple[Sequence[Fit], Sequence[Candidate], Sequence[Fold], int]) -> list[Fit]:
-    """Each fold's fit with the candidates' values free as well, from where it was."""
-    fits, added, folds, evaluations = job
-    out = []
-    for base, (runs, _) in zip(fits, folds, strict=True):
-        have = {f.name for f in base.free}
-        new = [f for c in added for f in c.free if f.name not in have]
-        starts = [np.concatenate([base.values, [f.start for f in new]])]
-        if len(new) == 2:  # two values bend into one another: try the other side too
-            starts.append(np.concatenate([base.values, [0.7 * f.lo + 0.3 * f.hi for f in new]]))
-        out.append(fit(base.wire, (*base.free, *new), runs, starts, evaluations))
-    return out
+@dataclass(frozen=True)
+class _Work:
+    """Fits effects beside the plain model of one group of runs, fold by fold."""
+
+    plain: Outcome
+    folds: tuple[Fold, ...]
+
+    def __call__(self, entry: Entry) -> Trial:
+        """The trial of some effects."""
+        begun = entry.start.names if entry.start else ()
+        bases = entry.start.fit if entry.start else self.plain.fits
+        added = [c for c in entry.candidates if c.name not in begun]
+        fits = tuple(_fit_with(base, added, runs) for base, (runs, _) in zip(bases, self.folds, strict=True))
+        held_out_m = _held_out(fits, self.folds)
+        outcome = Outcome(Trial(entry.candidates, _losses(held_out_m), fits), self.plain.plain_m)
+        return replace(outcome.trial, objection=self._too_little(held_out_m) or _not_measured(outcome))
+
+    def _too_little(self, held_out_m: Sequence[float]) -> str:
+        stroke_m = float(np.mean([run.stroke_m for _, judged in self.folds for run in judged]))
+        if np.mean(self.plain.plain_m) - np.mean(held_out_m) < EARNS_STROKE * stroke_m:
+            return f"gains less than {EARNS_STROKE:.2%} of the stroke"
+        return ""
 
 
-def _finish(job: tuple[ForwardWire, Sequence[Run], Entry, Sequence[Entry]]):
-    """On all runs of a choice: (place of the winner among ``ranked``, plain fits by voltage, without expansion, winner's fit)."""
-    wire, runs, plain, ranked = job
-    heats = {}
-    for name in ("rms", "mean"):
-        variant = wire.with_values({"drive.heats": name})
-        free = plain_parameters(variant)
-        heats[name] = fit(variant, free, runs, plain_starts(free), _FINAL_EVALUATIONS)
-    best = heats[plain.fits[0].wire.drive.heats]
-    cold = best.wire.with_values({"wire.martensite_expansion_1_K": 0.0, "wire.austenite_expansion_1_K": 0.0})
-    rigid = fit(cold, best.free, runs, [best.values, *plain_starts(best.free)[:1]], _FINAL_EVALUATIONS)
-    for place, entry in enumerate(ranked):
-        found = _fit_all(entry, runs)
-        # What the last fit drives to a bound of the possible has not been measured after all.
-        if not any(f.at_bound(found.wire.value(f.name)) for c in entry.effects for f in c.free):
-            return place, heats, rigid, found
-    return None, heats, rigid, None
+def _fit_with(base: Fit, added: Sequence[Candidate], runs: Sequence[Run]) -> Fit:
+    """A fit with the candidates' values free as well, from where it was."""
+    new = [f for c in added for f in c.free]
+    starts = [np.concatenate([base.values, [f.start for f in new]])]
+    if len(new) == 2:  # two values bend into one another: try the other side too
+        starts.append(np.concatenate([base.values, [0.7 * f.lo + 0.3 * f.hi for f in new]]))
+    return fit(base.wire, (*base.free, *new), runs, starts, _RACE_EVALUATIONS)
 
 
-def _fit_all(entry: Entry, runs: Sequence[Run]) -> Fit:
-    return fit(entry.fits[0].wire, entry.fits[0].free, runs, [f.values for f in entry.fits], _FINAL_EVALUATIONS)
-
-
-def _fit_named(job: tuple[Choice, Sequence[Candidate]]) -> Fit:
-    choice, named = job
-    return _fit_all(next(e for e in choice.entries if set(e.names) == {c.name for c in named}), choice.runs)
-
-
-def _change(after: Sequence[float], before: Sequence[float]) -> tuple[float, float]:
-    """Mean over runs of the logarithm of an error's ratio, and its standard error."""
-    logs = np.log(np.maximum(after, 1e-9)) - np.log(np.maximum(before, 1e-9))
-    return float(logs.mean()), float(logs.std(ddof=1) / np.sqrt(len(logs)))
-
-
-def _no_gain(after: Sequence[float], before: Sequence[float]) -> str:
-    """Why these errors are not surely less than those; "" if they are."""
-    mean, error = _change(after, before)
-    if mean > np.log(EARNS_RATIO):
-        return "held-out error not 5 % less"
-    if mean + error > np.log(EARNS_RATIO):
-        return "held-out error not 5 % less beyond a standard error"
-    worst = max(a / b for a, b in zip(after, before, strict=True))
-    return f"makes one held-out run {worst:.2f} times worse" if worst > WORSE_RATIO else ""
-
-
-def _entry(plain: Entry, effects: tuple[Candidate, ...], fits: Sequence[Fit], folds: Sequence[Fold]) -> Entry:
-    errors = _held_out(fits, folds)
-    entry = Entry(effects, errors, _mean(errors) / _mean(plain.held_out_m), "", tuple(fits))
-    verdict = _no_gain(errors, plain.held_out_m)
-    stroke_m = float(np.mean([run.stroke_m for _, judged in folds for run in judged]))
-    if not verdict and np.mean(plain.held_out_m) - np.mean(errors) < EARNS_STROKE * stroke_m:
-        verdict = f"gains less than {EARNS_STROKE:.2%} of the stroke"
-    return replace(entry, verdict=verdict or _not_measured(entry))
-
-
-def _not_measured(entry: Entry) -> str:
-    for c in entry.effects:
+def _not_measured(outcome: Outcome) -> str:
+    for c in outcome.effects:
         for f in c.free:
-            values = entry.values[f.name]
+            values = outcome.values[f.name]
             if any(f.at_bound(v) for v in values):
                 return f"{f.name} runs to its bound: {f.lo:g} to {f.hi:g} {f.unit}".rstrip()
             if np.ptp(values) > max(AGREE_RATIO * abs(float(np.median(values))), AGREE_SPAN * (f.hi - f.lo)):
@@ -388,28 +375,35 @@ def _not_measured(entry: Entry) -> str:
     return ""
 
 
-def _pair_entry(
-    plain: Entry, pair: tuple[Candidate, ...], fits: Sequence[Fit], folds: Sequence[Fold], alone: Sequence[Entry]
-) -> Entry:
-    """Each of the two has to earn it again, over the other alone."""
-    entry = _entry(plain, pair, fits, folds)
-    for one in (e for e in alone if e.effects[0] in pair):
-        why = _no_gain(entry.held_out_m, one.held_out_m)
-        if entry.earns and why:
-            return replace(entry, verdict=f"over {one.names[0]} alone: {why}")
-    return entry
+def _ranked(selection: Selection, plain: Outcome) -> list[Outcome]:
+    """Those that earn it: the winner, those alike, then the others by what they gain."""
+    if selection.chosen is None:
+        return []
+    first = [selection.chosen, *selection.rounds[-1].alternatives]
+    rest = sorted((t for t in selection.trials if not t.refusal), key=lambda t: -t.gain)
+    by_name = {t.names: t for t in [*first, *rest]}
+    return [Outcome(t, plain.plain_m) for t in by_name.values()]
 
 
-def _ranked(entries: Sequence[Entry]) -> list[Entry]:
-    """Those that earn it: the simplest of those as good as the best within a standard error first, then the rest."""
-    earn = sorted((e for e in entries if e.earns), key=lambda e: e.ratio)
-    good = [e for e in earn if _as_good(e, earn[0])]
-    good.sort(key=lambda e: (e.size, e.ratio))
-    return good + [e for e in earn if e not in good]
+def _finish(
+    wire: ForwardWire, runs: Sequence[Run], plain: Outcome, ranked: Sequence[Outcome]
+) -> tuple[int | None, dict[str, Fit], Fit, Fit | None]:
+    """On all runs of a choice: (place of the winner among ``ranked``, plain fits by voltage, without expansion, winner's fit)."""
+    heats = {}
+    for name in ("rms", "mean"):
+        variant = wire.with_values({"drive.heats": name})
+        free = plain_parameters(variant)
+        heats[name] = fit(variant, free, runs, plain_starts(free), _FINAL_EVALUATIONS)
+    best = heats[plain.fits[0].wire.drive.heats]
+    cold = best.wire.with_values({"wire.martensite_expansion_1_K": 0.0, "wire.austenite_expansion_1_K": 0.0})
+    rigid = fit(cold, best.free, runs, [best.values, *plain_starts(best.free)[:1]], _FINAL_EVALUATIONS)
+    for place, outcome in enumerate(ranked):
+        found = _fit_all(outcome, runs)
+        # What the last fit drives to a bound of the possible has not been measured after all.
+        if not any(f.at_bound(found.wire.value(f.name)) for c in outcome.effects for f in c.free):
+            return place, heats, rigid, found
+    return None, heats, rigid, None
 
 
-def _as_good(entry: Entry, best: Entry) -> bool:
-    if entry is best:
-        return True
-    mean, error = _change(entry.held_out_m, best.held_out_m)
-    return mean <= error
+def _fit_all(outcome: Outcome, runs: Sequence[Run]) -> Fit:
+    return fit(outcome.fits[0].wire, outcome.fits[0].free, runs, [f.values for f in outcome.fits], _FINAL_EVALUATIONS)

@@ -5,23 +5,21 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
-import joblib
 import yaml
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from sma_actuator.base.parameters import ConfigError, to_mapping
 from sma_actuator.config import NODE_NAME, Config, read_parameter_file
+from sma_actuator.console import add_output_arguments, notes, progress_bar, refuse_to_overwrite, results, write_json
+from sma_actuator.diagnosis.selection import cluster
 from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.identify.calibration import calibration_of
-from sma_actuator.identify.traces import make_traces
-from sma_actuator.logs.bench_log import read_bench_log
+from sma_actuator.identify.kinds import make_traces
 from sma_actuator.logs.files import write_atomically
+from sma_actuator.logs.reading import add_log_arguments, find_logs, read_logs, reading_of
 
 from .evidence import Evidence
 from .race import trace
@@ -30,7 +28,13 @@ from .report import extended, summary
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``sma-actuator trace``."""
-    parser.add_argument("logs", nargs="+", type=Path, metavar="LOG", help="bench logs with a measured displacement")
+    parser.add_argument(
+        "logs",
+        nargs="+",
+        type=Path,
+        metavar="LOG",
+        help="logs with a measured displacement, folders or patterns of them",
+    )
     parser.add_argument(
         "--config", type=Path, required=True, metavar="MODEL.yaml", help="parameter file with the model"
     )
@@ -53,7 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--dask", metavar="ADDRESS", help="spread the fits over this Dask cluster, as tcp://127.0.0.1:8786"
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the report for machines here too")
+    add_log_arguments(parser)
+    add_output_arguments(parser, "the report")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -66,19 +71,21 @@ def run(args: argparse.Namespace) -> int:
                 raise ConfigError(f"--{option}: '{name}' is no effect; known are {', '.join(EFFECTS)}")
     if args.jobs < 1:
         raise ConfigError(f"--jobs: {args.jobs} is too few; at least 1 is wanted")
-    console = Console(stderr=True)
+    written = ("report.json", "report.html", "model.yaml")
+    refuse_to_overwrite(args, *(args.out / name for name in written))
+    reading, console = reading_of(args), notes(args)
     mapping = read_parameter_file(args.config)
-    for stale in ("report.json", "report.html", "model.yaml"):
+    for stale in written:
         if (args.out / stale).resolve() != args.config.resolve():
             (args.out / stale).unlink(missing_ok=True)  # of an earlier run: it would be taken for this one's
     config = Config.from_mapping(mapping, str(args.config))
-    with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console) as bar:
+    with progress_bar(args) as bar:
         task = bar.add_task("reading", total=1.0)
         if args.calibration:
-            traces = make_traces([read_bench_log(path) for path in args.calibration], config)
+            traces = make_traces(read_logs(args.calibration, reading, console.print), config)
             mapping["calibration"] = to_mapping(calibration_of(traces, config))
             config = Config.from_mapping(mapping, str(args.config))
-        logs = [read_bench_log(path) for path in args.logs]
+        logs = read_logs(args.logs, reading, console.print)
         evidence = Evidence(logs, config, args.beyond_floor)
         bar.update(task, completed=1.0)
         tasks = {}
@@ -88,10 +95,10 @@ def run(args: argparse.Namespace) -> int:
                 tasks[what] = bar.add_task(what, total=1.0)
             bar.update(tasks[what], completed=fraction)
 
-        with _cluster(args.dask):
+        with cluster(args.dask):
             tracing = trace(evidence, args.only, args.without, args.jobs, progress)
         report = summary(evidence, tracing)
-        model = extended(mapping, evidence, tracing, report, _when(args.logs))
+        model = extended(mapping, evidence, tracing, report, _when(find_logs(args.logs)))
     path = args.out / "model.yaml"
     args.out.mkdir(parents=True, exist_ok=True)
     if model is not None:
@@ -102,31 +109,11 @@ def run(args: argparse.Namespace) -> int:
         write_atomically(path, lambda stream: stream.write(text.encode()))
     write_page(args.out / "report.html", evidence, tracing, report)
     text = json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    for target in filter(None, (args.out / "report.json", args.json)):
-        write_atomically(target, lambda stream: stream.write(text.encode()))
-    _print(console, report)
+    write_atomically(args.out / "report.json", lambda stream: stream.write(text.encode()))
+    write_json(args, report)
+    _print(results(args), report)
     console.print(f"wrote {args.out / 'report.json'}, report.html" + (" and model.yaml" if model is not None else ""))
     return 0
-
-
-@contextmanager
-def _cluster(address: str | None) -> Iterator[None]:
-    """Have joblib work on a Dask cluster, where one is named."""
-    if not address:
-        yield
-        return
-    try:
-        from dask.distributed import Client
-
-        client = Client(address, timeout=10)
-    except ModuleNotFoundError as error:
-        raise ConfigError(f"--dask: needs the Python package '{error.name}' (extra 'fleet')") from error
-    except (OSError, ValueError) as error:
-        raise ConfigError(
-            f"--dask: no scheduler answers at '{address}' ({error}); start one with `dask scheduler`"
-        ) from error
-    with client, joblib.parallel_config("dask"):
-        yield
 
 
 def _when(paths: list[Path]) -> str:
@@ -145,14 +132,14 @@ def _print(console: Console, report: dict) -> None:
     )
     if report["effects"]:
         table = Table()
-        for header in ("effect", "stage", "share", "parameters"):
+        for header in ("effect", "what is the matter", "stage", "share", "parameters"):
             table.add_column(header)
         for e in report["effects"]:
             values = ", ".join(
                 f"{n} {p['value']:.3g} ({p['interval'][0]:.3g}…{p['interval'][1]:.3g}) {p['unit']}"
                 for n, p in e["parameters"].items()
             )
-            table.add_row(e["name"], e["stage"], f"{e['share']:.0%}", values)
+            table.add_row(e["name"], e["what"], e["stage"], f"{e['share']:.0%}", values)
         console.print(table)
     for a in report["alternatives"]:
         x = a["experiment"]

@@ -23,7 +23,7 @@ from sma_actuator.estimation.effects import Effect, Effects
 from sma_actuator.estimation.effects.frame import Place
 from sma_actuator.identify.calibration import expected_residual_m
 from sma_actuator.identify.rests import find_rests
-from sma_actuator.identify.traces import Trace, make_trace
+from sma_actuator.identify.traces import Trace, make_trace, sessions
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
 
@@ -69,7 +69,7 @@ class Evidence:
         self.full_stroke_m = config.wire.full_stroke_m
         logs = sorted(logs, key=lambda log: float(log["time_s"][0]))
         thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST))
-        seen = [make_trace(log, self.config) for log in logs]
+        seen = [piece for log in logs for piece in sessions(make_trace(log, self.config))]
         judged = [self._judged(trace) for trace in seen]
         self.traces = [_moving(trace.rows(good)) for trace, good in zip(seen, judged, strict=True)]
         cycles = sum(int(trace.cycle.max()) for trace in self.traces)

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from sma_actuator.estimation.effects import Effect
+
 from .candidates import Candidate
 from .evidence import Evidence
 
@@ -37,7 +39,7 @@ class Fit:
         return tuple(c.name for c in self.candidates)
 
     @property
-    def effects(self) -> dict[str, object]:
+    def effects(self) -> dict[str, Effect]:
         """The effects, for a chain."""
         return {c.name: c.build(self.values[c.name]) for c in self.candidates}
 
@@ -64,7 +66,7 @@ class _Problem:
             out[c.name][f.name] = f.from_unit(float(x))
         return out
 
-    def effects(self, u: np.ndarray) -> dict[str, object]:
+    def effects(self, u: np.ndarray) -> dict[str, Effect]:
         values = self.values(u)
         return {c.name: c.build(values[c.name]) for c in self.candidates}
 

@@ -7,22 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.report import Page, figure
 
 from .analysis import quantities, residual_m
 from .evidence import Evidence
 from .race import Tracing
 
-#: The quantity against which an effect shows best.
-TELL_TALE = {
-    "lead_resistance": "resistance_Ohm", "contact_drift": "time_s", "voltage_offset": "inverse_current_1_A",
-    "reference_self_heating": "power_lagged_10_s_W", "shunt": "resistance_Ohm", "load_cell_drift": "time_s",
-    "load_cell_gain": "stress_Pa", "self_heating": "power_lagged_1_s_W", "ambient_temperature": "ambient_temperature_C",
-    "thermal_expansion": "power_lagged_10_s_W", "elastic_compliance": "stress_Pa", "fatigue": "cycle", "creep": "time_s",
-    "minor_loop_memory": "distance_from_reversal_m", "rate": "resistance_rate_Ohm_s", "slip": "time_s",
-    "backlash": "distance_from_reversal_m", "reference_lag": "resistance_rate_Ohm_s", "reference_gain": "displacement_m",
-    "reference_drift": "time_s",
-}  # fmt: skip
 _MM = 1e3
 _MOST_POINTS = 6000
 BEFORE, AFTER = {"color": "tab:red", "label": "before"}, {"color": "tab:blue", "label": "after"}
@@ -62,6 +53,7 @@ def _numbers(page: Page, report: dict[str, Any]) -> None:
     rows = [
         (
             e["name"],
+            e["what"],
             e["stage"],
             name,
             p["value"],
@@ -73,7 +65,19 @@ def _numbers(page: Page, report: dict[str, Any]) -> None:
         for name, p in e["parameters"].items()
     ]
     if rows:
-        page.table(("effect", "stage", "parameter", "value", "95 % interval", "unit", "share of the excess"), rows)
+        page.table(
+            (
+                "effect",
+                "what is the matter",
+                "stage",
+                "parameter",
+                "value",
+                "95 % interval",
+                "unit",
+                "share of the excess",
+            ),
+            rows,
+        )
 
 
 def _some(n: int) -> slice:
@@ -140,7 +144,8 @@ def _tell_tale(page: Page, evidence: Evidence, tracing: Tracing) -> None:
     names = tracing.fit.names
     drawing, axes = figure(len(names), 1)
     for ax, effect in zip(axes[0], names, strict=True):
-        name = TELL_TALE[effect] if TELL_TALE[effect] in values else "time_s"
+        tell_tale = EFFECTS[effect].TELL_TALE
+        name = tell_tale if tell_tale in values else "time_s"  # it may stand still in these logs
         x = values[name]
         edges = np.unique(np.quantile(x, np.linspace(0.0, 1.0, 21)))
         place = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)

@@ -97,13 +97,13 @@ def sentence(tracing: Tracing, depends: dict[str, float]) -> str:
         )
     names = list(tracing.fit.names) if tracing.fit else []
     if tracing.verdict == "traced":
-        outside = [n for n in names if EFFECTS[n].STAGE in NOT_THE_MODEL]
+        outside = [n for n in names if EFFECTS[n].PART in NOT_THE_MODEL]
         inside = [n for n in names if n not in outside]
         text = (
             f"The model lacks {' and '.join(inside)}." if inside else f"The error is that of {' and '.join(outside)}."
         )
         if outside:
-            what = "the reference sensor" if EFFECTS[outside[0]].STAGE == "reference" else "the mechanism"
+            what = "the reference sensor" if EFFECTS[outside[0]].PART == "reference" else "the mechanism"
             text += (
                 f" {' and '.join(outside)}: the fault lies in {what}, not in the model, which is left alone in this."
             )
@@ -132,7 +132,8 @@ def _effects(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
         out.append(
             {
                 "name": name,
-                "stage": EFFECTS[name].STAGE,
+                "stage": EFFECTS[name].PART,
+                "what": EFFECTS[name].WORDS,
                 "parameters": {
                     p: {
                         "value": value,
@@ -143,7 +144,7 @@ def _effects(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
                 },
                 "share": shares[name],
                 "confidence": confidence.get(name, 1.0),
-                "in_the_model": EFFECTS[name].STAGE not in NOT_THE_MODEL,
+                "in_the_model": EFFECTS[name].PART not in NOT_THE_MODEL,
             }
         )
     return out
@@ -199,7 +200,8 @@ def _alternatives(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
         out.append(
             {
                 "name": name,
-                "stage": EFFECTS[name].STAGE,
+                "stage": EFFECTS[name].PART,
+                "what": EFFECTS[name].WORDS,
                 "instead_of": next((n for n in winner.names if n not in trial.names), winner.names[-1]),
                 "confidence": confidence.get(name, 0.0),
                 "why": "on cycles that the fits had not seen the two do as well as each other, within a standard error",

@@ -8,34 +8,44 @@ import numpy as np
 
 from sma_actuator.base.parameters import parameter
 
-from .effect import Effect
+from .effect import EFFECTS, Effect
 from .frame import Frame, Place
+from .free import Free, Scales, shape, size
 
 
-def _set(frame: Frame, resistance_Ohm, current_A) -> None:
+def _set(frame: Frame, resistance_Ohm: np.ndarray, current_A: np.ndarray) -> None:
     frame.resistance_Ohm, frame.current_A = resistance_Ohm, current_A
     frame.power_W = current_A**2 * resistance_Ohm
 
 
+@EFFECTS.register("lead_resistance")
 @dataclass(frozen=True, slots=True)
 class LeadResistance(Effect):
     """The leads have more (or less) resistance than ``circuit.lead_resistance``: R moves by a constant."""
 
-    STAGE = "circuit"
-    STATES = 0
+    PART = "circuit"
+    WORDS = "the leads have another resistance than circuit.lead_resistance says"
+    TELL_TALE = "resistance_Ohm"
     resistance: float = parameter(0.0, "lead resistance beyond circuit.lead_resistance", "Ω", -100.0, 100.0)
 
     def measured(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Take the excess off."""
         _set(frame, frame.resistance_Ohm - self.resistance, frame.current_A)
 
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        return [size("resistance", 0.3 * scales.resistance_Ohm, 0.02 * scales.resistance_Ohm)]
 
+
+@EFFECTS.register("contact_drift")
 @dataclass(frozen=True, slots=True)
 class ContactDrift(Effect):
     """A contact or lead whose resistance moves with time: ``r (1 − e^(−t/τ))`` since the session began."""
 
-    STAGE = "circuit"
-    STATES = 0
+    PART = "circuit"
+    WORDS = "a contact or a lead changes its resistance as time goes"
+    TELL_TALE = "time_s"
     resistance: float = parameter(0.0, "change of the lead resistance in the end", "Ω", -100.0, 100.0)
     time_constant: float = parameter(1e3, "how slowly it comes", "s", 1.0, 1e7)
 
@@ -44,13 +54,33 @@ class ContactDrift(Effect):
         change_Ohm = -self.resistance * np.expm1(-frame.elapsed_s / self.time_constant)
         _set(frame, frame.resistance_Ohm - change_Ohm, frame.current_A)
 
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        slow_s = scales.duration_s
+        return [
+            size("resistance", 0.5 * scales.resistance_Ohm, 0.02 * scales.resistance_Ohm),
+            shape("time_constant", 0.05 * slow_s, 5.0 * slow_s, 0.15 * slow_s, 0.6 * slow_s, 4.0 * slow_s),
+        ]
 
+    @classmethod
+    def untestable(cls, scales: Scales) -> str:
+        """Why logs could not show it."""
+        if not scales.cold_rests:
+            return (
+                "no rest in the cold, where a drifting contact shows in the resistance and hardly in the displacement"
+            )
+        return ""
+
+
+@EFFECTS.register("voltage_offset")
 @dataclass(frozen=True, slots=True)
 class VoltageOffset(Effect):
     """Zero error of a voltage channel, referred to the supply voltage: the error of R is u/I."""
 
-    STAGE = "circuit"
-    STATES = 0
+    PART = "circuit"
+    WORDS = "a voltage channel has a zero error"
+    TELL_TALE = "inverse_current_1_A"
     offset: float = parameter(0.0, "zero error of the supply-voltage channel", "V", -10.0, 10.0)
 
     def measured(self, frame: Frame, state: np.ndarray, place: Place) -> None:
@@ -58,12 +88,20 @@ class VoltageOffset(Effect):
         with np.errstate(divide="ignore", invalid="ignore"):
             _set(frame, frame.resistance_Ohm - self.offset / frame.current_A, frame.current_A)
 
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        return [size("offset", 0.2 * scales.voltage_V, 0.01 * scales.voltage_V)]
 
+
+@EFFECTS.register("reference_self_heating")
 @dataclass(frozen=True, slots=True)
 class ReferenceSelfHeating(Effect):
     """The sense resistor heats itself: ``R_ref (1 + k P_lagged)``, with its own dissipation ``P = I² R_ref``."""
 
-    STAGE = "circuit"
+    PART = "circuit"
+    WORDS = "the sense resistor warms with its own current"
+    TELL_TALE = "power_lagged_10_s_W"
     STATES = 2
     coefficient: float = parameter(0.0, "relative change of the sense resistor per watt in it", "1/W", -10.0, 10.0)
     time_constant: float = parameter(20.0, "its thermal lag", "s", 0.01, 1e5)
@@ -76,13 +114,25 @@ class ReferenceSelfHeating(Effect):
         beside_Ohm = frame.resistance_Ohm + place.lead_resistance_Ohm
         _set(frame, beside_Ohm * factor - place.lead_resistance_Ohm, frame.current_A / factor)
 
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        dissipated_W = scales.current_A**2 * scales.sense_Ohm
+        return [
+            size("coefficient", 0.3 / dissipated_W, 0.02 / dissipated_W),
+            # A resistor has more mass than a wire.
+            shape("time_constant", max(3.0, 2.0 * scales.thermal_s), 100.0, 5.0, 20.0, 60.0),
+        ]
 
+
+@EFFECTS.register("shunt")
 @dataclass(frozen=True, slots=True)
 class Shunt(Effect):
     """A leak parallel to the wire; it also takes current that then does not heat the wire."""
 
-    STAGE = "circuit"
-    STATES = 0
+    PART = "circuit"
+    WORDS = "something conducts beside the wire"
+    TELL_TALE = "resistance_Ohm"
     conductance: float = parameter(0.0, "conductance of the leak", "S", 0.0, 100.0)
 
     def measured(self, frame: Frame, state: np.ndarray, place: Place) -> None:
@@ -90,3 +140,8 @@ class Shunt(Effect):
         share = 1.0 - frame.resistance_Ohm * self.conductance  # of the current goes through the wire
         share = np.where(share > 0.0, share, np.where(np.isnan(share), 1.0, np.nan))  # unknown: the current stays
         _set(frame, frame.resistance_Ohm / share, frame.current_A * share)
+
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        return [size("conductance", 0.3 / scales.resistance_Ohm, 0.02 / scales.resistance_Ohm, 0.0)]

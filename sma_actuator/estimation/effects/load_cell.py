@@ -8,16 +8,19 @@ import numpy as np
 
 from sma_actuator.base.parameters import parameter
 
-from .effect import Effect
+from .effect import EFFECTS, Effect
 from .frame import Frame, Place
+from .free import Free, Scales, size
 
 
+@EFFECTS.register("load_cell_drift")
 @dataclass(frozen=True, slots=True)
 class LoadCellDrift(Effect):
     """The zero of the load cell moved since its calibration, and goes on moving (thesis, app. A: it drifts)."""
 
-    STAGE = "load cell"
-    STATES = 0
+    PART = "load cell"
+    WORDS = "the zero of the load cell has moved, or moves"
+    TELL_TALE = "time_s"
     offset: float = parameter(0.0, "load shown at no load when the session began", "N", -1e5, 1e5)
     rate: float = parameter(0.0, "its change with time", "N/s", -1e3, 1e3)
 
@@ -25,15 +28,40 @@ class LoadCellDrift(Effect):
         """Take the zero's movement off."""
         frame.load_N = frame.load_N - self.offset - self.rate * frame.elapsed_s
 
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        return [
+            size("offset", 2.0 * scales.load_N, 0.1 * scales.load_N),
+            size("rate", 2.0 * scales.load_N / scales.duration_s, 0.1 * scales.load_N / scales.duration_s),
+        ]
 
+    @classmethod
+    def untestable(cls, scales: Scales) -> str:
+        """Why logs could not show it."""
+        return "" if scales.model_feels_stress else "the model hardly depends on stress at this load"
+
+
+@EFFECTS.register("load_cell_gain")
 @dataclass(frozen=True, slots=True)
 class LoadCellGain(Effect):
     """The slope of the load cell is not the calibrated one."""
 
-    STAGE = "load cell"
-    STATES = 0
+    PART = "load cell"
+    WORDS = "the load cell shows too much or too little in proportion"
+    TELL_TALE = "stress_Pa"
     gain: float = parameter(0.0, "load shown over true load, less one", "1", -0.9, 9.0)
 
     def measured(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Divide by the slope's error."""
         frame.load_N = frame.load_N / (1.0 + self.gain)
+
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        return [size("gain", 0.6, 0.1)]
+
+    @classmethod
+    def untestable(cls, scales: Scales) -> str:
+        """Why logs could not show it."""
+        return "" if scales.model_feels_stress else "the model hardly depends on stress at this load"

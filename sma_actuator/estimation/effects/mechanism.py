@@ -8,16 +8,20 @@ import numpy as np
 
 from sma_actuator.base.parameters import parameter
 
-from .effect import Effect
+from .effect import EFFECTS, Effect
 from .frame import Frame, Place, play
+from .free import Free, Scales, shape, size
 
 
+@EFFECTS.register("slip")
 @dataclass(frozen=True, slots=True)
 class Slip(Effect):
     """The wire slipped in its crimp once: from then on every position is longer by a length."""
 
-    STAGE = "mechanism"
-    STATES = 0
+    PART = "mechanism"
+    WORDS = "the wire slipped in its crimp"
+    TELL_TALE = "time_s"
+    SCANNED = "time"
     length: float = parameter(0.0, "length that slipped through", "m", -1.0, 1.0)
     time: float = parameter(0.0, "when, since the session began", "s", 0.0, 1e9)
 
@@ -25,12 +29,20 @@ class Slip(Effect):
         """Add the length from then on."""
         frame.displacement_m = frame.displacement_m + self.length * (frame.elapsed_s >= self.time)
 
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        return [size("length", scales.stroke_m, 0.02 * scales.stroke_m)]
 
+
+@EFFECTS.register("backlash")
 @dataclass(frozen=True, slots=True)
 class Backlash(Effect):
     """Play between wire and joint: at a reversal the joint waits until the play is taken up."""
 
-    STAGE = "mechanism"
+    PART = "mechanism"
+    WORDS = "there is play between the wire and the joint"
+    TELL_TALE = "distance_from_reversal_m"
     STATES = 1
     width: float = parameter(0.0, "free play from side to side", "m", 0.0, 1.0)
 
@@ -39,3 +51,9 @@ class Backlash(Effect):
         joint_m = np.empty(len(frame.displacement_m))
         play(np.ascontiguousarray(frame.displacement_m), state, 0.5 * self.width, joint_m)
         frame.displacement_m = joint_m
+
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        stroke_m = scales.stroke_m
+        return [shape("width", 1e-4 * stroke_m, 0.5 * stroke_m, 0.02 * stroke_m, 0.06 * stroke_m, 0.15 * stroke_m)]

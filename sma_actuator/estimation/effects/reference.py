@@ -12,15 +12,19 @@ import numpy as np
 
 from sma_actuator.base.parameters import parameter
 
-from .effect import Effect
+from .effect import EFFECTS, Effect
 from .frame import Frame, Place
+from .free import Free, Scales, shape, size
 
 
+@EFFECTS.register("reference_lag")
 @dataclass(frozen=True, slots=True)
 class ReferenceLag(Effect):
     """The sensor follows with a first-order lag."""
 
-    STAGE = "reference"
+    PART = "reference"
+    WORDS = "the reference sensor lags"
+    TELL_TALE = "resistance_rate_Ohm_s"
     STATES = 2
     time_constant: float = parameter(1e-3, "its lag", "s", 1e-6, 1e3)
 
@@ -28,13 +32,27 @@ class ReferenceLag(Effect):
         """What the sensor shows."""
         frame.displacement_m = frame.lag(frame.displacement_m, state, self.time_constant)
 
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        return [shape("time_constant", 1e-3, 5.0, 0.1, 0.5)]
 
+    @classmethod
+    def untestable(cls, scales: Scales) -> str:
+        """Why logs could not show it."""
+        if scales.period_s > 0.5:
+            return f"one reading in {scales.period_s:.2g} s is too slow to show a lag"
+        return ""
+
+
+@EFFECTS.register("reference_gain")
 @dataclass(frozen=True, slots=True)
 class ReferenceGain(Effect):
     """The slope of the sensor is not the calibrated one."""
 
-    STAGE = "reference"
-    STATES = 0
+    PART = "reference"
+    WORDS = "the reference sensor shows too much or too little in proportion"
+    TELL_TALE = "displacement_m"
     gain: float = parameter(0.0, "displacement shown over true displacement, less one", "1", -0.9, 9.0)
     pivot: float = parameter(0.0, "displacement that is shown right", "m", -10.0, 10.0)
 
@@ -42,16 +60,35 @@ class ReferenceGain(Effect):
         """What the sensor shows."""
         frame.displacement_m = frame.displacement_m + self.gain * (frame.displacement_m - self.pivot)
 
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        # A gain of the electronics turns about the sensor's electrical zero, one of the mechanics about the calibration's.
+        zero_m = scales.reference_zero_m
+        low_m, high_m = min(zero_m, 0.0) - 1e-9, max(zero_m, 0.0) + 1e-9
+        return [size("gain", 0.5, 0.03), Free("pivot", low_m, high_m, scales.stroke_m, (0.0, zero_m), False)]
 
+
+@EFFECTS.register("reference_drift")
 @dataclass(frozen=True, slots=True)
 class ReferenceDrift(Effect):
     """The zero of the sensor moved since its calibration, and goes on moving."""
 
-    STAGE = "reference"
-    STATES = 0
+    PART = "reference"
+    WORDS = "the zero of the reference sensor has moved, or moves"
+    TELL_TALE = "time_s"
     offset: float = parameter(0.0, "displacement shown too much when the session began", "m", -1.0, 1.0)
     rate: float = parameter(0.0, "its change with time", "m/s", -1.0, 1.0)
 
     def shown(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """What the sensor shows."""
         frame.displacement_m = frame.displacement_m + self.offset + self.rate * frame.elapsed_s
+
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        stroke_m = scales.stroke_m
+        return [
+            size("offset", stroke_m, 0.02 * stroke_m),
+            size("rate", stroke_m / scales.duration_s, 0.02 * stroke_m / scales.duration_s),
+        ]

@@ -8,9 +8,11 @@ import numpy as np
 
 from sma_actuator.base.parameters import parameter
 
-from .effect import Effect
+from .effect import EFFECTS, Effect
 from .frame import Frame, Place, count_cycles, incompleteness
+from .free import Free, Scales, shape, size
 
+FEWEST_CYCLES = 6  #: that show a drift with the logarithm of their number
 RATE_WINDOW_s = 0.3  #: a rate is the slope over this lag, so that noise of single samples does not show
 
 
@@ -19,6 +21,7 @@ def _rise_K(frame: Frame, state: np.ndarray, time_constant_s: float, heat_loss_W
     return frame.lag(frame.power_W, state, time_constant_s) / heat_loss_W_K
 
 
+@EFFECTS.register("self_heating")
 @dataclass(frozen=True, slots=True)
 class SelfHeating(Effect):
     """R moves with temperature where the phase no longer changes: at the hot end ``R (1 + α (T − T_amb − T_on))`` above
@@ -28,7 +31,9 @@ class SelfHeating(Effect):
     holds the temperatures of the transformation itself; the onsets are where it ends.
     """
 
-    STAGE = "wire"
+    PART = "wire"
+    WORDS = "the wire's resistance moves with its temperature where its phase does not change"
+    TELL_TALE = "power_lagged_1_s_W"
     STATES = 2
     temperature_coefficient: float = parameter(0.0, "relative change of resistance per kelvin, hot", "1/K", -0.1, 0.1)
     onset: float = parameter(0.0, "rise above ambient from which it acts", "K", 0.0, 500.0)
@@ -46,7 +51,29 @@ class SelfHeating(Effect):
         change = change + self.cold_temperature_coefficient * np.minimum(0.0, rise_K - self.cold_onset)
         frame.resistance_Ohm = frame.resistance_Ohm / (1.0 + change)
 
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        rise_K, thermal_s = scales.rise_K, scales.thermal_s
+        free = [
+            size("temperature_coefficient", 5e-3, 2e-4),
+            shape("onset", 0.02 * rise_K, 0.95 * rise_K, 0.1 * rise_K, 0.4 * rise_K, 0.7 * rise_K),
+            shape("time_constant", 0.3 * thermal_s, 4.0 * thermal_s, thermal_s),
+        ]
+        if scales.calibration_counts:  # later, the calibration's rests say what the cold end does
+            free += [
+                size("cold_temperature_coefficient", 5e-3, 2e-4),
+                shape("cold_onset", 0.02 * rise_K, 0.6 * rise_K, 0.2 * rise_K, 0.4 * rise_K),
+            ]
+        return free
 
+    @classmethod
+    def fixed(cls, scales: Scales) -> dict[str, float]:
+        """What the heat balance, the calibration and the logs decide."""
+        return {"heat_loss": scales.heat_loss_W_K}
+
+
+@EFFECTS.register("ambient_temperature")
 @dataclass(frozen=True, slots=True)
 class AmbientTemperature(Effect):
     """The surroundings are warmer or colder than at the calibration: ``R (1 + α (T_amb − T_cal) e^(−rise/κ))``.
@@ -55,7 +82,9 @@ class AmbientTemperature(Effect):
     the surroundings; so the change fades as the wire is heated, over ``fading`` kelvin.
     """
 
-    STAGE = "wire"
+    PART = "wire"
+    WORDS = "the surroundings are warmer or colder than at the calibration"
+    TELL_TALE = "ambient_temperature_C"
     STATES = 2
     temperature_coefficient: float = parameter(0.0, "relative change of resistance per kelvin", "1/K", -0.1, 0.1)
     fading: float = parameter(1e3, "rise above ambient over which the change fades", "K", 1.0, 1e6)
@@ -70,12 +99,44 @@ class AmbientTemperature(Effect):
         change = self.temperature_coefficient * (ambient_C - self.calibration_temperature) * fade
         frame.resistance_Ohm = frame.resistance_Ohm / (1.0 + change)
 
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        rise_K = scales.rise_K
+        return [
+            size("temperature_coefficient", 2e-2, 5e-4),
+            shape("fading", 0.03 * rise_K, 30.0 * rise_K, 0.15 * rise_K, 0.8 * rise_K, 10.0 * rise_K),
+        ]
 
+    @classmethod
+    def fixed(cls, scales: Scales) -> dict[str, float]:
+        """What the heat balance, the calibration and the logs decide."""
+        return {
+            "heat_loss": scales.heat_loss_W_K,
+            "calibration_temperature": scales.calibration_ambient_C,
+            "time_constant": scales.thermal_s,
+        }
+
+    @classmethod
+    def untestable(cls, scales: Scales) -> str:
+        """Why logs could not show it."""
+        if not scales.ambient_logged:
+            return "no ambient temperature in the logs (column ambient_temperature_C)"
+        if scales.ambient_change_K >= 1.0:
+            return ""
+        if not scales.calibration_ambient_known:
+            return "the ambient temperature stays within 1 K, and that of the calibration is not known"
+        return f"the ambient temperature is within {scales.ambient_change_K:.1f} K of the calibration's"
+
+
+@EFFECTS.register("thermal_expansion")
 @dataclass(frozen=True, slots=True)
 class ThermalExpansion(Effect):
     """δ moves with temperature: ``L α (T − T_amb)``, of the wire or of what is heated by it."""
 
-    STAGE = "wire"
+    PART = "wire"
+    WORDS = "the wire, or what it heats, expands with its temperature"
+    TELL_TALE = "power_lagged_10_s_W"
     STATES = 2
     coefficient: float = parameter(
         0.0, "expansion of the wire's length per kelvin beyond the calibrated", "1/K", -1e-2, 1e-2
@@ -88,25 +149,57 @@ class ThermalExpansion(Effect):
         rise_K = _rise_K(frame, state, self.time_constant, self.heat_loss)
         frame.displacement_m = frame.displacement_m + place.length_m * self.coefficient * rise_K
 
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        return [
+            size("coefficient", 2e-4, 1e-5),
+            shape("time_constant", 0.3, max(0.5 * scales.duration_s, 2.0), 1.5, 15.0, 100.0),
+        ]
 
+    @classmethod
+    def fixed(cls, scales: Scales) -> dict[str, float]:
+        """What the heat balance, the calibration and the logs decide."""
+        return {"heat_loss": scales.heat_loss_W_K}
+
+
+@EFFECTS.register("elastic_compliance")
 @dataclass(frozen=True, slots=True)
 class ElasticCompliance(Effect):
     """δ moves with load at constant phase, beyond what the calibrated stress dependence holds."""
 
-    STAGE = "wire"
-    STATES = 0
+    PART = "wire"
+    WORDS = "something yields with the load"
+    TELL_TALE = "stress_Pa"
     compliance: float = parameter(0.0, "stretch per newton", "m/N", -1.0, 1.0)
 
     def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add the stretch."""
         frame.displacement_m = frame.displacement_m + self.compliance * frame.load_N
 
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        soft = scales.stroke_m / scales.load_N
+        return [size("compliance", 0.6 * soft, 0.02 * soft)]
 
+    @classmethod
+    def untestable(cls, scales: Scales) -> str:
+        """Why logs could not show it."""
+        return (
+            "" if scales.loads_differ else "one load only: a stretch in proportion to load shows where the load changes"
+        )
+
+
+@EFFECTS.register("fatigue")
 @dataclass(frozen=True, slots=True)
 class Fatigue(Effect):
     """Ends of the stroke and of the resistance move with the logarithm of the cycle number (thesis, eq. 4.1)."""
 
-    STAGE = "wire"
+    PART = "wire"
+    WORDS = "the wire wears with the number of its cycles"
+    TELL_TALE = "cycle"
+    ESSENTIAL = "displacement_per_ln_cycle"  # where the resistance alone drifts, it is the contact
     STATES = 2
     displacement_per_ln_cycle: float = parameter(0.0, "g_1 of the displacement", "m", -1.0, 1.0)
     resistance_per_ln_cycle: float = parameter(0.0, "g_1 of the resistance", "Ω", -10.0, 10.0)
@@ -126,12 +219,35 @@ class Fatigue(Effect):
     def _ln(self, frame: Frame) -> np.ndarray:
         return np.log(1.0 + (frame.cycles - 1.0) / self.first_cycle)
 
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        return [
+            size("displacement_per_ln_cycle", 0.2 * scales.stroke_m, 0.01 * scales.stroke_m),
+            size("resistance_per_ln_cycle", 0.2 * scales.resistance_range_Ohm, 0.01 * scales.resistance_range_Ohm),
+        ]
 
+    @classmethod
+    def fixed(cls, scales: Scales) -> dict[str, float]:
+        """What the heat balance, the calibration and the logs decide."""
+        return {"cycle_power": scales.cycle_power_W}
+
+    @classmethod
+    def untestable(cls, scales: Scales) -> str:
+        """Why logs could not show it."""
+        if scales.cycles < FEWEST_CYCLES:
+            return f"{scales.cycles} cycles are too few for a drift with the logarithm of their number"
+        return ""
+
+
+@EFFECTS.register("creep")
 @dataclass(frozen=True, slots=True)
 class Creep(Effect):
     """Slow stretch under load: a Kelvin–Voigt element in series, at rest when the session began."""
 
-    STAGE = "wire"
+    PART = "wire"
+    WORDS = "something gives way slowly under the load"
+    TELL_TALE = "time_s"
     STATES = 2
     compliance: float = parameter(0.0, "stretch per newton in the end", "m/N", -1.0, 1.0)
     time_constant: float = parameter(300.0, "how slowly it comes", "s", 1.0, 1e7)
@@ -141,12 +257,24 @@ class Creep(Effect):
         slow_N = frame.lag(frame.load_N, state, self.time_constant, from_zero=True)
         frame.displacement_m = frame.displacement_m + self.compliance * slow_N
 
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        soft, slow_s = scales.stroke_m / scales.load_N, scales.duration_s
+        return [
+            size("compliance", 0.6 * soft, 0.02 * soft),
+            shape("time_constant", 3.0, 3.0 * slow_s, 10.0, 0.15 * slow_s, 0.8 * slow_s),
+        ]
 
+
+@EFFECTS.register("minor_loop_memory")
 @dataclass(frozen=True, slots=True)
 class MinorLoopMemory(Effect):
     """After a transformation that turned back early the next branch is shifted in proportion."""
 
-    STAGE = "wire"
+    PART = "wire"
+    WORDS = "a branch that turned back early shifts the next"
+    TELL_TALE = "distance_from_reversal_m"
     STATES = 3
     after_heating: float = parameter(
         0.0, "shift of the cooling branch, per incompleteness of the heating", "m", -1.0, 1.0
@@ -167,12 +295,28 @@ class MinorLoopMemory(Effect):
         """Where the last branch turned is not known any more."""
         state[:] = np.nan
 
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        return [
+            size("after_heating", 0.6 * scales.stroke_m, 0.05 * scales.stroke_m),
+            size("after_cooling", 0.6 * scales.stroke_m, 0.05 * scales.stroke_m),
+        ]
 
+    @classmethod
+    def untestable(cls, scales: Scales) -> str:
+        """Why logs could not show it."""
+        return "" if scales.partial_cycles else "no partial cycles: every transformation goes to its end"
+
+
+@EFFECTS.register("rate")
 @dataclass(frozen=True, slots=True)
 class Rate(Effect):
     """The loop opens with the rate: δ lags behind what R says, in proportion to dR/dt, or by relaxing towards it."""
 
-    STAGE = "wire"
+    PART = "wire"
+    WORDS = "the displacement lags what the resistance says"
+    TELL_TALE = "resistance_rate_Ohm_s"
     STATES = 4
     displacement_per_rate: float = parameter(0.0, "shift of δ against dR/dt", "m·s/Ω", -10.0, 10.0)
     relaxation_time: float = parameter(0.0, "time constant with which δ follows", "s", 0.0, 100.0)
@@ -188,3 +332,12 @@ class Rate(Effect):
     def forget_the_loop(self, state: np.ndarray) -> None:
         """The displacement that relaxes starts anew; the resistance, which was measured, goes on."""
         state[2:] = np.nan
+
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        slope = scales.stroke_m / scales.resistance_range_Ohm
+        return [
+            size("displacement_per_rate", 2.0 * slope, 0.1 * slope),
+            shape("relaxation_time", 1e-3, 5.0, 1e-2, 0.2),
+        ]

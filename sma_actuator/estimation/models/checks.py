@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from sma_actuator.base.sections import Wire
+
 SIZE_TOLERANCE = 0.02
 
 
-def wrong_alloy(model_type: str, alloy: str, wire) -> list[str]:
+def wrong_alloy(model_type: str, alloy: str, wire: Wire) -> list[str]:
     """A sentence when the model is of another alloy than the wire."""
     if wire.alloy == alloy:
         return []
     return [f"model.type: {model_type} is a model of {alloy}, but wire.alloy is {wire.alloy}"]
 
 
-def wrong_size(length_m: float, diameter_m: float, wire) -> list[str]:
+def wrong_size(length_m: float, diameter_m: float, wire: Wire) -> list[str]:
     """Sentences when coefficients of one wire are used for a wire of another size."""
     problems = []
     for name, wanted, found in (("length", length_m, wire.length), ("diameter", diameter_m, wire.diameter)):
@@ -31,3 +33,9 @@ def wrong_ranges(**ranges: tuple[float, ...]) -> list[str]:
         for name, values in ranges.items()
         if not (len(values) == 2 and values[0] < values[1])
     ]
+
+
+def as_range(values: tuple[float, ...], scale: float = 1.0) -> tuple[float, float]:
+    """Two numbers that :func:`wrong_ranges` has nothing against, times ``scale``."""
+    low, high = values
+    return low * scale, high * scale

@@ -33,6 +33,7 @@ asymptotes, so they never push δ across one, and inside them the step is the ex
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp, expm1, log, log1p
 
@@ -41,10 +42,13 @@ from numpy.polynomial.polynomial import polyval
 
 from sma_actuator.base.jit import jit
 from sma_actuator.base.parameters import parameter
+from sma_actuator.base.sections import Wire
+from sma_actuator.base.signals import Value
 
-from .checks import wrong_alloy, wrong_ranges, wrong_size
+from .checks import as_range, wrong_alloy, wrong_ranges, wrong_size
 from .model import COEFFICIENTS
 
+Polynomial = Sequence[float] | np.ndarray  #: in stress, lowest order first
 _POLYNOMIAL = "polynomial in stress [Pa], lowest order first"
 LOOP_SLACK = 0.05  #: how far δ may lie outside the loop, as a share of the working range
 #: |z| below this is zero, for it is rounding, which must not decide whether R, turning back, leaves the asymptote.
@@ -53,7 +57,7 @@ _LARGE = 40.0  # e^40 ≈ 2e17: beyond it ln(e^y ± 1) is y to the last digit
 
 
 @jit
-def _polynomial(coefficients, x):
+def _polynomial(coefficients: np.ndarray, x: float) -> float:
     value = 0.0
     for i in range(len(coefficients) - 1, -1, -1):
         value = value * x + coefficients[i]
@@ -61,7 +65,7 @@ def _polynomial(coefficients, x):
 
 
 @jit
-def _decayed(x, s):
+def _decayed(x: float, s: float) -> float:
     """``ln(1 + (e^x − 1) e^s)`` for x ≥ 0, without overflow or cancellation."""
     if x <= 0.0:
         return 0.0
@@ -72,7 +76,16 @@ def _decayed(x, s):
 
 
 @jit
-def _along_branch(resistance, heating, previous_resistance, displacement, a, b, a_0, tau):
+def _along_branch(
+    resistance: float,
+    heating: bool,
+    previous_resistance: float,
+    displacement: float,
+    a: float,
+    b: float,
+    a_0: float,
+    tau: float,
+) -> float:
     """The exact step towards or away from the asymptote a R + b of the present branch."""
     # In x = ± R both branches are the heating branch: z = x − x_asymptote(δ).
     sign = 1.0 if heating else -1.0
@@ -98,7 +111,20 @@ def _along_branch(resistance, heating, previous_resistance, displacement, a, b, 
 
 
 @jit
-def advance(resistance, stress, heating, previous_resistance, displacement, a_h, b_h, a_c, b_c, a_0, tau, slack):
+def advance(
+    resistance: float,
+    stress: float,
+    heating: bool,
+    previous_resistance: float,
+    displacement: float,
+    a_h: np.ndarray,
+    b_h: np.ndarray,
+    a_c: np.ndarray,
+    b_c: np.ndarray,
+    a_0: float,
+    tau: float,
+    slack: float,
+) -> float:
     """δ after the resistance moved from ``previous_resistance`` to ``resistance`` on one branch, at one stress."""
     slope_h, intercept_h = _polynomial(a_h, stress), _polynomial(b_h, stress)
     slope_c, intercept_c = _polynomial(a_c, stress), _polynomial(b_c, stress)
@@ -112,7 +138,20 @@ def advance(resistance, stress, heating, previous_resistance, displacement, a_h,
 
 
 @jit
-def advance_all(resistance, stress, heating, state, a_h, b_h, a_c, b_c, a_0, tau, slack, displacement):
+def advance_all(
+    resistance: np.ndarray,
+    stress: np.ndarray,
+    heating: np.ndarray,
+    state: np.ndarray,
+    a_h: np.ndarray,
+    b_h: np.ndarray,
+    a_c: np.ndarray,
+    b_c: np.ndarray,
+    a_0: float,
+    tau: float,
+    slack: float,
+    displacement: np.ndarray,
+) -> None:
     """``advance`` over arrays; ``state`` = [previous resistance, displacement] is carried on."""
     previous, delta = state[0], state[1]
     for i in range(len(resistance)):
@@ -125,12 +164,22 @@ def advance_all(resistance, stress, heating, state, a_h, b_h, a_c, b_c, a_0, tau
 class FlexinolModel:
     """The model of one wire; see :class:`sma_actuator.estimation.models.StrainModel`."""
 
-    def __init__(self, a_h, b_h, a_c, b_c, a_0, tau, stress_range_Pa, displacement_range_m):
-        self.stress_range_Pa = tuple(stress_range_Pa)
-        self.displacement_range_m = tuple(displacement_range_m)
-        polynomials = (np.asarray(p, dtype=float) for p in (a_h, b_h, a_c, b_c))
+    def __init__(
+        self,
+        *,
+        a_h: Polynomial,
+        b_h: Polynomial,
+        a_c: Polynomial,
+        b_c: Polynomial,
+        a_0: float,
+        tau: float,
+        stress_range_Pa: tuple[float, float],
+        displacement_range_m: tuple[float, float],
+    ):
+        self.stress_range_Pa, self.displacement_range_m = stress_range_Pa, displacement_range_m
+        self._a_h, self._b_h, self._a_c, self._b_c = (np.asarray(p, dtype=float) for p in (a_h, b_h, a_c, b_c))
         slack_m = LOOP_SLACK * float(np.ptp(self.displacement_range_m))
-        self._coefficients = (*polynomials, float(a_0), float(tau), slack_m)
+        self._coefficients = (self._a_h, self._b_h, self._a_c, self._b_c, float(a_0), float(tau), slack_m)
         self._state = np.zeros(2)
 
     def reset(self, resistance_Ohm: float, stress_Pa: float, heating: bool = False) -> float:
@@ -152,12 +201,11 @@ class FlexinolModel:
         advance_all(resistance_Ohm, stress_Pa, heating, self._state, *self._coefficients, displacement_m)
         return displacement_m
 
-    def limits_m(self, resistance_Ohm, stress_Pa):
+    def limits_m(self, resistance_Ohm: Value, stress_Pa: Value) -> tuple[Value, Value]:
         """Heating and cooling asymptote at R and σ, (δ_H, δ_C) [m]; floats or arrays."""
-        a_h, b_h, a_c, b_c, *_ = self._coefficients
         return (
-            polyval(stress_Pa, a_h) * resistance_Ohm + polyval(stress_Pa, b_h),
-            polyval(stress_Pa, a_c) * resistance_Ohm + polyval(stress_Pa, b_c),
+            polyval(stress_Pa, self._a_h) * resistance_Ohm + polyval(stress_Pa, self._b_h),
+            polyval(stress_Pa, self._a_c) * resistance_Ohm + polyval(stress_Pa, self._b_c),
         )
 
 
@@ -183,7 +231,7 @@ class FlexinolCoefficients:
         description="determinate part of the stroke", unit="m", lo=-10.0, hi=10.0
     )
 
-    def mismatches(self, wire) -> list[str]:
+    def mismatches(self, wire: Wire) -> list[str]:
         """Why these coefficients do not suit ``wire``."""
         return [
             *wrong_alloy("flexinol", "ni-ti", wire),
@@ -191,17 +239,17 @@ class FlexinolCoefficients:
             *wrong_ranges(stress_range=self.stress_range, displacement_range=self.displacement_range),
         ]
 
-    def build(self, wire) -> FlexinolModel:
+    def build(self, wire: Wire) -> FlexinolModel:
         """The model of the wire the coefficients were fitted on."""
         return FlexinolModel(
-            self.heating_slope,
-            self.heating_intercept,
-            self.cooling_slope,
-            self.cooling_intercept,
-            self.initial_slope,
-            self.transition_rate,
-            self.stress_range,
-            self.displacement_range,
+            a_h=self.heating_slope,
+            b_h=self.heating_intercept,
+            a_c=self.cooling_slope,
+            b_c=self.cooling_intercept,
+            a_0=self.initial_slope,
+            tau=self.transition_rate,
+            stress_range_Pa=as_range(self.stress_range),
+            displacement_range_m=as_range(self.displacement_range),
         )
 
 
@@ -229,28 +277,28 @@ class FlexinolNormalisedCoefficients:
     )
     strain_range: tuple[float, ...] = parameter(description="determinate part of the stroke", unit="1", lo=-1.0, hi=1.0)
 
-    def mismatches(self, wire) -> list[str]:
+    def mismatches(self, wire: Wire) -> list[str]:
         """Why these coefficients do not suit ``wire``."""
         return [
             *wrong_alloy("flexinol_normalised", "ni-ti", wire),
             *wrong_ranges(stress_range=self.stress_range, strain_range=self.strain_range),
         ]
 
-    def build(self, wire) -> FlexinolModel:
+    def build(self, wire: Wire) -> FlexinolModel:
         """The model of ``wire``, in its own resistance and displacement."""
         length_m = wire.length
         initial_Ohm = self.martensite_resistivity * length_m / wire.area_m2
         slope = length_m / initial_Ohm
         a_h, a_c = np.multiply(self.heating_slope, slope), np.multiply(self.cooling_slope, slope)
         return FlexinolModel(
-            a_h,
-            _sum(np.multiply(self.heating_intercept, length_m), -initial_Ohm * a_h),
-            a_c,
-            _sum(np.multiply(self.cooling_intercept, length_m), -initial_Ohm * a_c),
-            self.initial_slope * slope,
-            self.transition_rate / initial_Ohm,
-            self.stress_range,
-            tuple(strain * length_m for strain in self.strain_range),
+            a_h=a_h,
+            b_h=_sum(np.multiply(self.heating_intercept, length_m), -initial_Ohm * a_h),
+            a_c=a_c,
+            b_c=_sum(np.multiply(self.cooling_intercept, length_m), -initial_Ohm * a_c),
+            a_0=self.initial_slope * slope,
+            tau=self.transition_rate / initial_Ohm,
+            stress_range_Pa=as_range(self.stress_range),
+            displacement_range_m=as_range(self.strain_range, length_m),
         )
 
 

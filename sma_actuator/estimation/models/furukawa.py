@@ -8,16 +8,20 @@ away from its value at the last reversal (5.72–5.74).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp
+from typing import Any
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval2d
 
 from sma_actuator.base.jit import jit
 from sma_actuator.base.parameters import parameter
+from sma_actuator.base.sections import Wire
+from sma_actuator.base.signals import Value
 
-from .checks import wrong_alloy, wrong_ranges, wrong_size
+from .checks import as_range, wrong_alloy, wrong_ranges, wrong_size
 from .model import COEFFICIENTS
 
 VARIANTS = ("average", "direct_switching", "transition")
@@ -26,7 +30,7 @@ _POLYNOMIAL = "polynomial in stress [Pa], lowest order first"
 
 
 @jit
-def _curve(coefficients, resistance, stress):
+def _curve(coefficients: np.ndarray, resistance: float, stress: float) -> float:
     """Σ_i Σ_j c[i, j] R^i σ^j."""
     value = 0.0
     for i in range(coefficients.shape[0] - 1, -1, -1):
@@ -38,7 +42,7 @@ def _curve(coefficients, resistance, stress):
 
 
 @jit
-def _share_of_heating(resistance, heating, state, rate):
+def _share_of_heating(resistance: float, heating: bool, state: np.ndarray, rate: float) -> float:
     """h of 5.72, 5.73; ``state`` = [h, branch, R_S, h_S], of which R_S, h_S are set at each reversal."""
     branch = 1.0 if heating else 0.0
     if branch != state[1]:
@@ -56,7 +60,16 @@ def _share_of_heating(resistance, heating, state, rate):
 
 
 @jit
-def advance(resistance, stress, heating, variant, state, heating_curve, cooling_curve, rate):
+def advance(
+    resistance: float,
+    stress: float,
+    heating: bool,
+    variant: int,
+    state: np.ndarray,
+    heating_curve: np.ndarray,
+    cooling_curve: np.ndarray,
+    rate: float,
+) -> float:
     """δ at R and σ on the present branch; ``state`` is changed in place."""
     if variant == _AVERAGE:
         return 0.5 * (_curve(heating_curve, resistance, stress) + _curve(cooling_curve, resistance, stress))
@@ -67,7 +80,17 @@ def advance(resistance, stress, heating, variant, state, heating_curve, cooling_
 
 
 @jit
-def advance_all(resistance, stress, heating, variant, state, heating_curve, cooling_curve, rate, displacement):
+def advance_all(
+    resistance: np.ndarray,
+    stress: np.ndarray,
+    heating: np.ndarray,
+    variant: int,
+    state: np.ndarray,
+    heating_curve: np.ndarray,
+    cooling_curve: np.ndarray,
+    rate: float,
+    displacement: np.ndarray,
+) -> None:
     """``advance`` over arrays."""
     for i in range(len(resistance)):
         displacement[i] = advance(
@@ -76,14 +99,31 @@ def advance_all(resistance, stress, heating, variant, state, heating_curve, cool
 
 
 @jit
-def _normalised(resistance, stress, activation, least_Ohm, greatest, mechanical, stroke):
+def _normalised(
+    resistance: float,
+    stress: float,
+    activation: np.ndarray,
+    least_Ohm: float,
+    greatest: np.ndarray,
+    mechanical: np.ndarray,
+    stroke: np.ndarray,
+) -> float:
     """δ of the normalised model, 5.75, 5.77–5.81 (coefficient arrays as (1, n) curves in stress)."""
     normalised = (resistance - least_Ohm) / (_curve(greatest, 0.0, stress) - least_Ohm)
     return _curve(mechanical, 0.0, stress) + _curve(activation, normalised, 0.0) * _curve(stroke, 0.0, stress)
 
 
 @jit
-def _normalised_all(resistance, stress, activation, least_Ohm, greatest, mechanical, stroke, displacement):
+def _normalised_all(
+    resistance: np.ndarray,
+    stress: np.ndarray,
+    activation: np.ndarray,
+    least_Ohm: float,
+    greatest: np.ndarray,
+    mechanical: np.ndarray,
+    stroke: np.ndarray,
+    displacement: np.ndarray,
+) -> None:
     for i in range(len(resistance)):
         displacement[i] = _normalised(resistance[i], stress[i], activation, least_Ohm, greatest, mechanical, stroke)
 
@@ -91,11 +131,19 @@ def _normalised_all(resistance, stress, activation, least_Ohm, greatest, mechani
 class FurukawaModel:
     """The model of one wire; see :class:`sma_actuator.estimation.models.StrainModel`."""
 
-    def __init__(self, variant, heating_curve, cooling_curve, rate, stress_range_Pa, displacement_range_m):
+    def __init__(
+        self,
+        *,
+        variant: str,
+        heating_curve: np.ndarray,
+        cooling_curve: np.ndarray,
+        rate: float,
+        stress_range_Pa: tuple[float, float],
+        displacement_range_m: tuple[float, float],
+    ):
         self._variant = VARIANTS.index(variant)
         self._curves = (np.asarray(heating_curve, dtype=float), np.asarray(cooling_curve, dtype=float), float(rate))
-        self.stress_range_Pa = tuple(stress_range_Pa)
-        self.displacement_range_m = tuple(displacement_range_m)
+        self.stress_range_Pa, self.displacement_range_m = stress_range_Pa, displacement_range_m
         self._state = np.zeros(4)
 
     def reset(self, resistance_Ohm: float, stress_Pa: float, heating: bool = False) -> float:
@@ -114,7 +162,7 @@ class FurukawaModel:
         advance_all(resistance_Ohm, stress_Pa, heating, self._variant, self._state, *self._curves, displacement_m)
         return displacement_m
 
-    def limits_m(self, resistance_Ohm, stress_Pa):
+    def limits_m(self, resistance_Ohm: Value, stress_Pa: Value) -> tuple[Value, Value]:
         """Heating and cooling curve at R and σ, (δ_H, δ_C) [m]; floats or arrays."""
         heating_curve, cooling_curve, _ = self._curves
         resistance, stress = np.broadcast_arrays(resistance_Ohm, stress_Pa)
@@ -124,11 +172,28 @@ class FurukawaModel:
 class FurukawaNormalisedModel:
     """One activation curve for all loads; without memory."""
 
-    def __init__(self, activation, least_Ohm, greatest, mechanical, stroke, stress_range_Pa, displacement_range_m):
-        rows = [np.atleast_2d(np.asarray(p, dtype=float)) for p in (greatest, mechanical, stroke)]
-        self._coefficients = (np.asarray(activation, dtype=float).reshape(-1, 1), float(least_Ohm), *rows)
-        self.stress_range_Pa = tuple(stress_range_Pa)
-        self.displacement_range_m = tuple(displacement_range_m)
+    def __init__(
+        self,
+        *,
+        activation: Sequence[float],
+        least_Ohm: float,
+        greatest_Ohm: np.ndarray,
+        mechanical_m: np.ndarray,
+        stroke_m: np.ndarray,
+        stress_range_Pa: tuple[float, float],
+        displacement_range_m: tuple[float, float],
+    ):
+        greatest, mechanical, stroke = (
+            np.atleast_2d(np.asarray(p, float)) for p in (greatest_Ohm, mechanical_m, stroke_m)
+        )
+        self._coefficients = (
+            np.asarray(activation, dtype=float).reshape(-1, 1),
+            float(least_Ohm),
+            greatest,
+            mechanical,
+            stroke,
+        )
+        self.stress_range_Pa, self.displacement_range_m = stress_range_Pa, displacement_range_m
 
     def reset(self, resistance_Ohm: float, stress_Pa: float, heating: bool = False) -> float:
         """δ [m]; there is no past to forget."""
@@ -144,13 +209,13 @@ class FurukawaNormalisedModel:
         _normalised_all(resistance_Ohm, stress_Pa, *self._coefficients, displacement_m)
         return displacement_m
 
-    def limits_m(self, resistance_Ohm, stress_Pa):
+    def limits_m(self, resistance_Ohm: Value, stress_Pa: Value) -> tuple[Value, Value]:
         """The one curve, twice: (δ, δ) [m]; floats or arrays."""
         resistance, stress = np.broadcast_arrays(np.asarray(resistance_Ohm, float), np.asarray(stress_Pa, float))
         delta = np.empty(resistance.size)
         _normalised_all(resistance.ravel(), stress.ravel(), *self._coefficients, delta)
-        delta = delta.reshape(resistance.shape)
-        return delta, delta
+        curve: Any = delta.reshape(resistance.shape)
+        return curve, curve
 
 
 @COEFFICIENTS.register("furukawa")
@@ -177,7 +242,7 @@ class FurukawaCoefficients:
         description="determinate part of the stroke", unit="m", lo=-10.0, hi=10.0
     )
 
-    def mismatches(self, wire) -> list[str]:
+    def mismatches(self, wire: Wire) -> list[str]:
         """Why these coefficients do not suit ``wire``."""
         return [
             *wrong_alloy("furukawa", "ni-ti-cu", wire),
@@ -185,15 +250,15 @@ class FurukawaCoefficients:
             *wrong_ranges(stress_range=self.stress_range, displacement_range=self.displacement_range),
         ]
 
-    def build(self, wire) -> FurukawaModel:
+    def build(self, wire: Wire) -> FurukawaModel:
         """The model of the wire the coefficients were fitted on."""
         return FurukawaModel(
-            self.variant,
-            _padded(self.heating_G0, self.heating_G1, self.heating_G2),
-            _padded(self.cooling_G0, self.cooling_G1, self.cooling_G2),
-            self.transition_rate,
-            self.stress_range,
-            self.displacement_range,
+            variant=self.variant,
+            heating_curve=_padded(self.heating_G0, self.heating_G1, self.heating_G2),
+            cooling_curve=_padded(self.cooling_G0, self.cooling_G1, self.cooling_G2),
+            rate=self.transition_rate,
+            stress_range_Pa=as_range(self.stress_range),
+            displacement_range_m=as_range(self.displacement_range),
         )
 
 
@@ -216,30 +281,30 @@ class FurukawaNormalisedCoefficients:
     )
     strain_range: tuple[float, ...] = parameter(description="determinate part of the stroke", unit="1", lo=-1.0, hi=1.0)
 
-    def mismatches(self, wire) -> list[str]:
+    def mismatches(self, wire: Wire) -> list[str]:
         """Why these coefficients do not suit ``wire``."""
         return [
             *wrong_alloy("furukawa_normalised", "ni-ti-cu", wire),
             *wrong_ranges(stress_range=self.stress_range, strain_range=self.strain_range),
         ]
 
-    def build(self, wire) -> FurukawaNormalisedModel:
+    def build(self, wire: Wire) -> FurukawaNormalisedModel:
         """The model of ``wire``, in its own resistance and displacement."""
         per_resistivity = wire.length / wire.area_m2
         return FurukawaNormalisedModel(
-            self.activation,
-            self.austenite_resistivity * per_resistivity,
-            np.multiply(self.martensite_resistivity, per_resistivity),
-            np.multiply(self.mechanical_strain, wire.length),
-            np.multiply(self.stroke_strain, wire.length),
-            self.stress_range,
-            tuple(strain * wire.length for strain in self.strain_range),
+            activation=self.activation,
+            least_Ohm=self.austenite_resistivity * per_resistivity,
+            greatest_Ohm=np.multiply(self.martensite_resistivity, per_resistivity),
+            mechanical_m=np.multiply(self.mechanical_strain, wire.length),
+            stroke_m=np.multiply(self.stroke_strain, wire.length),
+            stress_range_Pa=as_range(self.stress_range),
+            displacement_range_m=as_range(self.strain_range, wire.length),
         )
 
 
-def _padded(*polynomials) -> np.ndarray:
+def _padded(*polynomials: Sequence[float]) -> np.ndarray:
     """Polynomials of different orders as the rows of one array."""
     out = np.zeros((len(polynomials), max(map(len, polynomials))))
-    for row, polynomial in zip(out, polynomials):
+    for row, polynomial in zip(out, polynomials, strict=True):
         row[: len(polynomial)] = polynomial
     return out

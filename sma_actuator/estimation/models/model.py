@@ -8,6 +8,7 @@ import numpy as np
 
 from sma_actuator.base.registry import Registry
 from sma_actuator.base.sections import Wire
+from sma_actuator.base.signals import Value
 
 
 class Coefficients(Protocol):
@@ -38,8 +39,8 @@ class StrainModel(Protocol):
         The same kernel as :meth:`step`, so the numbers are the same.
         """
 
-    def limits_m(self, resistance_Ohm: np.ndarray, stress_Pa: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Displacements of the heating and the cooling curve at R and σ, (δ_H, δ_C) [m]."""
+    def limits_m(self, resistance_Ohm: Value, stress_Pa: Value) -> tuple[Value, Value]:
+        """Displacements of the heating and the cooling curve at R and σ, (δ_H, δ_C) [m]; of one sample or of n."""
 
 
 def _refusal(_name: str, cls: type) -> str:

@@ -25,7 +25,17 @@ node_lost: Fault = Fault(
     "node_lost",
     words="the node is gone",
     detector="the driver: the ROS 2 context ended, or the node no longer feeds it",
-    within=seconds(1.0),
+    within=0.95 + ONE_STEP,
+    action=Action.OFF,
+    latches=True,
+    while_off=True,
+)
+
+loop_hung: Fault = Fault(
+    "loop_hung",
+    words="the control loop hangs",
+    detector="the driver's watchman, a thread of its own: no step for safety.reading_timeout",
+    within=READING_TIMEOUT + 0.5,
     action=Action.OFF,
     latches=True,
     while_off=True,

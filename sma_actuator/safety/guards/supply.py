@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from math import isfinite
 
-from sma_actuator.safety.formula import parameter_value
+from sma_actuator.safety.formula import parameter_value, seconds
 from sma_actuator.safety.records import Action, Fault, Step, guard
 from sma_actuator.safety.timing import ONE_STEP, READING_TIMEOUT, THREE_STEPS, TWO_STEPS
 
 from .readings import silent
 
+#: One setting is looked at every half second while driving; there are four.
+SETTINGS_CHECKED = seconds(2.0)
 #: Settings of supplies are coarser than the command: 0.02 mA in the thesis, up to 1 mA elsewhere.
 SETTING_TOLERANCE_A = 2e-3
 
@@ -30,7 +32,29 @@ def supply_tripped(step: Step) -> str:
 watchdog_not_held: Fault = Fault(
     "watchdog_not_held",
     words="the supply's watchdog does not hold",
-    detector="on opening the supply and on every ~/enable: the watchdog was armed and does not read back so",
+    detector="on opening the supply, on every ~/enable, and in turn with the limits while driving: the watchdog was armed "
+    "and does not read back so; the supply is opened anew, which arms it again",
+    within=SETTINGS_CHECKED + ONE_STEP,
+    action=Action.OFF,
+    latches=True,
+    while_off=True,
+)
+limits_not_held: Fault = Fault(
+    "limits_not_held",
+    words="a limit of the supply does not hold",
+    detector="on opening the supply, on every ~/enable, and in turn while driving: compliance voltage, over-voltage or "
+    "over-current trip does not read back as programmed; the supply is opened anew, which programs it again",
+    within=SETTINGS_CHECKED + ONE_STEP,
+    action=Action.OFF,
+    latches=True,
+    while_off=True,
+)
+
+
+output_not_confirmed: Fault = Fault(
+    "output_not_confirmed",
+    words="the output is told to be off, not confirmed",
+    detector="the driver: the supply was told to switch off and has not read back that it did",
     within=ONE_STEP,
     action=Action.OFF,
     latches=True,
@@ -95,3 +119,31 @@ def supply_disagrees(step: Step) -> str:
     if not lasts_s >= step.config.safety.disagreement_time:
         return ""
     return f"{measured_A:.3g} A flow, {told_A:.3g} A were commanded, for {lasts_s:.3g} s; safety.current_disagreement is {tolerance_A:g} A"
+
+
+@guard(
+    words="supply and DAQ measure different things",
+    detector="while current flows: the supply's own measurement off the DAQ's by more than safety.current_disagreement, or "
+    "safety.voltage_disagreement, for safety.disagreement_time",
+    within=parameter_value("safety.disagreement_time") + THREE_STEPS,
+    action=Action.OFF,
+    latches=True,
+)
+def measurements_disagree(step: Step) -> str:
+    """Two instruments on one circuit."""
+    supply, reading, safety = step.supply, step.reading, step.config.safety
+    if supply is None or reading is None:
+        return ""
+    pairs = (
+        ("current", "A", supply.current_A, step.signals.current_A, safety.current_disagreement),
+        ("voltage", "V", supply.voltage_V, reading.supply_voltage_V, safety.voltage_disagreement),
+    )
+    differ = [pair for pair in pairs if step.told.output_on and not abs(pair[2] - pair[3]) <= pair[4]]
+    lasts_s = step.memory.lasts_s("measurements_disagree", bool(differ), step.now_s)
+    if not lasts_s >= safety.disagreement_time:
+        return ""
+    what, unit, by_supply, by_daq, tolerance = differ[0]
+    return (
+        f"{what}: the supply measures {by_supply:.3g} {unit}, the DAQ {by_daq:.3g} {unit}, for {lasts_s:.3g} s; "
+        f"safety.{what}_disagreement is {tolerance:g} {unit}"
+    )

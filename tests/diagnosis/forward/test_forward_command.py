@@ -55,7 +55,7 @@ def test_it_writes_a_wire_the_figures_and_a_page_in_one_file(runs, tmp_path, mon
     page = (out / "report.html").read_text()
     assert page.count("data:image/png;base64,") >= 3
     assert "http" not in page.replace("http://www.w3.org", "")
-    assert "The model lacks backlash" in " ".join(capsys.readouterr().err.split())
+    assert "The model lacks backlash" in " ".join(capsys.readouterr().out.split())
 
 
 def test_a_run_that_will_not_do_is_named_with_line_and_column(runs, tmp_path, capsys):

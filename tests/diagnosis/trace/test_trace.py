@@ -10,12 +10,13 @@ from sma_actuator.base.signals import Signals
 from sma_actuator.bench import Weight
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace import Evidence, trace
-from sma_actuator.diagnosis.trace.candidates import Scales, candidate
+from sma_actuator.diagnosis.trace.analysis import quantities
+from sma_actuator.diagnosis.trace.candidates import candidate, scales_of
 from sma_actuator.diagnosis.trace.evidence import LIMIT, limited
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit
 from sma_actuator.estimation.chain import Chain
-from sma_actuator.estimation.effects import EFFECTS
+from sma_actuator.estimation.effects import EFFECTS, QUANTITIES
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
 
@@ -96,8 +97,7 @@ def test_rerunning_gives_the_same_answer(wire, config):
 @pytest.mark.parametrize("name", EFFECTS)
 def test_a_candidate_goes_through_the_whole_recursion_as_in_the_node(clean, config, name):
     """What the race judges is what an extended model would estimate: the same numbers, sample by sample."""
-    scales = Scales.of(clean)
-    c = candidate(name, scales, clean)
+    c = candidate(name, scales_of(clean))
     values = {f.name: f.starts[0] if f.starts else 0.3 * f.typical for f in c.free}
     effect = c.build({**values, **({"time": 40.0} if name == "slip" else {})})
     predictions = clean.predict({name: effect})
@@ -108,11 +108,17 @@ def test_a_candidate_goes_through_the_whole_recursion_as_in_the_node(clean, conf
             values = {f.name: getattr(trace_.signals, f.name) for f in dataclasses.fields(Signals)}
             sample = {name: float(v[i]) if np.ndim(v) else v for name, v in values.items()}
             live.append(chain.step(Signals(**sample))[1].displacement_m)
-        if EFFECTS[name].STAGE == "reference":
+        if EFFECTS[name].PART == "reference":
             np.testing.assert_array_equal(p.model_m, live)
         else:
             np.testing.assert_array_equal(p.shown_m, live)
         chain.reset()  # the next log of the session
+
+
+def test_every_quantity_that_may_give_an_effect_away_is_looked_at(clean):
+    """A tell-tale is refused at registration where it is none of these; here none of these is missing."""
+    found = quantities(clean, clean.predict({}))
+    assert set(QUANTITIES) - {"ambient_temperature_C"} <= set(found) <= set(QUANTITIES)  # not logged here
 
 
 def test_large_residuals_count_linearly():
@@ -128,7 +134,7 @@ def test_held_out_cycles_are_not_in_the_fit(clean):
     train = np.arange(clean.units) < clean.units - 3
     base = clean.losses(clean.residual({}))
     for name in ("fatigue", "minor_loop_memory", "self_heating"):
-        found = fit(clean, [candidate(name, Scales.of(clean), clean)], train)
+        found = fit(clean, [candidate(name, scales_of(clean))], train)
         gain = (base - found.held_out)[train]
         assert gain.mean() < 2.5 * gain.std(ddof=1) / np.sqrt(len(gain)) + 0.1 * base.mean()
 

@@ -101,7 +101,7 @@ def test_a_model_that_does_not_say_how_good_it_was_takes_its_calibration_logs(wi
     without = json.loads((out / "report.json").read_text())
     assert without["floor_pct_stroke"] == pytest.approx(1.25 * 1.5) and not without["floor_from_calibration"]
     assert without["effects"][0]["name"] == "voltage_offset"
-    assert main(["trace", *logs, *words, "--calibration", *clean]) == 0
+    assert main(["trace", *logs, *words, "--force", "--calibration", *clean]) == 0
     with_ = json.loads((out / "report.json").read_text())
     assert with_["floor_from_calibration"] and with_["effects"][0]["name"] == "voltage_offset"
 
@@ -192,5 +192,9 @@ def test_a_failure_leaves_no_earlier_result_behind(traced, tmp_path, capsys):
     (tmp_path / "report.json").write_text("{}")
     (tmp_path / "model.yaml").write_text("old")
     assert main(["trace", *logs, "--config", model, "--out", str(tmp_path), "--only", "ambient_temperature"]) == 1
+    assert "report.json: exists already; --force overwrites it" in capsys.readouterr().err
+    assert (tmp_path / "model.yaml").read_text() == "old"
+    words = ["--out", str(tmp_path), "--only", "ambient_temperature", "--force"]
+    assert main(["trace", *logs, "--config", model, *words]) == 1
     assert "ambient_temperature cannot be fitted on these logs" in capsys.readouterr().err.replace("\n", " ")
     assert not list(tmp_path.iterdir())

@@ -12,7 +12,7 @@ from sma_actuator.base.parameters import ConfigError, to_mapping
 from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain
-from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL
+from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL, PARTS
 from sma_actuator.estimation.effects.frame import Frame, Place
 
 #: Parameters that make each effect show.
@@ -96,7 +96,7 @@ def through(name, arrays, displacement_m=None):
 
 def test_the_list_is_complete_and_every_effect_has_a_stage():
     assert set(STRONG) == set(EFFECTS)
-    assert {cls.STAGE for cls in EFFECTS.values()} == {"circuit", "load cell", "wire", "mechanism", "reference"}
+    assert list(dict.fromkeys(cls.PART for cls in EFFECTS.values())) == list(PARTS)
     assert NOT_THE_MODEL == ("mechanism", "reference")
 
 
@@ -123,7 +123,7 @@ def test_a_strong_effect_shows(name):
     assert changed > 1e-3
 
 
-@pytest.mark.parametrize("name", [n for n in EFFECTS if EFFECTS[n].STAGE != "reference"])
+@pytest.mark.parametrize("name", [n for n in EFFECTS if EFFECTS[n].PART != "reference"])
 def test_live_and_replay_give_the_same_numbers(make_config, name):
     """One sample at a time, as the node does it, and a whole log at once."""
     config = Config.from_mapping(make_config(effects={name: STRONG[name]}))

@@ -28,7 +28,16 @@ SLACK_m = LOOP_SLACK * (WORKING_RANGE_m[1] - WORKING_RANGE_m[0])
 
 
 def model(tau=TAU, a_0=A_0, displacement_range_m=WORKING_RANGE_m):
-    return FlexinolModel([A_H], [B_H], [A_C], [B_C], a_0, tau, (0.0, 175e6), displacement_range_m)
+    return FlexinolModel(
+        a_h=[A_H],
+        b_h=[B_H],
+        a_c=[A_C],
+        b_c=[B_C],
+        a_0=a_0,
+        tau=tau,
+        stress_range_Pa=(0.0, 175e6),
+        displacement_range_m=displacement_range_m,
+    )
 
 
 def started(z, heating, resistance=4.9, **kwargs):
@@ -223,7 +232,16 @@ def test_one_sample_and_many_give_the_same_numbers():
 
 
 def test_a_change_of_stress_moves_the_asymptote_not_the_displacement():
-    m = FlexinolModel([A_H], [B_H, 1e-11], [A_C], [B_C, 1e-11], A_0, TAU, (0.0, 175e6), (0.0, 4e-3))
+    m = FlexinolModel(
+        a_h=[A_H],
+        b_h=[B_H, 1e-11],
+        a_c=[A_C],
+        b_c=[B_C, 1e-11],
+        a_0=A_0,
+        tau=TAU,
+        stress_range_Pa=(0.0, 175e6),
+        displacement_range_m=(0.0, 4e-3),
+    )
     before = m.reset(4.9, 50e6)
     assert m.step(4.9, 60e6, False) == pytest.approx(before, abs=1e-15)
     assert m.limits_m(4.9, 60e6)[1] == pytest.approx(A_C * 4.9 + B_C + 60e6 * 1e-11)

@@ -15,7 +15,8 @@ from sma_actuator.identify import identify
 from sma_actuator.identify.command import write_model
 from sma_actuator.identify.errors import log_error
 from sma_actuator.identify.fitting import make_data
-from sma_actuator.identify.traces import make_trace, make_traces
+from sma_actuator.identify.kinds import make_traces
+from sma_actuator.identify.traces import make_trace
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.logs.errors import BenchLogError
 from sma_actuator.replay import estimate_m, log_from_bag, replay

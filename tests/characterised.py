@@ -1,4 +1,4 @@
-"""Short characterisations of the virtual bench, for the tests of this folder."""
+"""Short characterisations of the virtual bench, for all tests that want logs or a model."""
 
 from __future__ import annotations
 

@@ -1,0 +1,28 @@
+"""Fits the straight line by least squares."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sma_actuator.base.sections import Wire
+from sma_actuator.identify.fitters import FITTERS, Asked, Fitted, Fitter
+from sma_actuator.identify.traces import Trace
+
+from .straight_line import StraightLine
+
+
+def fit(traces: Sequence[Trace], wire: Wire, asked: Asked) -> Fitted:
+    """All samples count alike."""
+    resistance_Ohm = np.concatenate([t.resistance_Ohm for t in traces])
+    displacement_m = np.concatenate([t.displacement_m for t in traces])
+    good = np.isfinite(resistance_Ohm + displacement_m)
+    slope, intercept = np.polyfit(resistance_Ohm[good], displacement_m[good], 1)
+    low_m, high_m = np.percentile(displacement_m[good], (5.0, 95.0))
+    return Fitted(
+        StraightLine(slope=float(slope), intercept=float(intercept), displacement_range=(float(low_m), float(high_m)))
+    )
+
+
+FITTERS.register("straight_line")(Fitter(fit))

@@ -1,0 +1,296 @@
+"""Candidates compete; one is chosen only if it earns its parameters on data that no fit of it has seen.
+
+One competition serves everything that is diagnosed: what tracing looks for in bench logs, whose units are
+cycles, and what the forward model lacks, whose units are runs.  Who asks brings a *work*: a function that
+fits some candidates together and says how much is lost on each unit by fits that have not seen it.  The rest
+is here: what earns, what is alike, which pairs are tried, when it ends.
+
+A selection asks for fits in batches and may be run beside others, so that no process waits: by joblib, on
+this machine's cores or, inside ``joblib.parallel_config("dask")``, on a cluster.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from math import inf, nan
+from typing import Any, Protocol
+
+import joblib
+import numpy as np
+
+from sma_actuator.base.parameters import ConfigError
+
+#: What a race is doing, and how far it is, from 0 to 1.
+Progress = Callable[[str, float], None]
+
+
+class Competitor(Protocol):
+    """What may be chosen."""
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+
+    @property
+    def parameters(self) -> int:
+        """How many parameters it has to earn."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Some candidates, fitted together, and how they do on what their fits have not seen."""
+
+    candidates: tuple[Any, ...]  #: each a :class:`Competitor`
+    losses: np.ndarray  #: on every unit, by a fit that has not seen it, shape (units,)
+    fit: Any  #: what the work made of it
+    objection: str = ""  #: why it may not be chosen, whatever it gains: a value at the end of the possible
+    gain: float = nan  #: mean fall of a unit's loss against what it competed with
+    gain_error: float = nan  #: standard error of that, over units
+    refusal: str = ""  #: why it did not earn its parameters; empty if it did
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its candidates."""
+        return tuple(c.name for c in self.candidates)
+
+    @property
+    def parameters(self) -> int:
+        """How many parameters it has."""
+        return sum(c.parameters for c in self.candidates)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A request for a trial."""
+
+    candidates: tuple[Any, ...]
+    start: Trial | None  #: of some of them, to begin from
+
+
+@dataclass
+class Round:
+    """What competed after what, and who won."""
+
+    before: tuple[str, ...]
+    trials: list[Trial]  #: best first
+    winner: Trial | None
+    alternatives: list[Trial] = field(default_factory=list)  #: others that do as well
+
+
+@dataclass
+class Selection:
+    """How it went, and who was chosen in the end."""
+
+    rounds: list[Round]
+    chosen: Trial | None
+
+    @property
+    def trials(self) -> list[Trial]:
+        """All that competed, by name once, the last judgement of each."""
+        return list({t.names: t for r in self.rounds for t in r.trials}.values())
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What it takes.  Losses are in any unit that adds: so are the gains here."""
+
+    significant: float  #: so many standard errors must be left of a gain …
+    margin: float = 0.0  #: … above this
+    least_gain: Callable[[float], float] = lambda mean_loss: 0.0  #: of what is lost so far; less is not worth a name
+    worst_rise: float = inf  #: no unit may lose so much more: what is really there is there in all of them
+    alike: float = 0.0  #: share of a gain within which two count as alike, even where their units tell them apart
+    tie: float = 0.0  #: the simplest of those alike wins, if it has this share of the best's gain
+    leaders: int = 0  #: so many of the best single ones are tried with every other
+    most: int = 1  #: candidates chosen at the most
+    unit: str = "cycle"  #: what a unit is called
+
+    def falls_short(self, trial: Trial, losses: np.ndarray) -> str:
+        """Why ``trial`` does not surely lose less than ``losses``; empty if it does."""
+        if trial.objection:
+            return trial.objection
+        gain, error = paired(losses, trial.losses)
+        if not gain > self.margin:
+            return f"too small a gain on {self.unit}s it has not seen"
+        if not gain - self.significant * error > self.margin:
+            return f"its gain on {self.unit}s it has not seen is not beyond {self.significant:g} standard errors"
+        rise = float(np.max(trial.losses - losses))
+        return f"makes one {self.unit} worse that it has not seen" if rise > self.worst_rise else ""
+
+
+def paired(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
+    """Mean fall from ``before`` to ``after``, unit by unit, shape (units,), and its standard error."""
+    fall = before - after
+    return float(fall.mean()), float(fall.std(ddof=1) / np.sqrt(len(fall))) if len(fall) > 1 else inf
+
+
+def select(
+    field_: Sequence[Any],
+    losses: np.ndarray,
+    rules: Rules,
+    clean: Callable[[Trial], bool] = lambda trial: False,
+    together: Callable[[Sequence[Any]], bool] = lambda candidates: True,
+) -> Generator[list[Entry], list[Trial], Selection]:
+    """Choose from ``field_``; yields batches of entries, wants their trials, and returns the selection.
+
+    ``losses``: of every unit with nothing chosen, shape (units,).  ``clean(trial)``: whether nothing more is to
+    be looked for.  ``together(candidates)``: whether these can be fitted together at all.
+
+    Single candidates come first; if the best leaves something, pairs of the best few with every other, because
+    two faults may hide each other; then one more at a time.
+    """
+    rounds: list[Round] = []
+    current: Trial | None = None
+    held = losses
+    while current is None or len(current.candidates) < rules.most:
+        chosen = current.candidates if current else ()
+        rest = [c for c in field_ if c.name not in {x.name for x in chosen} and together((*chosen, c))]
+        trials = yield [Entry((*chosen, c), current) for c in rest]
+        round_ = _decide(tuple(c.name for c in chosen), trials, held, rules)
+        rounds.append(round_)
+        if round_.winner is None:
+            break
+        stuck = False
+        if not chosen and rules.most > 1 and rules.leaders and not clean(round_.winner):
+            more = yield list(_pairs(round_.trials[: rules.leaders], field_, together))
+            stuck = not _take_a_pair(round_, more, held, rules)  # then no other pair holds the winner either
+        current, held = round_.winner, round_.winner.losses
+        if stuck or clean(current):
+            break
+    return Selection(rounds, current)
+
+
+def _decide(before: tuple[str, ...], trials: Iterable[Trial], held: np.ndarray, rules: Rules) -> Round:
+    """The winner, if there is one, and those that do as well."""
+    least = rules.least_gain(float(held.mean()))
+    judged = []
+    for trial in trials:
+        gain, error = paired(held, trial.losses)
+        refusal = rules.falls_short(trial, held) or ("" if gain > least else "gains too little to be worth a name")
+        judged.append(replace(trial, gain=gain, gain_error=error, refusal=refusal))
+    judged.sort(key=lambda t: -t.gain)
+    good = [t for t in judged if not t.refusal]
+    if not good:
+        return Round(before, judged, None)
+    best = good[0]
+    alike = [t for t in good if is_alike(t, best, rules)]
+    winner = min((t for t in alike if t.gain >= rules.tie * best.gain), key=lambda t: (t.parameters, -t.gain))
+    return Round(before, judged, winner, [t for t in alike if t is not winner])
+
+
+def is_alike(trial: Trial, best: Trial, rules: Rules) -> bool:
+    """Whether unseen units cannot tell two trials apart: within a standard error of their paired difference."""
+    behind, error = paired(trial.losses, best.losses)
+    return trial is best or behind <= max(error, rules.alike * best.gain)
+
+
+def _pairs(
+    leaders: Sequence[Trial], field_: Sequence[Any], together: Callable[[Sequence[Any]], bool]
+) -> Iterator[Entry]:
+    seen = set()
+    for leader in leaders:
+        (first,) = leader.candidates
+        for other in field_:
+            pair = frozenset((first.name, other.name))
+            if len(pair) == 2 and pair not in seen and together((first, other)):
+                seen.add(pair)
+                yield Entry((first, other), leader)
+
+
+def _take_a_pair(round_: Round, pairs: Iterable[Trial], held: np.ndarray, rules: Rules) -> bool:
+    """Let a pair win where each of its two earns its place over the other alone, and over the winner so far."""
+    single = {t.names[0]: t for t in round_.trials}
+    judged = []
+    for trial in pairs:
+        gain, error = paired(held, trial.losses)
+        rivals = {name: single[name] for name in trial.names if name in single} | {
+            round_.winner.names[0]: round_.winner  # type: ignore[union-attr]
+        }
+        shorts = {name: rules.falls_short(trial, rival.losses) for name, rival in rivals.items()}
+        refusal = next((f"over {name} alone: {why}" for name, why in shorts.items() if why), "")
+        judged.append(replace(trial, gain=gain, gain_error=error, refusal=refusal))
+    round_.trials = sorted([*round_.trials, *judged], key=lambda t: -t.gain)
+    good = sorted((t for t in judged if not t.refusal), key=lambda t: -t.gain)
+    if not good:
+        return False
+    best = good[0]
+    alike = [t for t in good if is_alike(t, best, rules)]
+    round_.winner = min((t for t in alike if t.gain >= rules.tie * best.gain), key=lambda t: (t.parameters, -t.gain))
+    round_.alternatives = [t for t in alike if t is not round_.winner]
+    return True
+
+
+def run(
+    selections: Sequence[Generator[list[Entry], list[Trial], Selection]],
+    works: Sequence[Callable[[Entry], Trial]],
+    jobs: int,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> list[Selection]:
+    """Run selections side by side, each with its work; their results in order.
+
+    ``progress`` is told how much of the present batch is done.
+    """
+    results: dict[int, Selection] = {}
+    asked: dict[int, list[Entry]] = {}
+
+    def go_on(number: int, trials: list[Trial] | None) -> None:
+        try:
+            selection = selections[number]
+            asked[number] = next(selection) if trials is None else selection.send(trials)
+        except StopIteration as end:
+            results[number] = end.value
+
+    for number in range(len(selections)):
+        go_on(number, None)
+    with spread(jobs) as do:
+        while asked:
+            tasks = [(number, entry) for number, entries in asked.items() for entry in entries]
+            answers: dict[int, list[Trial]] = {number: [] for number in asked}
+            trials = do((works[number], (entry,)) for number, entry in tasks)
+            for done, ((number, _), trial) in enumerate(zip(tasks, trials, strict=True), 1):
+                answers[number].append(trial)
+                progress(done / len(tasks))
+            asked.clear()
+            for number, found in answers.items():
+                go_on(number, found)
+    return [results[number] for number in range(len(selections))]
+
+
+Call = tuple[Callable[..., Any], tuple[Any, ...]]
+
+
+@contextmanager
+def spread(jobs: int) -> Iterator[Callable[[Iterable[Call]], Iterator[Any]]]:
+    """A function that makes calls, (function, arguments), and gives their results in order, ``jobs`` at a time.
+
+    By joblib, so that ``joblib.parallel_config`` around it decides where.
+    """
+    if jobs == 1:
+        yield lambda calls: (function(*arguments) for function, arguments in calls)
+        return
+    with joblib.Parallel(n_jobs=jobs, return_as="generator") as pool:
+        yield lambda calls: pool(joblib.delayed(function)(*arguments) for function, arguments in calls)
+
+
+@contextmanager
+def cluster(address: str | None) -> Iterator[None]:
+    """Have joblib work on the Dask cluster at ``address``, where one is named.
+
+    Raises ConfigError where there is none, or Dask is not installed.
+    """
+    if not address:
+        yield
+        return
+    try:
+        from dask.distributed import Client
+
+        client = Client(address, timeout=10)
+    except ModuleNotFoundError as error:
+        raise ConfigError(f"--dask: needs the Python package '{error.name}' (extra 'fleet')") from error
+    except (OSError, ValueError) as error:
+        raise ConfigError(
+            f"--dask: no scheduler answers at '{address}' ({error}); start one with `dask scheduler`"
+        ) from error
+    with client, joblib.parallel_config("dask"):
+        yield

@@ -1,0 +1,78 @@
+"""What a fit may vary of an effect, in the measures of the logs that it is fitted on.
+
+Bounds are shares of the logs' own scales (stroke, resistance, load, power, duration), so they hold
+for any wire.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scales:
+    """Sizes of what some logs hold, and what they could show."""
+
+    stroke_m: float
+    resistance_Ohm: float
+    resistance_range_Ohm: float
+    current_A: float
+    voltage_V: float
+    load_N: float
+    load_range_N: float
+    power_W: float
+    rise_K: float  #: above ambient, at that power
+    duration_s: float
+    period_s: float
+    cycles: int
+    cycle_power_W: float  #: between cold and hot
+    thermal_s: float  #: C/h of the wire
+    heat_loss_W_K: float
+    sense_Ohm: float
+    reference_zero_m: float  #: displacement where the reference sensor shows nothing
+    ambient_logged: bool
+    ambient_change_K: float  #: within the logs, or against the calibration
+    calibration_ambient_known: bool
+    calibration_ambient_C: float  #: that of the configuration where it is not known
+    loads_differ: bool
+    model_feels_stress: bool
+    partial_cycles: bool
+    cold_rests: int
+    calibration_counts: bool  #: what was there at the calibration is looked for too
+
+
+@dataclass(frozen=True, slots=True)
+class Free:
+    """One parameter that a fit may vary."""
+
+    name: str
+    low: float
+    high: float
+    typical: float  #: a size parameter is varied in units of it
+    starts: tuple[float, ...] = ()  #: of a shape parameter (time constant …), which alone changes nothing
+    logarithmic: bool = True  #: whether a shape parameter is varied as its logarithm
+
+    @property
+    def is_size(self) -> bool:
+        """Whether the effect is in proportion to it, and absent at zero."""
+        return not self.starts
+
+    def to_unit(self, value: float) -> float:
+        """The number the optimiser sees."""
+        return math.log(value) if self.starts and self.logarithmic else value / self.typical
+
+    def from_unit(self, u: float) -> float:
+        """Back from it, inside the bounds."""
+        value = math.exp(u) if self.starts and self.logarithmic else u * self.typical
+        return min(max(value, self.low), self.high)
+
+
+def size(name: str, limit: float, typical: float, low: float | None = None) -> Free:
+    """A parameter that the effect is in proportion to, within ± ``limit`` (or from ``low``)."""
+    return Free(name, -limit if low is None else low, limit, typical)
+
+
+def shape(name: str, low: float, high: float, *starts: float) -> Free:
+    """A parameter that alone changes nothing, with the values from which a fit starts."""
+    return Free(name, low, high, 1.0, tuple(min(max(start, low), high) for start in starts))

@@ -1,0 +1,88 @@
+"""What fits a strain model to logs, for every ``model.type``.
+
+Another package registers one with ``FITTERS.register("its model.type")(Fitter(function))``, in a module
+that its entry point in the group ``sma_actuator.fitters`` names; the model itself then needs nothing of
+this room.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from sma_actuator.base.registry import Registry
+from sma_actuator.base.sections import Wire
+
+from .flexinol import FlexinolFit, fit_appendix_c, fit_joint
+from .furukawa import fit_furukawa
+from .normalised import fit_furukawa_normalised, flexinol_normalised
+from .traces import Trace
+
+METHODS = ("joint", "appendix-c")
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """How a fit is wanted."""
+
+    method: str  #: one of METHODS
+    variant: str  #: of the Ni-Ti-Cu model
+    order: int | None  #: of the polynomials in stress; None: chosen on held-out cycles
+    progress: Progress = lambda _fraction: None
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """What a fit found."""
+
+    coefficients: Any  #: the section ``model``
+    samples: dict[str, np.ndarray] = field(default_factory=dict)  #: bootstrap, (samples, coefficients) of every field
+    how: Any = None  #: how it was found, for the page
+
+
+@dataclass(frozen=True, slots=True)
+class Fitter:
+    """A function that fits, and what it can do.  It raises IdentificationError naming what the logs lack."""
+
+    fit: Callable[[Sequence[Trace], Wire, Asked], Fitted]
+    methods: tuple[str, ...] = ("joint",)
+    any_size: bool = False  #: of logs of wires of several sizes, each rewritten as one of the same wire
+
+
+#: The fitter of each ``model.type``.
+FITTERS: Registry[Fitter] = Registry("fitter", "sma_actuator.fitters")
+
+
+def _found(traces: Sequence[Trace], wire: Wire, asked: Asked) -> FlexinolFit:
+    if asked.method == "appendix-c":
+        return fit_appendix_c(traces, wire, 2 if asked.order is None else asked.order)
+    return fit_joint(traces, wire, None if asked.order is None else (asked.order, asked.order), asked.progress)
+
+
+def _flexinol(traces: Sequence[Trace], wire: Wire, asked: Asked) -> Fitted:
+    found = _found(traces, wire, asked)
+    return Fitted(found.coefficients, found.samples, found)
+
+
+def _flexinol_normalised(traces: Sequence[Trace], wire: Wire, asked: Asked) -> Fitted:
+    found = _found(traces, wire, asked)
+    return Fitted(*flexinol_normalised(found, traces, wire), found)
+
+
+def _furukawa(traces: Sequence[Trace], wire: Wire, asked: Asked) -> Fitted:
+    found = fit_furukawa(traces, wire, asked.variant, asked.order, asked.progress)
+    return Fitted(found.coefficients, found.samples, found)
+
+
+def _furukawa_normalised(traces: Sequence[Trace], wire: Wire, asked: Asked) -> Fitted:
+    return Fitted(*fit_furukawa_normalised(traces, wire, asked.order))
+
+
+FITTERS.register("flexinol")(Fitter(_flexinol, METHODS))
+FITTERS.register("flexinol_normalised")(Fitter(_flexinol_normalised, METHODS, any_size=True))
+FITTERS.register("furukawa")(Fitter(_furukawa))
+FITTERS.register("furukawa_normalised")(Fitter(_furukawa_normalised, any_size=True))

@@ -1,0 +1,167 @@
+"""What a log holds, seen in its data: full cycles, partial cycles, one load after another, many cycles alike.
+
+A cycle is full where the wire rests at both ends of it and no cycle of that load goes further.  A log of several kinds
+or loads is cut into stretches of one each.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from sma_actuator.logs.bench_log import BenchLog, uncalibrated_resistance_and_current
+
+from .traces import NOT_FITTED, IdentificationError, Trace, cycles_of, judged_rows, make_trace, sessions
+
+FULL, PARTIAL, MANY = "pulses", "partial", "fatigue"
+SAME_LOAD = 0.05  #: relative difference of stress below which two loads count as one
+_WINDOW_s = 1.0  #: over which a load is steady or not
+_STEADY_N = 0.02  #: or SAME_LOAD of the load
+_STEADY_SHARE = 0.9  #: of the time, with weights; a spring's load moves with the wire
+_SHORTEST = 10  #: samples of a stretch
+_AT_REST = 0.08  #: share of a cycle's stroke that it may move at its ends
+_HOT_PART, _COLD_PART = 0.25, 0.15  #: shares of the time driven and not, at their ends, in which it rests
+_WIDEST = 0.93  #: share of the widest stroke of a load that a full cycle has at least
+_MOST_CUTS = 3  #: of one log: more, and its cycles are those of a controller and no programme of pulses
+_IN_MOTION = 5  #: samples in mid-stroke that the heating of some full cycles in a row has at least
+_MANY = 15  #: full cycles in a row of which no fit needs more, where other logs have full cycles too
+
+
+def with_kinds(traces: Sequence[Trace]) -> list[Trace]:
+    """Stretches of the traces, each of one load and one kind of cycles."""
+    stretches = [stretch for trace in traces for stretch in _of_one_load(trace)]
+    seen = [_cycles_of(stretch) for stretch in stretches]
+    out: list[Trace] = []
+    for stretch, cycles in zip(stretches, seen, strict=True):
+        if stretch.kind == MANY:
+            out.append(stretch)
+            continue
+        widest_m = max(
+            (
+                c.stroke_m
+                for s, found in zip(stretches, seen, strict=True)
+                if _same_load(s, stretch)
+                for c in found
+                if c.rests
+            ),
+            default=np.inf,
+        )
+        full = np.array([c.rests and c.stroke_m >= _WIDEST * widest_m for c in cycles], dtype=bool)
+        for run in np.split(np.arange(len(full)), np.flatnonzero(full[1:] != full[:-1]) + 1):
+            full[run] &= sum(cycles[i].heated for i in run) >= _IN_MOTION
+        out += _of_one_kind(stretch, full)
+    elsewhere = sum(t.kind == FULL and t.cycle[-1] < _MANY for t in out)
+    return [
+        dataclasses.replace(t, kind=MANY) if t.kind == FULL and t.cycle[-1] >= _MANY and elsewhere else t for t in out
+    ]
+
+
+def make_traces(logs: Sequence[BenchLog], config) -> list[Trace]:
+    """Traces of the logs that a model is fitted on, each of one load and one kind of cycles.
+
+    Logs of calibration and training are left out, and logs in which the current never moves.  Raises
+    IdentificationError where none is left.
+    """
+    fitted = [log for log in logs if log.metadata.get("kind") not in NOT_FITTED]
+    cycled = [log for log in fitted if _is_cycled(log)]
+    traces = [judged_rows(session) for log in cycled for session in sessions(make_trace(log, config))]
+    if not traces:
+        raise IdentificationError(
+            "no log to fit: pulses or partial cycles of a wire with a measured displacement are needed"
+        )
+    return with_kinds(traces)
+
+
+def _is_cycled(log: BenchLog) -> bool:
+    """Whether the current moves by more than a tenth of itself, or nobody can tell."""
+    current = uncalibrated_resistance_and_current(log)[1]
+    known = current[np.isfinite(current)]
+    return not len(known) or float(np.ptp(known)) > 0.1 * float(np.abs(known).max())
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Cycle:
+    stroke_m: float
+    rests: bool  #: at both ends
+    heated: int  #: samples in mid-stroke on the way there
+
+
+def _cycles_of(trace: Trace) -> list[_Cycle]:
+    """The cycles 1 … n of a trace."""
+    bounds = np.searchsorted(trace.cycle, np.arange(1, trace.cycle[-1] + 2))
+    return [_cycle(trace.displacement_m[a:b], trace.driven[a:b]) for a, b in zip(bounds, bounds[1:], strict=False)]
+
+
+def _cycle(displacement_m: np.ndarray, driven: np.ndarray) -> _Cycle:
+    off = int(np.argmin(driven)) or len(driven)  # a cycle begins driven
+    hot, cold = displacement_m[:off], displacement_m[off:]
+    stroke_m = float(np.ptp(displacement_m))
+    if len(cold) == 0:
+        return _Cycle(stroke_m, rests=False, heated=0)
+    away = np.abs(hot - 0.5 * (displacement_m.min() + displacement_m.max()))
+    ends = hot[-max(3, round(_HOT_PART * len(hot))) :], cold[-max(3, round(_COLD_PART * len(cold))) :]
+    rests = all(float(np.ptp(end)) <= _AT_REST * stroke_m for end in ends)
+    return _Cycle(stroke_m, rests, int(np.count_nonzero(away < 0.25 * stroke_m)))
+
+
+def _same_load(a: Trace, b: Trace) -> bool:
+    return abs(a.mean_stress_Pa - b.mean_stress_Pa) <= SAME_LOAD * abs(b.mean_stress_Pa)
+
+
+def _of_one_load(trace: Trace) -> list[Trace]:
+    """A trace cut where another weight was hung; one whose load moves with the wire is left whole."""
+    load_N, time_s = trace.signals.load_N, trace.signals.time_s
+    if trace.constant_load or len(load_N) < 2 * _SHORTEST:
+        return [trace]
+    width = max(3, round(_WINDOW_s / float(np.median(np.diff(time_s)))))
+    if len(load_N) < 2 * width:
+        return [trace]
+    windows = np.lib.stride_tricks.sliding_window_view(load_N, width)
+    low, high = np.percentile(windows, (10, 90), axis=1)
+    steady = high - low <= np.maximum(SAME_LOAD * np.abs(windows.mean(axis=1)), _STEADY_N)
+    if steady.mean() < _STEADY_SHARE:
+        return [trace]
+    middle = np.concatenate(
+        (np.full(width // 2, steady[0]), steady, np.full(len(load_N) - len(steady) - width // 2, steady[-1]))
+    )
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], middle, [False])).astype(int)))
+    runs = [(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= _SHORTEST]
+    merged: list[tuple[int, int]] = []
+    for a, b in runs:
+        mean_N = float(load_N[a:b].mean())
+        if merged and abs(float(load_N[slice(*merged[-1])].mean()) - mean_N) <= max(SAME_LOAD * abs(mean_N), _STEADY_N):
+            merged[-1] = (merged[-1][0], b)
+        else:
+            merged.append((a, b))
+    return [stretch for stretch in (_cut(trace, a, b, trace.kind) for a, b in merged) if stretch.cycle[-1] > 0] or [
+        trace
+    ]
+
+
+def _of_one_kind(trace: Trace, full: np.ndarray) -> list[Trace]:
+    """A trace cut where full cycles follow partial ones or the other way round."""
+    turns = np.flatnonzero(full[1:] != full[:-1]) + 1
+    if len(turns) == 0 or len(turns) > _MOST_CUTS:
+        return [dataclasses.replace(trace, kind=FULL if len(full) and full.all() else PARTIAL)]
+    starts = [0, *(int(np.searchsorted(trace.cycle, turn + 1)) for turn in turns), len(trace.cycle)]
+    kinds = [FULL if full[k] else PARTIAL for k in (0, *turns)]
+    # A cut keeps the rest before its first cycle, as a log of its own would have it.
+    before = [0, *(max(starts[i], start - _rest_before(trace, start)) for i, start in enumerate(starts[1:-1]))]
+    return [_cut(trace, a, b, kind) for a, b, kind in zip(before, starts[1:], kinds, strict=True)]
+
+
+def _rest_before(trace: Trace, start: int) -> int:
+    time_s = trace.signals.time_s
+    return start - int(np.searchsorted(time_s, time_s[start] - _WINDOW_s))
+
+
+def _cut(trace: Trace, start: int, stop: int, kind: str) -> Trace:
+    inside = np.zeros(len(trace.cycle), dtype=bool)
+    inside[start:stop] = True
+    piece = trace.rows(inside)
+    name = f"{trace.log.source} ({kind or 'load'} from {piece.signals.time_s[0]:.0f} s)"
+    return dataclasses.replace(
+        piece, kind=kind, cycle=cycles_of(piece.driven), log=dataclasses.replace(piece.log, source=name)
+    )

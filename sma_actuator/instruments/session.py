@@ -1,0 +1,409 @@
+"""One connection to an instrument: lines out, answers in, every wait and every answer bounded.
+
+Three rules hold on every connection, whatever the other side does:
+
+* *Off is said first and last.*  ``off_lines`` are written, without a question, as the first thing on
+  every new connection and as the last on every one that is given up: an instrument whose answers
+  cannot be used still hears.
+* *Every answer has an end.*  It must be complete by a deadline of the monotonic clock and may not
+  be longer than :data:`LONGEST_ANSWER`; bytes that trickle in do not extend it.
+* *An answer belongs to its question.*  What came without a question, and what follows the end of an
+  answer, means that the two sides are out of step.
+
+A connection on which one of them fails is given up and never used again: a late reply would be
+taken for the answer to the next question.  ``open`` makes a new one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import logging
+import math
+import select
+import socket
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from typing import Protocol
+
+import pyvisa
+
+from . import InstrumentLost, InstrumentRefused, InstrumentUnreachable
+
+_log = logging.getLogger(__name__)
+
+#: An answer without an end is given up after this many bytes; a block of 5000 samples of five channels has 0.4 MB.
+LONGEST_ANSWER = 1 << 20
+#: How long the last words on a connection may take: a full send buffer must not hold up what follows.
+LAST_WORDS_s = 0.05
+#: How long opening may take with all its questions together, in multiples of the time for one answer.
+OPENING_ANSWERS = 10
+
+
+class Wire(Protocol):
+    """Bytes to and from an instrument.  ``send`` and ``receive`` raise TimeoutError, OSError or pyvisa.Error."""
+
+    def send(self, data: bytes, deadline_s: float) -> None:
+        """Write all of it before the deadline."""
+
+    def receive(self, deadline_s: float) -> bytes:
+        """At least one byte, before the deadline."""
+
+    def unread(self) -> bytes:
+        """What has come and was not received yet; nothing where that cannot be known."""
+
+    def cut(self) -> None:
+        """Break it under another thread that waits for it."""
+
+    def close(self) -> None:
+        """Let go of it."""
+
+
+class SocketWire:
+    """A TCP connection of our own, for ``TCPIP::…::SOCKET``."""
+
+    def __init__(self, addresses: Sequence[tuple], deadline_s: float):
+        errors: list[OSError] = []
+        for family, kind, protocol, _, address in addresses:
+            self._socket = socket.socket(family, kind, protocol)
+            try:
+                self._socket.settimeout(max(deadline_s - time.monotonic(), 1e-3))
+                self._socket.connect(address)
+                break
+            except OSError as error:
+                self._socket.close()
+                errors.append(error)
+        else:
+            raise errors[0] if errors else OSError("it has no address")
+        # Else a query after a command waits some 40 ms for the other side's delayed acknowledgement.
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket.setblocking(False)
+
+    def send(self, data: bytes, deadline_s: float) -> None:
+        """Write all of it; waits for room."""
+        done = 0
+        while done < len(data):
+            try:
+                done += self._socket.send(data[done:])
+            except BlockingIOError:
+                self._wait(select.POLLOUT, deadline_s)
+
+    def receive(self, deadline_s: float) -> bytes:
+        """What there is; waits for the first byte."""
+        self._wait(select.POLLIN, deadline_s)
+        data = self._socket.recv(65536)
+        if not data:
+            raise ConnectionResetError("the other side closed it")
+        return data
+
+    def unread(self) -> bytes:
+        """What has come unasked.  An end that has come is left for the next ``receive``."""
+        try:
+            return self._socket.recv(65536, socket.MSG_PEEK)
+        except BlockingIOError:
+            return b""
+
+    def cut(self) -> None:
+        """End both directions, after what was written."""
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
+
+    def close(self) -> None:
+        """End it so that what was written still arrives: unread bytes would turn the end into a reset."""
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_WR)
+            for _ in range(LONGEST_ANSWER >> 16):
+                if not self._socket.recv(65536):
+                    break
+        self._socket.close()
+
+    def _wait(self, event: int, deadline_s: float) -> None:
+        left_s = deadline_s - time.monotonic()
+        poll = select.poll()
+        poll.register(self._socket, event)
+        if left_s <= 0.0 or not poll.poll(math.ceil(1e3 * left_s)):
+            raise TimeoutError
+
+
+class VisaWire:
+    """Any other resource of VISA, by pyvisa-py: VXI-11, HiSLIP, USB, GPIB, serial.
+
+    Each call into VISA is bounded by VISA's own time-out, which some backends take by the wall
+    clock; the deadline of the whole answer is ours.  What came unasked is not seen here.
+    """
+
+    def __init__(self, resource: str, termination: str, deadline_s: float):
+        left_ms = max(1e3 * (deadline_s - time.monotonic()), 1.0)
+        self._visa = pyvisa.ResourceManager("@py").open_resource(
+            resource, read_termination=termination, open_timeout=round(left_ms)
+        )
+        # A serial line has no messages, only bytes: pyvisa-py would wait for all that are asked for, by the wall clock.
+        self._piece = 1 if isinstance(self._visa, pyvisa.resources.SerialInstrument) else 4096
+
+    def lock(self) -> None:
+        """Take VISA's exclusive lock, where the resource class has one."""
+        with contextlib.suppress(NotImplementedError, AttributeError):
+            self._visa.lock_excl(timeout=0)
+
+    def send(self, data: bytes, deadline_s: float) -> None:
+        """Write all of it."""
+        self._set_timeout(deadline_s)
+        self._visa.write_raw(data)
+
+    def receive(self, deadline_s: float) -> bytes:
+        """A piece of an answer, or all of it."""
+        self._set_timeout(deadline_s)
+        with self._visa.ignore_warning(pyvisa.constants.StatusCode.success_max_count_read):
+            data, _ = self._visa.visalib.read(self._visa.session, self._piece)
+        return data
+
+    def unread(self) -> bytes:
+        """Not to be known."""
+        return b""
+
+    def cut(self) -> None:
+        """Close it: the call that waits for it then fails, at the latest by its time-out."""
+        self.close()
+
+    def close(self) -> None:
+        """Give it back to VISA."""
+        self._visa.close()
+
+    def _set_timeout(self, deadline_s: float) -> None:
+        left_s = deadline_s - time.monotonic()
+        if left_s <= 0.0:
+            raise TimeoutError
+        self._visa.timeout = max(1e3 * left_s, 1.0)
+
+
+class Claim:
+    """The right to speak to an instrument, among the programs of this computer: held until released or until
+    the process ends.  A name in Linux's abstract namespace of sockets, so there is nothing to be left behind."""
+
+    def __init__(self, resource: str):
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        try:
+            self._socket.bind(b"\0sma_actuator " + hashlib.sha256(resource.encode()).hexdigest().encode())
+        except OSError:
+            self._socket.close()
+            raise
+
+    def release(self) -> None:
+        """Let others speak."""
+        self._socket.close()
+
+
+class Session:
+    """One connection at a time: texts out, texts in, every failure an InstrumentError that says who and what."""
+
+    def __init__(self, role: str, resource: str, termination: str, timeout_s: float, off_lines: Sequence[str] = ()):
+        self.role = role
+        self.resource = resource
+        self.lock = threading.RLock()
+        self._termination = termination.encode()
+        self._timeout_s = timeout_s
+        self.off_lines = tuple(off_lines)
+        self._wire: Wire | None = None
+        self._addresses: list[tuple] = []  #: asked for once: a name server may be slower than any instrument
+        self._midline = False  #: a line was begun and not ended
+        self._deadline_s = math.inf
+
+    @property
+    def name(self) -> str:
+        """Role and resource, as messages have it."""
+        return f"{self.role} at {self.resource}"
+
+    def claim(self) -> Claim:
+        """Take the instrument for this process, without a word to it.  Raises InstrumentRefused."""
+        try:
+            return Claim(_canonical(self.resource))
+        except OSError as error:
+            raise InstrumentRefused(
+                f"{self.name}: another program on this computer, or another part of this one, speaks to it; only one may "
+                f"(instruments.{self.role}.exclusive_lock: false shares it, and with it the watchdog)"
+            ) from error
+
+    def beside(self) -> Session:
+        """A second session to the same instrument, not open yet."""
+        other = Session(self.role, self.resource, self._termination.decode(), self._timeout_s, self.off_lines)
+        other._addresses = self._addresses
+        return other
+
+    @contextlib.contextmanager
+    def within(self, timeout_s: float | None = None) -> Iterator[None]:
+        """Whatever is said and asked in this block is complete in this time, that of one answer if not given."""
+        with self.lock:
+            before_s = self._deadline_s
+            self._deadline_s = min(before_s, time.monotonic() + (self._timeout_s if timeout_s is None else timeout_s))
+            try:
+                yield
+            finally:
+                self._deadline_s = before_s
+
+    def open(self, lock: bool = False) -> None:
+        """Connect and say off; with ``lock``, under VISA's exclusive lock where the resource class has one.
+
+        Raises InstrumentUnreachable, or InstrumentRefused where somebody else holds that lock.
+        """
+        self.close()
+        if not self.resource:
+            raise InstrumentRefused(
+                f"instruments.{self.role}.resource: is empty; a VISA resource is wanted, as TCPIP::192.168.0.5::5025::SOCKET"
+            )
+        try:
+            wire = self._connect(lock)
+        except pyvisa.VisaIOError as error:
+            if error.error_code == pyvisa.constants.StatusCode.error_resource_locked:
+                raise InstrumentRefused(
+                    f"{self.name}: somebody else holds its VISA lock; only one program may command it "
+                    f"(instruments.{self.role}.exclusive_lock: false does without the lock)"
+                ) from error
+            raise self._cannot_be_opened(error) from error
+        except ConnectionRefusedError as error:
+            raise InstrumentUnreachable(
+                f"{self.name}: nothing listens there; is it switched on, and is instruments.{self.role}.resource right?"
+            ) from error
+        except Exception as error:  # pyvisa-py raises a bare Exception for a host that has no address
+            raise self._cannot_be_opened(error) from error
+        self._wire, self._midline = wire, False
+        self.say_off()
+
+    def say_off(self) -> bool:
+        """Write the off lines, blind and in bounded time, from any thread; whether they were written.  Never raises."""
+        wire = self._wire
+        if wire is None or not self.off_lines:
+            return False
+        start = self._termination if self._midline else b""
+        data = start + b"".join(line.encode() + self._termination for line in self.off_lines)
+        try:
+            wire.send(data, time.monotonic() + LAST_WORDS_s)
+        except (OSError, pyvisa.Error) as error:
+            _log.debug("%s: off could not be written: %s", self.name, error)
+            return False
+        return True
+
+    def tell(self, *lines: str) -> None:
+        """Send lines that have no answer."""
+        with self.lock:
+            for line in lines:
+                self._send(line, self._by_s())
+
+    def ask(self, line: str) -> str:
+        """Send a query; its answer, which must be one line and must not be empty."""
+        with self.lock:
+            by_s = self._by_s()
+            extra = self._do(line, lambda wire: wire.unread())
+            if extra:
+                raise self.give_up(
+                    f"said '{_shown(extra)}' without being asked: its answers and our questions are out of step"
+                )
+            self._send(line, by_s)
+            reply, extra = self._do(line, lambda wire: self._line(wire, by_s))
+        if extra:
+            raise self.give_up(f"answered '{line}' with more than one line: '{_shown(reply)}', '{_shown(extra)}'")
+        text = reply.decode("ascii", errors="replace").strip()
+        if not text:
+            raise self.garbled(line, text)
+        return text
+
+    def give_up(self, why: str) -> InstrumentLost:
+        """Say off, close, and the error that tells why."""
+        self.say_off()
+        self.close()
+        return InstrumentLost(f"{self.name}: {why}")
+
+    def garbled(self, line: str, reply: str) -> InstrumentLost:
+        """The error for an answer that is none; the connection is given up, since its order is lost."""
+        return self.give_up(f"answered '{_shown(reply.encode())}' to '{line}', which is not an answer to that")
+
+    def cut(self) -> None:
+        """Say off on a connection that hangs in another thread, and break it; what hangs then fails.
+
+        The instrument's exclusive lock goes with the connection, so that another one can be heard.
+        """
+        wire = self._wire
+        if wire is not None:
+            self.say_off()
+            wire.cut()
+
+    def close(self) -> None:
+        """Give up the connection.  Never raises."""
+        wire, self._wire = self._wire, None
+        if wire is not None:
+            try:
+                wire.close()
+            except Exception as error:  # noqa: BLE001 - nothing depends on a connection that is given up
+                _log.debug("%s: closing: %s", self.name, error)
+
+    def _by_s(self) -> float:
+        return min(self._deadline_s, time.monotonic() + self._timeout_s)
+
+    def _connect(self, lock: bool) -> Wire:
+        by_s = self._by_s()
+        name = pyvisa.rname.ResourceName.from_string(self.resource)
+        if isinstance(name, pyvisa.rname.TCPIPSocket):
+            if not self._addresses:
+                port = int(name.port)
+                if not 0 < port < 65536:
+                    raise OSError(f"there is no port {port}")
+                self._addresses = socket.getaddrinfo(name.host_address, port, type=socket.SOCK_STREAM)
+            return SocketWire(self._addresses, by_s)
+        wire = VisaWire(self.resource, self._termination.decode(), by_s)
+        if lock:
+            try:
+                wire.lock()
+            except pyvisa.Error:
+                wire.close()
+                raise
+        return wire
+
+    def _send(self, line: str, by_s: float) -> None:
+        self._midline = True
+        self._do(line, lambda wire: wire.send(line.encode() + self._termination, by_s))
+        self._midline = False
+
+    def _line(self, wire: Wire, by_s: float) -> tuple[bytes, bytes]:
+        """One line of the answer, and what came after it."""
+        got = b""
+        while self._termination not in got:
+            if len(got) > LONGEST_ANSWER:
+                raise OSError(f"its answer has no end within {LONGEST_ANSWER} bytes")
+            got += wire.receive(by_s)
+        line, _, extra = got.partition(self._termination)
+        return line, extra
+
+    def _do(self, line: str, action):
+        wire = self._wire
+        if wire is None:
+            raise InstrumentLost(f"{self.name}: not connected")
+        try:
+            return action(wire)
+        except TimeoutError as error:
+            raise self.give_up(self._no_answer(line)) from error
+        except pyvisa.VisaIOError as error:
+            late = error.error_code == pyvisa.constants.StatusCode.error_timeout
+            raise self.give_up(self._no_answer(line) if late else f"'{line}' failed ({error})") from error
+        except (pyvisa.Error, OSError, ValueError) as error:
+            raise self.give_up(f"the connection broke at '{line}' ({error})") from error
+
+    def _no_answer(self, line: str) -> str:
+        return f"no complete answer to '{line}' within {self._timeout_s:g} s"
+
+    def _cannot_be_opened(self, error: Exception) -> InstrumentUnreachable:
+        return InstrumentUnreachable(
+            f"{self.name}: cannot be opened ({error}); is it switched on, and is the address right?"
+        )
+
+
+def _canonical(resource: str) -> str:
+    try:
+        return pyvisa.rname.to_canonical_name(resource).upper()
+    except pyvisa.rname.InvalidResourceName:
+        return resource
+
+
+def _shown(text: bytes) -> str:
+    """What an instrument said, short enough for a sentence."""
+    words = text.decode("ascii", errors="replace").strip()
+    return words if len(words) <= 80 else f"{words[:77]}…"

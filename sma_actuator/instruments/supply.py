@@ -1,0 +1,203 @@
+"""What every supply behind a session has in common: one owner, off first and last, off confirmed."""
+
+from __future__ import annotations
+
+import logging
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from . import InstrumentError, InstrumentRefused
+from .session import OPENING_ANSWERS, Claim, Session
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
+
+_log = logging.getLogger(__name__)
+
+#: ``shut_down`` does not wait longer for a query in another thread to end.
+_LOCK_TIMEOUT_s = 0.1
+#: And for the instrument to confirm: on its session, then on a new one.
+_CONFIRM_s, _CONFIRM_BESIDE_s = 0.2, 0.25
+#: Switching off repeats itself: the lock of a lost connection may take a moment to go.
+_OFF_ATTEMPTS, _OFF_PAUSE_s = 5, 0.02
+
+
+def unsafe_states(what: str, watchdog: bool, second_session: bool) -> dict[str, str]:
+    """What a supply leaves to others, and what to wire up for it: parameter that acknowledges it → sentence."""
+    if watchdog:
+        return {}  # whatever hangs or dies, its silence cuts the output
+    states = {
+        "allow_no_watchdog": f"{what} has no communication watchdog, so a killed computer or a pulled network cable leaves the "
+        "current on; wire a relay into its output that drops out when the computer is silent, and a fuse that the wire survives"
+    }
+    if not second_session:
+        states["allow_single_session"] = (
+            f"{what} is not known to take a second session and has no communication watchdog, so where its session hangs the "
+            "current stays on until that is closed; wire a switch into its output that a hand can reach"
+        )
+    return states
+
+
+class SessionSupply(ABC):
+    """How a supply is opened, switched off and given up; what it is told is for the subclasses to say."""
+
+    def __init__(self, config: Config, termination: str, off_lines: Sequence[str], unlock_lines: Sequence[str] = ()):
+        self._limits = config.supply
+        self._instrument = config.instruments.supply
+        self._channel = self._instrument.channel
+        self._session = Session("supply", self._instrument.resource, termination, self._instrument.timeout, off_lines)
+        self._unlock_lines = tuple(unlock_lines)
+        self._claim: Claim | None = None
+        self._ours = False  #: it was opened, so that whatever flows is ours
+        self._checks: list[
+            Callable[[], None]
+        ] = []  #: one for each setting that must stand; they raise where it does not
+        self._check_number = 0
+        self._unsafe: list[str] = []  #: states that cannot be made safe, in a sentence each
+        self.identity = ""
+
+    @abstractmethod
+    def _configure(self) -> None:
+        """Identify, program and read back a supply that was just connected; raise InstrumentError where it will not do."""
+
+    @abstractmethod
+    def _tell_current(self, current_A: float) -> None:
+        """Program a current that was checked."""
+
+    @abstractmethod
+    def _output_is_on(self, session: Session) -> bool:
+        """Ask for the state of the output over a session that may be another than the usual one."""
+
+    def open(self) -> None:
+        """Connect, output off, limits, protections and watchdog programmed and read back.
+
+        May be called again, for a new connection.  Raises InstrumentLost or InstrumentRefused; then it was told
+        to switch off, first and last, unless another program of this computer drives it.
+        """
+        session = self._session
+        with session.within(OPENING_ANSWERS * self._instrument.timeout):
+            if self._instrument.exclusive_lock and self._claim is None:
+                self._claim = session.claim()
+            try:
+                session.open(self._instrument.exclusive_lock)
+                self._configure()
+            except InstrumentError:
+                session.say_off()
+                session.close()  # nobody shall switch on what was refused
+                if not self._ours:
+                    self._release()
+                raise
+        if not self._ours:
+            for sentence in self._unsafe:
+                _log.warning("%s: %s", session.name, sentence)
+        self._ours = True
+
+    def _acknowledged(self, unsafe: dict[str, str]) -> None:
+        """Keep the sentences of states that cannot be made safe, each by the parameter that must acknowledge it.
+
+        Raises InstrumentRefused where one is not acknowledged.
+        """
+        for parameter, sentence in unsafe.items():
+            if not getattr(self._limits, parameter):
+                raise InstrumentRefused(f"{self._session.name}: {sentence}; supply.{parameter}: true acknowledges that")
+        self._unsafe = list(unsafe.values())
+
+    def set_current(self, current_A: float) -> None:
+        """Program the current limit [A].  The last gate: nothing but 0 to supply.max_current passes."""
+        if not 0.0 <= current_A <= self._limits.max_current:
+            raise InstrumentRefused(
+                f"{self._session.name}: was to be set to {current_A} A; 0 to supply.max_current, "
+                f"{self._limits.max_current:g} A, is allowed"
+            )
+        self._tell_current(current_A)
+
+    def switch_off(self) -> None:
+        """Output off and 0 A, read back.  Raises InstrumentLost, or InstrumentRefused where it stays on."""
+        with self._session.within():
+            self._off(self._session)
+
+    def check_settings(self) -> None:
+        """Read back every limit and the watchdog; raises LimitsNotHeld or WatchdogNotHeld, having said off."""
+        with self._session.within():
+            for check in self._checks:
+                self._do_check(check)
+
+    def check_next_setting(self) -> None:
+        """The same of one of them, in turn."""
+        if self._checks:
+            self._check_number = (self._check_number + 1) % len(self._checks)
+            self._do_check(self._checks[self._check_number])
+
+    def _do_check(self, check: Callable[[], None]) -> None:
+        try:
+            check()
+        except InstrumentRefused:
+            self._session.say_off()
+            self._session.close()  # opening programs everything anew
+            raise
+
+    def shut_down(self) -> bool:
+        """Output off and current to zero, through a new connection where the old one is gone or hangs; whether
+        the output was read back as off.  Takes half a second at the most.  Never raises."""
+        if not self._ours:
+            return True
+        try:
+            if not self._off_on_own_session():
+                self._off_beside()
+        except Exception as error:  # noqa: BLE001 - the last thing a program does must not fail
+            _log.error("%s: told to be off, not confirmed (%s)", self._session.name, error)
+            return False
+        return True
+
+    def close(self) -> None:
+        """Say off, give up the connection and the lock on the instrument.  Never raises."""
+        self._session.say_off()
+        try:
+            self._session.tell(*self._unlock_lines)
+        except InstrumentError as error:
+            _log.debug("%s", error)
+        self._session.close()
+        self._ours = False
+        self._release()
+
+    def _release(self) -> None:
+        if self._claim is not None:
+            self._claim.release()
+            self._claim = None
+
+    def _off_on_own_session(self) -> bool:
+        """Whether it could be confirmed there; one that hangs in another thread is broken."""
+        if not self._session.lock.acquire(timeout=_LOCK_TIMEOUT_s):
+            self._session.cut()
+            return False
+        try:
+            with self._session.within(_CONFIRM_s):
+                self._off(self._session)
+        except InstrumentError as error:
+            _log.debug("%s", error)
+            return False
+        finally:
+            self._session.lock.release()
+        return True
+
+    def _off_beside(self) -> None:
+        """A second session speaks for one that is lost, or hangs in another thread."""
+        beside = self._session.beside()
+        try:
+            with beside.within(_CONFIRM_BESIDE_s):
+                beside.open()
+                beside.tell(*self._unlock_lines)  # an instrument may think the lost one alive
+                self._off(beside)
+        finally:
+            beside.close()
+
+    def _off(self, session: Session) -> None:
+        """Output off and 0 A.  The answer proves that both were heard, and obeyed; else InstrumentRefused."""
+        for _ in range(_OFF_ATTEMPTS):
+            session.tell(*session.off_lines)
+            if not self._output_is_on(session):
+                return
+            time.sleep(_OFF_PAUSE_s)
+        raise InstrumentRefused(f"{session.name}: was told to switch off and answers that its output is on")

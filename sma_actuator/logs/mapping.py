@@ -1,0 +1,233 @@
+"""Other people's columns: which of theirs is which of ours, and in what unit.
+
+Said on the command line (``--map resistance_Ohm=R --unit displacement_m=mm``) or once in a small YAML file::
+
+    columns: {time_s: t, resistance_Ohm: R, current_A: I, load_N: 0.49, displacement_m: Pos}
+    units: {time_s: ms, displacement_m: -mm}
+    offsets: {displacement_m: 0.0041}
+
+A number in place of a column holds for the whole log.  A minus before a unit turns the sign: ``-mm`` is what a
+sensor gives that counts contraction.  Without a word a column is taken only where its name leaves no choice: ours, or
+ours with another unit at its end (``displacement_mm``).
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from sma_actuator.base.yaml_text import read_yaml
+
+from .bench_log import COLUMNS, ELECTRICAL, LOAD, REFERENCE
+from .errors import BenchLogError
+from .tables import Table
+from .units import UNITS, Unit
+
+_MISSPELT = 0.86  #: likeness above which a name is one of ours with a slip in it
+_SECTIONS = ("columns", "units", "offsets")
+#: Words in other people's headers → what the column may be.
+_HINTS: dict[str, tuple[str, ...]] = {
+    "time_s": ("time", "t", "zeit", "elapsed", "timestamp", "seconds", "sec"),
+    "resistance_Ohm": ("resistance", "r", "res", "ohm", "ohms", "widerstand"),
+    "current_A": ("current", "i", "amps", "amp", "ampere", "strom"),
+    "wire_voltage_V": ("voltage", "v", "u", "volts", "volt", "spannung"),
+    "power_W": ("power", "p", "watt", "watts"),
+    "load_N": ("load", "force", "f", "weight", "tension", "kraft", "last"),
+    "displacement_m": ("displacement", "disp", "position", "pos", "x", "lvdt", "stroke", "extension", "weg"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnMap:
+    """What somebody said of their columns."""
+
+    columns: Mapping[str, str | float] = field(default_factory=dict)  #: ours → theirs, or a number
+    units: Mapping[str, str] = field(
+        default_factory=dict
+    )  #: ours → unit that theirs is in, "-" before it turns the sign
+    offsets: Mapping[str, float] = field(default_factory=dict)  #: ours → what is added, in our unit
+    known: tuple[str, ...] = tuple(COLUMNS)  #: the names that mean something
+
+    def apply(self, table: Table) -> Table:
+        """The table with our names and units.  Raises BenchLogError where that is not certain."""
+        wanted, taken = self._sources(table)
+        columns = {name: values for name, values in table.columns.items() if name not in taken}
+        notes = list(table.notes)
+        for ours, theirs in wanted.items():
+            if isinstance(theirs, float):
+                columns[ours] = np.full(len(next(iter(table.columns.values()))), theirs)
+                continue
+            unit, words = self._unit(ours, theirs, table)
+            columns[ours] = unit.to_si(table.columns[theirs]) + self.offsets.get(ours, 0.0)
+            if theirs != ours and ours not in self.columns:
+                notes.append(f"column '{theirs}' is taken for {ours}, {words}")
+            elif words and ours not in self.units:
+                notes.append(f"{ours}: '{theirs}' is {words}")
+        if self.known == tuple(COLUMNS):
+            self._must_do(columns, table)
+        return Table(columns, table.source, {}, table.texts, tuple(notes), table.first_line)
+
+    def _sources(self, table: Table) -> tuple[dict[str, str | float], set[str]]:
+        """Ours → theirs for every column that is there, and which of theirs are spoken for."""
+        wanted: dict[str, str | float] = {}
+        for ours, theirs in self.columns.items():
+            if isinstance(theirs, str) and theirs not in table.columns:
+                if ours in table.columns:
+                    continue  # a log that has our name already, among others that have not
+                raise BenchLogError(
+                    f"{table.source}: line 1: no column '{theirs}' (--map {ours}={theirs}); found {', '.join(table.columns)}"
+                )
+            wanted[ours] = theirs
+        said = {theirs for theirs in wanted.values() if isinstance(theirs, str)}
+        for theirs in table.columns:
+            ours = _ours(theirs, self.known)
+            if ours is None or theirs in said or ours in self.columns:
+                continue
+            if ours in wanted:
+                raise BenchLogError(
+                    f"{table.source}: line 1: both '{wanted[ours]}' and '{theirs}' may be {ours}; say which with "
+                    f"--map '{ours}={theirs}' or --map '{ours}={wanted[ours]}'"
+                )
+            wanted[ours] = theirs
+        return wanted, said | {theirs for theirs in wanted.values() if isinstance(theirs, str)}
+
+    def _unit(self, ours: str, theirs: str, table: Table) -> tuple[Unit, str]:
+        """Unit of a column, and words for it where it is not ours."""
+        own = _own_unit(ours)
+        found = table.units.get(theirs) or _unit_in(theirs, own)
+        said = self.units.get(ours)
+        if (
+            said is not None
+            and found
+            and said.lstrip("-") != found
+            and UNITS[own].get(found) != UNITS[own].get(said.lstrip("-"))
+        ):
+            raise BenchLogError(
+                f"{table.source}: line 1: --unit {ours}={said}, but '{theirs}' says {found}; if the file is wrong, rename the column in it"
+            )
+        text = said if said is not None else found or own
+        if text.lstrip("-") not in UNITS[own]:
+            raise BenchLogError(
+                f"{table.source}: line 1: '{theirs}' is in {text.lstrip('-')}, which is no unit of {ours}; known are {', '.join(UNITS[own])}"
+            )
+        unit = UNITS[own][text.lstrip("-")]
+        if text.startswith("-"):
+            unit = Unit(-unit.factor, -unit.offset)
+        return unit, "" if text == own else f"in {text}"
+
+    def _must_do(self, columns: Mapping[str, np.ndarray], table: Table) -> None:
+        """Raise BenchLogError with a proposal where columns are missing that others may be."""
+        missing = [] if "time_s" in columns else ["time_s"]
+        if not any(all(name in columns for name in pair) for pair in ELECTRICAL):
+            missing += [n for n in ("resistance_Ohm", "current_A", "wire_voltage_V", "power_W") if n not in columns]
+        missing += [] if any(name in columns for name in LOAD) else ["load_N"]
+        missing += [] if any(name in columns for name in REFERENCE) else ["displacement_m"]
+        free = [name for name in columns if name not in COLUMNS]
+        if any(difflib.get_close_matches(name.lower(), COLUMNS, cutoff=_MISSPELT) for name in free):
+            return  # check_bench_log names the column that is nearly ours
+        proposals = {ours: [n for n in free if _may_be(ours, n)] for ours in missing}
+        proposals = {ours: found for ours, found in proposals.items() if found}
+        if not proposals or set(missing) == {"displacement_m"}:
+            return  # then check_bench_log says what is missing
+        words = []
+        for ours, found in proposals.items():
+            guess = _unit_in(found[0], _own_unit(ours))
+            unit = f" --unit {ours}={guess}" if guess and guess != _own_unit(ours) else ""
+            others = f" (or {', '.join(repr(n) for n in found[1:])})" if len(found) > 1 else ""
+            words.append(f"--map '{ours}={found[0]}'{unit}{others}")
+        raise BenchLogError(
+            f"{table.source}: line 1: the columns are {', '.join(table.columns)}; say which is which, perhaps: {' '.join(words)}"
+        )
+
+
+def _own_unit(ours: str) -> str:
+    unit = ours.rsplit("_", 1)[-1]
+    return unit if unit in UNITS else "1"
+
+
+def _ours(theirs: str, known: tuple[str, ...]) -> str | None:
+    """Our column of which this is the name, whatever unit it ends with; None where it is none."""
+    if theirs in known:
+        return theirs
+    base, _, unit = theirs.rpartition("_")
+    for ours in known:
+        if base == ours.rsplit("_", 1)[0] and unit in UNITS[_own_unit(ours)]:
+            return ours
+    return None
+
+
+def _unit_in(name: str, own: str) -> str:
+    """Unit that a column's name says, as ``Pos (mm)``, ``Pos [mm]``, ``pos_mm``, ``Pos / mm``; "" where it says none."""
+    match = re.search(r"[(\[]\s*([^)\]]+?)\s*[)\]]\s*$|[/_]\s*([^\s/_]+)$", name)
+    text = (match[1] or match[2]) if match else ""
+    return text if text in UNITS[own] else ""
+
+
+def _may_be(ours: str, theirs: str) -> bool:
+    words = {word.lower() for word in re.split(r"[^A-Za-zÄÖÜäöü]+", theirs) if word}
+    return bool(words & set(_HINTS[ours]))
+
+
+def column_map(
+    maps: Sequence[str],
+    units: Sequence[str],
+    offsets: Sequence[str],
+    file: Path | None,
+    known: tuple[str, ...] = tuple(COLUMNS),
+) -> ColumnMap:
+    """The map of the options, each ``COLUMN=…``, over that of the file.  Raises BenchLogError."""
+    said: dict[str, dict[str, Any]] = _read_file(file) if file else {section: {} for section in _SECTIONS}
+    for section, words, option in zip(_SECTIONS, (maps, units, offsets), ("--map", "--unit", "--offset"), strict=True):
+        for word in words:
+            ours, separator, value = word.partition("=")
+            if not separator:
+                raise BenchLogError(f"{option} {word}: COLUMN=… is wanted, as {option} {_EXAMPLES[option]}")
+            said[section][ours.strip()] = value.strip()
+    for section, entries in said.items():
+        for ours in entries:
+            if ours not in known:
+                raise BenchLogError(f"{section}: '{ours}' is no column here; known are {', '.join(known)}")
+    for ours, unit in said["units"].items():
+        if str(unit).lstrip("-") not in UNITS[_own_unit(ours)]:
+            raise BenchLogError(f"unit of {ours}: '{unit}' is not one of {', '.join(UNITS[_own_unit(ours)])}")
+    return ColumnMap(
+        {ours: _number_or_name(theirs) for ours, theirs in said["columns"].items()},
+        {ours: str(unit) for ours, unit in said["units"].items()},
+        {ours: _number(f"offset of {ours}", value) for ours, value in said["offsets"].items()},
+        known,
+    )
+
+
+_EXAMPLES = {"--map": "resistance_Ohm=R", "--unit": "displacement_m=mm", "--offset": "displacement_m=0.0041"}
+
+
+def _read_file(path: Path) -> dict[str, dict[str, Any]]:
+    data = read_yaml(path, "a map of columns")
+    if not isinstance(data, dict) or not all(isinstance(data.get(s) or {}, dict) for s in _SECTIONS):
+        raise BenchLogError(f"{path}: sections {', '.join(_SECTIONS)} are wanted, each of 'our_column: theirs'")
+    unknown = sorted(set(data) - set(_SECTIONS))
+    if unknown:
+        raise BenchLogError(f"{path}: '{unknown[0]}' is no section; {', '.join(_SECTIONS)} are")
+    return {section: dict(data.get(section) or {}) for section in _SECTIONS}
+
+
+def _number_or_name(value: Any) -> str | float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        return str(value)
+    return number if math.isfinite(number) else str(value)
+
+
+def _number(what: str, value: Any) -> float:
+    number = _number_or_name(value)
+    if isinstance(number, str):
+        raise BenchLogError(f"{what}: '{value}' is not a number")
+    return number

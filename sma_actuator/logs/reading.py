@@ -1,0 +1,196 @@
+"""One way in for every tool: logs of any kind, one or many, with what was made of them said."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import glob
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .bags import is_bag, log_from_bag, parse_topics
+from .bench_log import (
+    COLUMNS,
+    BenchLog,
+    check_bench_log,
+    log_of,
+    longest_pause_s,
+    read_metadata,
+    uncalibrated_resistance_and_current,
+)
+from .errors import BenchLogError
+from .formats import READERS, read_table
+from .mapping import ColumnMap, column_map
+
+Say = Callable[[str], None]
+_ENDINGS = (".csv", ".tsv", ".txt", *READERS, ".mcap", ".db3")
+
+
+@dataclass(frozen=True, slots=True)
+class ReadingOptions:
+    """How logs are to be read."""
+
+    columns: ColumnMap = field(default_factory=ColumnMap)
+    topics: Mapping[str, str] = field(default_factory=dict)  #: of bags: column → /topic:field
+
+
+def add_map_arguments(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
+    """Declare the options that say which column of a table is which."""
+    group = parser.add_argument_group("logs of other makers")
+    group.add_argument(
+        "--map", action="append", default=[], metavar="OURS=THEIRS",
+        help="which of their columns is which of ours, as resistance_Ohm=R, or a number for all rows, as load_N=0.49; may be repeated",
+    )  # fmt: skip
+    group.add_argument(
+        "--unit", action="append", default=[], metavar="OURS=UNIT",
+        help="unit of their column, as displacement_m=mm, or =-mm for a sensor that counts contraction; may be repeated",
+    )  # fmt: skip
+    group.add_argument(
+        "--offset", action="append", default=[], metavar="OURS=NUMBER",
+        help="what is added to their column, in our unit, as displacement_m=0.0041; may be repeated",
+    )  # fmt: skip
+    group.add_argument(
+        "--map-file", type=Path, metavar="MAP.yaml", help="the same, written once: columns, units, offsets"
+    )
+    return group
+
+
+def add_log_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options that say how logs are to be read."""
+    add_map_arguments(parser).add_argument(
+        "--topic", action="append", default=[], metavar="COLUMN=/TOPIC:FIELD",
+        help="rosbag2 recordings: where a column is found; may be repeated",
+    )  # fmt: skip
+
+
+def columns_of(args: argparse.Namespace, known: tuple[str, ...]) -> ColumnMap:
+    """Which column is which, by the options, of tables whose columns are the ``known``.  Raises BenchLogError."""
+    return column_map(args.map, args.unit, args.offset, args.map_file, known)
+
+
+def reading_of(args: argparse.Namespace) -> ReadingOptions:
+    """How logs are to be read, by the options.  Raises BenchLogError."""
+    return ReadingOptions(columns_of(args, tuple(COLUMNS)), parse_topics(args.topic))
+
+
+def read_logs(
+    places: Sequence[Path],
+    reading: ReadingOptions,
+    say: Say = lambda sentence: None,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> list[BenchLog]:
+    """The logs at ``places``: files, folders and patterns, bags among them.
+
+    Pauses and readings that are missing are kept as they are; files that follow each other in one recording are
+    joined; a displacement that counts contraction is turned round.  Raises BenchLogError.
+    """
+    paths = find_logs(places)
+    logs = []
+    for i, path in enumerate(paths):
+        logs.append(_read(path, reading, say))
+        progress((i + 1) / len(paths))
+    return _extension_positive(_joined(logs, say), reading, say)
+
+
+def find_logs(places: Sequence[Path]) -> list[Path]:
+    """The files that folders and patterns stand for, each once, in order.  Raises BenchLogError where there is none."""
+    found: list[Path] = []
+    for place in places:
+        if place.is_dir() and not is_bag(place):
+            inside = sorted(
+                p for p in place.iterdir() if p.name[0] != "." and (p.suffix.lower() in _ENDINGS or is_bag(p))
+            )
+            if not inside:
+                raise BenchLogError(f"{place}: no log in this folder (files that end with {', '.join(_ENDINGS)})")
+            found += inside
+        elif not place.exists() and glob.has_magic(str(place)):
+            matching = sorted(Path(name) for name in glob.glob(str(place), recursive=True))  # noqa: PTH207 - absolute patterns too
+            if not matching:
+                raise BenchLogError(f"{place}: no file matches")
+            found += matching
+        else:
+            found.append(place)
+    return list(dict.fromkeys(found))
+
+
+def _read(path: Path, reading: ReadingOptions, say: Say) -> BenchLog:
+    if is_bag(path):
+        log = log_from_bag(path, reading.topics)
+    else:
+        table = reading.columns.apply(read_table(path))
+        for note in table.notes:
+            say(f"{path.name}: {note}")
+        log = log_of(table, read_metadata(path))
+    check_bench_log(log, allow_gaps=True)
+    pause_s = longest_pause_s(log)
+    pauses = int(np.count_nonzero(np.diff(log["time_s"]) > pause_s))
+    if pauses:
+        say(f"{log.name}: {pauses} pause{'s' * (pauses > 1)} of more than {pause_s:.2g} s")
+    return log
+
+
+def _joined(logs: list[BenchLog], say: Say) -> list[BenchLog]:
+    """Logs in which the files that a recorder wrote one after the other are one."""
+    out: list[BenchLog] = []
+    for log in logs:
+        before = out[-1] if out else None
+        if before is not None and _follows(before, log):
+            columns = {name: np.concatenate((before[name], log[name])) for name in before.columns}
+            metadata = {**before.metadata, "part": log.metadata["part"]}
+            out[-1] = dataclasses.replace(before, columns=columns, metadata=metadata, events=before.events + log.events)
+            say(f"{log.name}: goes on from {before.name}")
+        else:
+            out.append(log)
+            if log.metadata.get("part", 1) != 1:
+                say(
+                    f"{log.name}: begins in the middle of a recording; what the estimator remembered by then is not in it"
+                )
+    return out
+
+
+def _follows(before: BenchLog, log: BenchLog) -> bool:
+    recording = before.metadata.get("recording")
+    return (
+        recording is not None
+        and log.metadata.get("recording") == recording
+        and log.metadata.get("part") == before.metadata.get("part", 0) + 1
+        and set(log.columns) == set(before.columns)
+        and log["time_s"][0] > before["time_s"][-1]
+    )
+
+
+def _extension_positive(logs: list[BenchLog], reading: ReadingOptions, say: Say) -> list[BenchLog]:
+    """Logs whose displacement grows with extension: where it falls with the resistance, it counts contraction."""
+    if "displacement_m" in reading.columns.units:
+        return logs  # somebody said which way it counts
+    asked = [log for log in logs if "displacement_m" in log and "recorded_by" not in log.metadata]
+    turned = [log for log in asked if _counts_contraction(log)]
+    if not turned:
+        return logs
+    zero_m = float(max(np.nanmax(log["displacement_m"]) for log in turned))
+    names = ", ".join(log.name for log in turned) if len(turned) < len(asked) else "displacement_m"
+    say(
+        f"{names}: grows while the wire is heated, so it counts contraction; turned round, extension = {zero_m:.6g} m less it "
+        f"(to keep this zero for other logs: --unit displacement_m=-UNIT --offset displacement_m={zero_m:.6g})"
+    )
+    ids = {id(log) for log in turned}
+    return [
+        dataclasses.replace(log, columns={**log.columns, "displacement_m": zero_m - log["displacement_m"]})
+        if id(log) in ids
+        else log
+        for log in logs
+    ]
+
+
+def _counts_contraction(log: BenchLog) -> bool:
+    """Whether the displacement is large where the wire is hot, by its resistance and by the current before."""
+    resistance, current = uncalibrated_resistance_and_current(log)
+    displacement_m = log["displacement_m"]
+    good = np.isfinite(resistance + current + displacement_m) & (current > 0.02 * np.nanmax(current))
+    if np.count_nonzero(good) < 20 or np.ptp(displacement_m[good]) == 0.0 or np.ptp(resistance[good]) == 0.0:
+        return False
+    rank = [np.argsort(np.argsort(values[good])) for values in (resistance, displacement_m)]
+    return float(np.corrcoef(*rank)[0, 1]) < -0.5

@@ -1,0 +1,80 @@
+"""What comes in over ROS fails alone: a message that makes a callback raise is refused, and the node goes on.
+
+rclpy lets such an exception end the executor, and with it the node: a lifecycle transition that the state does not
+have, or a parameter of a type that does not exist, would do.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+
+_log = logging.getLogger(__name__)
+
+#: Between two failures of the executor, so that one that does not pass leaves the processor to the control loop.
+PAUSE_s = 0.01
+
+
+def refuse_what_raises(node: Node, say: Callable[[str], None]) -> None:
+    """Let every service and subscription that ``node`` has refuse, with a sentence, what its callback raises on."""
+    for service in node.services:
+        service.callback = _refusing_service(service.callback, service.srv_name, say)
+    for subscription in node.subscriptions:
+        subscription.callback = _refusing_message(subscription.callback, subscription.topic_name, say)
+
+
+def _refusing_service(callback: Callable[..., Any], name: str, say: Callable[[str], None]) -> Callable[..., Any]:
+    def answer(request: Any, response: Any) -> Any:
+        try:
+            return callback(request, response)
+        except Exception as error:  # noqa: BLE001 - whatever it is, the next request is as good as any
+            sentence = f"{name}: the request was refused: {type(error).__name__}: {error}"
+            say(sentence)
+            return _refusal(type(response)(), request, sentence)
+
+    return answer
+
+
+def _refusing_message(callback: Callable[..., Any], name: str, say: Callable[[str], None]) -> Callable[[Any], None]:
+    def receive(message: Any) -> None:
+        try:
+            callback(message)
+        except Exception as error:  # noqa: BLE001 - whatever it is, the next message is as good as any
+            say(f"{name}: a message was refused: {type(error).__name__}: {error}")
+
+    return receive
+
+
+def _refusal(response: Any, request: Any, sentence: str) -> Any:
+    """``response``, saying no wherever it can."""
+    from rcl_interfaces.msg import SetParametersResult
+
+    refused = SetParametersResult(successful=False, reason=sentence)
+    if hasattr(response, "message"):
+        response.message = sentence
+    if hasattr(response, "result") and isinstance(response.result, SetParametersResult):
+        response.result = refused
+    if hasattr(response, "results"):
+        response.results = [refused for _ in request.parameters]
+    return response
+
+
+def spin(node: Node, on_error: Callable[[Exception], None]) -> None:
+    """Run the callbacks of one node until its context is shut down; ``on_error`` gets what raises in between."""
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    while node.context.ok():
+        try:
+            executor.spin()
+        except ExternalShutdownException:
+            return
+        except Exception as error:  # noqa: BLE001 - reported; the other callbacks are as good as ever
+            if not node.context.ok():
+                return
+            on_error(error)
+            time.sleep(PAUSE_s)

@@ -1,0 +1,92 @@
+"""The parameters of a node, declared to ROS with all that is known of them, and changed live where they may be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from sma_actuator.base.parameters import ConfigError, Declaration, no_such_parameter, walk
+from sma_actuator.config import Config
+
+#: Parameters every ROS 2 node has; rclpy gives them their meaning.
+ROS_PARAMETERS = ("use_sim_time", "start_type_description_service")
+NO_SIM_TIME = (
+    "use_sim_time: true is refused: the instruments measure in real time, so what they measured is stamped by the "
+    "system's clock"
+)
+
+
+class NodeParameters:
+    """Declares ``config`` on ``node`` and holds it as it changes; ``on_change(config, names)`` is told of every change."""
+
+    def __init__(self, node: Node, config: Config, on_change: Callable[[Config, list[str]], None]):
+        self.config = config
+        self._on_change = on_change
+        self._declarations: dict[str, tuple[Declaration, str]] = {}
+        for name, value, declaration, kind in walk(config):
+            self._declarations[name] = declaration, kind
+            if isinstance(value, tuple):
+                if not value:
+                    continue  # not given; an empty list has no type in ROS
+                value = list(value)
+            node.declare_parameter(name, value, _descriptor(declaration, kind))
+        node.add_pre_set_parameters_callback(self._as_declared)
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._apply)
+
+    def _as_declared(self, parameters: list[Parameter]) -> list[Parameter]:
+        """Accept ``250`` where a float is wanted, as everybody types it, and ``3.0`` for a whole number."""
+        return [self._converted(parameter) for parameter in parameters]
+
+    def _converted(self, parameter: Parameter) -> Parameter:
+        kind = self._declarations.get(parameter.name, (None, ""))[1]
+        if parameter.type_ is Parameter.Type.INTEGER and kind == "float":
+            return Parameter(parameter.name, value=float(parameter.value))
+        if parameter.type_ is Parameter.Type.DOUBLE and kind == "int" and parameter.value.is_integer():
+            return Parameter(parameter.name, value=int(parameter.value))
+        return parameter
+
+    def _changes(self, parameters: list[Parameter]) -> dict[str, Any]:
+        return {p.name: p.value for p in parameters if p.name in self._declarations}
+
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+        problems = [
+            no_such_parameter(p.name, list(self._declarations))
+            for p in parameters
+            if p.name not in self._declarations and p.name not in ROS_PARAMETERS
+        ]
+        if any(p.name == "use_sim_time" and p.value is not False for p in parameters):
+            problems.append(NO_SIM_TIME)
+        try:
+            self.config.replace(self._changes(parameters))
+        except ConfigError as error:
+            problems += error.problems
+        return SetParametersResult(successful=not problems, reason="; ".join(problems))
+
+    def _apply(self, parameters: list[Parameter]) -> None:
+        changes = self._changes(parameters)
+        if changes:
+            self.config = self.config.replace(changes)
+            self._on_change(self.config, list(changes))
+
+
+def _descriptor(declaration: Declaration, kind: str) -> ParameterDescriptor:
+    unit = f" [{declaration.unit}]" if declaration.unit not in ("", "1") else ""
+    descriptor = ParameterDescriptor(
+        description=declaration.description + unit,
+        additional_constraints=f"one of {', '.join(declaration.choices)}" if declaration.choices else "",
+        read_only=not declaration.live,
+        # So that a wrong type comes to our own check, which answers in a sentence.
+        dynamic_typing=declaration.live,
+    )
+    finite = math.isfinite(declaration.lo) and math.isfinite(declaration.hi) and not declaration.optional
+    if finite and kind == "float":
+        descriptor.floating_point_range = [FloatingPointRange(from_value=declaration.lo, to_value=declaration.hi)]
+    elif finite and kind == "int":
+        descriptor.integer_range = [IntegerRange(from_value=int(declaration.lo), to_value=int(declaration.hi))]
+    return descriptor

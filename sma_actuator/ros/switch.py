@@ -1,0 +1,60 @@
+"""The way to switch a wire off, apart from everything else that ROS carries.
+
+``~/enable`` and ``~/stop`` of every node of a process are served by one more node, in a context of its own: another
+DDS participant with its own ports, another thread.  A flood of setpoints fills the buffers of the participant it is
+sent to, and DDS offers a request lost there again only after seconds; here it comes through.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import SetBool, Trigger
+
+from .guard import refuse_what_raises, spin
+
+if TYPE_CHECKING:
+    from .node import SmaActuatorNode
+
+
+class Switch:
+    """Serves ``~/enable`` and ``~/stop`` of ``nodes``; ``arguments`` as for ``rclpy.init``."""
+
+    def __init__(self, nodes: Sequence[SmaActuatorNode], arguments: list[str]):
+        self._nodes = nodes
+        self._context = rclpy.Context()
+        rclpy.init(args=arguments, context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        first = nodes[0]
+        node = rclpy.create_node(
+            f"{first.get_name()}_switch",
+            namespace=first.get_namespace(),
+            context=self._context,
+            use_global_arguments=False,  # a remapping of the node's name is not meant for this one
+            start_parameter_services=False,
+            enable_rosout=False,
+        )
+        for wire in nodes:
+            node.create_service(SetBool, wire.resolve_service_name("~/enable"), wire.on_enable)
+            node.create_service(Trigger, wire.resolve_service_name("~/stop"), self._on_stop)
+        refuse_what_raises(node, first.report)
+        self._thread = threading.Thread(
+            target=spin, args=(node, lambda error: first.report(f"{type(error).__name__}: {error}")), daemon=True
+        )
+        self._thread.name = node.get_name()
+        self._thread.start()
+
+    def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Any:
+        """All wires of the process off; the answer says of each what became of it."""
+        answers = [(wire.get_fully_qualified_name(), *wire.switch_off()) for wire in self._nodes]
+        response.success = all(done for _, done, _ in answers)
+        response.message = "; ".join(f"{name}: {sentence}" for name, _, sentence in answers)
+        return response
+
+    def close(self) -> None:
+        """Leave the ROS graph."""
+        rclpy.try_shutdown(context=self._context)
+        self._thread.join(1.0)

@@ -1,0 +1,115 @@
+"""What the node says in its log: each event once, each refusal in its own words, nothing as a flood."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from math import inf
+
+from sma_actuator.base.signals import Mode, Status
+from sma_actuator.safety.faults import FAULTS
+from sma_actuator.safety.limits import LIMITS
+from sma_actuator.safety.remedies import remedy
+
+INFO, WARNING, ERROR = "info", "warning", "error"
+#: A refusal that only repeats another with different numbers is said again after this time.
+REPEAT_s = 1.0
+#: Different refusals that may be said within that time; a flood of them is only counted.
+MOST_REFUSALS = 8
+#: A limit, or a fault that passes by itself, is said again once it has not acted for so long.
+PAUSE_s = 10.0
+
+_NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?|\bnan\b|\binf\b")
+
+
+class Refusals:
+    """Lets through one refusal of each kind a second, and counts the others."""
+
+    def __init__(self) -> None:
+        self._said_s: dict[str, float] = {}
+        self._held_back = 0
+
+    def worth_saying(self, sentence: str, now_s: float) -> str:
+        """The sentence as it should be said now, or ""."""
+        kind = _NUMBER.sub("#", sentence)
+        self._said_s = {kind: when_s for kind, when_s in self._said_s.items() if now_s - when_s < REPEAT_s}
+        if kind in self._said_s or len(self._said_s) >= MOST_REFUSALS:
+            self._held_back += 1
+            return ""
+        self._said_s[kind] = now_s
+        held_back, self._held_back = self._held_back, 0
+        return f"{sentence} ({held_back} more were not shown)" if held_back else sentence
+
+
+class Events:
+    """Turns the states that a wire passes through into sentences, each when it begins."""
+
+    def __init__(self) -> None:
+        self._mode = Mode.OFF
+        self._latched = ""
+        self._acted_s: dict[str, float] = {}  #: limit or passing fault → when it last acted
+        self._lost: frozenset[str] = frozenset()
+
+    def of_status(self, status: Status, now_s: float) -> Iterator[tuple[str, str]]:
+        """Level and sentence of everything that has begun or ended since the last status."""
+        latched = status.fault if _is_latched(status) else ""
+        if latched and latched != self._latched:
+            yield ERROR, f"{status.message}. {remedy(latched)}"
+        elif self._latched and not latched:
+            yield INFO, f"the fault {self._latched} is cleared; the output stays off until ~/enable"
+        elif status.mode is not self._mode:
+            yield INFO, _words_of_mode(self._mode, status.mode)
+        self._latched, self._mode = latched, status.mode
+        if status.fault and not latched and status.fault not in _REFUSED and self._begins(status.fault, now_s):
+            yield WARNING, f"{status.message}. {remedy(status.fault)}"
+        for limit in status.limits:
+            if self._begins(limit, now_s):
+                level = INFO if limit in _ROUTINE else WARNING
+                yield level, f"limit: {LIMITS[limit].words}{_read(limit, status)}. {remedy(limit)}"
+
+    def _begins(self, name: str, now_s: float) -> bool:
+        begins = now_s - self._acted_s.get(name, -inf) >= PAUSE_s
+        self._acted_s[name] = now_s
+        return begins
+
+    def of_instruments(self, lost: Mapping[str, str], fault: str) -> Iterator[tuple[str, str]]:
+        """Level and sentence of every instrument lost or found since the last call; of a loss that is the fault, none."""
+        for name in sorted(set(lost) - self._lost - {fault.removesuffix("_lost")}):
+            yield ERROR, f"the {name} does not answer: {lost[name]}"
+        for name in sorted(self._lost - set(lost)):
+            yield INFO, f"the {name} answers again"
+        self._lost = frozenset(lost)
+
+
+#: Faults that consist in a refusal, which has said so already.
+_REFUSED = ("setpoint_flood", "setpoint_not_finite")
+#: Limits that a wire meets in normal use, since it cannot be faster than it is.
+_ROUTINE = ("setpoint_rate", "current_max", "current_bias")
+#: What each limit looked at: name of the value in the status, factor to the unit shown, unit.
+_READ = {
+    "setpoint_range": ("limited_setpoint_m", 1e3, "mm is held instead"),
+    "setpoint_rate": ("limited_setpoint_m", 1e3, "mm is where it is now"),
+    "current_max": ("current_limit_A", 1e3, "mA"),
+    "stress_near_limit": ("stress_Pa", 1e-6, "MPa"),
+    "temperature_derating": ("temperature_C", 1.0, "°C"),
+}
+
+
+def _is_latched(status: Status) -> bool:
+    fault = FAULTS.get(status.fault)
+    return fault is not None and (fault.latches or (bool(fault.action_by) and status.mode is Mode.OFF))
+
+
+def _read(limit: str, status: Status) -> str:
+    if limit not in _READ:
+        return ""
+    name, factor, unit = _READ[limit]
+    value = status.values.get(name)
+    return f" ({value * factor:.4g} {unit})" if isinstance(value, float) else ""
+
+
+def _words_of_mode(before: Mode, now: Mode) -> str:
+    if now is Mode.OFF:
+        return "the output is off"
+    words = "following setpoints" if now is Mode.TRACKING else "holding the wire where it is"
+    return f"the output is on; {words}" if before is Mode.OFF else words

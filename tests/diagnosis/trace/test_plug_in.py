@@ -1,0 +1,100 @@
+"""A package adds a strain model, its fitter and an effect; the commands know them as their own."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+import yaml
+from plug_in import environment
+from sessions import session, write, write_model
+
+from sma_actuator.config import NODE_NAME
+
+GAIN = 0.05  #: of the sense resistor over what the configuration gives it
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("plug_in")
+
+
+@pytest.fixture(scope="module")
+def installed(folder):
+    return environment(folder)
+
+
+@pytest.fixture(scope="module")
+def logs(wire, folder):
+    return write(session(wire[0]), folder)
+
+
+def command(*arguments, env=None):
+    done = subprocess.run(
+        [sys.executable, "-m", "sma_actuator", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=400,
+        env=env,
+    )
+    return done.returncode, done.stderr
+
+
+def read(path):
+    return yaml.safe_load(path.read_text())[NODE_NAME]["ros__parameters"]
+
+
+def test_a_model_is_identified_and_replayed(wire, folder, logs, installed):
+    bench, fitted, errors = write_model(wire[0], folder / "bench.yaml"), folder / "line.yaml", folder / "errors.json"
+    identify = ("identify", *logs, "--config", bench, "--model", "straight_line", "--out", fitted)
+    code, said = command(*identify, env=installed)
+    assert code == 0, said
+    assert read(fitted)["model"]["type"] == "straight_line"
+    code, said = command("replay", *logs, "--config", fitted, "--json", errors, env=installed)
+    assert code == 0, said
+    rows = json.loads(errors.read_text())
+    assert {row["model"] for row in rows} == {"straight_line"}
+    assert all(0.0 < row["full_percent"] < 15.0 for row in rows)
+    code, said = command("replay", *logs, "--config", fitted)  # the package is not installed here
+    assert code == 1
+    assert "model.type: 'straight_line' is not one of flexinol, " in said
+
+
+def test_an_effect_is_traced_written_into_the_model_and_replayed(wire, folder, logs, installed):
+    mapping = json.loads(json.dumps(wire[1]))
+    truth_Ohm = mapping.setdefault("circuit", {}).get("reference_resistance", 1.0)
+    mapping["circuit"]["reference_resistance"] = truth_Ohm / (1.0 + GAIN)
+    model, out = write_model(mapping, folder / "wire.yaml"), folder / "out"
+    traced = ("trace", *logs, "--config", model, "--out", out, "--only", "sense_resistance", "--jobs", "1")
+    code, said = command(*traced, env=installed)
+    assert code == 0, said
+    report = json.loads((out / "report.json").read_text())
+    (effect,) = report["effects"]
+    assert (effect["name"], effect["stage"]) == ("sense_resistance", "circuit")
+    assert effect["what"].startswith("the sense resistor")
+    assert effect["parameters"]["gain"]["value"] == pytest.approx(GAIN, rel=0.1)
+    extended = read(out / "model.yaml")
+    assert extended["effects"]["order"] == ["sense_resistance"]
+    errors = folder / "traced.json"
+    both = ("--config", model, "--config", out / "model.yaml", "--json", errors)
+    code, said = command("replay", *logs, *both, env=installed)
+    assert code == 0, said
+    before, after = (
+        sum(row["full_percent"] for row in json.loads(errors.read_text()) if ("model" in row["model"]) is with_it)
+        for with_it in (False, True)
+    )
+    assert after < 0.5 * before
+    code, said = command("replay", *logs, "--config", out / "model.yaml")
+    assert code == 1
+    assert "effects.sense_resistance: no such effect; known here: lead_resistance" in said
+
+
+def test_a_broken_package_is_named_and_stops_no_command_that_needs_nothing_of_it(wire, folder, logs, installed):
+    (folder / "site" / "sma_tiny" / "sense_resistance.py").write_text("raise RuntimeError('no licence')\n")
+    model = write_model(wire[1], folder / "whole.yaml")
+    code, said = command("replay", *logs, "--config", model, env=installed)
+    assert code == 0, said
+    code, said = command("trace", *logs, "--config", model, "--out", folder / "none", "--jobs", "1", env=installed)
+    assert code == 1
+    assert "package 'sma-tiny' 0.1.0: its entry point sense_resistance" in said
+    assert "RuntimeError: no licence" in said and "Traceback" not in said

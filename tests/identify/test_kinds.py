@@ -1,0 +1,87 @@
+"""What a log holds is seen in its data: without a label, cut together, in any order the same model comes out."""
+
+import dataclasses
+import json
+import shutil
+
+import numpy as np
+import pytest
+import yaml
+
+from sma_actuator.cli.main import main
+from sma_actuator.config import bench_from_mapping
+from sma_actuator.identify.kinds import FULL, PARTIAL, make_traces
+from sma_actuator.logs.bench_log import write_bench_log
+
+LOADS = ("0.300N", "0.600N", "1.200N", "2.000N")
+
+
+def model_of(flexinol, logs, out):
+    code = main(["identify", *map(str, logs), "--config", str(flexinol.folder / "bench.yaml"), "--model", "flexinol",
+                 "--order", "2", "--out", str(out), "--json", str(out.with_suffix(".json"))])  # fmt: skip
+    assert code == 0
+    found = json.loads(out.with_suffix(".json").read_text())
+    assert not any("no log of partial cycles" in note for note in found["notes"])
+    return yaml.safe_load(out.read_text())["sma_actuator"]["ros__parameters"]["model"]
+
+
+@pytest.fixture(scope="module")
+def labelled(flexinol, tmp_path_factory):
+    logs = sorted(flexinol.folder.glob("p*_*N.csv"))
+    assert len(logs) == 8 and all(log.with_suffix(".json").exists() for log in logs)
+    return model_of(flexinol, logs, tmp_path_factory.mktemp("labelled") / "model.yaml")
+
+
+def test_logs_without_a_label_give_the_same_model(flexinol, labelled, tmp_path):
+    folder = tmp_path / "bare"
+    folder.mkdir()
+    for i, log in enumerate(sorted(flexinol.folder.glob("p*_*N.csv"))):
+        shutil.copy(log, folder / f"run{i}.csv")
+    assert model_of(flexinol, [folder], tmp_path / "model.yaml") == labelled
+
+
+def together(flexinol, words, gap_s=0.05):
+    """One log of several, on one clock, without a label."""
+    logs = [log for word in words for log in flexinol.only(word)]
+    columns, start_s = {name: [] for name in logs[0].columns if name != "setpoint_m"}, 0.0
+    for log in logs:
+        for name, parts in columns.items():
+            parts.append(log[name] - log["time_s"][0] + start_s if name == "time_s" else log[name])
+        start_s = float(columns["time_s"][-1][-1]) + gap_s
+    return dataclasses.replace(logs[0], columns={n: np.concatenate(v) for n, v in columns.items()}, metadata={})
+
+
+@pytest.mark.parametrize(
+    "words", [[f"pulses_{n}", f"partial_{n}"] for n in LOADS] + [[f"partial_{n}", f"pulses_{n}"] for n in LOADS]
+)
+def test_a_log_of_both_kinds_is_cut_where_they_meet(flexinol, words):
+    traces = make_traces([together(flexinol, words)], bench_from_mapping(flexinol.mapping))
+    assert [trace.kind for trace in traces] == [{"pulses": FULL, "partial": PARTIAL}[w.split("_")[0]] for w in words]
+    separate = make_traces([flexinol.only(word)[0] for word in words], bench_from_mapping(flexinol.mapping))
+    assert [trace.cycle[-1] for trace in traces] == [trace.cycle[-1] for trace in separate]
+
+
+@pytest.mark.parametrize("gap_s", [0.05, 30.0], ids=["one after the other", "with pauses"])
+def test_one_log_of_everything_gives_nearly_the_same_model(flexinol, labelled, tmp_path, gap_s):
+    words = [f"{kind}_{load}" for load in LOADS for kind in ("pulses", "partial")]
+    write_bench_log(tmp_path / "all.csv", together(flexinol, words, gap_s))
+    model = model_of(flexinol, [tmp_path / "all.csv"], tmp_path / "model.yaml")
+    assert model["displacement_range"] == pytest.approx(labelled["displacement_range"], abs=2e-5)
+    for name in ("heating_slope", "heating_intercept", "cooling_slope", "cooling_intercept"):
+        stress_Pa = np.array([16e6, 60e6, 110e6])
+        ours, theirs = (np.polynomial.polynomial.polyval(stress_Pa, m[name]) for m in (model, labelled))
+        np.testing.assert_allclose(ours, theirs, rtol=0.03)
+
+
+def test_partial_cycles_that_start_cold_are_not_taken_for_full_ones(flexinol):
+    bare = [dataclasses.replace(log, metadata={}) for log in flexinol.only("partial", "pulses_0.600N", "pulses_1.200N")]
+    traces = make_traces(bare, bench_from_mapping(flexinol.mapping))
+    assert {t.name: t.kind for t in traces} == {t.name: t.name.split("_")[0] for t in traces}
+
+
+def test_weights_one_after_the_other_are_stretches_of_their_own(flexinol):
+    words = [f"pulses_{load}" for load in LOADS]
+    traces = make_traces([together(flexinol, words)], bench_from_mapping(flexinol.mapping))
+    loads_N = [float(np.mean(trace.signals.load_N)) for trace in traces]
+    np.testing.assert_allclose(loads_N, [0.3, 0.6, 1.2, 2.0], atol=0.02)
+    assert all(trace.kind == FULL for trace in traces)

@@ -1,0 +1,224 @@
+"""One connection, by the worst that can be at its other end: everything is bounded, and off is heard."""
+
+import contextlib
+import os
+import select
+import socket
+import threading
+import time
+import tty
+
+import pytest
+
+from sma_actuator.instruments import InstrumentLost, InstrumentRefused, InstrumentUnreachable
+from sma_actuator.instruments import session as session_module
+from sma_actuator.instruments.session import Session
+
+TIMEOUT_s = 0.2
+#: A machine that is busy elsewhere may be late by this much; what hangs is later by orders.
+SLACK_s = 2.0
+
+
+class Peer:
+    """One side of a connection that the test speaks for."""
+
+    def __init__(self):
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.resource = f"TCPIP::127.0.0.1::{self._server.getsockname()[1]}::SOCKET"
+        self.connection = None
+        self._stop = threading.Event()
+
+    def accept(self):
+        self._server.settimeout(10.0)
+        self.connection, _ = self._server.accept()
+        self.connection.settimeout(10.0)
+        return self.connection
+
+    def read_to_the_end(self):
+        """All that comes until the other side has ended."""
+        out = b""
+        with contextlib.suppress(ConnectionResetError):
+            while data := self.connection.recv(65536):
+                out += data
+        return out
+
+    def keep_saying(self, data, every_s):
+        """Until the test is over."""
+
+        def work():
+            with contextlib.suppress(OSError):
+                while not self._stop.wait(every_s):
+                    self.connection.sendall(data)
+
+        threading.Thread(target=work, daemon=True).start()
+
+    def close(self):
+        self._stop.set()
+        self._server.close()
+        if self.connection is not None:
+            self.connection.close()
+
+
+@pytest.fixture
+def peer():
+    peer = Peer()
+    yield peer
+    peer.close()
+
+
+@pytest.fixture
+def session(peer):
+    session = Session("supply", peer.resource, "\n", TIMEOUT_s, ["OUTP OFF", "CURR 0"])
+    session.open()
+    peer.accept()
+    yield session
+    session.close()
+
+
+def test_off_is_the_first_and_the_last_that_is_said(peer, session):
+    with pytest.raises(InstrumentLost, match="no complete answer to '\\*IDN\\?' within 0.2 s"):
+        session.ask("*IDN?")
+    assert peer.read_to_the_end() == b"OUTP OFF\nCURR 0\n*IDN?\nOUTP OFF\nCURR 0\n"
+
+
+@pytest.mark.parametrize(("data", "every_s"), [(b"1", 0.02), (b"1" * 65536, 0.0)], ids=["a byte", "a flood"])
+def test_an_answer_without_an_end_is_given_up_in_time(peer, session, data, every_s):
+    peer.keep_saying(data, every_s)
+    start_s = time.monotonic()
+    with pytest.raises(InstrumentLost):
+        for _ in range(3):
+            session.ask("*IDN?")
+    assert time.monotonic() - start_s < TIMEOUT_s + SLACK_s
+
+
+def test_an_answer_without_an_end_is_given_up_though_the_wall_clock_steps_back(peer, session, monkeypatch):
+    start_s = time.time()
+    monkeypatch.setattr(time, "time", lambda: start_s - 3600.0)
+    peer.keep_saying(b"1", 0.02)
+    before_s = time.monotonic()
+    with pytest.raises(InstrumentLost, match="no complete answer"):
+        session.ask("*IDN?")
+    assert time.monotonic() - before_s < TIMEOUT_s + SLACK_s
+
+
+def test_an_answer_may_not_be_longer_than_there_is_sense_in(peer, session, monkeypatch):
+    monkeypatch.setattr(session_module, "LONGEST_ANSWER", 1000)
+    peer.connection.sendall(b"")
+    threading.Timer(0.02, peer.connection.sendall, [b"1" * 5000]).start()
+    with pytest.raises(InstrumentLost, match="has no end within 1000 bytes"):
+        session.ask("*IDN?")
+
+
+def test_a_side_that_reads_nothing_holds_nobody_up(peer, session):
+    start_s = time.monotonic()
+    with pytest.raises(InstrumentLost, match="no complete answer to 'CURR"):
+        for _ in range(1000):
+            session.tell("CURR " + 100_000 * "0")
+    assert time.monotonic() - start_s < TIMEOUT_s + SLACK_s + 3.0
+
+
+def test_what_was_not_asked_for_ends_the_connection_before_the_next_question(peer, session):
+    peer.connection.sendall(b"1\n2\n")
+    with pytest.raises(InstrumentLost, match=r"said '1\s2' without being asked"):
+        while True:  # until it has arrived
+            session.ask("CURR?")
+
+
+def test_two_lines_for_one_question_end_the_connection(peer, session):
+    answered = threading.Timer(0.02, peer.connection.sendall, [b"1\n1\n"])
+    answered.start()
+    with pytest.raises(InstrumentLost, match="answered 'CURR\\?' with more than one line: '1', '1'"):
+        session.ask("CURR?")
+
+
+def test_an_empty_answer_is_none(peer, session):
+    threading.Timer(0.02, peer.connection.sendall, [b"\n"]).start()
+    with pytest.raises(InstrumentLost, match="answered '' to 'OUTP\\?', which is not an answer to that"):
+        session.ask("OUTP?")
+
+
+def test_a_transaction_has_one_deadline_for_all_its_questions(peer, session):
+    def answer_late():
+        with contextlib.suppress(OSError):
+            while peer.connection.recv(4096):
+                time.sleep(0.7 * TIMEOUT_s)
+                peer.connection.sendall(b"1\n")
+
+    peer.connection.recv(4096)  # off
+    threading.Thread(target=answer_late, daemon=True).start()
+    with pytest.raises(InstrumentLost, match="no complete answer"), session.within():
+        assert session.ask("CURR?") == "1"
+        session.ask("VOLT?")
+
+
+def test_a_host_that_does_not_answer_is_given_up_in_time():
+    # A listener whose queue is full drops what comes: nobody answers, as at an address without a host.
+    server = socket.create_server(("127.0.0.1", 0), backlog=0)
+    address = server.getsockname()
+    waiting = []
+    for _ in range(8):
+        waiting.append(socket.socket())
+        waiting[-1].setblocking(False)
+        waiting[-1].connect_ex(address)
+    session = Session("daq", f"TCPIP::127.0.0.1::{address[1]}::SOCKET", "\n", TIMEOUT_s)
+    start_s = time.monotonic()
+    with pytest.raises(InstrumentUnreachable, match="cannot be opened"):
+        session.open()
+    assert time.monotonic() - start_s < TIMEOUT_s + SLACK_s
+    for other in (server, *waiting):
+        other.close()
+
+
+def test_one_program_alone_speaks_to_a_claimed_instrument(peer):
+    one, other = (Session("supply", peer.resource, "\n", TIMEOUT_s) for _ in range(2))
+    claim = one.claim()
+    with pytest.raises(InstrumentRefused, match="another program on this computer.*speaks to it"):
+        other.claim()
+    claim.release()
+    other.claim().release()
+
+
+class TestSerial:
+    """Another class of resource: a serial line, by pyvisa itself, over a pseudo-terminal."""
+
+    @pytest.fixture
+    def line(self):
+        ours, theirs = os.openpty()
+        tty.setraw(ours)
+        tty.setraw(theirs)
+        session = Session("supply", f"ASRL{os.ttyname(theirs)}::INSTR", "\n", TIMEOUT_s, ["OUTP OFF"])
+        session.open()
+        yield ours, session
+        session.close()
+        os.close(ours)
+        os.close(theirs)
+
+    def test_an_answer_is_the_answer(self, line):
+        ours, session = line
+        threading.Timer(0.02, os.write, [ours, b"1.5\n"]).start()
+        assert session.ask("CURR?") == "1.5"
+        assert os.read(ours, 100) == b"OUTP OFF\nCURR?\n"
+
+    def test_an_answer_without_an_end_is_given_up_in_time_by_the_monotonic_clock(self, line, monkeypatch):
+        ours, session = line
+        stop = threading.Event()
+
+        def trickle():
+            while not stop.wait(0.02):
+                os.write(ours, b"1")
+
+        wall_s = time.time()
+        monkeypatch.setattr(time, "time", lambda: wall_s - 3600.0)
+        thread = threading.Thread(target=trickle)
+        thread.start()
+        start_s = time.monotonic()
+        with pytest.raises(InstrumentLost, match="no complete answer"):
+            session.ask("CURR?")
+        lasted_s = time.monotonic() - start_s
+        stop.set()
+        thread.join(10.0)
+        assert lasted_s < TIMEOUT_s + SLACK_s
+        heard = b""
+        while not heard.endswith(b"CURR?\nOUTP OFF\n"):  # a terminal passes on in pieces
+            assert select.select([ours], [], [], 10.0)[0], heard
+            heard += os.read(ours, 100)

@@ -1,0 +1,329 @@
+"""Whatever ROS can send, the node refuses it in a sentence and goes on driving."""
+
+import math
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy")
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import WrenchStamped
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from processes import Bench, Client, NodeProcess, parameter_file, wait_until
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters, SetParametersAtomically
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Float64
+from std_srvs.srv import SetBool, Trigger
+from test_node import ASKED, NAME, _enable, _enabled, _status, _transition
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from sma_msgs_py import setpoint_message, trajectory_message
+
+DRIVEN = "/driven/sma_actuator"  # that of the fixture driven
+_INT64_MAX = 2**63 - 1
+ODD_VALUES = {
+    "inf": {"type": 3, "double_value": math.inf},
+    "-inf": {"type": 3, "double_value": -math.inf},
+    "nan": {"type": 3, "double_value": math.nan},
+    "huge": {"type": 3, "double_value": 1e308},
+    "largest whole": {"type": 2, "integer_value": _INT64_MAX},
+    "smallest whole": {"type": 2, "integer_value": -_INT64_MAX - 1},
+    "true": {"type": 1, "bool_value": True},
+    "text": {"type": 4, "string_value": "x" * 10_000},
+    "bytes": {"type": 5, "byte_array_value": [b"a"]},
+    "list": {"type": 8, "double_array_value": [1.0, math.nan]},
+    "texts": {"type": 9, "string_array_value": ["", "\n"]},
+    "nothing": {"type": 0},
+    "no such type": {"type": 77},
+}
+LIVE = [
+    "loop.overruns_to_fault",
+    "controller.kp",
+    "controller.on_setpoint_loss",
+    "controller.setpoint_timeout",
+    "safety.reading_timeout",
+    "thermal.max_temperature",
+    "wire.max_stress",
+]
+NOT_LIVE = ["wire.length", "model.type", "autostart", "model.heating_slope", "use_sim_time", "", "nowhere", "a" * 5000]
+
+
+def _answers(client, name=ASKED):
+    """The node serves a request of the ordinary kind, and the loop goes on."""
+    assert client.call(f"{name}/get_state", GetState).current_state.label == "active"
+    client.next(f"{name}/command_current", Float64)
+
+
+@pytest.mark.parametrize("atomically", [False, True], ids=["one by one", "together"])
+@pytest.mark.parametrize("odd", ODD_VALUES.values(), ids=ODD_VALUES)
+def test_no_odd_value_of_a_parameter_is_taken_or_harms(client_of_running_node, odd, atomically):
+    client = client_of_running_node
+    for name in LIVE + NOT_LIVE:
+        parameters = [Parameter(name=name, value=ParameterValue(**odd))]
+        if atomically:
+            request = SetParametersAtomically.Request(parameters=parameters)
+            result = client.call(f"{ASKED}/set_parameters_atomically", SetParametersAtomically, request).result
+        else:
+            request = SetParameters.Request(parameters=parameters)
+            (result,) = client.call(f"{ASKED}/set_parameters", SetParameters, request).results
+        assert not result.successful, name
+        assert result.reason, name
+    _answers(client)
+
+
+def test_odd_questions_about_parameters_are_answered(client_of_running_node):
+    client, names = client_of_running_node, ["", "nowhere", "wire.length", "Ω" * 3000]
+    client.call(f"{ASKED}/describe_parameters", DescribeParameters, DescribeParameters.Request(names=names))
+    client.call(f"{ASKED}/get_parameters", GetParameters, GetParameters.Request(names=names))
+    for depth in (0, 1, 2**63):
+        client.call(
+            f"{ASKED}/list_parameters", ListParameters, ListParameters.Request(prefixes=["", "..", "a."], depth=depth)
+        )
+    empty = client.call(f"{ASKED}/set_parameters_atomically", SetParametersAtomically).result
+    assert not empty.successful
+    _answers(client)
+
+
+@pytest.fixture(scope="module")
+def driven(folder, make_config):
+    """(bench, node, client) of a node that drives its wire through all of the tests that ask for it."""
+    bench = Bench(folder, "--load", "weight:0.98")
+    path = parameter_file(folder, {DRIVEN: make_config(instruments=bench.instruments())})
+    node = NodeProcess(["--ros-args", "--params-file", str(path), "-r", "__ns:=/driven"], folder)
+    client = Client()
+    yield bench, node, client
+    client.close()
+    node.close()
+    bench.close()
+
+
+class TestWhileDriving:
+    @pytest.fixture
+    def driving(self, driven):
+        bench, node, client = driven
+        client.next(f"{DRIVEN}/load", WrenchStamped)
+        if _status(client, lambda s: not s.fault, DRIVEN).mode.value == "off":
+            _enabled(client, DRIVEN)
+        client.publish(f"{DRIVEN}/setpoint", setpoint_message(0.0025))
+        _status(client, lambda s: s.mode.value == "tracking", DRIVEN)
+        wait_until(lambda: bench.current_A() > 0.04)
+
+        def still_drives():
+            assert node.popen.poll() is None, node.words
+            assert _status(client, name=DRIVEN).mode.value == "tracking"
+            assert bench.current_A() > 0.04
+            assert "Traceback" not in node.words
+
+        return node, client, still_drives
+
+    @pytest.mark.parametrize(
+        ("transition", "shown"),
+        [({"id": 1}, "'1'"), ({"id": 99}, "'99'"), ({"label": "activate"}, "'activate'"), ({"id": 3}, "'3'")],
+        ids=["configure", "no such number", "activate", "activate by number"],
+    )
+    def test_a_transition_that_the_state_does_not_have_is_refused(self, driving, transition, shown):
+        node, client, still_drives = driving
+        request = ChangeState.Request(transition=Transition(**transition))
+        sentence = f"the node is active; {shown} is not one of deactivate (4), shutdown (7)"
+        # Of refusals that differ in numbers alone one a second is shown.
+        client.spin_until(
+            lambda: not client.call(f"{DRIVEN}/change_state", ChangeState, request).success and sentence in node.words,
+            what=sentence,
+        )
+        still_drives()
+
+    def test_sim_time_is_refused_live(self, driving):
+        _, client, still_drives = driving
+        value = ParameterValue(type=1, bool_value=True)
+        request = SetParameters.Request(parameters=[Parameter(name="use_sim_time", value=value)])
+        (result,) = client.call(f"{DRIVEN}/set_parameters", SetParameters, request).results
+        assert not result.successful
+        assert "the instruments measure in real time" in result.reason
+        still_drives()
+
+    def test_broken_and_absurd_messages_are_refused(self, driving):
+        node, client, still_drives = driving
+        good = bytes(serialize_message(trajectory_message("sma_joint", [1.0, 2.0], [0.002, 0.002])))
+        point = JointTrajectoryPoint(positions=[0.002], time_from_start=Duration(sec=-(2**31), nanosec=2**32 - 1))
+        absurd = [
+            (Float64, f"{DRIVEN}/setpoint", b""),
+            (Float64, f"{DRIVEN}/setpoint", b"\x00\x01\x00\x00\x01"),
+            (JointTrajectory, f"{DRIVEN}/joint_trajectory", good[:40]),
+            (JointTrajectory, f"{DRIVEN}/joint_trajectory", good.replace(b"sma_joint", b"\xff\xfe\xfd_joint")),
+            (JointTrajectory, f"{DRIVEN}/joint_trajectory", JointTrajectory(joint_names=["sma_joint"], points=[point])),
+            (Float64, f"{DRIVEN}/setpoint", Float64(data=1e308)),
+        ]
+        for kind, topic, message in absurd:
+            publisher = client.node.create_publisher(kind, topic, 10)
+            client.spin_until(lambda p=publisher: p.get_subscription_count() > 0, what=f"subscriber of {topic}")
+            publisher.publish(message)
+            client.next(f"{DRIVEN}/command_current", Float64)
+        node.says("is before the start; 0 or later is wanted")
+        still_drives()
+
+    @pytest.mark.parametrize("points", [100_000, 1_000_000])
+    def test_a_trajectory_of_far_too_many_points_is_refused_without_holding_anything_up(self, driving, points):
+        node, client, still_drives = driving
+        small = bytes(serialize_message(trajectory_message("sma_joint", [1.0, 2.0], [0.002, 0.002])))
+        two_points = bytes(serialize_message(trajectory_message("sma_joint", [1.0], [0.002])))
+        one_point_B = len(small) - len(two_points)
+        publisher = client.node.create_publisher(JointTrajectory, f"{DRIVEN}/joint_trajectory", 10)
+        client.spin_until(lambda: publisher.get_subscription_count() > 0, what="subscriber of the trajectory")
+        publisher.publish(small + bytes(one_point_B * points))  # its size is what counts
+        node.says("trajectory refused: its message has")
+        still_drives()
+
+
+class TestDefects:
+    def test_a_message_that_a_defect_cannot_take_is_refused(self, start_bench, make_config, start_node, client):
+        bench = start_bench("--load", "weight:0.98")
+        program = """
+import sys
+from sma_actuator.ros import node
+def broken(self, message):
+    raise ZeroDivisionError("provoked")
+node.SmaActuatorNode._on_setpoint = broken
+sys.exit(node.main())
+"""
+        node = start_node(make_config(instruments=bench.instruments()), program=("-c", program))
+        _enabled(client)
+        client.publish(f"{NAME}/setpoint", setpoint_message(0.002))
+        node.says("/sma_actuator/setpoint: a message was refused: ZeroDivisionError: provoked")
+        assert _status(client).mode.value == "hold"
+        assert bench.current_A() > 0.04
+
+    def test_an_exception_that_no_message_is_to_blame_for_is_a_fault_and_the_node_goes_on(
+        self, start_bench, make_config, start_node, client, tmp_path
+    ):
+        bench, now = start_bench("--load", "weight:0.98"), tmp_path / "now"
+        program = f"""
+import os, sys
+from sma_actuator.ros import node
+health = node.SmaActuatorNode._health
+def broken(self):
+    if os.path.exists({str(now)!r}):
+        os.remove({str(now)!r})
+        raise ZeroDivisionError("provoked")
+    return health(self)
+node.SmaActuatorNode._health = broken
+sys.exit(node.main())
+"""
+        node = start_node(make_config(instruments=bench.instruments()), program=("-c", program))
+        _enabled(client)
+        wait_until(lambda: bench.current_A() > 0.04)
+        now.touch()
+        wait_until(lambda: bench.current_A() == 0.0, what="end of the current")
+        assert _status(client, lambda s: s.fault).fault == "unhandled_exception"
+        assert "ZeroDivisionError in a ROS callback: provoked" in node.words
+        assert client.call(f"{NAME}/clear_fault", Trigger).success
+        _enabled(client)
+
+
+class TestFromTheStart:
+    def test_sim_time_in_the_parameter_file_is_refused_and_the_node_runs(
+        self, start_bench, make_config, start_node, client
+    ):
+        bench = start_bench("--load", "weight:0.98")
+        node = start_node(make_config(instruments=bench.instruments(), use_sim_time=True))
+        node.says("use_sim_time: true is refused")
+        _enabled(client)
+        request = GetParameters.Request(names=["use_sim_time"])
+        assert not client.call(f"{NAME}/get_parameters", GetParameters, request).values[0].bool_value
+
+    def test_a_node_that_waits_for_instruments_can_be_shut_down_by_transition(self, make_config, start_node, client):
+        nowhere = {f"instruments.{name}.resource": "TCPIP::127.0.0.1::1::SOCKET" for name in ("supply", "daq")}
+        node = start_node(make_config(wait_for_instruments=True, **nowhere))
+        node.says("trying again")
+        assert _transition(client, Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
+        assert client.call(f"{NAME}/get_state", GetState).current_state.label == "finalized"
+        said = _status(client)  # the timer that tries again has run out by the time of the second
+        _status(client)
+        assert node.popen.poll() is None, node.words
+        assert "finalized" in str(said.values["lifecycle"])
+
+    def test_a_node_that_waits_for_instruments_can_be_configured_by_hand_meanwhile(
+        self, start_bench, make_config, start_node, client
+    ):
+        bench = start_bench("--load", "weight:0.98")
+        resources = bench.instruments()
+        bench.close()
+        node = start_node(make_config(instruments=resources, wait_for_instruments=True))
+        node.says("trying again")
+        ports = bench.ports[0]
+        start_bench("--supply-port", str(ports["supply"]), "--daq-port", str(ports["daq"]))
+        _transition(client, Transition.TRANSITION_CONFIGURE)  # or the node itself has been quicker
+        client.spin_until(
+            lambda: client.call(f"{NAME}/get_state", GetState).current_state.label == "active", what="active"
+        )
+        assert node.popen.poll() is None, node.words
+
+
+class TestFlood:
+    @pytest.fixture
+    def flooded(self, start_bench, make_config, start_node, client):
+        bench = start_bench("--load", "weight:0.98")
+        # So low that a flood is one on a slow machine too.
+        node = start_node(make_config(instruments=bench.instruments(), **{"safety.setpoint_flood_rate": 20.0}))
+        _enabled(client)
+        program = Path(__file__).with_name("flood.py")
+        floods = [
+            subprocess.Popen([sys.executable, str(program), f"{NAME}/setpoint"], stdout=subprocess.PIPE)
+            for _ in range(4)
+        ]
+        try:
+            for flood in floods:
+                flood.stdout.readline()
+            node.says("setpoints come faster than safety.setpoint_flood_rate")
+            yield bench, node
+        finally:
+            for flood in floods:
+                flood.kill()
+                flood.wait()
+                flood.stdout.close()
+
+    def test_off_goes_before_four_publishers_that_flood(self, flooded, client):
+        bench, node = flooded
+        took_s = []
+        for _ in range(5):
+            client.spin_until(lambda: _enable(client).success, what="enabling")
+            wait_until(lambda: bench.current_A() > 0.04)
+            began_s = time.monotonic()
+            response = _enable(client, on=False)
+            assert response.success, response.message
+            wait_until(lambda: bench.current_A() == 0.0, what="end of the current")
+            took_s.append(time.monotonic() - began_s)
+        # A request that is lost in the flood is offered again by DDS only after three seconds.
+        assert max(took_s) < 2.0, took_s
+
+    def test_stop_switches_off_and_says_so(self, flooded, client):
+        bench, _ = flooded
+        client.spin_until(lambda: _enable(client).success, what="enabling")
+        response = client.call(f"{NAME}/stop", Trigger)
+        assert response.success
+        assert response.message == "/sma_actuator: the output is off"
+        wait_until(lambda: bench.current_A() == 0.0, what="end of the current")
+
+
+def test_stop_switches_off_every_wire_of_the_process(start_bench, make_config, start_node, client):
+    bench = start_bench("--count", "2")
+    sections = {name: make_config(instruments=bench.instruments(i)) for i, name in enumerate(("left", "right"))}
+    start_node(sections, names=["left", "right"])
+    _enabled(client, "/left")
+    _enabled(client, "/right")
+    wait_until(lambda: bench.current_A(0) > 0.04 and bench.current_A(1) > 0.04)
+    response = client.call("/right/stop", Trigger)
+    assert response.success
+    assert response.message == "/left: the output is off; /right: the output is off"
+    wait_until(lambda: bench.current_A(0) == bench.current_A(1) == 0.0, what="end of both currents")
+
+
+def test_a_node_without_instruments_answers_off_with_yes_and_on_with_no(make_config, start_node, client):
+    start_node(make_config(autostart=False))
+    off = client.call(f"{NAME}/enable", SetBool, SetBool.Request(data=False))
+    assert (off.success, off.message) == (True, "the output is off: no instruments are open")
+    assert not client.call(f"{NAME}/enable", SetBool, SetBool.Request(data=True)).success
