@@ -369,7 +369,7 @@ class Actuator:
             self._estimate.displacement_m,
             setpoint_m,
             self._told.current_A >= ALL_THERE_IS * self._supervisor.limit_A(),
-            self._supervisor.heat.temperature_C,
+            self._power_W,
             self._signals.load_N,
         )
         if self._reach.floor_m > setpoint_m:
