@@ -33,11 +33,11 @@ def begin_anew(rig):
     rig.written = Command(0.0, False)
 
 
-def greedy(name, heat_loss_factor=1.0, changes=(), load=Weight(0.98), **setup):
+def greedy(name, heat_loss_factor=1.0, changes=(), **setup):
     mapping = read_parameter_file(shared_file(f"config/{name}.yaml"))
     mapping.setdefault("calibration", {}).pop("cooling_rise", None)  # what the limit of current does, it does alone
     config = Config.from_mapping(mapping).replace(dict(changes))
-    rig = Rig(config.to_mapping(), name.split("_")[0], load, **setup)
+    rig = Rig(config.to_mapping(), name.split("_")[0], Weight(0.98), **setup)
     rig.bench.inject("draught", heat_loss_factor)
     begin_anew(rig)
     rig.run(0.2)
@@ -178,6 +178,6 @@ def test_what_the_files_of_the_bench_say_of_their_currents_is_so(wire):
     path = Path(shared_file(f"config/{wire}_bench.yaml"))
     supply = bench_from_mapping(read_parameter_file(path)).supply
     for name in ("max_current", "over_current_trip"):
-        said = re.search(rf"^ *{name}: .*?# A; for ever in still air: (\d+) °C$", path.read_text(), re.M)
+        said = re.search(rf"^ *{name}: .*?# A; for ever in still air: (\d+) °C$", path.read_text(), re.MULTILINE)
         assert said, f"{path}: {name} does not say how hot it makes the wire"
         assert int(said[1]) == round(still_air_C(wire, getattr(supply, name)))
