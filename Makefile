@@ -12,7 +12,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: attack demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline fleet forward clean
+.PHONY: attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline fleet forward clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION)
@@ -85,6 +85,12 @@ forward: $(VENV)/ready
 ATTACK ?=
 attack: $(VENV)/ready
 	nice -n 5 $(BIN)/python -m attack $(ATTACK)
+
+# Change what guards the wire, one place at a time, and see that a test notices (hours; MUTANTS names targets: safety/thermal driver).
+MUTANTS ?=
+mutants: $(VENV)/ready
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[mutants]'
+	nice -n 5 $(BIN)/python benchmarks/mutants.py $(MUTANTS)
 
 clean:
 	rm -rf $(VENV) build install log out

@@ -41,6 +41,7 @@ setup(
         "pymeasure": ["PyMeasure>=0.14"],
         "check": ["ruff>=0.17,<0.18", "mypy>=1.11", "import-linter>=2.0"],
         "docs": ["sphinx>=8.2", "myst-parser>=4.0", "sphinx-rtd-theme>=3.0"],
+        "mutants": ["cosmic-ray>=8.4", "coverage>=7.4"],
         "test": [
             "pytest>=7.4",
             "hypothesis>=6.82",

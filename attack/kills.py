@@ -12,9 +12,9 @@ import signal
 import tempfile
 from pathlib import Path
 
-from sma_actuator.config import read_parameter_file
+from sma_actuator.config import Config, read_parameter_file
 
-from .hours import CONFIG
+from .hours import CONFIG, OFF_AT_MOST_s
 from .nodes import Client, Node, Nursery
 from .promises import Promises
 from .result import Result, Violation
@@ -51,7 +51,9 @@ class Killing:
         self.loop_period_s = 1.0 / parameters.get("loop", {}).get("rate", 20.0)
         self.parameters = self.folder / "parameters.yaml"
         self.parameters.write_text(json.dumps({NAME: {"ros__parameters": parameters}}))
-        self.promised_s = min(Promises(parameters).within_s("node_lost"), 1.0)
+        self.promised_s = min(
+            Promises(Config.from_mapping(parameters).to_mapping()).within_s("node_lost"), OFF_AT_MOST_s
+        )
         self.present = 0
 
     def close(self) -> None:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 SOON_s = 30.0  #: bound of waits that normally take under a second
+COMPILING_s = 180.0  #: the bench may have to be compiled first
 LOOK_s = 5e-3
 NO_CURRENT_A = 1e-6
 
@@ -54,7 +55,11 @@ class Stand:
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-        wait_until(lambda: ports_file.exists() or self.process.poll() is not None, what="the bench")
+        try:
+            wait_until(lambda: ports_file.exists() or self.process.poll() is not None, COMPILING_s, "the bench")
+        except TimeoutError:
+            self.process.kill()
+            raise
         ports = json.loads(ports_file.read_text())[0]
         self.supply_port, self.daq_port = ports["supply"], ports["daq"]
         self._socket = socket.create_connection(("127.0.0.1", self.daq_port), timeout=SOON_s)

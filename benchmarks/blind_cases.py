@@ -76,12 +76,17 @@ UNITS: dict[str, tuple[float, float]] = {
     "clock_skew": (0.35, 0.35),
     "load_cell_nonlinearity": (0.15, 0.15),
     "cross_talk": (4.5e-3, 4.5e-3),
-}  # fmt: skip
+}
 PAIRS = (
-    ("lead_resistance", "slip"), ("thermal_expansion", "contact_drift"), ("fatigue", "backlash"),
-    ("self_heating", "elastic_compliance"), ("creep", "voltage_offset"), ("load_cell_gain", "rate"),
-    ("ambient_temperature", "minor_loop_memory"), ("slip", "load_cell_drift"),
-)  # fmt: skip
+    ("lead_resistance", "slip"),
+    ("thermal_expansion", "contact_drift"),
+    ("fatigue", "backlash"),
+    ("self_heating", "elastic_compliance"),
+    ("creep", "voltage_offset"),
+    ("load_cell_gain", "rate"),
+    ("ambient_temperature", "minor_loop_memory"),
+    ("slip", "load_cell_drift"),
+)
 
 
 @dataclass(frozen=True)
@@ -193,8 +198,17 @@ def _case(kind: str, alloy: str, hidden: dict[str, float], load: str, seed: int,
 
 def _signs(name: str, number: int) -> float:
     """Some effects may go either way."""
-    both = ("voltage_offset", "load_cell_drift", "load_cell_gain", "reference_gain", "reference_drift", "slip",
-            "ambient_temperature", "thermo_voltage", "load_cell_nonlinearity")  # fmt: skip
+    both = (
+        "voltage_offset",
+        "load_cell_drift",
+        "load_cell_gain",
+        "reference_gain",
+        "reference_drift",
+        "slip",
+        "ambient_temperature",
+        "thermo_voltage",
+        "load_cell_nonlinearity",
+    )
     return -1.0 if name in both and number % 2 else 1.0
 
 
@@ -263,7 +277,7 @@ def survey(
     out: dict[str, dict[str, list[float]]] = {"none": {a: [base[a, load] for load in loads_asked] for a in ALLOYS}}
     found: dict[tuple[str, str, float], list[float]] = {}
     for case, error in zip(asked, errors[len(none) :]):
-        (name, value), = case.hidden.items()  # fmt: skip
+        ((name, value),) = case.hidden.items()
         key = (name, case.alloy, round(abs(value) / UNITS[name][ALLOYS.index(case.alloy)], 6))
         found.setdefault(key, []).append(error / base[case.alloy, case.load])
     for name in names:

@@ -67,13 +67,24 @@ def judge(case: Case, models: str, leave_out: bool) -> dict:
         if case.kind in ("single", "pair") and possible == set(case.hidden) and not leave_out:
             best = _traced(*words[:-1], str(folder / "best"), "--only", *case.hidden)["error_after_pct_stroke"]
     return {
-        "case": case.name, "kind": case.kind, "alloy": case.alloy, "load": case.load, "hidden": case.hidden,
-        "ambient_logged": case.ambient_logged, "verdict": report["verdict"], "effects": [e["name"] for e in report["effects"]],
-        "alternatives": [a["name"] for a in report["alternatives"]], "untestable": [u["name"] for u in report["untestable"]],
-        "before": report["error_before_pct_stroke"], "after": report["error_after_pct_stroke"], "best": best,
-        "floor": report["floor_pct_stroke"], "explained": report["excess_explained"], "loss": report["loss_after_over_calibration"],
+        "case": case.name,
+        "kind": case.kind,
+        "alloy": case.alloy,
+        "load": case.load,
+        "hidden": case.hidden,
+        "ambient_logged": case.ambient_logged,
+        "verdict": report["verdict"],
+        "effects": [e["name"] for e in report["effects"]],
+        "alternatives": [a["name"] for a in report["alternatives"]],
+        "untestable": [u["name"] for u in report["untestable"]],
+        "before": report["error_before_pct_stroke"],
+        "after": report["error_after_pct_stroke"],
+        "best": best,
+        "floor": report["floor_pct_stroke"],
+        "explained": report["excess_explained"],
+        "loss": report["loss_after_over_calibration"],
         "best_names": [n for r in report["race"][-1:] for t in r["trials"][:1] for n in t["effects"]],
-    }  # fmt: skip
+    }
 
 
 def main() -> int:
@@ -109,8 +120,11 @@ def main() -> int:
 
 def show(console: Console, answers: list[dict], leave_out: bool = False) -> None:
     """Confusion matrix, rates against the aims, errors before, after and at best."""
-    none = {(a, load): [x["before"] for x in answers if x["kind"] == "none" and x["alloy"] == a and x["load"] == load]
-            for a in ALLOYS for load in LOADS}  # fmt: skip
+    none = {
+        (a, load): [x["before"] for x in answers if x["kind"] == "none" and x["alloy"] == a and x["load"] == load]
+        for a in ALLOYS
+        for load in LOADS
+    }
     everything = [e for es in none.values() for e in es]
 
     def ratio(x):
@@ -177,9 +191,11 @@ def show(console: Console, answers: list[dict], leave_out: bool = False) -> None
         if some:
             best = [x["best"] for x in some if x["best"] is not None]
             table.add_row(
-                kind, str(len(some)), *(f"{np.mean([x[w] for x in some]):.2f}" for w in ("before", "after")),
+                kind,
+                str(len(some)),
+                *(f"{np.mean([x[w] for x in some]):.2f}" for w in ("before", "after")),
                 f"{np.mean(best):.2f}" if best else "",
-            )  # fmt: skip
+            )
     console.print(table)
     for x in both + foreign:
         console.print(

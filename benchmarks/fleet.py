@@ -58,9 +58,12 @@ def main() -> int:
         timed("one after the other")
     with joblib.parallel_config("loky", n_jobs=args.workers):
         timed(f"{args.workers} processes")
-    with LocalCluster(n_workers=args.workers, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster):
-        with joblib.parallel_config("dask"):
-            timed(f"Dask cluster of {args.workers} workers")
+    with (
+        LocalCluster(n_workers=args.workers, threads_per_worker=1, dashboard_address=None) as cluster,
+        Client(cluster),
+        joblib.parallel_config("dask"),
+    ):
+        timed(f"Dask cluster of {args.workers} workers")
     for name, seconds in took.items():
         console.print(
             f"{len(wires)} wires, {name}: {seconds:.1f} s ({took['one after the other'] / seconds:.2f} × the first)"

@@ -131,13 +131,22 @@ def main() -> int:
             thesis, thesis_constant = THESIS[variant]
             for i, load in enumerate(ROWS):
                 table.add_row(
-                    variant, load, f"{rows[i][0]:.2f}", f"{thesis[i]:.2f}", f"{rows[i][1]:.0%}", f"{rows[i][2]:.2f}",
-                    f"{constant[i][0]:.2f}", f"{thesis_constant[i]:.2f}" if thesis_constant else "",
-                )  # fmt: skip
+                    variant,
+                    load,
+                    f"{rows[i][0]:.2f}",
+                    f"{thesis[i]:.2f}",
+                    f"{rows[i][1]:.0%}",
+                    f"{rows[i][2]:.2f}",
+                    f"{constant[i][0]:.2f}",
+                    f"{thesis_constant[i]:.2f}" if thesis_constant else "",
+                )
                 numbers[f"{variant} {load}"] = {
-                    "working": rows[i][0], "share": rows[i][1], "full": rows[i][2],
-                    "constant": constant[i][0], "thesis": thesis[i],
-                }  # fmt: skip
+                    "working": rows[i][0],
+                    "share": rows[i][1],
+                    "full": rows[i][2],
+                    "constant": constant[i][0],
+                    "thesis": thesis[i],
+                }
             table.add_section()
         console.print(table)
         if wire == "flexinol":

@@ -57,6 +57,7 @@ class Output:
     setpoint_m: float  #: what the controller was asked for, NaN where nothing
     tare_N: float = 0.0  #: load that counts as zero
     events: tuple[str, ...] = ()  #: what was asked, changed or went wrong since the step before
+    reading: Reading | None = None  #: as it came from the DAQ, None where nothing came
 
 
 class Actuator:
@@ -274,7 +275,7 @@ class Actuator:
             _log.exception("the control step failed")
             self._latch(unhandled_exception, f"{type(error).__name__}: {error}")
             self._told = Command(0.0, False)
-            return self._output({}, set(), nan)
+            return self._output({}, set(), nan, reading)
 
     def _step(self, now_s: float, raw: Reading | None, supply: SupplyState | None) -> Output:
         supervisor, config = self._supervisor, self._config
@@ -327,9 +328,11 @@ class Actuator:
             self._switch_off()
         self._told = command
         self._show_events(now_s, faults)
-        return self._output(faults, limits, setpoint_m)
+        return self._output(faults, limits, setpoint_m, raw)
 
-    def _output(self, faults: dict[Fault, str], limits: set[Limit], setpoint_m: float) -> Output:
+    def _output(
+        self, faults: dict[Fault, str], limits: set[Limit], setpoint_m: float, reading: Reading | None
+    ) -> Output:
         """What this step has to say, with what has changed since the one before."""
         latched = self._supervisor.latched
         if latched is not self._latched_told and latched is not None:
@@ -337,7 +340,7 @@ class Actuator:
         self._latched_told = latched
         changes, self._changes = tuple(self._changes), []
         status = self._status(faults, limits)
-        return Output(self._signals, self._estimate, self._told, status, setpoint_m, self._tare_N, changes)
+        return Output(self._signals, self._estimate, self._told, status, setpoint_m, self._tare_N, changes, reading)
 
     def _sense(self, reading: Reading) -> None:
         """Signals and estimate of a usable reading."""

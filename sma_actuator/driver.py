@@ -420,7 +420,7 @@ class Driver:
     def _account_end(self, deadline_s: float, now_s: float) -> None:
         self._busy_s[self._steps % _STATISTICS_WINDOW] = now_s - deadline_s
         self._steps += 1
-        start_s, number = self._schedule
+        start_s, number = self._schedule or (now_s, 0)
         missed = max(0, math.floor((now_s - start_s) / self._period_s + 1e-9) - number)
         # Missed deadlines are skipped, not caught up with: old readings help nobody.
         self._schedule = (start_s, number + 1 + missed)

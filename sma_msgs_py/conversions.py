@@ -7,6 +7,7 @@ Positions in m (extension is positive), velocities in m/s, tension and load in N
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
@@ -31,9 +32,10 @@ def joint_state_message(joint_name: str, estimate: Estimate, signals: Signals, s
 
 def position_velocity_tension_from(message: JointState) -> tuple[float, float, float]:
     """Position [m], velocity [m/s] and tension [N] of the only joint; NaN where it has none."""
-    return tuple(
+    position, velocity, effort = (
         values[0] if len(values) else math.nan for values in (message.position, message.velocity, message.effort)
     )
+    return position, velocity, effort
 
 
 def reference_message(joint_name: str, signals: Signals, stamp: Time) -> JointState:
@@ -41,6 +43,22 @@ def reference_message(joint_name: str, signals: Signals, stamp: Time) -> JointSt
     message = JointState(name=[joint_name], position=[signals.reference_displacement_m])
     message.header.stamp = stamp
     return message
+
+
+def signals_message(values: Mapping[str, float], happened: str, stamp: Time) -> JointState:
+    """Named values, whatever they are: ``name[i]`` has the value ``position[i]``.
+
+    ``happened`` says what changed before; it goes where a message of joints names a frame, which these have not.
+    """
+    message = JointState(name=list(values), position=list(map(float, values.values())))
+    message.header.stamp = stamp
+    message.header.frame_id = happened
+    return message
+
+
+def signals_from(message: JointState) -> dict[str, float]:
+    """The named values of :func:`signals_message`."""
+    return dict(zip(message.name, message.position, strict=True))
 
 
 def load_message(frame_id: str, signals: Signals, stamp: Time) -> WrenchStamped:

@@ -342,6 +342,22 @@ def test_a_slip_does_not_unhappen_when_the_estimator_starts_anew_or_the_load_is_
     assert differ_m(current[third + 2 : third + 4]) == pytest.approx(3e-4)
 
 
+def test_a_live_ambient_temperature_arrives_in_the_effects(rig, make_config):
+    """Nothing measures the surroundings: what is set while the wire is driven counts from the next reading on."""
+    effects = {"ambient_temperature": {"temperature_coefficient": 1e-3, "fading": 1e6}}
+    old = Config.from_mapping(make_config(effects=effects))
+    new = old.replace({"thermal.ambient_temperature": 60.0})
+    seen = []
+    rig.reading_of = lambda reading: seen.append(reading) or reading
+    rig.run(0.5)
+    readings = [replace(r, supply_voltage_V=0.3, reference_voltage_V=0.05) for r in seen]  # bias, through 5 Ω
+    told, born, stale = Actuator(old), Actuator(new), Actuator(old)
+    told.update(new)
+    estimates_m = [[a.step(r.time_s, r, None).estimate.displacement_m for r in readings] for a in (told, born, stale)]
+    assert estimates_m[0] == estimates_m[1]
+    assert abs(estimates_m[0][-1] - estimates_m[2][-1]) > 1e-4
+
+
 def test_clearing_without_a_fault_says_so(rig):
     assert rig.actuator.clear_fault(rig.now_s) == (True, "there is no fault to clear")
 

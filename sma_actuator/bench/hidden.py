@@ -8,19 +8,19 @@ effect is; time constants and phases are drawn from the bench's seed.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import exp, log, pi, sin
+from math import exp, pi, sin, sqrt
 from zlib import crc32
 
 import numpy as np
 
 from sma_actuator.base.jit import jit
 from sma_actuator.plant import physics
-from sma_actuator.plant.worlds import HOME
+from sma_actuator.plant.worlds import HOME, IN_TRAINING
 
 from .bench import RING, STEP_S, Setup, VirtualBench
 
 CHUNK = 10  #: samples over which what an effect does to the physics holds
-I, U, F, X, AMBIENT = range(5)  # columns of the ring
+CURRENT, VOLTAGE, LOAD, POSITION, AMBIENT = range(5)  # columns of the ring
 
 
 @jit
@@ -119,7 +119,7 @@ class VoltageOffset(Hidden):
     unit, where = "V", "circuit"
 
     def read(self, rows, time_s):
-        rows[:, U] += self.strength
+        rows[:, VOLTAGE] += self.strength
 
 
 class ReferenceSelfHeating(Hidden):
@@ -136,9 +136,9 @@ class ReferenceSelfHeating(Hidden):
 
     def read(self, rows, time_s):
         rise = 1.0 + self.strength * self.power_W
-        power_W = float(np.mean(rows[:, I] ** 2)) * self.bench.setup.chain.reference_resistance_Ohm * rise
+        power_W = float(np.mean(rows[:, CURRENT] ** 2)) * self.bench.setup.chain.reference_resistance_Ohm * rise
         self.power_W += (1.0 - exp(-len(rows) * STEP_S / self.tau_s)) * (power_W - self.power_W)
-        rows[:, I] *= rise
+        rows[:, CURRENT] *= rise
 
 
 class Shunt(Hidden):
@@ -162,7 +162,7 @@ class LoadCellDrift(Hidden):
         self.first = rng.uniform(0.3, 0.7)
 
     def read(self, rows, time_s):
-        rows[:, F] += self.strength * (self.first + (1.0 - self.first) * time_s / self.bench.session_s)
+        rows[:, LOAD] += self.strength * (self.first + (1.0 - self.first) * time_s / self.bench.session_s)
 
 
 class LoadCellGain(Hidden):
@@ -171,7 +171,7 @@ class LoadCellGain(Hidden):
     unit, where = "1", "load cell"
 
     def read(self, rows, time_s):
-        rows[:, F] *= 1.0 + self.strength
+        rows[:, LOAD] *= 1.0 + self.strength
 
 
 # --- wire ----------------------------------------------------------------------------------------
@@ -223,11 +223,11 @@ class ElasticCompliance(Hidden):
         inputs[physics.FORCE] -= inputs[physics.STIFFNESS] * inputs[physics.SPRING_AT]
 
     def read(self, rows, time_s):
-        rows[:, X] += self.strength * rows[:, F]
+        rows[:, POSITION] += self.strength * rows[:, LOAD]
 
 
 class Fatigue(Hidden):
-    """Every cycle leaves some strain and some defects: length and resistivity grow with the logarithm of the cycles."""
+    """Every cycle leaves some strain and some defects: with the square root of the cycles the hot end of the stroke moves by the strength, the cold one by less, and resistivity grows."""
 
     unit, where = "m", "wire"
 
@@ -237,17 +237,20 @@ class Fatigue(Hidden):
 
     def stretch_m(self, state, time_s, step_s):
         martensite = state[physics.MARTENSITE]
-        if martensite < 0.4:
+        c = self.bench.constants
+        if martensite < physics.HOT_BELOW:
             self.hot = True
-        elif martensite > 0.6 and self.hot:
+        elif martensite > physics.COLD_ABOVE and self.hot:
             self.hot = False
             self.cycles += 1
-            c, now_m = self.bench.constants, self.strength * log(self.cycles)
+            now_m = self.strength * (sqrt(self.cycles) - 1.0)
             strain = (now_m - self.worn_m) / c.length_m
             self.worn_m = now_m
             more = 1.0 + self.scatter * strain
             self.bench.constants = c._replace(rho_m=c.rho_m * more, rho_a=c.rho_a * more, rho_r=c.rho_r * more)
-        return self.worn_m
+        # As on the measured wire: what is left in place while it is martensite is less (see IN_TRAINING).
+        parts = physics.strain_parts(c, martensite, state[physics.R_SHARE], c.reference_C)
+        return self.worn_m * (1.0 - (1.0 - IN_TRAINING.cold_share) * parts.transformation / c.strain_m)
 
 
 class Creep(Hidden):
@@ -331,8 +334,8 @@ class Backlash(Hidden):
         self.at_m = float("nan")
 
     def read(self, rows, time_s):
-        start = rows[0, X] if self.at_m != self.at_m else self.at_m
-        self.at_m = _play(rows[:, X].copy(), start, abs(self.strength) / 2.0, rows[:, X])
+        start = rows[0, POSITION] if self.at_m != self.at_m else self.at_m
+        self.at_m = _play(rows[:, POSITION].copy(), start, abs(self.strength) / 2.0, rows[:, POSITION])
 
 
 # --- reference -----------------------------------------------------------------------------------
@@ -347,8 +350,8 @@ class ReferenceLag(Hidden):
         self.at_m = float("nan")
 
     def read(self, rows, time_s):
-        start = rows[0, X] if self.at_m != self.at_m else self.at_m
-        self.at_m = _lag(rows[:, X].copy(), start, 1.0 - exp(-STEP_S / self.strength), rows[:, X])
+        start = rows[0, POSITION] if self.at_m != self.at_m else self.at_m
+        self.at_m = _lag(rows[:, POSITION].copy(), start, 1.0 - exp(-STEP_S / self.strength), rows[:, POSITION])
 
 
 class ReferenceGain(Hidden):
@@ -357,7 +360,7 @@ class ReferenceGain(Hidden):
     unit, where = "1", "reference"
 
     def read(self, rows, time_s):
-        rows[:, X] *= 1.0 + self.strength
+        rows[:, POSITION] *= 1.0 + self.strength
 
 
 class ReferenceDrift(Hidden):
@@ -369,7 +372,7 @@ class ReferenceDrift(Hidden):
         self.power = rng.uniform(0.8, 1.3)
 
     def read(self, rows, time_s):
-        rows[:, X] += self.strength * (time_s / self.bench.session_s) ** self.power
+        rows[:, POSITION] += self.strength * (time_s / self.bench.session_s) ** self.power
 
 
 # --- what no model has a name for ------------------------------------------------------------------
@@ -398,7 +401,7 @@ class Hum(Hidden):
         self.period_s, self.phase = rng.uniform(3.0, 9.0), rng.uniform(0.0, 2.0 * pi)
 
     def read(self, rows, time_s):
-        rows[:, X] += self.strength * np.sin(2.0 * pi * time_s / self.period_s + self.phase)
+        rows[:, POSITION] += self.strength * np.sin(2.0 * pi * time_s / self.period_s + self.phase)
 
 
 class LvdtNonlinearity(Hidden):
@@ -410,7 +413,7 @@ class LvdtNonlinearity(Hidden):
         self.period_m, self.phase = rng.uniform(1.4e-3, 2.6e-3), rng.uniform(0.0, 2.0 * pi)
 
     def read(self, rows, time_s):
-        rows[:, X] += self.strength * np.sin(2.0 * pi * rows[:, X] / self.period_m + self.phase)
+        rows[:, POSITION] += self.strength * np.sin(2.0 * pi * rows[:, POSITION] / self.period_m + self.phase)
 
 
 class ContactBounce(Hidden):
@@ -434,8 +437,8 @@ class StickSlip(Hidden):
         self.at_m = float("nan")
 
     def read(self, rows, time_s):
-        start = rows[0, X] if self.at_m != self.at_m else self.at_m
-        self.at_m = _stick(rows[:, X].copy(), start, abs(self.strength), rows[:, X])
+        start = rows[0, POSITION] if self.at_m != self.at_m else self.at_m
+        self.at_m = _stick(rows[:, POSITION].copy(), start, abs(self.strength), rows[:, POSITION])
 
 
 class ThermoVoltage(Hidden):
@@ -449,7 +452,7 @@ class ThermoVoltage(Hidden):
     def read(self, rows, time_s):
         rise_K = self._rise_K(self.bench._state)
         self.rise_K += (1.0 - exp(-len(rows) * STEP_S / self.tau_s)) * (rise_K - self.rise_K)
-        rows[:, U] += self.strength * self.rise_K
+        rows[:, VOLTAGE] += self.strength * self.rise_K
 
 
 class ClockSkew(Hidden):
@@ -464,11 +467,11 @@ class ClockSkew(Hidden):
     def read(self, rows, time_s):
         keep = round(abs(self.strength) / STEP_S) + 2
         if not len(self.past):
-            self.past = np.full(keep, rows[0, X])
-        known = np.concatenate((self.past, rows[:, X]))
+            self.past = np.full(keep, rows[0, POSITION])
+        known = np.concatenate((self.past, rows[:, POSITION]))
         late_s = abs(self.strength) * 0.5 * (1.0 - np.cos(2.0 * pi * time_s / self.period_s + self.phase))
         at = np.arange(len(self.past), len(known)) - late_s / STEP_S
-        rows[:, X] = np.interp(at, np.arange(len(known)), known)
+        rows[:, POSITION] = np.interp(at, np.arange(len(known)), known)
         self.past = known[-keep:]
 
 
@@ -478,7 +481,7 @@ class LoadCellNonlinearity(Hidden):
     unit, where = "1/N", "load cell"
 
     def read(self, rows, time_s):
-        rows[:, F] += self.strength * rows[:, F] ** 2
+        rows[:, LOAD] += self.strength * rows[:, LOAD] ** 2
 
 
 class CrossTalk(Hidden):
@@ -490,7 +493,7 @@ class CrossTalk(Hidden):
         self.period_s, self.phase, self.duty = rng.uniform(5.0, 13.0), rng.uniform(), rng.uniform(0.3, 0.6)
 
     def read(self, rows, time_s):
-        rows[:, U] += self.strength * ((time_s / self.period_s + self.phase) % 1.0 < self.duty)
+        rows[:, VOLTAGE] += self.strength * ((time_s / self.period_s + self.phase) % 1.0 < self.duty)
 
 
 #: What a model might name, and, in their own dict, what it cannot.  The order is that in which they act.
@@ -594,7 +597,7 @@ class HiddenBench(VirtualBench):
             self._stretch_m = sum(each.stretch_m(self._state, self.time_s, n * STEP_S) for each in self.hidden)
             at = np.arange(self._row - n, self._row) % RING
             rows = self._ring[at]
-            rows[:, X] += before_m + (self._stretch_m - before_m) * np.arange(1, n + 1) / n
+            rows[:, POSITION] += before_m + (self._stretch_m - before_m) * np.arange(1, n + 1) / n
             time_s = np.arange(self.samples - n + 1, self.samples + 1) * STEP_S
             for each in self.hidden:
                 each.read(rows, time_s)

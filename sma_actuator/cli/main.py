@@ -29,6 +29,10 @@ COMMANDS = {
         "sma_actuator.diagnosis.forward",
         "fit power-to-displacement physics to a real bench and find what it lacks",
     ),
+    "loop": (
+        "sma_actuator.diagnosis.loop",
+        "fit and draw isobaric loops: strain against temperature, kinetics compared",
+    ),
 }
 
 

@@ -70,7 +70,7 @@ class Trajectory:
             raise ValueError(
                 f"trajectory: {len(times)} times but {len(positions)} positions; one position per time is wanted"
             )
-        for i, (time, position) in enumerate(zip(times, positions)):
+        for i, (time, position) in enumerate(zip(times, positions, strict=True)):
             if not math.isfinite(time):
                 raise ValueError(f"trajectory point {i}: its time, {time}, is not finite")
             if not math.isfinite(position):

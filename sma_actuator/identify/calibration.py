@@ -64,8 +64,8 @@ def calibration_of(traces: Sequence[Trace], config: Config, at_rest: bool = True
     )
     scatter_heating, scatter_cooling = (np.sqrt(m[0]) for m in _means(squares))
     heating, cooling = _means(total)
-    ambient = [t.signals.ambient_temperature_C for t in traces]
-    ambient = np.concatenate([np.atleast_1d(a)[np.isfinite(np.atleast_1d(a))] for a in ambient])
+    measured_C = [np.atleast_1d(t.signals.ambient_temperature_C) for t in traces]
+    ambient = np.concatenate([a[np.isfinite(a)] for a in measured_C])
     values: dict = {
         "error": float(np.mean(errors)),
         "largest_error": max(errors),

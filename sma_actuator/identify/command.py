@@ -85,9 +85,14 @@ def run(args: argparse.Namespace) -> int:
         logs = read_logs(args.logs, reading, console.print, lambda fraction: bar.update(task, completed=fraction))
         fitting = bar.add_task("fitting", total=1.0)
         result = identify(
-            logs, mapping, args.model, args.method, args.variant, args.order,
+            logs,
+            mapping,
+            args.model,
+            args.method,
+            args.variant,
+            args.order,
             lambda fraction: bar.update(fitting, completed=fraction),
-        )  # fmt: skip
+        )
         bar.update(fitting, completed=1.0)
     write_model(args.out, result)
     write_page(page, result)

@@ -17,7 +17,7 @@ from .calibration import calibration_of
 from .errors import LogError, log_errors
 from .fatigue import Fatigue, fit_fatigue
 from .fitters import FITTERS, METHODS, Asked, Fitter, Progress
-from .kinds import make_traces
+from .kinds import LEFT_OUT, make_traces
 from .normalised import as_one_wire
 from .ranges import MARGIN, check_width, shortest_seen_m
 from .traces import Trace
@@ -85,6 +85,11 @@ def identify(
         fatigue = fit_fatigue(fatigue_traces)
     if not any(t.kind == "partial" for t in traces):
         notes.append("no log of partial cycles: minor loops, and with them the transition, rest on full cycles alone")
+    notes += [
+        f"{t.name}: fitted on {t.cycle[-1]} of its {t.cycle[-1] + t.log.metadata[LEFT_OUT]} full cycles, which repeat each other"
+        for t in traces
+        if LEFT_OUT in t.log.metadata
+    ]
     return Identification(
         mapping=mapping,
         config=config,

@@ -41,17 +41,26 @@ def add_map_arguments(parser: argparse.ArgumentParser) -> argparse._ArgumentGrou
     """Declare the options that say which column of a table is which."""
     group = parser.add_argument_group("logs of other makers")
     group.add_argument(
-        "--map", action="append", default=[], metavar="OURS=THEIRS",
+        "--map",
+        action="append",
+        default=[],
+        metavar="OURS=THEIRS",
         help="which of their columns is which of ours, as resistance_Ohm=R, or a number for all rows, as load_N=0.49; may be repeated",
-    )  # fmt: skip
+    )
     group.add_argument(
-        "--unit", action="append", default=[], metavar="OURS=UNIT",
+        "--unit",
+        action="append",
+        default=[],
+        metavar="OURS=UNIT",
         help="unit of their column, as displacement_m=mm, or =-mm for a sensor that counts contraction; may be repeated",
-    )  # fmt: skip
+    )
     group.add_argument(
-        "--offset", action="append", default=[], metavar="OURS=NUMBER",
+        "--offset",
+        action="append",
+        default=[],
+        metavar="OURS=NUMBER",
         help="what is added to their column, in our unit, as displacement_m=0.0041; may be repeated",
-    )  # fmt: skip
+    )
     group.add_argument(
         "--map-file", type=Path, metavar="MAP.yaml", help="the same, written once: columns, units, offsets"
     )
@@ -61,9 +70,12 @@ def add_map_arguments(parser: argparse.ArgumentParser) -> argparse._ArgumentGrou
 def add_log_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options that say how logs are to be read."""
     add_map_arguments(parser).add_argument(
-        "--topic", action="append", default=[], metavar="COLUMN=/TOPIC:FIELD",
+        "--topic",
+        action="append",
+        default=[],
+        metavar="COLUMN=/TOPIC:FIELD",
         help="rosbag2 recordings: where a column is found; may be repeated",
-    )  # fmt: skip
+    )
 
 
 def columns_of(args: argparse.Namespace, known: tuple[str, ...]) -> ColumnMap:
@@ -193,4 +205,4 @@ def _counts_contraction(log: BenchLog) -> bool:
     if np.count_nonzero(good) < 20 or np.ptp(displacement_m[good]) == 0.0 or np.ptp(resistance[good]) == 0.0:
         return False
     rank = [np.argsort(np.argsort(values[good])) for values in (resistance, displacement_m)]
-    return float(np.corrcoef(*rank)[0, 1]) < -0.5
+    return float(np.corrcoef(np.array(rank))[0, 1]) < -0.5

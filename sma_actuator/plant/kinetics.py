@@ -16,7 +16,8 @@ austenite the fraction formed is ``v``; both fall from 1 to 0 as the temperature
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, pi, tanh
+from functools import lru_cache
+from math import cos, exp, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -140,11 +141,12 @@ class Measured:
     def quantiles_C(self, share: float) -> tuple[float, float]:
         """Temperatures at zero stress below which this share of martensite is left on heating, or has formed on cooling."""
         found = []
+        bands = self.bands()
         for row in (HEATING, COOLING):
             low_C, high_C = -300.0, 500.0
             for _ in range(60):
                 middle_C = 0.5 * (low_C + high_C)
-                if distribution(self.bands(), row, middle_C, 0.0) > share:
+                if distribution(bands, row, middle_C, 0.0) > share:
                     low_C = middle_C
                 else:
                     high_C = middle_C
@@ -190,6 +192,7 @@ def hardening_way(fraction: np.ndarray, n: float, m: float) -> np.ndarray:
     return 0.5 * (1.0 + fraction**n - (1.0 - fraction) ** m)
 
 
+@lru_cache(maxsize=8)
 def hardening_table(n: float, m: float) -> np.ndarray:
     """Fraction at equal steps from the cold end to the hot end; exponents within 0 (exclusive) to 1."""
     if not (0.0 < n <= 1.0 and 0.0 < m <= 1.0):
@@ -204,6 +207,7 @@ def hardening_table(n: float, m: float) -> np.ndarray:
     fraction = np.concatenate((knots, 1.0 - left))
     table = np.interp(np.linspace(1.0, 0.0, TABLE + 1), way, fraction)
     table[0], table[-1] = 1.0, 0.0  # not what is left of them after rounding
+    table.flags.writeable = False
     return table
 
 
@@ -220,7 +224,9 @@ def half_cosine(temperature_C, finish_C, start_C):
 @jit
 def logistic(temperature_C, centre_C, width_K):
     """1 far below the centre, 0 far above."""
-    return 0.5 * (1.0 - tanh(0.5 * (temperature_C - centre_C) / width_K))
+    over = (temperature_C - centre_C) / width_K
+    rest = exp(-abs(over))
+    return (rest if over > 0.0 else 1.0) / (1.0 + rest)
 
 
 @inlined
@@ -280,6 +286,22 @@ def _remember(memory, at, turns, way, left):
 
 
 @jit
+def _left_after(memory, at, turns, least, left, way):
+    """What is left to transform once ``way`` is left of the band, and how many turns are still remembered."""
+    if way <= 0.0:
+        return 0.0, 0
+    while turns > 0 and way <= memory[at + turns - 1]:
+        turns -= 1
+        least = float(memory[at + turns])
+        left = float(memory[at + DEPTH + turns])
+    end_way = float(memory[at + turns - 1]) if turns > 0 else 0.0
+    end = float(memory[at + DEPTH + turns - 1]) if turns > 0 else 0.0
+    if least > end_way:
+        left = end + (left - end) * (way - end_way) / (least - end_way)
+    return left, turns
+
+
+@jit
 def transform(memory, fraction, u, v, commit):
     """Fraction of the low-temperature phase after its driving coordinates became ``u`` and ``v``.
 
@@ -317,34 +339,58 @@ def transform(memory, fraction, u, v, commit):
         here, there = there, here
         turns, turns_there = turns_there, turns
         at = _HEATING_LIST if heating else _COOLING_LIST
-    if way <= 0.0:
-        left = 0.0
-        turns = 0
-        turns_there = 0
-    else:
-        while turns > 0 and way <= memory[at + turns - 1]:
-            turns -= 1
-            least = float(memory[at + turns])
-            left = float(memory[at + DEPTH + turns])
-            turns_there = max(turns_there - 1, 0)
-        end_way = float(memory[at + turns - 1]) if turns > 0 else 0.0
-        end = float(memory[at + DEPTH + turns - 1]) if turns > 0 else 0.0
-        if least > end_way:
-            left = end + (left - end) * (way - end_way) / (least - end_way)
+    left, still = _left_after(memory, at, turns, least, left, way)
     if commit:
         memory[DIRECTION] = 1.0 if heating else -1.0
         memory[LEAST] = way
         memory[OTHER] = max(other, back)
-        memory[here] = turns
-        memory[there] = turns_there
+        memory[here] = still
+        memory[there] = max(turns_there - (turns - still), 0) if way > 0.0 else 0
     return left if heating else 1.0 - left
 
 
 @inlined
 def martensite_after(family, bands, memory, fraction, temperature_C, stress_Pa, shift, commit):
     """Fraction of martensite after the wire came to a temperature and a stress; ``memory`` changes only if ``commit``."""
-    u = band_fraction(family, bands, HEATING, temperature_C - shift.heating_K, stress_Pa)
-    v = band_fraction(family, bands, COOLING, temperature_C - shift.cooling_K, stress_Pa)
+    heating = memory[DIRECTION] > 0.0
+    u = 0.0
+    v = 0.0
+    if heating or commit or family == SMOOTH_HARDENING:
+        u = band_fraction(family, bands, HEATING, temperature_C - shift.heating_K, stress_Pa)
+    if not heating or commit or family == SMOOTH_HARDENING:
+        v = band_fraction(family, bands, COOLING, temperature_C - shift.cooling_K, stress_Pa)
     if family == SMOOTH_HARDENING:
         return max(v, min(fraction, u))
+    if not commit:
+        way = u if heating else 1.0 - v
+        if way < memory[LEAST]:  # it goes on as it went: the other band has no say, and need not be known
+            at = _HEATING_LIST if heating else _COOLING_LIST
+            turns = int(memory[HEATING_TURNS if heating else COOLING_TURNS])
+            left = fraction if heating else 1.0 - fraction
+            left, _ = _left_after(memory, at, turns, float(memory[LEAST]), left, way)
+            return left if heating else 1.0 - left
+        if heating:
+            v = band_fraction(family, bands, COOLING, temperature_C - shift.cooling_K, stress_Pa)
+        else:
+            u = band_fraction(family, bands, HEATING, temperature_C - shift.heating_K, stress_Pa)
     return transform(memory, fraction, u, v, commit)
+
+
+@jit
+def follow(family, bands, temperature_C, stress_Pa, fraction):
+    """Fill ``fraction`` (n,) along temperatures and stresses (n,), from a wire that came from the hot end."""
+    memory = np.zeros(_MEMORY)
+    memory[DIRECTION] = 1.0
+    memory[OTHER] = 1.0
+    now = 0.0
+    shift = Shift(0.0, 0.0)
+    for i in range(len(temperature_C)):
+        now = martensite_after(family, bands, memory, now, temperature_C[i], stress_Pa[i], shift, True)
+        fraction[i] = now
+
+
+@jit
+def outer(family, bands, row, temperature_C, stress_Pa, fraction):
+    """Fill ``fraction`` (n,) with that of a band at temperatures (n,), under one stress."""
+    for i in range(len(temperature_C)):
+        fraction[i] = band_fraction(family, bands, row, temperature_C[i], stress_Pa)

@@ -51,8 +51,16 @@ from .materials import Wire
 ) = range(17)
 STATES = 17
 # Columns of the array of cells.
-CELL_ENTHALPY, CELL_TEMPERATURE, CELL_MARTENSITE, CELL_R_SHARE, CELL_LENGTH_SHARE, CELL_CONDUCTANCE_W_K = range(6)
-CELL_COLUMNS = 6
+(
+    CELL_ENTHALPY,
+    CELL_TEMPERATURE,
+    CELL_MARTENSITE,
+    CELL_R_SHARE,
+    CELL_LENGTH_SHARE,
+    CELL_CONDUCTANCE_W_K,
+    CELL_SLOPE_J_K,
+) = range(7)
+CELL_COLUMNS = 7
 # Indices of the inputs array.
 (
     CURRENT_SET,
@@ -137,7 +145,7 @@ class WireState(NamedTuple):
     """What changes in place while a wire runs, and the bands of its kinetics.
 
     Cells run from the clamps inwards: their share of the length, the conductance to the one before (of the first: to
-    the clamps), and their state, with the enthalpy the whole wire would have in it.
+    the clamps), and their state, with the enthalpy the whole wire would have in it, and how steeply it rose at last.
     """
 
     whole: np.ndarray  #: (:data:`STATES`,)
@@ -334,23 +342,29 @@ def _excess(x, bands, memory_m, memory_r, martensite, r_share, temperature_C, st
 
 
 @jit
-def temperature_for(x, bands, memory_m, memory_r, martensite, r_share, temperature_C, stress_Pa, shift, enthalpy_J):
-    """Temperature at which the wire, transforming as it must, holds ``enthalpy_J``."""
+def temperature_for(
+    x, bands, memory_m, memory_r, martensite, r_share, temperature_C, stress_Pa, shift, enthalpy_J, slope_J_K
+):
+    """Temperature at which the wire, transforming as it must, holds ``enthalpy_J``.
+
+    ``slope_J_K`` is how steeply the heat content is expected to rise: what it was in the step before saves half of the
+    tries, and the heat capacity, which it cannot be less than, is always a sound guess.
+    """
     capacity = x.heat_capacity_J_K
-    t1 = temperature_C + (enthalpy_J - enthalpy_of(x, martensite, r_share, temperature_C)) / capacity
+    t1 = temperature_C + (enthalpy_J - enthalpy_of(x, martensite, r_share, temperature_C)) / slope_J_K
     f1 = _excess(x, bands, memory_m, memory_r, martensite, r_share, t1, stress_Pa, shift, enthalpy_J)
     if abs(f1) <= 1e-9 * capacity:
         return t1
-    # Heat content rises with temperature: walk until the sign changes, then close in (Illinois).
-    t0 = t1
-    f0 = f1
+    t0 = t1 - f1 / slope_J_K
+    f0 = _excess(x, bands, memory_m, memory_r, martensite, r_share, t0, stress_Pa, shift, enthalpy_J)
+    # Walk until the sign changes, then close in (Illinois).
     for _ in range(40):
+        if f0 * f1 <= 0.0 or abs(f0) <= 1e-9 * capacity:
+            break
         t1 = t0
         f1 = f0
         t0 = t1 - f1 / capacity
         f0 = _excess(x, bands, memory_m, memory_r, martensite, r_share, t0, stress_Pa, shift, enthalpy_J)
-        if f0 * f1 <= 0.0:
-            break
     for _ in range(60):
         if abs(f0) <= 1e-9 * capacity:
             return t0
@@ -444,7 +458,11 @@ def _transform(x, bands, cells, memory_m, memory_r, stress_Pa, shift):
         r_share = cells[j, CELL_R_SHARE]
         before_C = cells[j, CELL_TEMPERATURE]
         enthalpy = cells[j, CELL_ENTHALPY]
-        t = temperature_for(x, bands, of_m, of_r, martensite, r_share, before_C, stress_Pa, shift, enthalpy)
+        slope = cells[j, CELL_SLOPE_J_K]
+        held = enthalpy_of(x, martensite, r_share, before_C)
+        t = temperature_for(x, bands, of_m, of_r, martensite, r_share, before_C, stress_Pa, shift, enthalpy, slope)
+        if abs(t - before_C) > 1e-9:
+            cells[j, CELL_SLOPE_J_K] = max((enthalpy - held) / (t - before_C), x.heat_capacity_J_K)
         cells[j, CELL_TEMPERATURE] = t
         cells[j, CELL_MARTENSITE] = martensite_at(x, bands, of_m, martensite, t, stress_Pa, shift, True)
         cells[j, CELL_R_SHARE] = r_share_at(x, bands, of_r, r_share, t, stress_Pa, shift, True)
@@ -571,6 +589,7 @@ def cold_state(
     cells, bands = state.cells, state.bands
     cells[:, CELL_LENGTH_SHARE], cells[:, CELL_CONDUCTANCE_W_K] = shares, conductances_W_K
     cells[:, CELL_TEMPERATURE] = ambient_C
+    cells[:, CELL_SLOPE_J_K] = c.transformation.heat_capacity_J_K
     for cell, memory_m, memory_r in zip(cells, state.memory_m, state.memory_r, strict=True):
         cell[CELL_MARTENSITE] = martensite_at(c.transformation, bands, memory_m, 0.0, ambient_C, stress_Pa, shift, True)
         cell[CELL_R_SHARE] = r_share_at(c.transformation, bands, memory_r, 0.0, ambient_C, stress_Pa, shift, True)

@@ -5,8 +5,27 @@ import sys
 
 import pytest
 
-from attack import hours
+from attack import hours, lines
 from attack.promises import Promises, read_table
+from attack.proxy import Mischief
+from attack.result import Result
+
+#: One mischief of each sort; the long attack does all of them, on both instruments.
+SPOILT = (
+    ("supply", Mischief("drop")),
+    ("supply", Mischief("garble")),
+    ("supply", Mischief("empty")),
+    ("supply", Mischief("trickle")),
+    ("supply", Mischief("refuse", "none")),
+    ("daq", Mischief("late", delay_s=0.7)),
+    ("daq", Mischief("trickle")),
+    ("daq", Mischief("extra")),
+    ("daq", Mischief("flood")),
+)
+
+
+def _unbroken(result: Result) -> None:
+    assert result.violations == [], result.verdict()
 
 
 class TestTheJudge:
@@ -45,8 +64,22 @@ def _let_current_flow(bench, current_A):
     bench.supply.set_output(True)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_virtual_minutes_of_faults_break_no_promise(seed):
+    result = hours.Session(seed, seconds=180.0).run()
+    assert result.counts["faults"] + result.counts["switched off"] + result.counts["restarts"] >= 3
+    _unbroken(result)
+
+
+@pytest.mark.timeout(240)
+def test_spoilt_lines_break_no_promise():
+    result = lines.attack(1, SPOILT)
+    assert result.counts["lines spoilt"] == len(SPOILT)
+    _unbroken(result)
+
+
 @pytest.mark.timeout(180)
-@pytest.mark.parametrize(("what", "how_many"), [("kills", ("--count", "3"))])
+@pytest.mark.parametrize(("what", "how_many"), (("kills", ("--count", "3")), ("fuzz", ("--messages", "10000"))))
 def test_kills_and_odd_messages_break_no_promise(what, how_many):
     pytest.importorskip("rclpy")
     run = subprocess.run(

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from math import inf, nan
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -156,9 +157,12 @@ def test_numbers_do_not_depend_on_numba(name, changes, resistance_Ohm):
     mapping["model"] = {**mapping["model"], **changes}
     plain = subprocess.run(
         [sys.executable, "-c", _WITHOUT_NUMBA, json.dumps(mapping), str(resistance_Ohm)],
-        env={**os.environ, "SMA_ACTUATOR_NO_JIT": "1", "PYTHONPATH": os.path.dirname(__file__)},
-        capture_output=True, text=True, check=True, timeout=60,
-    )  # fmt: skip
+        env={**os.environ, "SMA_ACTUATOR_NO_JIT": "1", "PYTHONPATH": str(Path(__file__).parent)},
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=60,
+    )
     compiled = Chain(Config.from_mapping(mapping)).run(signals(resistance_Ohm=resistance_Ohm)).displacement_m
     np.testing.assert_allclose(json.loads(plain.stdout), compiled, rtol=0, atol=1e-12)
 
@@ -264,6 +268,24 @@ def test_what_the_chain_drops_no_later_stage_sees(make_config, name):
     np.testing.assert_allclose(judged.displacement_m[~bad], without.displacement_m, rtol=1e-9)
     for i in range(len(bad)):
         np.testing.assert_equal(live.step(sample(spoilt, i))[1].displacement_m, judged.displacement_m[i])
+
+
+@pytest.mark.parametrize("name", ["creep", "contact_drift", "self_heating"])
+def test_a_clock_that_is_set_back_wrecks_no_memory(make_config, name):
+    """What is of the session outlasts a reset, so it must outlast a clock: nothing grows while time runs backwards."""
+    warm = {"temperature_coefficient": 5e-4, "onset": 10.0, "time_constant": 0.5}
+    config = Config.from_mapping(make_config(effects={name: {**LASTING, "self_heating": warm}[name]}))
+    arrays = signals()
+    set_back = np.where(np.arange(400) < 200, arrays.time_s, arrays.time_s - 500.0)
+
+    def taken_m(time_s):
+        """The most that the effect changes, against a chain without it."""
+        moved = dataclasses.replace(arrays, time_s=time_s)
+        found = Chain(config).run(moved)
+        assert (found.quality != Quality.INVALID).all()
+        return np.abs(found.displacement_m - Chain(config, {}).run(moved).displacement_m).max()
+
+    assert taken_m(set_back) < 2.0 * taken_m(arrays.time_s)
 
 
 # --- live parameters -----------------------------------------------------------------------------

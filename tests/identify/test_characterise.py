@@ -157,9 +157,35 @@ def test_the_same_characterisation_over_tcp(tmp_path):
         for name in ("supply", "daq"):
             mapping["instruments"][name]["resource"] = f"TCPIP::127.0.0.1::{ports[name]}::SOCKET"
         (tmp_path / "in.yaml").write_text(yaml.safe_dump({"sma_actuator": {"ros__parameters": mapping}}))
-        code = main(["characterise", "--config", str(tmp_path / "in.yaml"), "--unattended-bench", mapping["instruments"]["daq"]["resource"],
-                     "--out", str(tmp_path / "out"), "--loads", "0.6", "--pulses", "1", "--heat-time", "0.5", "--cool-time", "0.5",
-                     "--average", "0.2", "--masses", "20,100,200", "--skip", "partial", "--skip", "training", "--skip", "fatigue"])  # fmt: skip
+        code = main(
+            [
+                "characterise",
+                "--config",
+                str(tmp_path / "in.yaml"),
+                "--unattended-bench",
+                mapping["instruments"]["daq"]["resource"],
+                "--out",
+                str(tmp_path / "out"),
+                "--loads",
+                "0.6",
+                "--pulses",
+                "1",
+                "--heat-time",
+                "0.5",
+                "--cool-time",
+                "0.5",
+                "--average",
+                "0.2",
+                "--masses",
+                "20,100,200",
+                "--skip",
+                "partial",
+                "--skip",
+                "training",
+                "--skip",
+                "fatigue",
+            ]
+        )
     assert code == 0
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest["calibration"]["circuit.lead_resistance"] == pytest.approx(0.25, abs=0.01)

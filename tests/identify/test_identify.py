@@ -228,18 +228,55 @@ def in_other_ohms(log):
 @pytest.mark.parametrize(
     "logs, options, sentence",
     [
-        pytest.param(lambda f: f.only("_0.600N"), {}, "needs full cycles at 2 different loads; the logs hold 1", id="one load"),
-        pytest.param(lambda f: f.only("_0.600N", "_1.200N"), {"order": 2}, "needs full cycles at 3 different loads; the logs hold 2", id="two loads for a quadratic"),
+        pytest.param(
+            lambda f: f.only("_0.600N"), {}, "needs full cycles at 2 different loads; the logs hold 1", id="one load"
+        ),
+        pytest.param(
+            lambda f: f.only("_0.600N", "_1.200N"),
+            {"order": 2},
+            "needs full cycles at 3 different loads; the logs hold 2",
+            id="two loads for a quadratic",
+        ),
         pytest.param(lambda f: f.only("partial"), {}, "no log of full cycles at a constant load", id="no full cycles"),
-        pytest.param(lambda f: [without_cooling(log) for log in f.only("pulses")], {}, "no log of full cycles at a constant load .*and back", id="no cooling branch"),
-        pytest.param(lambda f: [saturated(log) for log in f.only("pulses")], {}, "line 52, column load_cell_voltage_V: the channel is saturated", id="saturated channel"),
-        pytest.param(lambda f: [of_another_wire(log) for log in f.only("pulses")], {}, "log of another wire: its length is 200 mm", id="another wire by its metadata"),
-        pytest.param(lambda f: [never_driven(log) for log in f.only("pulses")], {}, "was the wire never driven", id="never driven"),
-        pytest.param(lambda f: [in_other_ohms(log) for log in f.only("pulses")], {}, "is it the log of another wire", id="another wire by its resistance"),
-        pytest.param(lambda f: [without(log, "lvdt_current_A") for log in f.only("pulses")], {}, "nothing to compare", id="no displacement"),
+        pytest.param(
+            lambda f: [without_cooling(log) for log in f.only("pulses")],
+            {},
+            "no log of full cycles at a constant load .*and back",
+            id="no cooling branch",
+        ),
+        pytest.param(
+            lambda f: [saturated(log) for log in f.only("pulses")],
+            {},
+            "line 52, column load_cell_voltage_V: the channel is saturated",
+            id="saturated channel",
+        ),
+        pytest.param(
+            lambda f: [of_another_wire(log) for log in f.only("pulses")],
+            {},
+            "log of another wire: its length is 200 mm",
+            id="another wire by its metadata",
+        ),
+        pytest.param(
+            lambda f: [never_driven(log) for log in f.only("pulses")],
+            {},
+            "was the wire never driven",
+            id="never driven",
+        ),
+        pytest.param(
+            lambda f: [in_other_ohms(log) for log in f.only("pulses")],
+            {},
+            "is it the log of another wire",
+            id="another wire by its resistance",
+        ),
+        pytest.param(
+            lambda f: [without(log, "lvdt_current_A") for log in f.only("pulses")],
+            {},
+            "nothing to compare",
+            id="no displacement",
+        ),
         pytest.param(lambda f: [], {}, "no log to fit", id="no logs"),
     ],
-)  # fmt: skip
+)
 def test_logs_that_cannot_determine_the_answer_are_refused(flexinol, logs, options, sentence):
     with pytest.raises(BenchLogError, match=sentence):
         identify(logs(flexinol), flexinol.mapping, "flexinol", **options)
@@ -333,8 +370,22 @@ def test_lines_from_material_properties_go_through_their_corners_and_are_near_th
 def test_the_command_writes_a_file_that_the_node_accepts_and_a_page(flexinol, tmp_path):
     out = tmp_path / "model.yaml"
     paths = [str(p) for p in flexinol.paths]
-    code = main(["identify", *paths, "--config", str(flexinol.folder / "bench.yaml"), "--model", "flexinol",
-                 "--order", "2", "--out", str(out), "--json", str(tmp_path / "id.json")])  # fmt: skip
+    code = main(
+        [
+            "identify",
+            *paths,
+            "--config",
+            str(flexinol.folder / "bench.yaml"),
+            "--model",
+            "flexinol",
+            "--order",
+            "2",
+            "--out",
+            str(out),
+            "--json",
+            str(tmp_path / "id.json"),
+        ]
+    )
     assert code == 0
     config = Config.load(out)
     assert config.model_type == "flexinol" and config.wire.length == 0.1

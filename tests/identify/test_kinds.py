@@ -17,8 +17,22 @@ LOADS = ("0.300N", "0.600N", "1.200N", "2.000N")
 
 
 def model_of(flexinol, logs, out):
-    code = main(["identify", *map(str, logs), "--config", str(flexinol.folder / "bench.yaml"), "--model", "flexinol",
-                 "--order", "2", "--out", str(out), "--json", str(out.with_suffix(".json"))])  # fmt: skip
+    code = main(
+        [
+            "identify",
+            *map(str, logs),
+            "--config",
+            str(flexinol.folder / "bench.yaml"),
+            "--model",
+            "flexinol",
+            "--order",
+            "2",
+            "--out",
+            str(out),
+            "--json",
+            str(out.with_suffix(".json")),
+        ]
+    )
     assert code == 0
     found = json.loads(out.with_suffix(".json").read_text())
     assert not any("no log of partial cycles" in note for note in found["notes"])
@@ -71,6 +85,15 @@ def test_one_log_of_everything_gives_nearly_the_same_model(flexinol, labelled, t
         stress_Pa = np.array([16e6, 60e6, 110e6])
         ours, theirs = (np.polynomial.polynomial.polyval(stress_Pa, m[name]) for m in (model, labelled))
         np.testing.assert_allclose(ours, theirs, rtol=0.03)
+
+
+def test_of_many_full_cycles_some_are_fitted_and_that_is_said(flexinol, labelled, tmp_path, capsys):
+    for load in LOADS:
+        write_bench_log(tmp_path / f"{load}.csv", together(flexinol, [f"pulses_{load}"] * 6))
+    logs = [*tmp_path.glob("*.csv"), *flexinol.folder.glob("partial_*.csv")]
+    model = model_of(flexinol, logs, tmp_path / "model.yaml")
+    assert "0.600N.csv: fitted on 8 of its 12 full cycles" in capsys.readouterr().err
+    assert model["displacement_range"] == pytest.approx(labelled["displacement_range"], abs=2e-5)
 
 
 def test_partial_cycles_that_start_cold_are_not_taken_for_full_ones(flexinol):

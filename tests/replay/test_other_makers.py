@@ -103,8 +103,12 @@ ELECTRICAL = {
 
 @pytest.mark.parametrize("columns", ELECTRICAL.values(), ids=ELECTRICAL)
 def test_resistance_and_current_come_as_they_were_measured(signals, model_file, ours, tmp_path, columns):
-    columns = {"time_s": signals.time_s, **columns(signals), "load_N": signals.load_N,
-               "displacement_mm": 1e3 * signals.reference_displacement_m}  # fmt: skip
+    columns = {
+        "time_s": signals.time_s,
+        **columns(signals),
+        "load_N": signals.load_N,
+        "displacement_mm": 1e3 * signals.reference_displacement_m,
+    }
     log = write_csv(tmp_path / "lab.csv", columns)
     assert errors(log, model_file, tmp_path) == pytest.approx(ours, rel=1e-5)
 
@@ -172,8 +176,13 @@ def test_a_package_that_is_missing_is_named_with_its_extra(model_file, tmp_path,
 def test_contraction_is_recognised_said_and_turned_round(signals, model_file, ours, tmp_path, capsys):
     s = signals
     zero_m = float(s.reference_displacement_m.max())
-    columns = {"time_s": s.time_s, "resistance_Ohm": s.resistance_Ohm, "current_A": s.current_A, "load_N": s.load_N,
-               "displacement_mm": 1e3 * (zero_m - s.reference_displacement_m)}  # fmt: skip
+    columns = {
+        "time_s": s.time_s,
+        "resistance_Ohm": s.resistance_Ohm,
+        "current_A": s.current_A,
+        "load_N": s.load_N,
+        "displacement_mm": 1e3 * (zero_m - s.reference_displacement_m),
+    }
     log = write_csv(tmp_path / "lab.csv", columns)
     assert main(["replay", str(log), "--config", str(model_file)]) == 0
     said = capsys.readouterr().err
@@ -198,16 +207,38 @@ def test_a_folder_and_a_pattern_are_their_logs(flexinol, model_file, tmp_path, c
 @pytest.mark.parametrize(
     ("columns", "words", "sentence"),
     [
-        pytest.param({"t": 0, "R": 1, "I": 2, "F1": 3, "x": 4}, [], "perhaps: --map 'time_s=t' --map 'resistance_Ohm=R' --map 'current_A=I'", id="a question with a proposal"),
-        pytest.param({"time": 0, "R": 1, "I": 2, "load": 3, "pos a": 4, "pos b": 5}, [], "--map 'displacement_m=pos a' (or 'pos b')", id="two that may be it"),
+        pytest.param(
+            {"t": 0, "R": 1, "I": 2, "F1": 3, "x": 4},
+            [],
+            "perhaps: --map 'time_s=t' --map 'resistance_Ohm=R' --map 'current_A=I'",
+            id="a question with a proposal",
+        ),
+        pytest.param(
+            {"time": 0, "R": 1, "I": 2, "load": 3, "pos a": 4, "pos b": 5},
+            [],
+            "--map 'displacement_m=pos a' (or 'pos b')",
+            id="two that may be it",
+        ),
         pytest.param({"time_s": 0, "time_ms": 0}, [], "both 'time_s' and 'time_ms' may be time_s", id="the same twice"),
-        pytest.param({"t": 0, "Pos (mm)": 4}, ["--map", "displacement_m=Pos (mm)", "--unit", "displacement_m=m"], "--unit displacement_m=m, but 'Pos (mm)' says mm", id="unit and name contradict"),
+        pytest.param(
+            {"t": 0, "Pos (mm)": 4},
+            ["--map", "displacement_m=Pos (mm)", "--unit", "displacement_m=m"],
+            "--unit displacement_m=m, but 'Pos (mm)' says mm",
+            id="unit and name contradict",
+        ),
         pytest.param({"a": 0}, ["--map", "time_s=b"], "no column 'b' (--map time_s=b); found a", id="no such column"),
-        pytest.param({"a": 0}, ["--map", "force_N=a"], "'force_N' is no column here; known are time_s", id="no column of ours"),
+        pytest.param(
+            {"a": 0}, ["--map", "force_N=a"], "'force_N' is no column here; known are time_s", id="no column of ours"
+        ),
         pytest.param({"a": 0}, ["--unit", "load_N=mm"], "unit of load_N: 'mm' is not one of N", id="no such unit"),
-        pytest.param({"time_s": 0, "supply_voltage_V": 1, "current_A": 2, "load_N": 3}, [], "name the voltage wire_voltage_V if it is that over the wire alone", id="which voltage"),
+        pytest.param(
+            {"time_s": 0, "supply_voltage_V": 1, "current_A": 2, "load_N": 3},
+            [],
+            "name the voltage wire_voltage_V if it is that over the wire alone",
+            id="which voltage",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_is_not_certain_is_asked_and_not_guessed(model_file, tmp_path, capsys, columns, words, sentence):
     rows = {name: np.arange(100) * 0.05 + 0.01 * i for name, i in columns.items()}
     log = write_csv(tmp_path / "lab.csv", rows)

@@ -117,8 +117,23 @@ def test_a_recording_in_many_files_is_one(model_file, tmp_path, capsys):
 
 def test_a_recording_has_its_part_in_a_model_beside_pulses(recording, flexinol, tmp_path, capsys):
     pulses = str(flexinol.folder / "pulses_*.csv")
-    code = main(["identify", str(recording), pulses, "--config", str(flexinol.folder / "bench.yaml"), "--model", "flexinol",
-                 "--order", "2", "--out", str(tmp_path / "model.yaml"), "--json", str(tmp_path / "i.json")])  # fmt: skip
+    code = main(
+        [
+            "identify",
+            str(recording),
+            pulses,
+            "--config",
+            str(flexinol.folder / "bench.yaml"),
+            "--model",
+            "flexinol",
+            "--order",
+            "2",
+            "--out",
+            str(tmp_path / "model.yaml"),
+            "--json",
+            str(tmp_path / "i.json"),
+        ]
+    )
     assert code == 0, capsys.readouterr().err
     found = json.loads((tmp_path / "i.json").read_text())
     assert max(e["working_percent"] for e in found["errors"]) < 3.0

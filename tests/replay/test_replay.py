@@ -128,8 +128,18 @@ def test_missing_readings_are_bridged_and_not_judged(flexinol, model):
 def test_the_command_replays_and_reports(flexinol, model, tmp_path, capsys):
     write_model(tmp_path / "model.yaml", model)
     log = str(flexinol.folder / "partial_0.600N.csv")
-    code = main(["replay", log, "--config", str(tmp_path / "model.yaml"), "--json", str(tmp_path / "e.json"),
-                 "--report", str(tmp_path / "r.html")])  # fmt: skip
+    code = main(
+        [
+            "replay",
+            log,
+            "--config",
+            str(tmp_path / "model.yaml"),
+            "--json",
+            str(tmp_path / "e.json"),
+            "--report",
+            str(tmp_path / "r.html"),
+        ]
+    )
     assert code == 0
     rows = json.loads((tmp_path / "e.json").read_text())
     assert rows[0]["model"] == "flexinol" and rows[0]["working_percent"] < 2.0
@@ -218,8 +228,19 @@ def test_a_recording_is_replayed_and_saved_by_the_command(readings, model, tmp_p
     bag = record(tmp_path / "bag", readings, mcap=True)
     write_model(tmp_path / "model.yaml", model)
     words = [f"--topic={column}={spec}" for column, spec in TOPICS.items()]
-    code = main(["replay", str(bag), "--config", str(tmp_path / "model.yaml"), *words, "--save-log", str(tmp_path / "log.csv"),
-                 "--json", str(tmp_path / "e.json")])  # fmt: skip
+    code = main(
+        [
+            "replay",
+            str(bag),
+            "--config",
+            str(tmp_path / "model.yaml"),
+            *words,
+            "--save-log",
+            str(tmp_path / "log.csv"),
+            "--json",
+            str(tmp_path / "e.json"),
+        ]
+    )
     assert code == 0
     assert len(read_bench_log(tmp_path / "log.csv")) == len(readings)
     assert json.loads((tmp_path / "e.json").read_text())[0]["working_percent"] < 2.0
@@ -235,7 +256,7 @@ def test_a_recording_is_replayed_and_saved_by_the_command(readings, model, tmp_p
         ({**TOPICS, "load_N": "/load:wrench.forces.x"}, "no field wrench.forces.x"),
         ({**TOPICS, "load_N": "/load:wrench"}, "field wrench is not a number"),
         ({**TOPICS, "load_N": "load"}, "does not name a topic and a field"),
-        ({}, "name a topic for every column"),
+        ({}, "no node's ~/signals is recorded .recorded are /joint_states.*name a topic for every column"),
     ],
     ids=["no such topic", "no such field", "not a number", "no field", "no topics"],
 )
@@ -245,10 +266,19 @@ def test_a_recording_that_lacks_what_was_named_is_refused(readings, tmp_path, to
         log_from_bag(bag, topics)
 
 
-def test_a_file_that_is_no_recording_is_refused(tmp_path):
+_MCAP = b"\x89MCAP0\r\n"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"not a recording", _MCAP, _MCAP + bytes(range(256)) * 40 + _MCAP, b"SQLite format 3\0" + bytes(5000)],
+    ids=["empty", "text", "magic alone", "junk between magic", "half a database"],
+)
+@pytest.mark.parametrize("ending", ["mcap", "db3"])
+def test_a_file_that_is_no_recording_is_refused(tmp_path, content, ending):
     pytest.importorskip("rosbags")
-    path = tmp_path / "a.mcap"
-    path.write_bytes(b"not a recording")
+    path = tmp_path / f"a.{ending}"
+    path.write_bytes(content)
     with warnings.catch_warnings(), pytest.raises(BenchLogError, match="no readable rosbag2 recording"):
         warnings.simplefilter("ignore")
         log_from_bag(path, TOPICS)

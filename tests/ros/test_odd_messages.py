@@ -287,7 +287,7 @@ class TestFlood:
                 flood.stdout.close()
 
     def test_off_goes_before_four_publishers_that_flood(self, flooded, client):
-        bench, node = flooded
+        bench, _node = flooded
         took_s = []
         for _ in range(5):
             client.spin_until(lambda: _enable(client).success, what="enabling")

@@ -34,9 +34,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, required=True, metavar="DIR", help="folder for forward.yaml, report.json and report.html"
     )
     parser.add_argument(
-        "--judge", nargs="+", type=Path, default=[], metavar="RUN.csv",
+        "--judge",
+        nargs="+",
+        type=Path,
+        default=[],
+        metavar="RUN.csv",
         help="runs to judge on, which have no part in choice and fit (default: each in turn, chosen and fitted on the others)",
-    )  # fmt: skip
+    )
     add_map_arguments(parser)
     add_output_arguments(parser, "the report")
     parser.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), help="processes (default %(default)s)")
@@ -113,15 +117,23 @@ def _table(found: Tracing) -> Table:
         table.add_column(header, justify="left" if header.startswith(("judged", "chosen w")) else "right")
     for r, j, before, after in zip(found.judged, found.by_run, found.before_m, found.after_m, strict=True):
         table.add_row(
-            r.name, f"{1e3 * before:.3f}", f"{1e3 * after:.3f}", f"{100 * before / r.stroke_m:.2f}", f"{100 * after / r.stroke_m:.2f}",
+            r.name,
+            f"{1e3 * before:.3f}",
+            f"{1e3 * after:.3f}",
+            f"{100 * before / r.stroke_m:.2f}",
+            f"{100 * after / r.stroke_m:.2f}",
             " + ".join(j.choice.winner.names) or "none",
-        )  # fmt: skip
+        )
     if len(found.judged) > 1:
-        before, after = np.array(found.before_m), np.array(found.after_m)
+        plain_m, chosen_m = np.array(found.before_m), np.array(found.after_m)
         strokes_m = np.array([r.stroke_m for r in found.judged])
         table.add_section()
         table.add_row(
-            "mean", f"{1e3 * before.mean():.3f}", f"{1e3 * after.mean():.3f}", f"{100 * (before / strokes_m).mean():.2f}",
-            f"{100 * (after / strokes_m).mean():.2f}", "",
-        )  # fmt: skip
+            "mean",
+            f"{1e3 * plain_m.mean():.3f}",
+            f"{1e3 * chosen_m.mean():.3f}",
+            f"{100 * (plain_m / strokes_m).mean():.2f}",
+            f"{100 * (chosen_m / strokes_m).mean():.2f}",
+            "",
+        )
     return table

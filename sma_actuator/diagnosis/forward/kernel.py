@@ -32,8 +32,8 @@ STEFAN_BOLTZMANN = 5.670e-8  #: W/(m²·K⁴)
 #: Columns of what :func:`simulate` returns.
 POSITION, TEMPERATURE, MARTENSITE, LOAD, RESISTANCE, POWER = range(6)
 # Columns of the array of a wire's parts.
-SHARE, SHIFT_K, LOSS_FACTOR, PART_TEMPERATURE, ENTHALPY, PART_MARTENSITE, R_SHARE = range(7)
-PART_COLUMNS = 7
+SHARE, SHIFT_K, LOSS_FACTOR, PART_TEMPERATURE, ENTHALPY, PART_MARTENSITE, R_SHARE, SLOPE_J_K = range(8)
+PART_COLUMNS = 8
 # Indices of the means over the parts.
 MEAN_TEMPERATURE, MEAN_MARTENSITE, MEAN_R_SHARE, LOST_W = range(4)
 MEANS = 4
@@ -84,9 +84,12 @@ def _heat_and_transform(c, stand, bands, parts, memory_m, memory_r, means, load_
         a = (h + 4.0 * radiation * kelvin**3) * step_s / x.heat_capacity_J_K
         parts[j, ENTHALPY] += (power_W - lost) * step_s * (1.0 - exp(-a)) / a  # exact while nothing transforms
         shift = Shift(parts[j, SHIFT_K], parts[j, SHIFT_K])
-        t = temperature_for(
-            x, bands, memory_m[j], memory_r[j], m, r, before_C, stress, shift, parts[j, ENTHALPY]
-        )  # fmt: skip
+        held = enthalpy_of(x, m, r, before_C)
+        enthalpy = parts[j, ENTHALPY]
+        slope = parts[j, SLOPE_J_K]
+        t = temperature_for(x, bands, memory_m[j], memory_r[j], m, r, before_C, stress, shift, enthalpy, slope)
+        if abs(t - before_C) > 1e-9:
+            parts[j, SLOPE_J_K] = max((enthalpy - held) / (t - before_C), x.heat_capacity_J_K)
         m = martensite_at(x, bands, memory_m[j], m, t, stress, shift, True)
         r = r_share_at(x, bands, memory_r[j], r, t, stress, shift, True)
         parts[j, PART_TEMPERATURE] = t
@@ -147,6 +150,7 @@ def _advance(c, stand, bands, parts, memory_m, memory_r, duty, step_s, out):
         shift = Shift(parts[j, SHIFT_K], parts[j, SHIFT_K])
         stress = load / c.area_m2
         parts[j, PART_TEMPERATURE] = ambient
+        parts[j, SLOPE_J_K] = x.heat_capacity_J_K
         parts[j, PART_MARTENSITE] = martensite_at(x, bands, memory_m[j], 0.0, ambient, stress, shift, True)
         parts[j, R_SHARE] = r_share_at(x, bands, memory_r[j], 0.0, ambient, stress, shift, True)
         parts[j, ENTHALPY] = enthalpy_of(x, parts[j, PART_MARTENSITE], parts[j, R_SHARE], ambient)
@@ -171,7 +175,7 @@ def _advance(c, stand, bands, parts, memory_m, memory_r, duty, step_s, out):
         around = body if stand.surround_J_K > 0.0 else ambient
         strain = _heat_and_transform(
             c, stand, bands, parts, memory_m, memory_r, means, load, power, duty[i], around, step_s
-        )  # fmt: skip
+        )
         if stand.surround_J_K > 0.0:
             beyond = c.heat_loss_W_K / stand.surround_share * (body - ambient)
             body += (means[LOST_W] - beyond) * step_s / stand.surround_J_K

@@ -26,9 +26,17 @@ def write_page(path: Path, found: Tracing) -> None:
     for i, (run, j) in enumerate(zip(found.judged, found.by_run, strict=True)):
         before, after = found.before_m[i], found.after_m[i]
         rows.append(
-            (run.name, 1e3 * found.heats_m("mean")[i], 1e3 * found.heats_m("rms")[i], 1e3 * found.rigid_m[i], 1e3 * after,
-             percent(run, before), percent(run, after), " + ".join(j.choice.winner.names) or "none")
-        )  # fmt: skip
+            (
+                run.name,
+                1e3 * found.heats_m("mean")[i],
+                1e3 * found.heats_m("rms")[i],
+                1e3 * found.rigid_m[i],
+                1e3 * after,
+                percent(run, before),
+                percent(run, after),
+                " + ".join(j.choice.winner.names) or "none",
+            )
+        )
     page.table(
         (
             "judged on",
@@ -85,8 +93,7 @@ def _traces(page: Page, found: Tracing) -> None:
 
 
 def _power_off(page: Page, found: Tracing) -> None:
-    pairs = [(p, power_off_index(p[0])) for p in _pairs(found)]
-    pairs = [(p, off) for p, off in pairs if off is not None]
+    pairs = [(p, off) for p in _pairs(found) if (off := power_off_index(p[0])) is not None]
     if not pairs:
         return
     page.heading("After power off")
@@ -97,9 +104,10 @@ def _power_off(page: Page, found: Tracing) -> None:
         ax.plot(t, 1e3 * run.coarse_position_m[part], "k", label="measured")
         rigid = {"wire.martensite_expansion_1_K": 0.0, "wire.austenite_expansion_1_K": 0.0}
         for wire, style, label in (
-            (plain.wire, "C0", "plain"), (full.wire, "C1", "with the effects chosen"),
+            (plain.wire, "C0", "plain"),
+            (full.wire, "C1", "with the effects chosen"),
             (full.wire.with_values(rigid), "C1--", "the same, no thermal expansion"),
-        ):  # fmt: skip
+        ):
             ax.plot(t, 1e3 * predict(wire, run)[part], style, label=label)
         ax.axvline(run.coarse_time_s[off], color="0.7", lw=0.8)
         ax.set(title=run.name, xlabel="time [s]", ylabel="position [mm]")
@@ -112,8 +120,11 @@ def _race(page: Page, found: Tracing) -> None:
     entries = found.choice.entries[:_SHOWN]
     drawing, axes = figure(1, width_in=9.0, height_in=max(2.0, 0.24 * len(entries)))
     ax = axes[0, 0]
-    ax.barh([" + ".join(e.names) for e in entries][::-1], [e.ratio for e in entries][::-1],
-            color=["C2" if e.earns else "0.7" for e in entries][::-1])  # fmt: skip
+    ax.barh(
+        [" + ".join(e.names) for e in entries][::-1],
+        [e.ratio for e in entries][::-1],
+        color=["C2" if e.earns else "0.7" for e in entries][::-1],
+    )
     ax.axvline(1.0, color="k", lw=0.8)
     ax.set(xlim=(0.0, 1.5), xlabel="leave-one-out error over that of the plain model")
     page.figure(drawing, f"The choice on {', '.join(r.name for r in found.choice.runs)}: green earns its parameters.")

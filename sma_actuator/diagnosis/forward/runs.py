@@ -38,7 +38,7 @@ class Run:
     @cached_property
     def block(self) -> int:
         """Samples averaged into one step of the fit."""
-        return max(1, int(round(_STEP_S / self.period_s)))
+        return max(1, round(_STEP_S / self.period_s))
 
     @cached_property
     def step_s(self) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -77,9 +78,10 @@ class Drive:
 
     supply_V: float = parameter(description="supply of the bridge", unit="V", lo=0.1, hi=400.0)
     heats: str = parameter(
-        "rms", "voltage that heats: rms, √duty·supply, as of a switched resistor; mean, duty·supply, as after a filter",
+        "rms",
+        "voltage that heats: rms, √duty·supply, as of a switched resistor; mean, duty·supply, as after a filter",
         choices=("rms", "mean"),
-    )  # fmt: skip
+    )
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,7 @@ class ForwardWire:
     drive: Drive = section(Drive, "the drive")
     effects: Effects = section(Effects, "what Liang & Rogers lack")
 
-    def with_values(self, values: dict[str, float | str]) -> ForwardWire:
+    def with_values(self, values: Mapping[str, float | str]) -> ForwardWire:
         """Copy with dotted names, ``effects.friction_N``, set."""
         parts: dict[str, dict] = {}
         for name, value in values.items():
@@ -146,7 +148,7 @@ class ForwardWire:
         """The kinetics chosen, between the four temperatures."""
         w = self.wire
         if w.kinetics == "liang_rogers":
-            return self._wire().kinetics
+            return self._material().liang_rogers
         make = measured_between if w.kinetics == "measured" else lagoudas_between
         return make(
             austenite_start_C=w.austenite_start_C,
@@ -158,10 +160,17 @@ class ForwardWire:
 
     def constants(self) -> Constants:
         """The numbers for the kernels of :mod:`sma_actuator.plant.physics`."""
-        c = constants(self._wire(), self.effects.lead_Ohm)
-        return c._replace(transformation=c.transformation._replace(family=self.kinetics.family))
+        wire = materials.Wire(
+            name=self.wire.name,
+            material=self._material(),
+            length_m=self.wire.length_m,
+            diameter_m=self.wire.diameter_m,
+            heat_transfer_W_m2K=self.surroundings.heat_transfer_W_m2K,
+            other_kinetics=self.kinetics,
+        )
+        return constants(wire, self.effects.lead_Ohm)
 
-    def _wire(self) -> materials.Wire:
+    def _material(self) -> materials.Material:
         w, e = self.wire, self.effects
         alpha = e.resistivity_coefficient_1_K
         martensite = materials.Phase(
@@ -181,7 +190,7 @@ class ForwardWire:
             modulus_Pa=0.5 * (w.martensite_modulus_Pa + w.austenite_modulus_Pa),
             expansion_1_K=0.5 * (w.martensite_expansion_1_K + w.austenite_expansion_1_K),
         )
-        material = materials.Material(
+        return materials.Material(
             name=w.name,
             density_kg_m3=w.density_kg_m3,
             specific_heat_J_kgK=w.specific_heat_J_kgK,
@@ -208,13 +217,6 @@ class ForwardWire:
             martensite_resistivity_stress_1_Pa=0.0,
             geometric_factor=0.0,
             reference_temperature_C=self.surroundings.ambient_C,
-        )
-        return materials.Wire(
-            name=w.name,
-            material=material,
-            length_m=w.length_m,
-            diameter_m=w.diameter_m,
-            heat_transfer_W_m2K=self.surroundings.heat_transfer_W_m2K,
         )
 
 

@@ -42,17 +42,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, required=True, metavar="DIR", help="folder for report.json, report.html and model.yaml"
     )
     parser.add_argument(
-        "--calibration", nargs="+", type=Path, metavar="LOG", default=[],
+        "--calibration",
+        nargs="+",
+        type=Path,
+        metavar="LOG",
+        default=[],
         help="logs the model was fitted on, where MODEL.yaml was not written by identify",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--only", nargs="+", metavar="EFFECT", default=[], help="fit these effects together, without a race"
     )
     parser.add_argument("--without", nargs="+", metavar="EFFECT", default=[], help="leave these candidates out")
     parser.add_argument(
-        "--beyond-floor", action="store_true",
+        "--beyond-floor",
+        action="store_true",
         help="look also for what the model lacked at its calibration already (default: for what has come since)",
-    )  # fmt: skip
+    )
     parser.add_argument("--jobs", type=int, default=2, help="processes (default %(default)s)")
     parser.add_argument(
         "--dask", metavar="ADDRESS", help="spread the fits over this Dask cluster, as tcp://127.0.0.1:8786"

@@ -8,6 +8,7 @@ frozen, and both are weighted by how well they repeated there.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -123,7 +124,7 @@ class Evidence:
         total = sum(len(t.log) for t in self.traces)
         block = np.minimum(np.arange(total) * FEWEST_UNITS // total, FEWEST_UNITS - 1)
         bounds = np.cumsum([0, *(len(t.log) for t in self.traces)])
-        return [block[a:b] for a, b in zip(bounds, bounds[1:], strict=False)], FEWEST_UNITS
+        return [block[a:b] for a, b in itertools.pairwise(bounds)], FEWEST_UNITS
 
     def _rows(self) -> None:
         """Which unit each row of the residual belongs to, and its weight."""

@@ -97,8 +97,10 @@ def _still(evidence: Evidence, hot: bool) -> dict[str, float]:
 
 
 def _mean(s: Signals, here: slice) -> dict[str, float]:
-    return {f.name: float(np.mean(getattr(s, f.name)[here])) if np.ndim(getattr(s, f.name)) else getattr(s, f.name)
-            for f in dataclasses.fields(Signals)}  # fmt: skip
+    return {
+        f.name: float(np.mean(getattr(s, f.name)[here])) if np.ndim(getattr(s, f.name)) else getattr(s, f.name)
+        for f in dataclasses.fields(Signals)
+    }
 
 
 def _hold(still: dict[str, float], duration_s: float, **changed: np.ndarray) -> Signals:

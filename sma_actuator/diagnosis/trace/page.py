@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ def write_page(path: Path, evidence: Evidence, tracing: Tracing, report: dict[st
     if tracing.rounds:
         _race(page, tracing)
     if tracing.fit is not None:
-        _tell_tale(page, evidence, tracing)
+        _tell_tale(page, evidence, tracing, tracing.fit.names)
     _rests(page, evidence, tracing)
     _dependence(page, report)
     _the_rest(page, report)
@@ -43,13 +44,23 @@ def _numbers(page: Page, report: dict[str, Any]) -> None:
         [
             ("cycles that the fit had not seen", report["error_before_pct_stroke"], report["error_after_pct_stroke"]),
             ("95 % interval over cycles", f"{before[0]:.3f} – {before[1]:.3f}", f"{after[0]:.3f} – {after[1]:.3f}"),
-            (f"the last {last['cycles']} cycles, looked at once", last["error_before_pct_stroke"], last["error_after_pct_stroke"]),
-            ("sensors' noise carried through the model", *(report[f"residual_{w}"]["sensor_noise_pct_stroke"] for w in ("before", "after"))),
-            ("share that repeats every cycle", *(report[f"residual_{w}"]["share_repeating_every_cycle"] for w in ("before", "after"))),
+            (
+                f"the last {last['cycles']} cycles, looked at once",
+                last["error_before_pct_stroke"],
+                last["error_after_pct_stroke"],
+            ),
+            (
+                "sensors' noise carried through the model",
+                *(report[f"residual_{w}"]["sensor_noise_pct_stroke"] for w in ("before", "after")),
+            ),
+            (
+                "share that repeats every cycle",
+                *(report[f"residual_{w}"]["share_repeating_every_cycle"] for w in ("before", "after")),
+            ),
             ("mean over cycles", report["cycle_mean_before_pct_stroke"], report["cycle_mean_after_pct_stroke"]),
             ("the model's own floor for it", report["floor_pct_stroke"], report["floor_pct_stroke"]),
         ],
-    )  # fmt: skip
+    )
     rows = [
         (
             e["name"],
@@ -107,8 +118,14 @@ def _residual(page: Page, evidence: Evidence, tracing: Tracing) -> None:
 def _loop(page: Page, evidence: Evidence, tracing: Tracing) -> None:
     page.heading("Resistance and displacement")
     drawing, axes = figure(2, 1)
-    worst = int(np.argmax([np.mean(np.abs(m - p.shown_m)) for m, p in
-                           zip(evidence.measured_m, tracing.predictions["before"], strict=True)]))  # fmt: skip
+    worst = int(
+        np.argmax(
+            [
+                np.mean(np.abs(m - p.shown_m))
+                for m, p in zip(evidence.measured_m, tracing.predictions["before"], strict=True)
+            ]
+        )
+    )
     trace = evidence.traces[worst]
     few = _some(len(trace.log))
     for ax, (which, style) in zip(axes[0], (("before", BEFORE), ("after", AFTER)), strict=True):
@@ -138,10 +155,9 @@ def _race(page: Page, tracing: Tracing) -> None:
     page.figure(drawing, "Green: named. Olive: within a standard error of it. Bars: standard error over cycles.")
 
 
-def _tell_tale(page: Page, evidence: Evidence, tracing: Tracing) -> None:
+def _tell_tale(page: Page, evidence: Evidence, tracing: Tracing, names: Sequence[str]) -> None:
     page.heading("What gives it away")
     values = quantities(evidence, tracing.predictions["before"])
-    names = tracing.fit.names
     drawing, axes = figure(len(names), 1)
     for ax, effect in zip(axes[0], names, strict=True):
         tell_tale = EFFECTS[effect].TELL_TALE
@@ -207,11 +223,17 @@ def _the_rest(page: Page, report: dict[str, Any]) -> None:
         page.table(
             ("instead of", "could be", "confidence", "experiment", "takes", "then they differ by"),
             [
-                (a["instead_of"], a["name"], f"{a['confidence']:.0%}", a["experiment"]["what"], f"{a['experiment']['duration_s']:.0f} s",
-                 f"{a['experiment']['predicted_difference_m'] * _MM:.3f} mm")
+                (
+                    a["instead_of"],
+                    a["name"],
+                    f"{a['confidence']:.0%}",
+                    a["experiment"]["what"],
+                    f"{a['experiment']['duration_s']:.0f} s",
+                    f"{a['experiment']['predicted_difference_m'] * _MM:.3f} mm",
+                )
                 for a in report["alternatives"]
             ],
-        )  # fmt: skip
+        )
     if report["untestable"]:
         page.heading("What these logs could not have shown")
         page.table(("effect", "why"), [(u["name"], u["reason"]) for u in report["untestable"]])

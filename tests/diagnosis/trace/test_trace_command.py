@@ -188,7 +188,7 @@ def test_fitting_one_effect_alone_is_no_verdict_for_it(traced):
 
 
 def test_a_failure_leaves_no_earlier_result_behind(traced, tmp_path, capsys):
-    folder, logs, model = traced
+    _folder, logs, model = traced
     (tmp_path / "report.json").write_text("{}")
     (tmp_path / "model.yaml").write_text("old")
     assert main(["trace", *logs, "--config", model, "--out", str(tmp_path), "--only", "ambient_temperature"]) == 1

@@ -39,9 +39,14 @@ STRONG = {
     "reference_drift": {"offset": 1e-4, "rate": 1e-5},
 }
 PLACE = Place(
-    reference_resistance_Ohm=1.0, lead_resistance_Ohm=0.25, area_m2=1.82e-8, length_m=0.1, heat_loss_W_K=5e-3, ambient_C=24.0,
+    reference_resistance_Ohm=1.0,
+    lead_resistance_Ohm=0.25,
+    area_m2=1.82e-8,
+    length_m=0.1,
+    heat_loss_W_K=5e-3,
+    ambient_C=24.0,
     working_range_m=(0.2e-3, 4.2e-3),
-)  # fmt: skip
+)
 
 
 def signals(n=400, seed=0):
@@ -117,9 +122,10 @@ def test_a_strong_effect_shows(name):
     moving = 2e-3 + 1e-3 * np.cos(arrays.time_s)
     measured, resistance, displacement = through(name, arrays, moving.copy())
     changed = max(
-        np.max(np.abs(resistance - arrays.resistance_Ohm)) / 5.0, np.max(np.abs(measured.load_N - arrays.load_N)),
+        np.max(np.abs(resistance - arrays.resistance_Ohm)) / 5.0,
+        np.max(np.abs(measured.load_N - arrays.load_N)),
         np.max(np.abs(displacement - moving)) / 4e-3,
-    )  # fmt: skip
+    )
     assert changed > 1e-3
 
 

@@ -1,0 +1,452 @@
+"""Mutation: change the guards one place at a time, and see that a test notices.
+
+    python benchmarks/mutants.py                    every target, as ``make mutants``
+    python benchmarks/mutants.py safety/thermal     one of them
+
+The places and the changes are those of cosmic-ray, and one more, that of leaving a statement out.  Which tests run a line is
+measured once; a mutant of that line gets these tests and no other, the quickest first, in a process of its own whose copy
+of the package is the mutated one (also for the processes that a test starts).  A mutant that no test notices and that
+``mutants_equivalent.yaml`` does not explain makes the command fail.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import contextlib
+import json
+import os
+import shutil
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import parso
+import yaml
+from cosmic_ray.ast import ast_nodes, get_ast
+from cosmic_ray.mutating import mutate_code
+from cosmic_ray.operators.operator import Operator
+from cosmic_ray.plugins import get_operator
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = "sma_actuator"
+EQUIVALENT = Path(__file__).with_name("mutants_equivalent.yaml")
+#: A mutated source, and the tests that are there to judge it.
+_GUARDS = ("tests/safety/test_guard_edges.py", "tests/safety/test_faults.py", "tests/safety/test_limits.py")
+TARGETS = {
+    **{f"safety/guards/{name}": _GUARDS for name in ("program", "supply", "readings", "estimate", "setpoints")},
+    "safety/guards/wire": (*_GUARDS, "tests/safety/test_heat.py"),
+    "safety/records": _GUARDS,
+    "safety/formula": ("tests/safety/test_formula.py", "tests/test_docs.py"),
+    "safety/timing": (*_GUARDS, "tests/test_docs.py"),
+    "safety/faults": (*_GUARDS, "tests/test_docs.py"),
+    "safety/supervisor": ("tests/safety", "tests/test_actuator.py"),
+    "safety/thermal": ("tests/safety",),
+    "driver": ("tests/driver",),
+    "instruments/scpi": ("tests/instruments",),
+    "instruments/dialect": ("tests/instruments",),
+    "instruments/pymeasure_adapter": ("tests/instruments",),
+}
+OPERATORS = (
+    *(
+        f"ReplaceComparisonOperator_{a}_{b}"
+        for a, b in (
+            ("Lt", "LtE"),
+            ("Lt", "GtE"),
+            ("LtE", "Lt"),
+            ("LtE", "Gt"),
+            ("Gt", "GtE"),
+            ("Gt", "LtE"),
+            ("GtE", "Gt"),
+            ("GtE", "Lt"),
+            ("Eq", "NotEq"),
+            ("NotEq", "Eq"),
+            ("Is", "IsNot"),
+            ("IsNot", "Is"),
+        )
+    ),
+    *(
+        f"ReplaceBinaryOperator_{a}_{b}"
+        for a, b in (("Add", "Sub"), ("Sub", "Add"), ("Mul", "Div"), ("Div", "Mul"), ("FloorDiv", "Mul"))
+    ),
+    "ReplaceUnaryOperator_USub_UAdd",
+    "ReplaceUnaryOperator_Delete_Not",
+    "AddNot",
+    "ReplaceTrueWithFalse",
+    "ReplaceFalseWithTrue",
+    "ReplaceAndWithOr",
+    "ReplaceOrWithAnd",
+    "ReplaceBreakWithContinue",
+    "ReplaceContinueWithBreak",
+    "ExceptionReplacer",
+    "NumberReplacer",
+    "ZeroIterationForLoop",
+)
+#: Words for the log are not looked at: leaving one out harms no wire.
+UNWATCHED = ("_log.",)
+#: A mutant may hang where the code did not; so long, and as many times its tests' own time.
+LEAST_s, TIMES = 30.0, 6.0
+
+
+class LeaveOut(Operator):
+    """Leaves a statement out: a call, a raise, or what is assigned to an attribute or an element."""
+
+    def mutation_positions(self, node: Any) -> Iterator[tuple]:
+        """Where a statement can be left out."""
+        if node.type == "simple_stmt" and self._matters(node.children[0]):
+            yield node.start_pos, node.end_pos
+
+    def mutate(self, node: Any, index: int) -> Any:
+        """``pass`` in the statement's place."""
+        node.children[0] = parso.parse(node.children[0].get_first_leaf().prefix + "pass").children[0]
+        return node
+
+    @staticmethod
+    def _matters(statement: Any) -> bool:
+        text = statement.get_code(include_prefix=False)
+        if text.startswith(UNWATCHED):
+            return False
+        if statement.type == "expr_stmt":
+            return (
+                statement.children[0].type in ("atom_expr", "power")
+                or statement.children[0].type == "testlist_star_expr"
+            )
+        return statement.type in ("atom_expr", "power", "raise_stmt")
+
+    @classmethod
+    def examples(cls) -> tuple:
+        """None; the operator is this command's own."""
+        return ()
+
+
+@dataclass(frozen=True, slots=True)
+class Mutant:
+    """One changed place."""
+
+    target: str
+    operator: str
+    occurrence: int
+    line: int
+    before: str
+    after: str
+    source: str
+
+    @property
+    def words(self) -> str:
+        """As it stands in the list of equivalent mutants."""
+        return f"{self.before} → {self.after}"
+
+
+def mutants_of(target: str) -> list[Mutant]:
+    """Every mutant of a source file that still is Python and differs in more than words or annotations."""
+    source = path_of(target).read_text(encoding="utf-8")
+    whole = get_ast(source)
+    lines = source.splitlines()
+    quiet = _lines_without_behaviour(source)
+    dump = ast.dump(ast.parse(source))
+    found = []
+    for name in (*OPERATORS, "LeaveOut"):
+        operator = LeaveOut() if name == "LeaveOut" else get_operator(f"core/{name}")()
+        places = [place for node in ast_nodes(whole) for place in operator.mutation_positions(node)]
+        for occurrence in range(len(places)):
+            mutated = mutate_code(source, operator, occurrence)
+            if mutated is None:
+                continue
+            try:
+                same = ast.dump(ast.parse(mutated)) == dump
+            except SyntaxError:
+                continue
+            if same:
+                continue
+            after = mutated.splitlines()
+            changed = [
+                number
+                for number in range(max(len(lines), len(after)))
+                if number >= len(lines) or number >= len(after) or lines[number] != after[number]
+            ]
+            first = changed[0]
+            if first + 1 in quiet:
+                continue
+            shown = after[first].strip() if first < len(after) else ""
+            found.append(Mutant(target, name, occurrence, first + 1, lines[first].strip(), shown, mutated))
+    return list({(m.line, m.source): m for m in found}.values())
+
+
+def _lines_without_behaviour(source: str) -> set[int]:
+    """Lines of annotations alone, of log calls, of ``__all__`` and of what only type checkers read."""
+    quiet: set[int] = set()
+    for node in ast.walk(ast.parse(source)):
+        if (
+            isinstance(node, ast.Expr)
+            and isinstance(node.value, ast.Call)
+            and ast.unparse(node.value).startswith(UNWATCHED)
+        ):
+            quiet |= set(range(node.lineno, node.end_lineno + 1))
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            quiet |= set(range(node.lineno, node.end_lineno + 1))
+    return quiet
+
+
+def path_of(target: str) -> Path:
+    """Source file of a target."""
+    return ROOT / PACKAGE / f"{target}.py"
+
+
+# --- which tests run which line ---------------------------------------------------------------------
+
+
+def covering(target: str) -> tuple[dict[int, list[str]], dict[str, float]]:
+    """Tests by the line of the target that they run, and how long each takes [s]."""
+    reader, writer = os.pipe()
+    pid = os.fork()
+    if pid == 0:
+        code = 1
+        try:
+            os.close(reader)
+            answer = _measure(target)
+            with os.fdopen(writer, "w") as stream:
+                json.dump(answer, stream)
+            code = 0
+        finally:
+            os._exit(code)
+    os.close(writer)
+    with os.fdopen(reader) as stream:
+        text = stream.read()
+    os.waitpid(pid, 0)
+    if not text:
+        raise SystemExit(f"{target}: its tests fail without a mutant; run pytest {' '.join(TARGETS[target])}")
+    lines, times = json.loads(text)
+    return {int(line): tests for line, tests in lines.items()}, times
+
+
+def _measure(target: str) -> tuple[dict[int, list[str]], dict[str, float]]:
+    import coverage
+    import pytest
+
+    times: dict[str, float] = {}
+    measure = coverage.Coverage(data_file=None, include=[str(path_of(target))], config_file=False)
+
+    class Watch:
+        @pytest.hookimpl(wrapper=True)
+        def pytest_runtest_protocol(self, item: Any) -> Any:
+            measure.switch_context(item.nodeid)
+            began_s = time.monotonic()
+            result = yield
+            times[item.nodeid] = time.monotonic() - began_s
+            return result
+
+    _quiet()
+    os.chdir(ROOT)
+    measure.start()
+    code = pytest.main(["-q", "-p", "no:cacheprovider", *TARGETS[target]], plugins=[Watch()])
+    measure.stop()
+    if code:
+        os._exit(int(code))
+    data = measure.get_data()
+    lines = data.contexts_by_lineno(str(path_of(target)))
+    return {line: [test for test in tests if test] for line, tests in lines.items()}, times
+
+
+def _quiet() -> None:
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    for stream in (0, 1, 2):
+        os.dup2(nowhere, stream)
+
+
+# --- one mutant ---------------------------------------------------------------------------------------
+
+
+def survives(mutant: Mutant, tests: list[str], longest_s: float) -> bool:
+    """Whether no test notices the mutant.  One that hangs is noticed."""
+    folder = Path(tempfile.mkdtemp(prefix="sma_mutant_"))
+    try:
+        _overlay(folder, mutant)
+        pid = os.fork()
+        if pid == 0:
+            _judge(folder, mutant.target, tests)
+        deadline_s = time.monotonic() + longest_s
+        while time.monotonic() < deadline_s:
+            ended, status = os.waitpid(pid, os.WNOHANG)
+            if ended:
+                _end_group(pid)
+                return os.waitstatus_to_exitcode(status) == 0
+            time.sleep(0.02)
+        _end_group(pid)
+        os.waitpid(pid, 0)
+        return False
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _end_group(pid: int) -> None:
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(pid, signal.SIGKILL)
+
+
+def _overlay(folder: Path, mutant: Mutant) -> None:
+    """The repository, of links but for the mutated file and the folders above it."""
+    path = path_of(mutant.target).relative_to(ROOT)
+    here, there = ROOT, folder
+    for part in path.parts[:-1]:
+        _link_all(here, there, but=part)
+        here, there = here / part, there / part
+        there.mkdir()
+    _link_all(here, there, but=path.name)
+    (folder / path).write_text(mutant.source, encoding="utf-8")
+
+
+def _link_all(here: Path, there: Path, but: str) -> None:
+    for each in here.iterdir():
+        if each.name not in (but, ".git", "__pycache__"):
+            (there / each.name).symlink_to(each)
+
+
+def _judge(folder: Path, target: str, tests: list[str]) -> None:
+    """In a process of its own: exit with 0 where every test passes on the mutant."""
+    code = 1
+    try:
+        os.setsid()
+        _quiet()
+        os.chdir(folder)
+        os.environ["PYTHONPATH"] = str(folder)
+        os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
+        sys.dont_write_bytecode = True
+        sys.path[:] = [
+            str(folder),
+            *(p for p in sys.path if p and Path(p).resolve() not in (ROOT, ROOT / "benchmarks")),
+        ]
+        _forget(folder, target)
+        import pytest
+
+        code = int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests]))
+    except BaseException:  # noqa: BLE001 - an import that fails is a mutant noticed
+        code = 1
+    finally:
+        os._exit(code)
+
+
+def _forget(folder: Path, target: str) -> None:
+    """Let the mutated module, and every module that uses it, be imported from ``folder``; what is compiled stays."""
+    name = f"{PACKAGE}.{target.replace('/', '.')}"
+    uses = {each: _imports(each) for each in sys.modules if each.startswith(PACKAGE)}
+    changed = {name}
+    while more := {each for each, used in uses.items() if used & changed} - changed:
+        changed |= more
+    for each in changed:
+        package, _, last = each.rpartition(".")
+        vars(sys.modules[package]).pop(last, None) if package in sys.modules else None
+        sys.modules.pop(each, None)
+    for each, module in list(sys.modules.items()):
+        if each.startswith(PACKAGE) and hasattr(module, "__path__"):
+            module.__path__ = [str(folder.joinpath(*each.split(".")))]
+
+
+def _imports(name: str) -> set[str]:
+    """Modules of the package that a loaded module of it imports."""
+    module = sys.modules[name]
+    package = name if hasattr(module, "__path__") else name.rpartition(".")[0]
+    used: set[str] = set()
+    for node in ast.walk(ast.parse(Path(module.__file__).read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            used |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            parts = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            base = ".".join((*parts, *([node.module] if node.module else [])))
+            used |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+    # Whoever imports a.b.c has imported a and a.b as well.
+    return {
+        ".".join(each.split(".")[:n])
+        for each in used
+        if each.startswith(PACKAGE)
+        for n in range(2, each.count(".") + 2)
+    }
+
+
+def _warm_up() -> None:
+    """Import and compile what no mutant changes, once; forks then have it."""
+    import numpy  # noqa: F401
+    import pytest  # noqa: F401
+    import pyvisa  # noqa: F401
+
+    from sma_actuator.bench.bench import VirtualBench
+    from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply, VirtualClock
+    from sma_actuator.config import Config, read_parameter_file
+    from sma_actuator.driver import Driver
+
+    config = Config.from_mapping(read_parameter_file(ROOT / "config" / "flexinol.yaml"))
+    bench = VirtualBench.from_name("flexinol")
+    driver = Driver(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
+    driver.run_for(0.5)
+    driver.enable(True)
+    driver.run_for(0.5)
+    driver.stop()
+
+
+def _without(found: list[Mutant], known: dict[str, set[str]]) -> list[Mutant]:
+    return [mutant for mutant in found if mutant.words not in known.get(mutant.target, set())]
+
+
+def equivalent() -> dict[str, set[str]]:
+    """Mutants that no test can notice, by target; the file has the reason beside each."""
+    groups = yaml.safe_load(EQUIVALENT.read_text(encoding="utf-8")) or []
+    known: dict[str, set[str]] = {}
+    for group in groups:
+        known.setdefault(group["target"], set()).update(group["mutants"])
+        assert group["reason"], "every group of equivalent mutants has a reason"
+    return known
+
+
+def main() -> int:
+    """Mutate the targets; 0 where no mutant survives that is not explained."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("targets", nargs="*", choices=[*TARGETS, []], default=list(TARGETS))
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--every", type=int, default=1, help="take one of so many mutants, for a quick look")
+    parser.add_argument("--lines", default="", metavar="FROM-TO", help="mutants of these lines alone")
+    parser.add_argument("--out", type=Path, help="write the survivors here, as JSON")
+    options = parser.parse_args()
+    sys.path.insert(0, str(ROOT))
+    _warm_up()
+    known = equivalent()
+    survivors: list[Mutant] = []
+    for target in options.targets:
+        lines, times = covering(target)
+        found = _without(mutants_of(target), known)[:: options.every]
+        if options.lines:
+            first, _, last = options.lines.partition("-")
+            found = [m for m in found if int(first) <= m.line <= int(last or first)]
+        everything = sorted(times, key=times.__getitem__)
+
+        def live(mutant: Mutant, lines=lines, times=times, everything=everything) -> bool:
+            tests = sorted(lines.get(mutant.line) or everything, key=lambda test: times.get(test, 0.0))
+            return survives(mutant, tests, LEAST_s + TIMES * sum(times.get(test, 0.0) for test in tests))
+
+        broken = Mutant(target, "", 0, 0, "", "", "raise RuntimeError\n")
+        assert not survives(broken, everything[:5], 120.0), f"{target}: the tests do not run the mutants"
+        began_s = time.monotonic()
+        with ThreadPoolExecutor(options.jobs) as pool:
+            alive = list(pool.map(live, found))
+        left = [mutant for mutant, lives in zip(found, alive) if lives]
+        survivors += left
+        print(
+            f"{target}: {len(found)} mutants, {len(left)} not noticed, {time.monotonic() - began_s:.0f} s", flush=True
+        )
+        for mutant in left:
+            print(f"  {target}.py:{mutant.line} [{mutant.operator}] {mutant.words}", flush=True)
+    if options.out:
+        options.out.write_text(
+            json.dumps(
+                [[m.target, m.line, m.operator, m.before, m.after] for m in survivors], indent=1, ensure_ascii=False
+            )
+        )
+    return 1 if survivors else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,402 @@
+"""Every guard at its edges, one step at a time: on the bound, a hair beyond it, with nothing there to look at, with NaN."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
+from sma_actuator.config import Config
+from sma_actuator.safety.faults import FAULTS
+from sma_actuator.safety.guards.estimate import estimate_invalid, estimator_outside
+from sma_actuator.safety.guards.program import clock_jump, command_invalid, loop_overrun
+from sma_actuator.safety.guards.readings import (
+    daq_lost,
+    reading_implausible,
+    reading_not_finite,
+    reading_saturated,
+    reading_stale,
+    sensor_stuck,
+)
+from sma_actuator.safety.guards.setpoints import Bucket, setpoint_flood, setpoint_not_finite, setpoint_stale
+from sma_actuator.safety.guards.supply import second_commander, supply_disagrees, supply_lost, supply_tripped
+from sma_actuator.safety.guards.wire import load_spike, open_wire, short, stress_above_limit, too_hot
+from sma_actuator.safety.records import Action, Memory, Step
+from sma_actuator.safety.supervisor import Supervisor
+from sma_actuator.safety.thermal import WireHeat
+
+NOW_s = 100.0
+CURRENT_A = 0.2
+TOLD = Command(CURRENT_A, True)
+OFF = Command(0.0, False)
+READING = Reading(NOW_s, 1.3, 0.2, 0.08)
+SIGNALS = Signals(NOW_s, 5.25, CURRENT_A, 0.21, 0.98, 54e6)
+SUPPLY = SupplyState(NOW_s, CURRENT_A, True, 1.3, CURRENT_A)
+ESTIMATE = Estimate(NOW_s, 0.002, 0.02, 0.0, Branch.HEATING, Quality.DETERMINATE)
+MEMORY = {"reading_s": NOW_s, "daq_s": NOW_s, "supply_s": NOW_s, "load_N": 0.98}
+NAN = math.nan
+
+
+@pytest.fixture
+def step(config: Config):
+    """A step in which nothing is wrong, but for what a test changes; ``signals__load_N=1.0`` reaches inside."""
+
+    def make(**changes):
+        heat = WireHeat(config.thermal)
+        heat.step(0.0, 1e6, config.thermal.ambient_temperature, config.thermal)  # cooled for long
+        whole = {
+            "config": config,
+            "memory": Memory(**MEMORY),
+            "now_s": NOW_s,
+            "dt_s": 0.05,
+            "driven": True,
+            "settled": True,
+            "raw": READING,
+            "reading": READING,
+            "signals": SIGNALS,
+            "estimate": ESTIMATE,
+            "supply": SUPPLY,
+            "told": TOLD,
+            "heat": heat,
+        }
+        for name, value in changes.items():
+            part, _, inner = name.partition("__")
+            whole[part] = replace(whole[part], **{inner: value}) if inner else value
+        return Step(**whole)
+
+    return make
+
+
+def said(guard, step) -> str:
+    """What a guard says, and that it says it of itself: the same step again gives the same."""
+    return guard.look(step)
+
+
+ALL = (
+    clock_jump, loop_overrun, daq_lost, reading_saturated, reading_not_finite, reading_stale, reading_implausible,
+    sensor_stuck, open_wire, short, stress_above_limit, load_spike, too_hot, supply_tripped, second_commander,
+    supply_lost, supply_disagrees, estimator_outside, estimate_invalid,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("guard", ALL, ids=lambda guard: guard.name)
+def test_a_step_in_which_nothing_is_wrong_has_no_fault(guard, step):
+    assert said(guard, step()) == ""
+
+
+@pytest.mark.parametrize(
+    "guard",
+    [reading_saturated, reading_not_finite, reading_implausible, sensor_stuck, open_wire, short, stress_above_limit,
+     load_spike, supply_disagrees],
+    ids=lambda guard: guard.name,
+)  # fmt: skip
+def test_without_a_reading_a_guard_of_readings_says_nothing_whatever_the_signals_are(guard, step):
+    wild = Signals(NOW_s, 1e9, -5.0, NAN, -1e9, 1e12)
+    blind = step(raw=None, reading=None, signals=wild, memory=Memory(**MEMORY, count={"open_wire": 5}))
+    assert said(guard, blind) == ""
+
+
+# --- values at and beyond their bounds: guard, what is changed, whether it is a fault ---------------------------------
+
+BOUNDS = [
+    (clock_jump, {"dt_s": 0.5}, False),
+    (clock_jump, {"dt_s": 0.5001}, True),
+    (clock_jump, {"dt_s": 0.0}, False),
+    (clock_jump, {"dt_s": -1e-9}, True),
+    (clock_jump, {"dt_s": NAN}, True),
+    (clock_jump, {"dt_s": 5.0, "driven": False}, False),
+    (reading_saturated, {"raw__supply_voltage_V": 9.999}, False),
+    (reading_saturated, {"raw__supply_voltage_V": 10.0}, True),
+    (reading_saturated, {"raw__supply_voltage_V": -10.0}, True),
+    (reading_saturated, {"raw__supply_voltage_V": -9.999}, False),
+    (reading_saturated, {"raw__reference_voltage_V": 10.0}, True),
+    (reading_saturated, {"raw__reference_voltage_V": -10.0}, True),
+    (reading_saturated, {"raw__load_cell_voltage_V": 10.0}, True),
+    (reading_saturated, {"raw__load_cell_voltage_V": -10.0}, True),
+    (reading_saturated, {"raw__load_cell_voltage_V": -math.inf}, True),
+    (reading_not_finite, {"raw__load_cell_voltage_V": NAN}, True),
+    (reading_not_finite, {"raw__time_s": math.inf}, True),
+    (reading_not_finite, {"raw__lvdt_current_A": NAN}, False),
+    (reading_implausible, {"signals__resistance_Ohm": 20.0}, False),
+    (reading_implausible, {"signals__resistance_Ohm": 20.001}, True),
+    (reading_implausible, {"signals__load_N": -0.5}, False),
+    (reading_implausible, {"signals__load_N": -0.5001}, True),
+    (reading_implausible, {"signals__load_N": NAN}, True),
+    (reading_implausible, {"signals__current_A": -0.025}, False),
+    (reading_implausible, {"signals__current_A": -0.0251}, True),
+    (reading_implausible, {"signals__current_A": NAN}, True),
+    (short, {"signals__resistance_Ohm": 1.0}, False),
+    (short, {"signals__resistance_Ohm": 0.999}, True),
+    (short, {"signals__resistance_Ohm": 0.1, "settled": False}, False),
+    (stress_above_limit, {"signals__stress_Pa": 175e6}, False),
+    (stress_above_limit, {"signals__stress_Pa": 175.1e6}, True),
+    (stress_above_limit, {"signals__stress_Pa": NAN}, True),
+    (load_spike, {"signals__load_N": 2.98}, False),
+    (load_spike, {"signals__load_N": 2.981}, True),
+    (load_spike, {"signals__load_N": -1.021}, True),
+    (supply_tripped, {"supply__tripped": "OVP"}, True),
+    (supply_tripped, {"supply": None}, False),
+    (second_commander, {"supply__current_setting_A": CURRENT_A + 0.0019}, False),
+    (second_commander, {"supply__current_setting_A": CURRENT_A - 0.0019}, False),
+    (second_commander, {"supply__current_setting_A": CURRENT_A + 0.0021}, True),
+    (second_commander, {"supply__current_setting_A": CURRENT_A - 0.0021}, True),
+    (second_commander, {"supply__current_setting_A": NAN}, False),
+    (second_commander, {"supply": None}, False),
+    (second_commander, {"supply__output_on": False}, True),
+    (second_commander, {"supply__output_on": False, "supply__tripped": "WDOG"}, False),
+    (second_commander, {"told": OFF}, True),
+    (second_commander, {"told": OFF, "supply__output_on": False}, False),
+    (estimate_invalid, {"estimate__quality": Quality.INVALID}, True),
+    (estimate_invalid, {"estimate__displacement_m": NAN}, True),
+    (estimate_invalid, {"estimate__quality": Quality.OUTSIDE_CALIBRATION}, False),
+    (estimate_invalid, {"estimate__quality": Quality.INVALID, "settled": False}, False),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("guard", "changes", "is_fault"), BOUNDS, ids=lambda value: getattr(value, "name", str(value)))
+def test_a_bound_is_where_it_is_said_to_be(guard, changes, is_fault, step):
+    assert bool(said(guard, step(**changes))) is is_fault
+
+
+# --- what takes time: how long, and what starts it anew ---------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("guard", "remembered", "missing"),
+    [
+        (daq_lost, "daq_s", {"raw": None}),
+        (reading_stale, "reading_s", {"reading": None}),
+        (supply_lost, "supply_s", {"supply": None}),
+        (supply_lost, "supply_s", {"supply__current_setting_A": NAN}),
+        (supply_lost, "supply_s", {"supply__voltage_V": math.inf}),
+        (supply_lost, "supply_s", {"supply__current_A": NAN}),
+    ],
+)
+class TestSilence:
+    def test_counts_from_the_last_answer(self, guard, remembered, missing, step):
+        memory = Memory(**MEMORY)
+        assert said(guard, step(memory=memory)) == ""
+        assert said(guard, step(memory=memory, now_s=NOW_s + 0.5, **missing)) == ""
+        words = said(guard, step(memory=memory, now_s=NOW_s + 0.51, **missing))
+        assert "0.51 s; safety.reading_timeout is 0.5 s" in words
+        assert getattr(memory, remembered) == NOW_s
+
+    def test_an_answer_is_remembered_with_its_time(self, guard, remembered, missing, step):
+        memory = Memory(**MEMORY)
+        assert said(guard, step(memory=memory, now_s=NOW_s + 7.0)) == ""
+        assert getattr(memory, remembered) == NOW_s + 7.0
+
+    def test_that_there_never_was_an_answer_is_silence(self, guard, remembered, missing, step):
+        assert said(guard, step(memory=Memory(), **missing))
+
+
+def test_a_channel_is_stuck_after_its_time_and_not_before(step, config):
+    memory = Memory(**MEMORY)
+    stuck_s = config.safety.stuck_time
+    assert said(sensor_stuck, step(memory=memory)) == ""
+    for waited_s in (0.5 * stuck_s, stuck_s):
+        assert said(sensor_stuck, step(memory=memory, now_s=NOW_s + waited_s)) == ""
+    words = said(sensor_stuck, step(memory=memory, now_s=NOW_s + stuck_s + 0.1))
+    assert words.startswith("supply voltage: 1.3 V for 2.1 s to the last digit")
+
+
+@pytest.mark.parametrize("name", ["supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V"])
+def test_each_channel_is_watched_for_itself(name, step, config):
+    """The other two move on; the memory of one channel is not that of another."""
+    memory = Memory(**MEMORY)
+    late_s = config.safety.stuck_time + 0.1
+    others = [each for each in ("supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V") if each != name]
+    said(sensor_stuck, step(memory=memory))
+    moved = replace(READING, **{each: getattr(READING, each) + 1e-6 for each in others})
+    assert said(sensor_stuck, step(memory=memory, now_s=NOW_s + late_s, reading=moved))
+    moved = replace(moved, **{name: getattr(READING, name) + 1e-6})
+    assert said(sensor_stuck, step(memory=memory, now_s=NOW_s + late_s + 0.1, reading=moved)) == ""
+    # Only since then the moved channel stands where it is.
+    again = replace(moved, **{each: getattr(moved, each) + 1e-6 for each in others})
+    assert said(sensor_stuck, step(memory=memory, now_s=NOW_s + late_s + 1.0, reading=again)) == ""
+
+
+def test_what_a_channel_did_without_current_does_not_count(step, config):
+    memory = Memory(**MEMORY)
+    said(sensor_stuck, step(memory=memory))
+    assert said(sensor_stuck, step(memory=memory, told=OFF, now_s=NOW_s + 1.0)) == ""
+    assert memory.channels == {}
+    assert said(sensor_stuck, step(memory=memory, now_s=NOW_s + config.safety.stuck_time + 0.5)) == ""
+
+
+def test_current_off_the_command_is_a_fault_once_it_lasts(step, config):
+    memory = Memory(**MEMORY)
+    lasts_s, tolerance_A = config.safety.disagreement_time, config.safety.current_disagreement
+    for within_A in (tolerance_A - 1e-6, -tolerance_A + 1e-6):
+        assert said(supply_disagrees, step(memory=memory, signals__current_A=CURRENT_A + within_A)) == ""
+        assert memory.since_s == {}
+    for off_A in (tolerance_A + 1e-4, -tolerance_A - 1e-4, NAN):
+        assert said(supply_disagrees, step(memory=memory, signals__current_A=CURRENT_A + off_A)) == ""
+        early = step(memory=memory, signals__current_A=CURRENT_A + off_A, now_s=NOW_s + lasts_s - 0.01)
+        assert said(supply_disagrees, early) == ""
+        assert said(supply_disagrees, step(memory=memory, signals__current_A=CURRENT_A + off_A, now_s=NOW_s + lasts_s))
+        assert said(supply_disagrees, step(memory=memory)) == ""
+
+
+def test_current_that_flows_while_the_output_is_off_is_one_too(step, config):
+    memory = Memory(**MEMORY)
+    off = {"memory": memory, "told": Command(CURRENT_A, False)}
+    assert said(supply_disagrees, step(**off)) == ""
+    assert "0.2 A flow, 0 A were commanded" in said(supply_disagrees, step(**off, now_s=NOW_s + 0.5))
+    assert said(supply_disagrees, step(**off, signals__current_A=0.0, now_s=NOW_s + 0.6)) == ""
+
+
+OPEN = {"reading__supply_voltage_V": 5.7, "signals__current_A": 0.09}
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_open"),
+    [
+        ({}, True),
+        ({"reading__supply_voltage_V": 5.69}, False),
+        ({"signals__current_A": 0.1}, False),
+        ({"signals__current_A": NAN}, True),
+        ({"told": Command(CURRENT_A, False)}, False),
+    ],
+)
+def test_a_wire_is_open_at_the_compliance_voltage_with_little_current_in_two_steps(changes, is_open, step):
+    memory = Memory(**MEMORY)
+    both = {**OPEN, **changes, "memory": memory}
+    assert said(open_wire, step(**both)) == ""
+    assert bool(said(open_wire, step(**both))) is is_open
+    assert said(open_wire, step(memory=memory)) == ""
+    assert said(open_wire, step(**both)) == ""  # two running, counted anew
+
+
+def test_too_hot_is_what_it_may_be_at_most(step, config):
+    heat = WireHeat(config.thermal)  # of which nothing is known: as hot as it may be
+    assert heat.at_most_C == config.thermal.max_temperature
+    assert said(too_hot, step(heat=heat)) == ""
+    heat.step(1.0, 0.01, config.thermal.ambient_temperature, config.thermal)
+    assert heat.at_most_C > config.thermal.max_temperature
+    assert "thermal.max_temperature is 200 °C" in said(too_hot, step(heat=heat))
+
+
+def test_steps_that_come_late_are_a_fault_after_as_many_running_as_the_parameter_says(step, config):
+    memory = Memory(**MEMORY)
+    late = {"memory": memory, "dt_s": 1.6 / config.loop.rate}
+    for _ in range(config.loop.overruns_to_fault - 1):
+        assert said(loop_overrun, step(**late)) == ""
+    assert said(loop_overrun, step(**late))
+    assert said(loop_overrun, step(memory=memory, dt_s=1.5 / config.loop.rate)) == ""
+    assert memory.count["loop_overrun"] == 0
+    for _ in range(2 * config.loop.overruns_to_fault):
+        assert said(loop_overrun, step(**late, driven=False)) == ""
+    for _ in range(config.loop.overruns_to_fault - 1):
+        assert said(loop_overrun, step(memory=memory, dt_s=NAN)) == ""
+    assert said(loop_overrun, step(memory=memory, dt_s=NAN))
+
+
+@pytest.mark.parametrize("quality", [Quality.OUTSIDE_CALIBRATION, Quality.INVALID])
+def test_an_estimate_outside_is_a_fault_once_it_lasts(quality, step, config):
+    memory = Memory(**MEMORY)
+    lasts_s = config.safety.outside_calibration_time
+    outside = {"memory": memory, "estimate__quality": quality}
+    assert said(estimator_outside, step(**outside)) == ""
+    assert said(estimator_outside, step(**outside, now_s=NOW_s + lasts_s - 0.01)) == ""
+    assert "54 MPa" in said(estimator_outside, step(**outside, now_s=NOW_s + lasts_s))
+    assert said(estimator_outside, step(**outside, now_s=NOW_s + lasts_s + 0.1, settled=False)) == ""
+    assert said(estimator_outside, step(**outside, now_s=NOW_s + lasts_s + 0.2)) == ""
+    at_the_end = step(memory=memory, estimate__quality=Quality.INDETERMINATE_HOT, now_s=NOW_s + 99.0)
+    assert said(estimator_outside, at_the_end) == ""
+
+
+# --- what is not asked in each step -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("wanted_A", "is_fault"),
+    [(0.0, False), (0.4, False), (-1e-12, True), (math.inf, True), (-math.inf, True), (NAN, True)],
+)
+def test_a_command_is_a_finite_current_of_at_least_zero(wanted_A, is_fault):
+    assert bool(command_invalid.look(wanted_A)) is is_fault
+
+
+@pytest.mark.parametrize(("position_m", "is_fault"), [(0.002, False), (NAN, True), (math.inf, True)])
+def test_a_setpoint_is_a_finite_position(position_m, is_fault):
+    assert bool(setpoint_not_finite.look(position_m)) is is_fault
+
+
+@pytest.mark.parametrize(
+    ("age_s", "timeout_s", "is_lost"),
+    [(1e9, 0.0, False), (2.0, 2.0, False), (2.01, 2.0, True), (-2.0, 2.0, False), (-2.01, 2.0, True), (NAN, 2.0, True), (0.5, 0.4, True)],
+)  # fmt: skip
+def test_a_setpoint_is_lost_after_its_time(age_s, timeout_s, is_lost, make_config):
+    config = Config.from_mapping(make_config(**{"controller.setpoint_timeout": timeout_s}))
+    assert bool(setpoint_stale.look(age_s, config)) is is_lost
+
+
+class TestBucket:
+    def test_a_burst_is_a_tenth_of_a_second_worth_and_then_one_comes_for_each_period(self):
+        bucket = Bucket()
+        assert [bucket.take(0.0, 1000.0) for _ in range(101)] == [True] * 100 + [False]
+        assert [bucket.take(0.0105, 1000.0) for _ in range(11)] == [True] * 10 + [False]
+
+    def test_a_burst_is_ten_at_least(self):
+        bucket = Bucket()
+        assert [bucket.take(0.0, 2.0) for _ in range(11)] == [True] * 10 + [False]
+
+    def test_a_clock_that_stands_or_runs_back_fills_nothing_and_nan_breaks_nothing(self):
+        bucket = Bucket()
+        for _ in range(10):
+            bucket.take(5.0, 1.0)
+        assert not bucket.take(5.0, 1.0)
+        assert not bucket.take(4.0, 1.0)
+        assert not bucket.take(NAN, 1.0)
+        assert not bucket.take(4.9, 1.0)
+        assert bucket.take(5.9, 1.0)
+
+    def test_the_guard_says_which_rate_was_exceeded(self, config):
+        bucket = Bucket()
+        words = [setpoint_flood.look(bucket, 0.0, config) for _ in range(101)]
+        assert not any(words[:100])
+        assert "1000 Hz" in words[100]
+
+
+# --- the table and the last gate --------------------------------------------------------------------------------------
+
+
+def test_what_latches_while_the_output_is_off_is_what_must_be_known_before_it_goes_on():
+    assert {
+        "unhandled_exception", "node_lost", "supply_tripped", "watchdog_not_held", "second_commander",
+        "supply_disagrees", "too_hot",
+    } <= {fault.name for fault in FAULTS.values() if fault.while_off}  # fmt: skip
+    for fault in FAULTS.values():
+        assert fault.latches or not fault.while_off
+        assert fault.latches is (fault.action is Action.OFF)
+
+
+class TestGate:
+    @pytest.fixture
+    def gate(self, config, monkeypatch):
+        """``gate(wanted_A, limit_A)``: the command that passes."""
+
+        def command(wanted_A, limit_A, driven=True, faults=()):
+            supervisor = Supervisor(config)
+            monkeypatch.setattr(supervisor, "limit_A", lambda: limit_A)
+            return supervisor.gate(wanted_A, driven, dict.fromkeys(faults, "as a test says"))[0]
+
+        return command
+
+    @pytest.mark.parametrize(
+        ("wanted_A", "limit_A", "passes_A"),
+        [(0.1, 0.4, 0.1), (0.4, 0.4, 0.4), (0.5, 0.4, 0.4), (0.5, 0.9, 0.4), (0.3, 0.2, 0.2), (0.0, 0.4, 0.0)],
+    )
+    def test_the_least_of_what_is_wanted_and_allowed_passes(self, gate, wanted_A, limit_A, passes_A):
+        assert gate(wanted_A, limit_A) == Command(passes_A, True)
+
+    @pytest.mark.parametrize("limit_A", [-0.1, -1e-12])
+    def test_a_limit_that_is_no_current_lets_nothing_pass(self, gate, limit_A):
+        assert gate(0.3, limit_A) == Command(0.0, False)
+
+    def test_without_being_driven_nothing_passes(self, gate):
+        assert gate(0.3, 0.4, driven=False) == Command(0.0, False)
+
+    @pytest.mark.parametrize(("fault", "passes_A"), [(estimate_invalid, 0.05), (setpoint_not_finite, 0.3)])
+    def test_a_fault_whose_action_is_the_bias_leaves_the_bias(self, gate, fault, passes_A):
+        assert gate(0.3, 0.4, faults=[fault]) == Command(passes_A, True)
