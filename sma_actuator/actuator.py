@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import collections
 import logging
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite, nan
 from typing import TYPE_CHECKING
@@ -76,6 +76,7 @@ class Actuator:
         self._setpoint_m = nan
         self._setpoint_s = nan
         self._trajectory: tuple[float, Trajectory] | None = None
+        self._awaited: tuple[float, Trajectory] | None = None  #: one whose start is still to come
         self._now_s = nan
         self._reading_s = -inf  #: time stamp of the last usable reading
         self._controlled_s = nan  #: when the controller was last stepped
@@ -163,17 +164,37 @@ class Actuator:
         self._track(now_s, float(position_m), None)
         return ""
 
-    def offer_trajectory(self, now_s: float, times_s, positions_m) -> str:
-        """Take positions [m] at times [s] from now; "" or the sentence why they were refused."""
+    def offer_trajectory(
+        self,
+        now_s: float,
+        times_s: Sequence[float],
+        positions_m: Sequence[float],
+        velocities_m_s: Sequence[float] | None = None,
+        delay_s: float = 0.0,
+    ) -> str:
+        """Take positions [m] at times [s] from ``delay_s`` after now; "" or the sentence why they were refused.
+
+        Until a later start the wire goes on with what it does; of one that has begun already the rest is followed.
+        Without points the motion ends where the wire is.
+        """
         refusal = self._refuses_setpoints(now_s)
         if refusal:
             return refusal
+        if not len(times_s):
+            self._mode, self._starting = Mode.HOLD, True
+            self._forget_setpoints()
+            return ""
         try:
-            trajectory = Trajectory(times_s, positions_m)
+            trajectory = Trajectory(times_s, positions_m, velocities_m_s=velocities_m_s)
         except (TypeError, ValueError) as error:
             self._events[setpoint_not_finite] = (now_s, str(error))
             return str(error)
-        self._track(now_s, trajectory(0.0), (now_s, trajectory))
+        if not trajectory.duration_s + delay_s >= 0.0:
+            return f"trajectory refused: its last point was due {-delay_s - trajectory.duration_s:.3g} s ago"
+        if delay_s > 0.0:
+            self._awaited = (now_s + delay_s, trajectory)
+        else:
+            self._track(now_s, trajectory(-delay_s), (now_s + delay_s, trajectory))
         return ""
 
     def reset_estimator(self) -> tuple[bool, str]:
@@ -315,6 +336,8 @@ class Actuator:
         setpoint_m = nan
         wanted_A = config.supply.bias_current
         if settled and supervisor.latched is None:
+            if self._awaited is not None and now_s >= self._awaited[0]:
+                self._track(now_s, self._awaited[1](now_s - self._awaited[0]), self._awaited)
             self._lose_setpoint(now_s)
         if settled and supervisor.latched is None and estimate_invalid not in faults:
             if self._starting:
@@ -432,13 +455,13 @@ class Actuator:
 
     def _forget_setpoints(self) -> None:
         self._setpoint_m = self._setpoint_s = nan
-        self._trajectory, self._bias_only, self._lost = None, False, ""
+        self._trajectory, self._awaited, self._bias_only, self._lost = None, None, False, ""
 
     def _track(self, now_s: float, position_m: float, trajectory: tuple[float, Trajectory] | None) -> None:
         """Follow a setpoint or trajectory from now on; after a loss, from the present current on."""
         self._starting |= self._bias_only
         self._mode, self._bias_only, self._lost = Mode.TRACKING, False, ""
-        self._setpoint_m, self._setpoint_s, self._trajectory = position_m, now_s, trajectory
+        self._setpoint_m, self._setpoint_s, self._trajectory, self._awaited = position_m, now_s, trajectory, None
 
     def _latch(self, fault: Fault, detail: str) -> None:
         self._supervisor.latch(fault, detail)
