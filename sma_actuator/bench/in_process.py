@@ -22,7 +22,7 @@ from .chain import CHANNELS
 from .supply import SettingRefused
 
 if TYPE_CHECKING:
-    from sma_actuator.config import Config
+    from sma_actuator.config import BenchConfig
 
 
 class VirtualClock:
@@ -45,7 +45,7 @@ class _InProcess:
 
     name = ""
 
-    def __init__(self, bench: VirtualBench, config: Config):
+    def __init__(self, bench: VirtualBench, config: BenchConfig):
         self._bench = bench
         self._config = config
         self._open = False

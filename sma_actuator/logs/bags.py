@@ -59,10 +59,10 @@ def log_from_bag(path: str | Path, topics: Mapping[str, str]) -> BenchLog:
     }
     time_s = np.unique(next(iter(arrays.values()))[:, 0])
     columns = {"time_s": time_s - time_s[0]}
-    for column, rows in arrays.items():
-        columns[column] = np.interp(time_s, rows[:, 0], rows[:, 1])
-        period_s = np.median(np.diff(rows[:, 0])) if len(rows) > 1 else 0.0
-        columns[column][(time_s < rows[0, 0] - period_s) | (time_s > rows[-1, 0] + period_s)] = np.nan
+    for column, stamped in arrays.items():
+        columns[column] = np.interp(time_s, stamped[:, 0], stamped[:, 1])
+        period_s = np.median(np.diff(stamped[:, 0])) if len(stamped) > 1 else 0.0
+        columns[column][(time_s < stamped[0, 0] - period_s) | (time_s > stamped[-1, 0] + period_s)] = np.nan
     return BenchLog(columns, {"recording": path.name}, str(path))
 
 
