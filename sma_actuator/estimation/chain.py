@@ -26,6 +26,7 @@ from sma_actuator.base.signals import Branch, Estimate, Quality, Signals
 from .branch import BranchDetector
 from .effects import Effect, in_order
 from .effects.frame import Frame, Place
+from .hot_end import HotEnd
 from .models import ThermalStrainModel
 
 if TYPE_CHECKING:
@@ -85,10 +86,12 @@ def _velocity_all(
 
 
 @jit
-def _quality(displacement: float, stress: float, bounds: np.ndarray) -> int:
+def _quality(displacement: float, stress: float, contracted: bool, bounds: np.ndarray) -> int:
     """``bounds`` = [σ_lo, σ_hi, δ_lo, δ_hi]."""
     if not bounds[0] <= stress <= bounds[1]:
         return 3
+    if contracted:
+        return 2
     if not displacement <= bounds[3]:
         return 1
     if not displacement >= bounds[2]:
@@ -97,9 +100,11 @@ def _quality(displacement: float, stress: float, bounds: np.ndarray) -> int:
 
 
 @jit
-def _quality_all(displacement: np.ndarray, stress: np.ndarray, bounds: np.ndarray, quality: np.ndarray) -> None:
+def _quality_all(
+    displacement: np.ndarray, stress: np.ndarray, contracted: np.ndarray, bounds: np.ndarray, quality: np.ndarray
+) -> None:
     for i in range(len(displacement)):
-        quality[i] = _quality(displacement[i], stress[i], bounds)
+        quality[i] = _quality(displacement[i], stress[i], contracted[i], bounds)
 
 
 class Chain:
@@ -112,8 +117,10 @@ class Chain:
 
     Beyond the working range, where R moves with temperature and δ hardly at all, the model goes on
     and the quality says so (INDETERMINATE_COLD, INDETERMINATE_HOT): an estimate that stood still
-    there would not see the wire come back.  A model of the whole range has no such ends; where it is asked
-    for what its calibration has not seen it says so (OUTSIDE_CALIBRATION).
+    there would not see the wire come back.  Only where the wire is known to be contracted as far as it
+    goes (:class:`HotEnd`) is it where the calibration has it: resistance rises with temperature there.
+    A model with a heat balance of its own knows the ends; where it is asked for what its calibration has
+    not seen it says so (OUTSIDE_CALIBRATION).
 
     It has two memories.  That of the *loop*, where the wire stands on it: branch, model, velocity, and
     what effects derive from positions passed; :meth:`reset` forgets it, which a tare asks for too, since
@@ -129,6 +136,8 @@ class Chain:
         # A model with a heat balance wants the power too, and says how sure it is; the others are asked as ever.
         self._thermal: ThermalStrainModel | None = self._model if hasattr(self._model, "observe") else None
         self._branch = BranchDetector(config.estimator)
+        self._hot_end = HotEnd(config)
+        self._asks_hot_end = self._hot_end.known and self._thermal is None
         self._length_m = config.wire.length
         stress_lo, stress_hi = self._model.stress_range_Pa
         margin_Pa = STRESS_MARGIN * (stress_hi - stress_lo)
@@ -164,6 +173,7 @@ class Chain:
     def reset(self) -> None:
         """Forget where on its loop the wire is: the next good sample is taken for a wire at rest on its cooling curve."""
         self._started = False
+        self._hot_end.reset()
         for effect, state in self._effects:
             effect.forget_the_loop(state)
         self._last = Estimate(-inf, nan, nan, 0.0, Branch.COOLING, Quality.INVALID)
@@ -172,6 +182,8 @@ class Chain:
         """Take over live parameters; the memory stays."""
         self._branch.configure(config.estimator)
         self._velocity_time_constant_s = config.estimator.velocity_time_constant
+        self._hot_end.update(config)
+        self._usual_C, self._tolerance_K = config.thermal.ambient_temperature, config.thermal.ambient_tolerance
         self._place = Place.of(config)
 
     # --- one sample ---------------------------------------------------------------------------------
@@ -193,21 +205,16 @@ class Chain:
         if not started:
             self._start(signals.time_s, resistance_Ohm, stress_Pa, power_W)
         heating = self._branch.step(signals.time_s, resistance_Ohm, power_W)
-        uncertainty_m, seen = nan, True
-        if self._thermal is None:
-            displacement_m = self._model.step(resistance_Ohm, self._in_reach(stress_Pa), heating)
-        else:
-            displacement_m, uncertainty_m, seen = self._thermal.observe(
-                signals.time_s,
-                resistance_Ohm,
-                self._in_reach(stress_Pa),
-                heating,
-                power_W,
-                signals.ambient_temperature_C,
-            )
+        displacement_m, uncertainty_m, seen = self._observe(signals, resistance_Ohm, heating)
         if frame is not None:
             frame.heating, frame.displacement_m = np.array([heating]), np.array([displacement_m])
             displacement_m = float(self._act(self._at_displacement, frame).displacement_m[0])
+        hot_end = self._hot_end
+        contracted = self._asks_hot_end and hot_end.step(
+            signals.time_s, resistance_Ohm, stress_Pa, power_W, signals.ambient_temperature_C
+        )
+        if contracted:
+            displacement_m = min(displacement_m, float(hot_end.displacement_m(stress_Pa)))
         if not started:
             self._velocity_state[:] = signals.time_s, displacement_m, 0.0
         velocity_m_s = _velocity(signals.time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s)
@@ -217,10 +224,22 @@ class Chain:
             displacement_m / self._length_m,
             velocity_m_s,
             Branch.HEATING if heating else Branch.COOLING,
-            _QUALITIES[_quality(displacement_m, stress_Pa, self._bounds)] if seen else Quality.OUTSIDE_CALIBRATION,
+            _QUALITIES[_quality(displacement_m, stress_Pa, contracted, self._bounds)]
+            if seen
+            else Quality.OUTSIDE_CALIBRATION,
             uncertainty_m,
         )
         return signals, self._last
+
+    def _observe(self, signals: Signals, resistance_Ohm: float, heating: bool) -> tuple[float, float, bool]:
+        """The strain model's displacement, half of its 95 % interval, and whether its calibration has seen the like."""
+        stress_Pa = self._in_reach(signals.stress_Pa)
+        if self._thermal is None:
+            return self._model.step(resistance_Ohm, stress_Pa, heating), nan, True
+        ambient_C = signals.ambient_temperature_C
+        if not abs(ambient_C - self._usual_C) <= self._tolerance_K:
+            ambient_C = nan  # a sensor that is not to be believed is none
+        return self._thermal.observe(signals.time_s, resistance_Ohm, stress_Pa, heating, signals.power_W, ambient_C)
 
     # --- many ---------------------------------------------------------------------------------------
 
@@ -290,6 +309,8 @@ class Chain:
             model_m = self._model.run(resistance_Ohm, in_reach_Pa, heating)
         else:
             ambient_C = np.broadcast_to(signals.ambient_temperature_C, good.shape)[good]
+            doubtful = ~(np.abs(ambient_C - self._usual_C) <= self._tolerance_K)
+            ambient_C = np.where(doubtful, nan, ambient_C)
             model_m, uncertainty_m, seen = self._thermal.observe_all(
                 time_s, resistance_Ohm, in_reach_Pa, heating, power_W, ambient_C
             )
@@ -299,11 +320,17 @@ class Chain:
             displacement_m = np.ascontiguousarray(self._act(self._at_displacement, frame).displacement_m)
             if "shown_m" in out:
                 shown_m = self._act(self._shown, frame).displacement_m
+        contracted = np.zeros(len(time_s), dtype=np.bool_)
+        if self._asks_hot_end and "shown_m" not in out:  # what is judged is the model, there as elsewhere
+            ambient_C = np.broadcast_to(signals.ambient_temperature_C, good.shape)[good]
+            contracted = self._hot_end.run(time_s, resistance_Ohm, stress_Pa, power_W, ambient_C)
+            at_most_m = np.where(contracted, self._hot_end.displacement_m(stress_Pa), inf)
+            displacement_m = np.minimum(displacement_m, at_most_m)
         if not started:
             self._velocity_state[:] = time_s[0], displacement_m[0], 0.0
         velocity_m_s, quality = np.empty(len(time_s)), np.empty(len(time_s), dtype=np.int64)
         _velocity_all(time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s, velocity_m_s)
-        _quality_all(displacement_m, stress_Pa, self._bounds, quality)
+        _quality_all(displacement_m, stress_Pa, contracted, self._bounds, quality)
         quality = np.where(seen, quality, int(Quality.OUTSIDE_CALIBRATION))
         out["velocity_m_s"][good], out["quality"][good] = velocity_m_s, quality
         latest = np.cumsum(good) - 1  # index of the last good sample at each place; −1 before the first
