@@ -37,6 +37,8 @@ ESTIMATOR_RESET = "estimator reset"
 #: Share of the calibrated stress range by which a stress may lie outside it.  Beyond that the model sees the
 #: stress at the margin: polynomials in stress go astray quickly outside the data they were fitted on.
 STRESS_MARGIN = 0.05
+#: Share of its stroke by which the estimate of a model of the whole range may lie outside it and still be trusted.
+STROKE_MARGIN = 0.05
 
 _QUALITIES = tuple(Quality)  # indexing is quicker than calling an enumeration
 Act = tuple[Callable[[Frame, np.ndarray, Place], None], np.ndarray]  #: what an effect does at a stage, and its memory
@@ -142,7 +144,10 @@ class Chain:
         stress_lo, stress_hi = self._model.stress_range_Pa
         margin_Pa = STRESS_MARGIN * (stress_hi - stress_lo)
         self._stress_Pa = stress_lo - margin_Pa, stress_hi + margin_Pa
-        self._bounds = np.array([*self._stress_Pa, *self._model.displacement_range_m])
+        low_m, high_m = self._model.displacement_range_m
+        # A model of the whole range has been at both ends; its estimates scatter about them.
+        slack_m = 0.0 if self._thermal is None else STROKE_MARGIN * (high_m - low_m)
+        self._bounds = np.array([*self._stress_Pa, low_m - slack_m, high_m + slack_m])
         self._resistances_Ohm = config.safety.resistance_min, config.safety.resistance_max
         self._velocity_state = np.zeros(3)
         self._effects = [
