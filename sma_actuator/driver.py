@@ -279,9 +279,17 @@ class Driver:
         """Hand over a setpoint [m]; never waits.  Refusals come back by :meth:`refusals`."""
         self._offer(lambda actuator, now_s: actuator.offer_setpoint(now_s, position_m))
 
-    def offer_trajectory(self, times_s: list[float], positions_m: list[float]) -> None:
-        """Hand over a trajectory: positions [m] at times [s] from now; never waits."""
-        self._offer(lambda actuator, now_s: actuator.offer_trajectory(now_s, times_s, positions_m))
+    def offer_trajectory(
+        self,
+        times_s: list[float],
+        positions_m: list[float],
+        velocities_m_s: list[float] | None = None,
+        delay_s: float = 0.0,
+    ) -> None:
+        """Hand over a trajectory: positions [m] at times [s] from ``delay_s`` after now; never waits."""
+        self._offer(
+            lambda actuator, now_s: actuator.offer_trajectory(now_s, times_s, positions_m, velocities_m_s, delay_s)
+        )
 
     def feed(self) -> None:
         """Say that the commander is alive."""

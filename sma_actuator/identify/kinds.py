@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -77,7 +78,7 @@ def _enough(trace: Trace) -> Trace:
     return dataclasses.replace(piece, cycle=number, log=dataclasses.replace(piece.log, metadata=metadata))
 
 
-def make_traces(logs: Sequence[BenchLog], config) -> list[Trace]:
+def make_traces(logs: Sequence[BenchLog], config: Any) -> list[Trace]:
     """Traces of the logs that a model is fitted on, each of one load and one kind of cycles.
 
     Logs of calibration and training are left out, and logs in which the current never moves.  Raises

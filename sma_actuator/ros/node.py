@@ -57,6 +57,7 @@ from sma_msgs_py import (
     position_from,
     reference_message,
     signals_message,
+    start_from,
     trajectory_from,
 )
 
@@ -225,11 +226,13 @@ class SmaActuatorNode(LifecycleNode):
             )
             return
         try:
-            trajectory = trajectory_from(deserialize_message(serialized, JointTrajectory), self.config.joint_name)
+            message = deserialize_message(serialized, JointTrajectory)
+            times_s, positions_m, velocities_m_s = trajectory_from(message, self.config.joint_name)
         except ValueError as error:
             self.report(str(error))
             return
-        driver.offer_trajectory(*trajectory)
+        delay_s = start_from(message, self.get_clock().now().nanoseconds)
+        driver.offer_trajectory(times_s, positions_m, velocities_m_s, delay_s)
 
     def on_enable(self, request: SetBool.Request, response: SetBool.Response) -> Any:
         """Switch the output on or off.  Called in the thread of the switch."""
