@@ -21,8 +21,9 @@ from sma_actuator.estimation.circuit import is_driven, signals_from_reading, wit
 from sma_actuator.safety.faults import FAULTS, gravest
 from sma_actuator.safety.guards.estimate import estimate_invalid
 from sma_actuator.safety.guards.program import unhandled_exception
-from sma_actuator.safety.guards.setpoints import Bucket, setpoint_flood, setpoint_not_finite, setpoint_stale
-from sma_actuator.safety.limits import CURRENT_BIAS, CURRENT_MAX, LIMITS, SETPOINT_RANGE, SETPOINT_RATE
+from sma_actuator.safety.guards.setpoints import Bucket, no_motion, setpoint_flood, setpoint_not_finite, setpoint_stale
+from sma_actuator.safety.limits import CURRENT_BIAS, CURRENT_MAX, LIMITS, SETPOINT_RANGE, SETPOINT_RATE, SETPOINT_REACH
+from sma_actuator.safety.reach import Reach
 from sma_actuator.safety.records import Fault, Limit, Step
 from sma_actuator.safety.supervisor import Supervisor
 
@@ -37,6 +38,8 @@ EVENT_SHOWN_S = 1.0
 AVERAGED_READINGS = 20
 #: And at the least.
 FEWEST_READINGS = 3
+#: Share of the current's limit that counts as all of it: about the limit, a controller's output is noise.
+ALL_THERE_IS = 0.95
 #: Share of the load at wire.max_stress that may be tared away: drift of a load cell, not a load.
 MOST_TARE = 0.1
 _NOTHING = Signals(nan, nan, nan, nan, nan, nan)
@@ -65,6 +68,7 @@ class Actuator:
         self._chain = Chain(config)
         self._controller = config.controller.build(config.supply.bias_current)
         self._supervisor = Supervisor(config)
+        self._reach = Reach(config.wire.full_stroke_m, config.thermal.heat_capacity / config.thermal.heat_loss)
         self._mode = Mode.OFF
         self._starting = False  #: the controller starts where the wire is, once that is known
         self._lost = ""  #: why the setpoint counts as lost
@@ -385,7 +389,21 @@ class Actuator:
             if not lo_m <= setpoint_m <= hi_m:
                 limits.add(SETPOINT_RANGE)
                 setpoint_m = min(max(setpoint_m, lo_m), hi_m)
-        return max(setpoint_m, self._supervisor.stress_floor_m)
+        setpoint_m = max(setpoint_m, self._supervisor.stress_floor_m)
+        self._reach.step(
+            now_s,
+            self._estimate.displacement_m,
+            setpoint_m,
+            self._told.current_A >= ALL_THERE_IS * self._supervisor.limit_A(),
+            self._power_W,
+            self._signals.load_N,
+        )
+        if self._reach.floor_m > setpoint_m:
+            limits.add(SETPOINT_REACH)
+            vain = no_motion.look(self._reach.tries)
+            if vain:
+                self._supervisor.latch(no_motion, vain)
+        return max(setpoint_m, self._reach.floor_m)
 
     def _control(self, setpoint_m: float, is_new: bool, limits: set[Limit]) -> float:
         """Current the controller asks for [A]; without a new estimate, the one it asked for last."""
@@ -422,6 +440,7 @@ class Actuator:
     def _start_controller(self) -> None:
         """Let the controller go on from the present position and current."""
         self._starting = False
+        self._reach.forget()
         self._controlled_s = self._now_s
         position_m = self._estimate.displacement_m
         if self._mode is Mode.HOLD:

@@ -19,6 +19,7 @@ from .fatigue import Fatigue, fit_fatigue
 from .fitters import FITTERS, METHODS, Asked, Fitter, Progress
 from .kinds import LEFT_OUT, make_traces
 from .normalised import as_one_wire
+from .ranges import MARGIN, check_width, shortest_seen_m
 from .traces import Trace
 
 
@@ -63,6 +64,19 @@ def identify(
         mapping.pop(stale, None)
     mapping["model"] = {"type": model_type, **to_mapping(fitted.coefficients)}
     config = Config.from_mapping(mapping)
+    if "displacement_range" in mapping["model"]:
+        low_m, high_m = mapping["model"]["displacement_range"]
+        seen_m = shortest_seen_m(traces, config)
+        if seen_m > low_m:
+            check_width(seen_m, high_m, bench.wire.full_stroke_m)
+            if seen_m > low_m + MARGIN * bench.wire.full_stroke_m:
+                notes.append(
+                    f"heated as far as it goes, the wire shows the model no less than {seen_m * 1e3:.2f} mm at some load: "
+                    "its resistance has a minimum and rises again with temperature; the working range ends there, not at "
+                    f"{low_m * 1e3:.2f} mm"
+                )
+            mapping["model"]["displacement_range"] = [seen_m, high_m]
+            config = Config.from_mapping(mapping)
     mapping["calibration"] = to_mapping(calibration_of(traces, config, at_rest=not fitter.any_size))
     config = Config.from_mapping(mapping)
     model = config.model.build(bench.wire)
