@@ -207,3 +207,15 @@ def test_a_file_that_is_no_loop_ends_the_command_with_a_sentence(tmp_path):
     )
     assert done.returncode == 1 and "wrong.csv: line 1: no column temperature_C" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_one_loop_alone_is_drawn_and_says_that_it_tells_no_slope(tmp_path):
+    path = written(tmp_path / "only.csv", made(COSINES, 100)[::4])
+    page = tmp_path / "page.html"
+    command = [sys.executable, "-m", "sma_actuator", "loop", str(path), "--report", str(page)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert "only" in done.stdout and "MPa/K" not in done.stdout
+    assert "does not tell a Clausius-Clapeyron slope" in page.read_text()
+    again = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert again.returncode == 1 and "exists already; --force overwrites it" in again.stderr
