@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import collections
 import logging
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite, nan
 from typing import TYPE_CHECKING
@@ -21,8 +21,9 @@ from sma_actuator.estimation.circuit import is_driven, signals_from_reading, wit
 from sma_actuator.safety.faults import FAULTS, gravest
 from sma_actuator.safety.guards.estimate import estimate_invalid
 from sma_actuator.safety.guards.program import unhandled_exception
-from sma_actuator.safety.guards.setpoints import Bucket, setpoint_flood, setpoint_not_finite, setpoint_stale
-from sma_actuator.safety.limits import CURRENT_BIAS, CURRENT_MAX, LIMITS, SETPOINT_RANGE, SETPOINT_RATE
+from sma_actuator.safety.guards.setpoints import Bucket, no_motion, setpoint_flood, setpoint_not_finite, setpoint_stale
+from sma_actuator.safety.limits import CURRENT_BIAS, CURRENT_MAX, LIMITS, SETPOINT_RANGE, SETPOINT_RATE, SETPOINT_REACH
+from sma_actuator.safety.reach import Reach
 from sma_actuator.safety.records import Fault, Limit, Step
 from sma_actuator.safety.supervisor import Supervisor
 
@@ -37,6 +38,8 @@ EVENT_SHOWN_S = 1.0
 AVERAGED_READINGS = 20
 #: And at the least.
 FEWEST_READINGS = 3
+#: Share of the current's limit that counts as all of it: about the limit, a controller's output is noise.
+ALL_THERE_IS = 0.95
 #: Share of the load at wire.max_stress that may be tared away: drift of a load cell, not a load.
 MOST_TARE = 0.1
 _NOTHING = Signals(nan, nan, nan, nan, nan, nan)
@@ -54,6 +57,7 @@ class Output:
     setpoint_m: float  #: what the controller was asked for, NaN where nothing
     tare_N: float = 0.0  #: load that counts as zero
     events: tuple[str, ...] = ()  #: what was asked, changed or went wrong since the step before
+    reading: Reading | None = None  #: as it came from the DAQ, None where nothing came
 
 
 class Actuator:
@@ -64,6 +68,7 @@ class Actuator:
         self._chain = Chain(config)
         self._controller = config.controller.build(config.supply.bias_current)
         self._supervisor = Supervisor(config)
+        self._reach = Reach(config.wire.full_stroke_m, config.thermal.heat_capacity / config.thermal.heat_loss)
         self._mode = Mode.OFF
         self._starting = False  #: the controller starts where the wire is, once that is known
         self._lost = ""  #: why the setpoint counts as lost
@@ -71,6 +76,7 @@ class Actuator:
         self._setpoint_m = nan
         self._setpoint_s = nan
         self._trajectory: tuple[float, Trajectory] | None = None
+        self._awaited: tuple[float, Trajectory] | None = None  #: one whose start is still to come
         self._now_s = nan
         self._reading_s = -inf  #: time stamp of the last usable reading
         self._controlled_s = nan  #: when the controller was last stepped
@@ -158,17 +164,37 @@ class Actuator:
         self._track(now_s, float(position_m), None)
         return ""
 
-    def offer_trajectory(self, now_s: float, times_s, positions_m) -> str:
-        """Take positions [m] at times [s] from now; "" or the sentence why they were refused."""
+    def offer_trajectory(
+        self,
+        now_s: float,
+        times_s: Sequence[float],
+        positions_m: Sequence[float],
+        velocities_m_s: Sequence[float] | None = None,
+        delay_s: float = 0.0,
+    ) -> str:
+        """Take positions [m] at times [s] from ``delay_s`` after now; "" or the sentence why they were refused.
+
+        Until a later start the wire goes on with what it does; of one that has begun already the rest is followed.
+        Without points the motion ends where the wire is.
+        """
         refusal = self._refuses_setpoints(now_s)
         if refusal:
             return refusal
+        if not len(times_s):
+            self._mode, self._starting = Mode.HOLD, True
+            self._forget_setpoints()
+            return ""
         try:
-            trajectory = Trajectory(times_s, positions_m)
+            trajectory = Trajectory(times_s, positions_m, velocities_m_s=velocities_m_s)
         except (TypeError, ValueError) as error:
             self._events[setpoint_not_finite] = (now_s, str(error))
             return str(error)
-        self._track(now_s, trajectory(0.0), (now_s, trajectory))
+        if not trajectory.duration_s + delay_s >= 0.0:
+            return f"trajectory refused: its last point was due {-delay_s - trajectory.duration_s:.3g} s ago"
+        if delay_s > 0.0:
+            self._awaited = (now_s + delay_s, trajectory)
+        else:
+            self._track(now_s, trajectory(-delay_s), (now_s + delay_s, trajectory))
         return ""
 
     def reset_estimator(self) -> tuple[bool, str]:
@@ -270,7 +296,7 @@ class Actuator:
             _log.exception("the control step failed")
             self._latch(unhandled_exception, f"{type(error).__name__}: {error}")
             self._told = Command(0.0, False)
-            return self._output({}, set(), nan)
+            return self._output({}, set(), nan, reading)
 
     def _step(self, now_s: float, raw: Reading | None, supply: SupplyState | None) -> Output:
         supervisor, config = self._supervisor, self._config
@@ -310,6 +336,8 @@ class Actuator:
         setpoint_m = nan
         wanted_A = config.supply.bias_current
         if settled and supervisor.latched is None:
+            if self._awaited is not None and now_s >= self._awaited[0]:
+                self._track(now_s, self._awaited[1](now_s - self._awaited[0]), self._awaited)
             self._lose_setpoint(now_s)
         if settled and supervisor.latched is None and estimate_invalid not in faults:
             if self._starting:
@@ -323,9 +351,11 @@ class Actuator:
             self._switch_off()
         self._told = command
         self._show_events(now_s, faults)
-        return self._output(faults, limits, setpoint_m)
+        return self._output(faults, limits, setpoint_m, raw)
 
-    def _output(self, faults: dict[Fault, str], limits: set[Limit], setpoint_m: float) -> Output:
+    def _output(
+        self, faults: dict[Fault, str], limits: set[Limit], setpoint_m: float, reading: Reading | None
+    ) -> Output:
         """What this step has to say, with what has changed since the one before."""
         latched = self._supervisor.latched
         if latched is not self._latched_told and latched is not None:
@@ -333,7 +363,7 @@ class Actuator:
         self._latched_told = latched
         changes, self._changes = tuple(self._changes), []
         status = self._status(faults, limits)
-        return Output(self._signals, self._estimate, self._told, status, setpoint_m, self._tare_N, changes)
+        return Output(self._signals, self._estimate, self._told, status, setpoint_m, self._tare_N, changes, reading)
 
     def _sense(self, reading: Reading) -> None:
         """Signals and estimate of a usable reading."""
@@ -359,7 +389,21 @@ class Actuator:
             if not lo_m <= setpoint_m <= hi_m:
                 limits.add(SETPOINT_RANGE)
                 setpoint_m = min(max(setpoint_m, lo_m), hi_m)
-        return max(setpoint_m, self._supervisor.stress_floor_m)
+        setpoint_m = max(setpoint_m, self._supervisor.stress_floor_m)
+        self._reach.step(
+            now_s,
+            self._estimate.displacement_m,
+            setpoint_m,
+            self._told.current_A >= ALL_THERE_IS * self._supervisor.limit_A(),
+            self._power_W,
+            self._signals.load_N,
+        )
+        if self._reach.floor_m > setpoint_m:
+            limits.add(SETPOINT_REACH)
+            vain = no_motion.look(self._reach.tries)
+            if vain:
+                self._supervisor.latch(no_motion, vain)
+        return max(setpoint_m, self._reach.floor_m)
 
     def _control(self, setpoint_m: float, is_new: bool, limits: set[Limit]) -> float:
         """Current the controller asks for [A]; without a new estimate, the one it asked for last."""
@@ -396,6 +440,7 @@ class Actuator:
     def _start_controller(self) -> None:
         """Let the controller go on from the present position and current."""
         self._starting = False
+        self._reach.forget()
         self._controlled_s = self._now_s
         position_m = self._estimate.displacement_m
         if self._mode is Mode.HOLD:
@@ -410,13 +455,13 @@ class Actuator:
 
     def _forget_setpoints(self) -> None:
         self._setpoint_m = self._setpoint_s = nan
-        self._trajectory, self._bias_only, self._lost = None, False, ""
+        self._trajectory, self._awaited, self._bias_only, self._lost = None, None, False, ""
 
     def _track(self, now_s: float, position_m: float, trajectory: tuple[float, Trajectory] | None) -> None:
         """Follow a setpoint or trajectory from now on; after a loss, from the present current on."""
         self._starting |= self._bias_only
         self._mode, self._bias_only, self._lost = Mode.TRACKING, False, ""
-        self._setpoint_m, self._setpoint_s, self._trajectory = position_m, now_s, trajectory
+        self._setpoint_m, self._setpoint_s, self._trajectory, self._awaited = position_m, now_s, trajectory, None
 
     def _latch(self, fault: Fault, detail: str) -> None:
         self._supervisor.latch(fault, detail)

@@ -213,7 +213,7 @@ def markdown() -> str:
         "sentence that names it and its range. **Live** ones can be changed while the wire is driven (`ros2 param set`).",
     ]
     sections: list[tuple[str, type]] = [("", Config)]
-    effects = [("effects.", Effects)]
+    effects: list[tuple[str, type]] = [("effects.", Effects)]
     effects += [(f"effects.{name}.", cls) for name, cls in EFFECTS.items() if cls.PART != "reference"]
     while sections:
         title, cls = sections.pop(0)

@@ -279,9 +279,17 @@ class Driver:
         """Hand over a setpoint [m]; never waits.  Refusals come back by :meth:`refusals`."""
         self._offer(lambda actuator, now_s: actuator.offer_setpoint(now_s, position_m))
 
-    def offer_trajectory(self, times_s: list[float], positions_m: list[float]) -> None:
-        """Hand over a trajectory: positions [m] at times [s] from now; never waits."""
-        self._offer(lambda actuator, now_s: actuator.offer_trajectory(now_s, times_s, positions_m))
+    def offer_trajectory(
+        self,
+        times_s: list[float],
+        positions_m: list[float],
+        velocities_m_s: list[float] | None = None,
+        delay_s: float = 0.0,
+    ) -> None:
+        """Hand over a trajectory: positions [m] at times [s] from ``delay_s`` after now; never waits."""
+        self._offer(
+            lambda actuator, now_s: actuator.offer_trajectory(now_s, times_s, positions_m, velocities_m_s, delay_s)
+        )
 
     def feed(self) -> None:
         """Say that the commander is alive."""
@@ -420,7 +428,7 @@ class Driver:
     def _account_end(self, deadline_s: float, now_s: float) -> None:
         self._busy_s[self._steps % _STATISTICS_WINDOW] = now_s - deadline_s
         self._steps += 1
-        start_s, number = self._schedule
+        start_s, number = self._schedule or (now_s, 0)
         missed = max(0, math.floor((now_s - start_s) / self._period_s + 1e-9) - number)
         # Missed deadlines are skipped, not caught up with: old readings help nobody.
         self._schedule = (start_s, number + 1 + missed)
@@ -446,7 +454,7 @@ class Driver:
         output = self._output = self._with_truth(output)
         if self._recorder is not None:
             self._recorder.record(reading, output)
-        if self._on_output is not None:
+        if self._on_output is not None and not self._cut:  # what the watchman has put out is newer than this
             self._on_output(output)
         return output
 
@@ -458,6 +466,8 @@ class Driver:
 
     def _write(self, command: Command, state: SupplyState | None) -> None:
         """Tell the supply what it does not know yet."""
+        if self._cut:
+            command = _OFF  # thought out before the watchman cut
         written = self._written
         self._written = None  # until all of it is sent
         if command.output_on:

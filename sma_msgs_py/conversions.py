@@ -7,6 +7,7 @@ Positions in m (extension is positive), velocities in m/s, tension and load in N
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from builtin_interfaces.msg import Duration, Time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
@@ -31,9 +32,10 @@ def joint_state_message(joint_name: str, estimate: Estimate, signals: Signals, s
 
 def position_velocity_tension_from(message: JointState) -> tuple[float, float, float]:
     """Position [m], velocity [m/s] and tension [N] of the only joint; NaN where it has none."""
-    return tuple(
+    position, velocity, effort = (
         values[0] if len(values) else math.nan for values in (message.position, message.velocity, message.effort)
     )
+    return position, velocity, effort
 
 
 def reference_message(joint_name: str, signals: Signals, stamp: Time) -> JointState:
@@ -41,6 +43,22 @@ def reference_message(joint_name: str, signals: Signals, stamp: Time) -> JointSt
     message = JointState(name=[joint_name], position=[signals.reference_displacement_m])
     message.header.stamp = stamp
     return message
+
+
+def signals_message(values: Mapping[str, float], happened: str, stamp: Time) -> JointState:
+    """Named values, whatever they are: ``name[i]`` has the value ``position[i]``.
+
+    ``happened`` says what changed before; it goes where a message of joints names a frame, which these have not.
+    """
+    message = JointState(name=list(values), position=list(map(float, values.values())))
+    message.header.stamp = stamp
+    message.header.frame_id = happened
+    return message
+
+
+def signals_from(message: JointState) -> dict[str, float]:
+    """The named values of :func:`signals_message`."""
+    return dict(zip(message.name, message.position, strict=True))
 
 
 def load_message(frame_id: str, signals: Signals, stamp: Time) -> WrenchStamped:
@@ -86,8 +104,8 @@ def trajectory_message(joint_name: str, times_s: list[float], positions_m: list[
     return message
 
 
-def trajectory_from(message: JointTrajectory, joint_name: str) -> tuple[list[float], list[float]]:
-    """Times [s] from now and positions [m] of one joint.
+def trajectory_from(message: JointTrajectory, joint_name: str) -> tuple[list[float], list[float], list[float] | None]:
+    """Times [s] from the start, positions [m] and, where every point has one, velocities [m/s] of one joint.
 
     The joint is found by its name; a message that names no joint, or whose points hold one position
     each, needs none.  Raises ValueError with a sentence where it cannot be told which.
@@ -100,7 +118,7 @@ def trajectory_from(message: JointTrajectory, joint_name: str) -> tuple[list[flo
     else:
         raise ValueError(f"trajectory refused: it moves {', '.join(names)}, this joint is {joint_name}")
     width = max(1, len(names))
-    times_s, positions_m = [], []
+    times_s, positions_m, velocities_m_s = [], [], []
     for number, point in enumerate(message.points):
         if len(point.positions) != width:
             raise ValueError(
@@ -108,7 +126,21 @@ def trajectory_from(message: JointTrajectory, joint_name: str) -> tuple[list[flo
             )
         times_s.append(point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec)
         positions_m.append(point.positions[column])
-    return times_s, positions_m
+        if len(point.velocities) == width:
+            velocities_m_s.append(point.velocities[column])
+    if velocities_m_s and len(velocities_m_s) != len(positions_m):
+        raise ValueError(
+            f"trajectory refused: {len(velocities_m_s)} of {len(positions_m)} points have a velocity; all or none is wanted"
+        )
+    return times_s, positions_m, velocities_m_s or None
+
+
+def start_from(message: JointTrajectory, now_ns: int) -> float:
+    """When the trajectory begins, in seconds after ``now_ns`` of ROS time; without a stamp at once."""
+    stamp = message.header.stamp
+    if stamp.sec == 0 and stamp.nanosec == 0:
+        return 0.0
+    return 1e-9 * (stamp.sec * 1_000_000_000 + stamp.nanosec - now_ns)
 
 
 def diagnostic_status_from(name: str, hardware_id: str, status: Status) -> DiagnosticStatus:

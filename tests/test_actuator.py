@@ -118,6 +118,55 @@ def test_a_trajectory_is_followed_and_its_end_held(rig):
     assert rig.status.mode is Mode.TRACKING
 
 
+def test_a_trajectory_with_a_later_start_is_waited_for(rig):
+    rig.enable()
+    rig.track(0.0040)
+    assert rig.actuator.offer_trajectory(rig.now_s, [0.0, 2.0], [0.0036, 0.0030], delay_s=1.0) == ""
+    rig.run(0.9)
+    assert rig.output.setpoint_m == 0.0040
+    rig.run(1.1)
+    assert rig.output.setpoint_m == pytest.approx(0.0033, abs=1e-4)
+    rig.run(2.0)
+    assert rig.output.setpoint_m == 0.0030
+
+
+def test_a_setpoint_that_comes_meanwhile_takes_the_place_of_a_trajectory_waited_for(rig):
+    rig.enable()
+    rig.actuator.offer_trajectory(rig.now_s, [0.0], [0.0030], delay_s=1.0)
+    rig.track(0.0040)
+    rig.run(3.0)
+    assert rig.output.setpoint_m == 0.0040
+
+
+def test_of_a_trajectory_that_has_begun_the_rest_is_followed_and_one_that_is_over_refused(rig):
+    rig.enable()
+    assert rig.actuator.offer_trajectory(rig.now_s, [0.0, 2.0], [0.0040, 0.0030], delay_s=-1.0) == ""
+    rig.step()
+    assert rig.output.setpoint_m == pytest.approx(0.0035, abs=1e-4)
+    sentence = rig.actuator.offer_trajectory(rig.now_s, [0.0, 2.0], [0.0040, 0.0036], delay_s=-5.0)
+    assert sentence == "trajectory refused: its last point was due 3 s ago"
+
+
+def test_a_trajectory_without_points_ends_the_motion_where_the_wire_is(rig):
+    rig.enable()
+    rig.actuator.offer_trajectory(rig.now_s, [0.0, 20.0], [0.0040, 0.0025])
+    rig.run(5.0)
+    assert rig.actuator.offer_trajectory(rig.now_s, [], []) == ""
+    rig.step()
+    held_m = rig.output.setpoint_m
+    assert rig.status.mode is Mode.HOLD
+    assert held_m == pytest.approx(rig.output.estimate.displacement_m, abs=1e-4)
+    rig.run(5.0)
+    assert rig.output.setpoint_m == held_m
+
+
+def test_the_velocities_of_a_trajectory_are_honoured(rig):
+    rig.enable()
+    rig.actuator.offer_trajectory(rig.now_s, [0.0, 2.0], [0.0040, 0.0030], [0.0, 0.0])
+    rig.run(0.5)
+    assert rig.output.setpoint_m == pytest.approx(0.0040 - 0.001 * 0.25**2 * (3 - 2 * 0.25), abs=3e-5)
+
+
 def test_the_setpoint_is_not_lost_while_a_trajectory_runs_but_after_it(make_rig):
     rig = make_rig(**{"controller.setpoint_timeout": 0.5})
     rig.enable()
@@ -340,6 +389,22 @@ def test_a_slip_does_not_unhappen_when_the_estimator_starts_anew_or_the_load_is_
         ok, sentence = actuator.tare_load()
         assert ok, sentence
     assert differ_m(current[third + 2 : third + 4]) == pytest.approx(3e-4)
+
+
+def test_a_live_ambient_temperature_arrives_in_the_effects(rig, make_config):
+    """Nothing measures the surroundings: what is set while the wire is driven counts from the next reading on."""
+    effects = {"ambient_temperature": {"temperature_coefficient": 1e-3, "fading": 1e6}}
+    old = Config.from_mapping(make_config(effects=effects))
+    new = old.replace({"thermal.ambient_temperature": 60.0})
+    seen = []
+    rig.reading_of = lambda reading: seen.append(reading) or reading
+    rig.run(0.5)
+    readings = [replace(r, supply_voltage_V=0.3, reference_voltage_V=0.05) for r in seen]  # bias, through 5 Ω
+    told, born, stale = Actuator(old), Actuator(new), Actuator(old)
+    told.update(new)
+    estimates_m = [[a.step(r.time_s, r, None).estimate.displacement_m for r in readings] for a in (told, born, stale)]
+    assert estimates_m[0] == estimates_m[1]
+    assert abs(estimates_m[0][-1] - estimates_m[2][-1]) > 1e-4
 
 
 def test_clearing_without_a_fault_says_so(rig):

@@ -125,7 +125,8 @@ class VirtualBench:
     @property
     def heat_J(self) -> tuple[float, float, float]:
         """Electrical heat put in, heat lost to the surroundings, heat content, each since the beginning [J]."""
-        return tuple(float(self._state[i]) for i in (physics.HEAT_IN, physics.HEAT_OUT, physics.ENTHALPY))
+        put_in, lost, held = (float(self._state[i]) for i in (physics.HEAT_IN, physics.HEAT_OUT, physics.ENTHALPY))
+        return put_in, lost, held
 
     def advance(self, until_s: float) -> None:
         """Let the physics run to bench time ``until_s`` [s] (rounded to a millisecond); the past is left alone."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import nan
 from typing import TYPE_CHECKING
 
@@ -21,7 +22,7 @@ from .chain import CHANNELS
 from .supply import SettingRefused
 
 if TYPE_CHECKING:
-    from sma_actuator.config import Config
+    from sma_actuator.config import BenchConfig
 
 
 class VirtualClock:
@@ -44,7 +45,7 @@ class _InProcess:
 
     name = ""
 
-    def __init__(self, bench: VirtualBench, config: Config):
+    def __init__(self, bench: VirtualBench, config: BenchConfig):
         self._bench = bench
         self._config = config
         self._open = False
@@ -163,7 +164,7 @@ class InProcessSupply(_InProcess):
     def _timeout_s(self) -> float:
         return self._config.instruments.supply.timeout
 
-    def _command(self, setter=None, *values) -> None:
+    def _command(self, setter: Callable[..., None] | None = None, *values: float) -> None:
         self._must_be_open()
         self._reach(self._timeout_s)
         self._bench.supply.heard(self._bench.time_s)

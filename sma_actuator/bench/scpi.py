@@ -373,12 +373,9 @@ class ScpiSupply(Instrument):
         self._add("[SOURce:]VOLTage:PROTection:TRIPped?", lambda a, c: str(int("OVP" in supply.trips)))
         self._add("OUTPut:PROTection:TRIPped?", lambda a, c: ",".join(supply.trips) or "NONE")
         self._add("OUTPut:PROTection:CLEar", lambda a, c: self._guarded(c, supply.clear_trips))
-        for name, read in (
-            ("VOLTage", lambda t: bench.voltage_V),
-            ("CURRent", lambda t: t.current_A),
-            ("POWer", lambda t: bench.voltage_V * t.current_A),
-        ):
-            self._add(f"MEASure[:SCALar]:{name}[:DC]?", lambda a, c, read=read: f"{read(bench.truth):.6E}")
+        self._add("MEASure[:SCALar]:VOLTage[:DC]?", lambda a, c: f"{bench.voltage_V:.6E}")
+        self._add("MEASure[:SCALar]:CURRent[:DC]?", lambda a, c: f"{bench.truth.current_A:.6E}")
+        self._add("MEASure[:SCALar]:POWer[:DC]?", lambda a, c: f"{bench.voltage_V * bench.truth.current_A:.6E}")
         self._add("STATus:OPERation:CONDition?", lambda a, c: str(self._operation()))
         self._add("STATus:QUEStionable:CONDition?", lambda a, c: str(self._questionable()))
         self._add("SYSTem:REMote", lambda a, c: self._guarded(c, lambda: None))

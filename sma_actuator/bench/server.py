@@ -125,6 +125,7 @@ class BenchServer:
         async def connection(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
             client = Client()
             task = asyncio.current_task()
+            assert task is not None  # we are in one
             self._tasks.add(task)
             self._writers[instrument].add(writer)
             try:

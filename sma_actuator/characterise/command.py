@@ -14,9 +14,9 @@ from sma_actuator.config import bench_from_mapping, read_parameter_file
 from sma_actuator.console import add_output_arguments, refuse_to_overwrite, results, write_json
 from sma_actuator.plant.worlds import HOME, WORLDS
 
-from .operators import BenchOperator, ScpiBenchOperator, TerminalOperator
+from .operators import BenchOperator, Operator, ScpiBenchOperator, TerminalOperator
 from .parts import RUN
-from .plan import PlanOptions, make_plan
+from .plan import Part, PlanOptions, make_plan
 from .rig import Rig
 from .session import characterise
 
@@ -168,7 +168,7 @@ def run(args: argparse.Namespace) -> int:
         except ValueError as error:
             raise ConfigError(f"{'--hidden' if 'hidden' in str(error) else '--virtual'}: {error}") from error
         rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
-        operator = BenchOperator(bench, largest_force_N)
+        operator: Operator = BenchOperator(bench, largest_force_N)
     else:
         from sma_actuator.instruments import open_daq, open_supply
         from sma_actuator.instruments.clock import MonotonicClock
@@ -189,7 +189,7 @@ def run(args: argparse.Namespace) -> int:
         task = bar.add_task("characterise", total=sum(part.duration_s for part in plan))
         before_s = {part.name: sum(p.duration_s for p in plan[:i]) for i, part in enumerate(plan)}
 
-        def progress(part, elapsed_s):
+        def progress(part: Part, elapsed_s: float) -> None:
             bar.update(task, completed=before_s[part.name] + min(elapsed_s, part.duration_s), description=part.name)
 
         manifest = characterise(mapping, plan, rig, operator, args.out, progress)

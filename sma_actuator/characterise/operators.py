@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Protocol
+from typing import Any, Protocol
 
 from rich.console import Console
 
@@ -106,7 +106,7 @@ class ScpiBenchOperator:
         import pyvisa
 
         self._largest_force_N = largest_force_N
-        self._session = pyvisa.ResourceManager("@py").open_resource(
+        self._session: Any = pyvisa.ResourceManager("@py").open_resource(
             resource, read_termination="\n", write_termination="\n", timeout=2000
         )
 

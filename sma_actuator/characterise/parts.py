@@ -157,7 +157,8 @@ def _point(rig: Rig, part: Part, number: int, progress: Progress, more: Mapping[
 def _stroke_m(log: BenchLog, config) -> tuple[float, float]:
     """Shortest and longest displacement in a log, spikes left out."""
     displacement_m = signals_from_log(log, config).reference_displacement_m
-    return tuple(float(v) for v in np.percentile(displacement_m, (0.5, 99.5)))
+    shortest_m, longest_m = np.percentile(displacement_m, (0.5, 99.5))
+    return float(shortest_m), float(longest_m)
 
 
 def _line_results(line: Line, x: list[float], y: list[float]) -> dict[str, Any]:

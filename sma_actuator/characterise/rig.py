@@ -6,6 +6,7 @@ import contextlib
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
@@ -75,7 +76,7 @@ class Rig:
         """
         config, clock = self.config, self.clock
         period_s = 1.0 / config.loop.rate
-        rows = []
+        rows: list[Any] = []
         drive = next(program)
         with noted_signals() as interrupts, self._output():
             start_s = deadline_s = clock.now_s()

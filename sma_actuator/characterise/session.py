@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +50,7 @@ def characterise(
         return manifest
     with rig.opened():
         for part in todo:
-            outcome = RUN[part.kind](part, rig, operator, logs, lambda elapsed_s, part=part: progress(part, elapsed_s))
+            outcome = RUN[part.kind](part, rig, operator, logs, partial(progress, part))
             for name, log in outcome.logs.items():
                 write_bench_log(folder / f"{name}.csv", log)
             logs.update(outcome.logs)

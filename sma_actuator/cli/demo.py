@@ -17,6 +17,7 @@ import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pyvisa
 import yaml
@@ -358,7 +359,7 @@ def _wait_for_ports(ports_file: Path, bench: _Child, interrupts: Interrupts) -> 
 
 def _supply_is_off(config: Config) -> bool:
     """Ask the instrument itself, as a second person at the bench would."""
-    session = pyvisa.ResourceManager("@py").open_resource(
+    session: Any = pyvisa.ResourceManager("@py").open_resource(
         config.instruments.supply.resource, read_termination="\n", write_termination="\n", open_timeout=2000
     )
     try:

@@ -11,6 +11,7 @@ from .pid import POSITION_BOUND_m
 Setpoint = Callable[[float], float]  #: time since its start [s] → position [m]
 
 INTERPOLATIONS = ("linear", "cubic")
+_FASTEST_m_s = 100.0  #: beyond it a number is no velocity of a wire; NaN fails the same comparison
 
 
 def constant(position_m: float) -> Setpoint:
@@ -53,12 +54,19 @@ class Trajectory:
 
     ``linear`` joins the points by straight lines.  ``cubic`` is a monotone cubic Hermite curve
     (slopes by Fritsch and Carlson, SIAM J. Numer. Anal. 17 (1980) 238): it starts and ends at rest
-    and never leaves the range of the points it joins, as a plain spline would.
+    and never leaves the range of the points it joins, as a plain spline would.  With ``velocities_m_s``
+    it is the cubic that passes each point at its velocity.
     """
 
     __slots__ = ("_cubic", "_slopes_m_s", "positions_m", "times_s")
 
-    def __init__(self, times_s: Sequence[float], positions_m: Sequence[float], interpolation: str = "linear"):
+    def __init__(
+        self,
+        times_s: Sequence[float],
+        positions_m: Sequence[float],
+        interpolation: str = "linear",
+        velocities_m_s: Sequence[float] | None = None,
+    ):
         """Raises ValueError, in a sentence, for points that cannot be followed."""
         times = tuple(float(t) for t in times_s)
         positions = tuple(float(p) for p in positions_m)
@@ -89,8 +97,11 @@ class Trajectory:
                 )
         self.times_s = times
         self.positions_m = positions
-        self._cubic = interpolation == "cubic"
-        self._slopes_m_s = _monotone_slopes(times, positions) if self._cubic else ()
+        self._cubic = interpolation == "cubic" or velocities_m_s is not None
+        if velocities_m_s is not None:
+            self._slopes_m_s = _checked_velocities(velocities_m_s, len(times))
+        else:
+            self._slopes_m_s = _monotone_slopes(times, positions) if self._cubic else ()
 
     @property
     def duration_s(self) -> float:
@@ -112,6 +123,18 @@ class Trajectory:
         h = s * s * (3.0 - 2.0 * s)
         bend_m = s * (1.0 - s) * step_s * (self._slopes_m_s[k] * (1.0 - s) - self._slopes_m_s[k + 1] * s)
         return positions[k] + h * (positions[k + 1] - positions[k]) + bend_m
+
+
+def _checked_velocities(velocities_m_s: Sequence[float], points: int) -> tuple[float, ...]:
+    velocities = tuple(float(v) for v in velocities_m_s)
+    if len(velocities) != points:
+        raise ValueError(f"trajectory: {len(velocities)} velocities for {points} points; one per point is wanted")
+    for i, velocity in enumerate(velocities):
+        if not abs(velocity) <= _FASTEST_m_s:
+            raise ValueError(
+                f"trajectory point {i}: its velocity, {velocity:g} m/s, is none of a wire; metres per second are wanted"
+            )
+    return velocities
 
 
 def _monotone_slopes(times_s: Sequence[float], positions_m: Sequence[float]) -> tuple[float, ...]:

@@ -154,7 +154,9 @@ def select(
         stuck = False
         if not chosen and rules.most > 1 and rules.leaders and not clean(round_.winner):
             more = yield list(_pairs(round_.trials[: rules.leaders], field_, together))
-            stuck = not _take_a_pair(round_, more, held, rules)  # then no other pair holds the winner either
+            stuck = not _take_a_pair(
+                round_, round_.winner, more, held, rules
+            )  # then no other pair holds the winner either
         current, held = round_.winner, round_.winner.losses
         if stuck or clean(current):
             break
@@ -173,10 +175,15 @@ def _decide(before: tuple[str, ...], trials: Iterable[Trial], held: np.ndarray, 
     good = [t for t in judged if not t.refusal]
     if not good:
         return Round(before, judged, None)
+    return Round(before, judged, *_simplest(good, rules))
+
+
+def _simplest(good: Sequence[Trial], rules: Rules) -> tuple[Trial, list[Trial]]:
+    """Of the trials that earn it, best first: the simplest of those as good as the best, and the others of those."""
     best = good[0]
     alike = [t for t in good if is_alike(t, best, rules)]
     winner = min((t for t in alike if t.gain >= rules.tie * best.gain), key=lambda t: (t.parameters, -t.gain))
-    return Round(before, judged, winner, [t for t in alike if t is not winner])
+    return winner, [t for t in alike if t is not winner]
 
 
 def is_alike(trial: Trial, best: Trial, rules: Rules) -> bool:
@@ -198,15 +205,13 @@ def _pairs(
                 yield Entry((first, other), leader)
 
 
-def _take_a_pair(round_: Round, pairs: Iterable[Trial], held: np.ndarray, rules: Rules) -> bool:
+def _take_a_pair(round_: Round, winner: Trial, pairs: Iterable[Trial], held: np.ndarray, rules: Rules) -> bool:
     """Let a pair win where each of its two earns its place over the other alone, and over the winner so far."""
     single = {t.names[0]: t for t in round_.trials}
     judged = []
     for trial in pairs:
         gain, error = paired(held, trial.losses)
-        rivals = {name: single[name] for name in trial.names if name in single} | {
-            round_.winner.names[0]: round_.winner  # type: ignore[union-attr]
-        }
+        rivals = {name: single[name] for name in trial.names if name in single} | {winner.names[0]: winner}
         shorts = {name: rules.falls_short(trial, rival.losses) for name, rival in rivals.items()}
         refusal = next((f"over {name} alone: {why}" for name, why in shorts.items() if why), "")
         judged.append(replace(trial, gain=gain, gain_error=error, refusal=refusal))
@@ -214,10 +219,7 @@ def _take_a_pair(round_: Round, pairs: Iterable[Trial], held: np.ndarray, rules:
     good = sorted((t for t in judged if not t.refusal), key=lambda t: -t.gain)
     if not good:
         return False
-    best = good[0]
-    alike = [t for t in good if is_alike(t, best, rules)]
-    round_.winner = min((t for t in alike if t.gain >= rules.tie * best.gain), key=lambda t: (t.parameters, -t.gain))
-    round_.alternatives = [t for t in alike if t is not round_.winner]
+    round_.winner, round_.alternatives = _simplest(good, rules)
     return True
 
 

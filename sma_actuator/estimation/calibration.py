@@ -59,6 +59,17 @@ class Calibration:
     )
     scatter_cooling: tuple[float, ...] = parameter((), "the same, cooling", "m", 0.0, 10.0, optional=True)
 
+    contracted_stress: tuple[float, ...] = parameter(
+        (), "stresses of a wire that is contracted as far as it goes", "Pa", -1e9, 1e9, optional=True
+    )
+    contracted_resistance: tuple[float, ...] = parameter((), "its resistance", "Ω", 0.0, 1e6, optional=True)
+    contracted_displacement: tuple[float, ...] = parameter((), "its displacement", "m", -10.0, 10.0, optional=True)
+    contracted_temperature: float = parameter(
+        nan, "temperature, by the heat balance, that it has the resistance at", "°C", -60.0, 1000.0, optional=True
+    )
+    contracted_slope: float = parameter(
+        nan, "rise of its resistance with its temperature", "Ω/K", -1e3, 1e3, optional=True
+    )
     cooling_position: float = parameter(
         nan, "displacement at which the rises below were noted", "m", -10.0, 10.0, optional=True
     )
@@ -75,6 +86,12 @@ class Calibration:
     def cooling_rise_K(self, stress_Pa: float) -> float:
         """The rise above ambient at which a cooling wire passes ``cooling_position``; NaN where that is not known."""
         return float(np.interp(stress_Pa, self.cooling_stress, self.cooling_rise)) if self.cooling_rise else nan
+
+    @property
+    def hot_end_known(self) -> bool:
+        """Whether it says what a wire shows that is contracted as far as it goes."""
+        line = self.contracted_temperature + self.contracted_slope + self.resistance_range
+        return bool(self.contracted_stress) and math.isfinite(line)
 
     @property
     def known(self) -> bool:

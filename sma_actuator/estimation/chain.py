@@ -26,6 +26,7 @@ from sma_actuator.base.signals import Branch, Estimate, Quality, Signals
 from .branch import BranchDetector
 from .effects import Effect, in_order
 from .effects.frame import Frame, Place
+from .hot_end import HotEnd
 
 if TYPE_CHECKING:
     from sma_actuator.config import Config
@@ -83,10 +84,12 @@ def _velocity_all(
 
 
 @jit
-def _quality(displacement: float, stress: float, bounds: np.ndarray) -> int:
+def _quality(displacement: float, stress: float, contracted: bool, bounds: np.ndarray) -> int:
     """``bounds`` = [σ_lo, σ_hi, δ_lo, δ_hi]."""
     if not bounds[0] <= stress <= bounds[1]:
         return 3
+    if contracted:
+        return 2
     if not displacement <= bounds[3]:
         return 1
     if not displacement >= bounds[2]:
@@ -95,9 +98,11 @@ def _quality(displacement: float, stress: float, bounds: np.ndarray) -> int:
 
 
 @jit
-def _quality_all(displacement: np.ndarray, stress: np.ndarray, bounds: np.ndarray, quality: np.ndarray) -> None:
+def _quality_all(
+    displacement: np.ndarray, stress: np.ndarray, contracted: np.ndarray, bounds: np.ndarray, quality: np.ndarray
+) -> None:
     for i in range(len(displacement)):
-        quality[i] = _quality(displacement[i], stress[i], bounds)
+        quality[i] = _quality(displacement[i], stress[i], contracted[i], bounds)
 
 
 class Chain:
@@ -110,7 +115,8 @@ class Chain:
 
     Beyond the working range, where R moves with temperature and δ hardly at all, the model goes on
     and the quality says so (INDETERMINATE_COLD, INDETERMINATE_HOT): an estimate that stood still
-    there would not see the wire come back.
+    there would not see the wire come back.  Only where the wire is known to be contracted as far as it
+    goes (:class:`HotEnd`) is it where the calibration has it: resistance rises with temperature there.
 
     It has two memories.  That of the *loop*, where the wire stands on it: branch, model, velocity, and
     what effects derive from positions passed; :meth:`reset` forgets it, which a tare asks for too, since
@@ -124,6 +130,7 @@ class Chain:
     def __init__(self, config: Config, effects: Mapping[str, Effect] | None = None):
         self._model = config.model.build(config.wire)
         self._branch = BranchDetector(config.estimator)
+        self._hot_end = HotEnd(config)
         self._length_m = config.wire.length
         stress_lo, stress_hi = self._model.stress_range_Pa
         margin_Pa = STRESS_MARGIN * (stress_hi - stress_lo)
@@ -159,6 +166,7 @@ class Chain:
     def reset(self) -> None:
         """Forget where on its loop the wire is: the next good sample is taken for a wire at rest on its cooling curve."""
         self._started = False
+        self._hot_end.reset()
         for effect, state in self._effects:
             effect.forget_the_loop(state)
         self._last = Estimate(-inf, nan, nan, 0.0, Branch.COOLING, Quality.INVALID)
@@ -167,6 +175,7 @@ class Chain:
         """Take over live parameters; the memory stays."""
         self._branch.configure(config.estimator)
         self._velocity_time_constant_s = config.estimator.velocity_time_constant
+        self._hot_end.update(config)
         self._place = Place.of(config)
 
     # --- one sample ---------------------------------------------------------------------------------
@@ -190,6 +199,12 @@ class Chain:
         if frame is not None:
             frame.heating, frame.displacement_m = np.array([heating]), np.array([displacement_m])
             displacement_m = float(self._act(self._at_displacement, frame).displacement_m[0])
+        hot_end = self._hot_end
+        contracted = hot_end.known and hot_end.step(
+            signals.time_s, resistance_Ohm, stress_Pa, power_W, signals.ambient_temperature_C
+        )
+        if contracted:
+            displacement_m = min(displacement_m, float(hot_end.displacement_m(stress_Pa)))
         if not started:
             self._velocity_state[:] = signals.time_s, displacement_m, 0.0
         velocity_m_s = _velocity(signals.time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s)
@@ -199,7 +214,7 @@ class Chain:
             displacement_m / self._length_m,
             velocity_m_s,
             Branch.HEATING if heating else Branch.COOLING,
-            _QUALITIES[_quality(displacement_m, stress_Pa, self._bounds)],
+            _QUALITIES[_quality(displacement_m, stress_Pa, contracted, self._bounds)],
         )
         return signals, self._last
 
@@ -270,11 +285,17 @@ class Chain:
             displacement_m = np.ascontiguousarray(self._act(self._at_displacement, frame).displacement_m)
             if "shown_m" in out:
                 shown_m = self._act(self._shown, frame).displacement_m
+        contracted = np.zeros(len(time_s), dtype=np.bool_)
+        if self._hot_end.known and "shown_m" not in out:  # what is judged is the model, there as elsewhere
+            ambient_C = np.broadcast_to(signals.ambient_temperature_C, good.shape)[good]
+            contracted = self._hot_end.run(time_s, resistance_Ohm, stress_Pa, power_W, ambient_C)
+            at_most_m = np.where(contracted, self._hot_end.displacement_m(stress_Pa), inf)
+            displacement_m = np.minimum(displacement_m, at_most_m)
         if not started:
             self._velocity_state[:] = time_s[0], displacement_m[0], 0.0
         velocity_m_s, quality = np.empty(len(time_s)), np.empty(len(time_s), dtype=np.int64)
         _velocity_all(time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s, velocity_m_s)
-        _quality_all(displacement_m, stress_Pa, self._bounds, quality)
+        _quality_all(displacement_m, stress_Pa, contracted, self._bounds, quality)
         out["velocity_m_s"][good], out["quality"][good] = velocity_m_s, quality
         latest = np.cumsum(good) - 1  # index of the last good sample at each place; −1 before the first
         known = latest >= 0

@@ -14,12 +14,15 @@ from sma_actuator.base.jit import jit
 from sma_actuator.config import Config
 from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain
-from sma_actuator.safety.thermal import HeatBalance
+from sma_actuator.safety.thermal import HeatBalance, ThermalParameters
 
 from .rests import find_rests
 from .traces import Trace
 
 POSITIONS = 13
+STILL_SHARE = (
+    0.03  #: of the full stroke, within which of its shortest a wire counts as contracted: it shrinks as it cools
+)
 SAME_STRESS = 0.06  #: share of the largest stress within which two are one
 
 
@@ -61,8 +64,8 @@ def calibration_of(traces: Sequence[Trace], config: Config, at_rest: bool = True
     )
     scatter_heating, scatter_cooling = (np.sqrt(m[0]) for m in _means(squares))
     heating, cooling = _means(total)
-    ambient = [t.signals.ambient_temperature_C for t in traces]
-    ambient = np.concatenate([np.atleast_1d(a)[np.isfinite(np.atleast_1d(a))] for a in ambient])
+    measured_C = [np.atleast_1d(t.signals.ambient_temperature_C) for t in traces]
+    ambient = np.concatenate([a[np.isfinite(a)] for a in measured_C])
     values: dict = {
         "error": float(np.mean(errors)),
         "largest_error": max(errors),
@@ -81,6 +84,7 @@ def calibration_of(traces: Sequence[Trace], config: Config, at_rest: bool = True
         values["ambient_temperature"] = float(ambient.mean())
     values.update(_cooling(traces, config))
     values.update(_at_rest(traces, config.thermal.heat_capacity / config.thermal.heat_loss))
+    values.update(_contracted(traces, config))
     return Calibration(**values)
 
 
@@ -198,32 +202,79 @@ def _at_rest(traces: Sequence[Trace], thermal_time_constant_s: float) -> dict:
     return out
 
 
+def _heat_balance_C(trace: Trace, thermal: ThermalParameters) -> tuple[np.ndarray, np.ndarray]:
+    """Temperature of the wire by the heat balance, and of its surroundings, of each sample."""
+    signals = trace.signals
+    read_C = np.broadcast_to(signals.ambient_temperature_C, signals.time_s.shape)
+    ambient_C = np.where(np.isfinite(read_C), read_C, thermal.ambient_temperature)
+    heat = HeatBalance(float(ambient_C[0]))
+    wire_C = np.empty(len(ambient_C))
+    steps_s = np.diff(signals.time_s, prepend=signals.time_s[0])
+    power_W = np.nan_to_num(signals.power_W)
+    for i, step_s in enumerate(steps_s):
+        wire_C[i] = heat.step(
+            float(power_W[i]), float(step_s), float(ambient_C[i]), thermal.heat_capacity, thermal.heat_loss
+        )
+    return wire_C, ambient_C
+
+
 def _cooling(traces: Sequence[Trace], config: Config) -> dict:
     """How warm the heat balance called the wire when, cooling, it passed the middle of its working range."""
     middle_m = float(np.mean(config.model.build(config.wire).displacement_range_m))
-    thermal = config.thermal
     rows = []
     for trace in traces:
-        signals = trace.signals
-        read_C = np.broadcast_to(signals.ambient_temperature_C, signals.time_s.shape)
-        ambient_C = np.where(np.isfinite(read_C), read_C, thermal.ambient_temperature)
-        heat = HeatBalance(float(ambient_C[0]))
-        rise_K = np.empty(len(ambient_C))
-        steps_s = np.diff(signals.time_s, prepend=signals.time_s[0])
-        power_W = np.nan_to_num(signals.power_W)
-        for i, step_s in enumerate(steps_s):
-            heat.step(float(power_W[i]), float(step_s), float(ambient_C[i]), thermal.heat_capacity, thermal.heat_loss)
-            rise_K[i] = heat.temperature_C - ambient_C[i]
+        wire_C, ambient_C = _heat_balance_C(trace, config.thermal)
         long = trace.displacement_m > middle_m
         passed = np.flatnonzero(long[1:] & ~long[:-1] & ~trace.driven[1:]) + 1
-        rows += [(float(trace.stress_Pa[i]), float(rise_K[i])) for i in passed if np.isfinite(trace.stress_Pa[i])]
-    if not rows:
+        rows += [(float(trace.stress_Pa[i]), float(wire_C[i] - ambient_C[i])) for i in passed]
+    table = np.array(rows).reshape(-1, 2)
+    table = table[np.isfinite(table).all(axis=1)]
+    if not len(table):
         return {}
-    stress_Pa, rise_K = np.array(rows).T
+    stress_Pa, rise_K = table.T
     clusters = _clusters(stress_Pa)
     nearest = np.argmin(np.abs(stress_Pa[:, None] - clusters), axis=1)
     return {
         "cooling_position": round(middle_m, 8),
         "cooling_stress": _rounded(clusters, 0),
         "cooling_rise": tuple(round(float(rise_K[nearest == i].min()), 2) for i in range(len(clusters))),
+    }
+
+
+def _contracted(traces: Sequence[Trace], config: Config) -> dict:
+    """Resistance over temperature of the wire that does not move any more: contracted, and cooling after a pulse.
+
+    Not while it is heated: the balance leaves latent heat out, so right after the transformation it is hot by what
+    that took, and forgets it in a few time constants.
+    """
+    still_m = STILL_SHARE * config.wire.full_stroke_m
+    rows = []
+    for trace in traces:
+        if trace.kind != "pulses" or not trace.constant_load:
+            continue
+        wire_C, _ = _heat_balance_C(trace, config.thermal)
+        values = np.column_stack((trace.stress_Pa, trace.resistance_Ohm, trace.displacement_m, wire_C))
+        shortest_m = np.nanpercentile(trace.displacement_m, 0.5)
+        for off in np.flatnonzero(trace.driven[:-1] & ~trace.driven[1:]) + 2:
+            moves = np.flatnonzero(~(trace.displacement_m[off:] < shortest_m + still_m) | trace.driven[off:])
+            still = values[off : off + moves[0]] if len(moves) else values[off:]
+            still = still[np.isfinite(still).all(axis=1)]
+            if len(still) > 5:
+                rows.append(still[: max(int(np.argmin(still[:, 1])), 5)])  # from there on another phase comes
+    if not rows:
+        return {}
+    x, y = (np.concatenate([r[:, k] - r[:, k].mean() for r in rows]) for k in (3, 1))
+    slope_Ohm_K = float(x @ y / (x @ x))
+    means = np.array([r.mean(axis=0) for r in rows])
+    reference_C = float(np.median(means[:, 3]))
+    means[:, 1] += slope_Ohm_K * (reference_C - means[:, 3])
+    stress_Pa = _clusters(means[:, 0])
+    nearest = np.argmin(np.abs(means[:, :1] - stress_Pa), axis=1)
+    middle = np.array([np.median(means[nearest == i], axis=0) for i in range(len(stress_Pa))])
+    return {
+        "contracted_stress": _rounded(middle[:, 0], 0),
+        "contracted_resistance": _rounded(middle[:, 1], 6),
+        "contracted_displacement": _rounded(middle[:, 2], 8),
+        "contracted_temperature": round(reference_C, 2),
+        "contracted_slope": slope_Ohm_K,
     }

@@ -49,11 +49,11 @@ def fit_fatigue(traces: Sequence[Trace]) -> Fatigue:
             f"fatigue: {len(number)} cycles in the logs; at least 5 are needed for a line in ln N"
         )
     order = np.argsort(number)
-    number, values = np.array(number)[order], np.array(rows)[order].T
+    numbers, values = np.array(number)[order], np.array(rows)[order].T
     return Fatigue(
-        number,
+        numbers,
         dict(zip(QUANTITIES, values, strict=True)),
-        {q: _line(number, v) for q, v in zip(QUANTITIES, values, strict=True)},
+        {q: _line(numbers, v) for q, v in zip(QUANTITIES, values, strict=True)},
     )
 
 

@@ -70,7 +70,8 @@ def _flexinol(traces: Sequence[Trace], wire: Wire, asked: Asked) -> Fitted:
 
 def _flexinol_normalised(traces: Sequence[Trace], wire: Wire, asked: Asked) -> Fitted:
     found = _found(traces, wire, asked)
-    return Fitted(*flexinol_normalised(found, traces, wire), found)
+    coefficients, samples = flexinol_normalised(found, traces, wire)
+    return Fitted(coefficients, samples, found)
 
 
 def _furukawa(traces: Sequence[Trace], wire: Wire, asked: Asked) -> Fitted:

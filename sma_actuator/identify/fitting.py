@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.optimize import least_squares
+
+from sma_actuator.estimation.models import StrainModel
 
 from .ranges import determinate_interval_m, distinct_stresses, full_cycles
 from .traces import IdentificationError, Trace
@@ -15,7 +18,8 @@ LOSS_SCALE = 0.01  #: residual, as a share of the full stroke, above which it co
 FOLDS = 3
 BOOTSTRAP_SAMPLES = 300
 
-Model = Callable[[np.ndarray], object]  #: parameter vector → StrainModel
+Model = Callable[[np.ndarray], StrainModel]  #: of a parameter vector
+Choice = TypeVar("Choice", bound=Hashable)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +58,7 @@ def make_data(traces: Sequence[Trace], full_stroke_m: float) -> Data:
     )
 
 
-def predict(model, traces: Sequence[Trace]) -> np.ndarray:
+def predict(model: StrainModel, traces: Sequence[Trace]) -> np.ndarray:
     """Displacement by a model over traces, each begun cold as the estimator does; concatenated, [m]."""
     out = []
     for trace in traces:
@@ -70,7 +74,9 @@ def residuals(build: Model, theta: np.ndarray, data: Data, weight: np.ndarray) -
     return np.clip(np.nan_to_num(error, nan=10.0, posinf=10.0, neginf=-10.0), -10.0, 10.0) * np.sqrt(weight[chosen])
 
 
-def fit(build: Model, start: np.ndarray, data: Data, weight: np.ndarray | None = None, max_evaluations: int = 60):
+def fit(
+    build: Model, start: np.ndarray, data: Data, weight: np.ndarray | None = None, max_evaluations: int = 60
+) -> Any:
     """Robust least squares from ``start``; returns scipy's result (``x``, ``jac``, ``fun``)."""
     weight = data.counts.astype(float) if weight is None else weight
     return least_squares(
@@ -100,12 +106,12 @@ def held_out_errors(build: Model, start: np.ndarray, data: Data) -> np.ndarray:
     return np.array([errors[unit] for unit in sorted(errors)])
 
 
-def choose_simplest(errors: dict, size: Callable[[object], float]):
+def choose_simplest(errors: Mapping[Choice, np.ndarray], size: Callable[[Choice], float]) -> Choice:
     """The smallest choice that is not clearly worse than the best: by at most one standard error of
     the difference, cycle by cycle.  ``errors`` maps each choice to its held-out errors."""
     best = min(errors, key=lambda choice: errors[choice].mean())
 
-    def as_good(choice) -> bool:
+    def as_good(choice: Choice) -> bool:
         worse = errors[choice] - errors[best]
         return worse.mean() <= worse.std() / np.sqrt(len(worse))
 

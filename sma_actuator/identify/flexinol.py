@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +28,7 @@ _NAMES = ("heating_slope", "heating_intercept", "cooling_slope", "cooling_interc
 class FlexinolFit:
     """What was found: coefficients, and how."""
 
-    coefficients: object  #: FlexinolCoefficients
+    coefficients: Any  #: FlexinolCoefficients
     orders: tuple[int, int]  #: order of the stress polynomials of the heating and of the cooling asymptote
     lines: tuple[Asymptotes, ...] = ()  #: appendix C: the asymptotes of each load
     order_errors: dict[tuple[int, int], np.ndarray] = field(
@@ -62,6 +63,10 @@ def fit_appendix_c(traces: Sequence[Trace], wire, order: int = 2) -> FlexinolFit
     return FlexinolFit(coefficients, (order, order), lines)
 
 
+def _degrees(orders: tuple[int, int]) -> int:
+    return sum(orders)
+
+
 def fit_joint(
     traces: Sequence[Trace],
     wire,
@@ -83,7 +88,7 @@ def fit_joint(
         for i, pair in enumerate(tried):
             errors[pair] = fitting.held_out_errors(problem.builder(pair), problem.start(pair), data)
             progress(0.8 * (i + 1) / len(tried))
-        orders = fitting.choose_simplest(errors, sum)
+        orders = fitting.choose_simplest(errors, _degrees)
     build = problem.builder(orders)
     found = fitting.fit(build, problem.start(orders), data)
     progress(0.95)

@@ -17,8 +17,9 @@ from .calibration import calibration_of
 from .errors import LogError, log_errors
 from .fatigue import Fatigue, fit_fatigue
 from .fitters import FITTERS, METHODS, Asked, Fitter, Progress
-from .kinds import make_traces
+from .kinds import LEFT_OUT, make_traces
 from .normalised import as_one_wire
+from .ranges import MARGIN, check_width, shortest_seen_m
 from .traces import Trace
 
 
@@ -63,6 +64,19 @@ def identify(
         mapping.pop(stale, None)
     mapping["model"] = {"type": model_type, **to_mapping(fitted.coefficients)}
     config = Config.from_mapping(mapping)
+    if "displacement_range" in mapping["model"]:
+        low_m, high_m = mapping["model"]["displacement_range"]
+        seen_m = shortest_seen_m(traces, config)
+        if seen_m > low_m:
+            check_width(seen_m, high_m, bench.wire.full_stroke_m)
+            if seen_m > low_m + MARGIN * bench.wire.full_stroke_m:
+                notes.append(
+                    f"heated as far as it goes, the wire shows the model no less than {seen_m * 1e3:.2f} mm at some load: "
+                    "its resistance has a minimum and rises again with temperature; the working range ends there, not at "
+                    f"{low_m * 1e3:.2f} mm"
+                )
+            mapping["model"]["displacement_range"] = [seen_m, high_m]
+            config = Config.from_mapping(mapping)
     mapping["calibration"] = to_mapping(calibration_of(traces, config, at_rest=not fitter.any_size))
     config = Config.from_mapping(mapping)
     model = config.model.build(bench.wire)
@@ -71,6 +85,11 @@ def identify(
         fatigue = fit_fatigue(fatigue_traces)
     if not any(t.kind == "partial" for t in traces):
         notes.append("no log of partial cycles: minor loops, and with them the transition, rest on full cycles alone")
+    notes += [
+        f"{t.name}: fitted on {t.cycle[-1]} of its {t.cycle[-1] + t.log.metadata[LEFT_OUT]} full cycles, which repeat each other"
+        for t in traces
+        if LEFT_OUT in t.log.metadata
+    ]
     return Identification(
         mapping=mapping,
         config=config,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from sma_actuator.logs.bench_log import BenchLog, uncalibrated_resistance_and_cu
 from .traces import NOT_FITTED, IdentificationError, Trace, cycles_of, judged_rows, make_trace, sessions
 
 FULL, PARTIAL, MANY = "pulses", "partial", "fatigue"
+LEFT_OUT = (
+    "cycles_left_out"  #: in the metadata of a trace: how many full cycles its log has beside those that are fitted
+)
 SAME_LOAD = 0.05  #: relative difference of stress below which two loads count as one
 _WINDOW_s = 1.0  #: over which a load is steady or not
 _STEADY_N = 0.02  #: or SAME_LOAD of the load
@@ -27,6 +31,7 @@ _HOT_PART, _COLD_PART = 0.25, 0.15  #: shares of the time driven and not, at the
 _WIDEST = 0.93  #: share of the widest stroke of a load that a full cycle has at least
 _MOST_CUTS = 3  #: of one log: more, and its cycles are those of a controller and no programme of pulses
 _IN_MOTION = 5  #: samples in mid-stroke that the heating of some full cycles in a row has at least
+_ENOUGH = 8  #: full cycles of a stretch that are fitted: they repeat each other, and each costs time
 _MANY = 15  #: full cycles in a row of which no fit needs more, where other logs have full cycles too
 
 
@@ -54,12 +59,26 @@ def with_kinds(traces: Sequence[Trace]) -> list[Trace]:
             full[run] &= sum(cycles[i].heated for i in run) >= _IN_MOTION
         out += _of_one_kind(stretch, full)
     elsewhere = sum(t.kind == FULL and t.cycle[-1] < _MANY for t in out)
-    return [
+    out = [
         dataclasses.replace(t, kind=MANY) if t.kind == FULL and t.cycle[-1] >= _MANY and elsewhere else t for t in out
     ]
+    return [_enough(t) if t.kind == FULL else t for t in out]
 
 
-def make_traces(logs: Sequence[BenchLog], config) -> list[Trace]:
+def _enough(trace: Trace) -> Trace:
+    """A trace of full cycles with some of them, spread over the log; the first and the last among them."""
+    cycles = int(trace.cycle[-1])
+    if cycles <= _ENOUGH:
+        return trace
+    kept = np.unique(np.concatenate(([0], np.round(np.linspace(1, cycles, _ENOUGH)).astype(int))))
+    inside = np.isin(trace.cycle, kept)
+    piece = trace.rows(inside)
+    metadata = {**trace.log.metadata, LEFT_OUT: cycles - _ENOUGH}
+    number = np.searchsorted(kept, trace.cycle[inside])
+    return dataclasses.replace(piece, cycle=number, log=dataclasses.replace(piece.log, metadata=metadata))
+
+
+def make_traces(logs: Sequence[BenchLog], config: Any) -> list[Trace]:
     """Traces of the logs that a model is fitted on, each of one load and one kind of cycles.
 
     Logs of calibration and training are left out, and logs in which the current never moves.  Raises

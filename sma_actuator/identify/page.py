@@ -71,7 +71,7 @@ def _coefficients(page: Page, result: Identification) -> None:
     if names:
         columns = 3 if len(names) > 4 else 2
         drawing, axes = figure(columns, -(-len(names) // columns), width_in=3.8, height_in=2.8)
-        stress_Pa = np.linspace(*result.config.model.stress_range, 50)
+        stress_Pa = np.linspace(*result.mapping["model"]["stress_range"], num=50)
         lines = getattr(result.fit, "lines", ())
         for ax, name in zip(axes.flat, names, strict=False):
             ax.plot(stress_Pa / 1e6, np.polynomial.polynomial.polyval(stress_Pa, result.mapping["model"][name]))
@@ -98,7 +98,7 @@ def _material(page: Page, result: Identification) -> None:
     from .material import RPhaseAlloy, asymptotes_from_material
 
     wire, model = result.config.wire, result.config.model
-    stress_Pa = np.linspace(*model.stress_range, 30)
+    stress_Pa = np.linspace(*result.mapping["model"]["stress_range"], num=30)
     from_material = np.array(
         [np.ravel(asymptotes_from_material(RPhaseAlloy(), wire.length, wire.area_m2, s)) for s in stress_Pa]
     )

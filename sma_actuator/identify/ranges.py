@@ -10,9 +10,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sma_actuator.config import Config
+from sma_actuator.estimation.chain import Chain
+
 from .kinds import FULL, SAME_LOAD
 from .traces import IdentificationError, Trace
 
+MARGIN = 0.02  #: share of the full stroke that the working range keeps from where resistance stops telling
 _SMOOTH = 3  #: samples either side that a local slope is taken over
 _FLAT = 0.4  #: share of the branch's slope below which it is called flat
 _CORE = (0.25, 0.75)  #: part of the stroke that is determinate beyond doubt
@@ -61,15 +65,30 @@ def _is_flat(resistance_Ohm: np.ndarray, displacement_m: np.ndarray, slope: floa
 def working_range_m(traces: Sequence[Trace], full_stroke_m: float) -> tuple[float, float]:
     """The part of the stroke that is determinate at every load, with a margin of 2 % of the full stroke."""
     intervals = np.array([determinate_interval_m(t) for t in full_cycles(traces)])
-    low_m, high_m = intervals[:, 0].max() + 0.02 * full_stroke_m, intervals[:, 1].min() - 0.02 * full_stroke_m
+    low_m, high_m = intervals[:, 0].max() + MARGIN * full_stroke_m, intervals[:, 1].min() - MARGIN * full_stroke_m
+    check_width(low_m, high_m, full_stroke_m)
+    return float(low_m), float(high_m)
+
+
+def check_width(low_m: float, high_m: float, full_stroke_m: float) -> None:
+    """Raises IdentificationError where too little of the stroke is left to work in."""
     if not high_m - low_m > 0.1 * full_stroke_m:
         raise IdentificationError(
-            f"the determinate parts of the stroke at the {len(intervals)} loads share less than a tenth of the "
-            "full stroke "
-            f"({low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm); leave out the extreme loads, or check the "
-            "displacement's calibration"
+            "the determinate parts of the stroke at the several loads share less than a tenth of the full stroke "
+            f"({low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm); leave out the extreme loads, or check the displacement's "
+            "calibration"
         )
-    return float(low_m), float(high_m)
+
+
+def shortest_seen_m(traces: Sequence[Trace], config: Config) -> float:
+    """The shortest displacement that the model sees at every load when the wire is heated as far as it goes, with a margin.
+
+    A controller that is asked for less heats for ever: resistance has its minimum there, and what the model
+    makes of the minimum need not be where the wire is.
+    """
+    estimates_m = [Chain(config).run(t.signals).displacement_m[t.driven] for t in full_cycles(traces)]
+    shortest_m = max(float(np.nanmin(e)) for e in estimates_m)
+    return shortest_m + MARGIN * config.wire.full_stroke_m
 
 
 def full_cycles(traces: Sequence[Trace]) -> list[Trace]:

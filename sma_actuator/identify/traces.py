@@ -117,7 +117,8 @@ def make_trace(log: BenchLog, config, with_reference: bool = True) -> Trace:
         )
     detector = BranchDetector(config.estimator)
     seen = [np.ascontiguousarray(v[good]) for v in (signals.time_s, signals.resistance_Ohm, signals.power_W)]
-    detector.reset(*(float(v[0]) for v in seen))
+    time_s, resistance_Ohm, power_W = (float(v[0]) for v in seen)
+    detector.reset(time_s, resistance_Ohm, power_W)
     latest = np.maximum(np.cumsum(good) - 1, 0)  # a reading that is missing stays on the branch of the one before
     heating = detector.run(*seen)[latest]
     middle_A = 0.5 * (np.nanmin(signals.current_A) + np.nanmax(signals.current_A))

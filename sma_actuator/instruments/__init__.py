@@ -7,10 +7,13 @@ of pymeasure (``pymeasure_adapter.py``), and the virtual bench in the same proce
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.signals import Reading, SupplyState
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
 
 
 class InstrumentError(UserError, OSError):
@@ -114,7 +117,7 @@ class Clock(Protocol):
         """Return at ``deadline_s`` or, when it has passed, at once."""
 
 
-def open_supply(config) -> PowerSupply:
+def open_supply(config: Config) -> PowerSupply:
     """The supply that ``config`` names, not connected yet.
 
     Raises ConfigError for a dialect that will not do, or a pymeasure class that is not there.
@@ -128,7 +131,7 @@ def open_supply(config) -> PowerSupply:
     return ScpiSupply(config)
 
 
-def open_daq(config, clock: Clock) -> Daq:
+def open_daq(config: Config, clock: Clock) -> Daq:
     """The data acquisition unit that ``config`` names, not connected yet.  Raises ConfigError."""
     from .scpi import ScpiDaq
 

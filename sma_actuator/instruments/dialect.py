@@ -11,7 +11,7 @@ import difflib
 import importlib.resources
 import re
 import string
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
@@ -56,7 +56,7 @@ _SUPPLY_QUERIES = {
     )
 }
 _DAQ_COMMANDS = {"prepare": {"channels", "samples", "readings"}, "before_read": {"channels", "samples", "readings"}}
-_DAQ_QUERIES = {
+_DAQ_QUERIES: dict[str, set[str]] = {
     "ready": {"channels", "samples", "readings"},
     "read": {"channels", "samples", "readings"},
     "error": set(),
@@ -68,7 +68,11 @@ _NEEDED_PLACEHOLDERS = {
 }
 #: What stands in for the placeholders when a file is checked.
 _TRIAL = {"channel": 1, "value": 0.5, "channels": "101,102", "samples": 50, "readings": 100}
-_NEEDED = {
+_KNOWN: dict[str, dict[str, dict[str, set[str]]]] = {
+    "supply": {"commands": _SUPPLY_COMMANDS, "queries": _SUPPLY_QUERIES},
+    "daq": {"commands": _DAQ_COMMANDS, "queries": _DAQ_QUERIES},
+}
+_NEEDED: dict[str, dict[str, tuple[str, ...]]] = {
     "supply": {
         "commands": ("output_on", "output_off", "set_current", "set_voltage", "clear_trips"),
         "queries": ("current_setting", "output", "voltage", "current"),
@@ -156,55 +160,17 @@ class Dialect:
 
     @classmethod
     def _checked(cls, path: Path, document: Any, kind: str) -> Dialect:
-        problems: list[str] = []
         if not isinstance(document, Mapping) or document.get("kind") != kind:
             raise ConfigError(f"{path}: is not a dialect of kind '{kind}'; 'kind: {kind}' is wanted")
-        for key in document:
-            if key not in _KEYS[kind]:
-                problems.append(f"{key}: no such entry; known are {', '.join(sorted(_KEYS[kind]))}")
-        allowed = (_SUPPLY_COMMANDS, _SUPPLY_QUERIES) if kind == "supply" else (_DAQ_COMMANDS, _DAQ_QUERIES)
-        texts: dict[str, dict[str, tuple[str, ...]]] = {}
-        for group, known in zip(("commands", "queries"), allowed):
-            entries = document.get(group)
-            if not isinstance(entries, Mapping):
-                problems.append(f"{group}: missing; a section of SCPI texts is wanted")
-                entries = {}
-            texts[group] = {}
-            for name, text in entries.items():
-                lines = (text,) if isinstance(text, str) else tuple(text) if isinstance(text, list) else ()
-                if name not in known:
-                    problems.append(f"{group}.{name}: no such entry; known are {', '.join(known)}")
-                    continue
-                if not lines or not all(isinstance(line, str) and line for line in lines):
-                    problems.append(f"{group}.{name}: {text!r} is neither a SCPI text nor a list of them")
-                    continue
-                if group == "queries" and len(lines) != 1:
-                    problems.append(f"queries.{name}: {text!r} has {len(lines)} texts; a query has one")
-                problems += _wrong_placeholders(f"{group}.{name}", lines, known[name])
-                texts[group][name] = lines
-            for name in _NEEDED[kind][group]:
-                if name not in entries:
-                    problems.append(f"{group}.{name}: missing; the driver cannot do without it")
-        trips = document.get("trips", {})
-        if not isinstance(trips, Mapping) or not all(isinstance(query, str) and query for query in trips.values()):
-            problems.append(f"trips: {trips!r} is no section of SCPI texts")
-            trips = {}
-        for word, query in trips.items():
-            if word not in ("OVP", "OCP", "OTP", "WDOG", "*"):
-                problems.append(f"trips.{word}: no such trip; OVP, OCP, OTP, WDOG or * is wanted")
-            problems += _wrong_placeholders(f"trips.{word}", (query,), {"channel"})
-        watchdog = {name for name in ("arm_watchdog", "disarm_watchdog") if name in texts["commands"]}
-        if watchdog and not {"watchdog_armed", "watchdog_delay"} <= set(texts["queries"]):
-            problems.append(
-                "queries.watchdog_armed, watchdog_delay: missing; a watchdog that cannot be read back is none"
-            )
-        fed_by = document.get("watchdog_fed_by", "")
-        if watchdog and fed_by not in ("session", "anyone"):
-            problems.append(
-                "watchdog_fed_by: session, where only the connection that armed the watchdog feeds it, or anyone is wanted"
-            )
-        if watchdog and "watchdog_range_s" not in document:
-            problems.append("watchdog_range_s: missing; shortest and longest delay in seconds are wanted")
+        problems = [
+            f"{key}: no such entry; known are {', '.join(sorted(_KEYS[kind]))}"
+            for key in document
+            if key not in _KEYS[kind]
+        ]
+        commands, queries = (_texts(document, kind, group, problems) for group in ("commands", "queries"))
+        problems += _wrong_trips(document.get("trips", {}))
+        if {"arm_watchdog", "disarm_watchdog"} & set(commands):
+            problems += _wrong_watchdog(document, queries)
         span, step_s = document.get("watchdog_range_s"), document.get("watchdog_step_s", 0.0)
         if span is not None and not (
             isinstance(span, list) and len(span) == 2 and all(map(_is_number, span)) and 0.0 <= span[0] <= span[1]
@@ -218,32 +184,33 @@ class Dialect:
                 f'termination: {termination!r} ends no line; "\\n", "\\r\\n" or "\\r" is wanted, in double quotes'
             )
         flags = {key: document.get(key, False) for key in ("chained_queries", "measures_celsius", "second_session")}
-        for key, value in flags.items():
-            if not isinstance(value, bool):
-                problems.append(f"{key}: {value!r} is neither true nor false")
+        problems += [
+            f"{key}: {value!r} is neither true nor false" for key, value in flags.items() if not isinstance(value, bool)
+        ]
+        identity = re.compile("")
         try:
             identity = re.compile(document["identity"])
             if identity.search(""):
-                raise ValueError("this one lets any instrument pass")
-        except (KeyError, TypeError, ValueError, re.error) as error:
+                problems.append(
+                    "identity: a regular expression for the answer to *IDN? is wanted (this one lets any instrument pass)"
+                )
+        except (KeyError, TypeError, re.error) as error:
             problems.append(f"identity: a regular expression for the answer to *IDN? is wanted ({error})")
         if problems:
             raise ConfigError([f"{path}: {problem}" for problem in problems])
         return cls(
-            path,
-            kind,
-            document.get("family", path.stem),
-            identity,
-            termination,
-            texts["commands"],
-            {name: lines[0] for name, lines in texts["queries"].items()},
-            trips,
-            flags["chained_queries"],
-            flags["measures_celsius"],
-            (float(span[0]), float(span[1])) if span else None,
-            float(step_s),
-            fed_by,
-            flags["second_session"],
+            path=path,
+            kind=kind,
+            family=document.get("family", path.stem),
+            identity=identity,
+            termination=termination,
+            commands=commands,
+            queries={name: lines[0] for name, lines in queries.items()},
+            trips=document.get("trips", {}),
+            watchdog_range_s=(float(span[0]), float(span[1])) if span else None,
+            watchdog_step_s=float(step_s),
+            watchdog_fed_by=document.get("watchdog_fed_by", ""),
+            **flags,
         )
 
     def lines(self, name: str, **values: Any) -> list[str]:
@@ -253,6 +220,58 @@ class Dialect:
     def query(self, name: str, **values: Any) -> str:
         """The text of a query, filled in."""
         return self.queries[name].format(**values)
+
+
+def _texts(document: Mapping[str, Any], kind: str, group: str, problems: list[str]) -> dict[str, tuple[str, ...]]:
+    """The SCPI texts of a group by name; what is wrong with them goes to ``problems``."""
+    known = _KNOWN[kind][group]
+    entries = document.get(group)
+    if not isinstance(entries, Mapping):
+        problems.append(f"{group}: missing; a section of SCPI texts is wanted")
+        entries = {}
+    texts = {}
+    for name, text in entries.items():
+        lines = (text,) if isinstance(text, str) else tuple(text) if isinstance(text, list) else ()
+        if name not in known:
+            problems.append(f"{group}.{name}: no such entry; known are {', '.join(known)}")
+            continue
+        if not lines or not all(isinstance(line, str) and line for line in lines):
+            problems.append(f"{group}.{name}: {text!r} is neither a SCPI text nor a list of them")
+            continue
+        if group == "queries" and len(lines) != 1:
+            problems.append(f"queries.{name}: {text!r} has {len(lines)} texts; a query has one")
+        problems += _wrong_placeholders(f"{group}.{name}", lines, known[name])
+        texts[name] = lines
+    problems += [
+        f"{group}.{name}: missing; the driver cannot do without it"
+        for name in _NEEDED[kind][group]
+        if name not in entries
+    ]
+    return texts
+
+
+def _wrong_trips(trips: Any) -> list[str]:
+    if not isinstance(trips, Mapping) or not all(isinstance(query, str) and query for query in trips.values()):
+        return [f"trips: {trips!r} is no section of SCPI texts"]
+    problems = []
+    for word, query in trips.items():
+        if word not in ("OVP", "OCP", "OTP", "WDOG", "*"):
+            problems.append(f"trips.{word}: no such trip; OVP, OCP, OTP, WDOG or * is wanted")
+        problems += _wrong_placeholders(f"trips.{word}", (query,), {"channel"})
+    return problems
+
+
+def _wrong_watchdog(document: Mapping[str, Any], queries: Collection[str]) -> list[str]:
+    problems = []
+    if not {"watchdog_armed", "watchdog_delay"} <= set(queries):
+        problems.append("queries.watchdog_armed, watchdog_delay: missing; a watchdog that cannot be read back is none")
+    if document.get("watchdog_fed_by") not in ("session", "anyone"):
+        problems.append(
+            "watchdog_fed_by: session, where only the connection that armed the watchdog feeds it, or anyone is wanted"
+        )
+    if "watchdog_range_s" not in document:
+        problems.append("watchdog_range_s: missing; shortest and longest delay in seconds are wanted")
+    return problems
 
 
 def yes(reply: str) -> bool:

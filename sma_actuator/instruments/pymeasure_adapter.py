@@ -36,7 +36,7 @@ NAMES = {
 }
 
 
-class _OverSession(Adapter):
+class _OverSession(Adapter):  # type: ignore[misc]
     """Lets an instrument of pymeasure speak over our own session, with its deadlines."""
 
     def __init__(self, session: Session):
@@ -58,7 +58,7 @@ class _OverSession(Adapter):
         """Nothing: an answer is read whole, with its question."""
 
 
-class _OnPaper(Adapter):
+class _OnPaper(Adapter):  # type: ignore[misc]
     """Notes what a class of pymeasure would say."""
 
     def __init__(self) -> None:

@@ -63,7 +63,7 @@ class _RoundedDown(float):
         if float(text) <= self:
             return text
         number = Decimal(text)
-        return float.__format__(float(number - Decimal(1).scaleb(number.as_tuple().exponent)), spec)
+        return float.__format__(float(number - Decimal(1).scaleb(int(number.as_tuple().exponent))), spec)
 
 
 class ScpiSupply(SessionSupply):
@@ -94,7 +94,7 @@ class ScpiSupply(SessionSupply):
         try:
             setting_A, voltage_V, current_A = (float(replies[i]) for i in (0, 2, 3))
             output_on = yes(replies[1])
-            tripped = [self._trip(word, reply) for word, reply in zip(self._dialect.trips, replies[4:])]
+            tripped = [self._trip(word, reply) for word, reply in zip(self._dialect.trips, replies[4:], strict=True)]
         except ValueError:
             raise self._session.garbled("; ".join(lines), "; ".join(replies)) from None
         return SupplyState(nan, setting_A, output_on, voltage_V, current_A, ",".join(filter(None, tripped)))
@@ -188,7 +188,7 @@ class ScpiSupply(SessionSupply):
         if not self._has_watchdog:
             self._tell("disarm_watchdog")
             return
-        lo_s, hi_s = dialect.watchdog_range_s
+        lo_s, hi_s = dialect.watchdog_range_s or (0.0, inf)
         if not lo_s <= wanted_s <= hi_s:
             raise InstrumentRefused(
                 f"supply.watchdog_timeout: {wanted_s:g} s; {dialect.family} can do {lo_s:g} to {hi_s:g} s"
@@ -271,7 +271,7 @@ class ScpiDaq:
             values = numbers.reshape(-1, len(self._channels)).mean(axis=0)
         except ValueError:
             raise self._session.garbled(line, reply) from None
-        reading = dict(zip(self._channels, values.tolist()))
+        reading = dict(zip(self._channels, values.tolist(), strict=True))
         shunt_Ohm = self._instrument.lvdt_shunt_resistance
         return Reading(
             time_s=self._clock.now_s(),

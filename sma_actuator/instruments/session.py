@@ -24,14 +24,15 @@ import select
 import socket
 import threading
 import time
-from collections.abc import Iterator, Sequence
-from typing import Protocol
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol, TypeVar, cast
 
 import pyvisa
 
 from . import InstrumentLost, InstrumentRefused, InstrumentUnreachable
 
 _log = logging.getLogger(__name__)
+T = TypeVar("T")
 
 #: An answer without an end is given up after this many bytes; a block of 5000 samples of five channels has 0.4 MB.
 LONGEST_ANSWER = 1 << 20
@@ -135,9 +136,10 @@ class VisaWire:
 
     def __init__(self, resource: str, termination: str, deadline_s: float):
         left_ms = max(1e3 * (deadline_s - time.monotonic()), 1.0)
-        self._visa = pyvisa.ResourceManager("@py").open_resource(
+        visa = pyvisa.ResourceManager("@py").open_resource(
             resource, read_termination=termination, open_timeout=round(left_ms)
         )
+        self._visa = cast("pyvisa.resources.MessageBasedResource", visa)
         # A serial line has no messages, only bytes: pyvisa-py would wait for all that are asked for, by the wall clock.
         self._piece = 1 if isinstance(self._visa, pyvisa.resources.SerialInstrument) else 4096
 
@@ -373,7 +375,7 @@ class Session:
         line, _, extra = got.partition(self._termination)
         return line, extra
 
-    def _do(self, line: str, action):
+    def _do(self, line: str, action: Callable[[Wire], T]) -> T:
         wire = self._wire
         if wire is None:
             raise InstrumentLost(f"{self.name}: not connected")

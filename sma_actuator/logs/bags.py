@@ -11,8 +11,10 @@ import numpy as np
 
 from sma_actuator.base.parameters import ConfigError
 
-from .bench_log import COLUMNS, BenchLog
+from .bench_log import COLUMNS, BenchLog, log_of
 from .errors import BenchLogError
+from .recorder import RECORDED_COLUMNS
+from .tables import Table
 
 
 def is_bag(path: Path) -> bool:
@@ -23,7 +25,8 @@ def is_bag(path: Path) -> bool:
 def log_from_bag(path: str | Path, topics: Mapping[str, str]) -> BenchLog:
     """A bench log from a recording.
 
-    ``topics`` maps a column to ``/topic:field.path``, as ``load_N → /wire/load:wrench.force.x`` or
+    Without ``topics`` it is taken from the topic ``~/signals`` of a node, which carries every column of the node's own
+    bench log.  Else ``topics`` maps a column to ``/topic:field.path``, as ``load_N → /wire/load:wrench.force.x`` or
     ``displacement_m → /joint_states:position.0``.  Rows stand at the times of the first column's
     messages (their header stamps where they have any); the other columns are interpolated, and NaN more
     than a period before their first and after their last message.  Raises BenchLogError naming the topic or field.
@@ -35,29 +38,19 @@ def log_from_bag(path: str | Path, topics: Mapping[str, str]) -> BenchLog:
         raise ConfigError(f"{path}: recordings need the Python package 'rosbags' (extra 'bags')") from error
 
     path = Path(path)
-    if not topics:
-        raise BenchLogError(f"{path}: is a recording; name a topic for every column, as supply_voltage_V=/topic:data")
-    wanted = {column: _split(column, spec) for column, spec in topics.items()}
-    series: dict[str, list[tuple[float, float]]] = {column: [] for column in wanted}
     folder = path.parent if path.suffix == ".db3" else path
     try:
         with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-            present = {c.topic for c in reader.connections}
-            for column, (topic, _) in wanted.items():
-                if topic not in present:
-                    raise BenchLogError(
-                        f"{path}: topic {topic} (for {column}) is not recorded; recorded are "
-                        f"{', '.join(sorted(present)) or 'none'}"
-                    )
-            connections = [c for c in reader.connections if c.topic in {topic for topic, _ in wanted.values()}]
-            for connection, stamp_ns, raw in reader.messages(connections=connections):
-                message = reader.deserialize(raw, connection.msgtype)
-                time_s = _stamp_s(message, stamp_ns)
-                for column, (topic, field) in wanted.items():
-                    if topic == connection.topic:
-                        series[column].append((time_s, _field(message, field, f"{path}: topic {topic}")))
+            if not topics:
+                return _log_of_signals(reader, path)
+            wanted = {column: _split(column, spec) for column, spec in topics.items()}
+            series = _series(reader, path, wanted)
+    except BenchLogError:
+        raise
     except AnyReaderError as error:
         raise BenchLogError(f"{path}: is no readable rosbag2 recording ({error})") from error
+    except Exception as error:
+        raise BenchLogError(f"{path}: is no readable rosbag2 recording ({type(error).__name__}: {error})") from error
     for column, rows in series.items():
         if not rows:
             raise BenchLogError(f"{path}: topic {wanted[column][0]} (for {column}) holds no message")
@@ -66,11 +59,63 @@ def log_from_bag(path: str | Path, topics: Mapping[str, str]) -> BenchLog:
     }
     time_s = np.unique(next(iter(arrays.values()))[:, 0])
     columns = {"time_s": time_s - time_s[0]}
-    for column, rows in arrays.items():
-        columns[column] = np.interp(time_s, rows[:, 0], rows[:, 1])
-        period_s = np.median(np.diff(rows[:, 0])) if len(rows) > 1 else 0.0
-        columns[column][(time_s < rows[0, 0] - period_s) | (time_s > rows[-1, 0] + period_s)] = np.nan
+    for column, stamped in arrays.items():
+        columns[column] = np.interp(time_s, stamped[:, 0], stamped[:, 1])
+        period_s = np.median(np.diff(stamped[:, 0])) if len(stamped) > 1 else 0.0
+        columns[column][(time_s < stamped[0, 0] - period_s) | (time_s > stamped[-1, 0] + period_s)] = np.nan
     return BenchLog(columns, {"recording": path.name}, str(path))
+
+
+def _series(
+    reader: Any, path: Path, wanted: Mapping[str, tuple[str, list[str]]]
+) -> dict[str, list[tuple[float, float]]]:
+    """Time and value of every message, by column."""
+    series: dict[str, list[tuple[float, float]]] = {column: [] for column in wanted}
+    present = {c.topic for c in reader.connections}
+    for column, (topic, _) in wanted.items():
+        if topic not in present:
+            raise BenchLogError(
+                f"{path}: topic {topic} (for {column}) is not recorded; recorded are "
+                f"{', '.join(sorted(present)) or 'none'}"
+            )
+    connections = [c for c in reader.connections if c.topic in {topic for topic, _ in wanted.values()}]
+    for connection, stamp_ns, raw in reader.messages(connections=connections):
+        message = reader.deserialize(raw, connection.msgtype)
+        time_s = _stamp_s(message, stamp_ns)
+        for column, (topic, field) in wanted.items():
+            if topic == connection.topic:
+                series[column].append((time_s, _field(message, field, f"{path}: topic {topic}")))
+    return series
+
+
+def _log_of_signals(reader: Any, path: Path) -> BenchLog:
+    """The node's own bench log, as it stands in the messages of ``~/signals``."""
+    connections = [
+        c for c in reader.connections if c.topic.endswith("/signals") and c.msgtype == "sensor_msgs/msg/JointState"
+    ]
+    topics = sorted({c.topic for c in connections})
+    if len(topics) != 1:
+        recorded = ", ".join(sorted({c.topic for c in reader.connections})) or "none"
+        what = f"{len(topics)} nodes' signals are" if topics else "no node's ~/signals is"
+        raise BenchLogError(
+            f"{path}: {what} recorded (recorded are {recorded}); name a topic for every column, as "
+            "--topic supply_voltage_V=/topic:data"
+        )
+    rows: dict[float, tuple[dict[str, float], str]] = {}
+    for connection, _, raw in reader.messages(connections=connections):
+        message = reader.deserialize(raw, connection.msgtype)
+        values = dict(zip(message.name, message.position.tolist(), strict=False))
+        if "time_s" in values:
+            rows[values["time_s"]] = values, message.header.frame_id
+    if not rows:
+        raise BenchLogError(f"{path}: topic {topics[0]} holds no message with a time_s")
+    times_s = sorted(rows)
+    columns = {
+        name: np.array([rows[time_s][0].get(name, np.nan) for time_s in times_s], dtype=float)
+        for name in RECORDED_COLUMNS
+    }
+    table = Table(columns, str(path), texts={i: rows[t][1] for i, t in enumerate(times_s) if rows[t][1]})
+    return log_of(table, {"recording": path.name})
 
 
 def parse_topics(words: list[str]) -> dict[str, str]:

@@ -87,15 +87,15 @@ class ColumnMap:
             wanted[ours] = theirs
         said = {theirs for theirs in wanted.values() if isinstance(theirs, str)}
         for theirs in table.columns:
-            ours = _ours(theirs, self.known)
-            if ours is None or theirs in said or ours in self.columns:
+            guess = _ours(theirs, self.known)
+            if guess is None or theirs in said or guess in self.columns:
                 continue
-            if ours in wanted:
+            if guess in wanted:
                 raise BenchLogError(
-                    f"{table.source}: line 1: both '{wanted[ours]}' and '{theirs}' may be {ours}; say which with "
-                    f"--map '{ours}={theirs}' or --map '{ours}={wanted[ours]}'"
+                    f"{table.source}: line 1: both '{wanted[guess]}' and '{theirs}' may be {guess}; say which with "
+                    f"--map '{guess}={theirs}' or --map '{guess}={wanted[guess]}'"
                 )
-            wanted[ours] = theirs
+            wanted[guess] = theirs
         return wanted, said | {theirs for theirs in wanted.values() if isinstance(theirs, str)}
 
     def _unit(self, ours: str, theirs: str, table: Table) -> tuple[Unit, str]:

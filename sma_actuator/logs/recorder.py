@@ -109,16 +109,7 @@ class BenchLogRecorder:
         if reading is None or not reading.time_s > self._last_time_s:
             return  # the same block again: a log's times increase
         self._last_time_s = reading.time_s
-        row = {name: getattr(reading, name) for name in COLUMNS if hasattr(reading, name)} | {
-            "tare_N": output.tare_N,
-            "current_command_A": output.command.current_A,
-            "setpoint_m": output.setpoint_m,
-            "displacement_estimate_m": output.estimate.displacement_m,
-            "velocity_estimate_m_s": output.estimate.velocity_m_s,
-            "branch": int(output.estimate.branch),
-            "quality": int(output.estimate.quality),
-            "output_on": int(output.command.output_on),
-        }
+        row = recorded_row(reading, output)
         try:
             self._queue.put_nowait((tuple(row[name] for name in self.columns), "; ".join(self._events)))
         except queue.Full:
@@ -293,6 +284,28 @@ def _end_of_last_line(handle: int) -> int:
     size = os.fstat(handle).st_size
     start = max(0, size - 65536)
     return start + os.pread(handle, 65536, start).rfind(b"\n") + 1
+
+
+def recorded_row(reading: Reading, output: Output) -> dict[str, float]:
+    """One row of the driver's own bench log, by column."""
+    return {name: getattr(reading, name) for name in COLUMNS if hasattr(reading, name)} | {
+        "tare_N": output.tare_N,
+        "current_command_A": output.command.current_A,
+        "setpoint_m": output.setpoint_m,
+        "displacement_estimate_m": output.estimate.displacement_m,
+        "velocity_estimate_m_s": output.estimate.velocity_m_s,
+        "branch": int(output.estimate.branch),
+        "quality": int(output.estimate.quality),
+        "output_on": int(output.command.output_on),
+    }
+
+
+#: Every column that :func:`recorded_row` may give.
+RECORDED_COLUMNS = (
+    *(name for name in COLUMNS if name in Reading.__dataclass_fields__ or name in ("tare_N", "current_command_A")),
+    "setpoint_m",
+    *ESTIMATE_COLUMNS,
+)
 
 
 def _columns(config: Config) -> tuple[str, ...]:

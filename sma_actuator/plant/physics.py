@@ -88,6 +88,9 @@ SUPPLY_TIME_CONSTANT_S = 0.4e-3  #: settles within about 1 ms
 HOT_BELOW, COLD_ABOVE = 0.4, 0.6  #: fractions of martensite between which a cycle is counted
 CONVECTION_AT_K = 60.0  #: excess at which the heat transfer has its stated value, whatever its exponent
 _LOGISTIC_OF_BAND = 0.134  #: width of the logistic with the same 10-90 % width as a cosine, per width of the cosine
+_TOLERANCE_K = (
+    1e-7  #: of the temperature that goes with a heat content; it does not add up, since the heat is what is kept
+)
 _END_CELLS = (0.5, 1.0, 1.5)  #: lengths of the cells next to a clamp, in units of the decay length
 
 
@@ -353,20 +356,20 @@ def temperature_for(
     capacity = x.heat_capacity_J_K
     t1 = temperature_C + (enthalpy_J - enthalpy_of(x, martensite, r_share, temperature_C)) / slope_J_K
     f1 = _excess(x, bands, memory_m, memory_r, martensite, r_share, t1, stress_Pa, shift, enthalpy_J)
-    if abs(f1) <= 1e-9 * capacity:
+    if abs(f1) <= _TOLERANCE_K * capacity:
         return t1
     t0 = t1 - f1 / slope_J_K
     f0 = _excess(x, bands, memory_m, memory_r, martensite, r_share, t0, stress_Pa, shift, enthalpy_J)
     # Walk until the sign changes, then close in (Illinois).
     for _ in range(40):
-        if f0 * f1 <= 0.0 or abs(f0) <= 1e-9 * capacity:
+        if f0 * f1 <= 0.0 or abs(f0) <= _TOLERANCE_K * capacity:
             break
         t1 = t0
         f1 = f0
         t0 = t1 - f1 / capacity
         f0 = _excess(x, bands, memory_m, memory_r, martensite, r_share, t0, stress_Pa, shift, enthalpy_J)
     for _ in range(60):
-        if abs(f0) <= 1e-9 * capacity:
+        if abs(f0) <= _TOLERANCE_K * capacity:
             return t0
         t = t0 - f0 * (t0 - t1) / (f0 - f1)
         f = _excess(x, bands, memory_m, memory_r, martensite, r_share, t, stress_Pa, shift, enthalpy_J)

@@ -67,7 +67,8 @@ def _together(pieces: Sequence[Any]) -> Any:
     first = pieces[0]
     if dataclasses.is_dataclass(first):
         names = [f.name for f in dataclasses.fields(first)]
-        return type(first)(**{name: _together([getattr(piece, name) for piece in pieces]) for name in names})
+        kind: Any = type(first)
+        return kind(**{name: _together([getattr(piece, name) for piece in pieces]) for name in names})
     return np.concatenate(pieces) if np.ndim(first) else first
 
 

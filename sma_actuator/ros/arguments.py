@@ -37,14 +37,20 @@ class RosArguments:
     def parameters_of(self, node: str) -> dict[str, Any]:
         """The parameters of the node with this fully qualified name; later sources override earlier ones.
 
+        A section of the node's bare name, as ``left:``, is meant for it in any namespace, where its file has none for
+        the full name: a launch file's ``namespace:=`` finds its parameters.
         Raises ConfigError where a file cannot be read or none speaks of this node.
         """
         merged: dict[str, Any] = {}
         found, sections = False, []
         for path in self.files:
-            for pattern, values in _sections(read_sections(path)):
-                sections.append(pattern)
-                if _matches(pattern, node):
+            document = read_sections(path)
+            in_file = list(_sections(document))
+            sections += [pattern for pattern, _ in in_file]
+            bare = node.rpartition("/")[2]
+            by_name = bare in document and not any(_matches(pattern, node) for pattern, _ in in_file)
+            for pattern, values in in_file:
+                if pattern == f"/{bare}" if by_name else _matches(pattern, node):
                     if not isinstance(values, Mapping):
                         raise ConfigError(
                             f"{path}: {pattern}: {_PARAMETERS} is {values!r}; a section of parameters is wanted"

@@ -13,6 +13,7 @@ and no message ends the node (``guard.py``).
 from __future__ import annotations
 
 import argparse
+import collections
 import dataclasses
 import gc
 import math
@@ -55,11 +56,14 @@ from sma_msgs_py import (
     load_message,
     position_from,
     reference_message,
+    signals_message,
+    start_from,
     trajectory_from,
 )
 
 from . import arguments as ros_arguments
 from .guard import refuse_what_raises, spin
+from .named_signals import named_signals
 from .parameters import NO_SIM_TIME, ROS_PARAMETERS, NodeParameters
 from .switch import Switch
 from .words import ERROR, INFO, WARNING, Events, Refusals
@@ -81,16 +85,22 @@ LONGEST_TRAJECTORY_B = 500_000
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _DEPTH = 10
+#: Some seconds' worth at the usual rates, for who records them; and what waits for a ROS thread that is held up.
+_SIGNALS_DEPTH = _OUTPUTS_WAITING = 500
+_MOST_HAPPENED = 50  #: events kept while nobody listens
 
 
 class _Handoff:
-    """The latest output, from the control thread to the ROS thread; the control thread never waits.
+    """Outputs, from the control thread to the ROS thread; the control thread never waits.
+
+    Most of what is published is of the ``latest``; ``waiting`` holds every one that has not been taken yet.
 
     A thread of its own stands between, because waking an executor is a call into ROS.
     """
 
     def __init__(self, name: str, wake: Callable[[], None]):
         self.latest: Output | None = None
+        self.waiting: collections.deque[Output] = collections.deque(maxlen=_OUTPUTS_WAITING)
         self._fresh = threading.Event()
         self._wake = wake
         self._ended = threading.Event()
@@ -98,8 +108,9 @@ class _Handoff:
         self._thread.start()
 
     def put(self, output: Output) -> None:
-        """Replace the latest output."""
+        """Hand over an output."""
         self.latest = output
+        self.waiting.append(output)
         self._fresh.set()
 
     def close(self) -> None:
@@ -134,6 +145,7 @@ class SmaActuatorNode(LifecycleNode):
         self._monotonic = MonotonicClock()
         self._published: tuple[Any, ...] = ()  #: what the last status said
         self._events, self._refusals = Events(), Refusals()
+        self._happened: list[str] = []  #: what no message of ~/signals has told yet
         values = arguments.parameters_of(self.get_fully_qualified_name())
         own = {key: values.pop(key) for key in ROS_PARAMETERS if key in values}
         self._parameters_of_wire = NodeParameters(self, Config.from_mapping(values), self._take_over)
@@ -166,6 +178,7 @@ class SmaActuatorNode(LifecycleNode):
         if self.config.reference_sensor.fitted and self.config.instruments.daq.lvdt_channel:
             self._reference = self.create_lifecycle_publisher(JointState, "~/reference", _DEPTH)
         self._command_current = self.create_lifecycle_publisher(Float64, "~/command_current", _DEPTH)
+        self._signals = self.create_lifecycle_publisher(JointState, "~/signals", _SIGNALS_DEPTH)
         # The state of the wire is of interest in every state of the node.
         self._status = self.create_publisher(DiagnosticStatus, "~/status", _LATCHED)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
@@ -213,11 +226,13 @@ class SmaActuatorNode(LifecycleNode):
             )
             return
         try:
-            trajectory = trajectory_from(deserialize_message(serialized, JointTrajectory), self.config.joint_name)
+            message = deserialize_message(serialized, JointTrajectory)
+            times_s, positions_m, velocities_m_s = trajectory_from(message, self.config.joint_name)
         except ValueError as error:
             self.report(str(error))
             return
-        driver.offer_trajectory(*trajectory)
+        delay_s = start_from(message, self.get_clock().now().nanoseconds)
+        driver.offer_trajectory(times_s, positions_m, velocities_m_s, delay_s)
 
     def on_enable(self, request: SetBool.Request, response: SetBool.Response) -> Any:
         """Switch the output on or off.  Called in the thread of the switch."""
@@ -312,6 +327,7 @@ class SmaActuatorNode(LifecycleNode):
             if self._reference is not None:
                 self._reference.publish(reference_message(self.config.joint_name, signals, stamp))
             self._command_current.publish(command_current_message(output.command))
+        self._publish_signals()
         status = output.status
         now_s = self._monotonic.now_s()
         for level, sentence in self._events.of_status(status, now_s):
@@ -320,6 +336,19 @@ class SmaActuatorNode(LifecycleNode):
             self._say(level, sentence)
         if (status.mode, status.fault, status.limits) != self._published:
             self._publish_status()
+
+    def _publish_signals(self) -> None:
+        """Every output that waits, once; nothing is lost where the ROS thread was held up for a while."""
+        waiting = self._handoff.waiting
+        wanted = self._active and self._signals.get_subscription_count() > 0
+        for _ in range(len(waiting)):
+            output = waiting.popleft()
+            self._happened += output.events
+            if wanted and output.reading is not None and math.isfinite(output.reading.time_s):
+                happened, self._happened = "; ".join(self._happened), []
+                stamp = self._stamp(output.reading.time_s)
+                self._signals.publish(signals_message(named_signals(output), happened, stamp))
+        del self._happened[:-_MOST_HAPPENED]
 
     def _stamp(self, time_s: float) -> Any:
         """ROS time at which the monotonic clock of the loop was at ``time_s``."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from .formula import seconds
+from .formula import longest, parameter_value, seconds
+from .reach import BACK_OFF, MOTION, PATIENCE_S, PATIENCE_TIMES, WARM
 from .records import Limit
-from .timing import ONE_STEP
+from .timing import ONE_STEP, TWO_STEPS
 
 SETPOINT_RANGE = Limit(
     "setpoint_range",
@@ -44,6 +45,19 @@ TEMPERATURE_DERATING = Limit(
     "thermal.derate_temperature, by the parameters' heat_loss, from supply.max_current linearly down to "
     "supply.bias_current at max_temperature. A wire of which nothing is known yet counts as that hot",
     ONE_STEP,
+)
+
+SETPOINT_REACH = Limit(
+    "setpoint_reach",
+    "no further contraction: all the current there is does not move the wire",
+    f"all the current there is, a wire that is warm from it ({100 * WARM:g} % of what it will be), and for the longer of "
+    f"{PATIENCE_S:g} s and {PATIENCE_TIMES:g} of its time constants not {100 * MOTION:g} % of the full stroke of motion towards "
+    f"the setpoint; the shortest setpoint is then {100 * BACK_OFF:g} % longer than the wire seems to be, until a longer one "
+    "is asked for or the load changes",
+    longest(
+        PATIENCE_S, PATIENCE_TIMES * parameter_value("thermal.heat_capacity") / parameter_value("thermal.heat_loss")
+    )
+    + TWO_STEPS,
 )
 
 LIMITS: dict[str, Limit] = {limit.name: limit for limit in list(vars().values()) if isinstance(limit, Limit)}

@@ -12,6 +12,8 @@ REMEDIES: dict[str, str] = {
     "clock_jump": f"Look for what stopped this process: a suspended computer, a full processor. {_AFTER}",
     "supply_tripped": f"Find out what tripped it before anything else: a short, a limit set too low, a hung computer. {_AFTER}",
     "watchdog_not_held": f"See whether somebody has reset the supply, or locks its front panel. {_AFTER}",
+    "limits_not_held": f"See who has changed the supply's limits, or reset it; opening it again sets them. {_AFTER}",
+    "measurements_disagree": f"Compare what the supply displays with the DAQ's channels: one of them is wired wrongly or answers late. {_AFTER}",
     "second_commander": f"Let nobody else touch the supply: no second node, no hand at the front panel. {_AFTER}",
     "output_not_confirmed": "Look at the supply: if its output is on, switch it off by hand. " + _AFTER,
     "loop_hung": f"Look for the instrument that does not answer, or what stopped this process. {_AFTER}",

@@ -1,5 +1,6 @@
 """The bench as a process and over TCP: real time, several clients, faults of the connection, a clean end."""
 
+import functools
 import json
 import signal
 import socket
@@ -221,9 +222,35 @@ def test_the_command_serves_many_benches_and_ends_clean(tmp_path, number):
         ("--fault", "earthquake", "open_wire"),
         ("--speed", "0", "outside"),
         ("--wire", "steel", "flexinol"),
+        ("--physics", "caloric", "measured"),
     ],
 )
 def test_a_wrong_option_is_refused_in_a_sentence(option, value, word):
     command = [sys.executable, "-m", "sma_actuator.bench.server", option, value]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2 and word in done.stderr and "Traceback" not in done.stderr
+
+
+def opened_or_ended(ports_file, process):
+    return ports_file.exists() or process.poll() is not None
+
+
+def test_the_process_serves_the_physics_that_was_asked_for(tmp_path):
+    """A wire of the measured distribution is not all martensite at room temperature; the cosine's is."""
+    shares = {}
+    for physics in ("liang_rogers", "measured"):
+        ports_file = tmp_path / f"{physics}.json"
+        command = [sys.executable, "-m", "sma_actuator", "bench", "--physics", physics, "--supply-port", "0",
+                   "--daq-port", "0", "--ports-file", str(ports_file)]  # fmt: skip
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        try:
+            poll(functools.partial(opened_or_ended, ports_file, process), within_s=60.0)
+            connection = Connection(json.loads(ports_file.read_text())[0]["supply"])
+            shares[physics] = float(connection.ask("BENC:TRUT?").split(",")[4])
+            connection.close()
+            process.send_signal(signal.SIGINT)
+            assert process.wait(timeout=10) == 0
+        finally:
+            process.kill()
+            process.communicate()
+    assert shares["liang_rogers"] == 1.0 and 0.8 < shares["measured"] < 0.99

@@ -101,3 +101,22 @@ class TestTrajectory:
 def test_refuses_what_is_no_number(make, name):
     with pytest.raises(ValueError, match=name):
         make()
+
+
+class TestVelocities:
+    def test_each_point_is_passed_at_its_position_and_velocity(self):
+        velocities_m_s = [0.0, 0.002, -0.001]
+        trajectory = Trajectory([0.0, 1.0, 3.0], [0.0, 0.001, 0.0005], velocities_m_s=velocities_m_s)
+        for time_s, position_m, velocity_m_s in zip([0.0, 1.0, 3.0], [0.0, 0.001, 0.0005], velocities_m_s, strict=True):
+            assert trajectory(time_s) == pytest.approx(position_m, abs=1e-12)
+            for h in (1e-6, -1e-6):
+                if 0.0 < time_s + h < 3.0:
+                    assert (trajectory(time_s + h) - position_m) / h == pytest.approx(velocity_m_s, abs=1e-7)
+
+    @pytest.mark.parametrize(
+        ("velocities_m_s", "sentence"),
+        [([0.0], "1 velocities for 2 points"), ([0.0, float("nan")], "point 1: its velocity, nan m/s")],
+    )
+    def test_others_are_refused_in_a_sentence(self, velocities_m_s, sentence):
+        with pytest.raises(ValueError, match=sentence):
+            Trajectory([0.0, 1.0], [0.0, 0.001], velocities_m_s=velocities_m_s)

@@ -270,6 +270,24 @@ def test_what_the_chain_drops_no_later_stage_sees(make_config, name):
         np.testing.assert_equal(live.step(sample(spoilt, i))[1].displacement_m, judged.displacement_m[i])
 
 
+@pytest.mark.parametrize("name", ["creep", "contact_drift", "self_heating"])
+def test_a_clock_that_is_set_back_wrecks_no_memory(make_config, name):
+    """What is of the session outlasts a reset, so it must outlast a clock: nothing grows while time runs backwards."""
+    warm = {"temperature_coefficient": 5e-4, "onset": 10.0, "time_constant": 0.5}
+    config = Config.from_mapping(make_config(effects={name: {**LASTING, "self_heating": warm}[name]}))
+    arrays = signals()
+    set_back = np.where(np.arange(400) < 200, arrays.time_s, arrays.time_s - 500.0)
+
+    def taken_m(time_s):
+        """The most that the effect changes, against a chain without it."""
+        moved = dataclasses.replace(arrays, time_s=time_s)
+        found = Chain(config).run(moved)
+        assert (found.quality != Quality.INVALID).all()
+        return np.abs(found.displacement_m - Chain(config, {}).run(moved).displacement_m).max()
+
+    assert taken_m(set_back) < 2.0 * taken_m(arrays.time_s)
+
+
 # --- live parameters -----------------------------------------------------------------------------
 
 LIVE = {

@@ -256,3 +256,31 @@ def test_a_hidden_effect_wants_the_virtual_bench_and_a_name_it_knows(tmp_path, c
         main(["characterise", "--virtual", "flexinol", "--hidden", "voltage_offset", "--out", out])
     assert "EFFECT=STRENGTH" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_the_virtual_bench_has_the_physics_that_was_asked_for_and_a_real_one_has_no_choice(tmp_path, capsys):
+    def measured(physics):
+        out = tmp_path / physics
+        words = [
+            "characterise",
+            "--virtual",
+            "furukawa",
+            "--physics",
+            physics,
+            "--out",
+            str(out),
+            "--loads",
+            "0.6",
+            "--pulses",
+            "1",
+        ]
+        for part in ("lead_resistance", "load_cell", "lvdt", "training", "partial", "fatigue"):
+            words += ["--skip", part]
+        assert main(words) == 0
+        return read_bench_log(next(out.glob("pulses_*.csv")))
+
+    home, foreign = measured("liang_rogers"), measured("foreign")
+    difference = home["lvdt_current_A"] - foreign["lvdt_current_A"]
+    assert 0.315842 * abs(difference).max() > 1e-4  # a tenth of a millimetre at least
+    assert main(["characterise", "--physics", "measured", "--out", str(tmp_path / "real")]) == 1
+    assert "only the virtual bench" in capsys.readouterr().err

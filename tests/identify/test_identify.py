@@ -15,6 +15,7 @@ from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import partial_cycles, square_pulses
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, bench_from_mapping
+from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.identify.appendix_c import Tolerances, asymptotes
 from sma_actuator.identify.fatigue import fit_fatigue
@@ -79,7 +80,7 @@ def test_unseen_furukawa_logs_are_met_better_than_in_table_3(curves, load_N, the
 def as_measured_by(result, log, noise_m=0.0):
     """``log`` with the displacement that the identified model gives, so that the truth is known."""
     trace = make_trace(log, result.config)
-    displacement_m = estimate_m(trace, result.config)
+    displacement_m = Chain(result.config).judge(trace.signals).displacement_m
     columns = {k: v for k, v in log.columns.items() if k != "lvdt_current_A"}
     columns["displacement_m"] = displacement_m + noise_m * np.random.default_rng(0).standard_normal(len(log))
     return dataclasses.replace(log, columns=columns)

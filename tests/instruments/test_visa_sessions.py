@@ -471,7 +471,7 @@ def test_a_second_program_that_wants_the_supply_does_not_say_a_word_to_it(stand_
 
 
 def test_after_a_reset_behind_the_connection_everything_is_found_and_programmed_again(bench):
-    supply, _, _config = bench
+    supply, _, _ = bench
     supply.open()
     supply.check_settings()
     supply._session.tell("*RST")

@@ -256,7 +256,7 @@ def test_a_recording_is_replayed_and_saved_by_the_command(readings, model, tmp_p
         ({**TOPICS, "load_N": "/load:wrench.forces.x"}, "no field wrench.forces.x"),
         ({**TOPICS, "load_N": "/load:wrench"}, "field wrench is not a number"),
         ({**TOPICS, "load_N": "load"}, "does not name a topic and a field"),
-        ({}, "name a topic for every column"),
+        ({}, "no node's ~/signals is recorded .recorded are /joint_states.*name a topic for every column"),
     ],
     ids=["no such topic", "no such field", "not a number", "no field", "no topics"],
 )
@@ -266,10 +266,19 @@ def test_a_recording_that_lacks_what_was_named_is_refused(readings, tmp_path, to
         log_from_bag(bag, topics)
 
 
-def test_a_file_that_is_no_recording_is_refused(tmp_path):
+_MCAP = b"\x89MCAP0\r\n"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"not a recording", _MCAP, _MCAP + bytes(range(256)) * 40 + _MCAP, b"SQLite format 3\0" + bytes(5000)],
+    ids=["empty", "text", "magic alone", "junk between magic", "half a database"],
+)
+@pytest.mark.parametrize("ending", ["mcap", "db3"])
+def test_a_file_that_is_no_recording_is_refused(tmp_path, content, ending):
     pytest.importorskip("rosbags")
-    path = tmp_path / "a.mcap"
-    path.write_bytes(b"not a recording")
+    path = tmp_path / f"a.{ending}"
+    path.write_bytes(content)
     with warnings.catch_warnings(), pytest.raises(BenchLogError, match="no readable rosbag2 recording"):
         warnings.simplefilter("ignore")
         log_from_bag(path, TOPICS)

@@ -60,7 +60,9 @@ def test_a_setpoint_passes_as_it_is_also_nan(position_m):
 @given(st.lists(st.tuples(st.floats(0, 1e6), NUMBER), max_size=8))
 def test_trajectory_keeps_times_to_the_nanosecond_and_positions(points):
     times_s, positions_m = [p[0] for p in points], [p[1] for p in points]
-    back_s, back_m = conversions.trajectory_from(conversions.trajectory_message("wire", times_s, positions_m), "wire")
+    back_s, back_m, _ = conversions.trajectory_from(
+        conversions.trajectory_message("wire", times_s, positions_m), "wire"
+    )
     assert back_m == positions_m
     assert back_s == pytest.approx(times_s, abs=2e-9)
 
@@ -83,6 +85,25 @@ def _trajectory(names, *points):
 )
 def test_the_joint_of_a_trajectory_is_found_by_name_or_is_the_only_one(names, points, positions_m):
     assert conversions.trajectory_from(_trajectory(names, *points), "wire")[1] == positions_m
+
+
+def test_velocities_come_along_where_every_point_has_one():
+    message = _trajectory(["arm", "wire"], [1.0, 3.0], [2.0, 4.0])
+    assert conversions.trajectory_from(message, "wire")[2] is None
+    for point in message.points:
+        point.velocities = [0.1, 0.2]
+    assert conversions.trajectory_from(message, "wire")[2] == [0.2, 0.2]
+    message.points[0].velocities = []
+    with pytest.raises(ValueError, match="1 of 2 points have a velocity; all or none is wanted"):
+        conversions.trajectory_from(message, "wire")
+
+
+def test_a_stamp_is_the_start_and_none_is_now():
+    message = _trajectory(["wire"], [1.0])
+    assert conversions.start_from(message, 5_000_000_000) == 0.0
+    message.header.stamp = Time(sec=7, nanosec=500_000_000)
+    assert conversions.start_from(message, 5_000_000_000) == pytest.approx(2.5)
+    assert conversions.start_from(message, 9_000_000_000) == pytest.approx(-1.5)
 
 
 @pytest.mark.parametrize(

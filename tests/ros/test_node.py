@@ -14,12 +14,15 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from processes import wait_until
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
+from rclpy.duration import Duration
+from rclpy.time import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory
 
 from sma_actuator.logs.bench_log import read_bench_log
-from sma_msgs_py import setpoint_message, status_from, trajectory_message
+from sma_msgs_py import setpoint_message, signals_from, status_from, trajectory_message
 
 NAME = "/sma_actuator"
 ASKED = "/asked/sma_actuator"  # that of client_of_running_node
@@ -132,6 +135,25 @@ class TestHolding:
         node.says("it moves elbow, this joint is sma_joint")
         client.publish(f"{NAME}/joint_trajectory", trajectory_message("sma_joint", [1.0, 4.0], [0.0032, 0.0025]))
         client.next(f"{NAME}/joint_states", JointState, lambda m: abs(m.position[0] - 0.0025) < 2e-4)
+
+    def test_a_trajectory_stamped_later_is_waited_for_and_an_empty_one_ends_the_motion(
+        self, parameters, start_node, client
+    ):
+        start_node(parameters())
+        _enabled(client)
+        client.publish(f"{NAME}/setpoint", setpoint_message(0.0036))
+        _status(client, lambda s: s.mode.value == "tracking")
+        later = trajectory_message("sma_joint", [0.0], [0.0025])
+        later.header.stamp = (client.node.get_clock().now() + Duration(seconds=3.0)).to_msg()
+        client.publish(f"{NAME}/joint_trajectory", later)
+        signals = client.listen(f"{NAME}/signals", JointState)
+        client.spin_until(
+            lambda: any(signals_from(m)["setpoint_m"] == 0.0025 for m in signals), what="start of the trajectory"
+        )
+        (first,) = [m for m in signals if signals_from(m)["setpoint_m"] == 0.0025][:1]
+        assert (Time.from_msg(first.header.stamp) - Time.from_msg(later.header.stamp)).nanoseconds > -200_000_000
+        client.publish(f"{NAME}/joint_trajectory", JointTrajectory(joint_names=["sma_joint"]))
+        _status(client, lambda s: s.mode.value == "hold")
 
     def test_switching_off_ends_the_current(self, bench, parameters, start_node, client):
         start_node(parameters())

@@ -34,7 +34,9 @@ def test_a_whole_number_and_a_mixed_list_are_read_as_they_stand(file):
         ("/**", "/ns/left", True),
         ("left", "/left", True),
         ("/left", "/left", True),
-        ("left", "/ns/left", False),
+        ("left", "/ns/left", True),
+        ("/left", "/ns/left", False),
+        ("/other/left", "/ns/left", False),
         ("/*/left", "/ns/left", True),
         ("/ns/*", "/ns/left", True),
         ("/*", "/ns/left", False),
@@ -56,6 +58,11 @@ def test_a_namespace_may_be_nested_and_a_name_dotted(file):
     path = file("ns:\n  left:\n    ros__parameters: {wire.length: 0.1, wire: {diameter: 1.0e-4}}")
     parameters = parse(["--ros-args", "--params-file", path]).parameters_of("/ns/left")
     assert parameters == {"wire": {"length": 0.1, "diameter": 1e-4}}
+
+
+def test_a_bare_name_stands_back_where_the_file_has_the_full_one(file):
+    path = file("left: {ros__parameters: {a: 1, b: 1}}\n/ns/left: {ros__parameters: {a: 2}}")
+    assert parse(["--ros-args", "--params-file", path]).parameters_of("/ns/left") == {"a": 2}
 
 
 def test_later_files_override_earlier_ones_and_assignments_override_files(file):

@@ -122,6 +122,13 @@ def cold_but_contracted(rig):
     rig.reading_of = lambda r: replace(r, supply_voltage_V=r.reference_voltage_V * 5.7)
 
 
+def seem_to_grow(rig):
+    """A resistance that rises however much it is heated."""
+    start_s = rig.bench.time_s
+    rig.reading_of = lambda r: replace(r, supply_voltage_V=r.reference_voltage_V * (6.5 + (r.time_s - start_s) * 0.04))
+    rig.run(8.0)  # until it is as warm as all the current there is makes it
+
+
 SCENARIOS = {
     "unhandled_exception": Scenario(raise_in_estimator, mend_estimator),
     "node_lost": reported("node_lost"),
@@ -170,6 +177,11 @@ SCENARIOS = {
         lambda rig: None,
         changes={"controller.setpoint_timeout": 1.0, "controller.on_setpoint_loss": "off"},
     ),
+    "no_motion": Scenario(
+        seem_to_grow,
+        lambda rig: setattr(rig, "reading_of", lambda reading: reading),
+        changes={"controller.kp": 1e5, "controller.setpoint_rate_limit": 1.0},
+    ),
     "setpoint_flood": Scenario(flood, lambda rig: None),
     "reading_not_finite": bench_fault("channel_nan", 103),
     "estimate_invalid": bench_fault("current_disagrees", 0.45, tracking=False),
@@ -181,6 +193,7 @@ ASKED_IN = {
     "command_invalid": supervisor_module,
     "setpoint_stale": actuator_module,
     "setpoint_flood": actuator_module,
+    "no_motion": actuator_module,
     "setpoint_not_finite": actuator_module,
 }
 #: What the driver sees and the actuator is told; its tests provoke them.

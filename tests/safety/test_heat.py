@@ -33,14 +33,11 @@ def begin_anew(rig):
     rig.written = Command(0.0, False)
 
 
-WEIGHT = Weight(0.98)
-
-
-def greedy(name, heat_loss_factor=1.0, changes=(), load=WEIGHT, **setup):
+def greedy(name, heat_loss_factor=1.0, changes=(), **setup):
     mapping = read_parameter_file(shared_file(f"config/{name}.yaml"))
     mapping.setdefault("calibration", {}).pop("cooling_rise", None)  # what the limit of current does, it does alone
     config = Config.from_mapping(mapping).replace(dict(changes))
-    rig = Rig(config.to_mapping(), name.split("_")[0], load, **setup)
+    rig = Rig(config.to_mapping(), name.split("_")[0], Weight(0.98), **setup)
     rig.bench.inject("draught", heat_loss_factor)
     begin_anew(rig)
     rig.run(0.2)

@@ -125,15 +125,15 @@ def _table(found: Tracing) -> Table:
             " + ".join(j.choice.winner.names) or "none",
         )
     if len(found.judged) > 1:
-        before, after = np.array(found.before_m), np.array(found.after_m)
+        plain_m, chosen_m = np.array(found.before_m), np.array(found.after_m)
         strokes_m = np.array([r.stroke_m for r in found.judged])
         table.add_section()
         table.add_row(
             "mean",
-            f"{1e3 * before.mean():.3f}",
-            f"{1e3 * after.mean():.3f}",
-            f"{100 * (before / strokes_m).mean():.2f}",
-            f"{100 * (after / strokes_m).mean():.2f}",
+            f"{1e3 * plain_m.mean():.3f}",
+            f"{1e3 * chosen_m.mean():.3f}",
+            f"{100 * (plain_m / strokes_m).mean():.2f}",
+            f"{100 * (chosen_m / strokes_m).mean():.2f}",
             "",
         )
     return table

@@ -22,16 +22,14 @@ def power_off_index(run: Run) -> int | None:
     return int(powered[-1]) + 1
 
 
-def power_off_rise_m(run: Run, position_m: np.ndarray) -> float:
-    """How far the slider still moves in the sense of contraction after the power went off."""
-    off = power_off_index(run)
+def power_off_rise_m(run: Run, position_m: np.ndarray, off: int) -> float:
+    """How far the slider still moves in the sense of contraction after the power went off at step ``off``."""
     steps = int(_AFTER_S / run.step_s)
     return float(position_m[off : off + steps].max() - position_m[off - 3 : off].mean())
 
 
-def standstill_s(run: Run, position_m: np.ndarray) -> float:
-    """How long the slider stays within 0.3 % of the stroke after the power went off."""
-    off = power_off_index(run)
+def standstill_s(run: Run, position_m: np.ndarray, off: int) -> float:
+    """How long the slider stays within 0.3 % of the stroke after the power went off at step ``off``."""
     moved = np.abs(position_m[off:] - position_m[off - 3 : off].mean()) > 0.003 * run.stroke_m
     return float(np.argmax(moved) * run.step_s)
 
@@ -161,15 +159,16 @@ def _shows(found: Tracing) -> list[str]:
     out = []
     wire = found.fitted.wire
     for run in _runs(found):
-        if power_off_index(run) is None:
+        off = power_off_index(run)
+        if off is None:
             continue
-        measured, modelled = (1e3 * power_off_rise_m(run, x) for x in (run.coarse_position_m, predict(wire, run)))
+        measured, modelled = (1e3 * power_off_rise_m(run, x, off) for x in (run.coarse_position_m, predict(wire, run)))
         if abs(measured - modelled) > 2.0 * run.stroke_m:
             out.append(
                 f"a movement the way of contraction after power off of {measured:.2f} mm, in the model {max(modelled, 0.0):.2f} mm "
                 f"({run.name})"
             )
-        stands, model_stands = (standstill_s(run, x) for x in (run.coarse_position_m, predict(wire, run)))
+        stands, model_stands = (standstill_s(run, x, off) for x in (run.coarse_position_m, predict(wire, run)))
         if stands - model_stands > 0.25:
             out.append(f"a standstill at power off of {stands:.1f} s, in the model {model_stands:.1f} s ({run.name})")
     out += [f"{1e3 * v:.2f} mm RMS between {a} and {b}, which were driven alike" for a, b, v in found.repeat_m]
@@ -184,9 +183,10 @@ def _power_off(found: Tracing) -> list[str]:
     rigid = {"wire.martensite_expansion_1_K": 0.0, "wire.austenite_expansion_1_K": 0.0}
     out = []
     for run in _runs(found):
-        if power_off_index(run) is None:
+        off = power_off_index(run)
+        if off is None:
             continue
-        measured = power_off_rise_m(run, run.coarse_position_m)
+        measured = power_off_rise_m(run, run.coarse_position_m, off)
         if measured < 0.002 * run.stroke_m:
             continue
         wires: list[ForwardWire] = [
@@ -194,14 +194,14 @@ def _power_off(found: Tracing) -> list[str]:
             found.fitted.wire,
             found.fitted.wire.with_values(rigid),
         ]
-        plain, full, without = (1e3 * power_off_rise_m(run, predict(w, run)) for w in wires)
+        plain, full, without = (1e3 * power_off_rise_m(run, predict(w, run), off) for w in wires)
         named = f"with the named effects {full:.2f} mm, and the same " if found.named else ""
         out.append(
             f"{run.name}: after power off the slider still moves {1e3 * measured:.2f} mm the way of contraction; "
             f"the plain model gives {plain:.2f} mm, {named}without "
             f"thermal expansion {without:.2f} mm: the kinetics have no such movement."
         )
-        stands, modelled = standstill_s(run, run.coarse_position_m), standstill_s(run, predict(found.fitted.wire, run))
+        stands, modelled = (standstill_s(run, x, off) for x in (run.coarse_position_m, predict(found.fitted.wire, run)))
         if stands - modelled > 0.25:
             out.append(
                 f"{run.name}: before that it stands for {stands:.1f} s, in the model for {modelled:.1f} s: like a dead band (play or "

@@ -69,14 +69,20 @@ def plain_parameters(wire: ForwardWire) -> list[Free]:
     ]
 
 
+#: What is fitted as a width, as (start, width, finish, sign).
+_WIDTHS = (
+    ("wire.austenite_start_C", "austenite_width_K", "wire.austenite_finish_C", 1.0),
+    ("wire.martensite_start_C", "martensite_width_K", "wire.martensite_finish_C", -1.0),
+)
+
+
 def apply(wire: ForwardWire, free: Sequence[Free], values: np.ndarray) -> ForwardWire:
     """The wire with fitted values in it."""
-    named = {f.name: float(v) for f, v in zip(free, values, strict=True)}
-    if "austenite_width_K" in named:
-        named["wire.austenite_finish_C"] = named["wire.austenite_start_C"] + named.pop("austenite_width_K")
-    if "martensite_width_K" in named:
-        named["wire.martensite_finish_C"] = named["wire.martensite_start_C"] - named.pop("martensite_width_K")
-    return wire.with_values(named)
+    found = {f.name: float(v) for f, v in zip(free, values, strict=True)}
+    for start, width, finish, sign in _WIDTHS:
+        if width in found:
+            found[finish] = found[start] + sign * found.pop(width)
+    return wire.with_values(found)
 
 
 def predict(wire: ForwardWire, run: Run) -> np.ndarray:

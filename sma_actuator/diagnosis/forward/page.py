@@ -93,8 +93,7 @@ def _traces(page: Page, found: Tracing) -> None:
 
 
 def _power_off(page: Page, found: Tracing) -> None:
-    pairs = [(p, power_off_index(p[0])) for p in _pairs(found)]
-    pairs = [(p, off) for p, off in pairs if off is not None]
+    pairs = [(p, off) for p in _pairs(found) if (off := power_off_index(p[0])) is not None]
     if not pairs:
         return
     page.heading("After power off")

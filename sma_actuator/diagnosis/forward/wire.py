@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -129,7 +130,7 @@ class ForwardWire:
     drive: Drive = section(Drive, "the drive")
     effects: Effects = section(Effects, "what Liang & Rogers lack")
 
-    def with_values(self, values: dict[str, float | str]) -> ForwardWire:
+    def with_values(self, values: Mapping[str, float | str]) -> ForwardWire:
         """Copy with dotted names, ``effects.friction_N``, set."""
         parts: dict[str, dict] = {}
         for name, value in values.items():

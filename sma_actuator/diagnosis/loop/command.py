@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
 from sma_actuator.base.errors import UserError
-from sma_actuator.logs.files import write_atomically
+from sma_actuator.console import add_output_arguments, notes, progress_bar, refuse_to_overwrite, results, write_json
 
 from .fitting import FAMILIES, Comparison, both, compare
 from .reading import Loop, read_loop
@@ -34,33 +32,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"compare {', '.join(FAMILIES)}: fitted to all stresses, and judged on each after a fit to the others",
     )
     parser.add_argument("--report", type=Path, metavar="FILE.html", help="write a page with pictures here")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write all numbers here")
+    add_output_arguments(parser, "all numbers")
 
 
 def run(args: argparse.Namespace) -> int:
     """Read, fit, write and report; 0 when all was written."""
+    if args.report:
+        from .page import write_page
+    refuse_to_overwrite(args, args.report)
     loops = sorted((read_loop(path) for path in args.loops), key=lambda loop: loop.mean_stress_Pa)
     names = [loop.name for loop in loops]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise UserError(f"{twice[0]}: given more than once; each loop counts once")
-    console = Console(stderr=True)
     found = [temperatures(loop) for loop in loops]
     families = list(FAMILIES) if args.kinetics else ["measured"]
     compared = []
-    for name in families:
-        console.print(f"fitting {name}", highlight=False)
-        compared.append(compare(FAMILIES[name], loops, leave_out=args.kinetics))
-    for table in (_read_off(loops, found), _fitted(loops, compared)):
-        console.print(table)
+    with progress_bar(args) as bar:
+        task = bar.add_task("fitting", total=float(len(families)))
+        for name in families:
+            bar.update(task, description=f"fitting {name}")
+            compared.append(compare(FAMILIES[name], loops, leave_out=args.kinetics))
+            bar.advance(task)
+    console = results(args)
+    console.print(_read_off(loops, found))
+    console.print(_fitted(loops, compared))
     if args.report:
-        from .page import write_page
-
         write_page(args.report, loops, found, compared)
-        console.print(f"wrote {args.report}", highlight=False)
-    if args.json:
-        text = json.dumps(summary(loops, found, compared), indent=1) + "\n"
-        write_atomically(args.json, lambda stream: stream.write(text.encode()))
-        console.print(f"wrote {args.json}", highlight=False)
+        notes(args).print(f"wrote {args.report}")
+    write_json(args, summary(loops, found, compared))
     return 0
 
 

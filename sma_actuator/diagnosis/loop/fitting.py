@@ -76,7 +76,8 @@ class Fit:
     def rms(self, loop: Loop) -> tuple[float, float]:
         """Error on heating and on cooling, relative to the loop's stroke."""
         wrong = (self.strain(loop) - loop.strain) / loop.stroke
-        return tuple(float(np.sqrt(np.mean(wrong[branch] ** 2))) for branch in loop.branches)
+        heating, cooling = (float(np.sqrt(np.mean(wrong[branch] ** 2))) for branch in loop.branches)
+        return heating, cooling
 
 
 def both(rms: tuple[float, float]) -> float:

@@ -68,7 +68,7 @@ def read_loop(path: str | Path) -> Loop:
     rows = [(number, line.replace(",", " ").split()) for number, line in enumerate(lines, 1) if line.strip()]
     if not rows:
         raise UserError(f"{path}: is empty")
-    places = (0, 1, 2)
+    places: tuple[int, ...] = (0, 1, 2)
     if not _is_number(rows[0][1][0]):
         places = _places(path, rows.pop(0)[1])
     elif len(rows[0][1]) != len(COLUMNS):

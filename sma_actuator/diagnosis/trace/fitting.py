@@ -28,9 +28,7 @@ class Fit:
     intervals: dict[str, dict[str, tuple[float, float]]]  #: 95 %, cycles taken as independent, samples not
     losses: np.ndarray  #: of every unit, by the fit to all of them, shape (units,)
     held_out: np.ndarray  #: of every unit, by a fit that has not seen it, shape (units,)
-    held_out_percent: (
-        np.ndarray
-    )  #: mean absolute error of every unit by the same fits, % of full stroke, shape (units,)
+    held_out_percent: np.ndarray  #: mean absolute error of every unit by the same fits, % of full stroke
     at_bound: tuple[str, ...] = ()  #: parameters at the end of what is physically possible, or essential and nothing
 
     @property
@@ -147,13 +145,15 @@ def fit(
         for c in candidates
         if c.essential and intervals[c.name][c.essential][0] <= 0.0 <= intervals[c.name][c.essential][1]
     ]
+    held_out, held_out_percent = _held_out(problem, u, J, at_u, train, folds)
     return Fit(
-        problem.candidates,
-        problem.values(u),
-        intervals,
-        losses,
-        *_held_out(problem, u, J, at_u, train, folds),
-        (*_at_bound(problem, u), *nothing),
+        candidates=problem.candidates,
+        values=problem.values(u),
+        intervals=intervals,
+        losses=losses,
+        held_out=held_out,
+        held_out_percent=held_out_percent,
+        at_bound=(*_at_bound(problem, u), *nothing),
     )
 
 

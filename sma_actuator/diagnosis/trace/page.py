@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ def write_page(path: Path, evidence: Evidence, tracing: Tracing, report: dict[st
     if tracing.rounds:
         _race(page, tracing)
     if tracing.fit is not None:
-        _tell_tale(page, evidence, tracing)
+        _tell_tale(page, evidence, tracing, tracing.fit.names)
     _rests(page, evidence, tracing)
     _dependence(page, report)
     _the_rest(page, report)
@@ -154,10 +155,9 @@ def _race(page: Page, tracing: Tracing) -> None:
     page.figure(drawing, "Green: named. Olive: within a standard error of it. Bars: standard error over cycles.")
 
 
-def _tell_tale(page: Page, evidence: Evidence, tracing: Tracing) -> None:
+def _tell_tale(page: Page, evidence: Evidence, tracing: Tracing, names: Sequence[str]) -> None:
     page.heading("What gives it away")
     values = quantities(evidence, tracing.predictions["before"])
-    names = tracing.fit.names
     drawing, axes = figure(len(names), 1)
     for ax, effect in zip(axes[0], names, strict=True):
         tell_tale = EFFECTS[effect].TELL_TALE

@@ -15,7 +15,7 @@ from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL
 from .analysis import anatomy
 from .evidence import Evidence
 from .experiments import best_experiment
-from .fitting import fit
+from .fitting import Fit, fit
 from .race import Tracing, of_the_model
 
 DRAWS = 1000
@@ -127,10 +127,10 @@ def _effects(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
         return []
     found = tracing.fit
     confidence = confidences(tracing)
-    shares = _shares(evidence, tracing)
+    shares = _shares(evidence, tracing, found)
     out = []
     for name in found.names:
-        declared = {f.name: declaration_of(f) for f in dataclasses.fields(EFFECTS[name])}
+        declared = {f.name: declaration_of(f) for f in dataclasses.fields(EFFECTS[name])}  # type: ignore[arg-type]
         out.append(
             {
                 "name": name,
@@ -152,9 +152,9 @@ def _effects(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
     return out
 
 
-def _shares(evidence: Evidence, tracing: Tracing) -> dict[str, float]:
+def _shares(evidence: Evidence, tracing: Tracing, found: Fit) -> dict[str, float]:
     """What each effect takes off the excess loss: what is lost when it alone is left out of the fit."""
-    found, train = tracing.fit, tracing.train
+    train = tracing.train
     base, all_ = tracing.losses["before"][train].mean(), found.held_out[train].mean()
     if len(found.names) == 1:
         return {found.names[0]: float(tracing.share)}
@@ -197,7 +197,7 @@ def _alternatives(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
     confidence = confidences(tracing)
     out = []
     for name, trial in tracing.alternatives.items():
-        winner = next(r.winner for r in tracing.rounds if trial in r.alternatives)
+        winner = next(r.winner for r in tracing.rounds if r.winner and trial in r.alternatives)
         experiment = best_experiment(evidence, winner.fit.effects, trial.fit.effects)
         out.append(
             {
@@ -256,9 +256,10 @@ def extended(
     mapping: dict[str, Any], evidence: Evidence, tracing: Tracing, report: dict[str, Any], when: str
 ) -> dict[str, Any] | None:
     """The model's parameters with what was found in them; None where nothing of it belongs into a model."""
-    if tracing.verdict != "traced":
+    found = tracing.fit
+    if tracing.verdict != "traced" or found is None:
         return None
-    names = of_the_model(tracing.fit.names)
+    names = of_the_model(found.names)
     if not names:
         return None
     out = dict(mapping)
@@ -266,17 +267,13 @@ def extended(
     before, after = report["error_before_pct_stroke"], report["error_after_pct_stroke"]
     logs = ", ".join(Path(t.log.source).name for t in evidence.traces)
     for name in names:
-        c = next(c for c in tracing.fit.candidates if c.name == name)
-        effects[name] = {**c.fixed, **tracing.fit.values[name]}
+        c = next(c for c in found.candidates if c.name == name)
+        effects[name] = {**c.fixed, **found.values[name]}
     effects["order"] = [n for n in effects.get("order", []) if n not in names] + names
     share = {e["name"]: e["share"] for e in report["effects"]}
     effects["history"] = list(effects.get("history", [])) + [
         f"{when}{name}, from {logs}: {before:.2f} to {after:.2f} % of full stroke"
-        + (
-            f" together with {' and '.join(n for n in tracing.fit.names if n != name)}"
-            if len(tracing.fit.names) > 1
-            else ""
-        )
+        + (f" together with {' and '.join(n for n in found.names if n != name)}" if len(found.names) > 1 else "")
         + f", {share[name]:.0%} of what was in excess"
         for name in names
     ]

@@ -63,7 +63,7 @@ class Frame:
     def of(cls, signals: Signals, start_s: float) -> Frame:
         """The frame of n samples (arrays) or of one (floats) of a session that began at ``start_s``."""
         return cls(
-            elapsed_s=np.atleast_1d(signals.time_s) - start_s,
+            elapsed_s=np.maximum(np.atleast_1d(signals.time_s) - start_s, 0.0),  # a clock may be set back
             resistance_Ohm=np.atleast_1d(signals.resistance_Ohm),
             current_A=np.atleast_1d(signals.current_A),
             power_W=np.atleast_1d(signals.power_W),
@@ -97,7 +97,7 @@ def _lag(
             if isnan(state[0]):
                 state[1] = 0.0 if from_zero else x
             else:
-                state[1] += (1.0 - exp(-(time[i] - state[0]) / time_constant)) * (x - state[1])
+                state[1] += (1.0 - exp(-max(time[i] - state[0], 0.0) / time_constant)) * (x - state[1])
             state[0] = time[i]
         out[i] = state[1]
 

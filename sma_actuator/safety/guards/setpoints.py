@@ -6,8 +6,9 @@ from math import inf, isfinite, nan
 from typing import TYPE_CHECKING
 
 from sma_actuator.safety.formula import longest, parameter_value, seconds
+from sma_actuator.safety.reach import PATIENCE_S, PATIENCE_TIMES, TRIES
 from sma_actuator.safety.records import Action, guard
-from sma_actuator.safety.timing import ONE_STEP
+from sma_actuator.safety.timing import ONE_STEP, TWO_STEPS
 
 if TYPE_CHECKING:
     from sma_actuator.config import Config
@@ -33,6 +34,25 @@ def setpoint_stale(age_s: float, config: Config) -> str:
     if timeout_s == 0.0 or -timeout_s <= age_s <= timeout_s:
         return ""
     return f"none for {age_s:.3g} s; controller.setpoint_timeout is {timeout_s:g} s"
+
+
+@guard(
+    words="all the current there is does not move the wire",
+    detector=f"limit setpoint_reach {TRIES} times running, and the wire never came to where it was backed off to",
+    within=(TRIES + 1)
+    * longest(
+        PATIENCE_S, PATIENCE_TIMES * parameter_value("thermal.heat_capacity") / parameter_value("thermal.heat_loss")
+    )
+    + TWO_STEPS,
+    action=Action.OFF,
+    latches=True,
+    each_step=False,
+)
+def no_motion(tries: int) -> str:
+    """Backing off did not help: what is seen of the wire has nothing to do with the current."""
+    if tries < TRIES:
+        return ""
+    return f"backed off {tries} times running; is the estimate that of this wire and load?"
 
 
 class Bucket:

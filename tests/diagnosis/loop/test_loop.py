@@ -48,7 +48,7 @@ COSINES = LiangRogers(
 )
 
 
-@pytest.fixture()
+@pytest.fixture
 def loops(tmp_path):
     return [read_loop(written(tmp_path / f"made_{s}.csv", made(COSINES, s))) for s in (40, 100, 160)]
 
@@ -83,7 +83,7 @@ def test_cooling_first_gives_the_same_branches(tmp_path):
         ("1 2 3\n" * 5, "5 samples are no loop"),
         ("20 0.01 100\n" * 50, "spans 0.0 K"),
         ("20 0.01 100\n" + "20 x 100\n" + "20 0.01 100\n" * 50, "line 2: temperature, strain and stress"),
-        ("".join(f"{t} 0.01 100\n" for t in [*range(0, 100), *range(100, 0, -1), *range(0, 100)]), "3 times"),
+        ("".join(f"{t} 0.01 100\n" for t in [*range(100), *range(100, 0, -1), *range(100)]), "3 times"),
     ],
 )
 def test_what_is_no_loop_is_refused_by_file_and_line(tmp_path, text, sentence):
@@ -207,3 +207,15 @@ def test_a_file_that_is_no_loop_ends_the_command_with_a_sentence(tmp_path):
     )
     assert done.returncode == 1 and "wrong.csv: line 1: no column temperature_C" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_one_loop_alone_is_drawn_and_says_that_it_tells_no_slope(tmp_path):
+    path = written(tmp_path / "only.csv", made(COSINES, 100)[::4])
+    page = tmp_path / "page.html"
+    command = [sys.executable, "-m", "sma_actuator", "loop", str(path), "--report", str(page)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert "only" in done.stdout and "MPa/K" not in done.stdout
+    assert "does not tell a Clausius-Clapeyron slope" in page.read_text()
+    again = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert again.returncode == 1 and "exists already; --force overwrites it" in again.stderr

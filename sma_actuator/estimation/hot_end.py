@@ -1,0 +1,131 @@
+"""Where resistance stops telling displacement: the wire that is contracted as far as it goes.
+
+Up to there resistance falls as the wire heats and contracts.  Beyond, it rises with temperature, as
+that of any metal, and a strain model takes the rise for extension: a controller that believed it
+would heat the more, the hotter the wire.  So the sign of that feedback is looked up where the
+calibration knows it.  A wire that has become austenite all through has the resistance that was
+measured at the hot end, plus its slope times the temperature by the heat balance; one that has any
+martensite left has more.
+"""
+
+from __future__ import annotations
+
+from math import exp, isnan, nan
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sma_actuator.base.jit import jit
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
+
+#: Shares of the calibration's range of resistance above that of the contracted wire, within which the wire counts as
+#: contracted from now on, and beyond which it does no more.
+ENTER, LEAVE = 0.015, 0.03
+
+
+@jit
+def _contracted(time, resistance, stress, power, ambient, state, stress_nodes, resistance_nodes, line):
+    """``state`` = [time, temperature above ambient, contracted]; ``line`` = [heat loss, time constant, slope, its
+    temperature, enter, leave]."""
+    step = max(time - state[0], 0.0) if state[0] == state[0] else 0.0
+    settled = power / line[0]
+    if state[0] != state[0]:
+        state[1] = settled
+    state[0] = time
+    state[1] = settled + (state[1] - settled) * exp(-step / line[1])
+    austenite = np.interp(stress, stress_nodes, resistance_nodes) + line[2] * (ambient + state[1] - line[3])
+    state[2] = 1.0 if resistance - austenite < (line[5] if state[2] > 0.5 else line[4]) else 0.0
+    return state[2] > 0.5
+
+
+@jit
+def _contracted_all(time, resistance, stress, power, ambient, state, stress_nodes, resistance_nodes, line, contracted):
+    for i in range(len(time)):
+        contracted[i] = _contracted(
+            time[i], resistance[i], stress[i], power[i], ambient[i], state, stress_nodes, resistance_nodes, line
+        )
+
+
+class HotEnd:
+    """Says of each sample whether the wire is contracted as far as it goes; remembers its temperature.
+
+    Without a calibration of the hot end it never says so.
+    """
+
+    def __init__(self, config: Config):
+        calibration = config.calibration
+        self.known = calibration.hot_end_known
+        self._stress_Pa = np.array(calibration.contracted_stress)
+        self._resistance_Ohm = np.array(calibration.contracted_resistance)
+        self._displacement_m = np.array(calibration.contracted_displacement)
+        self._state = np.zeros(3)
+        self.update(config)
+        self.reset()
+
+    def update(self, config: Config) -> None:
+        """Take over live parameters; the memory stays."""
+        calibration, thermal = config.calibration, config.thermal
+        self._usual_C, self._tolerance_K = thermal.ambient_temperature, thermal.ambient_tolerance
+        self._line = np.array(
+            [
+                thermal.heat_loss,
+                thermal.heat_capacity / thermal.heat_loss,
+                max(calibration.contracted_slope, 0.0),
+                calibration.contracted_temperature,
+                ENTER * calibration.resistance_range,
+                LEAVE * calibration.resistance_range,
+            ]
+        )
+
+    def reset(self) -> None:
+        """Forget the past: the next sample is taken for one in thermal balance."""
+        self._state[:] = nan, 0.0, 0.0
+
+    def displacement_m(self, stress_Pa: float | np.ndarray) -> float | np.ndarray:
+        """Where a wire is that is contracted as far as it goes."""
+        return np.interp(stress_Pa, self._stress_Pa, self._displacement_m)
+
+    def step(self, time_s: float, resistance_Ohm: float, stress_Pa: float, power_W: float, ambient_C: float) -> bool:
+        """Whether one sample is that of a contracted wire."""
+        if isnan(ambient_C) or abs(ambient_C - self._usual_C) > self._tolerance_K:
+            ambient_C = self._usual_C
+        return bool(
+            _contracted(
+                time_s,
+                resistance_Ohm,
+                stress_Pa,
+                power_W,
+                ambient_C,
+                self._state,
+                self._stress_Pa,
+                self._resistance_Ohm,
+                self._line,
+            )
+        )
+
+    def run(
+        self,
+        time_s: np.ndarray,
+        resistance_Ohm: np.ndarray,
+        stress_Pa: np.ndarray,
+        power_W: np.ndarray,
+        ambient_C: np.ndarray,
+    ) -> np.ndarray:
+        """The same of n samples: arrays of shape (n,), bool."""
+        doubtful = ~(np.abs(ambient_C - self._usual_C) <= self._tolerance_K)
+        contracted = np.empty(len(time_s), dtype=np.bool_)
+        _contracted_all(
+            time_s,
+            resistance_Ohm,
+            stress_Pa,
+            power_W,
+            np.where(doubtful, self._usual_C, ambient_C),
+            self._state,
+            self._stress_Pa,
+            self._resistance_Ohm,
+            self._line,
+            contracted,
+        )
+        return contracted
