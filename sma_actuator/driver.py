@@ -454,7 +454,7 @@ class Driver:
         output = self._output = self._with_truth(output)
         if self._recorder is not None:
             self._recorder.record(reading, output)
-        if self._on_output is not None:
+        if self._on_output is not None and not self._cut:  # what the watchman has put out is newer than this
             self._on_output(output)
         return output
 
@@ -466,6 +466,8 @@ class Driver:
 
     def _write(self, command: Command, state: SupplyState | None) -> None:
         """Tell the supply what it does not know yet."""
+        if self._cut:
+            command = _OFF  # thought out before the watchman cut
         written = self._written
         self._written = None  # until all of it is sent
         if command.output_on:
