@@ -17,7 +17,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 
-from .result import Result
+from .result import Result, Violation
 from .units import RUNNERS
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "attack.md"
@@ -33,17 +33,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Attack; 0 where nothing was broken."""
     options = _options().parse_args(arguments)
     work: list[tuple[str, tuple]] = []
-    if options.what in ("hours", "all"):
-        chunk = max(1, min(6, math.ceil(options.sessions / options.jobs)))
-        firsts = range(options.first, options.first + options.sessions, chunk)
-        work += [("hours", (first, min(chunk, options.first + options.sessions - first))) for first in firsts]
-    if options.what in ("lines", "all"):
-        work += [("lines", (options.seed + number, options.only)) for number in range(options.rounds)]
-    if options.what in ("kills", "all"):
-        share = math.ceil(options.count / options.jobs)
-        work += [("kills", (options.seed + job, share)) for job in range(options.jobs)]
-    if options.what in ("fuzz", "all"):
-        work += [("fuzz", (options.seed, options.messages))]
+    for name in TITLES if options.what == "all" else (options.what,):
+        work += [(name, unit) for unit in _units(name, options)]
     began_s = time.monotonic()
     results = _run(work, options.jobs, options.minutes)
     whole = Result()
@@ -54,6 +45,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
         PAGE.write_text(page(results, time.monotonic() - began_s), encoding="utf-8")
         print(f"written: {PAGE}")
     return 1 if whole.violations else 0
+
+
+def _units(name: str, options: argparse.Namespace) -> list[tuple]:
+    """The arguments of an attack's parts: small ones, so that there is something to show whenever the time is over."""
+    if name == "lines":
+        return [(options.seed + number, options.only) for number in range(options.rounds)]
+    first, whole, part = {
+        "hours": (options.first, options.sessions, 2),
+        "kills": (options.seed, options.count, 10),
+        "fuzz": (options.seed, options.messages, 20_000),
+    }[name]
+    step = part if name == "hours" else 1  # a session is its own seed
+    return [(first + number * step, min(part, whole - number * part)) for number in range(math.ceil(whole / part))]
 
 
 def _run(work: list[tuple[str, tuple]], jobs: int, minutes: float) -> dict[str, Result]:
@@ -73,7 +77,13 @@ def _run(work: list[tuple[str, tuple]], jobs: int, minutes: float) -> dict[str, 
             name = futures[future]
             if future.cancelled():
                 continue
-            results.setdefault(name, Result()).add(future.result())
+            try:
+                result = future.result()
+            except Exception as error:  # noqa: BLE001 - one part that breaks does not take the others' figures along
+                result = Result(
+                    violations=[Violation("the attack could not go on", repr(error), f"python -m attack {name}")]
+                )
+            results.setdefault(name, Result()).add(result)
             done = sum(each.done() for each in futures)
             print(f"{done} of {len(futures)}: {name}", file=sys.stderr, flush=True)
             if time.monotonic() > ends_s:

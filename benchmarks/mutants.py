@@ -38,18 +38,20 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "sma_actuator"
 EQUIVALENT = Path(__file__).with_name("mutants_equivalent.yaml")
 #: A mutated source, and the tests that are there to judge it.
-_GUARDS = ("tests/safety/test_guard_edges.py", "tests/safety/test_faults.py", "tests/safety/test_limits.py")
+_GUARDS = ("tests/safety/test_guard_edges.py", "tests/test_docs.py")
 TARGETS = {
     **{f"safety/guards/{name}": _GUARDS for name in ("program", "supply", "readings", "estimate", "setpoints")},
     "safety/guards/wire": (*_GUARDS, "tests/safety/test_heat.py"),
-    "safety/records": _GUARDS,
+    "safety/records": (*_GUARDS, "tests/safety/test_faults.py"),
     "safety/formula": ("tests/safety/test_formula.py", "tests/test_docs.py"),
-    "safety/timing": (*_GUARDS, "tests/test_docs.py"),
-    "safety/faults": (*_GUARDS, "tests/test_docs.py"),
+    "safety/timing": _GUARDS,
+    "safety/faults": (*_GUARDS, "tests/safety/test_faults.py"),
     "safety/supervisor": ("tests/safety", "tests/test_actuator.py"),
     "safety/thermal": ("tests/safety",),
     "driver": ("tests/driver",),
     "instruments/scpi": ("tests/instruments",),
+    "instruments/supply": ("tests/instruments",),
+    "instruments/session": ("tests/instruments",),
     "instruments/dialect": ("tests/instruments",),
     "instruments/pymeasure_adapter": ("tests/instruments",),
 }

@@ -31,6 +31,7 @@ REMEDIES: dict[str, str] = {
     "too_hot": f"Let the wire cool, and ask less of it; see thermal.max_temperature. {_AFTER}",
     "heat_loss_wrong": f"Let air to the wire, or correct thermal.heat_loss and ambient_temperature. {_AFTER}",
     "supply_disagrees": f"Compare the supply's display with circuit.reference_resistance and the DAQ's channels. {_AFTER}",
+    "no_motion": f"See whether the wire is held fast, slack or fully contracted, and whether the model is still its own. {_AFTER}",
     "estimator_outside": f"Compare load and resistance with what the model was identified on; identify it anew if they left it. {_AFTER}",
     "loop_overrun": f"Lower loop.rate, or take other work off this computer. {_AFTER}",
     "setpoint_stale": "Send setpoints again, faster than controller.setpoint_timeout",
@@ -40,6 +41,7 @@ REMEDIES: dict[str, str] = {
     "setpoint_not_finite": "Mend the program that sent it; the last setpoint stands",
     # limits
     "setpoint_range": "Ask for positions inside model.displacement_range",
+    "setpoint_reach": "Ask for positions that the wire can hold under this load, where its resistance tells where it is",
     "setpoint_rate": "The wire follows as fast as controller.setpoint_rate_limit allows",
     "current_max": "The wire heats as fast as its limits allow",
     "current_bias": "The wire cools as fast as its surroundings let it",
