@@ -144,7 +144,7 @@ class Chain:
         stress_lo, stress_hi = self._model.stress_range_Pa
         margin_Pa = STRESS_MARGIN * (stress_hi - stress_lo)
         self._stress_Pa = stress_lo - margin_Pa, stress_hi + margin_Pa
-        low_m, high_m = self._model.displacement_range_m
+        low_m, high_m = self._model.displacement_range_m if self._thermal is None else self._thermal.stroke_m
         # A model of the whole range has been at both ends; its estimates scatter about them.
         slack_m = 0.0 if self._thermal is None else STROKE_MARGIN * (high_m - low_m)
         self._bounds = np.array([*self._stress_Pa, low_m - slack_m, high_m + slack_m])

@@ -521,6 +521,7 @@ def _coefficients(
         curve_interval=float(f"{np.quantile(np.abs(left.curve_error), COVERAGE) * percent_m:.4g}"),
         stress_range=tuple(float(np.round(v)) for v in (data.stress.min(), data.stress.max())),
         displacement_range=_six(np.array([lowest, highest]) * percent_m),
+        stroke=_six(np.array([lowest, highest]) * percent_m),
     )
 
 

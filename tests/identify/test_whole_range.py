@@ -103,7 +103,7 @@ def test_what_the_calibration_has_not_seen_is_said_and_stays_bounded(whole, unse
     assert (found.quality == Quality.OUTSIDE_CALIBRATION).any()
     usual = Chain(whole.config).run(signals)
     assert np.median(found.uncertainty_m) > 2.0 * np.median(usual.uncertainty_m)
-    low_m, high_m = whole.config.model.displacement_range
+    low_m, high_m = whole.config.model.stroke
     slack_m = 0.051 * (high_m - low_m)
     assert low_m - slack_m <= found.displacement_m.min() <= found.displacement_m.max() <= high_m + slack_m
 

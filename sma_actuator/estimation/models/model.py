@@ -47,7 +47,8 @@ class ThermalStrainModel(Protocol):
     """A strain model that keeps a heat balance beside the resistance, and says how sure it is of every sample."""
 
     stress_range_Pa: tuple[float, float]  #: the stresses its coefficients were fitted on
-    displacement_range_m: tuple[float, float]  #: the stroke it was fitted on, both ends included
+    displacement_range_m: tuple[float, float]  #: where the wire can be driven to, whatever hangs on it
+    stroke_m: tuple[float, float]  #: the stroke it was fitted on, both ends included
 
     def reset(self) -> None:
         """Forget the past: the next sample is that of a wire at rest, in balance with its power."""

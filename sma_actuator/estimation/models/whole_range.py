@@ -286,6 +286,7 @@ class WholeRangeModel:
         c = coefficients
         self.stress_range_Pa = tuple(c.stress_range)
         self.displacement_range_m = tuple(c.displacement_range)
+        self.stroke_m = tuple(c.stroke)
         self._ambient_C = c.ambient_temperature
         n = len(c.feature_centre)
         whitening = np.zeros((n, n))
@@ -295,7 +296,7 @@ class WholeRangeModel:
             np.array([c.hot_end, c.cold_end]),
             np.array(c.play_widths_K),
             np.array(c.play_widths_Ohm),
-            np.array([*c.displacement_range, c.largest_residual, c.novelty_edge, c.spread_floor, c.curve_interval]),
+            np.array([*c.stroke, c.largest_residual, c.novelty_edge, c.spread_floor, c.curve_interval]),
             np.array(c.feature_centre),
             np.array(c.feature_scale),
             np.array(c.feature_low),
@@ -401,6 +402,9 @@ class WholeRangeCoefficients:
         description="lowest and highest stress of the calibration", unit="Pa", lo=-1e9, hi=1e9
     )
     displacement_range: tuple[float, ...] = parameter(
+        description="where the wire can be driven to, whatever hangs on it", unit="m", lo=-10.0, hi=10.0
+    )
+    stroke: tuple[float, ...] = parameter(
         description="the stroke that the calibration has seen, both ends included", unit="m", lo=-10.0, hi=10.0
     )
 
@@ -408,7 +412,9 @@ class WholeRangeCoefficients:
         """Why these coefficients do not suit ``wire``."""
         return [
             *wrong_size(self.calibrated_length, self.calibrated_diameter, wire),
-            *wrong_ranges(stress_range=self.stress_range, displacement_range=self.displacement_range),
+            *wrong_ranges(
+                stress_range=self.stress_range, displacement_range=self.displacement_range, stroke=self.stroke
+            ),
             *self._wrong_lengths(),
         ]
 
