@@ -32,7 +32,8 @@ def write_page(path: Path, result: Identification) -> None:
         [(e.name, e.load_N, e.working_percent, e.working_share, e.full_percent) for e in result.errors],
         "Mean absolute error in % of full_stroke_strain × length, on the logs that were fitted.",
     )
-    _loops(page, result, model)
+    if hasattr(model, "limits_m"):
+        _loops(page, result, model)
     _coefficients(page, result)
     _transitions(page, result, model)
     _orders(page, result)

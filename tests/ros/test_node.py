@@ -22,7 +22,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from sma_actuator.logs.bench_log import read_bench_log
-from sma_actuator.safety.remedies import REMEDIES
+from sma_actuator.safety.faults import FAULTS
 from sma_msgs_py import setpoint_message, signals_from, status_from, trajectory_message
 
 NAME = "/sma_actuator"
@@ -189,12 +189,12 @@ class TestLog:
         node.says("the output is on; holding the wire where it is")
         bench.tell("BENC:FAUL open_wire")
         fault = _status(client, lambda s: s.fault).fault
-        node.says(REMEDIES[fault])
+        node.says(FAULTS[fault].advice)
         bench.tell("BENC:FAUL:CLE")
         client.spin_until(lambda: client.call(f"{NAME}/clear_fault", Trigger).success, what="clearing")
         node.says(f"the fault {fault} is cleared; the output stays off until ~/enable")
         assert node.words.count("holding the wire where it is") == 1
-        assert node.words.count(REMEDIES[fault]) == 1
+        assert node.words.count(FAULTS[fault].advice) == 1
 
     def test_the_status_is_right_at_once_after_activation_and_deactivation(self, parameters, start_node, client):
         start_node(parameters(autostart=False))
