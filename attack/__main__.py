@@ -19,10 +19,13 @@ from pathlib import Path
 
 from sma_actuator.bench.bench import VirtualBench
 
+from .lines import ALL
 from .result import Result, Violation
 from .units import RUNNERS
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "attack.md"
+#: The mischief of `lines` is done in so many parts.
+LINES_PARTS = 4
 TITLES = {
     "hours": "virtual hours",
     "lines": "lines between driver and instruments",
@@ -53,7 +56,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _units(name: str, options: argparse.Namespace) -> list[tuple]:
     """The arguments of an attack's parts: small ones, so that there is something to show whenever the time is over."""
     if name == "lines":
-        return [(options.seed + number, options.only) for number in range(options.rounds)]
+        numbers = list(options.only) or list(range(len(ALL)))
+        parts = [numbers[part::LINES_PARTS] for part in range(min(LINES_PARTS, len(numbers)))]
+        return [(options.seed + number, part) for number in range(options.rounds) for part in parts]
     first, whole, part = {
         "hours": (options.first, options.sessions, 2),
         "kills": (options.seed, options.count, 10),
