@@ -12,7 +12,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
@@ -42,13 +42,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         work += [(name, unit) for unit in _units(name, options)]
     VirtualBench.from_name("flexinol").advance(0.01)  # compiled once, before many want it at the same time
     began_s = time.monotonic()
-    results = _run(work, options.jobs, options.minutes)
+    writes = options.what == "all" or options.write
+    results: dict[str, Result] = {}
+    for results in _run(work, options.jobs, options.minutes):
+        if writes:  # after every part, so that an attack that is interrupted has its page
+            PAGE.write_text(page(results, time.monotonic() - began_s), encoding="utf-8")
     whole = Result()
     for name, result in results.items():
         print(f"{TITLES[name]}: {dict(result.counts)}\n  worst: {result.worst}\n{result.verdict()}", flush=True)
         whole.add(result)
-    if options.what == "all" or options.write:
-        PAGE.write_text(page(results, time.monotonic() - began_s), encoding="utf-8")
+    if writes:
         print(f"written: {PAGE}")
     return 1 if whole.violations else 0
 
@@ -68,8 +71,8 @@ def _units(name: str, options: argparse.Namespace) -> list[tuple]:
     return [(first + number * step, min(part, whole - number * part)) for number in range(math.ceil(whole / part))]
 
 
-def _run(work: list[tuple[str, tuple]], jobs: int, minutes: float) -> dict[str, Result]:
-    """Results by attack; what has not begun when the time is over is left out."""
+def _run(work: list[tuple[str, tuple]], jobs: int, minutes: float) -> Iterator[dict[str, Result]]:
+    """Results by attack, after each part; what has not begun when the time is over is left out."""
     results: dict[str, Result] = {}
     # Taken in turns, so that each attack has its share where the time does not suffice for all.
     by_name = {name: [arguments for kind, arguments in work if kind == name] for name in RUNNERS}
@@ -97,7 +100,7 @@ def _run(work: list[tuple[str, tuple]], jobs: int, minutes: float) -> dict[str, 
             if time.monotonic() > ends_s:
                 for each in futures:
                     each.cancel()
-    return results
+            yield results
 
 
 def page(results: dict[str, Result], took_s: float) -> str:
