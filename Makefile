@@ -12,7 +12,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline fleet forward clean
+.PHONY: attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range fleet forward clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION)
@@ -68,6 +68,11 @@ blind-trial: $(VENV)/ready
 # What the models lack over the whole range even on the wires they were identified on, and what adding it buys.
 own-baseline: $(VENV)/ready
 	$(BIN)/python benchmarks/own_baseline.py
+
+# The whole-range model beside the thesis's, per physics of the bench (about half an hour; options in WHOLE).
+WHOLE ?=
+whole-range: $(VENV)/ready
+	$(BIN)/python benchmarks/whole_range.py $(WHOLE)
 
 # Trace many wires at once: one after the other, on this machine's cores, on a local Dask cluster.
 fleet: $(VENV)/ready

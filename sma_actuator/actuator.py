@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from sma_actuator.base.parameters import ConfigError, walk
 from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status, SupplyState
+from sma_actuator.control.commanding import Commanding
 from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
 from sma_actuator.estimation.circuit import is_driven, signals_from_reading, without_undriven
@@ -69,14 +70,7 @@ class Actuator:
         self._controller = config.controller.build(config.supply.bias_current)
         self._supervisor = Supervisor(config)
         self._reach = Reach(config.wire.full_stroke_m, config.thermal.heat_capacity / config.thermal.heat_loss)
-        self._mode = Mode.OFF
-        self._starting = False  #: the controller starts where the wire is, once that is known
-        self._lost = ""  #: why the setpoint counts as lost
-        self._bias_only = False  #: the setpoint is lost, and the parameters say bias
-        self._setpoint_m = nan
-        self._setpoint_s = nan
-        self._trajectory: tuple[float, Trajectory] | None = None
-        self._awaited: tuple[float, Trajectory] | None = None  #: one whose start is still to come
+        self._commanding = Commanding()
         self._now_s = nan
         self._reading_s = -inf  #: time stamp of the last usable reading
         self._controlled_s = nan  #: when the controller was last stepped
@@ -99,13 +93,14 @@ class Actuator:
     def enable(self, now_s: float, on: bool) -> tuple[bool, str]:
         """Switch the current on or off; whether it was done, and a sentence."""
         if not on:
-            if self._mode is not Mode.OFF:
+            if self._commanding.is_driven:
                 self._changes.append("disabled")
-            self._switch_off()
+            self._commanding.switch_off()
             return True, "the output is off"
-        if self._supervisor.latched is not None:
-            return False, f"not enabled: {self._fault_words()}; call ~/clear_fault first"
-        if self._mode is not Mode.OFF:
+        latched = self._supervisor.latched
+        if latched is not None:
+            return False, f"not enabled: {self._words_of(latched)}; call ~/clear_fault first"
+        if self._commanding.is_driven:
             return True, "the output is on already"
         present = self._supervisor.present
         blocking = [fault for fault in present if fault.prevents_enabling]
@@ -114,7 +109,7 @@ class Actuator:
             return False, f"not enabled: {fault.words}: {present[fault]}"
         if not now_s - self._reading_s <= self._config.safety.reading_timeout:
             return False, "not enabled: there is no reading of the DAQ yet"
-        self._mode, self._starting = Mode.HOLD, True
+        self._commanding.enable()
         self._readings_with_current.clear()
         self._supervisor.enabled(now_s)
         self._changes.append("enabled")
@@ -132,10 +127,11 @@ class Actuator:
     def clear_fault(self, now_s: float) -> tuple[bool, str]:
         """Clear a latched fault; the output stays off until enabled again."""
         self._events.clear()
-        if self._supervisor.latched is None:
+        latched = self._supervisor.latched
+        if latched is None:
             return True, "there is no fault to clear"
-        words = self._fault_words()
-        self._changes.append(f"cleared {self._supervisor.latched.name}")
+        words = self._words_of(latched)
+        self._changes.append(f"cleared {latched.name}")
         self._supervisor.latched, self._supervisor.detail = None, ""
         return True, f"cleared: {words}; the output stays off until ~/enable"
 
@@ -145,7 +141,7 @@ class Actuator:
             raise ValueError(f"'{name}' is no fault; one of {', '.join(FAULTS)} is wanted")
         fault = FAULTS[name]
         if fault.latches:
-            if self._mode is not Mode.OFF or fault.while_off:
+            if self._commanding.is_driven or fault.while_off:
                 self._latch(fault, detail)
             else:
                 self._supervisor.present[fault] = detail
@@ -161,7 +157,7 @@ class Actuator:
         if refusal:
             self._events[setpoint_not_finite] = (now_s, refusal)
             return refusal
-        self._track(now_s, float(position_m), None)
+        self._commanding.track(now_s, float(position_m))
         return ""
 
     def offer_trajectory(
@@ -181,8 +177,7 @@ class Actuator:
         if refusal:
             return refusal
         if not len(times_s):
-            self._mode, self._starting = Mode.HOLD, True
-            self._forget_setpoints()
+            self._commanding.stop()
             return ""
         try:
             trajectory = Trajectory(times_s, positions_m, velocities_m_s=velocities_m_s)
@@ -191,10 +186,7 @@ class Actuator:
             return str(error)
         if not trajectory.duration_s + delay_s >= 0.0:
             return f"trajectory refused: its last point was due {-delay_s - trajectory.duration_s:.3g} s ago"
-        if delay_s > 0.0:
-            self._awaited = (now_s + delay_s, trajectory)
-        else:
-            self._track(now_s, trajectory(-delay_s), (now_s + delay_s, trajectory))
+        self._commanding.follow(now_s, trajectory, delay_s)
         return ""
 
     def reset_estimator(self) -> tuple[bool, str]:
@@ -204,9 +196,7 @@ class Actuator:
         """
         self._chain.reset()
         self._changes.append(ESTIMATOR_RESET)
-        if self._mode is not Mode.OFF:
-            self._mode, self._starting = Mode.HOLD, True
-            self._forget_setpoints()
+        self._commanding.stop()
         return True, "the estimator starts anew on the cooling curve; the wire is held there"
 
     def tare_load(self) -> tuple[bool, str]:
@@ -215,7 +205,7 @@ class Actuator:
         More than a tenth of what the wire may carry is refused: a load that is tared away is a
         stress nobody watches any more.
         """
-        if self._mode is not Mode.OFF:
+        if self._commanding.is_driven:
             return False, "not tared: the wire is driven; switch it off with ~/enable first"
         if (
             len(self._loads_N) < FEWEST_READINGS
@@ -312,7 +302,7 @@ class Actuator:
             self._power_W = 0.0  # without either, the current may well flow on
         supervisor.keep_heat(self._power_W, self._signals.current_A, dt_s, self._signals.ambient_temperature_C)
 
-        driven = self._mode is not Mode.OFF
+        driven = self._commanding.is_driven
         settled = driven and supervisor.settled(now_s)
         faults = supervisor.inspect(
             Step(
@@ -336,19 +326,18 @@ class Actuator:
         setpoint_m = nan
         wanted_A = config.supply.bias_current
         if settled and supervisor.latched is None:
-            if self._awaited is not None and now_s >= self._awaited[0]:
-                self._track(now_s, self._awaited[1](now_s - self._awaited[0]), self._awaited)
+            self._commanding.advance(now_s)
             self._lose_setpoint(now_s)
         if settled and supervisor.latched is None and estimate_invalid not in faults:
-            if self._starting:
+            if self._commanding.anew:
                 self._start_controller()
-            if not self._bias_only:
+            if self._commanding.wants_position:
                 setpoint_m = self._setpoint(now_s, limits)
                 wanted_A = self._control(setpoint_m, reading is not None, limits)
         command, bent = supervisor.gate(wanted_A, driven, faults)
         limits |= bent
         if supervisor.latched is not None:
-            self._switch_off()
+            self._commanding.switch_off()
         self._told = command
         self._show_events(now_s, faults)
         return self._output(faults, limits, setpoint_m, raw)
@@ -380,11 +369,8 @@ class Actuator:
 
     def _setpoint(self, now_s: float, limits: set[Limit]) -> float:
         """What the controller is to reach [m], inside the working range."""
-        if self._trajectory is not None:
-            start_s, trajectory = self._trajectory
-            self._setpoint_m = trajectory(now_s - start_s)
-        setpoint_m = self._setpoint_m
-        if self._mode is Mode.TRACKING:
+        setpoint_m = self._commanding.position_m(now_s)
+        if self._commanding.mode is Mode.TRACKING:
             lo_m, hi_m = self._chain.displacement_range_m
             if not lo_m <= setpoint_m <= hi_m:
                 limits.add(SETPOINT_RANGE)
@@ -424,48 +410,30 @@ class Actuator:
 
     def _lose_setpoint(self, now_s: float) -> None:
         """What the parameters say when no setpoint has come for too long."""
-        if self._mode is not Mode.TRACKING:
+        if self._commanding.mode is not Mode.TRACKING:
             return
-        if self._trajectory is not None and now_s - self._trajectory[0] < self._trajectory[1].duration_s:
-            self._setpoint_s = now_s
-        self._lost = setpoint_stale.look(now_s - self._setpoint_s, self._config)
-        if not self._lost:
+        why = setpoint_stale.look(self._commanding.silent_s(now_s), self._config)
+        if not why:
             return
-        self._mode, self._trajectory, self._starting = Mode.HOLD, None, True
         action = self._config.controller.on_setpoint_loss
         if action == "off":
-            self._supervisor.latch(setpoint_stale, self._lost)
-        self._bias_only = action == "bias"
+            self._supervisor.latch(setpoint_stale, why)
+        else:
+            self._commanding.lose(why, at_bias=action == "bias")
 
     def _start_controller(self) -> None:
         """Let the controller go on from the present position and current."""
-        self._starting = False
         self._reach.forget()
         self._controlled_s = self._now_s
         position_m = self._estimate.displacement_m
-        if self._mode is Mode.HOLD:
-            self._setpoint_m = position_m
+        self._commanding.begun(position_m)
         self._controller.reset(position_m, max(self._told.current_A, self._config.supply.bias_current))
 
     # --- small print --------------------------------------------------------------------------------
 
-    def _switch_off(self) -> None:
-        self._mode, self._starting = Mode.OFF, False
-        self._forget_setpoints()
-
-    def _forget_setpoints(self) -> None:
-        self._setpoint_m = self._setpoint_s = nan
-        self._trajectory, self._awaited, self._bias_only, self._lost = None, None, False, ""
-
-    def _track(self, now_s: float, position_m: float, trajectory: tuple[float, Trajectory] | None) -> None:
-        """Follow a setpoint or trajectory from now on; after a loss, from the present current on."""
-        self._starting |= self._bias_only
-        self._mode, self._bias_only, self._lost = Mode.TRACKING, False, ""
-        self._setpoint_m, self._setpoint_s, self._trajectory, self._awaited = position_m, now_s, trajectory, None
-
     def _latch(self, fault: Fault, detail: str) -> None:
         self._supervisor.latch(fault, detail)
-        self._switch_off()
+        self._commanding.switch_off()
 
     def _refuses_setpoints(self, now_s: float) -> str:
         """Why no setpoint is taken now, or ""."""
@@ -473,29 +441,29 @@ class Actuator:
         if flooded:
             self._events[setpoint_flood] = (now_s, flooded)
             return flooded
-        if self._mode is Mode.OFF:
+        if not self._commanding.is_driven:
             return "setpoint refused: the output is off; call ~/enable first"
         return ""
 
     def _show_events(self, now_s: float, faults: dict[Fault, str]) -> None:
         """Let faults without duration stay in the status for a while, a lost setpoint until the next."""
-        if self._lost:
-            faults.setdefault(setpoint_stale, self._lost)
+        if self._commanding.lost:
+            faults.setdefault(setpoint_stale, self._commanding.lost)
         for fault, (when_s, detail) in list(self._events.items()):
             if 0.0 <= now_s - when_s <= EVENT_SHOWN_S:
                 faults.setdefault(fault, detail)
             else:
                 del self._events[fault]
 
-    def _fault_words(self) -> str:
-        return f"{self._supervisor.latched.words} ({self._supervisor.detail})"
+    def _words_of(self, latched: Fault) -> str:
+        return f"{latched.words} ({self._supervisor.detail})"
 
     def _status(self, faults: dict[Fault, str], limits: set[Limit]) -> Status:
         supervisor = self._supervisor
         fault = supervisor.latched
-        words = {Mode.OFF: "off", Mode.HOLD: "holding", Mode.TRACKING: "tracking"}[self._mode]
+        words = {Mode.OFF: "off", Mode.HOLD: "holding", Mode.TRACKING: "tracking"}[self._commanding.mode]
         if fault is not None:
-            words = f"off: {self._fault_words()}; ~/clear_fault, then ~/enable"
+            words = f"off: {self._words_of(fault)}; ~/clear_fault, then ~/enable"
         elif faults:
             fault = gravest(faults)
             words = f"{words}: {fault.words} ({faults[fault]})"
@@ -504,7 +472,7 @@ class Actuator:
             words = f"{words}: {', '.join(limit.words for limit in shown)}"
         signals, estimate = self._signals, self._estimate
         return Status(
-            mode=self._mode,
+            mode=self._commanding.mode,
             fault=fault.name if fault is not None else "",
             limits=tuple(limit.name for limit in shown),
             message=words,
@@ -517,7 +485,7 @@ class Actuator:
                 "temperature_C": supervisor.heat.temperature_C,
                 "temperature_at_most_C": supervisor.heat.at_most_C,
                 "current_limit_A": supervisor.limit_A(),
-                "limited_setpoint_m": self._controller.reference_m if self._mode is not Mode.OFF else nan,
+                "limited_setpoint_m": self._controller.reference_m if self._commanding.is_driven else nan,
                 "branch": estimate.branch.name.lower(),
                 "quality": estimate.quality.name.lower(),
             },

@@ -1,6 +1,7 @@
 """Documents that are printed from the code are those of the code."""
 
 import importlib
+import re
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,20 @@ def test_printed_documents_are_up_to_date(module, document):
     assert (ROOT / "docs" / document).read_text() == text, f"run: python -m sma_actuator.{module} > docs/{document}"
 
 
-def test_the_readme_names_only_files_that_exist():
-    for word in (ROOT / "README.md").read_text().replace("`", " ").replace("(", " ").replace(")", " ").split():
-        if word.startswith(("docs/", "config/", "benchmarks/")) and not word.endswith("/") and "*" not in word:
-            assert (ROOT / word.rstrip(".,:;")).exists(), word
+PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_a_page_names_only_files_that_exist(page):
+    text = page.read_text(encoding="utf-8")
+    links = re.findall(r"\]\(([^)#\s]+)(?:#[^)]*)?\)", text)
+    missing = [link for link in links if "://" not in link and not _exists(page.parent / link)]
+    assert not missing
+
+
+def _exists(path):
+    return path.exists() or path.with_suffix(".md").exists()
+
+
+def test_the_readme_is_read_to_its_end():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 800

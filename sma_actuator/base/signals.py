@@ -89,6 +89,7 @@ class Estimate:
     velocity_m_s: float
     branch: Branch
     quality: Quality
+    uncertainty_m: float = nan  #: half of the 95 % interval; NaN where the model has none
 
 
 class Mode(enum.Enum):

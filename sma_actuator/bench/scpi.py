@@ -38,8 +38,8 @@ Supply (one output, 0–1 A, 0–20 V)
                                                              command received on any connection; then it latches
                                                              WDOG and cuts the output
     ``OUTPut:PROTection:WDOG:DELay <s>``                     0.05–3600 s; ``?``
-    ``OUTPut:PROTection:WDOG:SESSion <bool>``     on: it counts from the last command of the connection that
-                                                  switched this, or the watchdog, on; ``?`` (power-on: off)
+    ``OUTPut:PROTection:WDOG:SESSion <bool>``                on: it counts from the last command of the connection
+                                                             that switched this, or the watchdog, on; ``?`` (power-on: off)
     ``MEASure[:SCALar]:VOLTage[:DC]?``                       at the output terminals [V]
     ``MEASure[:SCALar]:CURRent[:DC]?``                       [A]
     ``MEASure[:SCALar]:POWer[:DC]?``                         [W]

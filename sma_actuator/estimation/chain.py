@@ -27,6 +27,7 @@ from .branch import BranchDetector
 from .effects import Effect, in_order
 from .effects.frame import Frame, Place
 from .hot_end import HotEnd
+from .models import ThermalStrainModel
 
 if TYPE_CHECKING:
     from sma_actuator.config import Config
@@ -36,6 +37,8 @@ ESTIMATOR_RESET = "estimator reset"
 #: Share of the calibrated stress range by which a stress may lie outside it.  Beyond that the model sees the
 #: stress at the margin: polynomials in stress go astray quickly outside the data they were fitted on.
 STRESS_MARGIN = 0.05
+#: Share of its stroke by which the estimate of a model of the whole range may lie outside it and still be trusted.
+STROKE_MARGIN = 0.05
 
 _QUALITIES = tuple(Quality)  # indexing is quicker than calling an enumeration
 Act = tuple[Callable[[Frame, np.ndarray, Place], None], np.ndarray]  #: what an effect does at a stage, and its memory
@@ -51,6 +54,7 @@ class EstimateTrace:
     velocity_m_s: np.ndarray
     branch: np.ndarray
     quality: np.ndarray
+    uncertainty_m: np.ndarray  #: half of the 95 % interval; NaN where the model has none
     signals: Signals  #: without the effects of circuit and load cell
     resistance_Ohm: np.ndarray  #: that the strain model saw; of the last good sample where a sample is not
     model_m: np.ndarray  #: displacement of the strain model alone, likewise
@@ -117,6 +121,8 @@ class Chain:
     and the quality says so (INDETERMINATE_COLD, INDETERMINATE_HOT): an estimate that stood still
     there would not see the wire come back.  Only where the wire is known to be contracted as far as it
     goes (:class:`HotEnd`) is it where the calibration has it: resistance rises with temperature there.
+    A model with a heat balance of its own knows the ends; where it is asked for what its calibration has
+    not seen it says so (OUTSIDE_CALIBRATION).
 
     It has two memories.  That of the *loop*, where the wire stands on it: branch, model, velocity, and
     what effects derive from positions passed; :meth:`reset` forgets it, which a tare asks for too, since
@@ -129,13 +135,19 @@ class Chain:
 
     def __init__(self, config: Config, effects: Mapping[str, Effect] | None = None):
         self._model = config.model.build(config.wire)
+        # A model with a heat balance wants the power too, and says how sure it is; the others are asked as ever.
+        self._thermal: ThermalStrainModel | None = self._model if hasattr(self._model, "observe") else None
         self._branch = BranchDetector(config.estimator)
         self._hot_end = HotEnd(config)
+        self._asks_hot_end = self._hot_end.known and self._thermal is None
         self._length_m = config.wire.length
         stress_lo, stress_hi = self._model.stress_range_Pa
         margin_Pa = STRESS_MARGIN * (stress_hi - stress_lo)
         self._stress_Pa = stress_lo - margin_Pa, stress_hi + margin_Pa
-        self._bounds = np.array([*self._stress_Pa, *self._model.displacement_range_m])
+        low_m, high_m = self._model.displacement_range_m if self._thermal is None else self._thermal.stroke_m
+        # A model of the whole range has been at both ends; its estimates scatter about them.
+        slack_m = 0.0 if self._thermal is None else STROKE_MARGIN * (high_m - low_m)
+        self._bounds = np.array([*self._stress_Pa, low_m - slack_m, high_m + slack_m])
         self._resistances_Ohm = config.safety.resistance_min, config.safety.resistance_max
         self._velocity_state = np.zeros(3)
         self._effects = [
@@ -176,6 +188,7 @@ class Chain:
         self._branch.configure(config.estimator)
         self._velocity_time_constant_s = config.estimator.velocity_time_constant
         self._hot_end.update(config)
+        self._usual_C, self._tolerance_K = config.thermal.ambient_temperature, config.thermal.ambient_tolerance
         self._place = Place.of(config)
 
     # --- one sample ---------------------------------------------------------------------------------
@@ -187,7 +200,9 @@ class Chain:
         lowest_Ohm, highest_Ohm = self._resistances_Ohm
         if not (lowest_Ohm <= resistance_Ohm <= highest_Ohm and isfinite(signals.time_s + stress_Pa + power_W)):
             last = self._last
-            self._last = Estimate(signals.time_s, last.displacement_m, last.strain, 0.0, last.branch, Quality.INVALID)
+            self._last = Estimate(
+                signals.time_s, last.displacement_m, last.strain, 0.0, last.branch, Quality.INVALID, last.uncertainty_m
+            )
             return signals, self._last
         if frame is not None:
             resistance_Ohm = float(self._act(self._at_resistance, frame).resistance_Ohm[0])
@@ -195,12 +210,12 @@ class Chain:
         if not started:
             self._start(signals.time_s, resistance_Ohm, stress_Pa, power_W)
         heating = self._branch.step(signals.time_s, resistance_Ohm, power_W)
-        displacement_m = self._model.step(resistance_Ohm, self._in_reach(stress_Pa), heating)
+        displacement_m, uncertainty_m, seen = self._observe(signals, resistance_Ohm, heating)
         if frame is not None:
             frame.heating, frame.displacement_m = np.array([heating]), np.array([displacement_m])
             displacement_m = float(self._act(self._at_displacement, frame).displacement_m[0])
         hot_end = self._hot_end
-        contracted = hot_end.known and hot_end.step(
+        contracted = self._asks_hot_end and hot_end.step(
             signals.time_s, resistance_Ohm, stress_Pa, power_W, signals.ambient_temperature_C
         )
         if contracted:
@@ -214,9 +229,22 @@ class Chain:
             displacement_m / self._length_m,
             velocity_m_s,
             Branch.HEATING if heating else Branch.COOLING,
-            _QUALITIES[_quality(displacement_m, stress_Pa, contracted, self._bounds)],
+            _QUALITIES[_quality(displacement_m, stress_Pa, contracted, self._bounds)]
+            if seen
+            else Quality.OUTSIDE_CALIBRATION,
+            uncertainty_m,
         )
         return signals, self._last
+
+    def _observe(self, signals: Signals, resistance_Ohm: float, heating: bool) -> tuple[float, float, bool]:
+        """The strain model's displacement, half of its 95 % interval, and whether its calibration has seen the like."""
+        stress_Pa = self._in_reach(signals.stress_Pa)
+        if self._thermal is None:
+            return self._model.step(resistance_Ohm, stress_Pa, heating), nan, True
+        ambient_C = signals.ambient_temperature_C
+        if not abs(ambient_C - self._usual_C) <= self._tolerance_K:
+            ambient_C = nan  # a sensor that is not to be believed is none
+        return self._thermal.observe(signals.time_s, resistance_Ohm, stress_Pa, heating, signals.power_W, ambient_C)
 
     # --- many ---------------------------------------------------------------------------------------
 
@@ -244,6 +272,7 @@ class Chain:
             "velocity_m_s": np.zeros(n),
             "branch": np.full(n, int(last.branch)),
             "quality": np.full(n, int(Quality.INVALID)),
+            "uncertainty_m": np.full(n, last.uncertainty_m),
             "signals": signals,
             "resistance_Ohm": np.full(n, nan),
             "model_m": np.full(n, nan),
@@ -262,6 +291,7 @@ class Chain:
                 float(out["velocity_m_s"][-1]),
                 Branch(int(out["branch"][-1])),
                 Quality(int(out["quality"][-1])),
+                float(out["uncertainty_m"][-1]),
             )
         return out
 
@@ -278,7 +308,17 @@ class Chain:
         if not started:
             self._start(time_s[0], resistance_Ohm[0], stress_Pa[0], power_W[0])
         heating = self._branch.run(time_s, resistance_Ohm, power_W)
-        model_m = self._model.run(resistance_Ohm, np.clip(stress_Pa, *self._stress_Pa), heating)
+        in_reach_Pa = np.clip(stress_Pa, *self._stress_Pa)
+        uncertainty_m, seen = np.full(len(time_s), nan), np.True_
+        if self._thermal is None:
+            model_m = self._model.run(resistance_Ohm, in_reach_Pa, heating)
+        else:
+            ambient_C = np.broadcast_to(signals.ambient_temperature_C, good.shape)[good]
+            doubtful = ~(np.abs(ambient_C - self._usual_C) <= self._tolerance_K)
+            ambient_C = np.where(doubtful, nan, ambient_C)
+            model_m, uncertainty_m, seen = self._thermal.observe_all(
+                time_s, resistance_Ohm, in_reach_Pa, heating, power_W, ambient_C
+            )
         displacement_m = shown_m = model_m
         if frame is not None:
             frame.heating, frame.displacement_m = heating, model_m
@@ -286,7 +326,7 @@ class Chain:
             if "shown_m" in out:
                 shown_m = self._act(self._shown, frame).displacement_m
         contracted = np.zeros(len(time_s), dtype=np.bool_)
-        if self._hot_end.known and "shown_m" not in out:  # what is judged is the model, there as elsewhere
+        if self._asks_hot_end and "shown_m" not in out:  # what is judged is the model, there as elsewhere
             ambient_C = np.broadcast_to(signals.ambient_temperature_C, good.shape)[good]
             contracted = self._hot_end.run(time_s, resistance_Ohm, stress_Pa, power_W, ambient_C)
             at_most_m = np.where(contracted, self._hot_end.displacement_m(stress_Pa), inf)
@@ -296,6 +336,7 @@ class Chain:
         velocity_m_s, quality = np.empty(len(time_s)), np.empty(len(time_s), dtype=np.int64)
         _velocity_all(time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s, velocity_m_s)
         _quality_all(displacement_m, stress_Pa, contracted, self._bounds, quality)
+        quality = np.where(seen, quality, int(Quality.OUTSIDE_CALIBRATION))
         out["velocity_m_s"][good], out["quality"][good] = velocity_m_s, quality
         latest = np.cumsum(good) - 1  # index of the last good sample at each place; −1 before the first
         known = latest >= 0
@@ -304,6 +345,7 @@ class Chain:
             "branch": heating,
             "resistance_Ohm": resistance_Ohm,
             "model_m": model_m,
+            "uncertainty_m": uncertainty_m,
         }
         if "shown_m" in out:
             held["shown_m"] = shown_m
@@ -353,6 +395,9 @@ class Chain:
         return min(max(stress_Pa, self._stress_Pa[0]), self._stress_Pa[1])
 
     def _start(self, time_s: float, resistance_Ohm: float, stress_Pa: float, power_W: float) -> None:
-        self._model.reset(resistance_Ohm, self._in_reach(stress_Pa))
+        if self._thermal is None:
+            self._model.reset(resistance_Ohm, self._in_reach(stress_Pa))
+        else:
+            self._thermal.reset()
         self._branch.reset(time_s, resistance_Ohm, power_W)
         self._started = True

@@ -26,7 +26,17 @@ ENTER, LEAVE = 0.015, 0.03
 
 
 @jit
-def _contracted(time, resistance, stress, power, ambient, state, stress_nodes, resistance_nodes, line):
+def _contracted(
+    time: float,
+    resistance: float,
+    stress: float,
+    power: float,
+    ambient: float,
+    state: np.ndarray,
+    stress_nodes: np.ndarray,
+    resistance_nodes: np.ndarray,
+    line: np.ndarray,
+) -> bool:
     """``state`` = [time, temperature above ambient, contracted]; ``line`` = [heat loss, time constant, slope, its
     temperature, enter, leave]."""
     step = max(time - state[0], 0.0) if state[0] == state[0] else 0.0
@@ -41,7 +51,18 @@ def _contracted(time, resistance, stress, power, ambient, state, stress_nodes, r
 
 
 @jit
-def _contracted_all(time, resistance, stress, power, ambient, state, stress_nodes, resistance_nodes, line, contracted):
+def _contracted_all(
+    time: np.ndarray,
+    resistance: np.ndarray,
+    stress: np.ndarray,
+    power: np.ndarray,
+    ambient: np.ndarray,
+    state: np.ndarray,
+    stress_nodes: np.ndarray,
+    resistance_nodes: np.ndarray,
+    line: np.ndarray,
+    contracted: np.ndarray,
+) -> None:
     for i in range(len(time)):
         contracted[i] = _contracted(
             time[i], resistance[i], stress[i], power[i], ambient[i], state, stress_nodes, resistance_nodes, line

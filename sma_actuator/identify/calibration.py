@@ -98,7 +98,7 @@ def _widened(range_m: tuple[float, float], estimates: Sequence[np.ndarray]) -> t
     return min(range_m[0], float(low)), max(range_m[1], float(high))
 
 
-def _clusters(values: Sequence[float]) -> np.ndarray:
+def _clusters(values: Sequence[float] | np.ndarray) -> np.ndarray:
     """Values that differ by more than SAME_STRESS of the largest, those nearer averaged; ascending."""
     ordered = np.sort(np.asarray(values, dtype=float))
     groups = np.split(ordered, np.flatnonzero(np.diff(ordered) > SAME_STRESS * np.max(np.abs(ordered))) + 1)

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 
 from sma_actuator.base.registry import Registry
-from sma_actuator.base.sections import Wire
+from sma_actuator.config import BenchConfig
 
 from .flexinol import FlexinolFit, fit_appendix_c, fit_joint
 from .furukawa import fit_furukawa
 from .normalised import fit_furukawa_normalised, flexinol_normalised
-from .traces import Trace
+from .traces import IdentificationError, Trace
+from .whole_range import beside_the_thesis, fit_whole_range
 
 METHODS = ("joint", "appendix-c")
 Progress = Callable[[float], None]
@@ -42,13 +43,14 @@ class Fitted:
     coefficients: Any  #: the section ``model``
     samples: dict[str, np.ndarray] = field(default_factory=dict)  #: bootstrap, (samples, coefficients) of every field
     how: Any = None  #: how it was found, for the page
+    notes: list[str] = field(default_factory=list)  #: what the user should know
 
 
 @dataclass(frozen=True, slots=True)
 class Fitter:
     """A function that fits, and what it can do.  It raises IdentificationError naming what the logs lack."""
 
-    fit: Callable[[Sequence[Trace], Wire, Asked], Fitted]
+    fit: Callable[[Sequence[Trace], BenchConfig, Asked], Fitted]  #: of the logs of a bench
     methods: tuple[str, ...] = ("joint",)
     any_size: bool = False  #: of logs of wires of several sizes, each rewritten as one of the same wire
 
@@ -57,33 +59,45 @@ class Fitter:
 FITTERS: Registry[Fitter] = Registry("fitter", "sma_actuator.fitters")
 
 
-def _found(traces: Sequence[Trace], wire: Wire, asked: Asked) -> FlexinolFit:
+def _found(traces: Sequence[Trace], bench: BenchConfig, asked: Asked) -> FlexinolFit:
     if asked.method == "appendix-c":
-        return fit_appendix_c(traces, wire, 2 if asked.order is None else asked.order)
-    return fit_joint(traces, wire, None if asked.order is None else (asked.order, asked.order), asked.progress)
+        return fit_appendix_c(traces, bench.wire, 2 if asked.order is None else asked.order)
+    return fit_joint(traces, bench.wire, None if asked.order is None else (asked.order, asked.order), asked.progress)
 
 
-def _flexinol(traces: Sequence[Trace], wire: Wire, asked: Asked) -> Fitted:
-    found = _found(traces, wire, asked)
+def _flexinol(traces: Sequence[Trace], bench: BenchConfig, asked: Asked) -> Fitted:
+    found = _found(traces, bench, asked)
     return Fitted(found.coefficients, found.samples, found)
 
 
-def _flexinol_normalised(traces: Sequence[Trace], wire: Wire, asked: Asked) -> Fitted:
-    found = _found(traces, wire, asked)
-    coefficients, samples = flexinol_normalised(found, traces, wire)
+def _flexinol_normalised(traces: Sequence[Trace], bench: BenchConfig, asked: Asked) -> Fitted:
+    found = _found(traces, bench, asked)
+    coefficients, samples = flexinol_normalised(found, traces, bench.wire)
     return Fitted(coefficients, samples, found)
 
 
-def _furukawa(traces: Sequence[Trace], wire: Wire, asked: Asked) -> Fitted:
-    found = fit_furukawa(traces, wire, asked.variant, asked.order, asked.progress)
+def _furukawa(traces: Sequence[Trace], bench: BenchConfig, asked: Asked) -> Fitted:
+    found = fit_furukawa(traces, bench.wire, asked.variant, asked.order, asked.progress)
     return Fitted(found.coefficients, found.samples, found)
 
 
-def _furukawa_normalised(traces: Sequence[Trace], wire: Wire, asked: Asked) -> Fitted:
-    return Fitted(*fit_furukawa_normalised(traces, wire, asked.order))
+def _furukawa_normalised(traces: Sequence[Trace], bench: BenchConfig, asked: Asked) -> Fitted:
+    return Fitted(*fit_furukawa_normalised(traces, bench.wire, asked.order))
+
+
+def _whole_range(traces: Sequence[Trace], bench: BenchConfig, asked: Asked) -> Fitted:
+    found = fit_whole_range(traces, bench, asked.progress)
+    fit_thesis = _flexinol if bench.wire.alloy == "ni-ti" else _furukawa
+    try:
+        thesis = fit_thesis(traces, bench, Asked("joint", asked.variant, asked.order)).coefficients.build(bench.wire)
+        note = beside_the_thesis(traces, thesis, found, bench.wire.full_stroke_m)
+    except IdentificationError as error:
+        note = f"there is no model of the thesis to compare with: {error}"
+    return Fitted(found.coefficients, how=found, notes=[note])
 
 
 FITTERS.register("flexinol")(Fitter(_flexinol, METHODS))
 FITTERS.register("flexinol_normalised")(Fitter(_flexinol_normalised, METHODS, any_size=True))
 FITTERS.register("furukawa")(Fitter(_furukawa))
 FITTERS.register("furukawa_normalised")(Fitter(_furukawa_normalised, any_size=True))
+FITTERS.register("whole_range")(Fitter(_whole_range))

@@ -62,6 +62,14 @@ def predict(model: StrainModel, traces: Sequence[Trace]) -> np.ndarray:
     """Displacement by a model over traces, each begun cold as the estimator does; concatenated, [m]."""
     out = []
     for trace in traces:
+        if hasattr(model, "observe_all"):
+            s = trace.signals
+            model.reset()
+            ambient_C = np.broadcast_to(s.ambient_temperature_C, s.time_s.shape)
+            out.append(
+                model.observe_all(s.time_s, s.resistance_Ohm, s.stress_Pa, trace.heating, s.power_W, ambient_C)[0]
+            )
+            continue
         model.reset(float(trace.resistance_Ohm[0]), float(trace.stress_Pa[0]))
         out.append(model.run(trace.resistance_Ohm, trace.stress_Pa, trace.heating))
     return np.concatenate(out)

@@ -57,8 +57,8 @@ def identify(
     everything = as_one_wire(logs, config_mapping) if fitter.any_size else make_traces(logs, bench)
     fatigue_traces = [t for t in everything if t.kind == "fatigue"]
     traces = [t for t in everything if t.kind != "fatigue"]
-    notes = []
-    fitted = fitter.fit(traces, bench.wire, Asked(method, variant, order, progress))
+    fitted = fitter.fit(traces, bench, Asked(method, variant, order, progress))
+    notes = list(fitted.notes)
     mapping = copy.deepcopy(dict(config_mapping))
     for stale in ("effects", "calibration"):
         mapping.pop(stale, None)

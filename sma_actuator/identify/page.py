@@ -32,7 +32,8 @@ def write_page(path: Path, result: Identification) -> None:
         [(e.name, e.load_N, e.working_percent, e.working_share, e.full_percent) for e in result.errors],
         "Mean absolute error in % of full_stroke_strain × length, on the logs that were fitted.",
     )
-    _loops(page, result, model)
+    if hasattr(model, "limits_m"):
+        _loops(page, result, model)
     _coefficients(page, result)
     _transitions(page, result, model)
     _orders(page, result)
@@ -65,13 +66,19 @@ def _loops(page: Page, result: Identification, model) -> None:
     page.figure(drawing, "Full cycles at every load (dots) and the model's curves (lines); thesis, Figs. 59, 81.")
 
 
+def _stresses_Pa(result: Identification) -> np.ndarray:
+    """The range of stresses that the coefficients rest on."""
+    lo_Pa, hi_Pa = result.mapping["model"]["stress_range"]
+    return np.linspace(lo_Pa, hi_Pa, 50)
+
+
 def _coefficients(page: Page, result: Identification) -> None:
     page.heading("Coefficients against stress")
     names = [n for n, v in result.mapping["model"].items() if isinstance(v, list) and n in result.intervals]
     if names:
         columns = 3 if len(names) > 4 else 2
         drawing, axes = figure(columns, -(-len(names) // columns), width_in=3.8, height_in=2.8)
-        stress_Pa = np.linspace(*result.mapping["model"]["stress_range"], num=50)
+        stress_Pa = _stresses_Pa(result)
         lines = getattr(result.fit, "lines", ())
         for ax, name in zip(axes.flat, names, strict=False):
             ax.plot(stress_Pa / 1e6, np.polynomial.polynomial.polyval(stress_Pa, result.mapping["model"][name]))
@@ -98,7 +105,7 @@ def _material(page: Page, result: Identification) -> None:
     from .material import RPhaseAlloy, asymptotes_from_material
 
     wire, model = result.config.wire, result.config.model
-    stress_Pa = np.linspace(*result.mapping["model"]["stress_range"], num=30)
+    stress_Pa = _stresses_Pa(result)
     from_material = np.array(
         [np.ravel(asymptotes_from_material(RPhaseAlloy(), wire.length, wire.area_m2, s)) for s in stress_Pa]
     )

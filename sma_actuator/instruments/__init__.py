@@ -13,7 +13,7 @@ from sma_actuator.base.errors import UserError
 from sma_actuator.base.signals import Reading, SupplyState
 
 if TYPE_CHECKING:
-    from sma_actuator.config import Config
+    from sma_actuator.config import BenchConfig
 
 
 class InstrumentError(UserError, OSError):
@@ -117,7 +117,7 @@ class Clock(Protocol):
         """Return at ``deadline_s`` or, when it has passed, at once."""
 
 
-def open_supply(config: Config) -> PowerSupply:
+def open_supply(config: BenchConfig) -> PowerSupply:
     """The supply that ``config`` names, not connected yet.
 
     Raises ConfigError for a dialect that will not do, or a pymeasure class that is not there.
@@ -131,7 +131,7 @@ def open_supply(config: Config) -> PowerSupply:
     return ScpiSupply(config)
 
 
-def open_daq(config: Config, clock: Clock) -> Daq:
+def open_daq(config: BenchConfig, clock: Clock) -> Daq:
     """The data acquisition unit that ``config`` names, not connected yet.  Raises ConfigError."""
     from .scpi import ScpiDaq
 

@@ -24,7 +24,7 @@ from .session import Session
 from .supply import SessionSupply, unsafe_states
 
 if TYPE_CHECKING:
-    from sma_actuator.config import Config
+    from sma_actuator.config import BenchConfig
 
 #: What is needed → names it has in pymeasure, in order of preference.
 NAMES = {
@@ -36,7 +36,7 @@ NAMES = {
 }
 
 
-class _OverSession(Adapter):  # type: ignore[misc]
+class _OverSession(Adapter):
     """Lets an instrument of pymeasure speak over our own session, with its deadlines."""
 
     def __init__(self, session: Session):
@@ -58,7 +58,7 @@ class _OverSession(Adapter):  # type: ignore[misc]
         """Nothing: an answer is read whole, with its question."""
 
 
-class _OnPaper(Adapter):  # type: ignore[misc]
+class _OnPaper(Adapter):
     """Notes what a class of pymeasure would say."""
 
     def __init__(self) -> None:
@@ -75,7 +75,7 @@ class _OnPaper(Adapter):  # type: ignore[misc]
 class PymeasureSupply(SessionSupply):
     """A pymeasure instrument behind the interface :class:`~sma_actuator.instruments.PowerSupply`."""
 
-    def __init__(self, config: Config):
+    def __init__(self, config: BenchConfig):
         self._class = _find_class(config.instruments.supply.pymeasure_class)
         self._names: dict[str, str] = {}
         self._output: Any = None

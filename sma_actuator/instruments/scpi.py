@@ -18,7 +18,7 @@ from .session import OPENING_ANSWERS, Session
 from .supply import SessionSupply, unsafe_states
 
 if TYPE_CHECKING:
-    from sma_actuator.config import Config
+    from sma_actuator.config import BenchConfig
 
 
 #: The over-voltage trip sits this much above the compliance voltage, so that noise does not trip it.
@@ -69,7 +69,7 @@ class _RoundedDown(float):
 class ScpiSupply(SessionSupply):
     """A current-controlled supply; see :class:`sma_actuator.instruments.PowerSupply`."""
 
-    def __init__(self, config: Config):
+    def __init__(self, config: BenchConfig):
         self._dialect = dialect = Dialect.load(config.instruments.supply.dialect, "supply")
         channel = config.instruments.supply.channel
         off_lines = dialect.lines("output_off", channel=channel) + dialect.lines(
@@ -210,7 +210,7 @@ class ScpiSupply(SessionSupply):
 class ScpiDaq:
     """A scanning data acquisition unit; see :class:`sma_actuator.instruments.Daq`."""
 
-    def __init__(self, config: Config, clock: Clock):
+    def __init__(self, config: BenchConfig, clock: Clock):
         self._instrument = daq = config.instruments.daq
         self._clock = clock
         self._dialect = Dialect.load(daq.dialect, "daq")

@@ -12,7 +12,7 @@ from . import InstrumentError, InstrumentRefused
 from .session import OPENING_ANSWERS, Claim, Session
 
 if TYPE_CHECKING:
-    from sma_actuator.config import Config
+    from sma_actuator.config import BenchConfig
 
 _log = logging.getLogger(__name__)
 
@@ -43,7 +43,9 @@ def unsafe_states(what: str, watchdog: bool, second_session: bool) -> dict[str, 
 class SessionSupply(ABC):
     """How a supply is opened, switched off and given up; what it is told is for the subclasses to say."""
 
-    def __init__(self, config: Config, termination: str, off_lines: Sequence[str], unlock_lines: Sequence[str] = ()):
+    def __init__(
+        self, config: BenchConfig, termination: str, off_lines: Sequence[str], unlock_lines: Sequence[str] = ()
+    ):
         self._limits = config.supply
         self._instrument = config.instruments.supply
         self._channel = self._instrument.channel

@@ -205,4 +205,4 @@ def _counts_contraction(log: BenchLog) -> bool:
     if np.count_nonzero(good) < 20 or np.ptp(displacement_m[good]) == 0.0 or np.ptp(resistance[good]) == 0.0:
         return False
     rank = [np.argsort(np.argsort(values[good])) for values in (resistance, displacement_m)]
-    return float(np.corrcoef(np.array(rank))[0, 1]) < -0.5
+    return float(np.corrcoef(rank[0], rank[1])[0, 1]) < -0.5

@@ -10,7 +10,8 @@ Sources beside those of :mod:`.materials`
     [O]  A. Pathak, D. Brei, J. Luntz, "Transformation strain based method for characterization of convective heat
          transfer from shape memory alloy wires", Smart Mater. Struct. 19 (2010) 035005: orientation matters, and a
          vertical wire loses less than a horizontal one.  The factor is chosen [F].
-    [P]  The training record of the measured wire (:mod:`.measured`), cycles 1 to 30 at 200 MPa.
+    [P]  The training record of the measured wire (:mod:`.measured`), cycles 1 to 30
+         at 200 MPa.
 """
 
 from __future__ import annotations

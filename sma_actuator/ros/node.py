@@ -483,6 +483,7 @@ class SmaActuatorNode(LifecycleNode):
         with self._arming:  # so that nothing goes on that was asked for before
             self._active = False
         try:
+            assert self._driver is not None  # the state machine lets only a configured node deactivate
             off, words = self._driver.enable(False, timeout_s=CALL_TIMEOUT_s)
             if not off:
                 self._say(ERROR, words)

@@ -9,7 +9,6 @@ from math import inf
 from sma_actuator.base.signals import Mode, Status
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.limits import LIMITS
-from sma_actuator.safety.remedies import remedy
 
 INFO, WARNING, ERROR = "info", "warning", "error"
 #: A refusal that only repeats another with different numbers is said again after this time.
@@ -54,18 +53,18 @@ class Events:
         """Level and sentence of everything that has begun or ended since the last status."""
         latched = status.fault if _is_latched(status) else ""
         if latched and latched != self._latched:
-            yield ERROR, f"{status.message}. {remedy(latched)}"
+            yield ERROR, f"{status.message}. {FAULTS[latched].advice}"
         elif self._latched and not latched:
             yield INFO, f"the fault {self._latched} is cleared; the output stays off until ~/enable"
         elif status.mode is not self._mode:
             yield INFO, _words_of_mode(self._mode, status.mode)
         self._latched, self._mode = latched, status.mode
         if status.fault and not latched and status.fault not in _REFUSED and self._begins(status.fault, now_s):
-            yield WARNING, f"{status.message}. {remedy(status.fault)}"
+            yield WARNING, f"{status.message}. {FAULTS[status.fault].advice}"
         for limit in status.limits:
             if self._begins(limit, now_s):
                 level = INFO if limit in _ROUTINE else WARNING
-                yield level, f"limit: {LIMITS[limit].words}{_read(limit, status)}. {remedy(limit)}"
+                yield level, f"limit: {LIMITS[limit].words}{_read(limit, status)}. {LIMITS[limit].advice}"
 
     def _begins(self, name: str, now_s: float) -> bool:
         begins = now_s - self._acted_s.get(name, -inf) >= PAUSE_s

@@ -42,23 +42,23 @@ def markdown() -> str:
         "",
         "All of them clip.",
         "",
-        "| limit | in words | detected by | within |",
-        "|---|---|---|---|",
+        "| limit | in words | detected by | within | what to do |",
+        "|---|---|---|---|---|",
     ]
-    out += [f"| `{e.name}` | {e.words} | {e.detector} | `{e.within}` |" for e in LIMITS.values()]
+    out += [f"| `{e.name}` | {e.words} | {e.detector} | `{e.within}` | {e.remedy} |" for e in LIMITS.values()]
     out += [
         "",
         "## Faults",
         "",
         "In the order in which one is named when several appear in the same step.",
         "",
-        "| fault | in words | detected by | within | action | latches |",
-        "|---|---|---|---|---|---|",
+        "| fault | in words | detected by | within | action | latches | what to do |",
+        "|---|---|---|---|---|---|---|",
     ]
     for e in FAULTS.values():
         action = f"`{e.action_by}`" if e.action_by else e.action.value
         latches = "where off" if e.action_by else "yes" if e.latches else "no"
-        out.append(f"| `{e.name}` | {e.words} | {e.detector} | `{e.within}` | {action} | {latches} |")
+        out.append(f"| `{e.name}` | {e.words} | {e.detector} | `{e.within}` | {action} | {latches} | {e.remedy} |")
     return "\n".join(out) + "\n"
 
 

@@ -40,8 +40,14 @@ class Limit:
 
     name: str
     words: str
+    remedy: str  #: what a person can do about it
     detector: str
     within: Formula  #: longest time [s] from the cause to the action
+
+    @property
+    def advice(self) -> str:
+        """What to do, as a sentence."""
+        return f"{self.remedy}."
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,12 +56,18 @@ class Fault:
 
     name: str
     words: str
+    remedy: str  #: what a person can do about it
     detector: str
     within: Formula  #: longest time [s] from the cause to the action
     action: Action
     latches: bool = False
     while_off: bool = False  #: also latched when it appears while the output is off anyway
     action_by: str = ""  #: the parameter that says the action instead; latched where that is off
+
+    @property
+    def advice(self) -> str:
+        """What to do, in sentences."""
+        return f"{self.remedy}. Then ~/clear_fault and ~/enable." if self.latches else f"{self.remedy}."
 
     @property
     def prevents_enabling(self) -> bool:
@@ -74,6 +86,7 @@ class Guard(Fault, Generic[P]):
 def guard(
     *,
     words: str,
+    remedy: str,
     detector: str,
     within: Formula,
     action: Action,
@@ -88,6 +101,7 @@ def guard(
         return Guard(
             name=look.__name__,
             words=words,
+            remedy=remedy,
             detector=detector,
             within=within,
             action=action,

@@ -31,7 +31,7 @@ def make_driver(make_config):
             make_config(**{"loop.rate": 100.0, "loop.samples_per_block": 10, **(changes or {})})
         )
         driver = Driver(config, supply, daq, RealClock(), **arguments)
-        driver.stand_ins = supply, daq
+        driver.stand_ins, driver.config = (supply, daq), config
         drivers.append(driver)
         return driver
 
@@ -142,6 +142,19 @@ def test_stop_does_not_wait_for_a_daq_that_hangs(make_driver):
     driver.stop()
     assert time.monotonic() - start_s < 1.0
     assert supply.shut_downs == 1
+
+
+def test_a_new_reading_timeout_reaches_the_watchman(make_driver):
+    driver = make_driver(changes={"safety.reading_timeout": 60.0})
+    _, daq = driver.stand_ins
+    driver.start()
+    driver.update(driver.config.replace({"safety.reading_timeout": 0.5}))
+    daq.hang = True
+    assert daq.hanging.wait(SOON_s)
+    end_s = time.monotonic() + SOON_s
+    while "control loop" not in driver.lost_instruments and time.monotonic() < end_s:
+        time.sleep(0.05)
+    assert "safety.reading_timeout is 0.5 s" in driver.lost_instruments["control loop"]
 
 
 def test_stop_does_not_wait_for_a_slow_loop(make_driver):

@@ -22,6 +22,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from sma_actuator.logs.bench_log import read_bench_log
+from sma_actuator.safety.faults import FAULTS
 from sma_msgs_py import setpoint_message, signals_from, status_from, trajectory_message
 
 NAME = "/sma_actuator"
@@ -172,6 +173,44 @@ class TestHolding:
         assert node.ends() == 0
         (file,) = tmp_path.glob("*.csv")
         assert read_bench_log(file, allow_gaps=True)["current_command_A"].max() >= 0.05
+
+
+class TestLog:
+    def test_what_happens_to_the_wire_is_said_once_each_and_one_refusal_does_not_hide_another(
+        self, bench, parameters, start_node, client
+    ):
+        node = start_node(parameters())
+        client.next(f"{NAME}/load", WrenchStamped)
+        client.publish(f"{NAME}/setpoint", setpoint_message(0.0025))
+        client.publish(f"{NAME}/joint_trajectory", trajectory_message("elbow", [0.0], [0.001]))
+        node.says("setpoint refused: the output is off; call ~/enable first")
+        node.says("it moves elbow, this joint is sma_joint")
+        _enabled(client)
+        node.says("the output is on; holding the wire where it is")
+        bench.tell("BENC:FAUL open_wire")
+        fault = _status(client, lambda s: s.fault).fault
+        node.says(FAULTS[fault].advice)
+        bench.tell("BENC:FAUL:CLE")
+        client.spin_until(lambda: client.call(f"{NAME}/clear_fault", Trigger).success, what="clearing")
+        node.says(f"the fault {fault} is cleared; the output stays off until ~/enable")
+        assert node.words.count("holding the wire where it is") == 1
+        assert node.words.count(FAULTS[fault].advice) == 1
+
+    def test_the_status_is_right_at_once_after_activation_and_deactivation(self, parameters, start_node, client):
+        start_node(parameters(autostart=False))
+        statuses = client.listen(f"{NAME}/status", DiagnosticStatus, latched=True)
+        for transition, state in (
+            (Transition.TRANSITION_CONFIGURE, "inactive"),
+            (Transition.TRANSITION_ACTIVATE, "active"),
+            (Transition.TRANSITION_DEACTIVATE, "inactive"),
+        ):
+            assert _transition(client, transition)
+            # The first that is published after the answer, or on the way with it, says the new state.
+            client.spin_until(
+                lambda state=state: statuses and status_from(statuses[-1]).values["lifecycle"] == state, what=state
+            )
+            said = status_from(statuses[-1]).message
+            assert ("the node is inactive" in said) == (state == "inactive"), said
 
 
 class TestServices:

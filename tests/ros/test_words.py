@@ -6,7 +6,6 @@ from sma_actuator.base.signals import Mode, Status
 from sma_actuator.ros.words import ERROR, INFO, MOST_REFUSALS, WARNING, Events, PAUSE_s, Refusals, REPEAT_s
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.limits import LIMITS
-from sma_actuator.safety.remedies import REMEDIES
 
 _HELD = Status(Mode.HOLD, message="holding")
 
@@ -29,7 +28,7 @@ def test_a_latched_fault_is_an_error_with_what_it_read_and_what_to_do_and_its_cl
     _said(events, _HELD)
     fault = Status(Mode.OFF, "open_wire", message="off: the wire is open (6 V and 0.001 A)")
     ((level, sentence),) = _said(events, fault)
-    assert (level, sentence) == (ERROR, f"off: the wire is open (6 V and 0.001 A). {REMEDIES['open_wire']}")
+    assert (level, sentence) == (ERROR, f"off: the wire is open (6 V and 0.001 A). {FAULTS['open_wire'].advice}")
     assert _said(events, fault) == []
     assert _said(events, Status(Mode.OFF)) == [
         (INFO, "the fault open_wire is cleared; the output stays off until ~/enable")
@@ -50,7 +49,9 @@ def test_a_limit_that_flickers_is_said_once_until_it_has_been_away_for_a_while()
     hot = Status(Mode.HOLD, limits=("temperature_derating",), values={"temperature_C": 163.21})
     ((level, sentence),) = _said(events, hot, 1.0)
     assert level == WARNING
-    assert sentence == f"limit: current limit lowered by temperature (163.2 °C). {REMEDIES['temperature_derating']}"
+    assert (
+        sentence == f"limit: current limit lowered by temperature (163.2 °C). {LIMITS['temperature_derating'].advice}"
+    )
     for tenth in range(11, 30):
         assert _said(events, _HELD if tenth % 2 else hot, tenth / 10.0) == []
     assert len(_said(events, hot, 3.0 + PAUSE_s)) == 1
@@ -61,11 +62,15 @@ def test_every_limit_and_passing_fault_is_said():
         ((_, sentence),) = _said(Events(), Status(Mode.OFF, limits=(name,)))
         assert LIMITS[name].words in sentence
     for name in ("reading_not_finite", "estimate_invalid"):
-        assert _said(Events(), Status(Mode.OFF, fault=name, message="words")) == [(WARNING, f"words. {REMEDIES[name]}")]
+        assert _said(Events(), Status(Mode.OFF, fault=name, message="words")) == [
+            (WARNING, f"words. {FAULTS[name].advice}")
+        ]
 
 
-def test_there_is_something_to_do_about_every_fault_and_limit_and_nothing_else():
-    assert set(REMEDIES) == set(FAULTS) | set(LIMITS)
+def test_there_is_something_to_do_about_every_fault_and_limit():
+    for entry in (*FAULTS.values(), *LIMITS.values()):
+        assert entry.advice[0].isupper() and entry.advice.endswith("."), entry.name
+        assert ("~/clear_fault" in entry.advice) == getattr(entry, "latches", False), entry.name
 
 
 def test_instruments_lost_and_found_are_each_said_once_and_not_beside_the_fault_that_says_so():

@@ -2,11 +2,12 @@
 
 A model is a file of its own: the dataclass of its coefficients, registered with
 ``@COEFFICIENTS.register("its model.type")``, which builds the model of a wire and says why it does not
-suit one (:class:`Coefficients`), and the model itself (:class:`StrainModel`).  What fits it to logs is
+suit one (:class:`Coefficients`), and the model itself (:class:`StrainModel`, or :class:`ThermalStrainModel` where it needs
+the power too).  What fits it to logs is
 registered in ``sma_actuator.identify``.
 """
 
-from . import flexinol, furukawa
-from .model import COEFFICIENTS, Coefficients, StrainModel
+from . import flexinol, furukawa, whole_range
+from .model import COEFFICIENTS, Coefficients, StrainModel, ThermalStrainModel
 
-__all__ = ["COEFFICIENTS", "Coefficients", "StrainModel", "flexinol", "furukawa"]
+__all__ = ["COEFFICIENTS", "Coefficients", "StrainModel", "ThermalStrainModel", "flexinol", "furukawa", "whole_range"]

@@ -14,7 +14,7 @@ from sma_actuator.base.signals import Value
 class Coefficients(Protocol):
     """The coefficients of one type of strain model: the section ``model`` of a parameter file."""
 
-    def build(self, wire: Wire) -> StrainModel:
+    def build(self, wire: Wire) -> StrainModel | ThermalStrainModel:
         """The model of ``wire``."""
 
     def mismatches(self, wire: Wire) -> list[str]:
@@ -41,6 +41,36 @@ class StrainModel(Protocol):
 
     def limits_m(self, resistance_Ohm: Value, stress_Pa: Value) -> tuple[Value, Value]:
         """Displacements of the heating and the cooling curve at R and σ, (δ_H, δ_C) [m]; of one sample or of n."""
+
+
+class ThermalStrainModel(Protocol):
+    """A strain model that keeps a heat balance beside the resistance, and says how sure it is of every sample."""
+
+    stress_range_Pa: tuple[float, float]  #: the stresses its coefficients were fitted on
+    displacement_range_m: tuple[float, float]  #: where the wire can be driven to, whatever hangs on it
+    stroke_m: tuple[float, float]  #: the stroke it was fitted on, both ends included
+
+    def reset(self) -> None:
+        """Forget the past: the next sample is that of a wire at rest, in balance with its power."""
+
+    def observe(
+        self, time_s: float, resistance_Ohm: float, stress_Pa: float, heating: bool, power_W: float, ambient_C: float
+    ) -> tuple[float, float, bool]:
+        """Advance by one sample: δ [m], half of its 95 % interval [m], and whether the calibration has seen the like.
+
+        ``ambient_C`` is NaN where it is not measured.
+        """
+
+    def observe_all(
+        self,
+        time_s: np.ndarray,
+        resistance_Ohm: np.ndarray,
+        stress_Pa: np.ndarray,
+        heating: np.ndarray,
+        power_W: np.ndarray,
+        ambient_C: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same of n samples, arrays of shape (n,), by the same kernel, so the numbers are the same."""
 
 
 def _refusal(_name: str, cls: type) -> str:

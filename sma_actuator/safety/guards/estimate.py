@@ -12,6 +12,7 @@ from sma_actuator.safety.timing import ONE_STEP, TWO_STEPS
 
 @guard(
     words="the estimator is outside its region",
+    remedy="Compare load and resistance with what the model was identified on; identify it anew if they left it",
     detector="no estimate within the model's calibration for safety.outside_calibration_time",
     within=parameter_value("safety.outside_calibration_time") + TWO_STEPS,
     action=Action.OFF,
@@ -31,6 +32,7 @@ def estimator_outside(step: Step) -> str:
 
 @guard(
     words="there is no estimate",
+    remedy="Check the readings; the current stays at the bias until there is an estimate",
     detector="the estimate is not finite or of quality INVALID while current flows; becomes estimator_outside when it "
     "lasts",
     within=ONE_STEP,

@@ -14,6 +14,7 @@ OVERRUN_PERIODS = 1.5
 unhandled_exception: Fault = Fault(
     "unhandled_exception",
     words="an exception nobody handled",
+    remedy="This is a defect of the program; please report it with this log",
     detector="the control step, or the driver around it, raises",
     within=ONE_STEP,
     action=Action.OFF,
@@ -24,6 +25,7 @@ unhandled_exception: Fault = Fault(
 node_lost: Fault = Fault(
     "node_lost",
     words="the node is gone",
+    remedy="Look for what keeps the computer busy, or ended the node",
     detector="the driver: the ROS 2 context ended, or the node no longer feeds it",
     within=0.95 + ONE_STEP,
     action=Action.OFF,
@@ -34,6 +36,7 @@ node_lost: Fault = Fault(
 loop_hung: Fault = Fault(
     "loop_hung",
     words="the control loop hangs",
+    remedy="Look for the instrument that does not answer, or what stopped this process",
     detector="the driver's watchman, a thread of its own: no step for safety.reading_timeout",
     within=READING_TIMEOUT + 0.5,
     action=Action.OFF,
@@ -44,6 +47,7 @@ loop_hung: Fault = Fault(
 
 @guard(
     words="the command is not a current",
+    remedy="This is a defect of the controller; please report it with the parameters",
     detector="last gate before the supply: the command is not finite, or below zero",
     within=seconds(0.0),
     action=Action.OFF,
@@ -57,6 +61,7 @@ def command_invalid(wanted_A: float) -> str:
 
 @guard(
     words="the clock jumped",
+    remedy="Look for what stopped this process: a suspended computer, a full processor",
     detector="monotonic time of the loop not finite, running backwards, or ahead by more than "
     "safety.reading_timeout in one step",
     within=ONE_STEP,
@@ -72,6 +77,7 @@ def clock_jump(step: Step) -> str:
 
 @guard(
     words="the control loop overruns",
+    remedy="Lower loop.rate, or take other work off this computer",
     detector="loop.overruns_to_fault steps running, each later than 1.5 periods of loop.rate after the one before",
     within=parameter_value("loop.overruns_to_fault") * READING_TIMEOUT,
     action=Action.OFF,

@@ -30,6 +30,7 @@ def silent(step: Step, last_s: float, what: str) -> str:
 
 @guard(
     words="the DAQ is silent",
+    remedy="Check the DAQ's cable, address and mains",
     detector="no reading for safety.reading_timeout, or the driver reports the connection lost",
     within=READING_TIMEOUT + ONE_STEP,
     action=Action.OFF,
@@ -44,6 +45,7 @@ def daq_lost(step: Step) -> str:
 
 @guard(
     words="a DAQ channel is saturated",
+    remedy="Check the channel's wiring and range, and safety.channel_max_voltage",
     detector="a channel at or beyond ±safety.channel_max_voltage",
     within=TWO_STEPS,
     action=Action.OFF,
@@ -62,6 +64,7 @@ def reading_saturated(step: Step) -> str:
 
 @guard(
     words="a reading is not finite",
+    remedy="Check the DAQ's channels; the current stays at the bias until readings are finite again",
     detector="NaN or infinity in a voltage, load cell or time of a reading; such a reading reaches neither estimator "
     "nor controller, and becomes reading_stale when it lasts",
     within=ONE_STEP,
@@ -77,6 +80,7 @@ def reading_not_finite(step: Step) -> str:
 
 @guard(
     words="the readings are stale",
+    remedy="Check the DAQ's scan: it answers, but with old or unusable readings",
     detector="readings come, but the last finite one with a new time is older than safety.reading_timeout",
     within=READING_TIMEOUT + ONE_STEP,
     action=Action.OFF,
@@ -91,6 +95,7 @@ def reading_stale(step: Step) -> str:
 
 @guard(
     words="a reading is implausible",
+    remedy="Check the taps, the sense resistor and the load cell",
     detector="resistance above safety.resistance_max, load below safety.load_min, or current flowing backwards",
     within=TWO_STEPS,
     action=Action.OFF,
@@ -112,6 +117,7 @@ def reading_implausible(step: Step) -> str:
 
 @guard(
     words="a channel is stuck",
+    remedy="Check that channel's cable and amplifier",
     detector="not one changed digit for safety.stuck_time on a voltage or load cell channel while current flows",
     within=parameter_value("safety.stuck_time") + TWO_STEPS,
     action=Action.OFF,

@@ -21,6 +21,7 @@ FLOOD_BURST_MIN = 10
 
 @guard(
     words="the setpoint is lost",
+    remedy="Send setpoints again, faster than controller.setpoint_timeout",
     detector="no setpoint for controller.setpoint_timeout while tracking (0: never); action "
     "controller.on_setpoint_loss, latched where that is off",
     within=parameter_value("controller.setpoint_timeout") + ONE_STEP,
@@ -38,6 +39,7 @@ def setpoint_stale(age_s: float, config: Config) -> str:
 
 @guard(
     words="all the current there is does not move the wire",
+    remedy="See whether the wire is held fast, slack or fully contracted, and whether the model is still its own",
     detector=f"limit setpoint_reach {TRIES} times running, and the wire never came to where it was backed off to",
     within=(TRIES + 1)
     * longest(
@@ -78,6 +80,7 @@ class Bucket:
 
 @guard(
     words="setpoints flood in",
+    remedy="Find the source that publishes so fast; the last setpoint that was taken stands",
     detector=f"setpoints faster than safety.setpoint_flood_rate, after a burst of {FLOOD_BURST_S:g} s of them (at least "
     f"{FLOOD_BURST_MIN}); those above the rate are refused",
     within=longest(FLOOD_BURST_S, FLOOD_BURST_MIN / parameter_value("safety.setpoint_flood_rate")),
@@ -94,6 +97,7 @@ def setpoint_flood(bucket: Bucket, now_s: float, config: Config) -> str:
 
 @guard(
     words="a setpoint was not finite",
+    remedy="Mend the program that sent it; the last setpoint stands",
     detector="NaN or infinity in a setpoint or trajectory: refused on entry, the last one stands",
     within=seconds(0.0),
     action=Action.HOLD,

@@ -18,6 +18,7 @@ SETTING_TOLERANCE_A = 2e-3
 
 @guard(
     words="a protection of the supply tripped",
+    remedy="Find out what tripped it before anything else: a short, a limit set too low, a hung computer",
     detector="the supply's read-back names OVP, OCP, OTP or WDOG",
     within=TWO_STEPS,
     action=Action.OFF,
@@ -32,6 +33,7 @@ def supply_tripped(step: Step) -> str:
 watchdog_not_held: Fault = Fault(
     "watchdog_not_held",
     words="the supply's watchdog does not hold",
+    remedy="See whether somebody has reset the supply, or locks its front panel",
     detector="on opening the supply, on every ~/enable, and in turn with the limits while driving: the watchdog was armed "
     "and does not read back so; the supply is opened anew, which arms it again",
     within=SETTINGS_CHECKED + ONE_STEP,
@@ -42,6 +44,7 @@ watchdog_not_held: Fault = Fault(
 limits_not_held: Fault = Fault(
     "limits_not_held",
     words="a limit of the supply does not hold",
+    remedy="See who has changed the supply's limits, or reset it; opening it again sets them",
     detector="on opening the supply, on every ~/enable, and in turn while driving: compliance voltage, over-voltage or "
     "over-current trip does not read back as programmed; the supply is opened anew, which programs it again",
     within=SETTINGS_CHECKED + ONE_STEP,
@@ -54,6 +57,7 @@ limits_not_held: Fault = Fault(
 output_not_confirmed: Fault = Fault(
     "output_not_confirmed",
     words="the output is told to be off, not confirmed",
+    remedy="Look at the supply: if its output is on, switch it off by hand",
     detector="the driver: the supply was told to switch off and has not read back that it did",
     within=ONE_STEP,
     action=Action.OFF,
@@ -64,6 +68,7 @@ output_not_confirmed: Fault = Fault(
 
 @guard(
     words="somebody else commands the supply",
+    remedy="Let nobody else touch the supply: no second node, no hand at the front panel",
     detector="current setting or output state reads back as something that was not commanded",
     within=TWO_STEPS,
     action=Action.OFF,
@@ -86,6 +91,7 @@ def second_commander(step: Step) -> str:
 
 @guard(
     words="the supply is silent",
+    remedy="Check the supply's cable, address and mains",
     detector="no finite read-back for safety.reading_timeout, or the driver reports the connection lost",
     within=READING_TIMEOUT + ONE_STEP,
     action=Action.OFF,
@@ -101,6 +107,7 @@ def supply_lost(step: Step) -> str:
 
 @guard(
     words="the supply does not do what it was told",
+    remedy="Compare the supply's display with circuit.reference_resistance and the DAQ's channels",
     detector="measured current off the command by more than safety.current_disagreement for safety.disagreement_time; "
     "also current that flows while the output is off",
     within=parameter_value("safety.disagreement_time") + THREE_STEPS,
@@ -123,6 +130,7 @@ def supply_disagrees(step: Step) -> str:
 
 @guard(
     words="supply and DAQ measure different things",
+    remedy="Compare what the supply displays with the DAQ's channels: one of them is wired wrongly or answers late",
     detector="while current flows: the supply's own measurement off the DAQ's by more than safety.current_disagreement, or "
     "safety.voltage_disagreement, for safety.disagreement_time",
     within=parameter_value("safety.disagreement_time") + THREE_STEPS,

@@ -18,6 +18,7 @@ LEAST_RISE = 0.5
 
 @guard(
     words="the wire is open",
+    remedy="Check the crimps and clamps of the wire, and supply.max_voltage against its resistance",
     detector="voltage at the compliance voltage, supply.max_voltage, with less than safety.open_wire_current_fraction of "
     "the commanded current",
     within=THREE_STEPS,
@@ -41,6 +42,7 @@ def open_wire(step: Step) -> str:
 
 @guard(
     words="the wire is shorted",
+    remedy="Look for what bridges the wire, and compare safety.resistance_min with it",
     detector="resistance below safety.resistance_min (after enabling: once settled at the bias current)",
     within=longest(SETTLING_TIME_S, SETTLING_READINGS / RATE) + TWO_STEPS,
     action=Action.OFF,
@@ -57,6 +59,7 @@ def short(step: Step) -> str:
 
 @guard(
     words="stress above its limit",
+    remedy="Take load off the wire, or correct wire.max_stress and the load cell's calibration",
     detector="stress above wire.max_stress",
     within=TWO_STEPS,
     action=Action.OFF,
@@ -71,6 +74,7 @@ def stress_above_limit(step: Step) -> str:
 
 @guard(
     words="the load jumped",
+    remedy="Look for what knocked or caught the load",
     detector="load changes by more than safety.load_spike from one reading to the next",
     within=TWO_STEPS,
     action=Action.OFF,
@@ -89,6 +93,7 @@ def load_spike(step: Step) -> str:
 
 @guard(
     words="the wire is too hot",
+    remedy="Let the wire cool, and ask less of it; see thermal.max_temperature",
     detector="heat balance on measured power, with heat_loss / heat_loss_margin, above thermal.max_temperature",
     within=TWO_STEPS,
     action=Action.OFF,
@@ -108,6 +113,7 @@ def too_hot(step: Step) -> str:
 
 @guard(
     words="the heat loss is not that of the parameters",
+    remedy="Let air to the wire, or correct thermal.heat_loss and ambient_temperature",
     detector=f"the heat balance says that the wire has cooled, and it stays contracted for {COOLING_TIMES:g} of its time "
     "constants, heat_capacity / heat_loss, or longer: it is enclosed, or the surroundings are warmer than believed "
     "(what a cooling wire shows is in the calibration; without one: never)",
@@ -137,6 +143,7 @@ def heat_loss_wrong(step: Step) -> str:
 
 @guard(
     words="the ambient sensor is not believed",
+    remedy="Check the ambient sensor; thermal.ambient_temperature is taken instead",
     detector="ambient temperature below ambient_temperature − ambient_tolerance, above 100 °C, or below "
     "ambient_temperature without one changed digit for thermal.ambient_stuck_time; ambient_temperature is taken instead. "
     f"Below that, a sensor that falls is followed at {AMBIENT_FALL_K_S:g} K/s",

@@ -1,0 +1,177 @@
+"""What is wanted of the wire: off, held, at a setpoint, along a trajectory, or a setpoint that is lost.
+
+::
+
+        enable               setpoint                  timeout
+    OFF ──────▶ HOLDING ──┬────────────▶ TRACKING ──┬──────────▶ LOST_HOLDING ──┐
+                          │ trajectory              │ (as the    or             │
+                          ├────────────▶ FOLLOWING ─┘ parameters LOST_AT_BIAS ──┤
+                          │                           say)                      │
+                          └────────────────── setpoint, trajectory ─────────────┘
+
+A setpoint or trajectory takes the place of the one before; ``stop`` leads from every driven state to
+HOLDING, and ``off`` to OFF.
+
+Beside its state it remembers one more thing, whether the controller is to begin ``anew``: from the
+present position and current, as soon as these are known.  A wire that is to be held is held there.
+Nothing is measured and nothing supervised here: who does so tells what has happened.
+"""
+
+from __future__ import annotations
+
+import enum
+from math import nan
+
+from sma_actuator.base.signals import Mode
+
+from .setpoints import Trajectory
+
+
+class State(enum.Enum):
+    """What is wanted."""
+
+    OFF = "off"
+    HOLDING = "holding"  #: where the wire was when the controller began
+    TRACKING = "tracking"  #: the last setpoint
+    FOLLOWING = "following"  #: a trajectory, and after its end its last point
+    LOST_HOLDING = "lost, holding"  #: the setpoint is lost: where the wire was then
+    LOST_AT_BIAS = "lost, at bias"  #: the setpoint is lost: no position, only the bias current
+
+
+class Event(enum.Enum):
+    """What may happen."""
+
+    ENABLE = "enable"
+    OFF = "off"  #: by hand, or a fault that latches
+    SETPOINT = "setpoint"
+    TRAJECTORY = "trajectory"  #: one that begins now
+    STOP = "stop"  #: the motion ends where the wire is: asked for, or the estimator begins anew
+    TIMEOUT_HOLD = "timeout: hold"
+    TIMEOUT_BIAS = "timeout: bias"
+
+
+_DRIVEN = tuple(state for state in State if state is not State.OFF)
+_MOVING = (State.TRACKING, State.FOLLOWING)
+#: (event, the states in which it does something, the state after it, the states from which the controller begins anew).
+#: In any other state an event does nothing.
+TRANSITIONS: tuple[tuple[Event, tuple[State, ...], State, tuple[State, ...]], ...] = (
+    (Event.ENABLE, (State.OFF,), State.HOLDING, (State.OFF,)),
+    (Event.OFF, _DRIVEN, State.OFF, ()),
+    (Event.SETPOINT, _DRIVEN, State.TRACKING, (State.LOST_AT_BIAS,)),
+    (Event.TRAJECTORY, _DRIVEN, State.FOLLOWING, (State.LOST_AT_BIAS,)),
+    (Event.STOP, _DRIVEN, State.HOLDING, _DRIVEN),
+    (Event.TIMEOUT_HOLD, _MOVING, State.LOST_HOLDING, _MOVING),
+    (Event.TIMEOUT_BIAS, _MOVING, State.LOST_AT_BIAS, _MOVING),
+)
+_NEXT = {(state, event): (after, state in anew) for event, states, after, anew in TRANSITIONS for state in states}
+
+
+class Commanding:
+    """The state, and what goes with it: setpoint, trajectories and why a setpoint is lost."""
+
+    def __init__(self) -> None:
+        self.state = State.OFF
+        self.anew = False  #: the controller is to begin from the present position and current
+        self._forget()
+
+    def _forget(self) -> None:
+        self.lost = ""  #: why the setpoint counts as lost
+        self._position_m = nan
+        self._heard_s = nan  #: when the last setpoint came, or a trajectory last ran
+        self._motion: tuple[float, Trajectory] | None = None  #: start, and what is followed
+        self._awaited: tuple[float, Trajectory] | None = None  #: one whose start is still to come
+
+    def _take(self, event: Event) -> bool:
+        """Go where the table says; whether it says anything."""
+        if (self.state, event) not in _NEXT:
+            return False
+        self.state, anew = _NEXT[self.state, event]
+        self.anew = self.state is not State.OFF and (self.anew or anew)
+        return True
+
+    # --- what has happened -------------------------------------------------------------------------
+
+    def enable(self) -> None:
+        """The output goes on; the wire is held where it is."""
+        self._take(Event.ENABLE)
+
+    def switch_off(self) -> None:
+        """The output goes off: nothing that was wanted stands any more."""
+        if self._take(Event.OFF):
+            self._forget()
+
+    def stop(self) -> None:
+        """The motion ends where the wire is."""
+        if self._take(Event.STOP):
+            self._forget()
+
+    def track(self, now_s: float, position_m: float) -> None:
+        """A setpoint has come; it takes the place of a trajectory, and of one that is awaited."""
+        if self._take(Event.SETPOINT):
+            self._position_m, self._motion = position_m, None
+            self._hear(now_s)
+
+    def follow(self, now_s: float, trajectory: Trajectory, delay_s: float) -> None:
+        """A trajectory has come that begins ``delay_s`` after now, or began before; until then all stays as it is."""
+        if self.state is State.OFF:
+            return
+        if delay_s > 0.0:
+            self._awaited = (now_s + delay_s, trajectory)
+        else:
+            self._begin_motion(now_s, (now_s + delay_s, trajectory))
+
+    def advance(self, now_s: float) -> None:
+        """Time has passed: a trajectory that was awaited begins, and one that runs counts as a setpoint of now."""
+        if self._awaited is not None and now_s >= self._awaited[0]:
+            self._begin_motion(now_s, self._awaited)
+        if self._motion is not None and now_s - self._motion[0] < self._motion[1].duration_s:
+            self._heard_s = now_s
+
+    def lose(self, why: str, at_bias: bool) -> None:
+        """No setpoint has come for too long: the wire is held, or relaxes ``at_bias``, until the next."""
+        if self._take(Event.TIMEOUT_BIAS if at_bias else Event.TIMEOUT_HOLD):
+            self.lost, self._motion = why, None
+
+    def begun(self, position_m: float) -> None:
+        """The controller has begun anew, with the wire at ``position_m``."""
+        self.anew = False
+        if self.mode is Mode.HOLD:
+            self._position_m = position_m
+
+    def _begin_motion(self, now_s: float, motion: tuple[float, Trajectory]) -> None:
+        if self._take(Event.TRAJECTORY):
+            self._motion = motion
+            self._hear(now_s)
+
+    def _hear(self, now_s: float) -> None:
+        self._heard_s, self._awaited, self.lost = now_s, None, ""
+
+    # --- what is wanted now ------------------------------------------------------------------------
+
+    @property
+    def mode(self) -> Mode:
+        """The state as the status tells it."""
+        if self.state is State.OFF:
+            return Mode.OFF
+        return Mode.TRACKING if self.state in _MOVING else Mode.HOLD
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether current is to flow."""
+        return self.state is not State.OFF
+
+    @property
+    def wants_position(self) -> bool:
+        """Whether the controller has a position to reach; else the bias current is all that is wanted."""
+        return self.state not in (State.OFF, State.LOST_AT_BIAS)
+
+    def position_m(self, now_s: float) -> float:
+        """Where the wire should be; NaN where that is not known (yet)."""
+        if self._motion is not None:
+            start_s, trajectory = self._motion
+            return trajectory(now_s - start_s)
+        return self._position_m
+
+    def silent_s(self, now_s: float) -> float:
+        """Time since a setpoint was last heard of."""
+        return now_s - self._heard_s

@@ -1,0 +1,451 @@
+"""The whole range: what a resistance means at a temperature, and a small learned rest (docs/models.md).
+
+The thesis's models leave out the ends of the stroke, where resistance moves with temperature and displacement
+does not.  Here a heat balance stands beside the resistance.  It keeps the wire's *heat content* as a temperature,
+
+    E = T - λ_R R - λ_X X,     dE/dt = (P/h - G x) / τ,     x = T - T_ambient,     G = 1 + g max(x, 0),
+
+with the latent heat in λ_R and λ_X, where X is how far δ lies between the ends of the stroke at the present stress.
+E is an integral of power: δ enters only through the heat lost, so that an error of δ cannot run in a circle with the
+temperature that is made of it.  What the estimate sees is
+
+* R, σ and an apparent temperature θ = E + λ_θ R,
+* how far θ, less what stress adds to it, has come from its last turns: plays of several widths [K],
+* how far R has come from its own: plays of several widths [Ω].
+
+A *physical curve*, the mixture rule of the phases solved for δ, is a quadratic in (R, σ, θ): a resistance
+corrected for temperature.  A *residual*, smooth and bounded, is learned for what is left: the mean of a few learners
+with one layer of tanh each.  How far they are apart says how sure they are.
+Outside what the calibration has seen it fades away, and the estimate says so.
+
+Everything is one kernel for one sample; a log is a loop over it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, isfinite, nan, sqrt, tanh
+
+import numpy as np
+
+from sma_actuator.base.jit import jit
+from sma_actuator.base.parameters import parameter
+
+from .checks import wrong_ranges, wrong_size
+from .model import COEFFICIENTS
+
+DIRECT = 3  #: features that are no plays: R, σ, θ
+CURVE_TERMS = 10  #: of a quadratic in them
+(
+    TIME_CONSTANT_s,
+    LOSS_GROWTH_1_K,
+    HEAT_LOSS_W_K,
+    LATENT_K_Ohm,
+    LATENT_K,
+    APPARENT_K_Ohm,
+    WIDE_K_Pa,
+    NARROW_K_Pa,
+) = range(8)
+THERMAL = 8  #: numbers of the heat balance, in this order
+NARROW = 2  #: so many of the plays in temperature, the first, are shifted by stress as the narrow loop is
+# What is remembered: time, heat content, resistance and X of the sample before, then the plays.
+_TIME, _HEAT, _RESISTANCE, _SHARE, _PLAYS = range(5)
+# Limits: δ at the two ends of what was seen, size of the residual, novelty beyond which it fades, what is added to the
+# learners' spread before it counts, half-width of the interval of the physical curve alone.
+_LOWEST, _HIGHEST, _LARGEST, _EDGE, _FLOOR, _CURVE_WIDTH = range(6)
+_START_PASSES = 5
+_PER_RANGE = 4.0  #: a feature that lies beyond its range by a quarter of it is as strange as twice the edge
+_STILL_SEEN = 0.9  #: share of the residual below which the quality says that it fades
+
+
+@jit
+def heat_rise(power, thermal):
+    """Temperature above ambient [K] at which the wire loses ``power``."""
+    rise = power / thermal[HEAT_LOSS_W_K]
+    growth = thermal[LOSS_GROWTH_1_K]
+    if growth > 0.0 and rise > 0.0:
+        rise = (sqrt(1.0 + 4.0 * growth * rise) - 1.0) / (2.0 * growth)
+    return rise
+
+
+@jit
+def share_of_stroke(displacement, stress, ends):
+    """How far δ lies between the hot end (0) and the cold end (1) at a stress; ``ends`` (2, 3), quadratics in stress."""
+    hot = ends[0, 0] + stress * (ends[0, 1] + stress * ends[0, 2])
+    cold = ends[1, 0] + stress * (ends[1, 1] + stress * ends[1, 2])
+    return min(max((displacement - hot) / (cold - hot), 0.0), 1.0)
+
+
+@jit
+def at_rest(time, power, ambient, resistance, share, thermal, state):
+    """Start in balance with ``power`` at a share of the stroke; the plays start with the first sample."""
+    temperature = ambient + heat_rise(power, thermal)
+    state[_TIME] = time
+    state[_HEAT] = temperature - thermal[LATENT_K_Ohm] * resistance - thermal[LATENT_K] * share
+    state[_RESISTANCE] = resistance
+    state[_SHARE] = share
+    state[_PLAYS] = nan
+
+
+@jit
+def features(time, power, ambient, resistance, stress, thermal, widths_K, widths_Ohm, state, out):
+    """What the estimate sees of one sample, ``out`` (DIRECT + plays,); all of ``state`` but the share X moves on.
+
+    That of the sample before is in ``state``, where the caller puts it.
+    """
+    step = max(time - state[_TIME], 0.0)
+    temperature = state[_HEAT] + thermal[LATENT_K_Ohm] * state[_RESISTANCE] + thermal[LATENT_K] * state[_SHARE]
+    rise = temperature - ambient
+    loss = 1.0 + thermal[LOSS_GROWTH_1_K] * max(rise, 0.0)
+    gained = 1.0 - exp(-step * loss / thermal[TIME_CONSTANT_s])
+    state[_HEAT] += gained * (power / thermal[HEAT_LOSS_W_K] / loss - rise)
+    state[_TIME] = time
+    state[_RESISTANCE] = resistance
+    apparent = state[_HEAT] + thermal[APPARENT_K_Ohm] * resistance
+    out[0] = resistance
+    out[1] = stress
+    out[2] = apparent
+    first = state[_PLAYS] != state[_PLAYS]  # NaN
+    count = len(widths_K)
+    for k in range(count):
+        shifted = apparent - stress * (thermal[NARROW_K_Pa] if k < NARROW else thermal[WIDE_K_Pa])
+        if first:  # at rest the wire has come from where it was hotter
+            state[_PLAYS + k] = shifted + widths_K[k]
+        state[_PLAYS + k] = min(max(state[_PLAYS + k], shifted - widths_K[k]), shifted + widths_K[k])
+        out[DIRECT + k] = shifted - state[_PLAYS + k]
+    for k in range(len(widths_Ohm)):
+        place = _PLAYS + count + k
+        if first:
+            state[place] = resistance
+        state[place] = min(max(state[place], resistance - widths_Ohm[k]), resistance + widths_Ohm[k])
+        out[DIRECT + count + k] = resistance - state[place]
+
+
+@jit
+def features_all(time, power, ambient, resistance, stress, share, first, thermal, widths_K, widths_Ohm, state, out):
+    """``features`` of n samples whose share of the stroke is known; a log begins where ``first``."""
+    for i in range(len(time)):
+        if first[i]:
+            at_rest(time[i], power[i], ambient[i], resistance[i], share[i], thermal, state)
+        features(time[i], power[i], ambient[i], resistance[i], stress[i], thermal, widths_K, widths_Ohm, state, out[i])
+        state[_SHARE] = share[i]
+
+
+@jit
+def _quadratic(z, c):
+    """A quadratic in the first three of ``z``, of :data:`CURVE_TERMS` coefficients."""
+    return (
+        c[0]
+        + c[1] * z[0]
+        + c[2] * z[1]
+        + c[3] * z[2]
+        + c[4] * z[0] * z[0]
+        + c[5] * z[1] * z[1]
+        + c[6] * z[2] * z[2]
+        + c[7] * z[0] * z[1]
+        + c[8] * z[0] * z[2]
+        + c[9] * z[1] * z[2]
+    )
+
+
+@jit
+def _learned(z, linear, hidden, bias, output, out):
+    """What was learned, into ``out``: the mean of the learners, and how far they are apart.
+
+    Each has a quadratic in what is seen directly, a line in the plays, and its share of the tanh units.
+    """
+    learners = linear.shape[0]
+    units = len(bias) // learners
+    mean = 0.0
+    square = 0.0
+    for i in range(learners):
+        value = _quadratic(z, linear[i])
+        for j in range(DIRECT, len(z)):
+            value += linear[i, CURVE_TERMS + j - DIRECT] * z[j]
+        for k in range(i * units, (i + 1) * units):
+            inner = bias[k]
+            for j in range(len(z)):
+                inner += hidden[k, j] * z[j]
+            value += output[k] * tanh(inner)
+        change = value - mean
+        mean += change / (i + 1)
+        square += change * (value - mean)
+    out[0] = mean
+    out[1] = sqrt(square / learners)
+
+
+@jit
+def _strangeness(seen, z, whitening, edge, low, high):
+    """How unlike the calibration a sample is: above 1 where it lies beyond all that was seen.
+
+    By the distance in features made white, and by each feature's own range.
+    """
+    square = 0.0
+    beyond = 0.0
+    for i in range(len(z)):
+        along = 0.0
+        for j in range(i + 1):
+            along += whitening[i, j] * z[j]
+        square += along * along
+        beyond = max(beyond, max(low[i] - seen[i], seen[i] - high[i]) / (high[i] - low[i]))
+    return max(sqrt(square) / edge, 1.0 + _PER_RANGE * beyond if beyond > 0.0 else 0.0)
+
+
+@jit
+def _half_width(displacement, heating, widths, lowest, highest):
+    """Half of the 95 % interval on a branch, in units of the learners' spread; linear between equally spaced places."""
+    last = widths.shape[1] - 1
+    place = min(max((displacement - lowest) / (highest - lowest), 0.0), 1.0) * last
+    below = min(int(place), last - 1)
+    row = 1 if heating else 0
+    return widths[row, below] + (place - below) * (widths[row, below + 1] - widths[row, below])
+
+
+@jit
+def _estimate(
+    heating, seen, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths, z, out
+):
+    """δ, half of its 95 % interval and the share of the residual in it, into ``out``, from the features ``seen``."""
+    for j in range(len(seen)):
+        z[j] = (seen[j] - centre[j]) / scale[j]
+    lowest = limits[_LOWEST]
+    highest = limits[_HIGHEST]
+    slack = 0.05 * (highest - lowest)
+    physical = min(max(_quadratic(z, curve), lowest - slack), highest + slack)
+    _learned(z, linear, hidden, bias, output, out)
+    residual = limits[_LARGEST] * tanh((out[0] - physical) / limits[_LARGEST])
+    spread = out[1]
+    strangeness = _strangeness(seen, z, whitening, limits[_EDGE], low, high)
+    share = 1.0 if strangeness <= 1.0 else exp(2.0 * (1.0 - strangeness))
+    displacement = min(max(physical + share * residual, lowest - slack), highest + slack)
+    width = _half_width(displacement, heating, widths, lowest, highest) * (limits[_FLOOR] + spread)
+    out[0] = displacement
+    out[1] = share * width + (1.0 - share) * max(limits[_CURVE_WIDTH], width)
+    out[2] = share
+
+
+@jit
+def advance(
+    time, power, ambient, resistance, stress, heating, state,
+    thermal, ends, widths_K, widths_Ohm, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths,
+    seen, z, out,
+):  # fmt: skip
+    """One sample: δ [m], half of its 95 % interval [m] and the share of the residual, into ``out`` (3,)."""
+    if state[_TIME] != state[_TIME]:  # NaN
+        # At rest: the place that agrees with the temperature that is made of it.
+        share = 1.0
+        for _ in range(_START_PASSES):
+            at_rest(time, power, ambient, resistance, share, thermal, state)
+            features(time, power, ambient, resistance, stress, thermal, widths_K, widths_Ohm, state, seen)
+            _estimate(
+                heating,
+                seen,
+                limits,
+                centre,
+                scale,
+                low,
+                high,
+                whitening,
+                curve,
+                linear,
+                hidden,
+                bias,
+                output,
+                widths,
+                z,
+                out,
+            )
+            share = share_of_stroke(out[0], stress, ends)
+        at_rest(time, power, ambient, resistance, share, thermal, state)
+    features(time, power, ambient, resistance, stress, thermal, widths_K, widths_Ohm, state, seen)
+    _estimate(
+        heating, seen, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths, z, out
+    )
+    state[_SHARE] = share_of_stroke(out[0], stress, ends)
+
+
+@jit
+def advance_all(
+    time, power, ambient, resistance, stress, heating, state,
+    thermal, ends, widths_K, widths_Ohm, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths,
+    seen, z, out,
+):  # fmt: skip
+    """``advance`` over n samples, ``out`` (n, 3)."""
+    for i in range(len(time)):
+        advance(
+            time[i], power[i], ambient[i], resistance[i], stress[i], heating[i], state,
+            thermal, ends, widths_K, widths_Ohm, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths,
+            seen, z, out[i],
+        )  # fmt: skip
+
+
+class WholeRangeModel:
+    """The model of one wire; see :class:`sma_actuator.estimation.models.ThermalStrainModel`."""
+
+    def __init__(self, coefficients: WholeRangeCoefficients):
+        c = coefficients
+        self.stress_range_Pa = tuple(c.stress_range)
+        self.displacement_range_m = tuple(c.displacement_range)
+        self.stroke_m = tuple(c.stroke)
+        self._ambient_C = c.ambient_temperature
+        n = len(c.feature_centre)
+        whitening = np.zeros((n, n))
+        whitening[np.tril_indices(n)] = c.novelty
+        self._coefficients = (
+            np.array(c.thermal),
+            np.array([c.hot_end, c.cold_end]),
+            np.array(c.play_widths_K),
+            np.array(c.play_widths_Ohm),
+            np.array([*c.stroke, c.largest_residual, c.novelty_edge, c.spread_floor, c.curve_interval]),
+            np.array(c.feature_centre),
+            np.array(c.feature_scale),
+            np.array(c.feature_low),
+            np.array(c.feature_high),
+            whitening,
+            np.array(c.curve),
+            np.array(c.linear).reshape(c.learners, -1),
+            np.array(c.hidden).reshape(len(c.bias), n),
+            np.array(c.bias),
+            np.array(c.output),
+            np.array(c.intervals).reshape(2, -1),
+            np.zeros(n),
+            np.zeros(n),
+        )
+        self._state = np.zeros(_PLAYS + n - DIRECT)
+        self._out = np.zeros(3)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past: the next sample is that of a wire at rest, in balance with its power."""
+        self._state[:] = nan
+
+    def observe(
+        self, time_s: float, resistance_Ohm: float, stress_Pa: float, heating: bool, power_W: float, ambient_C: float
+    ) -> tuple[float, float, bool]:
+        """Advance by one sample: δ [m], half of its 95 % interval [m], and whether the calibration has seen the like."""
+        ambient_C = ambient_C if isfinite(ambient_C) else self._ambient_C
+        out = self._out
+        advance(time_s, power_W, ambient_C, resistance_Ohm, stress_Pa, heating, self._state, *self._coefficients, out)
+        return float(out[0]), float(out[1]), bool(out[2] > _STILL_SEEN)
+
+    def observe_all(
+        self,
+        time_s: np.ndarray,
+        resistance_Ohm: np.ndarray,
+        stress_Pa: np.ndarray,
+        heating: np.ndarray,
+        power_W: np.ndarray,
+        ambient_C: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same of n samples, arrays of shape (n,), by the same kernel."""
+        out = np.empty((len(time_s), 3))
+        ambient_C = np.where(np.isfinite(ambient_C), ambient_C, self._ambient_C)
+        advance_all(
+            time_s, power_W, ambient_C, resistance_Ohm, stress_Pa, heating, self._state, *self._coefficients, out
+        )
+        return out[:, 0].copy(), out[:, 1].copy(), out[:, 2] > _STILL_SEEN
+
+
+@COEFFICIENTS.register("whole_range")
+@dataclass(frozen=True, slots=True)
+class WholeRangeCoefficients:
+    """Heat balance, physical curve and learned residual of one particular wire; features are in the order
+    R [Ω], σ [Pa], θ [K], plays of θ [K], plays of R [Ω]."""
+
+    calibrated_length: float = parameter(
+        description="length of the wire the coefficients were fitted on", unit="m", lo=0.005, hi=20.0
+    )
+    calibrated_diameter: float = parameter(description="its diameter", unit="m", lo=10e-6, hi=2e-3)
+    thermal: tuple[float, ...] = parameter(
+        description="time constant [s], growth of the heat loss [1/K], heat loss [W/K], λ_R [K/Ω], λ_X [K], "
+        "λ_θ [K/Ω], shift of wide and of narrow plays with stress [K/Pa]"
+    )
+    hot_end: tuple[float, ...] = parameter(description="δ where all is austenite, quadratic in stress [Pa]", unit="m")
+    cold_end: tuple[float, ...] = parameter(description="δ where it is cold, likewise", unit="m")
+    ambient_temperature: float = parameter(
+        description="temperature of the surroundings where none is measured", unit="°C", lo=-60.0, hi=100.0
+    )
+    play_widths_K: tuple[float, ...] = parameter(description="half-widths of the plays in temperature", unit="K")
+    play_widths_Ohm: tuple[float, ...] = parameter(description="half-widths of the plays in resistance", unit="Ω")
+    feature_centre: tuple[float, ...] = parameter(description="mean of each feature in the calibration")
+    feature_scale: tuple[float, ...] = parameter(description="its standard deviation", lo=1e-30)
+    feature_low: tuple[float, ...] = parameter(description="what it was at least, less a tenth of its range")
+    feature_high: tuple[float, ...] = parameter(description="what it was at most, and a tenth of its range")
+    novelty: tuple[float, ...] = parameter(
+        description="lower triangle, row by row, that makes features white and their 95 % distance 1"
+    )
+    novelty_edge: float = parameter(description="novelty beyond which the residual fades", unit="1", lo=1e-3, hi=1e6)
+    curve: tuple[float, ...] = parameter(description="physical curve, quadratic in scaled R, σ, θ", unit="m")
+    learners: int = parameter(3, "learners, of which the mean is taken", "1", 1, 100)
+    linear: tuple[float, ...] = parameter(
+        description="learned: the same and a line in the plays, learner after learner", unit="m"
+    )
+    hidden: tuple[float, ...] = parameter(
+        description="learned: weights of the tanh units, learner after learner, unit by unit", unit="1"
+    )
+    bias: tuple[float, ...] = parameter(description="learned: its biases", unit="1")
+    output: tuple[float, ...] = parameter(description="learned: weight of each tanh", unit="m")
+    largest_residual: float = parameter(description="bound of the residual", unit="m", lo=1e-12, hi=1.0)
+    intervals: tuple[float, ...] = parameter(
+        description="half of the 95 % interval over the spread of the learners and its floor, at equally spaced "
+        "displacements over the range, cooling, then heating",
+        unit="1",
+        lo=0.0,
+    )
+    spread_floor: float = parameter(
+        description="what is added to the spread of the learners for the interval", unit="m", lo=1e-12, hi=1.0
+    )
+    curve_interval: float = parameter(
+        description="half of the 95 % interval of the physical curve alone", unit="m", lo=0.0, hi=10.0
+    )
+    stress_range: tuple[float, ...] = parameter(
+        description="lowest and highest stress of the calibration", unit="Pa", lo=-1e9, hi=1e9
+    )
+    displacement_range: tuple[float, ...] = parameter(
+        description="where the wire can be driven to, whatever hangs on it", unit="m", lo=-10.0, hi=10.0
+    )
+    stroke: tuple[float, ...] = parameter(
+        description="the stroke that the calibration has seen, both ends included", unit="m", lo=-10.0, hi=10.0
+    )
+
+    def mismatches(self, wire) -> list[str]:
+        """Why these coefficients do not suit ``wire``."""
+        return [
+            *wrong_size(self.calibrated_length, self.calibrated_diameter, wire),
+            *wrong_ranges(
+                stress_range=self.stress_range, displacement_range=self.displacement_range, stroke=self.stroke
+            ),
+            *self._wrong_lengths(),
+        ]
+
+    def _wrong_lengths(self) -> list[str]:
+        plays = len(self.play_widths_K) + len(self.play_widths_Ohm)
+        n, m = DIRECT + plays, len(self.bias)
+        wanted = {
+            "thermal": THERMAL,
+            "hot_end": 3,
+            "cold_end": 3,
+            "feature_centre": n,
+            "feature_scale": n,
+            "feature_low": n,
+            "feature_high": n,
+            "novelty": n * (n + 1) // 2,
+            "curve": CURVE_TERMS,
+            "linear": self.learners * (CURVE_TERMS + plays),
+            "hidden": m * n,
+            "output": m,
+        }
+        problems = [
+            f"model.{name}: {len(getattr(self, name))} numbers, but {count} are wanted with these plays and biases"
+            for name, count in wanted.items()
+            if len(getattr(self, name)) != count
+        ]
+        if m % self.learners:
+            problems.append(f"model.bias: {m} numbers, which are not shared equally by {self.learners} learners")
+        if len(self.intervals) % 2 or len(self.intervals) < 4:
+            problems.append(f"model.intervals: {len(self.intervals)} numbers, but two rows of equal length are wanted")
+        return problems
+
+    def build(self, wire) -> WholeRangeModel:
+        """The model of the wire the coefficients were fitted on."""
+        return WholeRangeModel(self)

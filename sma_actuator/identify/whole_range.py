@@ -1,0 +1,529 @@
+"""Coefficients of the whole-range model: heat balance and learned residual together, judged on what they did not see.
+
+The fit is a damped Gauss-Newton (Levenberg-Marquardt) with a robust loss, from a start that a fixed seed gives: the
+same logs give the same numbers.  The heat balance's numbers are fitted with the weights, each drawn to what is known
+of such wires.  While they are fitted the displacement that the heat balance sees is the measured one.
+
+It is judged three times over by logs left out and three times over by cycles left out, the weights learned afresh
+each time.  The intervals are the errors of the logs left out over the spread of the learners (normalised conformal
+prediction, for every place and branch).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_actuator.estimation.models.whole_range import (
+    CURVE_TERMS,
+    DIRECT,
+    THERMAL,
+    WholeRangeCoefficients,
+    features_all,
+)
+
+from .fitting import predict
+from .ranges import distinct_stresses
+from .traces import IdentificationError, Trace
+
+LEARNERS = 3
+UNITS = 10  #: tanh units of each
+PLAYS_K = (1.5, 3.0, 5.0, 8.0, 12.0)  #: half-widths; loops of Ni-Ti and Ni-Ti-Cu are 4 to 25 K wide
+PLAYS_OF_RANGE = (0.03, 0.10, 0.25)  #: half-widths of the plays in resistance, as shares of its range
+PLACES = 6  #: at which the interval is stated, on either branch
+FOLDS = 3
+JOINT_UNITS = 14  #: of the one learner that the heat balance is fitted with
+JOINT_ITERATIONS, ITERATIONS, HELD_OUT_ITERATIONS = 60, 100, 40
+EVERY = 3  #: the heat balance moves in every third iteration: it costs eight runs through the logs
+MOST_ROWS = 9000  #: that a fit sees; logs of more are thinned
+SHORTEST_STEP_s = 0.045  #: readings closer together are averaged: they say the same
+ROBUST = 1.0  #: % of the full stroke beyond which an error counts linearly
+SHRINKAGE = 0.3  #: of the weights, in squared % of the full stroke
+#: A heat balance fitted to pulses is off by some tenths of a kelvin or more when the wire is driven otherwise.  Copies of
+#: the logs with such an error [K] teach the learners not to lean on it where the resistance says more; copies with the
+#: other one are for the intervals alone.
+LEARNED_ERROR_K, JUDGED_ERROR_K = 0.5, 1.5
+COVERAGE = 0.95
+_PLACE_WIDTH = 0.8  #: of the window around a place, in distances of places
+
+# What is known of wires before a log is seen, and how far it may be off: time constant (share of C/h), growth of the
+# loss, λ_R (K per range of R), λ_X (latent over specific heat, 20 to 35 K), λ_θ, 1/slopes (K/MPa).
+_KNOWN = np.array([1.0, 0.002, 3.0, 26.0, 24.0, 0.125, 0.07])
+_UNSURE = np.array([0.2, 0.0015, 3.0, 5.0, 6.0, 0.025, 0.02])
+_LEAST = np.array([0.2, 0.0, -30.0, 0.0, -60.0, 0.02, 0.02])
+_MOST = np.array([5.0, 0.03, 60.0, 120.0, 90.0, 0.5, 0.5])
+_PRIOR_WEIGHT = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """Errors of the model and of its physical curve where they were not fitted, mean absolute, % of full stroke."""
+
+    logs_percent: float  #: logs left out
+    cycles_percent: float  #: cycles left out
+    curve_percent: float  #: physical curve alone, logs left out
+    regions: dict[str, float]  #: cycles left out, by region (:func:`regions`)
+
+
+@dataclass(frozen=True, slots=True)
+class WholeRangeFit:
+    """What was found, and how good it is where it was not fitted."""
+
+    coefficients: WholeRangeCoefficients
+    held_out: HeldOut
+
+
+def fit_whole_range(
+    traces: Sequence[Trace], config, progress: Callable[[float], None] = lambda fraction: None
+) -> WholeRangeFit:
+    """Fit to all loads, pulses and partial cycles together.  ``config``: the bench's parameters.
+
+    Raises IdentificationError where fewer than three loads were measured.
+    """
+    data = _Data(traces, config)
+    known, centre, scale = _heat_balance(data, lambda share: progress(0.4 * share))
+    z = (data.features(known)[data.rows] - centre) / scale
+    by_log = _errors_left_out(z, data, data.log_fold[data.rows])
+    progress(0.6)
+    by_cycle = _errors_left_out(z, data, data.cycle[data.rows] % FOLDS)
+    progress(0.8)
+    team = _Team(z[data.learned], data.displacement[data.rows[data.learned]], ITERATIONS)
+    coefficients = _coefficients(data, known, z, (centre, scale), team, by_log)
+    progress(1.0)
+    measured = data.measured
+    errors = [np.abs(e[measured]) for e in (by_log.error, by_cycle.error, by_log.curve_error)]
+    partial = np.repeat([t.kind == "partial" for t in traces], data.lengths)[data.rows[measured]]
+    held_out = HeldOut(
+        *(float(e.mean()) for e in errors),
+        regions=regions(data.displacement[data.rows[measured]], partial, errors[1]),
+    )
+    return WholeRangeFit(coefficients, held_out)
+
+
+def regions(place: np.ndarray, partial: np.ndarray, size: np.ndarray) -> dict[str, float]:
+    """Mean of ``size`` at either end of the stroke (a tenth of it), between them, and in logs of partial cycles."""
+    low, high = np.percentile(place, (0.5, 99.5))
+    hot, cold = place < low + 0.1 * (high - low), place > high - 0.1 * (high - low)
+    chosen = {"hot end": hot, "cold end": cold, "between": ~hot & ~cold, "partial cycles": partial}
+    return {name: float(size[rows].mean()) for name, rows in chosen.items() if rows.any()}
+
+
+def beside_the_thesis(traces: Sequence[Trace], thesis, found: WholeRangeFit, full_stroke_m: float) -> str:
+    """Which of the two to take, and why: one sentence.
+
+    ``thesis`` is a model of the thesis fitted on the very logs it is judged on; the whole-range model is judged on
+    cycles left out, so what speaks for it is not the fit.
+    """
+    measured_m = np.concatenate([t.displacement_m for t in traces])
+    size = np.abs(predict(thesis, traces) - measured_m) / full_stroke_m * 100.0
+    good = np.isfinite(size)
+    partial = np.repeat([t.kind == "partial" for t in traces], [len(t.displacement_m) for t in traces])
+    theirs = regions(measured_m[good], partial[good], size[good])
+    ours = found.held_out.regions
+    words = ", ".join(f"{name} {ours[name]:.2f} against {theirs[name]:.2f} %" for name in ours if name in theirs)
+    worse = [name for name in ours if name in theirs and ours[name] > theirs[name]]
+    if not worse:
+        return f"take whole_range: on cycles left out it is better in every region than the thesis's model ({words})"
+    if found.held_out.cycles_percent < float(size[good].mean()):
+        return f"take whole_range, but not for its sake at {' and '.join(worse)}, where the thesis's model is better ({words})"
+    return f"take the thesis's model: on cycles left out whole_range is worse ({words}); it may want more logs"
+
+
+class _Data:
+    """The logs' samples one after the other, thinned to what a fit needs; displacement in % of the full stroke."""
+
+    def __init__(self, traces: Sequence[Trace], config):
+        self.config, self.wire, self.thermal = config, config.wire, config.thermal
+        self.percent_m = config.wire.full_stroke_m / 100.0
+        parts = [_thinned(t, config.thermal.ambient_temperature) for t in traces]
+        rng = np.random.default_rng(0)
+        for error_K in (LEARNED_ERROR_K, JUDGED_ERROR_K):
+            parts += [_with_other_surroundings(p, error_K, rng) for p in parts[: len(traces)]]
+        copies = len(parts) // len(traces)
+        names = ("time", "power", "ambient", "resistance", "stress", "displacement", "heating", "cycle")
+        for i, name in enumerate(names):
+            setattr(self, name, np.concatenate([p[i] for p in parts]))
+        self.displacement = self.displacement / self.percent_m
+        self.ends = _ends_of_stroke(traces, parts) / self.percent_m
+        powers = self.stress[:, None] ** np.arange(3)
+        hot, cold = powers @ self.ends[0], powers @ self.ends[1]
+        self.share = np.clip((self.displacement - hot) / (cold - hot), 0.0, 1.0)
+        lengths = [len(p[0]) for p in parts]
+        self.lengths = lengths[: len(traces)]
+        self.first = np.zeros(len(self.time), dtype=np.bool_)
+        self.first[np.cumsum([0, *lengths[:-1]])] = True
+        self.log_fold = np.repeat(np.tile(_log_folds(traces), copies), lengths)
+        self.cycle = self.cycle + np.repeat(np.tile(np.arange(len(traces)), copies), lengths)
+        if len(traces) < FOLDS:
+            raise IdentificationError(
+                f"whole_range: {FOLDS} logs at least are needed, one to be left out while the others are fitted; "
+                f"there {'is' if len(traces) == 1 else 'are'} {len(traces)}"
+            )
+        stride = max(1, -(-len(self.time) // MOST_ROWS))
+        self.rows = np.arange(0, len(self.time), stride)
+        self.measured = self.rows < sum(self.lengths)  # the others are of copies
+        self.learned = self.rows < 2 * sum(self.lengths)
+        self.span_Ohm = float(np.subtract(*np.percentile(self.resistance, (99, 1))))
+
+    def thermal_numbers(self, known: np.ndarray) -> np.ndarray:
+        """The heat balance for the kernels, from numbers in units of what is known."""
+        out = np.empty(THERMAL)
+        lag_s = self.thermal.heat_capacity / self.thermal.heat_loss
+        out[:] = (
+            known[0] * lag_s,
+            known[1],
+            self.thermal.heat_loss,
+            known[2] / self.span_Ohm,
+            known[3],
+            known[4] / self.span_Ohm,
+            known[5] * 1e-6,
+            known[6] * 1e-6,
+        )
+        return out
+
+    @property
+    def plays_Ohm(self) -> np.ndarray:
+        """Half-widths of the plays in resistance."""
+        return np.array(PLAYS_OF_RANGE) * self.span_Ohm
+
+    def features(self, known: np.ndarray) -> np.ndarray:
+        """What the model sees of every sample, shape (n, features)."""
+        out = np.empty((len(self.time), DIRECT + len(PLAYS_K) + len(PLAYS_OF_RANGE)))
+        features_all(
+            self.time, self.power, self.ambient, self.resistance, self.stress, self.share, self.first,
+            self.thermal_numbers(known), np.array(PLAYS_K), self.plays_Ohm, np.zeros(4 + out.shape[1] - DIRECT), out,
+        )  # fmt: skip
+        return out
+
+
+def _thinned(trace: Trace, ambient_C: float) -> tuple[np.ndarray, ...]:
+    """A log's good samples, as many together as make a step of SHORTEST_STEP_s; their power is the mean."""
+    s = trace.signals
+    good = np.isfinite(s.resistance_Ohm + s.stress_Pa + s.power_W + s.reference_displacement_m + s.time_s)
+    time_s = s.time_s[good]
+    together = max(1, round(SHORTEST_STEP_s / max(float(np.median(np.diff(time_s))), 1e-6)))
+    n = len(time_s) // together * together
+    ambient = np.broadcast_to(s.ambient_temperature_C, good.shape)[good]
+    ambient = np.where(np.isfinite(ambient), ambient, ambient_C)
+
+    def last(values: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(values[:n].reshape(-1, together)[:, -1])
+
+    return (
+        last(time_s),
+        s.power_W[good][:n].reshape(-1, together).mean(axis=1),
+        last(ambient).astype(float),
+        *(last(v[good]) for v in (s.resistance_Ohm, s.stress_Pa, s.reference_displacement_m)),
+        last(trace.heating[good]),
+        last(trace.cycle[good]),
+    )
+
+
+def _ends_of_stroke(traces: Sequence[Trace], parts: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
+    """Hot and cold end [m] as quadratics in stress (lower orders where there are fewer loads), shape (2, 3)."""
+    whole = [p for t, p in zip(traces, parts, strict=False) if t.kind != "partial"] or list(parts[: len(traces)])
+    stress_Pa, place_m = np.empty((2, len(whole))), np.empty((2, len(whole)))
+    for k, part in enumerate(whole):
+        stress, displacement = part[4], part[5]
+        low, high = np.percentile(displacement, (0.5, 99.5))
+        for end, chosen in enumerate(
+            (displacement <= low + 0.02 * (high - low), displacement >= high - 0.02 * (high - low))
+        ):
+            stress_Pa[end, k], place_m[end, k] = np.median(stress[chosen]), (low, high)[end]
+    order = min(2, distinct_stresses(traces) - 1)
+    out = np.zeros((2, 3))
+    for end in range(2):
+        found = np.polynomial.polynomial.polyfit(stress_Pa[end] / 1e8, place_m[end], order)
+        out[end, : order + 1] = found / 1e8 ** np.arange(order + 1)
+    return out
+
+
+def _with_other_surroundings(
+    part: tuple[np.ndarray, ...], error_K: float, rng: np.random.Generator
+) -> tuple[np.ndarray, ...]:
+    """The same log as if the heat balance were off by a slowly changing temperature."""
+    time_s, power_W, ambient_C, *rest = part
+    off_K = np.zeros(len(time_s))
+    for period_s in (11.0, 37.0, 131.0):
+        off_K += rng.normal() * np.sin(2.0 * np.pi * (time_s / period_s + rng.uniform()))
+    return time_s, power_W, ambient_C + error_K * off_K, *rest
+
+
+def _log_folds(traces: Sequence[Trace]) -> np.ndarray:
+    """A fold for every log; logs of neighbouring loads, and of one load, are in different ones."""
+    stress = np.array([t.mean_stress_Pa for t in traces])
+    out = np.empty(len(stress), dtype=int)
+    out[np.argsort(stress, kind="stable")] = np.arange(len(stress)) % FOLDS
+    return out
+
+
+def _terms(z: np.ndarray) -> np.ndarray:
+    """The quadratic of the model, then the plays: shape (n, terms)."""
+    a, b, c = z[:, 0], z[:, 1], z[:, 2]
+    return np.column_stack([np.ones(len(z)), a, b, c, a * a, b * b, c * c, a * b, a * c, b * c, z[:, DIRECT:]])
+
+
+class _Learner:
+    """The learned part: its weights as one vector (linear terms, hidden, bias, output), and its derivatives."""
+
+    def __init__(self, features: int, units: int, seed: int):
+        self.n, self.m = features, units
+        self.lines = CURVE_TERMS + features - DIRECT
+        rng = np.random.default_rng(seed)
+        hidden = rng.normal(size=(self.m, self.n))
+        reach = 0.7 * self.m ** (1.0 / self.n)  # Nguyen and Widrow's: units spread over what is seen
+        hidden *= reach / np.linalg.norm(hidden, axis=1)[:, None]
+        bias = np.linspace(-reach, reach, self.m)
+        self.weights = np.concatenate([np.zeros(self.lines), hidden.ravel(), bias, np.zeros(self.m)])
+        self.shrinkage = np.concatenate(
+            [np.full(self.lines, 0.02), np.full(self.m * self.n, 0.3), np.full(self.m, 0.3), np.full(self.m, 1.0)]
+        )
+        self.shrinkage = SHRINKAGE * self.shrinkage
+        self.shrinkage[0] = 0.0
+
+    def parts(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Linear terms, hidden weights, biases, outputs."""
+        cut = np.cumsum([self.lines, self.m * self.n, self.m])
+        linear, hidden, bias, output = np.split(weights, cut)
+        return linear, hidden.reshape(self.m, self.n), bias, output
+
+    def start(self, z: np.ndarray, target: np.ndarray) -> np.ndarray:
+        """Weights whose linear terms and outputs fit best for the hidden layer that there is."""
+        _, hidden, bias, _ = self.parts(self.weights)
+        basis = np.column_stack([_terms(z), np.tanh(z @ hidden.T + bias)])
+        found = np.linalg.solve(basis.T @ basis + np.eye(basis.shape[1]), basis.T @ target)
+        out = self.weights.copy()
+        out[: self.lines], out[-self.m :] = found[: self.lines], found[self.lines :]
+        return out
+
+    def value(self, weights: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Displacement [%]."""
+        linear, hidden, bias, output = self.parts(weights)
+        return _terms(z) @ linear + np.tanh(z @ hidden.T + bias) @ output
+
+    def jacobian(self, weights: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement and its derivative with respect to the weights."""
+        linear, hidden, bias, output = self.parts(weights)
+        terms, act = _terms(z), np.tanh(z @ hidden.T + bias)
+        slope = (1.0 - act * act) * output
+        by_hidden = (slope[:, :, None] * z[:, None, :]).reshape(len(z), -1)
+        return terms @ linear + act @ output, np.concatenate([terms, by_hidden, slope, act], axis=1)
+
+
+def _robust(error: np.ndarray) -> float:
+    size = np.abs(error)
+    return float(np.where(size < ROBUST, error * error, 2.0 * ROBUST * size - ROBUST * ROBUST).sum())
+
+
+def _solve(
+    jacobian: np.ndarray, error: np.ndarray, pull: np.ndarray, stiffness: np.ndarray, damping: float
+) -> np.ndarray:
+    """One damped Gauss-Newton step of the robust, shrunk problem."""
+    weight = np.minimum(1.0, ROBUST / np.maximum(np.abs(error), 1e-12))
+    weighted = jacobian * weight[:, None]
+    normal = weighted.T @ jacobian
+    size = np.diag(normal)
+    return np.linalg.solve(
+        normal + np.diag(stiffness + damping * np.maximum(size, 1e-4 * size.max())), weighted.T @ error - pull
+    )
+
+
+def _learn(learner: _Learner, z: np.ndarray, target: np.ndarray, iterations: int) -> np.ndarray:
+    """Weights for features that stand."""
+    weights, damping = learner.start(z, target), 1e-2
+    value, jacobian = learner.jacobian(weights, z)
+    cost = _robust(target - value) + float(learner.shrinkage @ weights**2)
+    for _ in range(iterations):
+        step = _solve(jacobian, target - value, learner.shrinkage * weights, learner.shrinkage, damping)
+        tried = weights + step
+        new_cost = _robust(target - learner.value(tried, z)) + float(learner.shrinkage @ tried**2)
+        if new_cost >= cost:
+            damping *= 8.0
+            if damping > 1e6:
+                break
+            continue
+        enough = cost - new_cost < 1e-4 * cost
+        weights, cost, damping = tried, new_cost, max(damping / 5.0, 1e-9)
+        if enough:
+            break
+        value, jacobian = learner.jacobian(weights, z)
+    return weights
+
+
+class _Team:
+    """Learners that differ in where they began, learned on the same samples."""
+
+    def __init__(self, z: np.ndarray, target: np.ndarray, iterations: int):
+        self.learners = [_Learner(z.shape[1], UNITS, seed) for seed in range(1, LEARNERS + 1)]
+        for learner in self.learners:
+            learner.weights = _learn(learner, z, target, iterations)
+
+    def values(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and spread [%]."""
+        each = np.array([learner.value(learner.weights, z) for learner in self.learners])
+        return each.mean(axis=0), each.std(axis=0)
+
+
+def _heat_balance(data: _Data, progress: Callable[[float], None]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The heat balance, fitted together with one learner; then centre and scale of the features."""
+    known = _KNOWN.copy()
+    rows = data.rows[data.measured]
+    target = data.displacement[rows]
+    seen = data.features(known)[rows]
+    centre, scale = seen.mean(axis=0), seen.std(axis=0) + 1e-12
+    learner = _Learner(seen.shape[1], JOINT_UNITS, 0)
+
+    def scaled(numbers: np.ndarray) -> np.ndarray:
+        return (data.features(numbers)[rows] - centre) / scale
+
+    def cost_of(error: np.ndarray, weights: np.ndarray, numbers: np.ndarray) -> float:
+        off = (numbers - _KNOWN) / _UNSURE
+        return _robust(error) + float(learner.shrinkage @ weights**2) + _PRIOR_WEIGHT * float(off @ off)
+
+    z = scaled(known)
+    weights, damping = learner.start(z, target), 1e-2
+    value, jacobian = learner.jacobian(weights, z)
+    cost = cost_of(target - value, weights, known)
+    for i in range(JOINT_ITERATIONS):
+        progress(i / JOINT_ITERATIONS)
+        both = i % EVERY == 0
+        pull, stiffness, slopes = learner.shrinkage * weights, learner.shrinkage, jacobian
+        if both:
+            columns = []
+            for k in range(len(known)):
+                moved = known.copy()
+                moved[k] += 1e-3 * _UNSURE[k]
+                columns.append((learner.value(weights, scaled(moved)) - value) / 1e-3)
+            slopes = np.column_stack([jacobian, *columns])
+            pull = np.concatenate([pull, _PRIOR_WEIGHT * (known - _KNOWN) / _UNSURE])
+            stiffness = np.concatenate([stiffness, np.full(len(known), _PRIOR_WEIGHT)])
+        for _ in range(6):
+            step = _solve(slopes, target - value, pull, stiffness, damping)
+            tried = weights + step[: len(weights)]
+            numbers, new_z = known, z
+            if both:
+                numbers = np.clip(known + step[len(weights) :] * _UNSURE, _LEAST, _MOST)
+                new_z = scaled(numbers)
+            new_cost = cost_of(target - learner.value(tried, new_z), tried, numbers)
+            if new_cost < cost:
+                break
+            damping *= 8.0
+        else:
+            break
+        weights, known, z, cost, damping = tried, numbers, new_z, new_cost, max(damping / 5.0, 1e-9)
+        value, jacobian = learner.jacobian(weights, z)
+    return known, centre, scale
+
+
+@dataclass(frozen=True, slots=True)
+class _LeftOut:
+    """Of every row, by learners that did not see it: error, their spread, error of the curve alone [%]."""
+
+    error: np.ndarray
+    spread: np.ndarray
+    curve_error: np.ndarray
+
+
+def _errors_left_out(z: np.ndarray, data: _Data, fold: np.ndarray) -> _LeftOut:
+    """Learn afresh without each fold in turn; the heat balance stands."""
+    target = data.displacement[data.rows]
+    found = _LeftOut(*(np.zeros(len(z)) for _ in range(3)))
+    for number in range(FOLDS):
+        out = fold == number
+        learn = ~out & data.learned
+        team = _Team(z[learn], target[learn], HELD_OUT_ITERATIONS)
+        value, found.spread[out] = team.values(z[out])
+        found.error[out] = value - target[out]
+        found.curve_error[out] = _terms(z[out])[:, :CURVE_TERMS] @ _curve(z[learn], target[learn]) - target[out]
+    return found
+
+
+def _curve(z: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """The physical curve: least squares of a quadratic."""
+    return np.linalg.lstsq(_terms(z)[:, :CURVE_TERMS], target, rcond=None)[0]
+
+
+def _whitening(z: np.ndarray) -> np.ndarray:
+    """Lower triangle that makes features white, scaled so that 95 % of them are nearer than 1."""
+    square = z.T @ z / len(z) + 1e-3 * np.eye(z.shape[1])
+    out = np.linalg.inv(np.linalg.cholesky(square))
+    return out / np.percentile(np.linalg.norm(z @ out.T, axis=1), 95)
+
+
+def _intervals(place: np.ndarray, heating: np.ndarray, score: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """The 95 % quantile of a score on either branch near each place, shape (2, PLACES)."""
+    out = np.full((2, len(places)), np.quantile(score, COVERAGE))
+    reach = _PLACE_WIDTH * (places[1] - places[0])
+    for row in range(2):
+        for k, middle in enumerate(places):
+            near = (heating == bool(row)) & (np.abs(place - middle) < reach)
+            if near.sum() >= 40:  # the level is the one that conformal prediction asks for of so many
+                out[row, k] = np.quantile(score[near], min(1.0, COVERAGE * (1.0 + 1.0 / near.sum())))
+    return out
+
+
+def _coefficients(
+    data: _Data,
+    known: np.ndarray,
+    z: np.ndarray,
+    scaling: tuple[np.ndarray, np.ndarray],
+    team: _Team,
+    left: _LeftOut,
+) -> WholeRangeCoefficients:
+    """In metres, rounded to six digits."""
+    target, percent_m = data.displacement[data.rows], data.percent_m
+    lowest, highest = (float(v) for v in np.percentile(data.displacement, (0.1, 99.9)))
+    curve = _curve(z[data.learned], target[data.learned])
+    slack = 0.05 * (highest - lowest)
+    physical = np.clip(_terms(z[data.learned])[:, :CURVE_TERMS] @ curve, lowest - slack, highest + slack)
+    learned = z[data.learned]
+    value, _ = team.values(learned)
+    whitening = _whitening(learned)
+    novelty = np.linalg.norm(learned @ whitening.T, axis=1)
+    seen = learned * scaling[1] + scaling[0]
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    tenth = 0.1 * (high - low)
+    floor = float(np.median(left.spread))
+    score = np.abs(left.error) / (floor + left.spread)
+    heating = data.heating[data.rows].astype(bool)
+    intervals = _intervals(target + left.error, heating, score, np.linspace(lowest, highest, PLACES))
+    linear, hidden, bias, output = (
+        np.concatenate([np.ravel(part) for part in parts])
+        for parts in zip(*(learner.parts(learner.weights) for learner in team.learners), strict=True)
+    )
+    thermal = data.thermal_numbers(known)
+    return WholeRangeCoefficients(
+        calibrated_length=data.wire.length,
+        calibrated_diameter=data.wire.diameter,
+        thermal=_six(thermal),
+        hot_end=_six(data.ends[0] * percent_m),
+        cold_end=_six(data.ends[1] * percent_m),
+        ambient_temperature=float(f"{np.median(data.ambient):.4g}"),
+        play_widths_K=PLAYS_K,
+        play_widths_Ohm=_six(data.plays_Ohm),
+        feature_centre=_six(scaling[0]),
+        feature_scale=_six(scaling[1]),
+        feature_low=_six(low - tenth),
+        feature_high=_six(high + tenth),
+        novelty=_six(whitening[np.tril_indices(len(whitening))]),
+        novelty_edge=float(f"{1.3 * np.quantile(novelty, 0.999):.4g}"),
+        curve=_six(curve * percent_m),
+        learners=LEARNERS,
+        linear=_six(linear * percent_m),
+        hidden=_six(hidden),
+        bias=_six(bias),
+        output=_six(output * percent_m),
+        largest_residual=float(f"{2.0 * np.abs(value - physical).max() * percent_m:.4g}"),
+        intervals=_six(intervals.ravel()),
+        spread_floor=float(f"{floor * percent_m:.4g}"),
+        curve_interval=float(f"{np.quantile(np.abs(left.curve_error), COVERAGE) * percent_m:.4g}"),
+        stress_range=tuple(float(np.round(v)) for v in (data.stress.min(), data.stress.max())),
+        displacement_range=_six(np.array([lowest, highest]) * percent_m),
+        stroke=_six(np.array([lowest, highest]) * percent_m),
+    )
+
+
+def _six(values: np.ndarray) -> tuple[float, ...]:
+    return tuple(float(f"{v:.6g}") for v in values)

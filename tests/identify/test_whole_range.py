@@ -1,0 +1,155 @@
+"""The model of the whole range: live as in replay, honest about what it knows, and better than the thesis's at the ends."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import yaml
+from characterised import virtual_rig
+
+from sma_actuator.base.signals import Quality, Signals
+from sma_actuator.characterise.programs import partial_cycles, square_pulses
+from sma_actuator.config import Config
+from sma_actuator.estimation.chain import Chain
+from sma_actuator.identify import IdentificationError, identify
+from sma_actuator.identify.traces import make_trace
+from sma_actuator.plant.loads import Weight
+
+
+@pytest.fixture(scope="module")
+def whole(flexinol):
+    """The whole-range model of the Ni-Ti wire."""
+    return identify(flexinol.logs, flexinol.mapping, "whole_range")
+
+
+@pytest.fixture(scope="module")
+def unseen():
+    """Pulses and partial cycles at a weight between the calibrated ones, from another run of the bench."""
+    _, rig, _ = virtual_rig("flexinol", seed=9, load=Weight(0.9))
+    with rig.opened():
+        pulses = rig.record(square_pulses(2, 0.3, 0.05, 5.0, 10.0))
+        partial = rig.record(partial_cycles(list(np.linspace(0.004, 0.001, 4)), 0.3, 0.05, 6.0, 8.0))
+    return [pulses, partial]
+
+
+def sample(signals: Signals, i: int) -> Signals:
+    """One sample of many."""
+    return Signals(
+        **{f.name: float(v[i]) if np.ndim(v := getattr(signals, f.name)) else v for f in dataclasses.fields(signals)}
+    )
+
+
+def rows(signals: Signals, chosen: slice) -> Signals:
+    """Some samples of many."""
+    return Signals(
+        **{f.name: v[chosen] if np.ndim(v := getattr(signals, f.name)) else v for f in dataclasses.fields(signals)}
+    )
+
+
+def test_one_sample_at_a_time_gives_the_numbers_of_a_whole_log_to_the_bit(whole, unseen):
+    signals = make_trace(unseen[1], whole.config).signals
+    resistance_Ohm = signals.resistance_Ohm.copy()
+    resistance_Ohm[[40, 41, 90]] = math.nan, 1e6, math.nan
+    time_s = signals.time_s.copy()
+    time_s[60:] += 3.0  # a gap
+    signals = dataclasses.replace(signals, resistance_Ohm=resistance_Ohm, time_s=time_s)
+    at_once = Chain(whole.config).run(signals)
+    live = Chain(whole.config)
+    estimates = [live.step(sample(signals, i))[1] for i in range(len(time_s))]
+    in_pieces = Chain(whole.config)
+    pieces = [in_pieces.run(rows(signals, slice(a, b))) for a, b in ((0, 41), (41, 42), (42, None))]
+    for name in ("displacement_m", "velocity_m_s", "branch", "quality", "uncertainty_m"):
+        expected = getattr(at_once, name)
+        assert np.array_equal([float(getattr(e, name)) for e in estimates], expected, equal_nan=True), name
+        assert np.array_equal(np.concatenate([getattr(p, name) for p in pieces]), expected, equal_nan=True), name
+
+
+def test_a_reset_forgets_everything(whole, unseen):
+    signals = make_trace(unseen[0], whole.config).signals
+    chain = Chain(whole.config)
+    fresh = chain.run(signals)
+    chain.reset()
+    again = chain.run(signals)
+    assert np.array_equal(fresh.displacement_m, again.displacement_m)
+    assert np.array_equal(fresh.uncertainty_m, again.uncertainty_m)
+
+
+def test_unseen_logs_are_met_over_the_whole_range_and_better_than_by_the_thesis(whole, unseen, flexinol):
+    thesis = identify(flexinol.logs, flexinol.mapping, "flexinol", order=2)
+    errors, inside = {"thesis": [], "whole": []}, []
+    for log in unseen:
+        for name, config in (("thesis", thesis.config), ("whole", whole.config)):
+            trace = make_trace(log, config)
+            found = Chain(config).run(trace.signals)
+            errors[name].append(np.abs(found.displacement_m - trace.displacement_m) / config.wire.full_stroke_m * 100)
+        inside.append(np.abs(found.displacement_m - trace.displacement_m) <= found.uncertainty_m)
+        assert (found.quality == Quality.DETERMINATE).mean() > 0.95  # both ends included
+    mean = {name: float(np.concatenate(each).mean()) for name, each in errors.items()}
+    assert mean["whole"] < 0.75 * mean["thesis"]
+    assert mean["whole"] < 0.9
+    assert np.concatenate(inside).mean() > 0.85
+
+
+def test_a_model_of_the_thesis_states_no_interval(flexinol, unseen):
+    config = identify(flexinol.logs, flexinol.mapping, "flexinol", order=1).config
+    assert np.isnan(Chain(config).run(make_trace(unseen[0], config).signals).uncertainty_m).all()
+
+
+def test_what_the_calibration_has_not_seen_is_said_and_stays_bounded(whole, unseen):
+    signals = make_trace(unseen[0], whole.config).signals
+    hotter = dataclasses.replace(signals, power_W=signals.power_W * 4.0)
+    found = Chain(whole.config).run(hotter)
+    assert (found.quality == Quality.OUTSIDE_CALIBRATION).any()
+    usual = Chain(whole.config).run(signals)
+    assert np.median(found.uncertainty_m) > 2.0 * np.median(usual.uncertainty_m)
+    low_m, high_m = whole.config.model.stroke
+    slack_m = 0.051 * (high_m - low_m)
+    assert low_m - slack_m <= found.displacement_m.min() <= found.displacement_m.max() <= high_m + slack_m
+
+
+def test_the_estimate_hardly_depends_on_the_rate_of_sampling(whole, unseen):
+    signals = make_trace(unseen[0], whole.config).signals
+    whole_m = Chain(whole.config).run(signals).displacement_m
+    n = len(whole_m) // 2 * 2
+    power_W = signals.power_W.copy()
+    power_W[1:n:2] = 0.5 * (power_W[0:n:2] + power_W[1:n:2])  # the heat of both periods
+    half = rows(dataclasses.replace(signals, power_W=power_W), slice(1, n, 2))
+    half_m = Chain(whole.config).run(half).displacement_m
+    assert np.abs(half_m - whole_m[1:n:2]).mean() < 0.003 * whole.config.wire.full_stroke_m
+
+
+def test_the_same_logs_give_the_same_numbers_and_a_file_keeps_them(whole, flexinol, unseen):
+    again = identify(flexinol.logs, flexinol.mapping, "whole_range")
+    assert again.mapping["model"] == whole.mapping["model"]
+    read = Config.from_mapping(yaml.safe_load(yaml.safe_dump(whole.mapping)))
+    signals = make_trace(unseen[0], read).signals
+    assert np.array_equal(Chain(read).run(signals).displacement_m, Chain(whole.config).run(signals).displacement_m)
+    count = sum(len(v) for v in whole.mapping["model"].values() if isinstance(v, (list, tuple)))
+    assert count < 650
+
+
+def test_identify_says_which_model_it_would_take_and_why(whole):
+    (note,) = [n for n in whole.notes if "take" in n]
+    assert note.startswith("take whole_range")
+    assert "hot end" in note and "cold end" in note and "partial cycles" in note
+
+
+def test_too_few_logs_are_refused_in_a_sentence(flexinol):
+    with pytest.raises(IdentificationError, match="3 logs at least"):
+        identify(flexinol.only("pulses_0.6"), flexinol.mapping, "whole_range")
+
+
+def test_coefficients_that_do_not_belong_together_are_refused_by_name(whole):
+    mapping = {**whole.mapping, "model": {**whole.mapping["model"], "bias": [0.0, 1.0]}}
+    with pytest.raises(ValueError, match=r"model\.hidden"):
+        Config.from_mapping(mapping)
+
+
+def test_where_no_ambient_temperature_is_measured_that_of_the_calibration_is_taken(whole, unseen):
+    signals = make_trace(unseen[0], whole.config).signals
+    without = dataclasses.replace(signals, ambient_temperature_C=math.nan)
+    with_m = Chain(whole.config).run(signals).displacement_m
+    without_m = Chain(whole.config).run(without).displacement_m
+    assert np.isfinite(without_m).all()
+    assert np.abs(with_m - without_m).mean() < 0.002 * whole.config.wire.full_stroke_m

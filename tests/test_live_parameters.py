@@ -1,0 +1,221 @@
+"""Every parameter that is declared live arrives: a running actuator goes on as one that had the new value from its start."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from math import nan
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rig import Rig
+
+from sma_actuator.actuator import Output
+from sma_actuator.base.parameters import walk
+from sma_actuator.base.signals import Estimate
+from sma_actuator.config import Config
+from sma_actuator.plant.loads import Weight
+
+SHIPPED = [Path(__file__).parents[1] / "config" / f"{model}.yaml" for model in ("flexinol", "furukawa")]
+LIVE = sorted({name for path in SHIPPED for name, _, declared, _ in walk(Config.load(path)) if declared.live})
+#: A pause without current, after which a wire is certainly cold, whatever was believed before.
+PAUSE_S = 3600.0
+
+
+def lie(rig: Rig, **change: Callable[[Any], float]) -> None:
+    """From now on every reading is changed so."""
+    rig.reading_of = lambda reading: replace(reading, **{name: new(reading) for name, new in change.items()})
+
+
+def tracks(rig: Rig, position_m: float = 0.0025, seconds: float = 2.0) -> None:
+    assert rig.actuator.offer_setpoint(rig.now_s, position_m) == ""
+    rig.run(seconds)
+
+
+def is_loaded(rig: Rig, load_N: float, seconds: float = 0.5) -> None:
+    rig.bench.load = Weight(load_N)
+    rig.run(seconds)
+
+
+def has_a_drifting_load_cell(rig: Rig) -> None:
+    rig.actuator.enable(rig.now_s, False)
+    is_loaded(rig, 0.2, seconds=2.0)
+    rig.actuator.tare_load()
+    rig.run(0.2)
+
+
+def is_late_once(rig: Rig) -> None:
+    rig.skew_s += 1.0
+    rig.run(0.2)
+
+
+def comes_late(rig: Rig) -> None:
+    for _ in range(4):
+        rig.skew_s += 2.0 * rig.period_s
+        rig.step()
+
+
+def has_a_stuck_load_cell(rig: Rig) -> None:
+    lie(rig, load_cell_voltage_V=lambda reading: 0.0432)
+    rig.run(1.0)
+
+
+def has_a_stuck_ambient_sensor(rig: Rig) -> None:
+    lie(rig, ambient_temperature_C=lambda reading: 20.0)
+    rig.run(2.0)
+
+
+def has_no_ambient_sensor(rig: Rig) -> None:
+    lie(rig, ambient_temperature_C=lambda reading: nan)
+    rig.run(1.0)
+
+
+def is_hot(rig: Rig, ambient_C: float) -> None:
+    """Driven for as long as makes it hot, with a resistance that in a warm room is that of a contracted wire."""
+    wire_Ohm, current_A = 4.40, 0.3
+    sense_Ohm = rig.config.circuit.reference_resistance
+    lie(
+        rig,
+        supply_voltage_V=lambda reading: current_A * (sense_Ohm + rig.config.circuit.lead_resistance + wire_Ohm),
+        reference_voltage_V=lambda reading: current_A * sense_Ohm,
+        ambient_temperature_C=lambda reading: ambient_C,
+    )
+    rig.run(4.0)
+
+
+def is_hot_without_ambient_sensor(rig: Rig) -> None:
+    is_hot(rig, nan)
+
+
+def is_hot_in_a_hot_room(rig: Rig) -> None:
+    is_hot(rig, 60.0)
+
+
+def is_half_open(rig: Rig) -> None:
+    told_V = 0.7 * rig.written.current_A * rig.config.circuit.reference_resistance
+    bound_V = rig.config.supply.max_voltage
+    lie(rig, supply_voltage_V=lambda reading: bound_V, reference_voltage_V=lambda reading: told_V)
+    rig.run(0.2)
+
+
+def is_pushed(rig: Rig) -> None:
+    cell = rig.config.load_cell
+    lie(rig, load_cell_voltage_V=lambda reading: (-0.8 - cell.offset) / cell.slope)
+    rig.run(0.2)
+
+
+def has_more_current_than_was_told(rig: Rig) -> None:
+    lie(rig, reference_voltage_V=lambda reading: reading.reference_voltage_V + 0.03)
+    rig.run(1.0)
+
+
+def has_a_supply_that_measures_another_voltage(rig: Rig) -> None:
+    rig.state_of = lambda state: replace(state, voltage_V=state.voltage_V + 1.0)
+    rig.run(1.0)
+
+
+def misses_readings(rig: Rig) -> None:
+    rig.reading_of = lambda reading: None
+    rig.run(1.0)
+
+
+def is_flooded(rig: Rig) -> None:
+    for _ in range(50):
+        rig.actuator.offer_setpoint(rig.now_s, 0.0030)
+    rig.run(0.1)
+
+
+def everything(output: Output) -> Output:
+    """All that one step says but the event that tells of the change."""
+    return replace(output, events=())
+
+
+def estimate_of(output: Output) -> Estimate:
+    """Where the wire is; for what changes other things too, which are not asked for here."""
+    return output.estimate
+
+
+@dataclass(frozen=True)
+class Situation:
+    """Where a parameter matters: its new value, what the driven wire lives through, and what else must be set for it."""
+
+    name: str
+    new: Any
+    lives_through: Callable[[Rig], None] = tracks
+    given: dict[str, Any] = field(default_factory=dict)
+    seen: Callable[[Output], Any] = everything
+
+
+#: Nothing that is wrong in :func:`is_hot` besides what matters.
+HOT = {"safety.stuck_time": 60.0, "safety.current_disagreement": 5.0, "safety.voltage_disagreement": 60.0}
+SITUATIONS = [
+    Situation("wire.max_stress", 60e6, lambda rig: is_loaded(rig, 1.5)),
+    Situation("loop.overruns_to_fault", 2, comes_late),
+    Situation("estimator.heating_power", 0.05, given={"estimator.branch_decision": "power"}),
+    Situation("estimator.heating_power_hysteresis", 0.5),
+    Situation("estimator.thermal_time_constant", 1.0),
+    Situation("estimator.resistance_deadband", 0.1, given={"estimator.branch_decision": "resistance_rate"}),
+    Situation("estimator.velocity_time_constant", 1.0),
+    Situation("controller.setpoint_rate_limit", 0.001),
+    Situation("controller.setpoint_timeout", 0.3),
+    Situation("controller.on_setpoint_loss", "bias", given={"controller.setpoint_timeout": 0.3}),
+    Situation("controller.kp", 300.0),
+    Situation("controller.ki", 100.0),
+    Situation("controller.kd", 10.0),
+    Situation("controller.derivative_time_constant", 0.5),
+    Situation("thermal.heat_loss_margin", 1.5),
+    Situation("thermal.ambient_temperature", 40.0, has_no_ambient_sensor),
+    Situation("thermal.ambient_tolerance", 0.5),
+    Situation("thermal.ambient_stuck_time", 1.0, has_a_stuck_ambient_sensor),
+    Situation("thermal.derate_temperature", 45.0),
+    Situation("thermal.max_temperature", 80.0, given={"thermal.derate_temperature": 60.0}),
+    Situation("safety.open_wire_current_fraction", 0.9, is_half_open, given={"safety.resistance_max": 500.0}),
+    Situation("safety.load_min", -5.0, is_pushed),
+    Situation("safety.load_spike", 0.3, lambda rig: is_loaded(rig, 1.0)),
+    Situation("safety.stuck_time", 0.3, has_a_stuck_load_cell),
+    Situation("safety.current_disagreement", 0.2, has_more_current_than_was_told),
+    Situation("safety.voltage_disagreement", 5.0, has_a_supply_that_measures_another_voltage),
+    Situation("safety.disagreement_time", 3.0, has_a_supply_that_measures_another_voltage),
+    Situation("safety.reading_timeout", 2.0, misses_readings),
+    Situation("safety.setpoint_flood_rate", 10.0, is_flooded),
+    Situation("safety.stress_limit_fraction", 0.2, lambda rig: is_loaded(rig, 1.0)),
+    Situation("safety.outside_calibration_time", 0.5, lambda rig: is_loaded(rig, 0.1, seconds=2.0)),
+    Situation("wire.max_stress", 60e6, has_a_drifting_load_cell),
+    Situation("safety.reading_timeout", 2.0, is_late_once),
+    Situation("thermal.ambient_temperature", 50.0, is_hot_without_ambient_sensor, given=HOT, seen=estimate_of),
+    Situation("thermal.ambient_tolerance", 40.0, is_hot_in_a_hot_room, given=HOT, seen=estimate_of),
+]
+
+
+def life(config: Config, situation: Situation, told: Config | None = None, while_driven: bool = False) -> list[str]:
+    """What one actuator says from when it is driven; ``told`` is what it is told meanwhile.
+
+    As text, which shows every digit and in which one NaN is as good as another.
+    """
+    rig = Rig(config.to_mapping())
+    if told is not None and not while_driven:
+        rig.actuator.update(told)
+    rig.skew_s += PAUSE_S
+    rig.run(0.2)
+    rig.outputs.clear()
+    ok, sentence = rig.actuator.enable(rig.now_s, True)
+    assert ok, sentence
+    rig.run(0.5)
+    assert rig.output.command.output_on, rig.status.message
+    if told is not None and while_driven:
+        rig.actuator.update(told)
+    situation.lives_through(rig)
+    return [repr(situation.seen(output)) for output in rig.outputs]
+
+
+@pytest.mark.parametrize("situation", SITUATIONS, ids=lambda s: f"{s.name}-{s.lives_through.__name__}".strip("<>"))
+def test_a_live_parameter_arrives(situation):
+    old = Config.load(SHIPPED[0]).replace(situation.given)
+    new = old.replace({situation.name: situation.new})
+    stale, born = life(old, situation), life(new, situation)
+    assert born != stale, f"{situation.name} does not matter here"
+    assert life(old, situation, told=new) == born
+    assert life(old, situation, told=new, while_driven=True) != stale
+
+
+def test_every_live_parameter_has_a_situation_in_which_it_matters():
+    assert {situation.name for situation in SITUATIONS} == set(LIVE)
