@@ -211,15 +211,15 @@ class Chain:
             self._start(signals.time_s, resistance_Ohm, stress_Pa, power_W)
         heating = self._branch.step(signals.time_s, resistance_Ohm, power_W)
         displacement_m, uncertainty_m, seen = self._observe(signals, resistance_Ohm, heating)
-        if frame is not None:
-            frame.heating, frame.displacement_m = np.array([heating]), np.array([displacement_m])
-            displacement_m = float(self._act(self._at_displacement, frame).displacement_m[0])
         hot_end = self._hot_end
         contracted = self._asks_hot_end and hot_end.step(
             signals.time_s, resistance_Ohm, stress_Pa, power_W, signals.ambient_temperature_C
         )
         if contracted:
             displacement_m = min(displacement_m, float(hot_end.displacement_m(stress_Pa)))
+        if frame is not None:
+            frame.heating, frame.displacement_m = np.array([heating]), np.array([displacement_m])
+            displacement_m = float(self._act(self._at_displacement, frame).displacement_m[0])
         if not started:
             self._velocity_state[:] = signals.time_s, displacement_m, 0.0
         velocity_m_s = _velocity(signals.time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s)
@@ -319,18 +319,17 @@ class Chain:
             model_m, uncertainty_m, seen = self._thermal.observe_all(
                 time_s, resistance_Ohm, in_reach_Pa, heating, power_W, ambient_C
             )
+        contracted = np.zeros(len(time_s), dtype=np.bool_)
+        if self._asks_hot_end:
+            ambient_C = np.broadcast_to(signals.ambient_temperature_C, good.shape)[good]
+            contracted = self._hot_end.run(time_s, resistance_Ohm, stress_Pa, power_W, ambient_C)
+            model_m = np.where(contracted, np.minimum(model_m, self._hot_end.displacement_m(stress_Pa)), model_m)
         displacement_m = shown_m = model_m
         if frame is not None:
             frame.heating, frame.displacement_m = heating, model_m
             displacement_m = np.ascontiguousarray(self._act(self._at_displacement, frame).displacement_m)
             if "shown_m" in out:
                 shown_m = self._act(self._shown, frame).displacement_m
-        contracted = np.zeros(len(time_s), dtype=np.bool_)
-        if self._asks_hot_end and "shown_m" not in out:  # what is judged is the model, there as elsewhere
-            ambient_C = np.broadcast_to(signals.ambient_temperature_C, good.shape)[good]
-            contracted = self._hot_end.run(time_s, resistance_Ohm, stress_Pa, power_W, ambient_C)
-            at_most_m = np.where(contracted, self._hot_end.displacement_m(stress_Pa), inf)
-            displacement_m = np.minimum(displacement_m, at_most_m)
         if not started:
             self._velocity_state[:] = time_s[0], displacement_m[0], 0.0
         velocity_m_s, quality = np.empty(len(time_s)), np.empty(len(time_s), dtype=np.int64)
