@@ -76,7 +76,7 @@ def _velocity(time: float, displacement: float, state: np.ndarray, time_constant
     """
     if not isfinite(displacement):
         return 0.0
-    if not isfinite(state[1]):
+    if not isfinite(time - state[0] + state[1]):
         state[0], state[1], state[2] = time, displacement, 0.0
     step = time - state[0]
     if step > 0.0:
