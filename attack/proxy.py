@@ -89,9 +89,10 @@ class Proxy:
             far.settimeout(None)
             with self._gate:
                 self._sockets |= {near, far}
-            for source, sink, direction in ((near, far, "questions"), (far, near, "answers")):
-                for each in (source, sink):
+            for each in (near, far):
+                with contextlib.suppress(OSError):  # hung up already
                     each.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            for source, sink, direction in ((near, far, "questions"), (far, near, "answers")):
                 threading.Thread(target=self._pass, args=(source, sink, direction), name="proxy", daemon=True).start()
 
     def _pass(self, source: socket.socket, sink: socket.socket, direction: str) -> None:
