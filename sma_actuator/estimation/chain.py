@@ -70,7 +70,14 @@ class Judged(EstimateTrace):
 
 @jit
 def _velocity(time: float, displacement: float, state: np.ndarray, time_constant: float) -> float:
-    """Difference quotient through a first-order low-pass; ``state`` = [time, δ, velocity]."""
+    """Difference quotient through a first-order low-pass; ``state`` = [time, δ, velocity].
+
+    A displacement that is not finite leaves no trace.
+    """
+    if not isfinite(displacement):
+        return 0.0
+    if not isfinite(time - state[0] + state[1]):
+        state[0], state[1], state[2] = time, displacement, 0.0
     step = time - state[0]
     if step > 0.0:
         state[2] += (displacement - state[1] - state[2] * step) / (time_constant + step)
@@ -90,6 +97,8 @@ def _velocity_all(
 @jit
 def _quality(displacement: float, stress: float, contracted: bool, bounds: np.ndarray) -> int:
     """``bounds`` = [σ_lo, σ_hi, δ_lo, δ_hi]."""
+    if not isfinite(displacement):
+        return 4
     if not bounds[0] <= stress <= bounds[1]:
         return 3
     if contracted:
