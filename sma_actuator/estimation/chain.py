@@ -16,7 +16,7 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf, isfinite, isnan, nan
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from .branch import BranchDetector
 from .effects import Effect, in_order
 from .effects.frame import Frame, Place
 from .hot_end import HotEnd
-from .models import ThermalStrainModel
+from .models import StrainModel, ThermalStrainModel
 
 if TYPE_CHECKING:
     from sma_actuator.config import Config
@@ -143,9 +143,11 @@ class Chain:
     """
 
     def __init__(self, config: Config, effects: Mapping[str, Effect] | None = None):
-        self._model = config.model.build(config.wire)
+        self._built = config.model.build(config.wire)
         # A model with a heat balance wants the power too, and says how sure it is; the others are asked as ever.
-        self._thermal: ThermalStrainModel | None = self._model if hasattr(self._model, "observe") else None
+        thermal = isinstance(self._built, ThermalStrainModel)
+        self._thermal = cast(ThermalStrainModel, self._built) if thermal else None
+        self._model = cast(StrainModel, self._built)
         self._branch = BranchDetector(config.estimator)
         self._hot_end = HotEnd(config)
         self._asks_hot_end = self._hot_end.known and self._thermal is None
@@ -318,7 +320,7 @@ class Chain:
             self._start(time_s[0], resistance_Ohm[0], stress_Pa[0], power_W[0])
         heating = self._branch.run(time_s, resistance_Ohm, power_W)
         in_reach_Pa = np.clip(stress_Pa, *self._stress_Pa)
-        uncertainty_m, seen = np.full(len(time_s), nan), np.True_
+        uncertainty_m, seen = np.full(len(time_s), nan), np.ones(len(time_s), dtype=np.bool_)
         if self._thermal is None:
             model_m = self._model.run(resistance_Ohm, in_reach_Pa, heating)
         else:

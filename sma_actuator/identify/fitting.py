@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from scipy.optimize import least_squares
 
-from sma_actuator.estimation.models import StrainModel
+from sma_actuator.estimation.models import StrainModel, ThermalStrainModel
 
 from .ranges import determinate_interval_m, distinct_stresses, full_cycles
 from .traces import IdentificationError, Trace
@@ -58,11 +58,11 @@ def make_data(traces: Sequence[Trace], full_stroke_m: float) -> Data:
     )
 
 
-def predict(model: StrainModel, traces: Sequence[Trace]) -> np.ndarray:
+def predict(model: StrainModel | ThermalStrainModel, traces: Sequence[Trace]) -> np.ndarray:
     """Displacement by a model over traces, each begun cold as the estimator does; concatenated, [m]."""
     out = []
     for trace in traces:
-        if hasattr(model, "observe_all"):
+        if isinstance(model, ThermalStrainModel):
             s = trace.signals
             model.reset()
             ambient_C = np.broadcast_to(s.ambient_temperature_C, s.time_s.shape)

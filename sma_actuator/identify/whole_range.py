@@ -95,8 +95,11 @@ def fit_whole_range(
     measured = data.measured
     errors = [np.abs(e[measured]) for e in (by_log.error, by_cycle.error, by_log.curve_error)]
     partial = np.repeat([t.kind == "partial" for t in traces], data.lengths)[data.rows[measured]]
+    logs_error, cycles_error, curve_error = (float(e.mean()) for e in errors)
     held_out = HeldOut(
-        *(float(e.mean()) for e in errors),
+        logs_error,
+        cycles_error,
+        curve_error,
         regions=regions(data.displacement[data.rows[measured]], partial, errors[1]),
     )
     return WholeRangeFit(coefficients, held_out)
@@ -142,10 +145,9 @@ class _Data:
         for error_K in (LEARNED_ERROR_K, JUDGED_ERROR_K):
             parts += [_with_other_surroundings(p, error_K, rng) for p in parts[: len(traces)]]
         copies = len(parts) // len(traces)
-        names = ("time", "power", "ambient", "resistance", "stress", "displacement", "heating", "cycle")
-        for i, name in enumerate(names):
-            setattr(self, name, np.concatenate([p[i] for p in parts]))
-        self.displacement = self.displacement / self.percent_m
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        self.time, self.power, self.ambient, self.resistance, self.stress = columns[:5]
+        self.displacement, self.heating, self.cycle = columns[5] / self.percent_m, columns[6], columns[7]
         self.ends = _ends_of_stroke(traces, parts) / self.percent_m
         powers = self.stress[:, None] ** np.arange(3)
         hot, cold = powers @ self.ends[0], powers @ self.ends[1]
@@ -192,9 +194,19 @@ class _Data:
         """What the model sees of every sample, shape (n, features)."""
         out = np.empty((len(self.time), DIRECT + len(PLAYS_K) + len(PLAYS_OF_RANGE)))
         features_all(
-            self.time, self.power, self.ambient, self.resistance, self.stress, self.share, self.first,
-            self.thermal_numbers(known), np.array(PLAYS_K), self.plays_Ohm, np.zeros(4 + out.shape[1] - DIRECT), out,
-        )  # fmt: skip
+            time=self.time,
+            power=self.power,
+            ambient=self.ambient,
+            resistance=self.resistance,
+            stress=self.stress,
+            share=self.share,
+            first=self.first,
+            thermal=self.thermal_numbers(known),
+            widths_K=np.array(PLAYS_K),
+            widths_Ohm=self.plays_Ohm,
+            state=np.zeros(4 + out.shape[1] - DIRECT),
+            out=out,
+        )
         return out
 
 

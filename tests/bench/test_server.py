@@ -240,8 +240,20 @@ def test_the_process_serves_the_physics_that_was_asked_for(tmp_path):
     shares = {}
     for physics in ("liang_rogers", "measured"):
         ports_file = tmp_path / f"{physics}.json"
-        command = [sys.executable, "-m", "sma_actuator", "bench", "--physics", physics, "--supply-port", "0",
-                   "--daq-port", "0", "--ports-file", str(ports_file)]  # fmt: skip
+        command = [
+            sys.executable,
+            "-m",
+            "sma_actuator",
+            "bench",
+            "--physics",
+            physics,
+            "--supply-port",
+            "0",
+            "--daq-port",
+            "0",
+            "--ports-file",
+            str(ports_file),
+        ]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         try:
             poll(functools.partial(opened_or_ended, ports_file, process), within_s=60.0)

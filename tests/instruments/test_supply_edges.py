@@ -52,9 +52,17 @@ def test_opening_says_off_before_it_asks_anything_and_programs_every_limit(suppl
     assert server.lines[0] == "OUTP OFF"
     assert server.lines.index("OUTP OFF") < server.lines.index("*IDN?")
     for line in (
-        "OUTP OFF", "OUTP:PROT:CLE", "CURR 0.000000", "VOLT 6.0000", "VOLT:PROT 6.6000", "VOLT:PROT:STAT ON",
-        "CURR:PROT 0.45000", "CURR:PROT:STAT ON", "OUTP:PROT:WDOG:DEL 1.000", "OUTP:PROT:WDOG ON",
-    ):  # fmt: skip
+        "OUTP OFF",
+        "OUTP:PROT:CLE",
+        "CURR 0.000000",
+        "VOLT 6.0000",
+        "VOLT:PROT 6.6000",
+        "VOLT:PROT:STAT ON",
+        "CURR:PROT 0.45000",
+        "CURR:PROT:STAT ON",
+        "OUTP:PROT:WDOG:DEL 1.000",
+        "OUTP:PROT:WDOG ON",
+    ):
         assert line in said
     assert "OUTP ON" not in said
 

@@ -21,9 +21,17 @@ from sma_actuator.logs.recorder import RECORDED_COLUMNS
 from sma_msgs_py import setpoint_message, signals_from
 
 MADE_OF_IT = {
-    "limited_setpoint_m", "error_m", "resistance_Ohm", "stress_Pa", "power_W", "temperature_C", "current_limit_A", "current_A", "load_N",
+    "limited_setpoint_m",
+    "error_m",
+    "resistance_Ohm",
+    "stress_Pa",
+    "power_W",
+    "temperature_C",
+    "current_limit_A",
+    "current_A",
+    "load_N",
     "displacement_m",
-}  # fmt: skip
+}
 
 
 def _stamp_s(message):
@@ -131,7 +139,10 @@ def test_no_message_of_joint_states_tells_a_position_while_the_output_is_off(
     client.next(f"{NAME}/joint_states", JointState, lambda m: abs(m.position[0] - 0.0025) < 2e-4)
     assert _enable(client, on=False).success
     _status(client, lambda s: s.values["quality"] == "invalid")
-    states, loads = (client.listen(f"{NAME}/{topic}", kind) for topic, kind in (("joint_states", JointState), ("load", WrenchStamped)))  # fmt: skip
+    states, loads = (
+        client.listen(f"{NAME}/{topic}", kind)
+        for topic, kind in (("joint_states", JointState), ("load", WrenchStamped))
+    )
     client.next(f"{NAME}/load", WrenchStamped)  # whatever was under way is here
     states.clear()
     loads.clear()

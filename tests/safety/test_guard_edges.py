@@ -73,10 +73,26 @@ def said(guard, step) -> str:
 
 
 ALL = (
-    clock_jump, loop_overrun, daq_lost, reading_saturated, reading_not_finite, reading_stale, reading_implausible,
-    sensor_stuck, open_wire, short, stress_above_limit, load_spike, too_hot, supply_tripped, second_commander,
-    supply_lost, supply_disagrees, estimator_outside, estimate_invalid,
-)  # fmt: skip
+    clock_jump,
+    loop_overrun,
+    daq_lost,
+    reading_saturated,
+    reading_not_finite,
+    reading_stale,
+    reading_implausible,
+    sensor_stuck,
+    open_wire,
+    short,
+    stress_above_limit,
+    load_spike,
+    too_hot,
+    supply_tripped,
+    second_commander,
+    supply_lost,
+    supply_disagrees,
+    estimator_outside,
+    estimate_invalid,
+)
 
 
 @pytest.mark.parametrize("guard", ALL, ids=lambda guard: guard.name)
@@ -86,10 +102,19 @@ def test_a_step_in_which_nothing_is_wrong_has_no_fault(guard, step):
 
 @pytest.mark.parametrize(
     "guard",
-    [reading_saturated, reading_not_finite, reading_implausible, sensor_stuck, open_wire, short, stress_above_limit,
-     load_spike, supply_disagrees],
+    [
+        reading_saturated,
+        reading_not_finite,
+        reading_implausible,
+        sensor_stuck,
+        open_wire,
+        short,
+        stress_above_limit,
+        load_spike,
+        supply_disagrees,
+    ],
     ids=lambda guard: guard.name,
-)  # fmt: skip
+)
 def test_without_a_reading_a_guard_of_readings_says_nothing_whatever_the_signals_are(guard, step):
     wild = Signals(NOW_s, 1e9, -5.0, NAN, -1e9, 1e12)
     blind = step(raw=None, reading=None, signals=wild, memory=Memory(**MEMORY, count={"open_wire": 5}))
@@ -150,7 +175,7 @@ BOUNDS = [
     (estimate_invalid, {"estimate__displacement_m": NAN}, True),
     (estimate_invalid, {"estimate__quality": Quality.OUTSIDE_CALIBRATION}, False),
     (estimate_invalid, {"estimate__quality": Quality.INVALID, "settled": False}, False),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize(("guard", "changes", "is_fault"), BOUNDS, ids=lambda value: getattr(value, "name", str(value)))
@@ -324,8 +349,16 @@ def test_a_setpoint_is_a_finite_position(position_m, is_fault):
 
 @pytest.mark.parametrize(
     ("age_s", "timeout_s", "is_lost"),
-    [(1e9, 0.0, False), (2.0, 2.0, False), (2.01, 2.0, True), (-2.0, 2.0, False), (-2.01, 2.0, True), (NAN, 2.0, True), (0.5, 0.4, True)],
-)  # fmt: skip
+    [
+        (1e9, 0.0, False),
+        (2.0, 2.0, False),
+        (2.01, 2.0, True),
+        (-2.0, 2.0, False),
+        (-2.01, 2.0, True),
+        (NAN, 2.0, True),
+        (0.5, 0.4, True),
+    ],
+)
 def test_a_setpoint_is_lost_after_its_time(age_s, timeout_s, is_lost, make_config):
     config = Config.from_mapping(make_config(**{"controller.setpoint_timeout": timeout_s}))
     assert bool(setpoint_stale.look(age_s, config)) is is_lost
@@ -363,9 +396,14 @@ class TestBucket:
 
 def test_what_latches_while_the_output_is_off_is_what_must_be_known_before_it_goes_on():
     assert {
-        "unhandled_exception", "node_lost", "supply_tripped", "watchdog_not_held", "second_commander",
-        "supply_disagrees", "too_hot",
-    } <= {fault.name for fault in FAULTS.values() if fault.while_off}  # fmt: skip
+        "unhandled_exception",
+        "node_lost",
+        "supply_tripped",
+        "watchdog_not_held",
+        "second_commander",
+        "supply_disagrees",
+        "too_hot",
+    } <= {fault.name for fault in FAULTS.values() if fault.while_off}
     for fault in FAULTS.values():
         assert fault.latches or not fault.while_off
         assert fault.latches is (fault.action is Action.OFF)

@@ -240,8 +240,14 @@ def fit(family: Family, loops: Sequence[Loop]) -> Fit:
         return np.concatenate(parts)
 
     best = least_squares(
-        wrong, np.clip(start / scale, low / scale, high / scale), bounds=(low / scale, high / scale), diff_step=1e-5, max_nfev=200, ftol=1e-6, xtol=1e-6,
-    )  # fmt: skip
+        wrong,
+        np.clip(start / scale, low / scale, high / scale),
+        bounds=(low / scale, high / scale),
+        diff_step=1e-5,
+        max_nfev=200,
+        ftol=1e-6,
+        xtol=1e-6,
+    )
     return made(np.clip(best.x * scale, low, high))
 
 
@@ -260,7 +266,5 @@ def compare(family: Family, loops: Sequence[Loop], leave_out: bool) -> Compariso
     seen = tuple(together.rms(loop) for loop in loops)
     left_out: tuple[tuple[float, float], ...] = ()
     if leave_out and len(loops) > 2:
-        left_out = tuple(
-            fit(family, [other for other in loops if other is not loop]).rms(loop) for loop in loops
-        )  # fmt: skip
+        left_out = tuple(fit(family, [other for other in loops if other is not loop]).rms(loop) for loop in loops)
     return Comparison(together, seen, left_out)

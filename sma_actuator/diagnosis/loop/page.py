@@ -34,10 +34,21 @@ def _read_off(page: Page, loops: Sequence[Loop], found: Sequence[Temperatures]) 
     header += [f"{direction} {100 * share:.0f} % [°C]" for direction in ("heating", "cooling") for share in SHARES]
     header += ["width heating [K]", "width cooling [K]", "hysteresis [K]", "A_s", "A_f", "M_s", "M_f"]
     rows = [
-        (loop.name, t.stress_Pa / 1e6, 100.0 * t.stroke, *t.heating_C, *t.cooling_C, *t.widths_K, t.hysteresis_K,
-         t.austenite_start_C, t.austenite_finish_C, t.martensite_start_C, t.martensite_finish_C)
+        (
+            loop.name,
+            t.stress_Pa / 1e6,
+            100.0 * t.stroke,
+            *t.heating_C,
+            *t.cooling_C,
+            *t.widths_K,
+            t.hysteresis_K,
+            t.austenite_start_C,
+            t.austenite_finish_C,
+            t.martensite_start_C,
+            t.martensite_finish_C,
+        )
         for loop, t in zip(loops, found, strict=True)
-    ]  # fmt: skip
+    ]
     page.table(
         header,
         rows,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -43,6 +43,7 @@ class StrainModel(Protocol):
         """Displacements of the heating and the cooling curve at R and σ, (δ_H, δ_C) [m]; of one sample or of n."""
 
 
+@runtime_checkable
 class ThermalStrainModel(Protocol):
     """A strain model that keeps a heat balance beside the resistance, and says how sure it is of every sample."""
 

@@ -25,11 +25,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp, isfinite, nan, sqrt, tanh
+from typing import NamedTuple
 
 import numpy as np
 
 from sma_actuator.base.jit import jit
 from sma_actuator.base.parameters import parameter
+from sma_actuator.base.sections import Wire
 
 from .checks import wrong_ranges, wrong_size
 from .model import COEFFICIENTS
@@ -58,8 +60,31 @@ _PER_RANGE = 4.0  #: a feature that lies beyond its range by a quarter of it is 
 _STILL_SEEN = 0.9  #: share of the residual below which the quality says that it fades
 
 
+class Numbers(NamedTuple):
+    """The coefficients as the kernels want them, and room to work in."""
+
+    thermal: np.ndarray  #: the heat balance, in the order of the indices above
+    ends: np.ndarray  #: (2, 3): hot and cold end of the stroke, quadratics in stress
+    widths_K: np.ndarray  #: half-widths of the plays of temperature
+    widths_Ohm: np.ndarray  #: and of resistance
+    limits: np.ndarray  #: in the order of the indices above
+    centre: np.ndarray  #: of each feature
+    scale: np.ndarray
+    low: np.ndarray  #: where the calibration has seen it
+    high: np.ndarray
+    whitening: np.ndarray  #: lower triangle, (features, features)
+    curve: np.ndarray  #: the physical curve, (CURVE_TERMS,)
+    linear: np.ndarray  #: of each learner, (learners, CURVE_TERMS + plays)
+    hidden: np.ndarray  #: (units, features)
+    bias: np.ndarray  #: (units,)
+    output: np.ndarray  #: (units,)
+    widths: np.ndarray  #: of the interval on either branch, (2, places)
+    seen: np.ndarray  #: room for the features of a sample
+    z: np.ndarray  #: and for what is made of them
+
+
 @jit
-def heat_rise(power, thermal):
+def heat_rise(power: float, thermal: np.ndarray) -> float:
     """Temperature above ambient [K] at which the wire loses ``power``."""
     rise = power / thermal[HEAT_LOSS_W_K]
     growth = thermal[LOSS_GROWTH_1_K]
@@ -69,7 +94,7 @@ def heat_rise(power, thermal):
 
 
 @jit
-def share_of_stroke(displacement, stress, ends):
+def share_of_stroke(displacement: float, stress: float, ends: np.ndarray) -> float:
     """How far δ lies between the hot end (0) and the cold end (1) at a stress; ``ends`` (2, 3), quadratics in stress."""
     hot = ends[0, 0] + stress * (ends[0, 1] + stress * ends[0, 2])
     cold = ends[1, 0] + stress * (ends[1, 1] + stress * ends[1, 2])
@@ -77,7 +102,9 @@ def share_of_stroke(displacement, stress, ends):
 
 
 @jit
-def at_rest(time, power, ambient, resistance, share, thermal, state):
+def at_rest(
+    time: float, power: float, ambient: float, resistance: float, share: float, thermal: np.ndarray, state: np.ndarray
+) -> None:
     """Start in balance with ``power`` at a share of the stroke; the plays start with the first sample."""
     temperature = ambient + heat_rise(power, thermal)
     state[_TIME] = time
@@ -88,7 +115,18 @@ def at_rest(time, power, ambient, resistance, share, thermal, state):
 
 
 @jit
-def features(time, power, ambient, resistance, stress, thermal, widths_K, widths_Ohm, state, out):
+def features(
+    time: float,
+    power: float,
+    ambient: float,
+    resistance: float,
+    stress: float,
+    thermal: np.ndarray,
+    widths_K: np.ndarray,
+    widths_Ohm: np.ndarray,
+    state: np.ndarray,
+    out: np.ndarray,
+) -> None:
     """What the estimate sees of one sample, ``out`` (DIRECT + plays,); all of ``state`` but the share X moves on.
 
     That of the sample before is in ``state``, where the caller puts it.
@@ -122,19 +160,51 @@ def features(time, power, ambient, resistance, stress, thermal, widths_K, widths
 
 
 @jit
-def features_all(time, power, ambient, resistance, stress, share, first, thermal, widths_K, widths_Ohm, state, out):
+def features_all(
+    time: np.ndarray,
+    power: np.ndarray,
+    ambient: np.ndarray,
+    resistance: np.ndarray,
+    stress: np.ndarray,
+    share: np.ndarray,
+    first: np.ndarray,
+    thermal: np.ndarray,
+    widths_K: np.ndarray,
+    widths_Ohm: np.ndarray,
+    state: np.ndarray,
+    out: np.ndarray,
+) -> None:
     """``features`` of n samples whose share of the stroke is known; a log begins where ``first``."""
     for i in range(len(time)):
         if first[i]:
-            at_rest(time[i], power[i], ambient[i], resistance[i], share[i], thermal, state)
-        features(time[i], power[i], ambient[i], resistance[i], stress[i], thermal, widths_K, widths_Ohm, state, out[i])
+            at_rest(
+                time=time[i],
+                power=power[i],
+                ambient=ambient[i],
+                resistance=resistance[i],
+                share=share[i],
+                thermal=thermal,
+                state=state,
+            )
+        features(
+            time=time[i],
+            power=power[i],
+            ambient=ambient[i],
+            resistance=resistance[i],
+            stress=stress[i],
+            thermal=thermal,
+            widths_K=widths_K,
+            widths_Ohm=widths_Ohm,
+            state=state,
+            out=out[i],
+        )
         state[_SHARE] = share[i]
 
 
 @jit
-def _quadratic(z, c):
+def _quadratic(z: np.ndarray, c: np.ndarray) -> float:
     """A quadratic in the first three of ``z``, of :data:`CURVE_TERMS` coefficients."""
-    return (
+    value: float = (
         c[0]
         + c[1] * z[0]
         + c[2] * z[1]
@@ -146,16 +216,18 @@ def _quadratic(z, c):
         + c[8] * z[0] * z[2]
         + c[9] * z[1] * z[2]
     )
+    return value
 
 
 @jit
-def _learned(z, linear, hidden, bias, output, out):
+def _learned(n: Numbers, out: np.ndarray) -> None:
     """What was learned, into ``out``: the mean of the learners, and how far they are apart.
 
     Each has a quadratic in what is seen directly, a line in the plays, and its share of the tanh units.
     """
+    z, linear, hidden = n.z, n.linear, n.hidden
     learners = linear.shape[0]
-    units = len(bias) // learners
+    units = len(n.bias) // learners
     mean = 0.0
     square = 0.0
     for i in range(learners):
@@ -163,10 +235,10 @@ def _learned(z, linear, hidden, bias, output, out):
         for j in range(DIRECT, len(z)):
             value += linear[i, CURVE_TERMS + j - DIRECT] * z[j]
         for k in range(i * units, (i + 1) * units):
-            inner = bias[k]
+            inner = n.bias[k]
             for j in range(len(z)):
                 inner += hidden[k, j] * z[j]
-            value += output[k] * tanh(inner)
+            value += n.output[k] * tanh(inner)
         change = value - mean
         mean += change / (i + 1)
         square += change * (value - mean)
@@ -175,108 +247,137 @@ def _learned(z, linear, hidden, bias, output, out):
 
 
 @jit
-def _strangeness(seen, z, whitening, edge, low, high):
+def _strangeness(n: Numbers) -> float:
     """How unlike the calibration a sample is: above 1 where it lies beyond all that was seen.
 
     By the distance in features made white, and by each feature's own range.
     """
     square = 0.0
     beyond = 0.0
-    for i in range(len(z)):
+    for i in range(len(n.z)):
         along = 0.0
         for j in range(i + 1):
-            along += whitening[i, j] * z[j]
+            along += n.whitening[i, j] * n.z[j]
         square += along * along
-        beyond = max(beyond, max(low[i] - seen[i], seen[i] - high[i]) / (high[i] - low[i]))
-    return max(sqrt(square) / edge, 1.0 + _PER_RANGE * beyond if beyond > 0.0 else 0.0)
+        beyond = max(beyond, max(n.low[i] - n.seen[i], n.seen[i] - n.high[i]) / (n.high[i] - n.low[i]))
+    return max(sqrt(square) / n.limits[_EDGE], 1.0 + _PER_RANGE * beyond if beyond > 0.0 else 0.0)
 
 
 @jit
-def _half_width(displacement, heating, widths, lowest, highest):
+def _half_width(displacement: float, heating: bool, n: Numbers) -> float:
     """Half of the 95 % interval on a branch, in units of the learners' spread; linear between equally spaced places."""
+    widths = n.widths
     last = widths.shape[1] - 1
-    place = min(max((displacement - lowest) / (highest - lowest), 0.0), 1.0) * last
+    along = (displacement - n.limits[_LOWEST]) / (n.limits[_HIGHEST] - n.limits[_LOWEST])
+    place = min(max(along, 0.0), 1.0) * last
     below = min(int(place), last - 1)
     row = 1 if heating else 0
-    return widths[row, below] + (place - below) * (widths[row, below + 1] - widths[row, below])
+    width: float = widths[row, below] + (place - below) * (widths[row, below + 1] - widths[row, below])
+    return width
 
 
 @jit
-def _estimate(
-    heating, seen, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths, z, out
-):
-    """δ, half of its 95 % interval and the share of the residual in it, into ``out``, from the features ``seen``."""
-    for j in range(len(seen)):
-        z[j] = (seen[j] - centre[j]) / scale[j]
-    lowest = limits[_LOWEST]
-    highest = limits[_HIGHEST]
+def _see(
+    time: float, power: float, ambient: float, resistance: float, stress: float, state: np.ndarray, n: Numbers
+) -> None:
+    """The features of one sample, into ``n.seen``."""
+    features(
+        time=time,
+        power=power,
+        ambient=ambient,
+        resistance=resistance,
+        stress=stress,
+        thermal=n.thermal,
+        widths_K=n.widths_K,
+        widths_Ohm=n.widths_Ohm,
+        state=state,
+        out=n.seen,
+    )
+
+
+@jit
+def _estimate(heating: bool, n: Numbers, out: np.ndarray) -> None:
+    """δ, half of its 95 % interval and the share of the residual in it, into ``out``, from the features ``n.seen``."""
+    for j in range(len(n.seen)):
+        n.z[j] = (n.seen[j] - n.centre[j]) / n.scale[j]
+    lowest = n.limits[_LOWEST]
+    highest = n.limits[_HIGHEST]
     slack = 0.05 * (highest - lowest)
-    physical = min(max(_quadratic(z, curve), lowest - slack), highest + slack)
-    _learned(z, linear, hidden, bias, output, out)
-    residual = limits[_LARGEST] * tanh((out[0] - physical) / limits[_LARGEST])
+    physical = min(max(_quadratic(n.z, n.curve), lowest - slack), highest + slack)
+    _learned(n, out)
+    residual = n.limits[_LARGEST] * tanh((out[0] - physical) / n.limits[_LARGEST])
     spread = out[1]
-    strangeness = _strangeness(seen, z, whitening, limits[_EDGE], low, high)
+    strangeness = _strangeness(n)
     share = 1.0 if strangeness <= 1.0 else exp(2.0 * (1.0 - strangeness))
     displacement = min(max(physical + share * residual, lowest - slack), highest + slack)
-    width = _half_width(displacement, heating, widths, lowest, highest) * (limits[_FLOOR] + spread)
+    width = _half_width(displacement, heating, n) * (n.limits[_FLOOR] + spread)
     out[0] = displacement
-    out[1] = share * width + (1.0 - share) * max(limits[_CURVE_WIDTH], width)
+    out[1] = share * width + (1.0 - share) * max(n.limits[_CURVE_WIDTH], width)
     out[2] = share
 
 
 @jit
 def advance(
-    time, power, ambient, resistance, stress, heating, state,
-    thermal, ends, widths_K, widths_Ohm, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths,
-    seen, z, out,
-):  # fmt: skip
+    time: float,
+    power: float,
+    ambient: float,
+    resistance: float,
+    stress: float,
+    heating: bool,
+    state: np.ndarray,
+    n: Numbers,
+    out: np.ndarray,
+) -> None:
     """One sample: δ [m], half of its 95 % interval [m] and the share of the residual, into ``out`` (3,)."""
     if state[_TIME] != state[_TIME]:  # NaN
         # At rest: the place that agrees with the temperature that is made of it.
         share = 1.0
         for _ in range(_START_PASSES):
-            at_rest(time, power, ambient, resistance, share, thermal, state)
-            features(time, power, ambient, resistance, stress, thermal, widths_K, widths_Ohm, state, seen)
-            _estimate(
-                heating,
-                seen,
-                limits,
-                centre,
-                scale,
-                low,
-                high,
-                whitening,
-                curve,
-                linear,
-                hidden,
-                bias,
-                output,
-                widths,
-                z,
-                out,
+            at_rest(
+                time=time,
+                power=power,
+                ambient=ambient,
+                resistance=resistance,
+                share=share,
+                thermal=n.thermal,
+                state=state,
             )
-            share = share_of_stroke(out[0], stress, ends)
-        at_rest(time, power, ambient, resistance, share, thermal, state)
-    features(time, power, ambient, resistance, stress, thermal, widths_K, widths_Ohm, state, seen)
-    _estimate(
-        heating, seen, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths, z, out
-    )
-    state[_SHARE] = share_of_stroke(out[0], stress, ends)
+            _see(time=time, power=power, ambient=ambient, resistance=resistance, stress=stress, state=state, n=n)
+            _estimate(heating, n, out)
+            share = share_of_stroke(out[0], stress, n.ends)
+        at_rest(
+            time=time, power=power, ambient=ambient, resistance=resistance, share=share, thermal=n.thermal, state=state
+        )
+    _see(time=time, power=power, ambient=ambient, resistance=resistance, stress=stress, state=state, n=n)
+    _estimate(heating, n, out)
+    state[_SHARE] = share_of_stroke(out[0], stress, n.ends)
 
 
 @jit
 def advance_all(
-    time, power, ambient, resistance, stress, heating, state,
-    thermal, ends, widths_K, widths_Ohm, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths,
-    seen, z, out,
-):  # fmt: skip
-    """``advance`` over n samples, ``out`` (n, 3)."""
+    time: np.ndarray,
+    power: np.ndarray,
+    ambient: np.ndarray,
+    resistance: np.ndarray,
+    stress: np.ndarray,
+    heating: np.ndarray,
+    state: np.ndarray,
+    n: Numbers,
+    out: np.ndarray,
+) -> None:
+    """``advance`` over samples, ``out`` (samples, 3)."""
     for i in range(len(time)):
         advance(
-            time[i], power[i], ambient[i], resistance[i], stress[i], heating[i], state,
-            thermal, ends, widths_K, widths_Ohm, limits, centre, scale, low, high, whitening, curve, linear, hidden, bias, output, widths,
-            seen, z, out[i],
-        )  # fmt: skip
+            time=time[i],
+            power=power[i],
+            ambient=ambient[i],
+            resistance=resistance[i],
+            stress=stress[i],
+            heating=heating[i],
+            state=state,
+            n=n,
+            out=out[i],
+        )
 
 
 class WholeRangeModel:
@@ -291,25 +392,25 @@ class WholeRangeModel:
         n = len(c.feature_centre)
         whitening = np.zeros((n, n))
         whitening[np.tril_indices(n)] = c.novelty
-        self._coefficients = (
-            np.array(c.thermal),
-            np.array([c.hot_end, c.cold_end]),
-            np.array(c.play_widths_K),
-            np.array(c.play_widths_Ohm),
-            np.array([*c.stroke, c.largest_residual, c.novelty_edge, c.spread_floor, c.curve_interval]),
-            np.array(c.feature_centre),
-            np.array(c.feature_scale),
-            np.array(c.feature_low),
-            np.array(c.feature_high),
-            whitening,
-            np.array(c.curve),
-            np.array(c.linear).reshape(c.learners, -1),
-            np.array(c.hidden).reshape(len(c.bias), n),
-            np.array(c.bias),
-            np.array(c.output),
-            np.array(c.intervals).reshape(2, -1),
-            np.zeros(n),
-            np.zeros(n),
+        self._numbers = Numbers(
+            thermal=np.array(c.thermal),
+            ends=np.array([c.hot_end, c.cold_end]),
+            widths_K=np.array(c.play_widths_K),
+            widths_Ohm=np.array(c.play_widths_Ohm),
+            limits=np.array([*c.stroke, c.largest_residual, c.novelty_edge, c.spread_floor, c.curve_interval]),
+            centre=np.array(c.feature_centre),
+            scale=np.array(c.feature_scale),
+            low=np.array(c.feature_low),
+            high=np.array(c.feature_high),
+            whitening=whitening,
+            curve=np.array(c.curve),
+            linear=np.array(c.linear).reshape(c.learners, -1),
+            hidden=np.array(c.hidden).reshape(len(c.bias), n),
+            bias=np.array(c.bias),
+            output=np.array(c.output),
+            widths=np.array(c.intervals).reshape(2, -1),
+            seen=np.zeros(n),
+            z=np.zeros(n),
         )
         self._state = np.zeros(_PLAYS + n - DIRECT)
         self._out = np.zeros(3)
@@ -325,7 +426,17 @@ class WholeRangeModel:
         """Advance by one sample: δ [m], half of its 95 % interval [m], and whether the calibration has seen the like."""
         ambient_C = ambient_C if isfinite(ambient_C) else self._ambient_C
         out = self._out
-        advance(time_s, power_W, ambient_C, resistance_Ohm, stress_Pa, heating, self._state, *self._coefficients, out)
+        advance(
+            time=time_s,
+            power=power_W,
+            ambient=ambient_C,
+            resistance=resistance_Ohm,
+            stress=stress_Pa,
+            heating=heating,
+            state=self._state,
+            n=self._numbers,
+            out=out,
+        )
         return float(out[0]), float(out[1]), bool(out[2] > _STILL_SEEN)
 
     def observe_all(
@@ -341,7 +452,15 @@ class WholeRangeModel:
         out = np.empty((len(time_s), 3))
         ambient_C = np.where(np.isfinite(ambient_C), ambient_C, self._ambient_C)
         advance_all(
-            time_s, power_W, ambient_C, resistance_Ohm, stress_Pa, heating, self._state, *self._coefficients, out
+            time=time_s,
+            power=power_W,
+            ambient=ambient_C,
+            resistance=resistance_Ohm,
+            stress=stress_Pa,
+            heating=heating,
+            state=self._state,
+            n=self._numbers,
+            out=out,
         )
         return out[:, 0].copy(), out[:, 1].copy(), out[:, 2] > _STILL_SEEN
 
@@ -408,7 +527,7 @@ class WholeRangeCoefficients:
         description="the stroke that the calibration has seen, both ends included", unit="m", lo=-10.0, hi=10.0
     )
 
-    def mismatches(self, wire) -> list[str]:
+    def mismatches(self, wire: Wire) -> list[str]:
         """Why these coefficients do not suit ``wire``."""
         return [
             *wrong_size(self.calibrated_length, self.calibrated_diameter, wire),
@@ -446,6 +565,6 @@ class WholeRangeCoefficients:
             problems.append(f"model.intervals: {len(self.intervals)} numbers, but two rows of equal length are wanted")
         return problems
 
-    def build(self, wire) -> WholeRangeModel:
+    def build(self, wire: Wire) -> WholeRangeModel:
         """The model of the wire the coefficients were fitted on."""
         return WholeRangeModel(self)
