@@ -35,7 +35,7 @@ def trace_fleet(wires) -> list:
 
 
 def main() -> int:
-    """Trace the fleet three ways and compare; 0 where all three say the same."""
+    """Experiment the fleet three ways and compare; 0 where all three say the same."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--wires", type=int, default=8)
     parser.add_argument("--workers", type=int, default=2)

@@ -52,7 +52,7 @@ def errors(config: Config, judged) -> dict[str, tuple[float, float]]:
 
 
 def main() -> int:
-    """Trace, judge and print; returns 0."""
+    """Experiment, judge and print; returns 0."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every number here")
     args = parser.parse_args()

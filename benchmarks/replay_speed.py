@@ -29,7 +29,7 @@ from sma_actuator.base.jit import COMPILED
 from sma_actuator.base.signals import Signals
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
-from sma_actuator.identify.traces import make_trace
+from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.logs.bench_log import BenchLog, write_bench_log
 from sma_actuator.logs.files import write_atomically
 
@@ -87,7 +87,7 @@ def main() -> int:
         start = time.perf_counter()
         result = identify(ten, mapping, wire)
         numbers[f"identify {wire} from {len(ten)} logs, s"] = time.perf_counter() - start
-        trace = make_trace(logs[0], result.config)
+        trace = make_experiment(logs[0], result.config)
         columns = [repeated(a, SAMPLES) for a in (trace.resistance_Ohm, trace.stress_Pa, trace.heating)]
         if wire == "flexinol":
             short = [list(c[:LOOP_SAMPLES]) for c in columns]

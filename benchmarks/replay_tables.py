@@ -29,7 +29,7 @@ from sma_actuator.characterise.operators import BenchOperator
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
 from sma_actuator.identify import identify
 from sma_actuator.identify.errors import log_error
-from sma_actuator.identify.traces import make_trace
+from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.replay import estimate_m, replay
@@ -71,7 +71,7 @@ def judge(logs: list[BenchLog], config: Config, estimate=estimate_m) -> list[tup
     rows = []
     for load in ROWS:
         word = "spring" if load == "spring" else f"{float(load.split()[0]):.3f}N"
-        traces = [make_trace(log, config) for log in logs if word in log.name]
+        traces = [make_experiment(log, config) for log in logs if word in log.name]
         measured = np.concatenate([t.displacement_m for t in traces])
         load_N = np.concatenate([t.signals.load_N for t in traces])
         together = dataclasses.replace(traces[0].signals, reference_displacement_m=measured, load_N=load_N)

@@ -29,7 +29,7 @@ from sma_actuator.characterise.programs import Drive, Program, hold
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
-from sma_actuator.identify.traces import make_trace
+from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.identify.whole_range import regions
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log
 from sma_actuator.logs.files import write_atomically
@@ -119,7 +119,7 @@ def judge(wire: str, physics: str) -> dict:
     rows: dict[str, list[np.ndarray]] = {"thesis": [], "whole": [], "inside": [], "place": [], "kind": []}
     for kind, log in logs:
         for name, config in (("thesis", thesis.config), ("whole", whole.config)):
-            trace = make_trace(log, config)
+            trace = make_experiment(log, config)
             found = Chain(config).run(trace.signals)
             rows[name].append(np.abs(found.displacement_m - trace.displacement_m) / full_m * 100.0)
         rows["inside"].append(np.abs(found.displacement_m - trace.displacement_m) <= found.uncertainty_m)
@@ -139,7 +139,7 @@ def judge(wire: str, physics: str) -> dict:
 
 def microseconds(config: Config, log: BenchLog) -> float:
     """Time of one sample through the model alone, the best of three runs over a log [µs]."""
-    trace = make_trace(log, config)
+    trace = make_experiment(log, config)
     s, model = trace.signals, config.model.build(config.wire)
     samples = list(
         zip(s.time_s, s.resistance_Ohm, s.stress_Pa, trace.heating, s.power_W, s.ambient_temperature_C, strict=True)

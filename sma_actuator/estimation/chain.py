@@ -45,7 +45,7 @@ Act = tuple[Callable[[Frame, np.ndarray, Place], None], np.ndarray]  #: what an 
 
 
 @dataclass(frozen=True, slots=True)
-class EstimateTrace:
+class Estimates:
     """Estimates of n samples, the fields of :class:`Estimate`, and how they came about: arrays of shape (n,)."""
 
     time_s: np.ndarray
@@ -61,7 +61,7 @@ class EstimateTrace:
 
 
 @dataclass(frozen=True, slots=True)
-class Judged(EstimateTrace):
+class Judged(Estimates):
     """The same of a log that is held against a reference sensor."""
 
     elapsed_s: np.ndarray  #: since the session began
@@ -259,12 +259,12 @@ class Chain:
 
     # --- many ---------------------------------------------------------------------------------------
 
-    def run(self, signals: Signals) -> EstimateTrace:
+    def run(self, signals: Signals) -> Estimates:
         """The live view of n samples: every field of ``signals`` is an array of shape (n,), or one number for all.
 
         The memory is carried on, so a log may come in pieces.
         """
-        return EstimateTrace(**self._run(signals, judged=False))
+        return Estimates(**self._run(signals, judged=False))
 
     def judge(self, signals: Signals) -> Judged:
         """The judged view of n samples: the same, and what a reference sensor should show."""

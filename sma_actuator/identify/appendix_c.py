@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .traces import IdentificationError, Trace
+from .experiments import Experiment, IdentificationError
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class Asymptotes:
     cooling_points: np.ndarray
 
 
-def mean_cycle(trace: Trace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def mean_cycle(trace: Experiment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Resistance, displacement and current state of the mean over the complete cycles of a square wave.
 
     Raises IdentificationError where there is no complete cycle.
@@ -46,7 +46,7 @@ def mean_cycle(trace: Trace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return trace.resistance_Ohm[rows].mean(axis=0), trace.displacement_m[rows].mean(axis=0), driven
 
 
-def asymptotes(trace: Trace, tolerances: Tolerances = Tolerances()) -> Asymptotes:
+def asymptotes(trace: Experiment, tolerances: Tolerances = Tolerances()) -> Asymptotes:
     """Steps 1 to 3 of appendix C.  Raises IdentificationError naming the branch that cannot be found."""
     resistance_Ohm, displacement_m, driven = mean_cycle(trace)
     source = trace.log.source

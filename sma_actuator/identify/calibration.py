@@ -16,8 +16,8 @@ from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.safety.thermal import HeatBalance, ThermalParameters
 
+from .experiments import Experiment
 from .rests import find_rests
-from .traces import Trace
 
 POSITIONS = 13
 STILL_SHARE = (
@@ -26,7 +26,7 @@ STILL_SHARE = (
 SAME_STRESS = 0.06  #: share of the largest stress within which two are one
 
 
-def calibration_of(traces: Sequence[Trace], config: Config, at_rest: bool = True) -> Calibration:
+def calibration_of(traces: Sequence[Experiment], config: Config, at_rest: bool = True) -> Calibration:
     """The section ``calibration`` for a model and its own logs.
 
     ``at_rest``: with what a resting wire shows; left out for models of wires of any size.
@@ -167,7 +167,7 @@ def _look_up(position, stress, table, estimate, sample_stress, heating, out):
         out[i] = low * (1.0 - y) + high * y
 
 
-def _at_rest(traces: Sequence[Trace], thermal_time_constant_s: float) -> dict:
+def _at_rest(traces: Sequence[Experiment], thermal_time_constant_s: float) -> dict:
     points: dict[bool, list] = {False: [], True: []}
     for trace in traces:
         for rest in find_rests(trace, thermal_time_constant_s):
@@ -202,7 +202,7 @@ def _at_rest(traces: Sequence[Trace], thermal_time_constant_s: float) -> dict:
     return out
 
 
-def _heat_balance_C(trace: Trace, thermal: ThermalParameters) -> tuple[np.ndarray, np.ndarray]:
+def _heat_balance_C(trace: Experiment, thermal: ThermalParameters) -> tuple[np.ndarray, np.ndarray]:
     """Temperature of the wire by the heat balance, and of its surroundings, of each sample."""
     signals = trace.signals
     read_C = np.broadcast_to(signals.ambient_temperature_C, signals.time_s.shape)
@@ -218,7 +218,7 @@ def _heat_balance_C(trace: Trace, thermal: ThermalParameters) -> tuple[np.ndarra
     return wire_C, ambient_C
 
 
-def _cooling(traces: Sequence[Trace], config: Config) -> dict:
+def _cooling(traces: Sequence[Experiment], config: Config) -> dict:
     """How warm the heat balance called the wire when, cooling, it passed the middle of its working range."""
     middle_m = float(np.mean(config.model.build(config.wire).displacement_range_m))
     rows = []
@@ -241,7 +241,7 @@ def _cooling(traces: Sequence[Trace], config: Config) -> dict:
     }
 
 
-def _contracted(traces: Sequence[Trace], config: Config) -> dict:
+def _contracted(traces: Sequence[Experiment], config: Config) -> dict:
     """Resistance over temperature of the wire that does not move any more: contracted, and cooling after a pulse.
 
     Not while it is heated: the balance leaves latent heat out, so right after the transformation it is hot by what

@@ -9,8 +9,8 @@ import numpy as np
 
 from sma_actuator.base.signals import Signals
 
+from .experiments import Experiment
 from .fitting import predict
-from .traces import Trace
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,9 @@ class LogError:
     full_percent: float  #: over all samples
 
 
-def log_errors(model, traces: Sequence[Trace], range_m: tuple[float, float], full_stroke_m: float) -> list[LogError]:
+def log_errors(
+    model, traces: Sequence[Experiment], range_m: tuple[float, float], full_stroke_m: float
+) -> list[LogError]:
     """Errors of ``model`` on every trace."""
     return [log_error(t.name, t.signals, predict(model, [t]), range_m, full_stroke_m) for t in traces]
 

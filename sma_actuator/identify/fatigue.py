@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .traces import IdentificationError, Trace
+from .experiments import Experiment, IdentificationError
 
 QUANTITIES = ("resistance_min_Ohm", "resistance_max_Ohm", "displacement_min_m", "displacement_max_m")
 
@@ -31,7 +31,7 @@ class Fatigue:
     drift: dict[str, Drift]
 
 
-def fit_fatigue(traces: Sequence[Trace]) -> Fatigue:
+def fit_fatigue(traces: Sequence[Experiment]) -> Fatigue:
     """ln N lines of the extremes of R and δ over the fatigue logs, numbered from ``first_cycle`` in their metadata.
 
     Raises IdentificationError where there are fewer than five cycles.

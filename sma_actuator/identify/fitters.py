@@ -16,10 +16,10 @@ import numpy as np
 from sma_actuator.base.registry import Registry
 from sma_actuator.config import BenchConfig
 
+from .experiments import Experiment, IdentificationError
 from .flexinol import FlexinolFit, fit_appendix_c, fit_joint
 from .furukawa import fit_furukawa
 from .normalised import fit_furukawa_normalised, flexinol_normalised
-from .traces import IdentificationError, Trace
 from .whole_range import beside_the_thesis, fit_whole_range
 
 METHODS = ("joint", "appendix-c")
@@ -50,7 +50,7 @@ class Fitted:
 class Fitter:
     """A function that fits, and what it can do.  It raises IdentificationError naming what the logs lack."""
 
-    fit: Callable[[Sequence[Trace], BenchConfig, Asked], Fitted]  #: of the logs of a bench
+    fit: Callable[[Sequence[Experiment], BenchConfig, Asked], Fitted]  #: of the logs of a bench
     methods: tuple[str, ...] = ("joint",)
     any_size: bool = False  #: of logs of wires of several sizes, each rewritten as one of the same wire
 
@@ -59,33 +59,33 @@ class Fitter:
 FITTERS: Registry[Fitter] = Registry("fitter", "sma_actuator.fitters")
 
 
-def _found(traces: Sequence[Trace], bench: BenchConfig, asked: Asked) -> FlexinolFit:
+def _found(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> FlexinolFit:
     if asked.method == "appendix-c":
         return fit_appendix_c(traces, bench.wire, 2 if asked.order is None else asked.order)
     return fit_joint(traces, bench.wire, None if asked.order is None else (asked.order, asked.order), asked.progress)
 
 
-def _flexinol(traces: Sequence[Trace], bench: BenchConfig, asked: Asked) -> Fitted:
+def _flexinol(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
     found = _found(traces, bench, asked)
     return Fitted(found.coefficients, found.samples, found)
 
 
-def _flexinol_normalised(traces: Sequence[Trace], bench: BenchConfig, asked: Asked) -> Fitted:
+def _flexinol_normalised(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
     found = _found(traces, bench, asked)
     coefficients, samples = flexinol_normalised(found, traces, bench.wire)
     return Fitted(coefficients, samples, found)
 
 
-def _furukawa(traces: Sequence[Trace], bench: BenchConfig, asked: Asked) -> Fitted:
+def _furukawa(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
     found = fit_furukawa(traces, bench.wire, asked.variant, asked.order, asked.progress)
     return Fitted(found.coefficients, found.samples, found)
 
 
-def _furukawa_normalised(traces: Sequence[Trace], bench: BenchConfig, asked: Asked) -> Fitted:
+def _furukawa_normalised(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
     return Fitted(*fit_furukawa_normalised(traces, bench.wire, asked.order))
 
 
-def _whole_range(traces: Sequence[Trace], bench: BenchConfig, asked: Asked) -> Fitted:
+def _whole_range(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
     found = fit_whole_range(traces, bench, asked.progress)
     fit_thesis = _flexinol if bench.wire.alloy == "ni-ti" else _furukawa
     try:

@@ -11,8 +11,8 @@ from scipy.optimize import least_squares
 
 from sma_actuator.estimation.models import StrainModel, ThermalStrainModel
 
+from .experiments import Experiment, IdentificationError
 from .ranges import determinate_interval_m, distinct_stresses, full_cycles
-from .traces import IdentificationError, Trace
 
 LOSS_SCALE = 0.01  #: residual, as a share of the full stroke, above which it counts linearly
 FOLDS = 3
@@ -26,14 +26,14 @@ Choice = TypeVar("Choice", bound=Hashable)
 class Data:
     """Traces with the samples that count, and a number for every cycle of every trace."""
 
-    traces: tuple[Trace, ...]
+    traces: tuple[Experiment, ...]
     counts: np.ndarray  #: bool, shape (N,): the sample is in the determinate part of its stroke
     unit: np.ndarray  #: int, shape (N,): which cycle it belongs to, over all traces
     displacement_m: np.ndarray  #: shape (N,)
     full_stroke_m: float
 
 
-def make_data(traces: Sequence[Trace], full_stroke_m: float) -> Data:
+def make_data(traces: Sequence[Experiment], full_stroke_m: float) -> Data:
     """Concatenate traces; the indeterminate ends, found per load, and the rest before the first cycle do not count.
 
     A log that is not of full cycles takes the ends of the full cycles nearest in stress.
@@ -58,7 +58,7 @@ def make_data(traces: Sequence[Trace], full_stroke_m: float) -> Data:
     )
 
 
-def predict(model: StrainModel | ThermalStrainModel, traces: Sequence[Trace]) -> np.ndarray:
+def predict(model: StrainModel | ThermalStrainModel, traces: Sequence[Experiment]) -> np.ndarray:
     """Displacement by a model over traces, each begun cold as the estimator does; concatenated, [m]."""
     out = []
     for trace in traces:
@@ -156,7 +156,7 @@ def bootstrap(build: Model, theta: np.ndarray, data: Data, seed: int = 0) -> np.
     return out
 
 
-def require_loads(traces: Sequence[Trace], order: int, what: str) -> None:
+def require_loads(traces: Sequence[Experiment], order: int, what: str) -> None:
     """Raise IdentificationError where a polynomial of ``order`` in stress has more coefficients than there are "
     "loads."""
     full = full_cycles(traces)

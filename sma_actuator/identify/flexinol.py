@@ -13,10 +13,10 @@ from sma_actuator.estimation.models import COEFFICIENTS
 
 from . import fitting
 from .appendix_c import Asymptotes, asymptotes
+from .experiments import Experiment
 from .fitting import Data
 from .material import RPhaseAlloy, asymptotes_from_material
 from .ranges import distinct_stresses, full_cycles, working_range_m
-from .traces import Trace
 
 STRESS_UNIT_Pa = 100e6  #: polynomials are fitted in units of this, so that their coefficients are of one size
 HIGHEST_ORDER = 3
@@ -37,7 +37,7 @@ class FlexinolFit:
     samples: dict[str, np.ndarray] = field(default_factory=dict)  #: bootstrap: (samples, coefficients) of every field
 
 
-def fit_appendix_c(traces: Sequence[Trace], wire, order: int = 2) -> FlexinolFit:
+def fit_appendix_c(traces: Sequence[Experiment], wire, order: int = 2) -> FlexinolFit:
     """Appendix C, then polynomials in stress (5.3–5.6); τ and a_0, found by trial in the thesis, by least squares here.
 
     Raises IdentificationError naming what the logs lack.
@@ -68,7 +68,7 @@ def _degrees(orders: tuple[int, int]) -> int:
 
 
 def fit_joint(
-    traces: Sequence[Trace],
+    traces: Sequence[Experiment],
     wire,
     orders: tuple[int, int] | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
@@ -105,7 +105,7 @@ class _Joint:
     """The parameter vector of the joint fit: for each asymptote the displacement [mm] it has at a
     resistance in mid-range and its slope [mm/Ω], as polynomials in stress; then a_0 [mm/Ω] and ln τ."""
 
-    def __init__(self, traces: Sequence[Trace], wire, data: Data):
+    def __init__(self, traces: Sequence[Experiment], wire, data: Data):
         self._traces, self._wire, self._data = traces, wire, data
         resistance_Ohm = np.concatenate([t.resistance_Ohm for t in traces])[data.counts]
         self._centre_Ohm = float(np.median(resistance_Ohm))
@@ -148,7 +148,7 @@ class _Joint:
         return _best_start(self.builder(orders), self._data, candidates)
 
     @staticmethod
-    def _middle_lines(trace: Trace) -> list[tuple[float, float]]:
+    def _middle_lines(trace: Experiment) -> list[tuple[float, float]]:
         """(slope, intercept) of heating and cooling in the middle of the stroke."""
         low_m, high_m = np.percentile(trace.displacement_m, (0.5, 99.5))
         middle = np.abs(trace.displacement_m - 0.5 * (low_m + high_m)) < 0.25 * (high_m - low_m)
@@ -180,7 +180,7 @@ def _coefficients(polynomials, wire, stress_range, displacement_range, initial_s
     )
 
 
-def stress_range_Pa(traces: Sequence[Trace]) -> tuple[float, float]:
+def stress_range_Pa(traces: Sequence[Experiment]) -> tuple[float, float]:
     """Lowest and highest stress the polynomials rest on, with a margin of 2 % for noise."""
     values = [t.mean_stress_Pa for t in full_cycles(traces)]
     margin = 0.02 * max(values)

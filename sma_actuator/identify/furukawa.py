@@ -12,10 +12,10 @@ from scipy.optimize import least_squares
 from sma_actuator.estimation.models import COEFFICIENTS
 
 from . import fitting
+from .experiments import Experiment
 from .fitting import Data
 from .flexinol import HIGHEST_ORDER, STRESS_UNIT_Pa, stress_range_Pa
 from .ranges import distinct_stresses, full_cycles, working_range_m
-from .traces import Trace
 
 ORDER_R = 2  #: G_2 R² + G_1 R + G_0 (5.55, 5.56)
 _LOG_RATE = (np.log(0.1), np.log(1000.0))  #: of η [1/Ω]
@@ -32,7 +32,7 @@ class FurukawaFit:
 
 
 def fit_furukawa(
-    traces: Sequence[Trace],
+    traces: Sequence[Experiment],
     wire,
     variant: str = "average",
     order: int | None = None,
@@ -75,7 +75,7 @@ class _Curves:
     """The parameter vector: c_H[i, j], c_C[i, j] of δ = Σ c[i, j] x^i s^j in mm, with x the resistance
     centred and scaled and s = σ / STRESS_UNIT_Pa; then ln η."""
 
-    def __init__(self, traces: Sequence[Trace], wire, data: Data, variant: str):
+    def __init__(self, traces: Sequence[Experiment], wire, data: Data, variant: str):
         self._traces, self._wire, self._data, self._variant = traces, wire, data, variant
         resistance_Ohm = np.concatenate([t.resistance_Ohm for t in traces])[data.counts]
         low, high = np.percentile(resistance_Ohm, (1, 99))
@@ -121,7 +121,7 @@ class _Curves:
         shift = self._polynomial(self._traces, self._data.counts, order) - 0.5 * (heating + cooling)
         return np.concatenate([shift, shift, [0.0]])
 
-    def _polynomial(self, traces: Sequence[Trace], chosen: np.ndarray, order: int) -> np.ndarray:
+    def _polynomial(self, traces: Sequence[Experiment], chosen: np.ndarray, order: int) -> np.ndarray:
         x = (np.concatenate([t.resistance_Ohm for t in traces]) - self._centre_Ohm) / self._scale_Ohm
         stress = np.concatenate([t.stress_Pa for t in traces]) / STRESS_UNIT_Pa
         displacement_mm = np.concatenate([t.displacement_m for t in traces]) * 1e3

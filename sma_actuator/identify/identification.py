@@ -15,12 +15,12 @@ from sma_actuator.logs.bench_log import BenchLog
 
 from .calibration import calibration_of
 from .errors import LogError, log_errors
+from .experiments import Experiment
 from .fatigue import Fatigue, fit_fatigue
 from .fitters import FITTERS, METHODS, Asked, Fitter, Progress
-from .kinds import LEFT_OUT, make_traces
+from .kinds import LEFT_OUT, make_experiments
 from .normalised import as_one_wire
 from .ranges import MARGIN, check_width, shortest_seen_m
-from .traces import Trace
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class Identification:
     intervals: dict[str, list[tuple[float, float]]]  #: 95 % of every coefficient, by bootstrap over cycles
     errors: list[LogError]  #: of the logs it was fitted on
     fit: Any  #: how it was found, as its fitter has it
-    traces: tuple[Trace, ...]
+    traces: tuple[Experiment, ...]
     fatigue: Fatigue | None = None
     notes: list[str] = field(default_factory=list)  #: what the user should know
 
@@ -54,7 +54,7 @@ def identify(
     """
     fitter = _fitter(model_type, method)
     bench = bench_from_mapping(config_mapping)
-    everything = as_one_wire(logs, config_mapping) if fitter.any_size else make_traces(logs, bench)
+    everything = as_one_wire(logs, config_mapping) if fitter.any_size else make_experiments(logs, bench)
     fatigue_traces = [t for t in everything if t.kind == "fatigue"]
     traces = [t for t in everything if t.kind != "fatigue"]
     fitted = fitter.fit(traces, bench, Asked(method, variant, order, progress))

@@ -15,7 +15,7 @@ import numpy as np
 
 from sma_actuator.logs.bench_log import BenchLog, uncalibrated_resistance_and_current
 
-from .traces import NOT_FITTED, IdentificationError, Trace, cycles_of, judged_rows, make_trace, sessions
+from .experiments import NOT_FITTED, Experiment, IdentificationError, cycles_of, judged_rows, make_experiment, sessions
 
 FULL, PARTIAL, MANY = "pulses", "partial", "fatigue"
 LEFT_OUT = (
@@ -35,11 +35,11 @@ _ENOUGH = 8  #: full cycles of a stretch that are fitted: they repeat each other
 _MANY = 15  #: full cycles in a row of which no fit needs more, where other logs have full cycles too
 
 
-def with_kinds(traces: Sequence[Trace]) -> list[Trace]:
+def with_kinds(traces: Sequence[Experiment]) -> list[Experiment]:
     """Stretches of the traces, each of one load and one kind of cycles."""
     stretches = [stretch for trace in traces for stretch in _of_one_load(trace)]
     seen = [_cycles_of(stretch) for stretch in stretches]
-    out: list[Trace] = []
+    out: list[Experiment] = []
     for stretch, cycles in zip(stretches, seen, strict=True):
         if stretch.kind == MANY:
             out.append(stretch)
@@ -65,7 +65,7 @@ def with_kinds(traces: Sequence[Trace]) -> list[Trace]:
     return [_enough(t) if t.kind == FULL else t for t in out]
 
 
-def _enough(trace: Trace) -> Trace:
+def _enough(trace: Experiment) -> Experiment:
     """A trace of full cycles with some of them, spread over the log; the first and the last among them."""
     cycles = int(trace.cycle[-1])
     if cycles <= _ENOUGH:
@@ -78,7 +78,7 @@ def _enough(trace: Trace) -> Trace:
     return dataclasses.replace(piece, cycle=number, log=dataclasses.replace(piece.log, metadata=metadata))
 
 
-def make_traces(logs: Sequence[BenchLog], config: Any) -> list[Trace]:
+def make_experiments(logs: Sequence[BenchLog], config: Any) -> list[Experiment]:
     """Traces of the logs that a model is fitted on, each of one load and one kind of cycles.
 
     Logs of calibration and training are left out, and logs in which the current never moves.  Raises
@@ -86,7 +86,7 @@ def make_traces(logs: Sequence[BenchLog], config: Any) -> list[Trace]:
     """
     fitted = [log for log in logs if log.metadata.get("kind") not in NOT_FITTED]
     cycled = [log for log in fitted if _is_cycled(log)]
-    traces = [judged_rows(session) for log in cycled for session in sessions(make_trace(log, config))]
+    traces = [judged_rows(session) for log in cycled for session in sessions(make_experiment(log, config))]
     if not traces:
         raise IdentificationError(
             "no log to fit: pulses or partial cycles of a wire with a measured displacement are needed"
@@ -108,7 +108,7 @@ class _Cycle:
     heated: int  #: samples in mid-stroke on the way there
 
 
-def _cycles_of(trace: Trace) -> list[_Cycle]:
+def _cycles_of(trace: Experiment) -> list[_Cycle]:
     """The cycles 1 … n of a trace."""
     bounds = np.searchsorted(trace.cycle, np.arange(1, trace.cycle[-1] + 2))
     return [_cycle(trace.displacement_m[a:b], trace.driven[a:b]) for a, b in itertools.pairwise(bounds)]
@@ -126,11 +126,11 @@ def _cycle(displacement_m: np.ndarray, driven: np.ndarray) -> _Cycle:
     return _Cycle(stroke_m, rests, int(np.count_nonzero(away < 0.25 * stroke_m)))
 
 
-def _same_load(a: Trace, b: Trace) -> bool:
+def _same_load(a: Experiment, b: Experiment) -> bool:
     return abs(a.mean_stress_Pa - b.mean_stress_Pa) <= SAME_LOAD * abs(b.mean_stress_Pa)
 
 
-def _of_one_load(trace: Trace) -> list[Trace]:
+def _of_one_load(trace: Experiment) -> list[Experiment]:
     """A trace cut where another weight was hung; one whose load moves with the wire is left whole."""
     load_N, time_s = trace.signals.load_N, trace.signals.time_s
     if trace.constant_load or len(load_N) < 2 * _SHORTEST:
@@ -160,7 +160,7 @@ def _of_one_load(trace: Trace) -> list[Trace]:
     ]
 
 
-def _of_one_kind(trace: Trace, full: np.ndarray) -> list[Trace]:
+def _of_one_kind(trace: Experiment, full: np.ndarray) -> list[Experiment]:
     """A trace cut where full cycles follow partial ones or the other way round."""
     turns = np.flatnonzero(full[1:] != full[:-1]) + 1
     if len(turns) == 0 or len(turns) > _MOST_CUTS:
@@ -172,12 +172,12 @@ def _of_one_kind(trace: Trace, full: np.ndarray) -> list[Trace]:
     return [_cut(trace, a, b, kind) for a, b, kind in zip(before, starts[1:], kinds, strict=True)]
 
 
-def _rest_before(trace: Trace, start: int) -> int:
+def _rest_before(trace: Experiment, start: int) -> int:
     time_s = trace.signals.time_s
     return start - int(np.searchsorted(time_s, time_s[start] - _WINDOW_s))
 
 
-def _cut(trace: Trace, start: int, stop: int, kind: str) -> Trace:
+def _cut(trace: Experiment, start: int, stop: int, kind: str) -> Experiment:
     inside = np.zeros(len(trace.cycle), dtype=bool)
     inside[start:stop] = True
     piece = trace.rows(inside)

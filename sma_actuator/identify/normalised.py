@@ -20,15 +20,15 @@ from sma_actuator.estimation.models import COEFFICIENTS
 from sma_actuator.logs.bench_log import BenchLog
 
 from . import fitting
+from .experiments import NOT_FITTED, Experiment, IdentificationError, judged_rows, make_experiment, sessions
 from .flexinol import HIGHEST_ORDER, FlexinolFit, STRESS_UNIT_Pa, stress_range_Pa
 from .kinds import with_kinds
 from .ranges import distinct_stresses, full_cycles, working_range_m
-from .traces import NOT_FITTED, IdentificationError, Trace, judged_rows, make_trace, sessions
 
 _ASYMPTOTES = ("heating_slope", "heating_intercept", "cooling_slope", "cooling_intercept")
 
 
-def as_one_wire(logs: Sequence[BenchLog], mapping: Mapping[str, Any]) -> list[Trace]:
+def as_one_wire(logs: Sequence[BenchLog], mapping: Mapping[str, Any]) -> list[Experiment]:
     """Traces of logs of any wires, as the wire of ``mapping`` would have given them.
 
     A log says in its metadata which wire it is of; one that does not is of the wire of ``mapping``.
@@ -50,7 +50,7 @@ def as_one_wire(logs: Sequence[BenchLog], mapping: Mapping[str, Any]) -> list[Tr
         own["safety"] = {**own["safety"]}
         for name in ("resistance_min", "resistance_max"):
             own["safety"][name] /= resistance
-        for trace in map(judged_rows, sessions(make_trace(log, bench_from_mapping(own)))):
+        for trace in map(judged_rows, sessions(make_experiment(log, bench_from_mapping(own)))):
             signals = dataclasses.replace(
                 trace.signals,
                 resistance_Ohm=trace.signals.resistance_Ohm * resistance,
@@ -62,7 +62,7 @@ def as_one_wire(logs: Sequence[BenchLog], mapping: Mapping[str, Any]) -> list[Tr
     return with_kinds(traces)
 
 
-def martensite_resistivity_Ohm_m(traces: Sequence[Trace], wire) -> float:
+def martensite_resistivity_Ohm_m(traces: Sequence[Experiment], wire) -> float:
     """ρ_M from the cold resistance, extrapolated to zero load over the loads there are (5.27)."""
     full = full_cycles(traces)
     cold_Ohm = [float(np.median(t.resistance_Ohm[t.cycle == 0])) for t in full]
@@ -71,7 +71,7 @@ def martensite_resistivity_Ohm_m(traces: Sequence[Trace], wire) -> float:
     return float(at_zero_Ohm * wire.area_m2 / wire.length)
 
 
-def flexinol_normalised(fit: FlexinolFit, traces: Sequence[Trace], wire):
+def flexinol_normalised(fit: FlexinolFit, traces: Sequence[Experiment], wire):
     """FlexinolNormalisedCoefficients of an exclusive fit, and its bootstrap samples, both in λ and ε."""
     resistivity = martensite_resistivity_Ohm_m(traces, wire)
     initial_Ohm, length_m = resistivity * wire.length / wire.area_m2, wire.length
@@ -100,7 +100,7 @@ def flexinol_normalised(fit: FlexinolFit, traces: Sequence[Trace], wire):
     return coefficients, convert(fit.samples) if fit.samples else {}
 
 
-def fit_furukawa_normalised(traces: Sequence[Trace], wire, order: int | None = None):
+def fit_furukawa_normalised(traces: Sequence[Experiment], wire, order: int | None = None):
     """FurukawaNormalisedCoefficients and bootstrap samples: ends of R and δ at every load as a start
     (5.75–5.80), then everything but ρ_A together, robustly.
 

@@ -13,8 +13,8 @@ import numpy as np
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain
 
+from .experiments import Experiment, IdentificationError
 from .kinds import FULL, SAME_LOAD
-from .traces import IdentificationError, Trace
 
 MARGIN = 0.02  #: share of the full stroke that the working range keeps from where resistance stops telling
 _SMOOTH = 3  #: samples either side that a local slope is taken over
@@ -22,7 +22,7 @@ _FLAT = 0.4  #: share of the branch's slope below which it is called flat
 _CORE = (0.25, 0.75)  #: part of the stroke that is determinate beyond doubt
 
 
-def determinate_interval_m(trace: Trace) -> tuple[float, float]:
+def determinate_interval_m(trace: Experiment) -> tuple[float, float]:
     """Displacements between which one log of full cycles is determinate.
 
     The contracted end is where heating goes flat: on cooling from there the R-phase moves the
@@ -62,7 +62,7 @@ def _is_flat(resistance_Ohm: np.ndarray, displacement_m: np.ndarray, slope: floa
     return dd * np.sign(dr) < _FLAT * slope * np.abs(dr)
 
 
-def working_range_m(traces: Sequence[Trace], full_stroke_m: float) -> tuple[float, float]:
+def working_range_m(traces: Sequence[Experiment], full_stroke_m: float) -> tuple[float, float]:
     """The part of the stroke that is determinate at every load, with a margin of 2 % of the full stroke."""
     intervals = np.array([determinate_interval_m(t) for t in full_cycles(traces)])
     low_m, high_m = intervals[:, 0].max() + MARGIN * full_stroke_m, intervals[:, 1].min() - MARGIN * full_stroke_m
@@ -80,7 +80,7 @@ def check_width(low_m: float, high_m: float, full_stroke_m: float) -> None:
         )
 
 
-def shortest_seen_m(traces: Sequence[Trace], config: Config) -> float:
+def shortest_seen_m(traces: Sequence[Experiment], config: Config) -> float:
     """The shortest displacement that the model sees at every load when the wire is heated as far as it goes, with a margin.
 
     A controller that is asked for less heats for ever: resistance has its minimum there, and what the model
@@ -91,7 +91,7 @@ def shortest_seen_m(traces: Sequence[Trace], config: Config) -> float:
     return shortest_m + MARGIN * config.wire.full_stroke_m
 
 
-def full_cycles(traces: Sequence[Trace]) -> list[Trace]:
+def full_cycles(traces: Sequence[Experiment]) -> list[Experiment]:
     """The traces of full cycles at a constant load.  Raises IdentificationError where there is none."""
     found = [t for t in traces if t.kind == FULL and t.constant_load]
     if not found:
@@ -102,7 +102,7 @@ def full_cycles(traces: Sequence[Trace]) -> list[Trace]:
     return found
 
 
-def distinct_stresses(traces: Sequence[Trace]) -> int:
+def distinct_stresses(traces: Sequence[Experiment]) -> int:
     """How many loads there are, those within SAME_LOAD of each other counted once."""
     count, last = 0, -np.inf
     for stress in sorted(t.mean_stress_Pa for t in traces):

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .traces import Trace
+from .experiments import Experiment
 
 WINDOW_s = 1.0  #: averaged
 SETTLED = {
@@ -31,7 +31,7 @@ class Rest:
     cycle: int
 
 
-def find_rests(trace: Trace, thermal_time_constant_s: float) -> list[Rest]:
+def find_rests(trace: Experiment, thermal_time_constant_s: float) -> list[Rest]:
     """Rests of a trace: the last second before the current is switched on (cold) or off (hot), where all is steady.
 
     The current must have stood for SETTLED thermal time constants: a wire that has just been switched

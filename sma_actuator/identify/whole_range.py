@@ -24,9 +24,9 @@ from sma_actuator.estimation.models.whole_range import (
     features_all,
 )
 
+from .experiments import Experiment, IdentificationError
 from .fitting import predict
 from .ranges import distinct_stresses
-from .traces import IdentificationError, Trace
 
 LEARNERS = 3
 UNITS = 10  #: tanh units of each
@@ -76,7 +76,7 @@ class WholeRangeFit:
 
 
 def fit_whole_range(
-    traces: Sequence[Trace], config, progress: Callable[[float], None] = lambda fraction: None
+    traces: Sequence[Experiment], config, progress: Callable[[float], None] = lambda fraction: None
 ) -> WholeRangeFit:
     """Fit to all loads, pulses and partial cycles together.  ``config``: the bench's parameters.
 
@@ -113,7 +113,7 @@ def regions(place: np.ndarray, partial: np.ndarray, size: np.ndarray) -> dict[st
     return {name: float(size[rows].mean()) for name, rows in chosen.items() if rows.any()}
 
 
-def beside_the_thesis(traces: Sequence[Trace], thesis, found: WholeRangeFit, full_stroke_m: float) -> str:
+def beside_the_thesis(traces: Sequence[Experiment], thesis, found: WholeRangeFit, full_stroke_m: float) -> str:
     """Which of the two to take, and why: one sentence.
 
     ``thesis`` is a model of the thesis fitted on the very logs it is judged on; the whole-range model is judged on
@@ -137,7 +137,7 @@ def beside_the_thesis(traces: Sequence[Trace], thesis, found: WholeRangeFit, ful
 class _Data:
     """The logs' samples one after the other, thinned to what a fit needs; displacement in % of the full stroke."""
 
-    def __init__(self, traces: Sequence[Trace], config):
+    def __init__(self, traces: Sequence[Experiment], config):
         self.config, self.wire, self.thermal = config, config.wire, config.thermal
         self.percent_m = config.wire.full_stroke_m / 100.0
         parts = [_thinned(t, config.thermal.ambient_temperature) for t in traces]
@@ -210,7 +210,7 @@ class _Data:
         return out
 
 
-def _thinned(trace: Trace, ambient_C: float) -> tuple[np.ndarray, ...]:
+def _thinned(trace: Experiment, ambient_C: float) -> tuple[np.ndarray, ...]:
     """A log's good samples, as many together as make a step of SHORTEST_STEP_s; their power is the mean."""
     s = trace.signals
     good = np.isfinite(s.resistance_Ohm + s.stress_Pa + s.power_W + s.reference_displacement_m + s.time_s)
@@ -233,7 +233,7 @@ def _thinned(trace: Trace, ambient_C: float) -> tuple[np.ndarray, ...]:
     )
 
 
-def _ends_of_stroke(traces: Sequence[Trace], parts: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
+def _ends_of_stroke(traces: Sequence[Experiment], parts: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
     """Hot and cold end [m] as quadratics in stress (lower orders where there are fewer loads), shape (2, 3)."""
     whole = [p for t, p in zip(traces, parts, strict=False) if t.kind != "partial"] or list(parts[: len(traces)])
     stress_Pa, place_m = np.empty((2, len(whole))), np.empty((2, len(whole)))
@@ -263,7 +263,7 @@ def _with_other_surroundings(
     return time_s, power_W, ambient_C + error_K * off_K, *rest
 
 
-def _log_folds(traces: Sequence[Trace]) -> np.ndarray:
+def _log_folds(traces: Sequence[Experiment]) -> np.ndarray:
     """A fold for every log; logs of neighbouring loads, and of one load, are in different ones."""
     stress = np.array([t.mean_stress_Pa for t in traces])
     out = np.empty(len(stress), dtype=int)

@@ -15,8 +15,8 @@ from scipy.optimize import least_squares
 
 from sma_actuator.base.jit import jit
 from sma_actuator.base.parameters import ConfigError
+from sma_actuator.identify.experiments import Experiment
 from sma_actuator.identify.fitting import LOSS_SCALE, Data
-from sma_actuator.identify.traces import Trace
 
 
 class Baseline(Protocol):
@@ -27,7 +27,7 @@ class Baseline(Protocol):
     def fit(self, data: Data) -> None:
         """Learn from calibration traces."""
 
-    def predict(self, trace: Trace) -> np.ndarray:
+    def predict(self, trace: Experiment) -> np.ndarray:
         """Displacement [m], shape (n,)."""
 
 
@@ -47,7 +47,7 @@ class PolynomialInResistance:
         chosen = data.counts
         self._curve = Polynomial.fit(_column(data, "resistance_Ohm")[chosen], data.displacement_m[chosen], self.order)
 
-    def predict(self, trace: Trace) -> np.ndarray:
+    def predict(self, trace: Experiment) -> np.ndarray:
         """The curve, held at its ends."""
         return self._curve(np.clip(trace.resistance_Ohm, *self._curve.domain))
 
@@ -65,7 +65,7 @@ class TwoLines:
             chosen = data.counts & branch
             self._lines.append(Polynomial.fit(resistance_Ohm[chosen], data.displacement_m[chosen], 1))
 
-    def predict(self, trace: Trace) -> np.ndarray:
+    def predict(self, trace: Experiment) -> np.ndarray:
         """The line of the present branch."""
         cooling, heating = (line(trace.resistance_Ohm) for line in self._lines)
         return np.where(trace.heating, heating, cooling)
@@ -120,7 +120,7 @@ class Duhem:
         best = min(starts, key=lambda theta: np.abs(residuals(theta)).mean())
         self._theta = least_squares(residuals, best, loss="soft_l1", f_scale=LOSS_SCALE, x_scale="jac", max_nfev=80).x
 
-    def predict(self, trace: Trace) -> np.ndarray:
+    def predict(self, trace: Experiment) -> np.ndarray:
         """Begins on f."""
         x = (trace.resistance_Ohm - self._centre_Ohm) / self._scale_Ohm
         alpha, f, g = np.exp(np.clip(self._theta[0], -10, 10)), self._theta[1 : 1 + self._F], self._theta[1 + self._F :]
@@ -154,12 +154,12 @@ class NeuralNetwork:
             warnings.simplefilter("ignore", ConvergenceWarning)  # max_iter is its early stopping
             self._network.fit(features, data.displacement_m[data.counts] / self._stroke_m)
 
-    def predict(self, trace: Trace) -> np.ndarray:
+    def predict(self, trace: Experiment) -> np.ndarray:
         """Forward pass."""
         return self._network.predict(self._features(trace)) * self._stroke_m
 
     @staticmethod
-    def _features(trace: Trace) -> np.ndarray:
+    def _features(trace: Experiment) -> np.ndarray:
         turned = np.flatnonzero(np.diff(trace.heating, prepend=trace.heating[:1]))
         last = np.concatenate([[0], turned])[np.searchsorted(turned, np.arange(len(trace.heating)), side="right")]
         return np.column_stack(

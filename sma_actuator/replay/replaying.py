@@ -13,11 +13,11 @@ import numpy as np
 
 from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
-from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain, EstimateTrace
+from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain, Estimates
 from sma_actuator.identify.errors import LogError, log_error
+from sma_actuator.identify.experiments import Experiment, make_experiment
 from sma_actuator.identify.fitting import make_data
-from sma_actuator.identify.kinds import make_traces
-from sma_actuator.identify.traces import Trace, make_trace
+from sma_actuator.identify.kinds import make_experiments
 from sma_actuator.logs.bench_log import BenchLog, require_reference
 
 from .baselines import all_baselines
@@ -31,7 +31,7 @@ LIVE = "displacement_estimate_m"  #: column of a node's recording: what it had e
 class Replay:
     """One log replayed."""
 
-    trace: Trace
+    trace: Experiment
     estimates_m: dict[str, np.ndarray]  #: displacement by every model, shape (n,)
     errors: dict[str, LogError]  #: of every model
     #: Of the first model, where the log holds what the node had estimated: the largest difference from it, and the
@@ -40,7 +40,7 @@ class Replay:
     live_readings: int = 0
 
 
-def estimate(trace: Trace, config: Config, constant_load_N: float | None = None) -> EstimateTrace:
+def estimate(trace: Experiment, config: Config, constant_load_N: float | None = None) -> Estimates:
     """What the node would have estimated; ``constant_load_N``: as if it took the load for constant."""
     signals = trace.signals
     if constant_load_N is not None:
@@ -72,7 +72,7 @@ def _together(pieces: Sequence[Any]) -> Any:
     return np.concatenate(pieces) if np.ndim(first) else first
 
 
-def estimate_m(trace: Trace, config: Config, constant_load_N: float | None = None) -> np.ndarray:
+def estimate_m(trace: Experiment, config: Config, constant_load_N: float | None = None) -> np.ndarray:
     """The displacement of :func:`estimate`, shape (n,)."""
     return estimate(trace, config, constant_load_N).displacement_m
 
@@ -93,7 +93,7 @@ def replay(
     full_stroke_m = first.wire.full_stroke_m
     baselines = []
     if calibration:
-        data = make_data([t for t in make_traces(calibration, first) if t.kind != "fatigue"], full_stroke_m)
+        data = make_data([t for t in make_experiments(calibration, first) if t.kind != "fatigue"], full_stroke_m)
         for baseline in all_baselines():
             baseline.fit(data)
             baselines.append(baseline)
@@ -103,8 +103,10 @@ def replay(
         if LIVE not in log:
             require_reference(log)
         # Every model with its own calibrations of circuit and load cell, and its own effects on them.
-        found = {n: estimate(make_trace(log, config, with_reference=False), config) for n, config in models.items()}
-        trace = make_trace(log, first, with_reference=False).through(next(iter(found.values())))
+        found = {
+            n: estimate(make_experiment(log, config, with_reference=False), config) for n, config in models.items()
+        }
+        trace = make_experiment(log, first, with_reference=False).through(next(iter(found.values())))
         estimates = {name: e.displacement_m for name, e in found.items()}
         estimates.update({baseline.name: _where_read(baseline, trace) for baseline in baselines})
         errors = {
@@ -116,7 +118,7 @@ def replay(
     return out
 
 
-def _from_live(trace: Trace, estimate_m: np.ndarray) -> tuple[float, int]:
+def _from_live(trace: Experiment, estimate_m: np.ndarray) -> tuple[float, int]:
     """Largest difference from what the node estimated where the wire was driven, and the number of readings."""
     if LIVE not in trace.log:
         return math.nan, 0
@@ -125,7 +127,7 @@ def _from_live(trace: Trace, estimate_m: np.ndarray) -> tuple[float, int]:
     return (float(away_m.max()), len(away_m)) if len(away_m) else (math.nan, 0)
 
 
-def _where_read(baseline, trace: Trace) -> np.ndarray:
+def _where_read(baseline, trace: Experiment) -> np.ndarray:
     """A baseline's estimate; NaN where a reading is missing."""
     good = np.isfinite(trace.resistance_Ohm + trace.stress_Pa)
     out = np.full(len(good), np.nan)

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.identify import identify
 from sma_actuator.identify.calibration import calibration_of, expected_residual_m
-from sma_actuator.identify.kinds import make_traces
+from sma_actuator.identify.experiments import make_experiment
+from sma_actuator.identify.kinds import make_experiments
 from sma_actuator.identify.rests import WINDOW_s, find_rests
-from sma_actuator.identify.traces import make_trace
 
 
 @pytest.fixture(scope="module")
@@ -47,13 +47,13 @@ def test_a_resting_wire_is_longer_and_more_resistive_cold_than_hot(identified):
 
 def test_a_model_of_any_size_keeps_its_errors_alone(identified, furukawa):
     config = identified[1].config
-    bare = calibration_of(make_traces(identified[0], bench_from_mapping(furukawa.mapping)), config, at_rest=False)
+    bare = calibration_of(make_experiments(identified[0], bench_from_mapping(furukawa.mapping)), config, at_rest=False)
     assert bare.known and not bare.cold_stress and not bare.residual_position
 
 
 class TestRests:
     def trace(self, furukawa):
-        return make_trace(furukawa.only("pulses")[0], bench_from_mapping(furukawa.mapping))
+        return make_experiment(furukawa.only("pulses")[0], bench_from_mapping(furukawa.mapping))
 
     def test_a_pulse_rests_cold_before_it_and_hot_at_its_end(self, furukawa):
         rests = find_rests(self.trace(furukawa), 1.0)

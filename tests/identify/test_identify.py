@@ -18,12 +18,12 @@ from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.identify.appendix_c import Tolerances, asymptotes
+from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.identify.fatigue import fit_fatigue
 from sma_actuator.identify.fitting import choose_simplest
-from sma_actuator.identify.kinds import make_traces
+from sma_actuator.identify.kinds import make_experiments
 from sma_actuator.identify.material import RPhaseAlloy, asymptotes_from_material, corners
 from sma_actuator.identify.ranges import determinate_interval_m, distinct_stresses
-from sma_actuator.identify.traces import make_trace
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log
 from sma_actuator.logs.errors import BenchLogError
 from sma_actuator.plant.loads import Weight
@@ -58,7 +58,7 @@ def mean_error_percent(logs, config):
     low_m, high_m = config.model.build(config.wire).displacement_range_m
     errors = []
     for log in logs:
-        trace = make_trace(log, config)
+        trace = make_experiment(log, config)
         inside = (low_m <= trace.displacement_m) & (trace.displacement_m <= high_m)
         errors.append(
             np.abs(estimate_m(trace, config) - trace.displacement_m)[inside] / config.wire.full_stroke_m * 100
@@ -79,7 +79,7 @@ def test_unseen_furukawa_logs_are_met_better_than_in_table_3(curves, load_N, the
 
 def as_measured_by(result, log, noise_m=0.0):
     """``log`` with the displacement that the identified model gives, so that the truth is known."""
-    trace = make_trace(log, result.config)
+    trace = make_experiment(log, result.config)
     displacement_m = Chain(result.config).judge(trace.signals).displacement_m
     columns = {k: v for k, v in log.columns.items() if k != "lvdt_current_A"}
     columns["displacement_m"] = displacement_m + noise_m * np.random.default_rng(0).standard_normal(len(log))
@@ -165,7 +165,7 @@ def loop_log(config, slopes=(4e-3, 8e-3), cycles=3):
 
 def test_appendix_c_finds_the_lines_of_a_loop_and_passes_over_the_r_phase():
     config = bench_from_mapping(bench_mapping("flexinol"))
-    found = asymptotes(make_trace(loop_log(config), config))
+    found = asymptotes(make_experiment(loop_log(config), config))
     assert found.heating == pytest.approx((4e-3, -4e-3 * 4.4), rel=1e-6)
     assert found.cooling == pytest.approx((8e-3, -8e-3 * 4.9), rel=1e-6)
 
@@ -182,7 +182,7 @@ def test_appendix_c_uses_the_parameters_of_the_thesis():
 
 
 def test_the_indeterminate_ends_are_found(flexinol):
-    trace = make_trace(flexinol.only("pulses_1.200N")[0], bench_from_mapping(flexinol.mapping))
+    trace = make_experiment(flexinol.only("pulses_1.200N")[0], bench_from_mapping(flexinol.mapping))
     low_m, high_m = determinate_interval_m(trace)
     shortest_m, longest_m = np.percentile(trace.displacement_m, (1, 99))
     assert shortest_m < low_m < shortest_m + 0.15 * (longest_m - shortest_m)
@@ -190,7 +190,7 @@ def test_the_indeterminate_ends_are_found(flexinol):
 
 
 def test_loads_that_are_nearly_equal_count_once(flexinol):
-    traces = make_traces(flexinol.only("pulses"), bench_from_mapping(flexinol.mapping))
+    traces = make_experiments(flexinol.only("pulses"), bench_from_mapping(flexinol.mapping))
     assert distinct_stresses(traces) == 4 and distinct_stresses([*traces, *traces]) == 4
 
 
@@ -293,7 +293,7 @@ def test_fatigue_lines_are_found(flexinol):
     number = np.maximum((np.arange(len(log)) - 20) // 150 + 1, 1)
     drift = 1.0 - 0.01 * np.log(number)
     log = dataclasses.replace(log, columns={**log.columns, "displacement_m": log["displacement_m"] * drift})
-    found = fit_fatigue([make_trace(log, config)])
+    found = fit_fatigue([make_experiment(log, config)])
     top = 8e-3 * 0.4
     assert found.drift["displacement_max_m"].g1 == pytest.approx(-0.01 * top, rel=0.1)
     assert found.drift["displacement_max_m"].g2 == pytest.approx(top, rel=0.01)
@@ -337,7 +337,7 @@ def test_a_normalised_model_from_wires_of_two_sizes_suits_a_third(wire, flexinol
 
 def test_normalised_and_exclusive_model_of_one_wire_agree(flexinol, joint):
     normalised = identify(flexinol.logs, flexinol.mapping, "flexinol_normalised", order=2)
-    trace = make_trace(flexinol.only("partial_1.200N")[0], joint.config)
+    trace = make_experiment(flexinol.only("partial_1.200N")[0], joint.config)
     np.testing.assert_allclose(estimate_m(trace, normalised.config), estimate_m(trace, joint.config), atol=1e-6)
     low, high = normalised.intervals["initial_slope"][0]
     assert low < normalised.config.model.initial_slope < high

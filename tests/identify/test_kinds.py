@@ -10,7 +10,7 @@ import yaml
 
 from sma_actuator.cli.main import main
 from sma_actuator.config import bench_from_mapping
-from sma_actuator.identify.kinds import FULL, PARTIAL, make_traces
+from sma_actuator.identify.kinds import FULL, PARTIAL, make_experiments
 from sma_actuator.logs.bench_log import write_bench_log
 
 LOADS = ("0.300N", "0.600N", "1.200N", "2.000N")
@@ -69,9 +69,9 @@ def together(flexinol, words, gap_s=0.05):
     "words", [[f"pulses_{n}", f"partial_{n}"] for n in LOADS] + [[f"partial_{n}", f"pulses_{n}"] for n in LOADS]
 )
 def test_a_log_of_both_kinds_is_cut_where_they_meet(flexinol, words):
-    traces = make_traces([together(flexinol, words)], bench_from_mapping(flexinol.mapping))
+    traces = make_experiments([together(flexinol, words)], bench_from_mapping(flexinol.mapping))
     assert [trace.kind for trace in traces] == [{"pulses": FULL, "partial": PARTIAL}[w.split("_")[0]] for w in words]
-    separate = make_traces([flexinol.only(word)[0] for word in words], bench_from_mapping(flexinol.mapping))
+    separate = make_experiments([flexinol.only(word)[0] for word in words], bench_from_mapping(flexinol.mapping))
     assert [trace.cycle[-1] for trace in traces] == [trace.cycle[-1] for trace in separate]
 
 
@@ -98,13 +98,13 @@ def test_of_many_full_cycles_some_are_fitted_and_that_is_said(flexinol, labelled
 
 def test_partial_cycles_that_start_cold_are_not_taken_for_full_ones(flexinol):
     bare = [dataclasses.replace(log, metadata={}) for log in flexinol.only("partial", "pulses_0.600N", "pulses_1.200N")]
-    traces = make_traces(bare, bench_from_mapping(flexinol.mapping))
+    traces = make_experiments(bare, bench_from_mapping(flexinol.mapping))
     assert {t.name: t.kind for t in traces} == {t.name: t.name.split("_")[0] for t in traces}
 
 
 def test_weights_one_after_the_other_are_stretches_of_their_own(flexinol):
     words = [f"pulses_{load}" for load in LOADS]
-    traces = make_traces([together(flexinol, words)], bench_from_mapping(flexinol.mapping))
+    traces = make_experiments([together(flexinol, words)], bench_from_mapping(flexinol.mapping))
     loads_N = [float(np.mean(trace.signals.load_N)) for trace in traces]
     np.testing.assert_allclose(loads_N, [0.3, 0.6, 1.2, 2.0], atol=0.02)
     assert all(trace.kind == FULL for trace in traces)

@@ -13,7 +13,7 @@ from sma_actuator.characterise.programs import partial_cycles, square_pulses
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import IdentificationError, identify
-from sma_actuator.identify.traces import make_trace
+from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.plant.loads import Weight
 
 
@@ -48,7 +48,7 @@ def rows(signals: Signals, chosen: slice) -> Signals:
 
 
 def test_one_sample_at_a_time_gives_the_numbers_of_a_whole_log_to_the_bit(whole, unseen):
-    signals = make_trace(unseen[1], whole.config).signals
+    signals = make_experiment(unseen[1], whole.config).signals
     resistance_Ohm = signals.resistance_Ohm.copy()
     resistance_Ohm[[40, 41, 90]] = math.nan, 1e6, math.nan
     time_s = signals.time_s.copy()
@@ -66,7 +66,7 @@ def test_one_sample_at_a_time_gives_the_numbers_of_a_whole_log_to_the_bit(whole,
 
 
 def test_a_reset_forgets_everything(whole, unseen):
-    signals = make_trace(unseen[0], whole.config).signals
+    signals = make_experiment(unseen[0], whole.config).signals
     chain = Chain(whole.config)
     fresh = chain.run(signals)
     chain.reset()
@@ -80,7 +80,7 @@ def test_unseen_logs_are_met_over_the_whole_range_and_better_than_by_the_thesis(
     errors, inside = {"thesis": [], "whole": []}, []
     for log in unseen:
         for name, config in (("thesis", thesis.config), ("whole", whole.config)):
-            trace = make_trace(log, config)
+            trace = make_experiment(log, config)
             found = Chain(config).run(trace.signals)
             errors[name].append(np.abs(found.displacement_m - trace.displacement_m) / config.wire.full_stroke_m * 100)
         inside.append(np.abs(found.displacement_m - trace.displacement_m) <= found.uncertainty_m)
@@ -93,11 +93,11 @@ def test_unseen_logs_are_met_over_the_whole_range_and_better_than_by_the_thesis(
 
 def test_a_model_of_the_thesis_states_no_interval(flexinol, unseen):
     config = identify(flexinol.logs, flexinol.mapping, "flexinol", order=1).config
-    assert np.isnan(Chain(config).run(make_trace(unseen[0], config).signals).uncertainty_m).all()
+    assert np.isnan(Chain(config).run(make_experiment(unseen[0], config).signals).uncertainty_m).all()
 
 
 def test_what_the_calibration_has_not_seen_is_said_and_stays_bounded(whole, unseen):
-    signals = make_trace(unseen[0], whole.config).signals
+    signals = make_experiment(unseen[0], whole.config).signals
     hotter = dataclasses.replace(signals, power_W=signals.power_W * 4.0)
     found = Chain(whole.config).run(hotter)
     assert (found.quality == Quality.OUTSIDE_CALIBRATION).any()
@@ -109,7 +109,7 @@ def test_what_the_calibration_has_not_seen_is_said_and_stays_bounded(whole, unse
 
 
 def test_the_estimate_hardly_depends_on_the_rate_of_sampling(whole, unseen):
-    signals = make_trace(unseen[0], whole.config).signals
+    signals = make_experiment(unseen[0], whole.config).signals
     whole_m = Chain(whole.config).run(signals).displacement_m
     n = len(whole_m) // 2 * 2
     power_W = signals.power_W.copy()
@@ -123,7 +123,7 @@ def test_the_same_logs_give_the_same_numbers_and_a_file_keeps_them(whole, flexin
     again = identify(flexinol.logs, flexinol.mapping, "whole_range")
     assert again.mapping["model"] == whole.mapping["model"]
     read = Config.from_mapping(yaml.safe_load(yaml.safe_dump(whole.mapping)))
-    signals = make_trace(unseen[0], read).signals
+    signals = make_experiment(unseen[0], read).signals
     assert np.array_equal(Chain(read).run(signals).displacement_m, Chain(whole.config).run(signals).displacement_m)
     count = sum(len(v) for v in whole.mapping["model"].values() if isinstance(v, (list, tuple)))
     assert count < 650
@@ -147,7 +147,7 @@ def test_coefficients_that_do_not_belong_together_are_refused_by_name(whole):
 
 
 def test_where_no_ambient_temperature_is_measured_that_of_the_calibration_is_taken(whole, unseen):
-    signals = make_trace(unseen[0], whole.config).signals
+    signals = make_experiment(unseen[0], whole.config).signals
     without = dataclasses.replace(signals, ambient_temperature_C=math.nan)
     with_m = Chain(whole.config).run(signals).displacement_m
     without_m = Chain(whole.config).run(without).displacement_m

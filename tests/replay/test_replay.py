@@ -14,9 +14,9 @@ from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
 from sma_actuator.identify.command import write_model
 from sma_actuator.identify.errors import log_error
+from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.identify.fitting import make_data
-from sma_actuator.identify.kinds import make_traces
-from sma_actuator.identify.traces import make_trace
+from sma_actuator.identify.kinds import make_experiments
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.logs.errors import BenchLogError
 from sma_actuator.replay import estimate_m, log_from_bag, replay
@@ -32,7 +32,7 @@ def model(flexinol):
 
 def test_a_replay_gives_what_the_node_would_have_given(flexinol, model):
     log = flexinol.only("partial_0.600N")[0]
-    trace = make_trace(log, model.config)
+    trace = make_experiment(log, model.config)
     estimator = Chain(model.config)
     s = trace.signals
     one_by_one = []
@@ -54,7 +54,7 @@ def test_errors_are_counted_as_the_thesis_counts_them():
 
 
 def test_taking_a_changing_load_for_constant_costs_accuracy(flexinol, model):
-    trace = make_trace(flexinol.only("partial_2.000N")[0], model.config)
+    trace = make_experiment(flexinol.only("partial_2.000N")[0], model.config)
     right, wrong = estimate_m(trace, model.config), estimate_m(trace, model.config, constant_load_N=0.3)
     assert np.abs(wrong - trace.displacement_m).mean() > 5 * np.abs(right - trace.displacement_m).mean()
 
@@ -85,8 +85,8 @@ def make_all_count(data, traces):
     ids=lambda value: getattr(value, "name", ""),
 )
 def test_a_baseline_learns_the_world_it_was_made_for(flexinol, model, baseline, rule):
-    traces = make_traces(flexinol.only("partial"), model.config)
-    data = make_data(make_traces(flexinol.only("partial", "pulses"), model.config), 4e-3)
+    traces = make_experiments(flexinol.only("partial"), model.config)
+    data = make_data(make_experiments(flexinol.only("partial", "pulses"), model.config), 4e-3)
     traces = in_the_world_of(traces, rule)
     baseline.fit(make_all_count(data, traces))
     for trace in traces:
@@ -94,7 +94,7 @@ def test_a_baseline_learns_the_world_it_was_made_for(flexinol, model, baseline, 
 
 
 def test_the_duhem_model_learns_a_loop_that_lines_cannot(flexinol, model):
-    traces = make_traces(flexinol.only("pulses_0.600N", "partial_0.600N"), model.config)
+    traces = make_experiments(flexinol.only("pulses_0.600N", "partial_0.600N"), model.config)
     data = make_data(traces, model.config.wire.full_stroke_m)
     errors = {}
     for baseline in (Duhem(), PolynomialInResistance(1)):

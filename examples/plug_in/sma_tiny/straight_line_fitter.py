@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from sma_actuator.config import BenchConfig
+from sma_actuator.identify.experiments import Experiment
 from sma_actuator.identify.fitters import FITTERS, Asked, Fitted, Fitter
-from sma_actuator.identify.traces import Trace
 
 from .straight_line import StraightLine
 
 
-def fit(traces: Sequence[Trace], bench: BenchConfig, asked: Asked) -> Fitted:
+def fit(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
     """All samples count alike."""
     resistance_Ohm = np.concatenate([t.resistance_Ohm for t in traces])
     displacement_m = np.concatenate([t.displacement_m for t in traces])

@@ -17,7 +17,7 @@ from sma_actuator.console import add_output_arguments, notes, progress_bar, refu
 from sma_actuator.diagnosis.selection import cluster
 from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.identify.calibration import calibration_of
-from sma_actuator.identify.kinds import make_traces
+from sma_actuator.identify.kinds import make_experiments
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.logs.reading import add_log_arguments, find_logs, read_logs, reading_of
 
@@ -67,7 +67,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Trace, write and report; 0 when the report was written, whatever the verdict."""
+    """Experiment, write and report; 0 when the report was written, whatever the verdict."""
     from .page import write_page
 
     for option in ("only", "without"):
@@ -87,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(args) as bar:
         task = bar.add_task("reading", total=1.0)
         if args.calibration:
-            traces = make_traces(read_logs(args.calibration, reading, console.print), config)
+            traces = make_experiments(read_logs(args.calibration, reading, console.print), config)
             mapping["calibration"] = to_mapping(calibration_of(traces, config))
             config = Config.from_mapping(mapping, str(args.config))
         logs = read_logs(args.logs, reading, console.print)

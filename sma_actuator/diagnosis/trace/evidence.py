@@ -23,8 +23,8 @@ from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.effects import Effect, Effects
 from sma_actuator.estimation.effects.frame import Place
 from sma_actuator.identify.calibration import expected_residual_m
+from sma_actuator.identify.experiments import Experiment, make_experiment, sessions
 from sma_actuator.identify.rests import find_rests
-from sma_actuator.identify.traces import Trace, make_trace, sessions
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
 
@@ -70,7 +70,7 @@ class Evidence:
         self.full_stroke_m = config.wire.full_stroke_m
         logs = sorted(logs, key=lambda log: float(log["time_s"][0]))
         thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST))
-        seen = [piece for log in logs for piece in sessions(make_trace(log, self.config))]
+        seen = [piece for log in logs for piece in sessions(make_experiment(log, self.config))]
         judged = [self._judged(trace) for trace in seen]
         self.traces = [_moving(trace.rows(good)) for trace, good in zip(seen, judged, strict=True)]
         cycles = sum(int(trace.cycle.max()) for trace in self.traces)
@@ -106,7 +106,7 @@ class Evidence:
                 "circuit, load_cell or reference_sensor are those of another bench"
             )
 
-    def _judged(self, trace: Trace) -> np.ndarray:
+    def _judged(self, trace: Experiment) -> np.ndarray:
         """Which samples count, bool, shape (n,): those with a reference that the chain does not drop."""
         quality = self.chain({}).run(trace.signals).quality
         return (quality != Quality.INVALID) & np.isfinite(trace.displacement_m)
@@ -332,7 +332,7 @@ def limited(z: np.ndarray) -> np.ndarray:
     return np.where(size <= LIMIT, z, np.sign(z) * np.sqrt(np.maximum(LIMIT * (2.0 * size - LIMIT), 0.0)))
 
 
-def _thinned(trace: Trace, good: np.ndarray, thin: int) -> tuple[Signals, np.ndarray | slice]:
+def _thinned(trace: Experiment, good: np.ndarray, thin: int) -> tuple[Signals, np.ndarray | slice]:
     """Every ``thin``-th of the good samples, with what the chain drops between them; and which of these are good."""
     if good.all() and thin == 1:
         return trace.signals, slice(None)
@@ -340,7 +340,7 @@ def _thinned(trace: Trace, good: np.ndarray, thin: int) -> tuple[Signals, np.nda
     return trace.rows(fed).signals, good[fed]
 
 
-def _moving(trace: Trace) -> Trace:
+def _moving(trace: Experiment) -> Experiment:
     """The trace; raises BenchLogError where a channel never moves or the log is shorter than a cycle."""
     for name, values, unit in (
         ("the resistance", trace.resistance_Ohm, "Ω"),

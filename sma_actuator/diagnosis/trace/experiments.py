@@ -24,7 +24,7 @@ _PERIOD_s = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Experiment:
+class ProposedExperiment:
     """What to do, how long it takes, and how far apart the two explanations then are."""
 
     what: str
@@ -32,14 +32,14 @@ class Experiment:
     difference_m: float
 
 
-def best_experiment(evidence: Evidence, first: Mapping[str, Effect], second: Mapping[str, Effect]) -> Experiment:
+def best_experiment(evidence: Evidence, first: Mapping[str, Effect], second: Mapping[str, Effect]) -> ProposedExperiment:
     """The shortest experiment in which the two differ by ENOUGH_percent; the one where they differ most if none does."""
     chains = [_after_the_session(evidence, effects) for effects in (first, second)]
     found = []
     for what, signals in _experiments(evidence):
         # What they differ by at the beginning they differ by already: only what moves them apart decides.
         difference_m = float(np.ptp(_shown(evidence, chains[0], signals) - _shown(evidence, chains[1], signals)))
-        found.append(Experiment(what, float(np.ptp(signals.time_s)), difference_m))
+        found.append(ProposedExperiment(what, float(np.ptp(signals.time_s)), difference_m))
     enough = [e for e in found if e.difference_m >= ENOUGH_percent / 100 * evidence.full_stroke_m]
     return min(enough, key=lambda e: e.duration_s) if enough else max(found, key=lambda e: e.difference_m)
 

@@ -13,7 +13,7 @@ from sma_actuator.actuator import Actuator
 from sma_actuator.base.signals import Reading
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config
-from sma_actuator.identify.traces import make_trace
+from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.logs.bench_log import read_bench_log, to_reading
 from sma_actuator.replay import estimate_m
 
@@ -68,7 +68,7 @@ def test_the_extended_model_runs_in_every_tool_and_has_the_error_that_was_report
     assert "voltage_offset" in history and "session_1.csv" in history and "% of full stroke" in history
     error, n = 0.0, 0
     for path in logs:
-        trace_ = make_trace(read_bench_log(path), config)
+        trace_ = make_experiment(read_bench_log(path), config)
         error += np.nansum(np.abs(estimate_m(trace_, config) - trace_.displacement_m))
         n += len(trace_.log)
     assert error / n / config.wire.full_stroke_m * 100 == pytest.approx(report["error_after_pct_stroke"], rel=0.1)
@@ -133,7 +133,7 @@ def test_the_node_estimates_with_the_extended_model_what_replay_does(traced):
     folder, logs, _ = traced
     config = Config.load(folder / "out" / "model.yaml")
     log = read_bench_log(logs[0])
-    trace_ = make_trace(log, config)
+    trace_ = make_experiment(log, config)
     whole = estimate_m(trace_, config)
     actuator, reading = Actuator(config), to_reading(log)
     for i in range(len(log)):

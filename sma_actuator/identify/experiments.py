@@ -9,7 +9,7 @@ import numpy as np
 
 from sma_actuator.base.signals import Signals
 from sma_actuator.estimation.branch import BranchDetector
-from sma_actuator.estimation.chain import EstimateTrace
+from sma_actuator.estimation.chain import Estimates
 from sma_actuator.logs.bench_log import BenchLog, longest_pause_s, require_reference, signals_from_log
 from sma_actuator.logs.errors import BenchLogError
 
@@ -22,7 +22,7 @@ class IdentificationError(BenchLogError):
 
 
 @dataclass(frozen=True, slots=True)
-class Trace:
+class Experiment:
     """One log, arrays of shape (n,)."""
 
     log: BenchLog
@@ -68,19 +68,19 @@ class Trace:
         """Bool, the samples that say something of the wire: it is driven, and nothing is missing."""
         return np.isfinite(self.resistance_Ohm + self.stress_Pa + self.signals.power_W + self.displacement_m)
 
-    def rows(self, chosen: np.ndarray) -> Trace:
+    def rows(self, chosen: np.ndarray) -> Experiment:
         """The trace with some of its samples only (bool, shape (n,))."""
         fields = {f.name: getattr(self.signals, f.name) for f in dataclasses.fields(self.signals)}
         signals = Signals(**{name: v[chosen] if np.ndim(v) else v for name, v in fields.items()})
         log = dataclasses.replace(self.log, columns={k: v[chosen] for k, v in self.log.columns.items()})
-        return Trace(log, self.kind, signals, self.heating[chosen], self.driven[chosen], self.cycle[chosen])
+        return Experiment(log, self.kind, signals, self.heating[chosen], self.driven[chosen], self.cycle[chosen])
 
-    def through(self, estimate: EstimateTrace) -> Trace:
+    def through(self, estimate: Estimates) -> Experiment:
         """The trace with the signals and the branch that a model's chain made of it."""
         return dataclasses.replace(self, signals=estimate.signals, heating=estimate.branch.astype(bool))
 
 
-def make_trace(log: BenchLog, config, with_reference: bool = True) -> Trace:
+def make_experiment(log: BenchLog, config, with_reference: bool = True) -> Experiment:
     """Apply the calibrations of ``config`` (Config or bench sections) to a log.
 
     Raises BenchLogError: no reference (where one is wanted), a saturated channel, or a log of another wire.
@@ -123,7 +123,7 @@ def make_trace(log: BenchLog, config, with_reference: bool = True) -> Trace:
     heating = detector.run(*seen)[latest]
     middle_A = 0.5 * (np.nanmin(signals.current_A) + np.nanmax(signals.current_A))
     driven = signals.current_A > middle_A
-    return Trace(log, str(log.metadata.get("kind", "")), signals, heating, driven, cycles_of(driven))
+    return Experiment(log, str(log.metadata.get("kind", "")), signals, heating, driven, cycles_of(driven))
 
 
 def cycles_of(driven: np.ndarray) -> np.ndarray:
@@ -131,7 +131,7 @@ def cycles_of(driven: np.ndarray) -> np.ndarray:
     return np.concatenate(([0], np.cumsum(driven[1:] & ~driven[:-1])))
 
 
-def sessions(trace: Trace) -> list[Trace]:
+def sessions(trace: Experiment) -> list[Experiment]:
     """A trace cut where its log pauses.
 
     Pieces without a cycle are left out where others have one.
@@ -151,7 +151,7 @@ def sessions(trace: Trace) -> list[Trace]:
     ]
 
 
-def judged_rows(trace: Trace) -> Trace:
+def judged_rows(trace: Experiment) -> Experiment:
     """A trace without the samples that say nothing of the wire: undriven, or with something missing."""
     return trace if trace.judged.all() else trace.rows(trace.judged)
 
