@@ -32,7 +32,9 @@ class ProposedExperiment:
     difference_m: float
 
 
-def best_experiment(evidence: Evidence, first: Mapping[str, Effect], second: Mapping[str, Effect]) -> ProposedExperiment:
+def best_experiment(
+    evidence: Evidence, first: Mapping[str, Effect], second: Mapping[str, Effect]
+) -> ProposedExperiment:
     """The shortest experiment in which the two differ by ENOUGH_percent; the one where they differ most if none does."""
     chains = [_after_the_session(evidence, effects) for effects in (first, second)]
     found = []
