@@ -15,6 +15,7 @@ from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import partial_cycles, square_pulses
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, bench_from_mapping
+from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.identify.appendix_c import Tolerances, asymptotes
@@ -77,10 +78,15 @@ def test_unseen_furukawa_logs_are_met_better_than_in_table_3(curves, load_N, the
     assert mean_error_percent(logs, curves.config) < thesis_percent
 
 
+def alone(config):
+    """The strain model without what the calibration knows of the wire's hot end, where the chain does not ask it."""
+    return dataclasses.replace(config, calibration=Calibration())
+
+
 def as_measured_by(result, log, noise_m=0.0):
     """``log`` with the displacement that the identified model gives, so that the truth is known."""
     trace = make_experiment(log, result.config)
-    displacement_m = Chain(result.config).judge(trace.signals).displacement_m
+    displacement_m = Chain(alone(result.config)).judge(trace.signals).displacement_m
     columns = {k: v for k, v in log.columns.items() if k != "lvdt_current_A"}
     columns["displacement_m"] = displacement_m + noise_m * np.random.default_rng(0).standard_normal(len(log))
     return dataclasses.replace(log, columns=columns)
@@ -101,7 +107,7 @@ def test_a_furukawa_transition_model_is_found_again_from_what_it_would_measure(f
     truth = identify(furukawa.only("pulses", "partial"), furukawa.mapping, "furukawa", variant="transition", order=2)
     logs = [as_measured_by(truth, log) for log in furukawa.only("pulses", "partial")]
     again = identify(logs, furukawa.mapping, "furukawa", variant="transition", order=2)
-    assert mean_error_percent(logs, again.config) < 0.1
+    assert mean_error_percent(logs, alone(again.config)) < 0.1
     assert again.config.model.transition_rate == pytest.approx(truth.config.model.transition_rate, rel=0.1)
 
 
