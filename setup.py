@@ -49,6 +49,7 @@ setup(
             "colcon-common-extensions>=0.3",
             "pytest-timeout>=2.2",
             "pytest-cov>=5.0",
+            "pytest-xdist>=3.5",
         ],
     },
     entry_points={
