@@ -57,6 +57,12 @@ def test_a_log_is_replayed(log):
     assert 0.0 < float(printed.split(",")[1].split("%")[0]) < 5.0
 
 
+def test_a_log_is_traced(log):
+    verdict, errors = run("trace_a_log.py", shared_file("config/flexinol.yaml"), log).splitlines()
+    assert verdict.split(":")[0] in ("none", "traced", "unexplained")
+    assert "% of the stroke before" in errors
+
+
 def test_every_example_is_run():
     here = Path(__file__).read_text()
     assert all(f'"{path.name}"' in here for path in EXAMPLES.glob("*.py"))
