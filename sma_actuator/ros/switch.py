@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import rclpy
 from rclpy.signals import SignalHandlerOptions
@@ -17,14 +17,36 @@ from std_srvs.srv import SetBool, Trigger
 
 from .guard import refuse_what_raises, spin
 
-if TYPE_CHECKING:
-    from .node import SmaActuatorNode
+
+class Switchable(Protocol):
+    """What the switch asks of a node that drives a wire."""
+
+    def get_name(self) -> str:
+        """Its name."""
+
+    def get_namespace(self) -> str:
+        """Its namespace."""
+
+    def get_fully_qualified_name(self) -> str:
+        """Both."""
+
+    def resolve_service_name(self, service: str) -> str:
+        """The full name of one of its services."""
+
+    def on_enable(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        """Switch the wire on or off."""
+
+    def switch_off(self) -> tuple[bool, str]:
+        """Switch the wire off: whether it is, and a sentence."""
+
+    def report(self, sentence: str) -> None:
+        """Say what went wrong."""
 
 
 class Switch:
     """Serves ``~/enable`` and ``~/stop`` of ``nodes``; ``arguments`` as for ``rclpy.init``."""
 
-    def __init__(self, nodes: Sequence[SmaActuatorNode], arguments: list[str]):
+    def __init__(self, nodes: Sequence[Switchable], arguments: list[str]):
         self._nodes = nodes
         self._context = rclpy.Context()
         rclpy.init(args=arguments, context=self._context, signal_handler_options=SignalHandlerOptions.NO)
