@@ -35,6 +35,8 @@ from sma_actuator.instruments import InstrumentError
 from sma_actuator.plant.worlds import HOME, WORLDS
 
 READY_TIMEOUT_s = 30.0
+#: The first start on a machine compiles the physics of the bench; later ones take it from the cache on the disk.
+COMPILING_TIMEOUT_s = 240.0
 STOP_TIMEOUT_s = 5.0
 ANSWER_TIMEOUT_s = 5.0
 SETPOINT_PERIOD_s = 0.05
@@ -347,12 +349,12 @@ def _process(name: str, command: list[str], log: Path):
 
 def _wait_for_ports(ports_file: Path, bench: _Child, interrupts: Interrupts) -> dict[str, int]:
     """The ports of the first bench, once it has announced them."""
-    deadline = time.monotonic() + READY_TIMEOUT_s
+    deadline = time.monotonic() + COMPILING_TIMEOUT_s
     while not ports_file.exists():
         interrupts.raise_noted()
         bench.check()
         if time.monotonic() > deadline:
-            raise InstrumentError(f"the virtual bench did not open its ports within {READY_TIMEOUT_s:g} s")
+            raise InstrumentError(f"the virtual bench did not open its ports within {COMPILING_TIMEOUT_s:g} s")
         time.sleep(0.02)
     return json.loads(ports_file.read_text())[0]
 
