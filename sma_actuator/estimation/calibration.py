@@ -15,8 +15,8 @@ from sma_actuator.base.parameters import parameter
 class Calibration:
     """What the logs looked like that the model was fitted on; `identify` writes it, `trace` measures against it.
 
-    ``cold_…`` and ``hot_…`` hold a value for each of their stresses; ``residual_…`` one for each position, stress
-    after stress of ``residual_stress``.
+    ``cold_…`` and ``hot_…`` hold a value for each of their stresses; ``expected_…`` say what residual the model leaves at
+    a place and with a history, and ``floor`` how far off that is where it was not fitted.
     """
 
     error: float = parameter(
@@ -25,13 +25,16 @@ class Calibration:
     largest_error: float = parameter(
         nan, "largest such error of a single log", "% of full stroke", 0.0, 1e3, optional=True
     )
-    scatter: float = parameter(
+    floor: float = parameter(
         nan,
-        "what remains of it beside the residuals below, for a log that they do not come from",
+        "what is left of it beside what is expected below, where that was not fitted",
         "% of full stroke",
         0.0,
         1e3,
         optional=True,
+    )
+    independent_time: float = parameter(
+        nan, "how far apart two readings are whose errors are independent", "s", 0.0, 1e6, optional=True
     )
     ambient_temperature: float = parameter(nan, "mean ambient temperature", "°C", -60.0, 100.0, optional=True)
     cold_stress: tuple[float, ...] = parameter((), "stresses at cold rest", "Pa", -1e9, 1e9, optional=True)
@@ -46,18 +49,23 @@ class Calibration:
         nan, "rms scatter of the displacement at rest", "m", 0.0, 10.0, optional=True
     )
     resistance_range: float = parameter(nan, "largest less smallest resistance", "Ω", 0.0, 1e6, optional=True)
-    residual_stress: tuple[float, ...] = parameter((), "stresses of the residuals", "Pa", -1e9, 1e9, optional=True)
-    residual_position: tuple[float, ...] = parameter(
-        (), "estimated displacements of the residuals", "m", -10.0, 10.0, optional=True
+    expected_stroke: tuple[float, ...] = parameter(
+        (), "the stroke that what is expected was learned on", "m", -10.0, 10.0, optional=True
     )
-    residual_heating: tuple[float, ...] = parameter(
-        (), "mean measured less estimated displacement, heating", "m", -10.0, 10.0, optional=True
+    expected_centre: tuple[float, ...] = parameter(
+        (), "mean of each feature that an error may depend on", optional=True
     )
-    residual_cooling: tuple[float, ...] = parameter((), "the same, cooling", "m", -10.0, 10.0, optional=True)
-    scatter_heating: tuple[float, ...] = parameter(
-        (), "rms about them at each position, heating", "m", 0.0, 10.0, optional=True
+    expected_scale: tuple[float, ...] = parameter((), "its standard deviation", lo=0.0, optional=True)
+    expected_least: tuple[float, ...] = parameter((), "the least of it that was seen, in that unit", optional=True)
+    expected_most: tuple[float, ...] = parameter((), "and the most", optional=True)
+    expected_weights: tuple[float, ...] = parameter(
+        (), "of the regression that says what residual to expect", "m", optional=True
     )
-    scatter_cooling: tuple[float, ...] = parameter((), "the same, cooling", "m", 0.0, 10.0, optional=True)
+    expected_white: tuple[float, ...] = parameter(
+        (),
+        "lower triangle, row by row, that makes those features white: the floor rises with how strange they are",
+        optional=True,
+    )
 
     contracted_stress: tuple[float, ...] = parameter(
         (), "stresses of a wire that is contracted as far as it goes", "Pa", -1e9, 1e9, optional=True

@@ -23,6 +23,7 @@ from sma_actuator.estimation.models.whole_range import (
     WholeRangeCoefficients,
     features_all,
 )
+from sma_actuator.safety.thermal import ThermalParameters
 
 from .experiments import Experiment, IdentificationError
 from .fitting import predict
@@ -171,19 +172,7 @@ class _Data:
 
     def thermal_numbers(self, known: np.ndarray) -> np.ndarray:
         """The heat balance for the kernels, from numbers in units of what is known."""
-        out = np.empty(THERMAL)
-        lag_s = self.thermal.heat_capacity / self.thermal.heat_loss
-        out[:] = (
-            known[0] * lag_s,
-            known[1],
-            self.thermal.heat_loss,
-            known[2] / self.span_Ohm,
-            known[3],
-            known[4] / self.span_Ohm,
-            known[5] * 1e-6,
-            known[6] * 1e-6,
-        )
-        return out
+        return _thermal_numbers(known, self.thermal, self.span_Ohm)
 
     @property
     def plays_Ohm(self) -> np.ndarray:
@@ -208,6 +197,27 @@ class _Data:
             out=out,
         )
         return out
+
+
+def _thermal_numbers(known: np.ndarray, thermal: ThermalParameters, span_Ohm: float) -> np.ndarray:
+    """The heat balance for the kernels, from numbers in units of what is known; ``span_Ohm``: range of the resistance."""
+    out = np.empty(THERMAL)
+    out[:] = (
+        known[0] * thermal.heat_capacity / thermal.heat_loss,
+        known[1],
+        thermal.heat_loss,
+        known[2] / span_Ohm,
+        known[3],
+        known[4] / span_Ohm,
+        known[5] * 1e-6,
+        known[6] * 1e-6,
+    )
+    return out
+
+
+def usual_heat_balance(thermal: ThermalParameters, span_Ohm: float) -> np.ndarray:
+    """The heat balance as far as it is known of such wires before a log is seen."""
+    return _thermal_numbers(_KNOWN, thermal, span_Ohm)
 
 
 def _thinned(trace: Experiment, ambient_C: float) -> tuple[np.ndarray, ...]:

@@ -44,11 +44,10 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
             "error_before_pct_stroke": _mean(before[last], weight[last]),
             "error_after_pct_stroke": _mean(after[last], weight[last]),
         },
-        "cycle_mean_before_pct_stroke": float(
-            before.mean()
-        ),  # what the floor is compared with: every cycle weighs the same
-        "cycle_mean_after_pct_stroke": float(after.mean()),
-        "floor_pct_stroke": tracing.floor_percent,
+        # What the gate is held against: every unit weighs the same.
+        "news_before_pct_stroke": float(tracing.news_percent["before"].mean()),
+        "news_after_pct_stroke": float(tracing.news_percent["after"].mean()),
+        "gate_pct_stroke": tracing.gate_percent,
         "excess_explained": tracing.share,
         "loss_after_over_calibration": _ratio(
             float(tracing.losses["after"][tracing.train].mean()), tracing.expected_loss
@@ -90,12 +89,12 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
 
 def sentence(tracing: Tracing, depends: dict[str, float]) -> str:
     """The verdict in words."""
-    if tracing.verdict == "none" and tracing.floor_percent == 0.0:
+    if tracing.verdict == "none" and tracing.gate_percent == 0.0:
         return "No candidate takes anything off this error on cycles that it has not seen."
     if tracing.verdict == "none":
         return (
-            f"Nothing is missing: cycle by cycle the error is {tracing.errors_percent['before'].mean():.2f} % of full stroke, "
-            f"and the model's own floor here {tracing.floor_percent:.2f} %."
+            f"Nothing is missing: of the error {tracing.news_percent['before'].mean():.2f} % of full stroke is not what the "
+            f"calibration lets expect, and up to {tracing.gate_percent:.2f} % is usual for these logs."
         )
     names = list(tracing.fit.names) if tracing.fit else []
     if tracing.verdict == "traced":

@@ -99,7 +99,7 @@ def test_a_model_that_does_not_say_how_good_it_was_takes_its_calibration_logs(wi
     words = ["--config", bare, "--out", str(out), "--jobs", "1"]
     assert main(["trace", *logs, *words]) == 0
     without = json.loads((out / "report.json").read_text())
-    assert without["floor_pct_stroke"] == pytest.approx(1.25 * 1.5) and not without["floor_from_calibration"]
+    assert without["gate_pct_stroke"] == pytest.approx(1.75 * 1.5) and not without["floor_from_calibration"]
     assert without["effects"][0]["name"] == "voltage_offset"
     assert main(["trace", *logs, *words, "--force", "--calibration", *clean]) == 0
     with_ = json.loads((out / "report.json").read_text())
