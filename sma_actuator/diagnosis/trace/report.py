@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sma_actuator.base.parameters import declaration_of
+from sma_actuator.config import Config
+from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL
+from sma_actuator.identify.expectation import learn
 
 from .analysis import anatomy
 from .evidence import Evidence
@@ -98,19 +102,7 @@ def sentence(tracing: Tracing, depends: dict[str, float]) -> str:
         )
     names = list(tracing.fit.names) if tracing.fit else []
     if tracing.verdict == "traced":
-        outside = [n for n in names if EFFECTS[n].PART in NOT_THE_MODEL]
-        inside = [n for n in names if n not in outside]
-        text = (
-            f"The model lacks {' and '.join(inside)}." if inside else f"The error is that of {' and '.join(outside)}."
-        )
-        if outside:
-            what = "the reference sensor" if EFFECTS[outside[0]].PART == "reference" else "the mechanism"
-            text += (
-                f" {' and '.join(outside)}: the fault lies in {what}, not in the model, which is left alone in this."
-            )
-        if tracing.alternatives:
-            text += f" This log cannot tell it from {', '.join(tracing.alternatives)}."
-        return text
+        return _said(tracing, names)
     most = [name for name, share in depends.items() if share >= DEPENDS][:3]
     text = "There is an error that no candidate explains"
     text += f"; it still depends on {', '.join(most)}." if most else "; it depends on nothing that was looked at."
@@ -119,6 +111,26 @@ def sentence(tracing: Tracing, depends: dict[str, float]) -> str:
             f" {' and '.join(names)} would take off part of it (that is the error after), and may be the wrong name."
         )
     return text
+
+
+#: What to do next, by the part in which the fault lies.
+NEXT = {
+    "circuit": "Look at leads, contacts and channels; meanwhile the extended model allows for it.",
+    "load cell": "Calibrate the load cell again; meanwhile the extended model allows for it.",
+    "wire": "The extended model allows for it.",
+    "mechanism": "Look at the crimps and the joint; the model is left alone.",
+    "reference": "Check the displacement sensor; the wire and its model are left alone.",
+}
+
+
+def _said(tracing: Tracing, names: Sequence[str]) -> str:
+    """What a colleague would say of effects that were found: what it is, how sure, what to do next."""
+    before, after = (float(tracing.news_percent[w].mean()) for w in ("before", "after"))
+    what = "; and ".join(f"{EFFECTS[n].WORDS} ({n})" for n in names)
+    text = f"{what[0].upper()}{what[1:]}: that explains {1.0 - after / before:.0%} of what is unusual in these logs."
+    if tracing.alternatives:
+        text += f" It could as well be {' or '.join(tracing.alternatives)}; the experiment beside each would tell."
+    return f"{text} {' '.join(dict.fromkeys(NEXT[EFFECTS[n].PART] for n in names))}"
 
 
 def _effects(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
@@ -277,4 +289,25 @@ def extended(
         for name in names
     ]
     out["effects"] = effects
+    if "calibration" in out:
+        out["calibration"] = {**out["calibration"], **_anew(out, evidence, tracing)}
     return out
+
+
+def _anew(mapping: dict[str, Any], evidence: Evidence, tracing: Tracing) -> dict[str, Any]:
+    """What a model with new effects leaves, for its calibration.
+
+    An effect that has come since the calibration changes how large the errors are, and not what residual to expect beside
+    it; one that was there already was part of that, which is learned anew from these logs.
+    """
+    full_m = evidence.full_stroke_m
+    errors = [
+        float(np.mean(np.abs(measured_m - p.shown_m))) / full_m * 100
+        for measured_m, p in zip(evidence.measured_m, tracing.predictions["after"], strict=True)
+    ]
+    fields: dict[str, Any] = {"error": float(np.mean(errors)), "largest_error": max(errors)}
+    config = Config.from_mapping(mapping)
+    if evidence.beyond_floor and config.calibration.expected_weights:
+        found = [Chain(config).run(t.signals) for t in evidence.traces]
+        fields |= learn(evidence.traces, found, config)
+    return {name: list(v) if isinstance(v, tuple) else v for name, v in fields.items()}
