@@ -11,10 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from sma_actuator.base.jit import jit
+from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.config import Config
 from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain
-from sma_actuator.safety.thermal import HeatBalance, ThermalParameters
+from sma_actuator.safety.thermal import HeatBalance
 
 from .experiments import Experiment
 from .rests import find_rests

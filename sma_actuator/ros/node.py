@@ -40,10 +40,9 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from sma_actuator.actuator import Output
 from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.base.signals import Mode, Quality, Status
+from sma_actuator.base.signals import Mode, Output, Quality, Status
 from sma_actuator.config import NODE_NAME, Config
 from sma_actuator.driver import Driver, DriverStopped
 from sma_actuator.instruments import InstrumentError, open_daq, open_supply

@@ -19,9 +19,8 @@ from scipy.special import ndtr
 from sma_actuator.base.signals import Quality, Signals
 from sma_actuator.config import Config
 from sma_actuator.estimation.calibration import Calibration
-from sma_actuator.estimation.chain import Chain
+from sma_actuator.estimation.chain import Chain, place_of
 from sma_actuator.estimation.effects import Effect, Effects
-from sma_actuator.estimation.effects.frame import Place
 from sma_actuator.identify.calibration import expected_residual_m
 from sma_actuator.identify.experiments import Experiment, make_experiment, sessions
 from sma_actuator.identify.rests import find_rests
@@ -66,7 +65,7 @@ class Evidence:
         self.config = dataclasses.replace(config, effects=Effects())
         self.base: Mapping[str, Effect] = config.effects.active
         self.calibration = Calibration() if beyond_floor else config.calibration
-        self.place = Place.of(config)
+        self.place = place_of(config)
         self.full_stroke_m = config.wire.full_stroke_m
         logs = sorted(logs, key=lambda log: float(log["time_s"][0]))
         thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST))
