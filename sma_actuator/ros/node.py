@@ -304,8 +304,8 @@ class SmaActuatorNode(LifecycleNode):
     def callback_failed(self, error: Exception) -> None:
         """Take an exception that no message is to blame for as a fault: the output goes off, the node goes on."""
         words = f"{type(error).__name__} in a ROS callback: {error}"
-        trace = "".join(traceback.format_exception(error))
-        self.report(f"{words}\n{trace}")
+        experiment = "".join(traceback.format_exception(error))
+        self.report(f"{words}\n{experiment}")
         if self._driver is not None:
             self._driver.submit(lambda actuator, now_s: actuator.raise_fault(now_s, "unhandled_exception", words))
 

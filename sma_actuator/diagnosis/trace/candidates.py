@@ -24,7 +24,7 @@ PARTIAL_SHARE = 0.05  #: … and the share of such cycles from which the logs co
 
 def scales_of(evidence: Evidence) -> Scales:
     """The scales of some logs."""
-    config, signals = evidence.config, [t.signals for t in evidence.traces]
+    config, signals = evidence.config, [t.signals for t in evidence.experiments]
 
     def together(name: str) -> np.ndarray:
         return np.concatenate([np.broadcast_to(getattr(s, name), np.shape(s.time_s)) for s in signals])
