@@ -42,7 +42,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.base.signals import Mode, Output, Quality, Status
+from sma_actuator.base.signals import Health, Mode, Output, Quality, Status
 from sma_actuator.config import NODE_NAME, Config
 from sma_actuator.driver import Driver, DriverStopped
 from sma_actuator.instruments import InstrumentError, open_daq, open_supply
@@ -51,6 +51,7 @@ from sma_actuator.logs.recorder import BenchLogRecorder
 from sma_msgs_py import (
     command_current_message,
     diagnostic_status_from,
+    health_status_from,
     joint_command_from,
     joint_state_message,
     load_message,
@@ -145,6 +146,7 @@ class SmaActuatorNode(LifecycleNode):
         self._monotonic = MonotonicClock()
         self._published: tuple[Any, ...] = ()  #: what the last status said
         self._events, self._refusals = Events(), Refusals()
+        self._health_said = Health.UNKNOWN
         self._happened: list[str] = []  #: what no message of ~/signals has told yet
         values = arguments.parameters_of(self.get_fully_qualified_name())
         own = {key: values.pop(key) for key in ROS_PARAMETERS if key in values}
@@ -352,6 +354,9 @@ class SmaActuatorNode(LifecycleNode):
             self._say(level, sentence)
         for level, sentence in self._events.of_instruments(driver.lost_instruments, status.fault):
             self._say(level, sentence)
+        if output.health.state is not self._health_said:
+            self._health_said = output.health.state
+            self._say(WARNING if self._health_said is Health.DUE else INFO, f"model health: {output.health.words}")
         if (status.mode, status.fault, status.limits) != self._published:
             self._publish_status()
 
@@ -384,7 +389,7 @@ class SmaActuatorNode(LifecycleNode):
             status = Status(Mode.OFF, message=self._refusal or words)
         if output is not None and not self._active:
             status = dataclasses.replace(status, message=f"{status.message}; {self._not_active()}")
-        status = dataclasses.replace(status, values={**status.values, **self._health()})
+        status = dataclasses.replace(status, values={**status.values, **self._key_values()})
         message = diagnostic_status_from(self.get_fully_qualified_name(), self._hardware_id(), status)
         lost = driver.lost_instruments if driver is not None else {}
         if lost or (output is None and self._refusal):
@@ -393,10 +398,14 @@ class SmaActuatorNode(LifecycleNode):
             message.message = "; ".join(f"the {name} does not answer: {detail}" for name, detail in lost.items())
         self._status.publish(message)
         array = DiagnosticArray(status=[message])
+        if output is not None:
+            name = f"{self.get_fully_qualified_name()}: model health"
+            health = health_status_from(name, self.config.joint_name, output.health, output.signals.time_s)
+            array.status.append(health)
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
 
-    def _health(self) -> dict[str, float | str]:
+    def _key_values(self) -> dict[str, float | str]:
         """Key values of the node and the loop, for diagnostics."""
         values: dict[str, float | str] = {"lifecycle": self._state_machine.current_state[1]}
         if self._driver is not None:
