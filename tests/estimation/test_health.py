@@ -115,13 +115,13 @@ class TestSigns:
         return start_s + seconds
 
     def life(self, heat, narrower_W=0.0):
-        """Holds on both branches at changing places; from the thirtieth on with ``heat`` times the power."""
+        """Holds on both branches at changing places; from the fortieth on with ``heat`` times the power."""
         judge = ModelHealth(self.config, self.config.supply.bias_current)
         rng, time_s = np.random.default_rng(1), 0.0
         for number in range(60):
             position_m = float(rng.uniform(0.001, 0.003))
             branch = Branch(number % 2)
-            power_W = 0.25 - 40.0 * position_m + (0.03 if branch is Branch.HEATING else -0.03)
+            power_W = 0.20 - 30.0 * position_m + (0.03 if branch is Branch.HEATING else -0.03)
             power_W += float(rng.normal(0.0, 0.002))
             if number >= 40:
                 power_W = power_W * heat + (-narrower_W if branch is Branch.HEATING else narrower_W)
@@ -134,11 +134,10 @@ class TestSigns:
         assert verdict.state is Health.UNKNOWN, "of the resistance nothing was seen"
 
     def test_a_draught_shows_in_the_heat_that_holds(self):
-        verdict = self.life(heat=1.6)
+        verdict = self.life(heat=1.5)
         assert verdict.state is Health.DUE
         assert verdict.signs["hold"].side == 1
         assert any("heat loss" in cause for cause in verdict.causes)
-        assert not any("leads" in cause for cause in verdict.causes) or verdict.signs.get("cold") is None
 
     def test_training_shows_in_the_width_of_the_loop(self):
         verdict = self.life(heat=1.0, narrower_W=0.06)
