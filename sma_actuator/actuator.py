@@ -41,7 +41,7 @@ from sma_actuator.safety.supervisor import Supervisor
 _log = logging.getLogger(__name__)
 
 #: An event without duration (a refused setpoint) stays in the status for this long.
-EVENT_SHOWN_S = 1.0
+EVENT_SHOWN_s = 1.0
 #: Readings that ``tare_load`` and ``measure_lead_resistance`` average, at the most.
 AVERAGED_READINGS = 20
 #: And at the least.
@@ -443,7 +443,7 @@ class Actuator:
         if self._commanding.lost:
             faults.setdefault(setpoint_stale, self._commanding.lost)
         for fault, (when_s, detail) in list(self._events.items()):
-            if 0.0 <= now_s - when_s <= EVENT_SHOWN_S:
+            if 0.0 <= now_s - when_s <= EVENT_SHOWN_s:
                 faults.setdefault(fault, detail)
             else:
                 del self._events[fault]
