@@ -277,6 +277,10 @@ class Driver:
         """Hand over a setpoint [m]; never waits.  Refusals come back by :meth:`refusals`."""
         self._offer(lambda actuator, now_s: actuator.offer_setpoint(now_s, position_m))
 
+    def offer_joint_command(self, position_m: float) -> None:
+        """Hand over a joint command [m], which may be NaN; never waits."""
+        self._offer(lambda actuator, now_s: actuator.offer_joint_command(now_s, position_m))
+
     def offer_trajectory(
         self,
         times_s: list[float],

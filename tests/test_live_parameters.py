@@ -123,6 +123,20 @@ def is_flooded(rig: Rig) -> None:
     rig.run(0.1)
 
 
+def is_commanded_for_a_while(rig: Rig) -> None:
+    for _ in range(10):
+        rig.actuator.offer_joint_command(rig.now_s, rig.output.estimate.displacement_m)
+        rig.step()
+    rig.run(1.0)
+
+
+def is_commanded_from_afar(rig: Rig) -> None:
+    position_m = rig.output.estimate.displacement_m - 0.5e-3
+    for _ in range(10):
+        rig.actuator.offer_joint_command(rig.now_s, position_m)
+        rig.step()
+
+
 def everything(output: Output) -> Output:
     """All that one step says but the event that tells of the change."""
     return replace(output, events=())
@@ -156,6 +170,8 @@ SITUATIONS = [
     Situation("estimator.velocity_time_constant", 1.0),
     Situation("controller.setpoint_rate_limit", 0.001),
     Situation("controller.setpoint_timeout", 0.3),
+    Situation("controller.joint_command_timeout", 0.2, is_commanded_for_a_while),
+    Situation("controller.arming_distance", 0.3, is_commanded_from_afar),
     Situation("controller.on_setpoint_loss", "bias", given={"controller.setpoint_timeout": 0.3}),
     Situation("controller.kp", 300.0),
     Situation("controller.ki", 100.0),

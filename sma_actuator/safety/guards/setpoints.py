@@ -17,20 +17,22 @@ FLOOD_BURST_MIN = 10
 
 @guard(
     words="the setpoint is lost",
-    remedy="Send setpoints again, faster than controller.setpoint_timeout",
-    detector="no setpoint for controller.setpoint_timeout while tracking (0: never); action "
-    "controller.on_setpoint_loss, latched where that is off",
-    within=parameter_value("controller.setpoint_timeout") + ONE_STEP,
+    remedy="Send setpoints again, faster than controller.setpoint_timeout, joint commands than joint_command_timeout",
+    detector="no setpoint for controller.setpoint_timeout while tracking (0: never), while joint commands are followed none "
+    "for controller.joint_command_timeout; action controller.on_setpoint_loss, latched where that is off",
+    within=longest(parameter_value("controller.setpoint_timeout"), parameter_value("controller.joint_command_timeout"))
+    + ONE_STEP,
     action=Action.HOLD,
     action_by="controller.on_setpoint_loss",
     each_step=False,
 )
-def setpoint_stale(age_s: float, config: SafetySections) -> str:
+def setpoint_stale(age_s: float, by_joint_command: bool, config: SafetySections) -> str:
     """Nobody has said for too long where the wire should be."""
-    timeout_s = config.controller.setpoint_timeout
+    name = "joint_command_timeout" if by_joint_command else "setpoint_timeout"
+    timeout_s = getattr(config.controller, name)
     if timeout_s == 0.0 or -timeout_s <= age_s <= timeout_s:
         return ""
-    return f"none for {age_s:.3g} s; controller.setpoint_timeout is {timeout_s:g} s"
+    return f"none for {age_s:.3g} s; controller.{name} is {timeout_s:g} s"
 
 
 @guard(
