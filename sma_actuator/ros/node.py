@@ -576,7 +576,7 @@ def main(arguments: list[str] | None = None) -> int:
         except ConfigError as error:
             fatal += error.problems
         finally:
-            sentences = tuple(fatal)  # what is said while everything ends is no reason for ending
+            sentences = tuple(fatal)  # what comes after this is a consequence of ending
             _stop(nodes, threads, switch)
     for sentence in sentences:
         print(f"sma_actuator_node: {sentence}", file=sys.stderr)
