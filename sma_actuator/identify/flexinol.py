@@ -82,15 +82,16 @@ def fit_joint(
     data = fitting.make_data(traces, wire.full_stroke_m)
     problem = _Joint(traces, wire, data)
     errors: dict[tuple[int, int], np.ndarray] = {}
+    begun: dict[tuple[int, int], np.ndarray] = {}
     if orders is None:
         highest = min(HIGHEST_ORDER, distinct_stresses(full_cycles(traces)) - 1)
         tried = [(h, c) for h in range(1, highest + 1) for c in range(h, highest + 1)]
         for i, pair in enumerate(tried):
-            errors[pair] = fitting.held_out_errors(problem.builder(pair), problem.start(pair), data)
+            errors[pair], begun[pair] = fitting.held_out_errors(problem.builder(pair), problem.start(pair), data)
             progress(0.8 * (i + 1) / len(tried))
         orders = fitting.choose_simplest(errors, _degrees)
     build = problem.builder(orders)
-    found = fitting.fit(build, problem.start(orders), data)
+    found = fitting.fit(build, begun[orders] if orders in begun else problem.start(orders), data)
     progress(0.95)
     draws = fitting.bootstrap(build, found.x, data)
     samples = {
@@ -107,7 +108,7 @@ class _Joint:
 
     def __init__(self, traces: Sequence[Experiment], wire, data: Data):
         self._traces, self._wire, self._data = traces, wire, data
-        resistance_Ohm = np.concatenate([t.resistance_Ohm for t in traces])[data.counts]
+        resistance_Ohm = np.concatenate([t.resistance_Ohm for t in data.traces])[data.counts]
         self._centre_Ohm = float(np.median(resistance_Ohm))
         self._ranges = stress_range_Pa(traces), working_range_m(traces, wire.full_stroke_m)
 
