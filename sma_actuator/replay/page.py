@@ -1,4 +1,4 @@
-"""The page of a replay: errors, traces, loops."""
+"""The page of a replay: errors, curves, loops."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def write_page(path: Path, replays: Sequence[Replay], config: Config) -> None:
         _bars(page, replays, names)
     else:
         worst = max(replays, key=lambda r: np.nan_to_num(r.errors[names[0]].full_percent))
-        _together(page, worst, names, f"{worst.trace.name}, the log with the largest error.")
+        _together(page, worst, names, f"{worst.experiment.name}, the log with the largest error.")
     low_m, high_m = config.model.build(config.wire).displacement_range_m
     page.heading("Errors")
     page.text(
@@ -42,7 +42,7 @@ def write_page(path: Path, replays: Sequence[Replay], config: Config) -> None:
     else:
         _compared(page, replays, names)
     for r in replays:
-        page.heading(r.trace.name)
+        page.heading(r.experiment.name)
         if len(names) > _TOGETHER:
             _apart(page, r, names)
         else:
@@ -79,7 +79,7 @@ def _compared(page: Page, replays: Sequence[Replay], names: Sequence[str]) -> No
     page.table(
         ("log", "samples in the working range", "best there", "best in the full range"),
         [
-            (r.trace.name, f"{r.errors[names[0]].working_share:.0%}", " or ".join(w) or "–", " or ".join(f) or "–")
+            (r.experiment.name, f"{r.errors[names[0]].working_share:.0%}", " or ".join(w) or "–", " or ".join(f) or "–")
             for r, (_, w, f) in zip(replays, winners(replays), strict=True)
         ],
         "Those as good as the best are all named.",
@@ -88,12 +88,12 @@ def _compared(page: Page, replays: Sequence[Replay], names: Sequence[str]) -> No
 
 def _together(page: Page, r: Replay, names: Sequence[str], caption: str) -> None:
     drawing, axes = figure(2, width_in=6.0, height_in=4.0)
-    time_s, measured_mm = r.trace.signals.time_s, r.trace.displacement_m * 1e3
+    time_s, measured_mm = r.experiment.signals.time_s, r.experiment.displacement_m * 1e3
     axes[0, 0].plot(time_s, measured_mm, "k", lw=1, label="measured")
-    axes[0, 1].plot(r.trace.resistance_Ohm, measured_mm, "k", lw=0.8)
+    axes[0, 1].plot(r.experiment.resistance_Ohm, measured_mm, "k", lw=0.8)
     for name in names:
         axes[0, 0].plot(time_s, r.estimates_m[name] * 1e3, lw=0.8, label=name)
-        axes[0, 1].plot(r.trace.resistance_Ohm, r.estimates_m[name] * 1e3, lw=0.7)
+        axes[0, 1].plot(r.experiment.resistance_Ohm, r.estimates_m[name] * 1e3, lw=0.7)
     axes[0, 0].set(xlabel="time [s]", ylabel="displacement [mm]")
     axes[0, 1].set(xlabel="resistance [Ω]", ylabel="displacement [mm]")
     axes[0, 0].legend(fontsize=8)
@@ -103,11 +103,11 @@ def _together(page: Page, r: Replay, names: Sequence[str], caption: str) -> None
 def _apart(page: Page, r: Replay, names: Sequence[str]) -> None:
     """A small picture for every model, all with the same axes."""
     rows = -(-len(names) // _ACROSS)
-    measured_mm = r.trace.displacement_m * 1e3
+    measured_mm = r.experiment.displacement_m * 1e3
     seen_mm = measured_mm if np.isfinite(measured_mm).any() else r.estimates_m[names[0]] * 1e3
     low, high = np.nanmin(seen_mm), np.nanmax(seen_mm)
     margin = 0.15 * (high - low)  # what a bad model makes of it may lie far away
-    for what, x in (("time [s]", r.trace.signals.time_s), ("resistance [Ω]", r.trace.resistance_Ohm)):
+    for what, x in (("time [s]", r.experiment.signals.time_s), ("resistance [Ω]", r.experiment.resistance_Ohm)):
         drawing, axes = figure(_ACROSS, rows, width_in=3.6, height_in=2.3, sharex=True, sharey=True)
         for i, (ax, name) in enumerate(zip(axes.flat, names, strict=False)):
             ax.plot(x, measured_mm, "k", lw=0.8, label="measured")

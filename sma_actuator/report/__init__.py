@@ -140,7 +140,7 @@ def _lines_of(drawing: Figure) -> dict[str, Any]:
                     "dots": line.get_marker() not in ("None", "", None),
                 }
             )
-        place = ax.get_subplotspec()
+        place: Any = ax.get_subplotspec()
         columns = place.get_gridspec().ncols
         panels.append(
             {
