@@ -16,6 +16,7 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", [str(path) for path in Path("config").glob("*.yaml")]),
         (f"share/{NAME}/launch", [str(path) for path in Path("launch").glob("*.py")]),
+        (f"share/{NAME}/urdf", [str(path) for path in Path("urdf").iterdir()]),
     ],
     python_requires=">=3.11",
     install_requires=[
@@ -50,6 +51,7 @@ setup(
             "pytest-timeout>=2.2",
             "pytest-cov>=5.0",
             "pytest-xdist>=3.5",
+            "xacro>=2.0",
         ],
     },
     entry_points={

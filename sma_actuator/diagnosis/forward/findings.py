@@ -11,20 +11,20 @@ from .runs import IDLE_DUTY, Run
 from .tracing import Choice, Outcome, Tracing
 from .wire import ForwardWire
 
-_AFTER_S = 8.0  #: the movement after power off is looked for within this
+_AFTER_s = 8.0  #: the movement after power off is looked for within this
 
 
 def power_off_index(run: Run) -> int | None:
     """Step at which the power goes off for good, if the run goes on for a while."""
     powered = np.flatnonzero(run.coarse_duty > IDLE_DUTY)
-    if not len(powered) or (len(run.coarse_duty) - powered[-1]) * run.step_s < _AFTER_S:
+    if not len(powered) or (len(run.coarse_duty) - powered[-1]) * run.step_s < _AFTER_s:
         return None
     return int(powered[-1]) + 1
 
 
 def power_off_rise_m(run: Run, position_m: np.ndarray, off: int) -> float:
     """How far the slider still moves in the sense of contraction after the power went off at step ``off``."""
-    steps = int(_AFTER_S / run.step_s)
+    steps = int(_AFTER_s / run.step_s)
     return float(position_m[off : off + steps].max() - position_m[off - 3 : off].mean())
 
 

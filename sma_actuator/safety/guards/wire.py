@@ -5,8 +5,8 @@ from __future__ import annotations
 from sma_actuator.base.signals import Quality
 from sma_actuator.safety.formula import longest, parameter_value
 from sma_actuator.safety.records import Action, Step, guard
-from sma_actuator.safety.thermal import AMBIENT_FALL_K_S
-from sma_actuator.safety.timing import ONE_STEP, RATE, SETTLING_READINGS, SETTLING_TIME_S, THREE_STEPS, TWO_STEPS
+from sma_actuator.safety.thermal import AMBIENT_FALL_K_s
+from sma_actuator.safety.timing import ONE_STEP, RATE, SETTLING_READINGS, THREE_STEPS, TWO_STEPS, SETTLING_TIME_s
 
 #: Share of supply.max_voltage that counts as being at the compliance voltage.
 COMPLIANCE = 0.95
@@ -44,7 +44,7 @@ def open_wire(step: Step) -> str:
     words="the wire is shorted",
     remedy="Look for what bridges the wire, and compare safety.resistance_min with it",
     detector="resistance below safety.resistance_min (after enabling: once settled at the bias current)",
-    within=longest(SETTLING_TIME_S, SETTLING_READINGS / RATE) + TWO_STEPS,
+    within=longest(SETTLING_TIME_s, SETTLING_READINGS / RATE) + TWO_STEPS,
     action=Action.OFF,
     latches=True,
 )
@@ -146,7 +146,7 @@ def heat_loss_wrong(step: Step) -> str:
     remedy="Check the ambient sensor; thermal.ambient_temperature is taken instead",
     detector="ambient temperature below ambient_temperature − ambient_tolerance, above 100 °C, or below "
     "ambient_temperature without one changed digit for thermal.ambient_stuck_time; ambient_temperature is taken instead. "
-    f"Below that, a sensor that falls is followed at {AMBIENT_FALL_K_S:g} K/s",
+    f"Below that, a sensor that falls is followed at {AMBIENT_FALL_K_s:g} K/s",
     within=ONE_STEP,
     action=Action.NOTE,
 )
