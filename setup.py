@@ -10,7 +10,7 @@ setup(
     name=NAME,
     version="0.1.0",
     packages=find_packages(include=["sma_actuator", "sma_actuator.*", "sma_msgs_py", "sma_msgs_py.*"]),
-    package_data={"sma_actuator": ["**/*.yaml", "**/*.html"]},
+    package_data={"sma_actuator": ["**/*.yaml", "**/*.html", "**/*.js"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

@@ -41,17 +41,21 @@ def percent(run: Run, error_m: float) -> float:
 
 def sentences(found: Tracing) -> list[str]:
     """What was found, most important first."""
+    return [verdict_sentence(found), _errors(found), *_named(found), *_chosen(found), *observations(found)]
+
+
+def observations(found: Tracing) -> list[str]:
+    """What the runs say beside the verdict and the errors."""
     choice = found.choice
     how = ", ".join(run.name for run in found.judged)
     heats = {name: 1e3 * float(np.mean(found.heats_m(name))) for name in ("rms", "mean")}
     other = "mean" if choice.heated_by == "rms" else "rms"
-    out = [verdict_sentence(found), _errors(found)]
-    out += _named(found)
-    out.append(
-        f"The {_voltage(choice.heated_by)} voltage heats the wire: the plain model's error is {heats[choice.heated_by]:.2f} mm, "
-        f"with the {_voltage(other)} voltage {heats[other]:.2f} mm (mean over {how})."
-    )
-    out += _chosen(found)
+    out = [
+        (
+            f"The {_voltage(choice.heated_by)} voltage heats the wire: the plain model's error is {heats[choice.heated_by]:.2f} mm, "
+            f"with the {_voltage(other)} voltage {heats[other]:.2f} mm (mean over {how})."
+        )
+    ]
     out += still_shows(found)
     after = 1e3 * np.array(found.after_m)
     worst = int(np.argmax(after))
