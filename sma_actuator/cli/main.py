@@ -17,6 +17,7 @@ import os
 import sys
 
 from sma_actuator.base.errors import UserError
+from sma_actuator.base.streams import keep_standard_streams
 
 COMMANDS = {
     "demo": ("sma_actuator.cli.demo", "drive the virtual bench through the node, live in the terminal"),
@@ -38,6 +39,7 @@ COMMANDS = {
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns its exit code (0 only on success)."""
+    keep_standard_streams()
     argv = sys.argv[1:] if argv is None else argv
     parser = argparse.ArgumentParser(
         prog="sma-actuator",
