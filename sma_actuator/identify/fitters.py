@@ -59,38 +59,42 @@ class Fitter:
 FITTERS: Registry[Fitter] = Registry("fitter", "sma_actuator.fitters")
 
 
-def _found(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> FlexinolFit:
+def _found(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> FlexinolFit:
     if asked.method == "appendix-c":
-        return fit_appendix_c(traces, bench.wire, 2 if asked.order is None else asked.order)
-    return fit_joint(traces, bench.wire, None if asked.order is None else (asked.order, asked.order), asked.progress)
+        return fit_appendix_c(experiments, bench.wire, 2 if asked.order is None else asked.order)
+    return fit_joint(
+        experiments, bench.wire, None if asked.order is None else (asked.order, asked.order), asked.progress
+    )
 
 
-def _flexinol(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
-    found = _found(traces, bench, asked)
+def _flexinol(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
+    found = _found(experiments, bench, asked)
     return Fitted(found.coefficients, found.samples, found)
 
 
-def _flexinol_normalised(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
-    found = _found(traces, bench, asked)
-    coefficients, samples = flexinol_normalised(found, traces, bench.wire)
+def _flexinol_normalised(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
+    found = _found(experiments, bench, asked)
+    coefficients, samples = flexinol_normalised(found, experiments, bench.wire)
     return Fitted(coefficients, samples, found)
 
 
-def _furukawa(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
-    found = fit_furukawa(traces, bench.wire, asked.variant, asked.order, asked.progress)
+def _furukawa(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
+    found = fit_furukawa(experiments, bench.wire, asked.variant, asked.order, asked.progress)
     return Fitted(found.coefficients, found.samples, found)
 
 
-def _furukawa_normalised(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
-    return Fitted(*fit_furukawa_normalised(traces, bench.wire, asked.order))
+def _furukawa_normalised(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
+    return Fitted(*fit_furukawa_normalised(experiments, bench.wire, asked.order))
 
 
-def _whole_range(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
-    found = fit_whole_range(traces, bench, asked.progress)
+def _whole_range(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
+    found = fit_whole_range(experiments, bench, asked.progress)
     fit_thesis = _flexinol if bench.wire.alloy == "ni-ti" else _furukawa
     try:
-        thesis = fit_thesis(traces, bench, Asked("joint", asked.variant, asked.order)).coefficients.build(bench.wire)
-        note = beside_the_thesis(traces, thesis, found, bench.wire.full_stroke_m)
+        thesis = fit_thesis(experiments, bench, Asked("joint", asked.variant, asked.order)).coefficients.build(
+            bench.wire
+        )
+        note = beside_the_thesis(experiments, thesis, found, bench.wire.full_stroke_m)
     except IdentificationError as error:
         note = f"there is no model of the thesis to compare with: {error}"
     return Fitted(found.coefficients, how=found, notes=[note])

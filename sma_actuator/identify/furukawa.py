@@ -32,7 +32,7 @@ class FurukawaFit:
 
 
 def fit_furukawa(
-    traces: Sequence[Experiment],
+    experiments: Sequence[Experiment],
     wire,
     variant: str = "average",
     order: int | None = None,
@@ -45,19 +45,20 @@ def fit_furukawa(
     ``order`` of the stress polynomials; None: the lowest that is as good as the best on held-out
     cycles.  Raises IdentificationError.
     """
-    fitting.require_loads(traces, order or 1, "curves")
-    data = fitting.make_data(traces, wire.full_stroke_m)
+    fitting.require_loads(experiments, order or 1, "curves")
+    data = fitting.make_data(experiments, wire.full_stroke_m)
     fitted_as = "transition" if variant == "average" else variant
-    problem = _Curves(traces, wire, data, fitted_as)
+    problem = _Curves(experiments, wire, data, fitted_as)
     errors: dict[int, np.ndarray] = {}
+    begun: dict[int, np.ndarray] = {}
     if order is None:
-        highest = min(HIGHEST_ORDER, distinct_stresses(full_cycles(traces)) - 1)
+        highest = min(HIGHEST_ORDER, distinct_stresses(full_cycles(experiments)) - 1)
         for tried in range(1, highest + 1):
-            errors[tried] = fitting.held_out_errors(problem.builder(tried), problem.start(tried), data)
+            errors[tried], begun[tried] = fitting.held_out_errors(problem.builder(tried), problem.start(tried), data)
             progress(0.6 * tried / highest)
         order = fitting.choose_simplest(errors, int)
     build = problem.builder(order)
-    found = fitting.fit(build, problem.start(order), data)
+    found = fitting.fit(build, begun[order] if order in begun else problem.start(order), data)
     progress(0.9)
     shift = problem.to_mean_of_all(order, found.x) if variant == "average" else 0.0
     draws = [problem.coefficients(order, theta + shift, variant) for theta in fitting.bootstrap(build, found.x, data)]
@@ -75,14 +76,14 @@ class _Curves:
     """The parameter vector: c_H[i, j], c_C[i, j] of δ = Σ c[i, j] x^i s^j in mm, with x the resistance
     centred and scaled and s = σ / STRESS_UNIT_Pa; then ln η."""
 
-    def __init__(self, traces: Sequence[Experiment], wire, data: Data, variant: str):
-        self._traces, self._wire, self._data, self._variant = traces, wire, data, variant
-        resistance_Ohm = np.concatenate([t.resistance_Ohm for t in traces])[data.counts]
+    def __init__(self, experiments: Sequence[Experiment], wire, data: Data, variant: str):
+        self._experiments, self._wire, self._data, self._variant = experiments, wire, data, variant
+        resistance_Ohm = np.concatenate([t.resistance_Ohm for t in data.experiments])[data.counts]
         low, high = np.percentile(resistance_Ohm, (1, 99))
         self._centre_Ohm, self._scale_Ohm = 0.5 * (low + high), 0.5 * (high - low)
         self._to_R = _uncentring(self._centre_Ohm, self._scale_Ohm, ORDER_R)
-        self._stress_range_Pa = stress_range_Pa(traces)
-        self._range_m = working_range_m(traces, wire.full_stroke_m)
+        self._stress_range_Pa = stress_range_Pa(experiments)
+        self._range_m = working_range_m(experiments, wire.full_stroke_m)
 
     def coefficients(self, order: int, theta: np.ndarray, variant: str):
         """FurukawaCoefficients of a parameter vector."""
@@ -107,10 +108,9 @@ class _Curves:
 
     def start(self, order: int) -> np.ndarray:
         """Robust polynomials through the full cycles' heating and cooling samples."""
-        full = full_cycles(self._traces)
-        counts = fitting.make_data(full, self._wire.full_stroke_m).counts
-        driven = np.concatenate([t.driven for t in full])
-        parts = [self._polynomial(full, counts & branch, order) for branch in (driven, ~driven)]
+        full = fitting.make_data(full_cycles(self._experiments), self._wire.full_stroke_m)
+        driven = np.concatenate([t.driven for t in full.experiments])
+        parts = [self._polynomial(full.experiments, full.counts & branch, order) for branch in (driven, ~driven)]
         candidates = [np.append(np.concatenate(parts), rate) for rate in np.log((3.0, 10.0, 30.0, 100.0))]
         build, weight = self.builder(order), self._data.counts.astype(float)
         return min(candidates, key=lambda c: float(np.abs(fitting.residuals(build, c, self._data, weight)).mean()))
@@ -118,13 +118,13 @@ class _Curves:
     def to_mean_of_all(self, order: int, theta: np.ndarray) -> np.ndarray:
         """What to add to a parameter vector so that the mean of its curves is the one through all samples."""
         heating, cooling = theta[:-1].reshape(2, -1)
-        shift = self._polynomial(self._traces, self._data.counts, order) - 0.5 * (heating + cooling)
+        shift = self._polynomial(self._data.experiments, self._data.counts, order) - 0.5 * (heating + cooling)
         return np.concatenate([shift, shift, [0.0]])
 
-    def _polynomial(self, traces: Sequence[Experiment], chosen: np.ndarray, order: int) -> np.ndarray:
-        x = (np.concatenate([t.resistance_Ohm for t in traces]) - self._centre_Ohm) / self._scale_Ohm
-        stress = np.concatenate([t.stress_Pa for t in traces]) / STRESS_UNIT_Pa
-        displacement_mm = np.concatenate([t.displacement_m for t in traces]) * 1e3
+    def _polynomial(self, experiments: Sequence[Experiment], chosen: np.ndarray, order: int) -> np.ndarray:
+        x = (np.concatenate([t.resistance_Ohm for t in experiments]) - self._centre_Ohm) / self._scale_Ohm
+        stress = np.concatenate([t.stress_Pa for t in experiments]) / STRESS_UNIT_Pa
+        displacement_mm = np.concatenate([t.displacement_m for t in experiments]) * 1e3
         basis = np.polynomial.polynomial.polyvander2d(x, stress, (ORDER_R, order))
         return robust_linear(
             basis[chosen], displacement_mm[chosen], fitting.LOSS_SCALE * self._wire.full_stroke_m * 1e3

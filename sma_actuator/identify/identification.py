@@ -32,7 +32,7 @@ class Identification:
     intervals: dict[str, list[tuple[float, float]]]  #: 95 % of every coefficient, by bootstrap over cycles
     errors: list[LogError]  #: of the logs it was fitted on
     fit: Any  #: how it was found, as its fitter has it
-    traces: tuple[Experiment, ...]
+    experiments: tuple[Experiment, ...]
     fatigue: Fatigue | None = None
     notes: list[str] = field(default_factory=list)  #: what the user should know
 
@@ -56,8 +56,8 @@ def identify(
     bench = bench_from_mapping(config_mapping)
     everything = as_one_wire(logs, config_mapping) if fitter.any_size else make_experiments(logs, bench)
     fatigue_traces = [t for t in everything if t.kind == "fatigue"]
-    traces = [t for t in everything if t.kind != "fatigue"]
-    fitted = fitter.fit(traces, bench, Asked(method, variant, order, progress))
+    experiments = [t for t in everything if t.kind != "fatigue"]
+    fitted = fitter.fit(experiments, bench, Asked(method, variant, order, progress))
     notes = list(fitted.notes)
     mapping = copy.deepcopy(dict(config_mapping))
     for stale in ("effects", "calibration"):
@@ -66,7 +66,7 @@ def identify(
     config = Config.from_mapping(mapping)
     if "displacement_range" in mapping["model"]:
         low_m, high_m = mapping["model"]["displacement_range"]
-        seen_m = shortest_seen_m(traces, config)
+        seen_m = shortest_seen_m(experiments, config)
         if seen_m > low_m:
             check_width(seen_m, high_m, bench.wire.full_stroke_m)
             if seen_m > low_m + MARGIN * bench.wire.full_stroke_m:
@@ -77,26 +77,26 @@ def identify(
                 )
             mapping["model"]["displacement_range"] = [seen_m, high_m]
             config = Config.from_mapping(mapping)
-    mapping["calibration"] = to_mapping(calibration_of(traces, config, at_rest=not fitter.any_size))
+    mapping["calibration"] = to_mapping(calibration_of(experiments, config, at_rest=not fitter.any_size))
     config = Config.from_mapping(mapping)
     model = config.model.build(bench.wire)
     fatigue = None
     if fatigue_traces:
         fatigue = fit_fatigue(fatigue_traces)
-    if not any(t.kind == "partial" for t in traces):
+    if not any(t.kind == "partial" for t in experiments):
         notes.append("no log of partial cycles: minor loops, and with them the transition, rest on full cycles alone")
     notes += [
         f"{t.name}: fitted on {t.cycle[-1]} of its {t.cycle[-1] + t.log.metadata[LEFT_OUT]} full cycles, which repeat each other"
-        for t in traces
+        for t in experiments
         if LEFT_OUT in t.log.metadata
     ]
     return Identification(
         mapping=mapping,
         config=config,
         intervals={name: _interval(draws) for name, draws in fitted.samples.items()},
-        errors=log_errors(model, traces, model.displacement_range_m, bench.wire.full_stroke_m),
+        errors=log_errors(model, experiments, model.displacement_range_m, bench.wire.full_stroke_m),
         fit=fitted.how,
-        traces=tuple(traces),
+        experiments=tuple(experiments),
         fatigue=fatigue,
         notes=notes,
     )

@@ -87,8 +87,8 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(args) as bar:
         task = bar.add_task("reading", total=1.0)
         if args.calibration:
-            traces = make_experiments(read_logs(args.calibration, reading, console.print), config)
-            mapping["calibration"] = to_mapping(calibration_of(traces, config))
+            experiments = make_experiments(read_logs(args.calibration, reading, console.print), config)
+            mapping["calibration"] = to_mapping(calibration_of(experiments, config))
             config = Config.from_mapping(mapping, str(args.config))
         logs = read_logs(args.logs, reading, console.print)
         evidence = Evidence(logs, config, args.beyond_floor)
@@ -146,6 +146,8 @@ def _print(console: Console, report: dict) -> None:
             )
             table.add_row(e["name"], e["what"], e["stage"], f"{e['share']:.0%}", values)
         console.print(table)
+    for e in report["effects"]:
+        console.print(f"{e['name']}: {e['what']}. {e['remedy']}")
     for a in report["alternatives"]:
         x = a["experiment"]
         console.print(
