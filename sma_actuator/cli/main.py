@@ -22,7 +22,7 @@ COMMANDS = {
     "demo": ("sma_actuator.cli.demo", "drive the virtual bench through the node, live in the terminal"),
     "bench": ("sma_actuator.bench.server", "the virtual bench: a wire behind two SCPI instruments"),
     "characterise": ("sma_actuator.characterise", "run the bench experiments and write logs"),
-    "identify": ("sma_actuator.identify", "logs to a calibrated model file"),
+    "identify": ("sma_actuator.cli.identify", "logs to a calibrated model file"),
     "replay": ("sma_actuator.replay", "any model on any log: errors and traces"),
     "trace": ("sma_actuator.diagnosis.trace", "find the effect a model lacks, and add it"),
     "forward": (

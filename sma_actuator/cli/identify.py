@@ -5,11 +5,19 @@ from __future__ import annotations
 import argparse
 import dataclasses
 from pathlib import Path
+from typing import Any
 
-import yaml
 from rich.table import Table
 
-from sma_actuator.config import NODE_NAME, read_parameter_file
+from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.yaml_text import parse_yaml
+from sma_actuator.config import (
+    Config,
+    bench_from_mapping,
+    read_parameter_file,
+    require_calibrated,
+    write_parameter_file,
+)
 from sma_actuator.console import (
     add_output_arguments,
     notes,
@@ -19,11 +27,13 @@ from sma_actuator.console import (
     write_csv,
     write_json,
 )
-from sma_actuator.logs.files import write_atomically
+from sma_actuator.derived import with_derived
+from sma_actuator.identify.fitters import METHODS
+from sma_actuator.identify.identification import Identification, identify
 from sma_actuator.logs.reading import add_log_arguments, read_logs, reading_of
 
-from .fitters import METHODS
-from .identification import Identification, identify
+#: Model of the thesis for each alloy.
+THESIS_MODEL = {"ni-ti": "flexinol", "ni-ti-cu": "furukawa"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,17 +48,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--config",
         type=Path,
-        required=True,
         metavar="BENCH.yaml",
-        help="parameters of the bench (a model in it is replaced)",
+        help="parameters of the bench (a model in it is replaced); where there is none, the wire's will do:",
     )
-    parser.add_argument("--model", required=True, metavar="TYPE", help="model.type to fit: flexinol, furukawa …")
+    parser.add_argument("--alloy", choices=tuple(THESIS_MODEL), help="alloy of the wire")
+    parser.add_argument("--length", type=float, metavar="M", help="length of the wire in metres, between the crimps")
+    parser.add_argument("--diameter", type=float, metavar="M", help="diameter of the wire in metres")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="one more parameter, as circuit.reference_resistance=0.5 where the log holds the voltage over it; may be repeated",
+    )
+    parser.add_argument(
+        "--model", metavar="TYPE", help="model.type to fit: flexinol, furukawa, whole_range … (default: the alloy's)"
+    )
     parser.add_argument(
         "--out",
         type=Path,
-        required=True,
+        default=Path("model.yaml"),
         metavar="MODEL.yaml",
-        help="parameter file to write: the bench's with the model in it",
+        help="parameter file to write: the bench's, or what the logs told of it, with the model in it (default %(default)s)",
     )
     parser.add_argument(
         "--method",
@@ -74,12 +95,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Fit, write and report; 0 when MODEL.yaml was written."""
-    from .page import write_page
+    from sma_actuator.identify.page import write_page
 
     page = args.report or args.out.with_suffix(".html")
     refuse_to_overwrite(args, args.out, page)
     reading, console = reading_of(args), notes(args)
-    mapping = read_parameter_file(args.config)
+    mapping = _what_is_given(args)
+    model = args.model or THESIS_MODEL[bench_from_mapping(with_derived(mapping)).wire.alloy]
     with progress_bar(args) as bar:
         task = bar.add_task("reading", total=1.0)
         logs = read_logs(args.logs, reading, console.print, lambda fraction: bar.update(task, completed=fraction))
@@ -87,15 +109,15 @@ def run(args: argparse.Namespace) -> int:
         result = identify(
             logs,
             mapping,
-            args.model,
+            model,
             args.method,
             args.variant,
             args.order,
             lambda fraction: bar.update(fitting, completed=fraction),
         )
         bar.update(fitting, completed=1.0)
-    write_model(args.out, result)
     write_page(page, result)
+    write_model(args.out, result, page)
     write_json(args, summary(result))
     write_csv(args, [dataclasses.asdict(e) for e in result.errors])
     results(args).print(_table(result))
@@ -105,11 +127,37 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def write_model(path: Path, result: Identification) -> None:
+def _what_is_given(args: argparse.Namespace) -> dict[str, Any]:
+    """The parameters of file and options.  Raises ConfigError where they do not say which wire it is."""
+    mapping = read_parameter_file(args.config) if args.config else {}
+    wire = {name: getattr(args, name) for name in ("alloy", "length", "diameter") if getattr(args, name) is not None}
+    mapping["wire"] = {**mapping.get("wire", {}), **wire}
+    for word in args.set:
+        name, _, text = word.partition("=")
+        section, _, key = name.partition(".")
+        value = parse_yaml(text, f"--set {word}")
+        if not key or value is None:
+            raise ConfigError(f"--set {word}: SECTION.PARAMETER=VALUE is wanted, as circuit.reference_resistance=0.5")
+        mapping[section] = {**mapping.get(section, {}), key: value}
+    lacking = [name for name in ("alloy", "length", "diameter") if name not in mapping["wire"]]
+    if lacking:
+        words = " and ".join(f"--{name}" for name in lacking)
+        raise ConfigError(f"which wire it is must be said: {words}, or --config with a file that has a section wire")
+    return mapping
+
+
+def write_model(path: Path, result: Identification, page: Path) -> None:
     """Write the parameter file for the node, whole or not at all."""
-    text = "# Written by `sma-actuator identify`; 95 % intervals and pictures are in the page beside it.\n"
-    text += yaml.safe_dump({NODE_NAME: {"ros__parameters": result.mapping}}, sort_keys=False, allow_unicode=True)
-    write_atomically(path, lambda stream: stream.write(text.encode()))
+    where = f"{page.name} beside it" if page.parent == path.parent else str(page)
+    header = f"Written by `sma-actuator identify`; 95 % intervals and pictures are in {where}."
+    try:
+        require_calibrated(Config.from_mapping(result.mapping))
+    except ConfigError:
+        header += (
+            "\nFor the tools: it lacks limits, gains or calibrations that a node wants. "
+            f"`sma-actuator init --start {path.name}` asks for them."
+        )
+    write_parameter_file(path, result.mapping, header, result.reasons)
 
 
 def summary(result: Identification) -> dict:
