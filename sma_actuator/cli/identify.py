@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import math
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +31,10 @@ from sma_actuator.console import (
 from sma_actuator.derived import with_derived
 from sma_actuator.identify.fitters import METHODS
 from sma_actuator.identify.identification import Identification, identify
+from sma_actuator.identify.verdict import REGIONS
 from sma_actuator.logs.reading import add_log_arguments, read_logs, reading_of
 
+NOT_GOOD = 3  #: exit code where a model was written that should not drive a wire
 #: Model of the thesis for each alloy.
 THESIS_MODEL = {"ni-ti": "flexinol", "ni-ti-cu": "furukawa"}
 
@@ -94,7 +97,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Fit, write and report; 0 when MODEL.yaml was written."""
+    """Fit, write and report; 0 when MODEL.yaml was written and is good for control, NOT_GOOD when it is not."""
     from sma_actuator.identify.page import write_page
 
     page = args.report or args.out.with_suffix(".html")
@@ -120,11 +123,17 @@ def run(args: argparse.Namespace) -> int:
     write_model(args.out, result, page)
     write_json(args, summary(result))
     write_csv(args, [dataclasses.asdict(e) for e in result.errors])
-    results(args).print(_table(result))
+    out = results(args)
+    out.print(_table(result))
+    out.print(_regions(result))
+    first, *others = result.verdict.sentences
+    out.print(f"[bold]verdict[/bold]: {first}")
+    for sentence in others:
+        out.print(f"  {sentence}")
     for note in result.notes:
         console.print(f"note: {note}")
     console.print(f"wrote {args.out} and {page}")
-    return 0
+    return 0 if result.verdict.good_for_control else NOT_GOOD
 
 
 def _what_is_given(args: argparse.Namespace) -> dict[str, Any]:
@@ -166,11 +175,24 @@ def summary(result: Identification) -> dict:
         "model": result.mapping["model"],
         "intervals_95_percent": result.intervals,
         "errors": [dataclasses.asdict(e) for e in result.errors],
+        "verdict": result.verdict.as_mapping(),
         "notes": result.notes,
     }
     if result.fatigue:
         out["fatigue"] = {name: dataclasses.asdict(d) for name, d in result.fatigue.drift.items()}
     return out
+
+
+def _regions(result: Identification) -> Table:
+    """The verdict's figures."""
+    table = Table(title="The same, on cycles left out of the fit")
+    table.add_column("load [N]", justify="right")
+    for name in REGIONS:
+        table.add_column(name, justify="right")
+    for row in (*result.verdict.loads, {"load_N": math.nan, **result.verdict.regions}):
+        load = "all" if math.isnan(row["load_N"]) else f"{row['load_N']:.2f}"
+        table.add_row(load, *(f"{row[name]:.2f}" if name in row else "–" for name in REGIONS))
+    return table
 
 
 def _table(result: Identification) -> Table:

@@ -98,20 +98,44 @@ def fit(
     )
 
 
-def held_out_errors(build: Model, start: np.ndarray, data: Data) -> np.ndarray:
-    """Mean absolute error of every cycle, as a share of the full stroke, by fits that did not see it.
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """How a model does on cycles that its fit has not seen."""
+
+    errors: np.ndarray  #: mean absolute error of every cycle, as a share of the full stroke, where samples count
+    estimate_m: np.ndarray  #: of every sample, also of those that do not count, shape (N,)
+
+
+def held_out(build: Model, start: np.ndarray, data: Data, used: Model | None = None) -> HeldOut:
+    """Every cycle by a fit that did not see it.
 
     Every FOLDS-th cycle is held out in turn; the model still runs through it, but nothing is
-    learnt from it.
+    learnt from it.  ``used``: the model that the estimates are by, where it is not the one that is fitted.
     """
     errors = {}
+    estimate_m = np.full(len(data.unit), np.nan)
     for fold in range(FOLDS):
-        held_out = data.unit % FOLDS == fold
-        found = fit(build, start, data, (data.counts & ~held_out).astype(float), max_evaluations=25)
-        judged = data.counts & held_out
-        error = np.abs(predict(build(found.x), data.traces) - data.displacement_m) / data.full_stroke_m
+        left_out = data.unit % FOLDS == fold
+        found = fit(build, start, data, (data.counts & ~left_out).astype(float), max_evaluations=25)
+        judged = data.counts & left_out
+        predicted_m = predict(build(found.x), data.traces)
+        used_m = predict(used(found.x), data.traces) if used else predicted_m
+        estimate_m[left_out] = used_m[left_out]
+        error = np.abs(predicted_m - data.displacement_m) / data.full_stroke_m
         errors.update({int(unit): error[judged & (data.unit == unit)].mean() for unit in np.unique(data.unit[judged])})
-    return np.array([errors[unit] for unit in sorted(errors)])
+    return HeldOut(np.array([errors[unit] for unit in sorted(errors)]), estimate_m)
+
+
+def at_bound(name: str, value: float, low: float, high: float, unit: str, means: str) -> list[str]:
+    """A sentence where a fitted value stands at the end of what the fit may take."""
+    if low * (1.0 + 1e-6) < value < high * (1.0 - 1e-6):
+        return []
+    return [
+        (
+            f"{name} stands at the end of what the fit may take ({value:.4g}, of {low:.4g} to {high:.4g} {unit}): {means}; its "
+            "interval says nothing"
+        )
+    ]
 
 
 def choose_simplest(errors: Mapping[Choice, np.ndarray], size: Callable[[Choice], float]) -> Choice:

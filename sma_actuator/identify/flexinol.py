@@ -35,6 +35,22 @@ class FlexinolFit:
         default_factory=dict
     )  #: held-out errors of the orders tried
     samples: dict[str, np.ndarray] = field(default_factory=dict)  #: bootstrap: (samples, coefficients) of every field
+    held_out_m: np.ndarray | None = (
+        None  #: displacement of every sample by fits that have not seen its cycle, shape (N,)
+    )
+
+    @property
+    def bounds(self) -> list[str]:
+        """A sentence for every bound that binds."""
+        low, high = np.exp(_LOG_RATE)
+        return fitting.at_bound(
+            "transition_rate",
+            self.coefficients.transition_rate,
+            float(low),
+            float(high),
+            "1/Ω",
+            "the transition from one curve to the other is sharper or flatter than these logs can show",
+        )
 
 
 def fit_appendix_c(traces: Sequence[Experiment], wire, order: int = 2) -> FlexinolFit:
@@ -81,16 +97,18 @@ def fit_joint(
     fitting.require_loads(traces, max(orders) if orders else 1, "asymptotes")
     data = fitting.make_data(traces, wire.full_stroke_m)
     problem = _Joint(traces, wire, data)
-    errors: dict[tuple[int, int], np.ndarray] = {}
+    seen_not: dict[tuple[int, int], fitting.HeldOut] = {}
     if orders is None:
         highest = min(HIGHEST_ORDER, distinct_stresses(full_cycles(traces)) - 1)
         tried = [(h, c) for h in range(1, highest + 1) for c in range(h, highest + 1)]
         for i, pair in enumerate(tried):
-            errors[pair] = fitting.held_out_errors(problem.builder(pair), problem.start(pair), data)
+            seen_not[pair] = fitting.held_out(problem.builder(pair), problem.start(pair), data)
             progress(0.8 * (i + 1) / len(tried))
-        orders = fitting.choose_simplest(errors, _degrees)
-    build = problem.builder(orders)
-    found = fitting.fit(build, problem.start(orders), data)
+        orders = fitting.choose_simplest({pair: h.errors for pair, h in seen_not.items()}, _degrees)
+    build, start = problem.builder(orders), problem.start(orders)
+    found = fitting.fit(build, start, data)
+    if orders not in seen_not:
+        seen_not[orders] = fitting.held_out(build, start, data)
     progress(0.95)
     draws = fitting.bootstrap(build, found.x, data)
     samples = {
@@ -98,7 +116,9 @@ def fit_joint(
         for name in (*_NAMES, "initial_slope", "transition_rate")
     }
     progress(1.0)
-    return FlexinolFit(problem.coefficients(orders, found.x), orders, (), errors, samples)
+    errors = {pair: h.errors for pair, h in seen_not.items()}
+    held_out_m = seen_not[orders].estimate_m
+    return FlexinolFit(problem.coefficients(orders, found.x), orders, (), errors, samples, held_out_m)
 
 
 class _Joint:

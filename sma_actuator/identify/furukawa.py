@@ -29,6 +29,22 @@ class FurukawaFit:
     order: int  #: of the stress polynomials
     order_errors: dict[int, np.ndarray] = field(default_factory=dict)  #: held-out errors of the orders tried
     samples: dict[str, np.ndarray] = field(default_factory=dict)  #: bootstrap: (samples, coefficients) of every field
+    held_out_m: np.ndarray | None = (
+        None  #: displacement of every sample by fits that have not seen its cycle, shape (N,)
+    )
+
+    @property
+    def bounds(self) -> list[str]:
+        """A sentence for every bound that binds."""
+        low, high = np.exp(_LOG_RATE)
+        return fitting.at_bound(
+            "transition_rate",
+            self.coefficients.transition_rate,
+            float(low),
+            float(high),
+            "1/Ω",
+            "the transition from one curve to the other is sharper or flatter than these logs can show",
+        )
 
 
 def fit_furukawa(
@@ -49,15 +65,19 @@ def fit_furukawa(
     data = fitting.make_data(traces, wire.full_stroke_m)
     fitted_as = "transition" if variant == "average" else variant
     problem = _Curves(traces, wire, data, fitted_as)
-    errors: dict[int, np.ndarray] = {}
+    seen_not: dict[int, fitting.HeldOut] = {}
     if order is None:
         highest = min(HIGHEST_ORDER, distinct_stresses(full_cycles(traces)) - 1)
         for tried in range(1, highest + 1):
-            errors[tried] = fitting.held_out_errors(problem.builder(tried), problem.start(tried), data)
+            seen_not[tried] = fitting.held_out(
+                problem.builder(tried), problem.start(tried), data, problem.user(tried, variant)
+            )
             progress(0.6 * tried / highest)
-        order = fitting.choose_simplest(errors, int)
-    build = problem.builder(order)
-    found = fitting.fit(build, problem.start(order), data)
+        order = fitting.choose_simplest({tried: h.errors for tried, h in seen_not.items()}, int)
+    build, start = problem.builder(order), problem.start(order)
+    found = fitting.fit(build, start, data)
+    if order not in seen_not:
+        seen_not[order] = fitting.held_out(build, start, data, problem.user(order, variant))
     progress(0.9)
     shift = problem.to_mean_of_all(order, found.x) if variant == "average" else 0.0
     draws = [problem.coefficients(order, theta + shift, variant) for theta in fitting.bootstrap(build, found.x, data)]
@@ -68,7 +88,9 @@ def fit_furukawa(
     ]
     samples = {name: np.array([np.atleast_1d(getattr(d, name)) for d in draws]) for name in names}
     progress(1.0)
-    return FurukawaFit(problem.coefficients(order, found.x + shift, variant), order, errors, samples)
+    errors = {tried: h.errors for tried, h in seen_not.items()}
+    coefficients = problem.coefficients(order, found.x + shift, variant)
+    return FurukawaFit(coefficients, order, errors, samples, seen_not[order].estimate_m)
 
 
 class _Curves:
@@ -104,6 +126,14 @@ class _Curves:
     def builder(self, order: int):
         """Parameter vector → model."""
         return lambda theta: self.coefficients(order, theta, self._variant).build(self._wire)
+
+    def user(self, order: int, variant: str):
+        """Parameter vector → model of ``variant``, where that is not the one that is fitted."""
+        if variant == self._variant:
+            return None
+        return lambda theta: self.coefficients(order, theta + self.to_mean_of_all(order, theta), variant).build(
+            self._wire
+        )
 
     def start(self, order: int) -> np.ndarray:
         """Robust polynomials through the full cycles' heating and cooling samples."""

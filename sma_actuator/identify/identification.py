@@ -20,10 +20,13 @@ from .errors import LogError, log_errors
 from .experiments import Experiment
 from .fatigue import Fatigue, fit_fatigue
 from .fitters import FITTERS, METHODS, Asked, Fitter, Progress
+from .fitting import predict
 from .kinds import LEFT_OUT, make_experiments
 from .measured import lowest_current_A, measured
 from .normalised import as_one_wire
 from .ranges import MARGIN, check_width, shortest_seen_m
+from .unseen import unseen_of
+from .verdict import Verdict, judge
 
 _COMPARED = ("thermal.heat_loss", "estimator.thermal_time_constant")
 _FAR = 1.6  #: factor by which a parameter that is given may be off what was measured without a word
@@ -42,6 +45,8 @@ class Identification:
     fatigue: Fatigue | None = None
     notes: list[str] = field(default_factory=list)  #: what the user should know
     reasons: Mapping[str, str] = field(default_factory=dict)  #: of parameters that the logs told, by dotted name
+    verdict: Verdict = field(kw_only=True)  #: what it is good for
+    bounds: list[str] = field(default_factory=list, kw_only=True)  #: a sentence for every bound that binds
 
 
 def identify(
@@ -82,22 +87,15 @@ def identify(
     notes = at_odds + list(fitted.notes)
     mapping["model"] = {"type": model_type, **to_mapping(fitted.coefficients)}
     config = Config.for_tools(mapping)
-    if "displacement_range" in mapping["model"]:
-        low_m, high_m = mapping["model"]["displacement_range"]
-        seen_m = shortest_seen_m(traces, config)
-        if seen_m > low_m:
-            check_width(seen_m, high_m, bench.wire.full_stroke_m)
-            if seen_m > low_m + MARGIN * bench.wire.full_stroke_m:
-                notes.append(
-                    f"heated as far as it goes, the wire shows the model no less than {seen_m * 1e3:.2f} mm at some load: "
-                    "its resistance has a minimum and rises again with temperature; the working range ends there, not at "
-                    f"{low_m * 1e3:.2f} mm"
-                )
-            mapping["model"]["displacement_range"] = [seen_m, high_m]
-            config = Config.for_tools(mapping)
+    notes += within_what_is_seen(mapping, traces)
+    config = Config.for_tools(mapping)
     mapping["calibration"] = to_mapping(calibration_of(traces, config, at_rest=not fitter.any_size))
     config = Config.for_tools(mapping)
     model = config.model.build(bench.wire)
+    full_stroke_m, unseen = bench.wire.full_stroke_m, fitted.unseen
+    seen_too = unseen is None
+    if unseen is None:
+        unseen = unseen_of(traces, predict(model, traces), full_stroke_m)
     fatigue = None
     if fatigue_traces:
         fatigue = fit_fatigue(fatigue_traces)
@@ -118,7 +116,40 @@ def identify(
         fatigue=fatigue,
         notes=notes,
         reasons=reasons,
+        verdict=judge(
+            unseen,
+            traces,
+            model.displacement_range_m,
+            full_stroke_m,
+            model_type=model_type,
+            seen_too=seen_too,
+            bounds=fitted.bounds,
+        ),
+        bounds=fitted.bounds,
     )
+
+
+def within_what_is_seen(mapping: dict[str, Any], traces: Sequence[Experiment]) -> list[str]:
+    """End the working range of ``mapping`` where the model sees the wire end; returns what the user should know."""
+    if "displacement_range" not in mapping["model"]:
+        return []
+    config = Config.for_tools(mapping)
+    full_stroke_m = config.wire.full_stroke_m
+    low_m, high_m = mapping["model"]["displacement_range"]
+    seen_m = shortest_seen_m(traces, config)
+    if seen_m <= low_m:
+        return []
+    check_width(seen_m, high_m, full_stroke_m)
+    mapping["model"]["displacement_range"] = [seen_m, high_m]
+    if seen_m <= low_m + MARGIN * full_stroke_m:
+        return []
+    return [
+        (
+            f"heated as far as it goes, the wire shows the model no less than {seen_m * 1e3:.2f} mm at some load: "
+            "its resistance has a minimum and rises again with temperature; the working range ends there, not at "
+            f"{low_m * 1e3:.2f} mm"
+        )
+    ]
 
 
 def _add_measured(mapping: dict[str, Any], found: Mapping[str, Derived]) -> tuple[dict[str, str], list[str]]:

@@ -149,7 +149,7 @@ def fit_furukawa_normalised(traces: Sequence[Experiment], wire, order: int | Non
 
     if order is None:
         highest = min(HIGHEST_ORDER, distinct_stresses(full) - 1)
-        errors = {tried: fitting.held_out_errors(build, start(tried), data) for tried in range(1, highest + 1)}
+        errors = {tried: fitting.held_out(build, start(tried), data).errors for tried in range(1, highest + 1)}
         order = fitting.choose_simplest(errors, int)
     found = fitting.fit(build, start(order), data)
     draws = [coefficients(theta) for theta in fitting.bootstrap(build, found.x, data)]

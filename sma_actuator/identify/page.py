@@ -17,6 +17,8 @@ def write_page(path: Path, result: Identification) -> None:
     """Write the HTML page."""
     wire, model = result.config.wire, result.config.model.build(result.config.wire)
     page = Page(f"Identification: {result.mapping['model']['type']}")
+    for sentence in result.verdict.sentences:
+        page.text(f"{sentence[:1].upper()}{sentence[1:]}.")
     low_m, high_m = model.displacement_range_m
     stress_lo, stress_hi = model.stress_range_Pa
     page.text(
