@@ -17,9 +17,9 @@ EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,formats,completion,tes
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION)
 
-# Most tests wait for processes: a third beside the two cores costs nothing.  A file stays together.
+# Most tests wait for processes: a third beside the two cores costs nothing.  A class, or a file's functions, stay together.
 test: $(VENV)/ready
-	$(BIN)/python -m pytest -n 3 --dist loadfile
+	$(BIN)/python -m pytest -n 3 --dist loadscope --no-loadscope-reorder
 
 check: $(VENV)/ready
 	$(BIN)/ruff format --check .

@@ -28,7 +28,7 @@ from rich.console import Console
 from rich.table import Table
 
 from sma_actuator.bench import InProcessDaq, InProcessSupply, Schedule, Spring, VirtualClock, Weight
-from sma_actuator.bench.hidden import EFFECTS, FOREIGN, HiddenBench
+from sma_actuator.bench.hidden import FOREIGN, TWINS, HiddenBench, hidden_effects
 from sma_actuator.characterise import Rig
 from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import Drive
@@ -217,14 +217,14 @@ def single(
 ) -> Case:
     """A case with one effect, ``strength`` in multiples of :data:`UNITS`."""
     value = sign * strength * UNITS[name][ALLOYS.index(alloy)]
-    return _case("single" if name in EFFECTS else "foreign", alloy, {name: value}, load, seed, ambient_logged)
+    return _case("single" if name in TWINS else "foreign", alloy, {name: value}, load, seed, ambient_logged)
 
 
 def cases(n_seeds: int = 1, strengths: tuple[float, ...] = (0.5, 1, 2)) -> list[Case]:
     """The whole list: every effect alone, none, pairs and what no model has a name for; the same on every call."""
     out, number = [], 0
     for turn in range(n_seeds):
-        for position, name in enumerate(EFFECTS):
+        for position, name in enumerate(TWINS):
             for level, strength in enumerate(strengths):
                 for which, alloy in enumerate(ALLOYS):
                     load = _load_for(name, position + level + which + turn)
@@ -289,7 +289,7 @@ def main() -> int:
     """Print the survey, or the list of cases; returns 0."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--survey", action="store_true", help="how far each effect raises the replay error")
-    parser.add_argument("--only", nargs="*", choices=[*EFFECTS, *FOREIGN], help="these effects alone")
+    parser.add_argument("--only", nargs="*", choices=[*TWINS, *FOREIGN], help="these effects alone")
     parser.add_argument("--loads", nargs="*", choices=LOADS, default=LOADS, help="under these loads alone")
     parser.add_argument("--jobs", type=int, default=1, help="processes (default %(default)s)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers here")
@@ -299,7 +299,7 @@ def main() -> int:
         for case in cases():
             console.print(json.dumps(dataclasses.asdict(case)), soft_wrap=True)
         return 0
-    numbers = survey(args.jobs, args.only or [*EFFECTS, *FOREIGN], args.loads)
+    numbers = survey(args.jobs, args.only or [*TWINS, *FOREIGN], args.loads)
     table = Table(title="replay error with the effect over that without it, at strength 0.5, 1 and 2")
     table.add_column("effect", no_wrap=True)
     table.add_column("unit")
@@ -314,7 +314,7 @@ def main() -> int:
                 )
             continue
         cells = [c for i, a in enumerate(ALLOYS) for c in (f"{UNITS[name][i]:g}", *(f"{r:.2f}" for r in row[a]))]
-        table.add_row(name, (EFFECTS | FOREIGN)[name].unit, *cells)
+        table.add_row(name, hidden_effects()[name].unit, *cells)
     console.print(table)
     if args.json:
         text = json.dumps(numbers, indent=1) + "\n"

@@ -9,13 +9,22 @@ from __future__ import annotations
 import collections
 import logging
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from math import inf, isfinite, nan
-from typing import TYPE_CHECKING
 
 from sma_actuator.base.parameters import ConfigError, walk
-from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status, SupplyState
-from sma_actuator.config import require_calibrated
+from sma_actuator.base.signals import (
+    Branch,
+    Command,
+    Estimate,
+    Mode,
+    Output,
+    Quality,
+    Reading,
+    Signals,
+    Status,
+    SupplyState,
+)
+from sma_actuator.config import Config, require_calibrated
 from sma_actuator.control.commanding import Commanding
 from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
@@ -28,9 +37,6 @@ from sma_actuator.safety.limits import CURRENT_BIAS, CURRENT_MAX, LIMITS, SETPOI
 from sma_actuator.safety.reach import Reach
 from sma_actuator.safety.records import Fault, Limit, Step
 from sma_actuator.safety.supervisor import Supervisor
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
 
 _log = logging.getLogger(__name__)
 
@@ -46,20 +52,6 @@ ALL_THERE_IS = 0.95
 MOST_TARE = 0.1
 _NOTHING = Signals(nan, nan, nan, nan, nan, nan)
 _NO_ESTIMATE = Estimate(nan, nan, nan, 0.0, Branch.COOLING, Quality.INVALID)
-
-
-@dataclass(frozen=True, slots=True)
-class Output:
-    """Everything one step has to say."""
-
-    signals: Signals  #: of the last usable reading
-    estimate: Estimate
-    command: Command
-    status: Status
-    setpoint_m: float  #: what the controller was asked for, NaN where nothing
-    tare_N: float = 0.0  #: load that counts as zero
-    events: tuple[str, ...] = ()  #: what was asked, changed or went wrong since the step before
-    reading: Reading | None = None  #: as it came from the DAQ, None where nothing came
 
 
 class Actuator:

@@ -22,7 +22,7 @@ from sma_actuator.base.parameters import (
     type_of,
     typed_section,
 )
-from sma_actuator.base.sections import Loop, Wire
+from sma_actuator.base.sections import Loop, SupplyParameters, ThermalParameters, Wire
 from sma_actuator.base.yaml_text import read_yaml, yaml_of
 from sma_actuator.control import CONTROL_LAWS
 from sma_actuator.control.law import ControllerParameters
@@ -35,8 +35,7 @@ from sma_actuator.estimation.models import COEFFICIENTS, Coefficients
 from sma_actuator.instruments.parameters import Instruments
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.logs.recorder import RecorderParameters
-from sma_actuator.safety.parameters import SafetyParameters, SupplyParameters
-from sma_actuator.safety.thermal import ThermalParameters
+from sma_actuator.safety.parameters import SafetyParameters
 
 NODE_NAME = "sma_actuator"
 

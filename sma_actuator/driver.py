@@ -27,18 +27,16 @@ import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 
-from sma_actuator.actuator import Actuator, Output
-from sma_actuator.base.signals import Command, Mode, Reading, SupplyState
+from sma_actuator.actuator import Actuator
+from sma_actuator.base.signals import Command, Mode, Output, Reading, SupplyState
+from sma_actuator.config import Config
 from sma_actuator.instruments import Clock, Daq, InstrumentError, InstrumentUnreachable, PowerSupply
 from sma_actuator.safety.guards.program import loop_hung
 from sma_actuator.safety.timing import SETTLING_TIME_S
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
 
 _log = logging.getLogger(__name__)
 

@@ -55,6 +55,16 @@ def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
     return out
 
 
+#: Tests that start processes or fit models take longest: they begin first, so that no worker is left alone with them.
+_FIRST = ("tests/ros", "tests/attack", "tests/identify", "tests/diagnosis", "tests/cli", "tests/replay", "tests/driver")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The rooms of ``_FIRST`` before the others; within a room the order stays."""
+    ranks = {room: rank for rank, room in enumerate(_FIRST)}
+    items.sort(key=lambda item: ranks.get("/".join(item.nodeid.split("/")[:2]), len(ranks)))
+
+
 @pytest.fixture(scope="session")
 def make_config() -> Callable[..., dict[str, Any]]:
     """``make_config(supply={"max_current": 0.3}, **{"loop.rate": 100.0})``: a nested mapping for Config.from_mapping."""

@@ -9,9 +9,8 @@ from typing import Any
 import pytest
 from rig import Rig
 
-from sma_actuator.actuator import Output
 from sma_actuator.base.parameters import walk
-from sma_actuator.base.signals import Estimate
+from sma_actuator.base.signals import Estimate, Output
 from sma_actuator.config import Config
 from sma_actuator.plant.loads import Weight
 

@@ -23,7 +23,7 @@ COMMANDS = {
     "bench": ("sma_actuator.bench.server", "the virtual bench: a wire behind two SCPI instruments"),
     "characterise": ("sma_actuator.characterise", "run the bench experiments and write logs"),
     "identify": ("sma_actuator.cli.identify", "logs to a calibrated model file"),
-    "replay": ("sma_actuator.replay", "any model on any log: errors and traces"),
+    "replay": ("sma_actuator.replay", "any model on any log: errors and curves"),
     "trace": ("sma_actuator.diagnosis.trace", "find the effect a model lacks, and add it"),
     "forward": (
         "sma_actuator.diagnosis.forward",

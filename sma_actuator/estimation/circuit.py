@@ -9,15 +9,13 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from math import nan
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from sma_actuator.base.parameters import parameter
+from sma_actuator.base.sections import Wire
 from sma_actuator.base.signals import MEASURABLE, Reading, Signals, Value
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +56,26 @@ class ReferenceSensor:
         return math.isfinite(self.slope) and math.isfinite(self.offset)
 
 
+class CircuitSections(Protocol):
+    """The parameters that make physical quantities of raw channels."""
+
+    @property
+    def wire(self) -> Wire:
+        """The wire."""
+
+    @property
+    def circuit(self) -> Circuit:
+        """The measuring circuit."""
+
+    @property
+    def load_cell(self) -> LoadCell:
+        """The load cell."""
+
+    @property
+    def reference_sensor(self) -> ReferenceSensor:
+        """The displacement sensor, where there is one."""
+
+
 def _positive_or_nan(value: Value) -> Value:
     """NaN where ``value`` is not above zero, so that a division by it cannot be infinite."""
     if isinstance(value, np.ndarray):
@@ -78,7 +96,7 @@ def resistance_and_current(
     return resistance_Ohm, reference_voltage_V / reference_resistance_Ohm
 
 
-def signals_from_reading(reading: Reading, config: Config, tare_N: float | np.ndarray = 0.0) -> Signals:
+def signals_from_reading(reading: Reading, config: CircuitSections, tare_N: float | np.ndarray = 0.0) -> Signals:
     """Apply the calibrations of ``config`` to a reading.
 
     ``reading`` may hold floats or, for replay, arrays of shape (n,) in every field.

@@ -31,17 +31,17 @@ class Fatigue:
     drift: dict[str, Drift]
 
 
-def fit_fatigue(traces: Sequence[Experiment]) -> Fatigue:
+def fit_fatigue(experiments: Sequence[Experiment]) -> Fatigue:
     """ln N lines of the extremes of R and δ over the fatigue logs, numbered from ``first_cycle`` in their metadata.
 
     Raises IdentificationError where there are fewer than five cycles.
     """
     number, rows = [], []
-    for trace in traces:
-        first = int(trace.log.metadata.get("first_cycle", 1))
-        for cycle in range(1, int(trace.cycle.max()) + 1):
-            inside = trace.cycle == cycle
-            resistance_Ohm, displacement_m = trace.resistance_Ohm[inside], trace.displacement_m[inside]
+    for experiment in experiments:
+        first = int(experiment.log.metadata.get("first_cycle", 1))
+        for cycle in range(1, int(experiment.cycle.max()) + 1):
+            inside = experiment.cycle == cycle
+            resistance_Ohm, displacement_m = experiment.resistance_Ohm[inside], experiment.displacement_m[inside]
             number.append(first + cycle - 1)
             rows.append((*_ends(resistance_Ohm), *_ends(displacement_m)))
     if len(number) < 5:

@@ -63,42 +63,53 @@ class Fitter:
 FITTERS: Registry[Fitter] = Registry("fitter", "sma_actuator.fitters")
 
 
-def _found(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> FlexinolFit:
+def _found(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> FlexinolFit:
     if asked.method == "appendix-c":
-        return fit_appendix_c(traces, bench.wire, 2 if asked.order is None else asked.order)
-    return fit_joint(traces, bench.wire, None if asked.order is None else (asked.order, asked.order), asked.progress)
-
-
-def _flexinol(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
-    found = _found(traces, bench, asked)
-    return Fitted(found.coefficients, found.samples, found, unseen=_unseen(traces, bench, found), bounds=found.bounds)
-
-
-def _unseen(traces: Sequence[Experiment], bench: BenchConfig, found: FlexinolFit | FurukawaFit) -> Unseen | None:
-    return None if found.held_out_m is None else unseen_of(traces, found.held_out_m, bench.wire.full_stroke_m)
-
-
-def _flexinol_normalised(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
-    found = _found(traces, bench, asked)
-    coefficients, samples = flexinol_normalised(found, traces, bench.wire)
-    return Fitted(
-        coefficients, samples, found, _one_size(traces), unseen=_unseen(traces, bench, found), bounds=found.bounds
+        return fit_appendix_c(experiments, bench.wire, 2 if asked.order is None else asked.order)
+    return fit_joint(
+        experiments, bench.wire, None if asked.order is None else (asked.order, asked.order), asked.progress
     )
 
 
-def _furukawa(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
-    found = fit_furukawa(traces, bench.wire, asked.variant, asked.order, asked.progress)
-    return Fitted(found.coefficients, found.samples, found, unseen=_unseen(traces, bench, found), bounds=found.bounds)
+def _flexinol(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
+    found = _found(experiments, bench, asked)
+    return Fitted(
+        found.coefficients, found.samples, found, unseen=_unseen(experiments, bench, found), bounds=found.bounds
+    )
 
 
-def _furukawa_normalised(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
-    coefficients, samples = fit_furukawa_normalised(traces, bench.wire, asked.order)
-    return Fitted(coefficients, samples, notes=_one_size(traces))
+def _unseen(experiments: Sequence[Experiment], bench: BenchConfig, found: FlexinolFit | FurukawaFit) -> Unseen | None:
+    return None if found.held_out_m is None else unseen_of(experiments, found.held_out_m, bench.wire.full_stroke_m)
 
 
-def _one_size(traces: Sequence[Experiment]) -> list[str]:
+def _flexinol_normalised(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
+    found = _found(experiments, bench, asked)
+    coefficients, samples = flexinol_normalised(found, experiments, bench.wire)
+    return Fitted(
+        coefficients,
+        samples,
+        found,
+        _one_size(experiments),
+        unseen=_unseen(experiments, bench, found),
+        bounds=found.bounds,
+    )
+
+
+def _furukawa(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
+    found = fit_furukawa(experiments, bench.wire, asked.variant, asked.order, asked.progress)
+    return Fitted(
+        found.coefficients, found.samples, found, unseen=_unseen(experiments, bench, found), bounds=found.bounds
+    )
+
+
+def _furukawa_normalised(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
+    coefficients, samples = fit_furukawa_normalised(experiments, bench.wire, asked.order)
+    return Fitted(coefficients, samples, notes=_one_size(experiments))
+
+
+def _one_size(experiments: Sequence[Experiment]) -> list[str]:
     """A sentence where a model for any size was fitted on one."""
-    said = {(w.get("length_m"), w.get("diameter_m")) for w in (t.log.metadata.get("wire", {}) for t in traces)}
+    said = {(w.get("length_m"), w.get("diameter_m")) for w in (t.log.metadata.get("wire", {}) for t in experiments)}
     if len(said) > 1:
         return []
     return [
@@ -109,12 +120,14 @@ def _one_size(traces: Sequence[Experiment]) -> list[str]:
     ]
 
 
-def _whole_range(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
-    found = fit_whole_range(traces, bench, asked.progress)
+def _whole_range(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
+    found = fit_whole_range(experiments, bench, asked.progress)
     fit_thesis = _flexinol if bench.wire.alloy == "ni-ti" else _furukawa
     try:
-        thesis = fit_thesis(traces, bench, Asked("joint", asked.variant, asked.order)).coefficients.build(bench.wire)
-        note = beside_the_thesis(traces, thesis, found, bench.wire.full_stroke_m)
+        thesis = fit_thesis(experiments, bench, Asked("joint", asked.variant, asked.order)).coefficients.build(
+            bench.wire
+        )
+        note = beside_the_thesis(experiments, thesis, found, bench.wire.full_stroke_m)
     except IdentificationError as error:
         note = f"there is no model of the thesis to compare with: {error}"
     return Fitted(found.coefficients, how=found, notes=[note], unseen=found.unseen, bounds=found.bounds)

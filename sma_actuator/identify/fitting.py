@@ -1,4 +1,4 @@
-"""Robust least squares over traces through a model's own ``run``, held-out cycles, bootstrap by cycle."""
+"""Robust least squares over experiments through a model's own ``run``, held-out cycles, bootstrap by cycle."""
 
 from __future__ import annotations
 
@@ -24,61 +24,61 @@ Choice = TypeVar("Choice", bound=Hashable)
 
 @dataclass(frozen=True, slots=True)
 class Data:
-    """Traces with the samples that count, and a number for every cycle of every trace."""
+    """Experiments with the samples that count, and a number for every cycle of every experiment."""
 
-    traces: tuple[Experiment, ...]
+    experiments: tuple[Experiment, ...]
     counts: np.ndarray  #: bool, shape (N,): the sample is in the determinate part of its stroke
-    unit: np.ndarray  #: int, shape (N,): which cycle it belongs to, over all traces
+    unit: np.ndarray  #: int, shape (N,): which cycle it belongs to, over all experiments
     displacement_m: np.ndarray  #: shape (N,)
     full_stroke_m: float
 
 
-def make_data(traces: Sequence[Experiment], full_stroke_m: float) -> Data:
-    """Concatenate traces; the indeterminate ends, found per load, and the rest before the first cycle do not count.
+def make_data(experiments: Sequence[Experiment], full_stroke_m: float) -> Data:
+    """Concatenate experiments; the indeterminate ends, found per load, and the rest before the first cycle do not count.
 
     A log that is not of full cycles takes the ends of the full cycles nearest in stress.
     """
-    full = full_cycles(traces)
+    full = full_cycles(experiments)
     intervals = [determinate_interval_m(t) for t in full]
     stresses = np.array([t.mean_stress_Pa for t in full])
     counts, unit, offset = [], [], 0
-    for trace in traces:
-        low_m, high_m = intervals[int(np.argmin(np.abs(stresses - trace.mean_stress_Pa)))]
-        displacement_m = trace.displacement_m
-        inside = (displacement_m >= low_m) & (displacement_m <= high_m) & np.isfinite(trace.resistance_Ohm)
-        counts.append(inside & (trace.cycle > 0))
-        unit.append(trace.cycle + offset)
-        offset += int(trace.cycle.max()) + 1
+    for experiment in experiments:
+        low_m, high_m = intervals[int(np.argmin(np.abs(stresses - experiment.mean_stress_Pa)))]
+        displacement_m = experiment.displacement_m
+        inside = (displacement_m >= low_m) & (displacement_m <= high_m) & np.isfinite(experiment.resistance_Ohm)
+        counts.append(inside & (experiment.cycle > 0))
+        unit.append(experiment.cycle + offset)
+        offset += int(experiment.cycle.max()) + 1
     return Data(
-        tuple(traces),
+        tuple(experiments),
         np.concatenate(counts),
         np.concatenate(unit),
-        np.concatenate([t.displacement_m for t in traces]),
+        np.concatenate([t.displacement_m for t in experiments]),
         full_stroke_m,
     )
 
 
-def predict(model: StrainModel | ThermalStrainModel, traces: Sequence[Experiment]) -> np.ndarray:
-    """Displacement by a model over traces, each begun cold as the estimator does; concatenated, [m]."""
+def predict(model: StrainModel | ThermalStrainModel, experiments: Sequence[Experiment]) -> np.ndarray:
+    """Displacement by a model over experiments, each begun cold as the estimator does; concatenated, [m]."""
     out = []
-    for trace in traces:
+    for experiment in experiments:
         if isinstance(model, ThermalStrainModel):
-            s = trace.signals
+            s = experiment.signals
             model.reset()
             ambient_C = np.broadcast_to(s.ambient_temperature_C, s.time_s.shape)
             out.append(
-                model.observe_all(s.time_s, s.resistance_Ohm, s.stress_Pa, trace.heating, s.power_W, ambient_C)[0]
+                model.observe_all(s.time_s, s.resistance_Ohm, s.stress_Pa, experiment.heating, s.power_W, ambient_C)[0]
             )
             continue
-        model.reset(float(trace.resistance_Ohm[0]), float(trace.stress_Pa[0]))
-        out.append(model.run(trace.resistance_Ohm, trace.stress_Pa, trace.heating))
+        model.reset(float(experiment.resistance_Ohm[0]), float(experiment.stress_Pa[0]))
+        out.append(model.run(experiment.resistance_Ohm, experiment.stress_Pa, experiment.heating))
     return np.concatenate(out)
 
 
 def residuals(build: Model, theta: np.ndarray, data: Data, weight: np.ndarray) -> np.ndarray:
     """Weighted residuals of the samples with weight, as shares of the full stroke."""
     chosen = weight > 0.0
-    error = (predict(build(theta), data.traces) - data.displacement_m)[chosen] / data.full_stroke_m
+    error = (predict(build(theta), data.experiments) - data.displacement_m)[chosen] / data.full_stroke_m
     return np.clip(np.nan_to_num(error, nan=10.0, posinf=10.0, neginf=-10.0), -10.0, 10.0) * np.sqrt(weight[chosen])
 
 
@@ -118,8 +118,8 @@ def held_out(build: Model, start: np.ndarray, data: Data, used: Model | None = N
         left_out = data.unit % FOLDS == fold
         found = fit(build, start, data, (data.counts & ~left_out).astype(float), max_evaluations=25)
         judged = data.counts & left_out
-        predicted_m = predict(build(found.x), data.traces)
-        used_m = predict(used(found.x), data.traces) if used else predicted_m
+        predicted_m = predict(build(found.x), data.experiments)
+        used_m = predict(used(found.x), data.experiments) if used else predicted_m
         estimate_m[left_out] = used_m[left_out]
         error = np.abs(predicted_m - data.displacement_m) / data.full_stroke_m
         errors.update({int(unit): error[judged & (data.unit == unit)].mean() for unit in np.unique(data.unit[judged])})
@@ -180,10 +180,10 @@ def bootstrap(build: Model, theta: np.ndarray, data: Data, seed: int = 0) -> np.
     return out
 
 
-def require_loads(traces: Sequence[Experiment], order: int, what: str) -> None:
+def require_loads(experiments: Sequence[Experiment], order: int, what: str) -> None:
     """Raise IdentificationError where a polynomial of ``order`` in stress has more coefficients than there are "
     "loads."""
-    full = full_cycles(traces)
+    full = full_cycles(experiments)
     loads = distinct_stresses(full)
     if loads < order + 1:
         listed = ", ".join(f"{np.mean(t.signals.load_N):.2f} N" for t in full)

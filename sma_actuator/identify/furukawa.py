@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -25,13 +26,12 @@ _LOG_RATE = (np.log(0.1), np.log(1000.0))  #: of η [1/Ω]
 class FurukawaFit:
     """What was found."""
 
-    coefficients: object  #: FurukawaCoefficients
+    coefficients: Any  #: FurukawaCoefficients
     order: int  #: of the stress polynomials
     order_errors: dict[int, np.ndarray] = field(default_factory=dict)  #: held-out errors of the orders tried
     samples: dict[str, np.ndarray] = field(default_factory=dict)  #: bootstrap: (samples, coefficients) of every field
-    held_out_m: np.ndarray | None = (
-        None  #: displacement of every sample by fits that have not seen its cycle, shape (N,)
-    )
+    #: Displacement of every sample by fits that have not seen its cycle, shape (N,).
+    held_out_m: np.ndarray | None = None
 
     @property
     def bounds(self) -> list[str]:
@@ -48,7 +48,7 @@ class FurukawaFit:
 
 
 def fit_furukawa(
-    traces: Sequence[Experiment],
+    experiments: Sequence[Experiment],
     wire,
     variant: str = "average",
     order: int | None = None,
@@ -61,13 +61,13 @@ def fit_furukawa(
     ``order`` of the stress polynomials; None: the lowest that is as good as the best on held-out
     cycles.  Raises IdentificationError.
     """
-    fitting.require_loads(traces, order or 1, "curves")
-    data = fitting.make_data(traces, wire.full_stroke_m)
+    fitting.require_loads(experiments, order or 1, "curves")
+    data = fitting.make_data(experiments, wire.full_stroke_m)
     fitted_as = "transition" if variant == "average" else variant
-    problem = _Curves(traces, wire, data, fitted_as)
+    problem = _Curves(experiments, wire, data, fitted_as)
     seen_not: dict[int, fitting.HeldOut] = {}
     if order is None:
-        highest = min(HIGHEST_ORDER, distinct_stresses(full_cycles(traces)) - 1)
+        highest = min(HIGHEST_ORDER, distinct_stresses(full_cycles(experiments)) - 1)
         for tried in range(1, highest + 1):
             seen_not[tried] = fitting.held_out(
                 problem.builder(tried), problem.start(tried), data, problem.user(tried, variant)
@@ -97,14 +97,14 @@ class _Curves:
     """The parameter vector: c_H[i, j], c_C[i, j] of δ = Σ c[i, j] x^i s^j in mm, with x the resistance
     centred and scaled and s = σ / STRESS_UNIT_Pa; then ln η."""
 
-    def __init__(self, traces: Sequence[Experiment], wire, data: Data, variant: str):
-        self._traces, self._wire, self._data, self._variant = traces, wire, data, variant
-        resistance_Ohm = np.concatenate([t.resistance_Ohm for t in traces])[data.counts]
+    def __init__(self, experiments: Sequence[Experiment], wire, data: Data, variant: str):
+        self._traces, self._wire, self._data, self._variant = experiments, wire, data, variant
+        resistance_Ohm = np.concatenate([t.resistance_Ohm for t in experiments])[data.counts]
         low, high = np.percentile(resistance_Ohm, (1, 99))
         self._centre_Ohm, self._scale_Ohm = 0.5 * (low + high), 0.5 * (high - low)
         self._to_R = _uncentring(self._centre_Ohm, self._scale_Ohm, ORDER_R)
-        self._stress_range_Pa = stress_range_Pa(traces)
-        self._range_m = working_range_m(traces, wire.full_stroke_m)
+        self._stress_range_Pa = stress_range_Pa(experiments)
+        self._range_m = working_range_m(experiments, wire.full_stroke_m)
 
     def coefficients(self, order: int, theta: np.ndarray, variant: str):
         """FurukawaCoefficients of a parameter vector."""
@@ -151,10 +151,10 @@ class _Curves:
         shift = self._polynomial(self._traces, self._data.counts, order) - 0.5 * (heating + cooling)
         return np.concatenate([shift, shift, [0.0]])
 
-    def _polynomial(self, traces: Sequence[Experiment], chosen: np.ndarray, order: int) -> np.ndarray:
-        x = (np.concatenate([t.resistance_Ohm for t in traces]) - self._centre_Ohm) / self._scale_Ohm
-        stress = np.concatenate([t.stress_Pa for t in traces]) / STRESS_UNIT_Pa
-        displacement_mm = np.concatenate([t.displacement_m for t in traces]) * 1e3
+    def _polynomial(self, experiments: Sequence[Experiment], chosen: np.ndarray, order: int) -> np.ndarray:
+        x = (np.concatenate([t.resistance_Ohm for t in experiments]) - self._centre_Ohm) / self._scale_Ohm
+        stress = np.concatenate([t.stress_Pa for t in experiments]) / STRESS_UNIT_Pa
+        displacement_mm = np.concatenate([t.displacement_m for t in experiments]) * 1e3
         basis = np.polynomial.polynomial.polyvander2d(x, stress, (ORDER_R, order))
         return robust_linear(
             basis[chosen], displacement_mm[chosen], fitting.LOSS_SCALE * self._wire.full_stroke_m * 1e3

@@ -41,7 +41,7 @@ class Identification:
     intervals: dict[str, list[tuple[float, float]]]  #: 95 % of every coefficient, by bootstrap over cycles
     errors: list[LogError]  #: of the logs it was fitted on
     fit: Any  #: how it was found, as its fitter has it
-    traces: tuple[Experiment, ...]
+    experiments: tuple[Experiment, ...]
     fatigue: Fatigue | None = None
     notes: list[str] = field(default_factory=list)  #: what the user should know
     reasons: Mapping[str, str] = field(default_factory=dict)  #: of parameters that the logs told, by dotted name
@@ -81,44 +81,44 @@ def identify(
         if reasons:
             bench = bench_from_mapping(with_derived(mapping))
             everything = make_experiments(logs, bench)
-    fatigue_traces = [t for t in everything if t.kind == "fatigue"]
-    traces = [t for t in everything if t.kind != "fatigue"]
-    fitted = fitter.fit(traces, bench, Asked(method, variant, order, progress))
+    fatigued = [t for t in everything if t.kind == "fatigue"]
+    experiments = [t for t in everything if t.kind != "fatigue"]
+    fitted = fitter.fit(experiments, bench, Asked(method, variant, order, progress))
     notes = at_odds + list(fitted.notes)
     mapping["model"] = {"type": model_type, **to_mapping(fitted.coefficients)}
     config = Config.for_tools(mapping)
-    notes += within_what_is_seen(mapping, traces)
+    notes += within_what_is_seen(mapping, experiments)
     config = Config.for_tools(mapping)
-    mapping["calibration"] = to_mapping(calibration_of(traces, config, at_rest=not fitter.any_size))
+    mapping["calibration"] = to_mapping(calibration_of(experiments, config, at_rest=not fitter.any_size))
     config = Config.for_tools(mapping)
     model = config.model.build(bench.wire)
     full_stroke_m, unseen = bench.wire.full_stroke_m, fitted.unseen
     seen_too = unseen is None
     if unseen is None:
-        unseen = unseen_of(traces, predict(model, traces), full_stroke_m)
+        unseen = unseen_of(experiments, predict(model, experiments), full_stroke_m)
     fatigue = None
-    if fatigue_traces:
-        fatigue = fit_fatigue(fatigue_traces)
-    if not any(t.kind == "partial" for t in traces):
+    if fatigued:
+        fatigue = fit_fatigue(fatigued)
+    if not any(t.kind == "partial" for t in experiments):
         notes.append("no log of partial cycles: minor loops, and with them the transition, rest on full cycles alone")
     notes += [
         f"{t.name}: fitted on {t.cycle[-1]} of its {t.cycle[-1] + t.log.metadata[LEFT_OUT]} full cycles, which repeat each other"
-        for t in traces
+        for t in experiments
         if LEFT_OUT in t.log.metadata
     ]
     return Identification(
         mapping=mapping,
         config=config,
         intervals={name: _interval(draws) for name, draws in fitted.samples.items()},
-        errors=log_errors(model, traces, model.displacement_range_m, bench.wire.full_stroke_m),
+        errors=log_errors(model, experiments, model.displacement_range_m, bench.wire.full_stroke_m),
         fit=fitted.how,
-        traces=tuple(traces),
+        experiments=tuple(experiments),
         fatigue=fatigue,
         notes=notes,
         reasons=reasons,
         verdict=judge(
             unseen,
-            traces,
+            experiments,
             model.displacement_range_m,
             full_stroke_m,
             model_type=model_type,
@@ -129,14 +129,14 @@ def identify(
     )
 
 
-def within_what_is_seen(mapping: dict[str, Any], traces: Sequence[Experiment]) -> list[str]:
+def within_what_is_seen(mapping: dict[str, Any], experiments: Sequence[Experiment]) -> list[str]:
     """End the working range of ``mapping`` where the model sees the wire end; returns what the user should know."""
     if "displacement_range" not in mapping["model"]:
         return []
     config = Config.for_tools(mapping)
     full_stroke_m = config.wire.full_stroke_m
     low_m, high_m = mapping["model"]["displacement_range"]
-    seen_m = shortest_seen_m(traces, config)
+    seen_m = shortest_seen_m(experiments, config)
     if seen_m <= low_m:
         return []
     check_width(seen_m, high_m, full_stroke_m)

@@ -35,11 +35,11 @@ def lowest_current_A(logs: Sequence[BenchLog], bench: BenchConfig) -> float:
     return float(f"{np.percentile(flows, 5.0):.2g}") if len(flows) else math.nan
 
 
-def measured(traces: Sequence[Experiment], mapping: Mapping[str, Any], bench: BenchConfig) -> dict[str, Derived]:
+def measured(experiments: Sequence[Experiment], mapping: Mapping[str, Any], bench: BenchConfig) -> dict[str, Derived]:
     """Parameters by dotted name that the logs tell, each with how."""
     out: dict[str, Derived] = {}
     capacity_J_K = derived(mapping)["thermal.heat_capacity"]
-    time_constant_s = thermal_time_constant_s(traces, bench.wire.full_stroke_m)
+    time_constant_s = thermal_time_constant_s(experiments, bench.wire.full_stroke_m)
     if time_constant_s is not None:
         capacity = mapping.get("thermal", {}).get("heat_capacity", capacity_J_K.value)
         out["thermal.heat_capacity"] = capacity_J_K
@@ -48,12 +48,12 @@ def measured(traces: Sequence[Experiment], mapping: Mapping[str, Any], bench: Be
             f"heat_capacity over {time_constant_s:.3g} s, in which the contracted wire cooled after the pulses",
         )
     lag_s, right = branch_lag_s(
-        traces, LATENT * (time_constant_s or bench.thermal.heat_capacity / bench.thermal.heat_loss)
+        experiments, LATENT * (time_constant_s or bench.thermal.heat_capacity / bench.thermal.heat_loss)
     )
     out["estimator.thermal_time_constant"] = Derived(
         lag_s, f"tells heating from cooling in {right:.1%} of the samples in which the wire moves"
     )
-    resistance_Ohm = np.concatenate([t.resistance_Ohm for t in traces])
+    resistance_Ohm = np.concatenate([t.resistance_Ohm for t in experiments])
     least_Ohm, largest_Ohm = np.nanpercentile(resistance_Ohm, (0.5, 99.5))
     out["safety.resistance_min"] = Derived(
         float(f"{0.5 * least_Ohm:.2g}"), f"half of the least measured, {least_Ohm:.3g} Ω"
@@ -61,18 +61,18 @@ def measured(traces: Sequence[Experiment], mapping: Mapping[str, Any], bench: Be
     out["safety.resistance_max"] = Derived(
         float(f"{2.0 * largest_Ohm:.2g}"), f"twice the largest measured, {largest_Ohm:.3g} Ω"
     )
-    ambient_C = np.concatenate([np.atleast_1d(t.signals.ambient_temperature_C) for t in traces])
+    ambient_C = np.concatenate([np.atleast_1d(t.signals.ambient_temperature_C) for t in experiments])
     if np.isfinite(ambient_C).any():
         out["thermal.ambient_temperature"] = Derived(float(f"{np.nanmedian(ambient_C):.3g}"), "median of the logs")
     return out
 
 
-def thermal_time_constant_s(traces: Sequence[Experiment], full_stroke_m: float) -> float | None:
+def thermal_time_constant_s(experiments: Sequence[Experiment], full_stroke_m: float) -> float | None:
     """Heat capacity over heat loss, from how the resistance of the contracted wire falls after a pulse.
 
     It moves with the temperature alone there, and no latent heat is in it.  None where the logs do not tell.
     """
-    stretches = [s for trace in traces for s in _cooling(trace, full_stroke_m)]
+    stretches = [s for experiment in experiments for s in _cooling(experiment, full_stroke_m)]
     if not stretches:
         return None
 
@@ -96,43 +96,46 @@ def thermal_time_constant_s(traces: Sequence[Experiment], full_stroke_m: float) 
     return math.exp(float(found.x))
 
 
-def _cooling(trace: Experiment, full_stroke_m: float) -> list[tuple[np.ndarray, np.ndarray]]:
+def _cooling(experiment: Experiment, full_stroke_m: float) -> list[tuple[np.ndarray, np.ndarray]]:
     """Time since the current fell and resistance, for every pause after a pulse, while the wire stands contracted."""
-    shortest_m = np.nanpercentile(trace.displacement_m, 0.5)
+    shortest_m = np.nanpercentile(experiment.displacement_m, 0.5)
     stretches = []
-    for off in np.flatnonzero(trace.driven[:-1] & ~trace.driven[1:]) + 2:
-        moves = np.flatnonzero(~(trace.displacement_m[off:] < shortest_m + _STILL * full_stroke_m) | trace.driven[off:])
-        stop = off + (int(moves[0]) if len(moves) else len(trace.driven) - off)
-        resistance_Ohm = trace.resistance_Ohm[off:stop]
+    for off in np.flatnonzero(experiment.driven[:-1] & ~experiment.driven[1:]) + 2:
+        moves = np.flatnonzero(
+            ~(experiment.displacement_m[off:] < shortest_m + _STILL * full_stroke_m) | experiment.driven[off:]
+        )
+        stop = off + (int(moves[0]) if len(moves) else len(experiment.driven) - off)
+        resistance_Ohm = experiment.resistance_Ohm[off:stop]
         if len(resistance_Ohm) < _FEWEST:
             continue
         kept = int((1.0 - _TRANSFORMS) * (int(np.argmin(resistance_Ohm)) + 1))
         if kept >= _FEWEST:
-            time_s = trace.signals.time_s[off : off + kept]
+            time_s = experiment.signals.time_s[off : off + kept]
             stretches.append((time_s - time_s[0], resistance_Ohm[:kept]))
     return stretches
 
 
-def branch_lag_s(traces: Sequence[Experiment], likely_s: float) -> tuple[float, float]:
+def branch_lag_s(experiments: Sequence[Experiment], likely_s: float) -> tuple[float, float]:
     """The lag with which the heat balance best tells which way the wire moves, and the share that is then right.
 
     The one nearest to ``likely_s`` of those that are as good as the best.
     """
     parts = []
-    for trace in traces:
-        time_s = trace.signals.time_s
+    for experiment in experiments:
+        time_s = experiment.signals.time_s
         if len(time_s) < _FEWEST:
             continue
-        velocity = np.gradient(_smooth(trace.displacement_m), time_s)
+        velocity = np.gradient(_smooth(experiment.displacement_m), time_s)
         moving = np.abs(velocity) > _MOVES * np.percentile(np.abs(velocity), 95.0)
-        parts.append((trace, velocity < 0.0, moving))
+        parts.append((experiment, velocity < 0.0, moving))
     lags_s = likely_s * np.geomspace(0.25, 4.0, 17)
     right = np.zeros(len(lags_s))
     for k, lag_s in enumerate(lags_s):
         detector = BranchDetector(EstimatorParameters(thermal_time_constant=float(lag_s)))
-        for trace, contracts, moving in parts:
+        for experiment, contracts, moving in parts:
             time_s, resistance_Ohm, power_W = (
-                np.ascontiguousarray(v) for v in (trace.signals.time_s, trace.resistance_Ohm, trace.signals.power_W)
+                np.ascontiguousarray(v)
+                for v in (experiment.signals.time_s, experiment.resistance_Ohm, experiment.signals.power_W)
             )
             detector.reset(float(time_s[0]), float(resistance_Ohm[0]), float(power_W[0]))
             right[k] += np.count_nonzero((detector.run(time_s, resistance_Ohm, power_W) == contracts)[moving])

@@ -48,21 +48,22 @@ def _loops(page: Page, result: Identification, model) -> None:
     page.heading("Loops with their curves")
     drawing, axes = figure(2, width_in=5.5, height_in=4.2)
     for ax, heating in zip(axes[0], (True, False), strict=True):
-        for trace in full_cycles(result.traces):
-            resistance_Ohm = np.linspace(trace.resistance_Ohm.min(), trace.resistance_Ohm.max(), 60)
-            curve_m = model.limits_m(resistance_Ohm, np.full(60, trace.mean_stress_Pa))[0 if heating else 1]
-            branch = trace.driven == heating
-            (line,) = ax.plot(trace.resistance_Ohm[branch], trace.displacement_m[branch] * 1e3, ".", ms=2)
+        for experiment in full_cycles(result.experiments):
+            resistance_Ohm = np.linspace(experiment.resistance_Ohm.min(), experiment.resistance_Ohm.max(), 60)
+            curve_m = model.limits_m(resistance_Ohm, np.full(60, experiment.mean_stress_Pa))[0 if heating else 1]
+            branch = experiment.driven == heating
+            (line,) = ax.plot(experiment.resistance_Ohm[branch], experiment.displacement_m[branch] * 1e3, ".", ms=2)
             ax.plot(
                 resistance_Ohm,
                 curve_m * 1e3,
                 lw=1,
                 color=line.get_color(),
-                label=f"{np.mean(trace.signals.load_N):.2f} N",
+                label=f"{np.mean(experiment.signals.load_N):.2f} N",
             )
         ax.set(title="heating" if heating else "cooling", xlabel="resistance [Ω]", ylabel="displacement [mm]")
         ax.set_ylim(
-            -0.05 * 1e3 * np.max(trace.displacement_m), 1.1e3 * max(t.displacement_m.max() for t in result.traces)
+            -0.05 * 1e3 * np.max(experiment.displacement_m),
+            1.1e3 * max(t.displacement_m.max() for t in result.experiments),
         )
     axes[0, 0].legend(fontsize=7)
     page.figure(drawing, "Full cycles at every load (dots) and the model's curves (lines); thesis, Figs. 59, 81.")
@@ -123,15 +124,15 @@ def _material(page: Page, result: Identification) -> None:
 
 
 def _transitions(page: Page, result: Identification, model) -> None:
-    partial = [t for t in result.traces if t.kind == "partial"] or list(result.traces)
-    trace = partial[len(partial) // 2]
+    partial = [t for t in result.experiments if t.kind == "partial"] or list(result.experiments)
+    experiment = partial[len(partial) // 2]
     page.heading("Transition curves")
     drawing, axes = figure(1, width_in=7, height_in=4.5)
-    axes[0, 0].plot(trace.resistance_Ohm, trace.displacement_m * 1e3, lw=0.8, label="measured")
-    axes[0, 0].plot(trace.resistance_Ohm, predict(model, [trace]) * 1e3, lw=0.8, label="model")
+    axes[0, 0].plot(experiment.resistance_Ohm, experiment.displacement_m * 1e3, lw=0.8, label="measured")
+    axes[0, 0].plot(experiment.resistance_Ohm, predict(model, [experiment]) * 1e3, lw=0.8, label="model")
     axes[0, 0].set(xlabel="resistance [Ω]", ylabel="displacement [mm]")
     axes[0, 0].legend()
-    page.figure(drawing, f"Minor loops of {trace.name}; thesis, Fig. 63.")
+    page.figure(drawing, f"Minor loops of {experiment.name}; thesis, Fig. 63.")
 
 
 def _orders(page: Page, result: Identification) -> None:
@@ -153,12 +154,12 @@ def _orders(page: Page, result: Identification) -> None:
 
 def _traces(page: Page, result: Identification, model) -> None:
     page.heading("Replay")
-    shown = result.traces[:: max(1, len(result.traces) // 6)]
+    shown = result.experiments[:: max(1, len(result.experiments) // 6)]
     drawing, axes = figure(2, -(-len(shown) // 2), width_in=5.5, height_in=2.6)
-    for ax, trace in zip(axes.flat, shown, strict=False):
-        ax.plot(trace.signals.time_s, trace.displacement_m * 1e3, lw=0.9, label="measured")
-        ax.plot(trace.signals.time_s, predict(model, [trace]) * 1e3, lw=0.9, label="model")
-        ax.set(title=trace.name, xlabel="time [s]", ylabel="displacement [mm]")
+    for ax, experiment in zip(axes.flat, shown, strict=False):
+        ax.plot(experiment.signals.time_s, experiment.displacement_m * 1e3, lw=0.9, label="measured")
+        ax.plot(experiment.signals.time_s, predict(model, [experiment]) * 1e3, lw=0.9, label="model")
+        ax.set(title=experiment.name, xlabel="time [s]", ylabel="displacement [mm]")
     axes[0, 0].legend(fontsize=7)
     page.figure(drawing, "Displacement measured and estimated.")
 

@@ -21,18 +21,18 @@ class Unseen:
     partial: np.ndarray  #: bool: of a log of partial cycles
 
 
-def unseen_of(traces: Sequence[Experiment], estimate_m: np.ndarray, full_stroke_m: float) -> Unseen:
-    """Of estimates, shape (N,) over all traces; samples before the first cycle, and without an estimate, do not count."""
-    lengths = [len(t.cycle) for t in traces]
-    measured_m = np.concatenate([t.displacement_m for t in traces])
-    cycle = np.concatenate([t.cycle for t in traces])
+def unseen_of(experiments: Sequence[Experiment], estimate_m: np.ndarray, full_stroke_m: float) -> Unseen:
+    """Of estimates, shape (N,) over all experiments; samples before the first cycle, and without an estimate, do not count."""
+    lengths = [len(t.cycle) for t in experiments]
+    measured_m = np.concatenate([t.displacement_m for t in experiments])
+    cycle = np.concatenate([t.cycle for t in experiments])
     error_percent = np.abs(estimate_m - measured_m) / full_stroke_m * 100.0
     counts = np.isfinite(error_percent) & (cycle > 0)
-    loads_N = [float(np.nanmean(t.signals.load_N)) for t in traces]
+    loads_N = [float(np.nanmean(t.signals.load_N)) for t in experiments]
     return Unseen(
-        log=np.repeat(np.arange(len(traces)), lengths)[counts],
+        log=np.repeat(np.arange(len(experiments)), lengths)[counts],
         load_N=np.repeat(loads_N, lengths)[counts],
         place_m=measured_m[counts],
         error_percent=error_percent[counts],
-        partial=np.repeat([t.kind == "partial" for t in traces], lengths)[counts],
+        partial=np.repeat([t.kind == "partial" for t in experiments], lengths)[counts],
     )

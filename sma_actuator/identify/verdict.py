@@ -47,7 +47,7 @@ class Verdict:
 
 def judge(
     unseen: Unseen,
-    traces: Sequence[Experiment],
+    experiments: Sequence[Experiment],
     range_m: tuple[float, float],
     full_stroke_m: float,
     *,
@@ -83,7 +83,7 @@ def judge(
     sentences += _about_loads(loads, working)
     sentences += _about_ends(unseen, regions, range_m, other)
     sentences += _about_partial_cycles(regions, other)
-    sentences += _about_the_range(traces, range_m, stroke_m, full_stroke_m) if share < _NARROW else []
+    sentences += _about_the_range(experiments, range_m, stroke_m, full_stroke_m) if share < _NARROW else []
     sentences += bounds
     return Verdict(working <= POOR_percent, sentences, regions, loads)
 
@@ -155,11 +155,11 @@ def _about_partial_cycles(regions: Mapping[str, float], other: str) -> list[str]
 
 
 def _about_the_range(
-    traces: Sequence[Experiment], range_m: tuple[float, float], stroke_m: float, full_stroke_m: float
+    experiments: Sequence[Experiment], range_m: tuple[float, float], stroke_m: float, full_stroke_m: float
 ) -> list[str]:
     """Which load makes the working range as narrow as it is."""
     try:
-        full = full_cycles(traces)
+        full = full_cycles(experiments)
         intervals = np.array([determinate_interval_m(t) for t in full])
     except IdentificationError:
         return []

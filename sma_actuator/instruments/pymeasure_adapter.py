@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from math import nan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 try:
     from pymeasure.adapters import Adapter
@@ -20,11 +20,9 @@ from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import SupplyState
 
 from . import InstrumentLost, InstrumentRefused, LimitsNotHeld
+from .parameters import InstrumentSections
 from .session import Session
 from .supply import SessionSupply, unsafe_states
-
-if TYPE_CHECKING:
-    from sma_actuator.config import BenchConfig
 
 #: What is needed → names it has in pymeasure, in order of preference.
 NAMES = {
@@ -75,7 +73,7 @@ class _OnPaper(Adapter):
 class PymeasureSupply(SessionSupply):
     """A pymeasure instrument behind the interface :class:`~sma_actuator.instruments.PowerSupply`."""
 
-    def __init__(self, config: BenchConfig):
+    def __init__(self, config: InstrumentSections):
         self._class = _find_class(config.instruments.supply.pymeasure_class)
         self._names: dict[str, str] = {}
         self._output: Any = None

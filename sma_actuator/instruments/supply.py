@@ -6,13 +6,10 @@ import logging
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 from . import InstrumentError, InstrumentRefused
+from .parameters import InstrumentSections
 from .session import OPENING_ANSWERS, Claim, Session
-
-if TYPE_CHECKING:
-    from sma_actuator.config import BenchConfig
 
 _log = logging.getLogger(__name__)
 
@@ -44,7 +41,7 @@ class SessionSupply(ABC):
     """How a supply is opened, switched off and given up; what it is told is for the subclasses to say."""
 
     def __init__(
-        self, config: BenchConfig, termination: str, off_lines: Sequence[str], unlock_lines: Sequence[str] = ()
+        self, config: InstrumentSections, termination: str, off_lines: Sequence[str], unlock_lines: Sequence[str] = ()
     ):
         self._limits = config.supply
         self._instrument = config.instruments.supply

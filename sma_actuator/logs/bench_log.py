@@ -15,19 +15,17 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any, Protocol
 
 import numpy as np
 
+from sma_actuator.base.sections import SupplyParameters
 from sma_actuator.base.signals import Reading, Signals
-from sma_actuator.estimation.circuit import signals_from_reading, without_undriven
+from sma_actuator.estimation.circuit import CircuitSections, signals_from_reading, without_undriven
 
 from .errors import BenchLogError
 from .files import write_atomically
 from .tables import EVENT_COLUMN, Table, read_text
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +170,15 @@ def to_reading(log: BenchLog) -> Reading:
     return Reading(**{name: log.columns.get(name, missing) for name in channels})
 
 
-def signals_from_log(log: BenchLog, config: Config) -> Signals:
+class LogSections(CircuitSections, Protocol):
+    """The parameters that make physical quantities of a log."""
+
+    @property
+    def supply(self) -> SupplyParameters:
+        """From which current on a row counts as driven."""
+
+
+def signals_from_log(log: BenchLog, config: LogSections) -> Signals:
     """Physical quantities of a whole log, arrays of shape (n,), with ``config``'s calibrations.
 
     A wire that was not driven has no resistance; the tare is that of the log.  ``displacement_m`` in the log is used
@@ -298,7 +304,7 @@ def check_bench_log(log: BenchLog, allow_gaps: bool = False) -> None:
         )
 
 
-def require_reference(log: BenchLog, config: Config | None = None) -> None:
+def require_reference(log: BenchLog, config: CircuitSections | None = None) -> None:
     """Raise BenchLogError where the displacement was not measured, or ``config`` does not know by what."""
     if not log.has_reference:
         raise BenchLogError(

@@ -1,4 +1,4 @@
-"""The page of a replay: errors, traces, loops."""
+"""The page of a replay: errors, curves, loops."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def write_page(path: Path, replays: Sequence[Replay], config: Config) -> None:
         page.table(
             ("log", "share judged", *names),
             [
-                (r.trace.name, r.errors[names[0]].working_share, *(getattr(r.errors[n], value) for n in names))
+                (r.experiment.name, r.errors[names[0]].working_share, *(getattr(r.errors[n], value) for n in names))
                 for r in replays
             ],
         )
@@ -32,14 +32,14 @@ def write_page(path: Path, replays: Sequence[Replay], config: Config) -> None:
         best = [(log, " or ".join(working) or "–", " or ".join(full) or "–") for log, working, full in winners(replays)]
         page.table(("log", "best in the working range", "best in the full range"), best)
     for r in replays:
-        page.heading(r.trace.name)
+        page.heading(r.experiment.name)
         drawing, axes = figure(2, width_in=6.0, height_in=4.0)
-        time_s, measured_mm = r.trace.signals.time_s, r.trace.displacement_m * 1e3
+        time_s, measured_mm = r.experiment.signals.time_s, r.experiment.displacement_m * 1e3
         axes[0, 0].plot(time_s, measured_mm, "k", lw=1, label="measured")
-        axes[0, 1].plot(r.trace.resistance_Ohm, measured_mm, "k", lw=0.8)
+        axes[0, 1].plot(r.experiment.resistance_Ohm, measured_mm, "k", lw=0.8)
         for name in names:
             axes[0, 0].plot(time_s, r.estimates_m[name] * 1e3, lw=0.8, label=name)
-            axes[0, 1].plot(r.trace.resistance_Ohm, r.estimates_m[name] * 1e3, lw=0.7)
+            axes[0, 1].plot(r.experiment.resistance_Ohm, r.estimates_m[name] * 1e3, lw=0.7)
         axes[0, 0].set(xlabel="time [s]", ylabel="displacement [mm]")
         axes[0, 1].set(xlabel="resistance [Ω]", ylabel="displacement [mm]")
         axes[0, 0].legend(fontsize=6)

@@ -40,10 +40,9 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from sma_actuator.actuator import Output
 from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.base.signals import Mode, Quality, Status
+from sma_actuator.base.signals import Mode, Output, Quality, Status
 from sma_actuator.config import NODE_NAME, Config
 from sma_actuator.driver import Driver, DriverStopped
 from sma_actuator.instruments import InstrumentError, open_daq, open_supply
@@ -305,8 +304,8 @@ class SmaActuatorNode(LifecycleNode):
     def callback_failed(self, error: Exception) -> None:
         """Take an exception that no message is to blame for as a fault: the output goes off, the node goes on."""
         words = f"{type(error).__name__} in a ROS callback: {error}"
-        trace = "".join(traceback.format_exception(error))
-        self.report(f"{words}\n{trace}")
+        experiment = "".join(traceback.format_exception(error))
+        self.report(f"{words}\n{experiment}")
         if self._driver is not None:
             self._driver.submit(lambda actuator, now_s: actuator.raise_fault(now_s, "unhandled_exception", words))
 

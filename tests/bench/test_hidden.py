@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from sma_actuator.bench import Schedule, Spring, VirtualBench, Weight
-from sma_actuator.bench.hidden import EFFECTS, FOREIGN, HiddenBench
+from sma_actuator.bench.hidden import FOREIGN, TWINS, HiddenBench, hidden_effects
 from sma_actuator.plant.worlds import WORLDS
 
-ALL = EFFECTS | FOREIGN
+ALL = hidden_effects()
 SESSION_S = 36.0
 STRENGTH = {
     "lead_resistance": 0.1,
@@ -121,7 +121,7 @@ def resistance_Ohm(rows):
 
 
 def test_every_effect_says_what_it_is():
-    assert len(FOREIGN) >= 6 and not set(EFFECTS) & set(FOREIGN)
+    assert len(FOREIGN) >= 6 and not set(TWINS) & set(FOREIGN)
     assert set(STRENGTH) == set(REACHES) == set(ALL)
     for effect in ALL.values():
         assert effect.__doc__.endswith(".") and effect.unit and effect.where
@@ -149,7 +149,7 @@ def test_a_weak_effect_is_weak(name):
 
 
 @pytest.mark.parametrize("physics", [name for name in WORLDS if name != "liang_rogers"])
-@pytest.mark.parametrize("name", [n for n in EFFECTS if EFFECTS[n].where == "wire"])
+@pytest.mark.parametrize("name", [n for n in TWINS if TWINS[n].where == "wire"])
 def test_an_effect_in_the_wire_works_in_every_physics(name, physics):
     """It moves what the displacement sensor shows about as much as at home."""
 

@@ -86,8 +86,8 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(args) as bar:
         task = bar.add_task("reading", total=1.0)
         if args.calibration:
-            traces = make_experiments(read_logs(args.calibration, reading, console.print), config)
-            mapping["calibration"] = to_mapping(calibration_of(traces, config))
+            experiments = make_experiments(read_logs(args.calibration, reading, console.print), config)
+            mapping["calibration"] = to_mapping(calibration_of(experiments, config))
             config = Config.for_tools(mapping, str(args.config))
         logs = read_logs(args.logs, reading, console.print)
         evidence = Evidence(logs, config, args.beyond_floor)

@@ -100,9 +100,9 @@ def _residual(page: Page, evidence: Evidence, tracing: Tracing) -> None:
     drawing, axes = figure(1, 1, width_in=10.0)
     ax = axes[0, 0]
     offset_s = 0.0
-    for i, trace in enumerate(evidence.traces):
-        time_s = trace.signals.time_s - (
-            evidence.start_s if evidence.one_session else trace.signals.time_s[0] - offset_s
+    for i, experiment in enumerate(evidence.experiments):
+        time_s = experiment.signals.time_s - (
+            evidence.start_s if evidence.one_session else experiment.signals.time_s[0] - offset_s
         )
         offset_s = float(time_s[-1]) * 1.02
         few = _some(len(time_s))
@@ -126,17 +126,21 @@ def _loop(page: Page, evidence: Evidence, tracing: Tracing) -> None:
             ]
         )
     )
-    trace = evidence.traces[worst]
-    few = _some(len(trace.log))
+    experiment = evidence.experiments[worst]
+    few = _some(len(experiment.log))
     for ax, (which, style) in zip(axes[0], (("before", BEFORE), ("after", AFTER)), strict=True):
         p = tracing.predictions[which][worst]
-        ax.plot(trace.resistance_Ohm[few], p.shown_m[few] * _MM, lw=0.8, color=style["color"], label="model")
+        ax.plot(experiment.resistance_Ohm[few], p.shown_m[few] * _MM, lw=0.8, color=style["color"], label="model")
         ax.plot(
-            trace.resistance_Ohm[few], evidence.measured_m[worst][few] * _MM, lw=0.4, color="black", label="measured"
+            experiment.resistance_Ohm[few],
+            evidence.measured_m[worst][few] * _MM,
+            lw=0.4,
+            color="black",
+            label="measured",
         )
         ax.set(xlabel="measured resistance [Ω]", ylabel="displacement [mm]", title=style["label"])
         ax.legend()
-    page.figure(drawing, trace.name)
+    page.figure(drawing, experiment.name)
 
 
 def _race(page: Page, tracing: Tracing) -> None:
@@ -185,7 +189,7 @@ def _rests(page: Page, evidence: Evidence, tracing: Tracing) -> None:
     when = np.array(
         [
             t.signals.time_s[r.stop - 1] - evidence.start_s
-            for t, rs in zip(evidence.traces, evidence.rests, strict=True)
+            for t, rs in zip(evidence.experiments, evidence.rests, strict=True)
             for r in rs
         ]
     )

@@ -75,7 +75,7 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
             for r in tracing.rounds
         ],
         "notes": []
-        if evidence.one_session or len(evidence.traces) == 1
+        if evidence.one_session or len(evidence.experiments) == 1
         else [
             (
                 "the logs do not follow each other on one clock: each counts as a session, and what changes from one to the next (a slip, a "
@@ -83,7 +83,7 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
             )
         ],
         "model_file": str(model_file) if model_file else None,
-        "logs": [t.log.source for t in evidence.traces],
+        "logs": [t.log.source for t in evidence.experiments],
     }
     return _plain(out)
 
@@ -265,7 +265,7 @@ def extended(
     out = dict(mapping)
     effects = dict(out.get("effects") or {})
     before, after = report["error_before_pct_stroke"], report["error_after_pct_stroke"]
-    logs = ", ".join(Path(t.log.source).name for t in evidence.traces)
+    logs = ", ".join(Path(t.log.source).name for t in evidence.experiments)
     for name in names:
         c = next(c for c in found.candidates if c.name == name)
         effects[name] = {**c.fixed, **found.values[name]}

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from math import inf, isfinite, nan
-from typing import TYPE_CHECKING
 
 from sma_actuator.safety.formula import longest, parameter_value, seconds
+from sma_actuator.safety.parameters import SafetySections
 from sma_actuator.safety.reach import PATIENCE_S, PATIENCE_TIMES, TRIES
 from sma_actuator.safety.records import Action, guard
 from sma_actuator.safety.timing import ONE_STEP, TWO_STEPS
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
-
 
 #: Setpoints that may arrive at once, in seconds' worth of safety.setpoint_flood_rate, and in number.
 FLOOD_BURST_S = 0.1
@@ -29,7 +25,7 @@ FLOOD_BURST_MIN = 10
     action_by="controller.on_setpoint_loss",
     each_step=False,
 )
-def setpoint_stale(age_s: float, config: Config) -> str:
+def setpoint_stale(age_s: float, config: SafetySections) -> str:
     """Nobody has said for too long where the wire should be."""
     timeout_s = config.controller.setpoint_timeout
     if timeout_s == 0.0 or -timeout_s <= age_s <= timeout_s:
@@ -87,7 +83,7 @@ class Bucket:
     action=Action.HOLD,
     each_step=False,
 )
-def setpoint_flood(bucket: Bucket, now_s: float, config: Config) -> str:
+def setpoint_flood(bucket: Bucket, now_s: float, config: SafetySections) -> str:
     """Setpoints from a source gone mad."""
     rate_Hz = config.safety.setpoint_flood_rate
     if bucket.take(now_s, rate_Hz):
