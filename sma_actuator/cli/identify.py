@@ -155,15 +155,17 @@ def _what_is_given(args: argparse.Namespace) -> dict[str, Any]:
     return mapping
 
 
-def write_model(path: Path, result: Identification, page: Path) -> None:
-    """Write the parameter file for the node, whole or not at all."""
-    where = f"{page.name} beside it" if page.parent == path.parent else str(page)
-    header = f"Written by `sma-actuator identify`; 95 % intervals and pictures are in {where}."
+def write_model(path: Path, result: Identification, page: Path | None = None) -> None:
+    """Write the parameter file, whole or not at all; ``page``: where its pictures are."""
+    header = "Written by `sma-actuator identify`"
+    if page is not None:
+        where = f"{page.name} beside it" if page.parent == path.parent else str(page)
+        header += f"; 95 % intervals and pictures are in {where}"
     try:
         require_calibrated(Config.from_mapping(result.mapping))
     except ConfigError:
         header += (
-            "\nFor the tools: it lacks limits, gains or calibrations that a node wants. "
+            ".\nFor the tools: it lacks limits, gains or calibrations that a node wants. "
             f"`sma-actuator init --start {path.name}` asks for them."
         )
     write_parameter_file(path, result.mapping, header, result.reasons)
