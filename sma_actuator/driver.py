@@ -36,7 +36,7 @@ from sma_actuator.base.signals import Command, Mode, Output, Reading, SupplyStat
 from sma_actuator.config import Config
 from sma_actuator.instruments import Clock, Daq, InstrumentError, InstrumentUnreachable, PowerSupply
 from sma_actuator.safety.guards.program import loop_hung
-from sma_actuator.safety.timing import SETTLING_TIME_S
+from sma_actuator.safety.timing import SETTLING_TIME_s
 
 _log = logging.getLogger(__name__)
 
@@ -276,6 +276,10 @@ class Driver:
     def offer_setpoint(self, position_m: float) -> None:
         """Hand over a setpoint [m]; never waits.  Refusals come back by :meth:`refusals`."""
         self._offer(lambda actuator, now_s: actuator.offer_setpoint(now_s, position_m))
+
+    def offer_joint_command(self, position_m: float) -> None:
+        """Hand over a joint command [m], which may be NaN; never waits."""
+        self._offer(lambda actuator, now_s: actuator.offer_joint_command(now_s, position_m))
 
     def offer_trajectory(
         self,
@@ -667,7 +671,7 @@ def _warm_up(config: Config) -> None:
     current_A, circuit, safety = config.supply.bias_current, config.circuit, config.safety
     wire_Ohm = math.sqrt(safety.resistance_min * safety.resistance_max)
     load_V = (0.5 * config.wire.max_stress * config.wire.area_m2 - config.load_cell.offset) / config.load_cell.slope
-    for number in range(2 + math.ceil(2.0 * SETTLING_TIME_S * config.loop.rate)):
+    for number in range(2 + math.ceil(2.0 * SETTLING_TIME_s * config.loop.rate)):
         now_s = number / config.loop.rate
         total_Ohm = circuit.reference_resistance + circuit.lead_resistance + wire_Ohm * (1.0 - 1e-4 * number)
         reading = Reading(now_s, current_A * total_Ohm, current_A * circuit.reference_resistance, load_V)

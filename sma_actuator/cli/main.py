@@ -21,6 +21,11 @@ from sma_actuator.base.errors import UserError
 COMMANDS = {
     "demo": ("sma_actuator.cli.demo", "drive the virtual bench through the node, live in the terminal"),
     "bench": ("sma_actuator.bench.server", "the virtual bench: a wire behind two SCPI instruments"),
+    "enable": ("sma_actuator.cli.remote.enable", "a running node: current on, the wire is held where it is"),
+    "move": ("sma_actuator.cli.remote.move", "a running node: the wire to a position"),
+    "stop": ("sma_actuator.cli.remote.stop", "a running node: every wire of its process off"),
+    "status": ("sma_actuator.cli.remote.status", "a running node: what it says of its wire"),
+    "watch": ("sma_actuator.cli.remote.watch", "a running node: position, load and current as they change"),
     "characterise": ("sma_actuator.characterise", "run the bench experiments and write logs"),
     "identify": ("sma_actuator.cli.identify", "logs to a calibrated model file"),
     "replay": ("sma_actuator.replay", "any model on any log: errors and curves"),

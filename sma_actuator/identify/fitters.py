@@ -18,9 +18,9 @@ from sma_actuator.config import BenchConfig
 
 from .experiments import Experiment, IdentificationError
 from .flexinol import FlexinolFit, fit_appendix_c, fit_joint
-from .furukawa import FurukawaFit, fit_furukawa
+from .furukawa import fit_furukawa
 from .normalised import fit_furukawa_normalised, flexinol_normalised
-from .unseen import Unseen, unseen_of
+from .unseen import Unseen
 from .whole_range import beside_the_thesis, fit_whole_range
 
 METHODS = ("joint", "appendix-c")
@@ -73,13 +73,7 @@ def _found(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) 
 
 def _flexinol(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
     found = _found(experiments, bench, asked)
-    return Fitted(
-        found.coefficients, found.samples, found, unseen=_unseen(experiments, bench, found), bounds=found.bounds
-    )
-
-
-def _unseen(experiments: Sequence[Experiment], bench: BenchConfig, found: FlexinolFit | FurukawaFit) -> Unseen | None:
-    return None if found.held_out_m is None else unseen_of(experiments, found.held_out_m, bench.wire.full_stroke_m)
+    return Fitted(found.coefficients, found.samples, found, unseen=found.unseen, bounds=found.bounds)
 
 
 def _flexinol_normalised(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
@@ -90,16 +84,14 @@ def _flexinol_normalised(experiments: Sequence[Experiment], bench: BenchConfig, 
         samples,
         found,
         _one_size(experiments),
-        unseen=_unseen(experiments, bench, found),
+        unseen=found.unseen,
         bounds=found.bounds,
     )
 
 
 def _furukawa(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
     found = fit_furukawa(experiments, bench.wire, asked.variant, asked.order, asked.progress)
-    return Fitted(
-        found.coefficients, found.samples, found, unseen=_unseen(experiments, bench, found), bounds=found.bounds
-    )
+    return Fitted(found.coefficients, found.samples, found, unseen=found.unseen, bounds=found.bounds)
 
 
 def _furukawa_normalised(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:

@@ -51,6 +51,7 @@ from sma_actuator.logs.recorder import BenchLogRecorder
 from sma_msgs_py import (
     command_current_message,
     diagnostic_status_from,
+    joint_command_from,
     joint_state_message,
     load_message,
     position_from,
@@ -79,8 +80,8 @@ GIL_INTERVAL_s = 0.1e-3
 #: How often the main thread looks whether a signal was noted.
 SIGNAL_INTERVAL_s = 0.05
 
-#: A trajectory of some thousand points; see ``_on_trajectory``.
-LONGEST_TRAJECTORY_B = 500_000
+#: A trajectory of some thousand points, a command for some hundred joints; see ``_make_interface``.
+LONGEST_TRAJECTORY_B, LONGEST_JOINT_COMMAND_B = 500_000, 20_000
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _DEPTH = 10
@@ -185,6 +186,7 @@ class SmaActuatorNode(LifecycleNode):
         self.create_subscription(Float64, "~/setpoint", self._on_setpoint, _DEPTH)
         # As bytes: to make Python objects of a million points would hold up this thread, and the loop with it.
         self.create_subscription(JointTrajectory, "~/joint_trajectory", self._on_trajectory, _DEPTH, raw=True)
+        self.create_subscription(JointState, "~/joint_command", self._on_joint_command, _DEPTH, raw=True)
         for name in ("clear_fault", "reset_estimator", "tare_load", "measure_lead_resistance"):
             self.create_service(Trigger, f"~/{name}", self._trigger(name))
         self._change_state = self._service_change_state.callback
@@ -232,6 +234,23 @@ class SmaActuatorNode(LifecycleNode):
             return
         delay_s = start_from(message, self.get_clock().now().nanoseconds)
         driver.offer_trajectory(times_s, positions_m, velocities_m_s, delay_s)
+
+    def _on_joint_command(self, serialized: bytes) -> None:
+        driver = self._driver
+        if len(serialized) > LONGEST_JOINT_COMMAND_B:
+            self.report(
+                f"joint command refused: its message has {len(serialized)} bytes, more than {LONGEST_JOINT_COMMAND_B}"
+            )
+            return
+        try:
+            position_m = joint_command_from(deserialize_message(serialized, JointState), self.config.joint_name)
+        except ValueError as error:
+            self.report(str(error))
+            return
+        if self._active and driver is not None:
+            driver.offer_joint_command(position_m)
+        elif math.isfinite(position_m):  # before a controller runs nobody commands anything
+            self.report(f"a joint command was ignored: {self._not_active()}")
 
     def on_enable(self, request: SetBool.Request, response: SetBool.Response) -> Any:
         """Switch the output on or off.  Called in the thread of the switch."""
@@ -557,7 +576,7 @@ def main(arguments: list[str] | None = None) -> int:
         except ConfigError as error:
             fatal += error.problems
         finally:
-            sentences = tuple(fatal)  # what is said while everything ends is no reason for ending
+            sentences = tuple(fatal)  # what comes after this is a consequence of ending
             _stop(nodes, threads, switch)
     for sentence in sentences:
         print(f"sma_actuator_node: {sentence}", file=sys.stderr)

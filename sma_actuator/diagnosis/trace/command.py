@@ -143,6 +143,8 @@ def _print(console: Console, report: dict) -> None:
             )
             table.add_row(e["name"], e["what"], e["stage"], f"{e['share']:.0%}", values)
         console.print(table)
+    for e in report["effects"]:
+        console.print(f"{e['name']}: {e['what']}. {e['remedy']}")
     for a in report["alternatives"]:
         x = a["experiment"]
         console.print(
