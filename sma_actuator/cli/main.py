@@ -28,7 +28,7 @@ COMMANDS = {
     "status": ("sma_actuator.cli.remote.status", "a running node: what it says of its wire"),
     "watch": ("sma_actuator.cli.remote.watch", "a running node: position, load and current as they change"),
     "characterise": ("sma_actuator.characterise", "run the bench experiments and write logs"),
-    "identify": ("sma_actuator.identify", "logs to a calibrated model file"),
+    "identify": ("sma_actuator.cli.identify", "logs to a calibrated model file"),
     "replay": ("sma_actuator.replay", "any model on any log: errors and curves"),
     "trace": ("sma_actuator.diagnosis.trace", "find the effect a model lacks, and add it"),
     "forward": (
