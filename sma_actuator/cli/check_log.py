@@ -32,13 +32,13 @@ def run(args: argparse.Namespace) -> int:
     for header in ("", "asked", "found"):
         table.add_column(header)
     for f in findings:
-        table.add_row("yes" if f.met else "no" if f.needed else "(no)", f.demand, f.found)
+        table.add_row("yes" if f.met else "no" if f.needed else "(no)", f.requirement, f.found)
     out = results(args)
     out.print(table)
     out.print(verdict(findings))
     for f in findings:
         if not f.met:
-            out.print(f"- {f.demand}: {f.remedy}.")
+            out.print(f"- {f.requirement}: {f.remedy}.")
     rows = [dataclasses.asdict(f) for f in findings]
     write_json(args, rows)
     write_csv(args, rows)

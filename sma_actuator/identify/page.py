@@ -20,11 +20,13 @@ from .ranges import full_cycles
 def write_page(path: Path, result: Identification) -> None:
     """Write the HTML page."""
     wire, model = result.config.wire, result.config.model.build(result.config.wire)
-    page = Page(f"Identification: {result.mapping['model']['type']}", _verdict(result))
+    first, *others = [f"{sentence[:1].upper()}{sentence[1:]}." for sentence in result.verdict.sentences]
+    page = Page(f"Identification: {result.mapping['model']['type']}", first)
     if hasattr(model, "limits_m"):
         _loops(page, result, model)
     else:
         _transitions(page, result, model)
+    page.lines(others)
     low_m, high_m = model.displacement_range_m
     stress_lo, stress_hi = model.stress_range_Pa
     page.text(
@@ -48,17 +50,6 @@ def write_page(path: Path, result: Identification) -> None:
     _experiments(page, result, model)
     _fatigue(page, result)
     page.write(path)
-
-
-def _verdict(result: Identification) -> str:
-    """How good the fit is, in one sentence."""
-    errors = {e.name: e.full_percent for e in result.errors}
-    worst = max(errors, key=lambda name: np.nan_to_num(errors[name]))
-    mean = float(np.nanmean(list(errors.values())))
-    return (
-        f"On the {len(errors)} logs it was fitted on the model errs by {mean:.2f} % of the full stroke in the mean, "
-        f"most in {worst} ({errors[worst]:.2f} %)."
-    )
 
 
 def _loops(page: Page, result: Identification, model) -> None:

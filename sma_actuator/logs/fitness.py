@@ -1,6 +1,6 @@
 """Whether logs of a wire are fit to test what nobody has tested on a real one: resistance and load against strain.
 
-Each demand is a function that looks at all logs together and says what it found; the page
+Each requirement is a function that looks at all logs together and says what it found; the page
 ``docs/send-us-a-log.md`` tells a lab how to meet them.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from .bench_log import BenchLog, longest_pause_s, uncalibrated_resistance_and_current
 
-#: What the demands ask for.
+#: What the requirements ask for.
 SLOWEST_PERIOD_s = 0.051  #: 20 Hz, and a little for a clock that is not exact
 LEAST_MEASURED = 0.98  #: share of the rows that have a resistance: a small current flows also while the wire cools
 FEWEST_LOADS = 3
@@ -33,9 +33,9 @@ MOST_FLAT = 0.2  #: share of the rows that may stand at the very largest or smal
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One demand, what the logs have of it, and what would meet it."""
+    """One requirement, what the logs have of it, and what would meet it."""
 
-    demand: str
+    requirement: str
     found: str
     met: bool
     remedy: str
@@ -54,7 +54,7 @@ class Cycle:
 
 
 def judge(logs: Sequence[BenchLog], length_m: float = math.nan) -> list[Finding]:
-    """Every demand, held against the logs of one wire; resistance and load are there, for a reader refuses logs without.
+    """Every requirement, held against the logs of one wire; resistance and load are there, for a reader refuses logs without.
 
     ``length_m`` of the wire, where known, makes a strain of the stroke.
     """
@@ -62,7 +62,7 @@ def judge(logs: Sequence[BenchLog], length_m: float = math.nan) -> list[Finding]
     if not findings[0].met:
         return findings
     cycles = [cycle for log in logs for cycle in cycles_of(log)]
-    demands: tuple[Callable[[Sequence[BenchLog], Sequence[Cycle]], Finding], ...] = (
+    requirements: tuple[Callable[[Sequence[BenchLog], Sequence[Cycle]], Finding], ...] = (
         _rate,
         _measured,
         _loads,
@@ -74,7 +74,7 @@ def judge(logs: Sequence[BenchLog], length_m: float = math.nan) -> list[Finding]
         _noise,
         _direction,
     )
-    findings += [demand(logs, cycles) for demand in demands]
+    findings += [requirement(logs, cycles) for requirement in requirements]
     return [*findings, *([] if math.isnan(length_m) else [_strain(logs, length_m)]), _ambient(logs)]
 
 

@@ -26,7 +26,7 @@ def changed(logs, **columns):
 
 
 def lacking(logs, length_m=0.1):
-    return [f.demand for f in judge(logs, length_m) if not f.met and f.needed]
+    return [f.requirement for f in judge(logs, length_m) if not f.met and f.needed]
 
 
 def test_logs_of_a_whole_calibration_are_fit(logs, tmp_path, capsys):
@@ -41,7 +41,7 @@ def test_logs_of_a_whole_calibration_are_fit(logs, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    ("change", "demand"),
+    ("change", "requirement"),
     [
         (lambda logs: [log.slice(0, len(log)) for log in logs if "partial" not in log.name], "4 partial cycles"),
         (lambda logs: [log for log in logs if "0.6" in log.name], "3 loads"),
@@ -86,8 +86,8 @@ def test_logs_of_a_whole_calibration_are_fit(logs, tmp_path, capsys):
     ],
     ids=["no partial", "one load", "coarse", "clipped", "turned round", "noisy", "slow", "no bias current"],
 )
-def test_what_is_missing_is_named(logs, change, demand):
-    assert demand in lacking(change(logs))
+def test_what_is_missing_is_named(logs, change, requirement):
+    assert requirement in lacking(change(logs))
 
 
 def test_a_stroke_that_no_wire_has_is_a_wrong_unit(logs):
