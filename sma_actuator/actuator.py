@@ -24,7 +24,7 @@ from sma_actuator.base.signals import (
     Status,
     SupplyState,
 )
-from sma_actuator.config import Config
+from sma_actuator.config import Config, require_calibrated
 from sma_actuator.control.commanding import Commanding
 from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
@@ -42,7 +42,7 @@ from sma_actuator.safety.supervisor import Supervisor
 _log = logging.getLogger(__name__)
 
 #: An event without duration (a refused setpoint) stays in the status for this long.
-EVENT_SHOWN_S = 1.0
+EVENT_SHOWN_s = 1.0
 #: Readings that ``tare_load`` and ``measure_lead_resistance`` average, at the most.
 AVERAGED_READINGS = 20
 #: And at the least.
@@ -59,6 +59,7 @@ class Actuator:
     """Estimator, controller and supervisor of one wire.  Not thread-safe: one owner."""
 
     def __init__(self, config: Config):
+        require_calibrated(config)
         self._config = config
         self._chain = Chain(config)
         self._health = ModelHealth(config, config.supply.bias_current)
@@ -501,7 +502,7 @@ class Actuator:
         if self._commanding.lost:
             faults.setdefault(setpoint_stale, self._commanding.lost)
         for fault, (when_s, detail) in list(self._events.items()):
-            if 0.0 <= now_s - when_s <= EVENT_SHOWN_S:
+            if 0.0 <= now_s - when_s <= EVENT_SHOWN_s:
                 faults.setdefault(fault, detail)
             else:
                 del self._events[fault]

@@ -17,7 +17,7 @@ from sma_actuator.plant.loads import Weight
 SHIPPED = [Path(__file__).parents[1] / "config" / f"{model}.yaml" for model in ("flexinol", "furukawa")]
 LIVE = sorted({name for path in SHIPPED for name, _, declared, _ in walk(Config.load(path)) if declared.live})
 #: A pause without current, after which a wire is certainly cold, whatever was believed before.
-PAUSE_S = 3600.0
+PAUSE_s = 3600.0
 
 
 def lie(rig: Rig, **change: Callable[[Any], float]) -> None:
@@ -209,7 +209,7 @@ def life(config: Config, situation: Situation, told: Config | None = None, while
     rig = Rig(config.to_mapping())
     if told is not None and not while_driven:
         rig.actuator.update(told)
-    rig.skew_s += PAUSE_S
+    rig.skew_s += PAUSE_s
     rig.run(0.2)
     rig.outputs.clear()
     ok, sentence = rig.actuator.enable(rig.now_s, True)

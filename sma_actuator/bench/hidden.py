@@ -18,7 +18,7 @@ from sma_actuator.base.registry import Registry
 from sma_actuator.plant import physics
 from sma_actuator.plant.worlds import HOME, IN_TRAINING
 
-from .bench import RING, STEP_S, Setup, VirtualBench
+from .bench import RING, Setup, STEP_s, VirtualBench
 
 CHUNK = 10  #: samples over which what an effect does to the physics holds
 CURRENT, VOLTAGE, LOAD, POSITION, AMBIENT = range(5)  # columns of the ring
@@ -156,7 +156,7 @@ class ReferenceSelfHeating(Hidden):
     def read(self, rows, time_s):
         rise = 1.0 + self.strength * self.power_W
         power_W = float(np.mean(rows[:, CURRENT] ** 2)) * self.bench.setup.chain.reference_resistance_Ohm * rise
-        self.power_W += (1.0 - exp(-len(rows) * STEP_S / self.tau_s)) * (power_W - self.power_W)
+        self.power_W += (1.0 - exp(-len(rows) * STEP_s / self.tau_s)) * (power_W - self.power_W)
         rows[:, CURRENT] *= rise
 
 
@@ -384,7 +384,7 @@ class ReferenceLag(Hidden):
 
     def read(self, rows, time_s):
         start = rows[0, POSITION] if self.at_m != self.at_m else self.at_m
-        self.at_m = _lag(rows[:, POSITION].copy(), start, 1.0 - exp(-STEP_S / self.strength), rows[:, POSITION])
+        self.at_m = _lag(rows[:, POSITION].copy(), start, 1.0 - exp(-STEP_s / self.strength), rows[:, POSITION])
 
 
 @TWINS.register("reference_gain")
@@ -492,7 +492,7 @@ class ThermoVoltage(Hidden):
 
     def read(self, rows, time_s):
         rise_K = self._rise_K(self.bench._state)
-        self.rise_K += (1.0 - exp(-len(rows) * STEP_S / self.tau_s)) * (rise_K - self.rise_K)
+        self.rise_K += (1.0 - exp(-len(rows) * STEP_s / self.tau_s)) * (rise_K - self.rise_K)
         rows[:, VOLTAGE] += self.strength * self.rise_K
 
 
@@ -507,12 +507,12 @@ class ClockSkew(Hidden):
         self.past = np.empty(0)
 
     def read(self, rows, time_s):
-        keep = round(abs(self.strength) / STEP_S) + 2
+        keep = round(abs(self.strength) / STEP_s) + 2
         if not len(self.past):
             self.past = np.full(keep, rows[0, POSITION])
         known = np.concatenate((self.past, rows[:, POSITION]))
         late_s = abs(self.strength) * 0.5 * (1.0 - np.cos(2.0 * pi * time_s / self.period_s + self.phase))
-        at = np.arange(len(self.past), len(known)) - late_s / STEP_S
+        at = np.arange(len(self.past), len(known)) - late_s / STEP_s
         rows[:, POSITION] = np.interp(at, np.arange(len(known)), known)
         self.past = known[-keep:]
 
@@ -607,11 +607,11 @@ class HiddenBench(VirtualBench):
             n = min(CHUNK - self.samples % CHUNK, end - self.samples)
             before_m = self._stretch_m
             super()._run(n)
-            self._stretch_m = sum(each.stretch_m(self._state, self.time_s, n * STEP_S) for each in self.hidden)
+            self._stretch_m = sum(each.stretch_m(self._state, self.time_s, n * STEP_s) for each in self.hidden)
             at = np.arange(self._row - n, self._row) % RING
             rows = self._ring[at]
             rows[:, POSITION] += before_m + (self._stretch_m - before_m) * np.arange(1, n + 1) / n
-            time_s = np.arange(self.samples - n + 1, self.samples + 1) * STEP_S
+            time_s = np.arange(self.samples - n + 1, self.samples + 1) * STEP_s
             for each in self.hidden:
                 each.read(rows, time_s)
             self._ring[at] = rows

@@ -9,7 +9,13 @@ import numpy as np
 
 from .experiments import Experiment, IdentificationError
 
-QUANTITIES = ("resistance_min_Ohm", "resistance_max_Ohm", "displacement_min_m", "displacement_max_m")
+#: What is followed, with the words for a picture.
+EXTREMES = {
+    "resistance_min_Ohm": "smallest resistance [Ω]",
+    "resistance_max_Ohm": "largest resistance [Ω]",
+    "displacement_min_m": "smallest displacement [m]",
+    "displacement_max_m": "largest displacement [m]",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +58,8 @@ def fit_fatigue(experiments: Sequence[Experiment]) -> Fatigue:
     numbers, values = np.array(number)[order], np.array(rows)[order].T
     return Fatigue(
         numbers,
-        dict(zip(QUANTITIES, values, strict=True)),
-        {q: _line(numbers, v) for q, v in zip(QUANTITIES, values, strict=True)},
+        dict(zip(EXTREMES, values, strict=True)),
+        {q: _line(numbers, v) for q, v in zip(EXTREMES, values, strict=True)},
     )
 
 

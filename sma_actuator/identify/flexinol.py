@@ -17,6 +17,7 @@ from .experiments import Experiment
 from .fitting import Data
 from .material import RPhaseAlloy, asymptotes_from_material
 from .ranges import distinct_stresses, full_cycles, working_range_m
+from .unseen import Unseen, unseen_of
 
 STRESS_UNIT_Pa = 100e6  #: polynomials are fitted in units of this, so that their coefficients are of one size
 HIGHEST_ORDER = 3
@@ -35,6 +36,20 @@ class FlexinolFit:
         default_factory=dict
     )  #: held-out errors of the orders tried
     samples: dict[str, np.ndarray] = field(default_factory=dict)  #: bootstrap: (samples, coefficients) of every field
+    unseen: Unseen | None = None  #: how it does on cycles that its fits have not seen
+
+    @property
+    def bounds(self) -> list[str]:
+        """A sentence for every bound that binds."""
+        low, high = np.exp(_LOG_RATE)
+        return fitting.at_bound(
+            "transition_rate",
+            self.coefficients.transition_rate,
+            float(low),
+            float(high),
+            "1/Ω",
+            "the transition from one curve to the other is sharper or flatter than these logs can show",
+        )
 
 
 def fit_appendix_c(experiments: Sequence[Experiment], wire, order: int = 2) -> FlexinolFit:
@@ -84,15 +99,16 @@ def fit_joint(
     data = fitting.make_data(experiments, wire.full_stroke_m)
     problem = _Joint(experiments, wire, data)
     errors: dict[tuple[int, int], np.ndarray] = {}
+    begun: dict[tuple[int, int], np.ndarray] = {}
     if orders is None:
         highest = min(HIGHEST_ORDER, distinct_stresses(full_cycles(experiments)) - 1)
         tried = [(h, c) for h in range(1, highest + 1) for c in range(h, highest + 1)]
         for i, pair in enumerate(tried):
-            errors[pair] = fitting.held_out_errors(problem.builder(pair), problem.start(pair), data)
+            errors[pair], begun[pair] = fitting.held_out_errors(problem.builder(pair), problem.start(pair), data)
             progress(0.8 * (i + 1) / len(tried))
         orders = fitting.choose_simplest(errors, _degrees)
     build = problem.builder(orders)
-    found = fitting.fit(build, problem.start(orders), data)
+    found = fitting.fit(build, begun[orders] if orders in begun else problem.start(orders), data)
     progress(0.95)
     draws = fitting.bootstrap(build, found.x, data)
     samples = {
@@ -100,7 +116,9 @@ def fit_joint(
         for name in (*_NAMES, "initial_slope", "transition_rate")
     }
     progress(1.0)
-    return FlexinolFit(problem.coefficients(orders, found.x), orders, (), errors, samples)
+    held_out_m = fitting.held_out_m(build, found.x, data)
+    unseen = unseen_of(data.experiments, held_out_m, data.full_stroke_m)
+    return FlexinolFit(problem.coefficients(orders, found.x), orders, (), errors, samples, unseen)
 
 
 class _Joint:
@@ -108,8 +126,8 @@ class _Joint:
     resistance in mid-range and its slope [mm/Ω], as polynomials in stress; then a_0 [mm/Ω] and ln τ."""
 
     def __init__(self, experiments: Sequence[Experiment], wire, data: Data):
-        self._traces, self._wire, self._data = experiments, wire, data
-        resistance_Ohm = np.concatenate([t.resistance_Ohm for t in experiments])[data.counts]
+        self._experiments, self._wire, self._data = experiments, wire, data
+        resistance_Ohm = np.concatenate([t.resistance_Ohm for t in data.experiments])[data.counts]
         self._centre_Ohm = float(np.median(resistance_Ohm))
         self._ranges = stress_range_Pa(experiments), working_range_m(experiments, wire.full_stroke_m)
 
@@ -133,7 +151,7 @@ class _Joint:
     def start(self, orders: tuple[int, int]) -> np.ndarray:
         """The better of two: lines through the middle of each branch at each load, and lines from
         material properties (5.41–5.54); polynomials in stress through them."""
-        full = full_cycles(self._traces)
+        full = full_cycles(self._experiments)
         stress_Pa = np.array([t.mean_stress_Pa for t in full])
         area_m2 = self._wire.area_m2
         from_material = [asymptotes_from_material(RPhaseAlloy(), self._wire.length, area_m2, s) for s in stress_Pa]

@@ -148,11 +148,13 @@ def fit_furukawa_normalised(experiments: Sequence[Experiment], wire, order: int 
     def start(order: int) -> np.ndarray:
         return np.concatenate([[activation[0], activation[2]], *(polynomial.polyfit(stress, y, order) for y in ends)])
 
+    begun: dict[int, np.ndarray] = {}
     if order is None:
-        highest = min(HIGHEST_ORDER, distinct_stresses(full) - 1)
-        errors = {tried: fitting.held_out_errors(build, start(tried), data) for tried in range(1, highest + 1)}
+        errors = {}
+        for tried in range(1, min(HIGHEST_ORDER, distinct_stresses(full) - 1) + 1):
+            errors[tried], begun[tried] = fitting.held_out_errors(build, start(tried), data)
         order = fitting.choose_simplest(errors, int)
-    found = fitting.fit(build, start(order), data)
+    found = fitting.fit(build, begun[order] if order in begun else start(order), data)
     draws = [coefficients(theta) for theta in fitting.bootstrap(build, found.x, data)]
     names = ("martensite_resistivity", "activation", "mechanical_strain", "stroke_strain")
     return coefficients(found.x), {name: np.array([getattr(d, name) for d in draws]) for name in names}

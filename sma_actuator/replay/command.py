@@ -11,7 +11,7 @@ import numpy as np
 from rich.table import Table
 
 from sma_actuator.base.signals import Health
-from sma_actuator.config import Config
+from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.console import (
     add_output_arguments,
     notes,
@@ -72,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     reading, console = reading_of(args), notes(args)
     models = {}
     for path in args.config:
-        config = Config.load(path)
+        config = Config.for_tools(read_parameter_file(path), str(path))
         name = config.model_type if config.model_type not in models else f"{config.model_type} ({path.stem})"
         models[name] = config
     with progress_bar(args) as bar:

@@ -145,6 +145,34 @@ def _where_read(baseline, experiment: Experiment) -> np.ndarray:
     return out
 
 
+#: An error within this of what the model had on its own logs is the model's own.
+AS_AT_CALIBRATION = 1.5
+
+
+def verdict(replays: Sequence[Replay], config: Config) -> str:
+    """The verdict on the first model, in one sentence; ``config`` is its."""
+    name = next(iter(replays[0].errors))
+    errors = {
+        r.experiment.name: r.errors[name].full_percent for r in replays if math.isfinite(r.errors[name].full_percent)
+    }
+    if not errors:
+        return f"Nobody measured the displacement in {'these logs' if len(replays) > 1 else 'this log'}; {name} cannot be judged."
+    mean, worst = float(np.mean(list(errors.values()))), max(errors, key=lambda log: errors[log])
+    text = f"{name} errs by {mean:.2f} % of the full stroke"
+    if len(errors) > 1:
+        text += f" in the mean over {len(errors)} logs, most in {worst} ({errors[worst]:.2f} %)"
+    calibrated = config.calibration
+    if not calibrated.known:
+        return text + "; its file does not say how good it was on its own logs."
+    least = max(calibrated.error, calibrated.largest_error)
+    if errors[worst] <= AS_AT_CALIBRATION * least:
+        return text + f", no more than at its calibration ({calibrated.error:.2f} %, up to {least:.2f} % in one log)."
+    return (
+        text + f", where it was {calibrated.error:.2f} % at its calibration: something has changed; "
+        "`sma-actuator trace` looks for what."
+    )
+
+
 def winners(replays: Sequence[Replay]) -> list[tuple[str, list[str], list[str]]]:
     """(log, best in the working range, best in the full range); those as good as the best are all named."""
     return [

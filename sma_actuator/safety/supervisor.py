@@ -17,7 +17,7 @@ from .limits import STRESS_NEAR_LIMIT, TEMPERATURE_DERATING
 from .parameters import SafetySections
 from .records import Action, Fault, Guard, Limit, Memory, Step
 from .thermal import WireHeat, derated_limit_A
-from .timing import SETTLING_READINGS, SETTLING_TIME_S
+from .timing import SETTLING_READINGS, SETTLING_TIME_s
 
 _OFF = Command(0.0, False)
 
@@ -46,7 +46,7 @@ class Supervisor:
 
     def settled(self, now_s: float) -> bool:
         """Whether current and readings belong together since the output went on."""
-        return now_s - self._enabled_s >= SETTLING_TIME_S and self._good_readings >= SETTLING_READINGS
+        return now_s - self._enabled_s >= SETTLING_TIME_s and self._good_readings >= SETTLING_READINGS
 
     def latch(self, fault: Fault, detail: str) -> None:
         """Latch a fault; the first one stays, since it is the cause."""

@@ -22,7 +22,7 @@ HEADROOM_K = 5.0
 #: Surroundings no wire is driven in [°C]; a sensor that reads more is not believed.
 HOTTEST_AMBIENT_C = 100.0
 #: A sensor that falls below the usual temperature is followed at this rate: surroundings cool no faster.
-AMBIENT_FALL_K_S = 0.1
+AMBIENT_FALL_K_s = 0.1
 
 
 class HeatBalance:
@@ -70,7 +70,7 @@ class Ambient:
         usual_C = parameters.ambient_temperature
         self.doubt = "" if math.isnan(read_C) else self._doubt(read_C, parameters)
         believed_C = usual_C if self.doubt or math.isnan(read_C) else read_C
-        self.temperature_C = max(believed_C, min(self.temperature_C, usual_C) - AMBIENT_FALL_K_S * dt_s)
+        self.temperature_C = max(believed_C, min(self.temperature_C, usual_C) - AMBIENT_FALL_K_s * dt_s)
         return self.temperature_C
 
     def _doubt(self, read_C: float, parameters: ThermalParameters) -> str:

@@ -10,7 +10,7 @@ from sma_actuator.bench.hidden import FOREIGN, TWINS, HiddenBench, hidden_effect
 from sma_actuator.plant.worlds import WORLDS
 
 ALL = hidden_effects()
-SESSION_S = 36.0
+SESSION_s = 36.0
 STRENGTH = {
     "lead_resistance": 0.1,
     "contact_drift": 0.2,
@@ -78,7 +78,7 @@ REACHES = {
 }
 
 
-def drive(bench, seconds=SESSION_S):
+def drive(bench, seconds=SESSION_s):
     """Blocks of 50 samples, averaged, shape (n, 5), under full and incomplete pulses."""
     bench.supply.set_voltage(15.0)
     bench.supply.set_output(True)
@@ -105,7 +105,7 @@ LOADS = {
 
 
 def hidden(load="weight", seed=0, **effects):
-    return drive(HiddenBench.from_name("flexinol", seed=seed, load=LOADS[load], hidden=effects, session_s=SESSION_S))
+    return drive(HiddenBench.from_name("flexinol", seed=seed, load=LOADS[load], hidden=effects, session_s=SESSION_s))
 
 
 def displacement_m(rows):
@@ -286,7 +286,7 @@ def test_a_slip_shifts_from_then_on():
     rows = hidden(slip=5e-4)
     error = displacement_m(rows) - displacement_m(plain())
     jump = int(np.argmax(error > 2.5e-4))
-    assert SESSION_S * 20 / 3 - 1 <= jump <= SESSION_S * 20 * 2 / 3 + 1
+    assert SESSION_s * 20 / 3 - 1 <= jump <= SESSION_s * 20 * 2 / 3 + 1
     assert np.abs(error[: jump - 1]).max() < 1e-5 and np.abs(error[jump + 1 :] - 5e-4).max() < 1e-5
 
 

@@ -400,8 +400,10 @@ def test_the_command_writes_a_file_that_the_node_accepts_and_a_page(flexinol, tm
     summary = json.loads((tmp_path / "id.json").read_text())
     assert len(summary["intervals_95_percent"]["heating_slope"]) == 3 and len(summary["errors"]) == 8
     page = (tmp_path / "model.html").read_text()
-    for heading in ("Loops", "Coefficients against stress", "Transition curves", "Replay", "Fatigue"):
+    for heading in ("Coefficients against stress", "Transition curves", "Replay", "Fatigue"):
         assert heading in page
+    assert "ood for control from" in page.split("<figure")[0] and "thesis" not in page
+    assert "m/Ω/Pa²" in page and ">heating_slope<" not in page
     assert page.count("data:image/png") >= 6
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sma_actuator.base.parameters import declaration_of
-from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL
+from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL, QUANTITIES
 
 from .analysis import anatomy
 from .evidence import Evidence
@@ -114,7 +114,11 @@ def sentence(tracing: Tracing, depends: dict[str, float]) -> str:
         return text
     most = [name for name, share in depends.items() if share >= DEPENDS][:3]
     text = "There is an error that no candidate explains"
-    text += f"; it still depends on {', '.join(most)}." if most else "; it depends on nothing that was looked at."
+    text += (
+        f"; it still depends on {', '.join(QUANTITIES[name] for name in most)}."
+        if most
+        else "; it depends on nothing that was looked at."
+    )
     if names:
         text += (
             f" {' and '.join(names)} would take off part of it (that is the error after), and may be the wrong name."
@@ -136,8 +140,10 @@ def _effects(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
                 "name": name,
                 "stage": EFFECTS[name].PART,
                 "what": EFFECTS[name].WORDS,
+                "remedy": EFFECTS[name].REMEDY,
                 "parameters": {
                     p: {
+                        "what": declared[p].description,
                         "value": value,
                         "unit": declared[p].unit,
                         "interval": list(found.intervals[name].get(p, (value, value))),

@@ -19,10 +19,17 @@ def written(**changes):
         frame.load_N = frame.load_N - self.offset
 
     body = {
-        "__annotations__": {"offset": float, "PART": ClassVar[str], "WORDS": ClassVar[str], "TELL_TALE": ClassVar[str]},
+        "__annotations__": {
+            "offset": float,
+            "PART": ClassVar[str],
+            "WORDS": ClassVar[str],
+            "REMEDY": ClassVar[str],
+            "TELL_TALE": ClassVar[str],
+        },
         "offset": 0.0,
         "PART": "load cell",
         "WORDS": "it is off",
+        "REMEDY": "Switch it on.",
         "TELL_TALE": "stress_Pa",
         "measured": measured,
         "free": classmethod(lambda cls, scales: [size("offset", scales.load_N, 0.1)]),
@@ -38,6 +45,7 @@ def written(**changes):
         ({"TELL_TALE": "weather"}, "TELL_TALE is 'weather'"),
         ({"PART": "table"}, "PART is 'table'; one of circuit"),
         ({"WORDS": None}, "WORDS are missing"),
+        ({"REMEDY": None}, "a REMEDY is missing"),
         ({"free": None}, "free is missing"),
         ({"measured": None}, "it acts nowhere"),
         ({"shown": lambda self, frame, state, place: None}, "acts at 'shown'"),
@@ -82,4 +90,5 @@ def test_a_twin_lies_where_its_effect_does(monkeypatch):
 def test_the_words_go_on_after_a_name():
     for name, effect in EFFECTS.items():
         assert effect.WORDS[0].islower() and not effect.WORDS.endswith("."), name
+        assert effect.REMEDY[0].isupper() and effect.REMEDY.endswith("."), name
         assert any(hasattr(effect, stage) for stage in STAGES)
