@@ -36,6 +36,7 @@ HOLD_SHARE, HOLD_SCATTERS = 0.3, 4.0
 #: Cold is a wire that for so many time constants has been no warmer than this times what the bias current makes of it and
 #: this many kelvins.  The balance leaves latent heat out: a wire that transforms is warmer than it says.
 BIAS_RISES, COLD_K, COLD_TIMES = 1.5, 0.5, 6.0
+WARM_SHARE = 0.6  #: of what the bias current makes of it, before it is read: the calibration has it all
 #: Held is a wire whose rise stands, within this share of itself and this many kelvins, for so many time constants.
 BALANCE_SHARE, BALANCE_K, HOLD_TIMES = 0.05, 0.7, 2.0
 #: What it stands against: itself, lagging by so many time constants.
@@ -229,7 +230,8 @@ class ModelHealth:
         wait_s = (COLD_TIMES if kind == "cold" else HOLD_TIMES) * self._time_constant_s
         if not kind or time_s - self._begun_s < wait_s or time_s - self._read_s < AGAIN_s:
             return False
-        if estimate.quality is Quality.INVALID or not isfinite(signals.resistance_Ohm + signals.stress_Pa):
+        measured = estimate.quality is not Quality.INVALID and isfinite(signals.resistance_Ohm + signals.stress_Pa)
+        if not measured or self._rise_K < WARM_SHARE * self._bias_rise_K:
             self._window.clear()
             return False
         self._window.append((time_s, signals.resistance_Ohm, signals.stress_Pa))
