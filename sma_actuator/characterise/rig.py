@@ -120,7 +120,7 @@ class Rig:
 
 @contextlib.contextmanager
 def _terminate_as_interrupt() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP unwind the stack as Ctrl-C does, so that the output is switched off."""
+    """Let SIGTERM, SIGQUIT and SIGHUP unwind the stack as Ctrl-C does, so that the output is switched off."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -128,7 +128,7 @@ def _terminate_as_interrupt() -> Iterator[None]:
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    before = {number: signal.signal(number, interrupt) for number in (signal.SIGTERM, signal.SIGHUP)}
+    before = {number: signal.signal(number, interrupt) for number in (signal.SIGTERM, signal.SIGQUIT, signal.SIGHUP)}
     try:
         yield
     finally:
