@@ -29,7 +29,8 @@ from sma_actuator.console import (
     write_json,
 )
 from sma_actuator.derived import with_derived
-from sma_actuator.identify.fitters import METHODS
+from sma_actuator.diagnosis.extension import Extended, extend
+from sma_actuator.identify.fitters import FITTERS, METHODS
 from sma_actuator.identify.identification import Identification, identify
 from sma_actuator.identify.verdict import REGIONS
 from sma_actuator.logs.reading import add_log_arguments, read_logs, reading_of
@@ -90,6 +91,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--order", type=int, help="order of the stress polynomials (default: chosen on held-out cycles)"
     )
     parser.add_argument(
+        "--no-extension",
+        action="store_true",
+        help="do not look for effects that the model lacks on its own logs (default: what also helps logs held out is added)",
+    )
+    parser.add_argument("--jobs", type=int, default=2, help="processes of that search (default %(default)s)")
+    parser.add_argument(
         "--report", type=Path, metavar="FILE.html", help="page with the pictures (default: beside MODEL.yaml)"
     )
     add_log_arguments(parser)
@@ -119,9 +126,14 @@ def run(args: argparse.Namespace) -> int:
             lambda fraction: bar.update(fitting, completed=fraction),
         )
         bar.update(fitting, completed=1.0)
+        extended = None
+        if FITTERS[model].extended and not args.no_extension:
+            searching = bar.add_task("what it lacks", total=1.0)
+            extended = extend(result, args.jobs, lambda fraction: bar.update(searching, completed=fraction))
+            result = dataclasses.replace(extended.result, notes=[*extended.result.notes, *extended.sentences])
     write_page(page, result)
     write_model(args.out, result, page)
-    write_json(args, summary(result))
+    write_json(args, summary(result, extended))
     write_csv(args, [dataclasses.asdict(e) for e in result.errors])
     out = results(args)
     out.print(_table(result))
@@ -130,8 +142,12 @@ def run(args: argparse.Namespace) -> int:
     out.print(f"[bold]verdict[/bold]: {first}")
     for sentence in others:
         out.print(f"  {sentence}")
+    said = extended.sentences if extended else []
+    for sentence in said:
+        out.print(f"[bold]extension[/bold]: {sentence}")
     for note in result.notes:
-        console.print(f"note: {note}")
+        if note not in said:
+            console.print(f"note: {note}")
     console.print(f"wrote {args.out} and {page}")
     return 0 if result.verdict.good_for_control else NOT_GOOD
 
@@ -171,7 +187,7 @@ def write_model(path: Path, result: Identification, page: Path | None = None) ->
     write_parameter_file(path, result.mapping, header, result.reasons)
 
 
-def summary(result: Identification) -> dict:
+def summary(result: Identification, extended: Extended | None = None) -> dict:
     """The result for machines."""
     out = {
         "model": result.mapping["model"],
@@ -180,6 +196,13 @@ def summary(result: Identification) -> dict:
         "verdict": result.verdict.as_mapping(),
         "notes": result.notes,
     }
+    if extended:
+        out["extension"] = {
+            "added": list(extended.added),
+            "sentences": extended.sentences,
+            "error_before_pct_stroke": extended.before_percent,
+            "error_after_pct_stroke": extended.after_percent,
+        }
     if result.fatigue:
         out["fatigue"] = {name: dataclasses.asdict(d) for name, d in result.fatigue.drift.items()}
     return out
