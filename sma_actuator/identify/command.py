@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import yaml
 from rich.table import Table
 
@@ -19,8 +22,9 @@ from sma_actuator.console import (
     write_csv,
     write_json,
 )
+from sma_actuator.fleet import Finding, add_fleet_arguments, run_fleet
 from sma_actuator.logs.files import write_atomically
-from sma_actuator.logs.reading import add_log_arguments, read_logs, reading_of
+from sma_actuator.logs.reading import add_log_arguments, place, read_logs, reading_of
 
 from .fitters import METHODS
 from .identification import Identification, identify
@@ -31,13 +35,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "logs",
         nargs="+",
-        type=Path,
+        type=place,
         metavar="LOG",
         help="logs, folders or patterns of them; those of calibration and training are left out",
     )
     parser.add_argument(
         "--config",
-        type=Path,
+        type=place,
         required=True,
         metavar="BENCH.yaml",
         help="parameters of the bench (a model in it is replaced)",
@@ -69,11 +73,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--report", type=Path, metavar="FILE.html", help="page with the pictures (default: beside MODEL.yaml)"
     )
     add_log_arguments(parser)
+    add_fleet_arguments(parser, "wire")
     add_output_arguments(parser, "coefficients, intervals and errors", "the errors")
 
 
 def run(args: argparse.Namespace) -> int:
     """Fit, write and report; 0 when MODEL.yaml was written."""
+    if args.table:
+        asked = {name: getattr(args, name) for name in ("model", "method", "variant", "order")}
+        asked["reading"] = reading_of(args)
+        return run_fleet(args, "identify", fit_logs, args.logs, args.config, asked, True, str(args.out))
     from .page import write_page
 
     page = args.report or args.out.with_suffix(".html")
@@ -105,11 +114,36 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def fit_logs(paths: Sequence[Path], config: Path, options: Mapping[str, Any]) -> list[Finding]:
+    """The work on the logs of one wire of a fleet."""
+    mapping = read_parameter_file(config)
+    asked = (options[name] for name in ("model", "method", "variant", "order"))
+    result = identify(read_logs(paths, options["reading"]), mapping, *asked)
+    findings = []
+    for path in paths:
+        errors = [e.full_percent for e in result.errors if e.name.startswith(path.name)]
+        findings.append(
+            Finding(
+                "fitted" if errors else "left out",
+                ". ".join(result.notes),
+                error_percent=float(np.mean(errors)) if errors else float("nan"),
+                details={"errors": [dataclasses.asdict(e) for e in result.errors if e.name.startswith(path.name)]},
+                model=model_text(result),
+            )
+        )
+    return findings
+
+
 def write_model(path: Path, result: Identification) -> None:
     """Write the parameter file for the node, whole or not at all."""
-    text = "# Written by `sma-actuator identify`; 95 % intervals and pictures are in the page beside it.\n"
-    text += yaml.safe_dump({NODE_NAME: {"ros__parameters": result.mapping}}, sort_keys=False, allow_unicode=True)
+    text = model_text(result)
     write_atomically(path, lambda stream: stream.write(text.encode()))
+
+
+def model_text(result: Identification) -> str:
+    """The parameter file for the node."""
+    text = "# Written by `sma-actuator identify`; 95 % intervals and pictures are in the page beside it.\n"
+    return text + yaml.safe_dump({NODE_NAME: {"ros__parameters": result.mapping}}, sort_keys=False, allow_unicode=True)
 
 
 def summary(result: Identification) -> dict:
