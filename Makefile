@@ -31,7 +31,7 @@ docs: $(VENV)/ready
 	$(BIN)/python -m sphinx -b html --fail-on-warning --keep-going docs docs/_build
 
 coverage: $(VENV)/ready
-	$(BIN)/python -m pytest --cov --cov-report=term:skip-covered --cov-report=html:out/coverage
+	$(BIN)/python benchmarks/coverage_by_room.py
 
 $(VENV)/ready: setup.py constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is wanted; set PYTHON=python3.12 or so"; exit 1; }

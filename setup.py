@@ -14,7 +14,10 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/config", [str(path) for path in Path("config").glob("*.yaml")]),
+        (
+            f"share/{NAME}/config",
+            [str(path) for ending in ("yaml", "xml") for path in Path("config").glob(f"*.{ending}")],
+        ),
         (f"share/{NAME}/launch", [str(path) for path in Path("launch").glob("*.py")]),
         (f"share/{NAME}/urdf", [str(path) for path in Path("urdf").iterdir()]),
     ],

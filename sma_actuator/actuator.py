@@ -24,7 +24,7 @@ from sma_actuator.base.signals import (
     Status,
     SupplyState,
 )
-from sma_actuator.config import Config
+from sma_actuator.config import Config, require_calibrated
 from sma_actuator.control.commanding import Commanding
 from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
@@ -58,6 +58,7 @@ class Actuator:
     """Estimator, controller and supervisor of one wire.  Not thread-safe: one owner."""
 
     def __init__(self, config: Config):
+        require_calibrated(config)
         self._config = config
         self._chain = Chain(config)
         self._controller = config.controller.build(config.supply.bias_current)

@@ -174,11 +174,12 @@ class Driver:
         self._alive_s = math.inf  #: when the control thread last showed life; infinite while there is none
         self._hung = ""  #: what the watchman found, until the control thread goes on
         self._checked_s = -math.inf  #: when a setting of the supply was last looked at
-        self._cut = False  #: the watchman has shut the supply down, and the control thread has not noted it yet
+        self._cut = ""  #: why the watchman has shut the supply down, until the control thread has noted it
         self._thread: threading.Thread | None = None
         self._stopping = threading.Event()
         self._gate = threading.Lock()  #: guards _ended and the mailbox against each other
         self._opened = False
+        self._supply_opened = False  #: before that nothing is known of its output
         self._ended = False
         self._mailbox: collections.deque[tuple[Callable[[Actuator, float], Any], Future]] = collections.deque()
         self._setpoints: collections.deque[tuple[float, Callable[[Actuator, float], str]]] = collections.deque()
@@ -202,6 +203,7 @@ class Driver:
             for link in self._links:
                 link.instrument.open()
                 link.answers = True
+                self._supply_opened = True
             self._opened = True
         except BaseException:
             self._finish()
@@ -230,8 +232,8 @@ class Driver:
         else:
             self._thread.join(_JOIN_TIMEOUT_s)
             if self._thread.is_alive():
-                _log.warning("%s: an instrument holds up the loop; shutting the supply down beside it", self.name)
-                self._shut_down()
+                self._shut_down()  # before a word is said: what holds the loop up may be the log
+                _log.warning("%s: something holds up the loop; the supply was shut down beside it", self.name)
         return not self._may_flow
 
     def __enter__(self) -> Self:
@@ -336,6 +338,11 @@ class Driver:
     def hardware_id(self) -> str:
         """What the supply calls itself."""
         return self._supply_instrument.identity
+
+    @property
+    def output_is_off(self) -> bool:
+        """Whether the supply has read back that its output is off, and was told nothing else since."""
+        return self._supply_opened and not self._may_flow
 
     @property
     def output_words(self) -> str:
@@ -625,20 +632,19 @@ class Driver:
             silent_s = self._clock.now_s() - self._alive_s
             if self._hung or silent_s <= self._config.safety.reading_timeout:
                 continue
-            self._hung = (
-                f"no step for {silent_s:.3g} s; safety.reading_timeout is {self._config.safety.reading_timeout:g} s"
-            )
+            why = f"no step for {silent_s:.3g} s; safety.reading_timeout is {self._config.safety.reading_timeout:g} s"
+            self._hung = why
             if not (self._may_flow and self._supply.answers):
                 continue  # nothing flows, or the control thread is about to say off on a new connection
             try:
-                self._cut = True
+                self._cut = why
                 self._shut_down()
-                _log.error("%s: the control loop hangs (%s); %s", self.name, self._hung, self.output_words)
-                self._show_hang()
+                _log.error("%s: the control loop hangs (%s); %s", self.name, why, self.output_words)
+                self._show_hang(why)
             except Exception:  # noqa: BLE001 - the last pair of eyes must stay open
                 _log.exception("%s: the watchman failed", self.name)
 
-    def _show_hang(self) -> None:
+    def _show_hang(self, why: str) -> None:
         """Put out what is known while the control thread says nothing."""
         output = self._output
         if output is None or self._on_output is None:
@@ -648,7 +654,7 @@ class Driver:
             mode=Mode.OFF,
             fault=loop_hung.name,
             limits=(),
-            message=f"off: {loop_hung.words} ({self._hung})",
+            message=f"off: {loop_hung.words} ({why})",
             values=dict(output.status.values),
         )
         self._on_output(self._with_truth(dataclasses.replace(output, command=_OFF, status=status)))
@@ -656,8 +662,8 @@ class Driver:
     def _note_hang(self, now_s: float) -> None:
         """In the control thread, when it goes on: what the watchman has done is a fault."""
         if self._cut:
-            self._actuator.raise_fault(now_s, loop_hung.name, self._hung)
-            self._written, self._cut = None, False
+            self._actuator.raise_fault(now_s, loop_hung.name, self._cut)
+            self._written, self._cut = None, ""
         self._hung = ""
 
 
@@ -703,13 +709,13 @@ def _stop_at_exit(driver: Driver) -> None:
 
 @contextlib.contextmanager
 def signals_end_the_program() -> Iterator[None]:
-    """SIGTERM and SIGHUP raise SystemExit, as SIGINT raises KeyboardInterrupt: every ``finally`` and
+    """SIGTERM, SIGQUIT and SIGHUP raise SystemExit, as SIGINT raises KeyboardInterrupt: every ``finally`` and
     atexit function runs, so every driver is stopped.  For tools; in the main thread."""
 
     def leave(number: int, _frame: object) -> None:
         raise SystemExit(128 + number)
 
-    before = {number: signal.signal(number, leave) for number in (signal.SIGTERM, signal.SIGHUP)}
+    before = {number: signal.signal(number, leave) for number in (signal.SIGTERM, signal.SIGQUIT, signal.SIGHUP)}
     try:
         yield
     finally:

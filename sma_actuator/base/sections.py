@@ -86,10 +86,19 @@ class SupplyParameters:
     allow_no_watchdog: bool = parameter(
         False, "drive a supply that has no watchdog: a killed computer then leaves the current on"
     )
+    allow_shared_watchdog: bool = parameter(
+        False,
+        "drive a supply whose watchdog anybody's words feed: a bystander then keeps the current of a killed computer on",
+    )
     allow_single_session: bool = parameter(
         False,
         "drive a supply that has no watchdog and is not known to take a second session: one that hangs then leaves the "
         "current on",
+    )
+    allow_no_trips: bool = parameter(
+        False,
+        "drive a supply without an over-voltage or an over-current trip of its own: nothing in it then stands against a wrong "
+        "setting",
     )
 
 

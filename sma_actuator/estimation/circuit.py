@@ -20,9 +20,11 @@ from sma_actuator.base.signals import MEASURABLE, Reading, Signals, Value
 
 @dataclass(frozen=True, slots=True)
 class Circuit:
-    """The measuring circuit."""
+    """The measuring circuit.  What it is made of has no default: with another's the wire's resistance would be false."""
 
-    reference_resistance: float = parameter(1.0, "sense resistor in series with the wire", "Ω", 1e-4, 1e3)
+    reference_resistance: float = parameter(
+        nan, "sense resistor in series with the wire", "Ω", 1e-4, 1e3, optional=True
+    )
     lead_resistance: float = parameter(0.0, "leads between the voltage taps and the wire", "Ω", 0.0, 100.0)
 
 
@@ -30,8 +32,15 @@ class Circuit:
 class LoadCell:
     """Calibration of the load cell."""
 
-    slope: float = parameter(12.7297, "load per volt of the load cell's amplifier (thesis, A.1)", "N/V", -1e6, 1e6)
-    offset: float = parameter(-0.0598, "load at zero volts", "N", -1e6, 1e6)
+    slope: float = parameter(
+        nan, "load per volt of the load cell's amplifier (thesis, A.1: 12.7297)", "N/V", -1e6, 1e6, optional=True
+    )
+    offset: float = parameter(nan, "load at zero volts", "N", -1e6, 1e6, optional=True)
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether a voltage tells a load."""
+        return math.isfinite(self.slope) and math.isfinite(self.offset)
 
 
 @dataclass(frozen=True, slots=True)

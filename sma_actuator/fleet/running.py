@@ -97,7 +97,7 @@ def run_fleet(
         raise UserError(f"--jobs: {args.jobs} is too few; at least 1 is wanted")
     found = find([str(place) for place in places], args.wire_name, but=args.table)
     jobs = _jobs(found, command, work, str(config), options, together, read_table(args.table))
-    if not args.dask and str(config).count("://") == 0:
+    if config and not args.dask and "://" not in str(config):
         _check_configs(jobs)
     unread: list[str] = []
     rows: list[dict[str, Any]] = []
@@ -211,7 +211,7 @@ def _do(job: _Job) -> _Outcome:
                 inside.mkdir()
                 logs.append(fetch(place.url, inside))
                 names[str(logs[-1].path)] = place.url
-            config = text_of(job.config)
+            config = text_of(job.config) if job.config else ""
             rows = _rows_without_findings(job, logs, config)
             if all(key_of(row) in job.known for row in rows):
                 return _Outcome(job.number, [])

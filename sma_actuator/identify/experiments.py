@@ -86,7 +86,7 @@ def make_experiment(log: BenchLog, config, with_reference: bool = True) -> Exper
     Raises BenchLogError: no reference (where one is wanted), a saturated channel, or a log of another wire.
     """
     if with_reference:
-        require_reference(log)
+        require_reference(log, config)
     _same_wire(log, config)
     log = _as_the_node_read_it(log, config)
     _not_saturated(log, config)

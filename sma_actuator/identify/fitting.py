@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar, cast
 
@@ -119,31 +119,63 @@ def fit(
 
 
 def held_out_errors(build: Model, start: np.ndarray, data: Data) -> tuple[np.ndarray, np.ndarray]:
-    """Mean absolute error of every cycle, as a share of the full stroke, by fits that did not see it; and the fit to all.
+    """Mean absolute error of every cycle, as a share of the full stroke, by fits that did not see it; and the fit to all."""
+    theta = fit(build, start, data, max_evaluations=25).x
+    unit = data.unit[data.counts]
+    error = np.empty(len(unit))
+    for fold, _, found in _without_each_fold(build, theta, data):
+        left_out = unit % FOLDS == fold
+        error[left_out] = np.abs(found[left_out])
+    _, index = np.unique(unit, return_inverse=True)
+    return np.bincount(index, error) / np.bincount(index), theta
+
+
+def held_out_m(build: Model, theta: np.ndarray, data: Data, used: Model | None = None) -> np.ndarray:
+    """Displacement of every sample of ``data``, also of those that do not count, by fits that did not see its cycle.
+
+    ``theta``: the fit to all of them; ``used``: the model that is used, where that is not the one that is fitted.
+    """
+    out = np.full(len(data.unit), np.nan)
+    for fold, moved, _ in _without_each_fold(build, theta, data):
+        left_out = data.unit % FOLDS == fold
+        out[left_out] = predict((used or build)(moved), data.experiments)[left_out]
+    return out
+
+
+def _without_each_fold(build: Model, theta: np.ndarray, data: Data) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    """Number of a fold, the fit without it, and what that leaves of the samples that count.
 
     Every FOLDS-th cycle is held out in turn; the model still runs through it, but nothing is
     learnt from it.  Each fit is one Gauss–Newton step from that to all of them, which is what a refit
     amounts to so near its optimum.
     """
-    theta = fit(build, start, data, max_evaluations=25).x
     jacobian, residual, robust = _linearised(build, theta, data)
     unit = data.unit[data.counts]
-    error = np.empty(len(residual))
     for fold in range(FOLDS):
         seen = unit % FOLDS != fold
         scale = np.sqrt(np.maximum(robust @ jacobian**2, 1e-300))
         weighted = jacobian[seen] / scale * robust[seen, None]
         normal, gradient = weighted.T @ (jacobian[seen] / scale), weighted.T @ residual[seen]
         step = np.linalg.lstsq(normal, gradient, rcond=1e-10)[0] / scale
-        found = residual
+        found, moved = residual, theta
         for share in (1.0, 0.3):  # too curved for a whole step, maybe; where no step helps the fit to all stands
             tried = residuals(build, theta - share * step, data, data.counts.astype(float))
             if _robust(tried[seen]) <= _robust(residual[seen]):
-                found = tried
+                found, moved = tried, theta - share * step
                 break
-        error[~seen] = np.abs(found[~seen])
-    _, index = np.unique(unit, return_inverse=True)
-    return np.bincount(index, error) / np.bincount(index), theta
+        yield fold, moved, found
+
+
+def at_bound(name: str, value: float, low: float, high: float, unit: str, means: str) -> list[str]:
+    """A sentence where a fitted value stands at the end of what the fit may take."""
+    if low * (1.0 + 1e-6) < value < high * (1.0 - 1e-6):
+        return []
+    return [
+        (
+            f"{name} stands at the end of what the fit may take ({value:.4g}, of {low:.4g} to {high:.4g} {unit}): {means}; its "
+            "interval says nothing"
+        )
+    ]
 
 
 def _robust(residual: np.ndarray) -> float:

@@ -17,6 +17,7 @@ from .experiments import Experiment
 from .fitting import Data
 from .material import RPhaseAlloy, asymptotes_from_material
 from .ranges import distinct_stresses, full_cycles, working_range_m
+from .unseen import Unseen, unseen_of
 
 STRESS_UNIT_Pa = 100e6  #: polynomials are fitted in units of this, so that their coefficients are of one size
 HIGHEST_ORDER = 3
@@ -35,6 +36,20 @@ class FlexinolFit:
         default_factory=dict
     )  #: held-out errors of the orders tried
     samples: dict[str, np.ndarray] = field(default_factory=dict)  #: bootstrap: (samples, coefficients) of every field
+    unseen: Unseen | None = None  #: how it does on cycles that its fits have not seen
+
+    @property
+    def bounds(self) -> list[str]:
+        """A sentence for every bound that binds."""
+        low, high = np.exp(_LOG_RATE)
+        return fitting.at_bound(
+            "transition_rate",
+            self.coefficients.transition_rate,
+            float(low),
+            float(high),
+            "1/Ω",
+            "the transition from one curve to the other is sharper or flatter than these logs can show",
+        )
 
 
 def fit_appendix_c(experiments: Sequence[Experiment], wire, order: int = 2) -> FlexinolFit:
@@ -101,7 +116,9 @@ def fit_joint(
         for name in (*_NAMES, "initial_slope", "transition_rate")
     }
     progress(1.0)
-    return FlexinolFit(problem.coefficients(orders, found.x), orders, (), errors, samples)
+    held_out_m = fitting.held_out_m(build, found.x, data)
+    unseen = unseen_of(data.experiments, held_out_m, data.full_stroke_m)
+    return FlexinolFit(problem.coefficients(orders, found.x), orders, (), errors, samples, unseen)
 
 
 class _Joint:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -16,6 +17,7 @@ from .experiments import Experiment
 from .fitting import Data
 from .flexinol import HIGHEST_ORDER, STRESS_UNIT_Pa, stress_range_Pa
 from .ranges import distinct_stresses, full_cycles, working_range_m
+from .unseen import Unseen, unseen_of
 
 ORDER_R = 2  #: G_2 R² + G_1 R + G_0 (5.55, 5.56)
 _LOG_RATE = (np.log(0.1), np.log(1000.0))  #: of η [1/Ω]
@@ -25,10 +27,24 @@ _LOG_RATE = (np.log(0.1), np.log(1000.0))  #: of η [1/Ω]
 class FurukawaFit:
     """What was found."""
 
-    coefficients: object  #: FurukawaCoefficients
+    coefficients: Any  #: FurukawaCoefficients
     order: int  #: of the stress polynomials
     order_errors: dict[int, np.ndarray] = field(default_factory=dict)  #: held-out errors of the orders tried
     samples: dict[str, np.ndarray] = field(default_factory=dict)  #: bootstrap: (samples, coefficients) of every field
+    unseen: Unseen | None = None  #: how it does on cycles that its fits have not seen
+
+    @property
+    def bounds(self) -> list[str]:
+        """A sentence for every bound that binds."""
+        low, high = np.exp(_LOG_RATE)
+        return fitting.at_bound(
+            "transition_rate",
+            self.coefficients.transition_rate,
+            float(low),
+            float(high),
+            "1/Ω",
+            "the transition from one curve to the other is sharper or flatter than these logs can show",
+        )
 
 
 def fit_furukawa(
@@ -69,7 +85,10 @@ def fit_furukawa(
     ]
     samples = {name: np.array([np.atleast_1d(getattr(d, name)) for d in draws]) for name in names}
     progress(1.0)
-    return FurukawaFit(problem.coefficients(order, found.x + shift, variant), order, errors, samples)
+    coefficients = problem.coefficients(order, found.x + shift, variant)
+    held_out_m = fitting.held_out_m(build, found.x, data, problem.user(order, variant))
+    unseen = unseen_of(data.experiments, held_out_m, data.full_stroke_m)
+    return FurukawaFit(coefficients, order, errors, samples, unseen)
 
 
 class _Curves:
@@ -105,6 +124,14 @@ class _Curves:
     def builder(self, order: int):
         """Parameter vector → model."""
         return lambda theta: self.coefficients(order, theta, self._variant).build(self._wire)
+
+    def user(self, order: int, variant: str):
+        """Parameter vector → model of ``variant``, as it is used."""
+        if variant != "average":
+            return self.builder(order)
+        return lambda theta: self.coefficients(order, theta + self.to_mean_of_all(order, theta), variant).build(
+            self._wire
+        )
 
     def start(self, order: int) -> np.ndarray:
         """Robust polynomials through the full cycles' heating and cooling samples."""

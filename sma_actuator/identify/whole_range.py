@@ -25,8 +25,9 @@ from sma_actuator.estimation.models.whole_range import (
 )
 
 from .experiments import Experiment, IdentificationError
-from .fitting import predict
+from .fitting import at_bound, predict
 from .ranges import distinct_stresses
+from .unseen import Unseen
 
 LEARNERS = 3
 UNITS = 10  #: tanh units of each
@@ -54,6 +55,15 @@ _KNOWN = np.array([1.0, 0.002, 3.0, 26.0, 24.0, 0.125, 0.07])
 _UNSURE = np.array([0.2, 0.0015, 3.0, 5.0, 6.0, 0.025, 0.02])
 _LEAST = np.array([0.2, 0.0, -30.0, 0.0, -60.0, 0.02, 0.02])
 _MOST = np.array([5.0, 0.03, 60.0, 120.0, 90.0, 0.5, 0.5])
+_NAMES = (
+    "the time constant over C/h",
+    "the growth of the heat loss",
+    "the latent heat of the R-phase",
+    "the latent heat",
+    "the apparent temperature per resistance",
+    "the shift of the loop with stress",
+    "the shift of the narrow loop with stress",
+)
 _PRIOR_WEIGHT = 3.0
 
 
@@ -73,6 +83,8 @@ class WholeRangeFit:
 
     coefficients: WholeRangeCoefficients
     held_out: HeldOut
+    unseen: Unseen  #: samples of cycles left out
+    bounds: list[str]  #: a sentence for every number of the heat balance that stands at the end of its range
 
 
 def fit_whole_range(
@@ -102,7 +114,22 @@ def fit_whole_range(
         curve_error,
         regions=regions(data.displacement[data.rows[measured]], partial, errors[1]),
     )
-    return WholeRangeFit(coefficients, held_out)
+    rows = data.rows[measured]
+    of_log = np.repeat(np.arange(len(experiments)), data.lengths)[rows]
+    unseen = Unseen(
+        log=of_log,
+        load_N=np.array([float(np.nanmean(t.signals.load_N)) for t in experiments])[of_log],
+        place_m=data.displacement[rows] * data.percent_m,
+        error_percent=errors[1],
+        partial=partial,
+    )
+    bounds = [
+        sentence
+        for name, value, least, most in zip(_NAMES, known, _LEAST, _MOST, strict=True)
+        if value <= least or value >= most
+        for sentence in at_bound(name, value, least, most, "", "these logs do not determine it")
+    ]
+    return WholeRangeFit(coefficients, held_out, unseen, bounds)
 
 
 def regions(place: np.ndarray, partial: np.ndarray, size: np.ndarray) -> dict[str, float]:

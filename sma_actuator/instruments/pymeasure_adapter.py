@@ -22,7 +22,7 @@ from sma_actuator.base.signals import SupplyState
 from . import InstrumentLost, InstrumentRefused, LimitsNotHeld
 from .parameters import InstrumentSections
 from .session import Session
-from .supply import SessionSupply, unsafe_states
+from .supply import Abilities, SessionSupply
 
 #: What is needed → names it has in pymeasure, in order of preference.
 NAMES = {
@@ -84,7 +84,7 @@ class PymeasureSupply(SessionSupply):
 
         Raises InstrumentLost or InstrumentRefused.
         """
-        self._acknowledged(unsafe_states(self._class.__name__, watchdog=False, second_session=False))
+        self._acknowledged(Abilities(self._class.__name__))
         if not self._session.off_lines:
             self._session.off_lines = self._off_on_paper()
         super().open()

@@ -15,7 +15,7 @@ from . import Clock, InstrumentRefused, LimitsNotHeld, WatchdogNotHeld
 from .dialect import Dialect, yes
 from .parameters import InstrumentSections
 from .session import OPENING_ANSWERS, Session
-from .supply import SessionSupply, unsafe_states
+from .supply import Abilities, SessionSupply
 
 #: The over-voltage trip sits this much above the compliance voltage, so that noise does not trip it.
 OVER_VOLTAGE_MARGIN = 1.1
@@ -180,7 +180,16 @@ class ScpiSupply(SessionSupply):
 
     def _arm_watchdog(self) -> None:
         wanted_s, dialect = self._limits.watchdog_timeout, self._dialect
-        self._acknowledged(unsafe_states(dialect.family, self._has_watchdog, dialect.second_session))
+        self._acknowledged(
+            Abilities(
+                dialect.family,
+                watchdog=self._has_watchdog,
+                watchdog_of_session=dialect.watchdog_fed_by == "session",
+                second_session=dialect.second_session,
+                over_voltage_trip="set_over_voltage" in dialect.commands and "over_voltage_setting" in dialect.queries,
+                over_current_trip="set_over_current" in dialect.commands and "over_current_setting" in dialect.queries,
+            )
+        )
         if not self._has_watchdog:
             self._tell("disarm_watchdog")
             return

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from sma_actuator.config import Config
+from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.console import (
     add_output_arguments,
     notes,
@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     reading, console = reading_of(args), notes(args)
     models = {}
     for path in args.config:
-        config = Config.load(path)
+        config = Config.for_tools(read_parameter_file(path), str(path))
         name = config.model_type if config.model_type not in models else f"{config.model_type} ({path.stem})"
         models[name] = config
     with progress_bar(args) as bar:
@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
 
 def judge_logs(paths: Sequence[Path], config: Path, options: Mapping[str, Any]) -> list[Finding]:
     """The work on one log of a fleet."""
-    model = Config.load(config)
+    model = Config.for_tools(read_parameter_file(config), str(config))
     replays = replay(read_logs(paths, options["reading"]), {model.model_type: model})
     word, said = verdict(replays, model)
     return [

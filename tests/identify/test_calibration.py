@@ -52,7 +52,7 @@ def test_a_model_of_any_size_keeps_its_errors_alone(identified, furukawa):
 
 
 class TestRests:
-    def trace(self, furukawa):
+    def experiment(self, furukawa):
         return make_experiment(furukawa.only("pulses")[0], bench_from_mapping(furukawa.mapping))
 
     def test_a_pulse_rests_cold_before_it_and_hot_at_its_end(self, furukawa):

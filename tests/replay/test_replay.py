@@ -9,10 +9,10 @@ import pytest
 from characterised import virtual_rig
 
 from sma_actuator.base.signals import Signals
+from sma_actuator.cli.identify import write_model
 from sma_actuator.cli.main import main
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
-from sma_actuator.identify.command import write_model
 from sma_actuator.identify.errors import log_error
 from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.identify.fitting import make_data

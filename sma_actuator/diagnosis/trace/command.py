@@ -9,12 +9,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import yaml
 from rich.console import Console
 from rich.table import Table
 
 from sma_actuator.base.parameters import ConfigError, to_mapping
-from sma_actuator.config import NODE_NAME, Config, read_parameter_file
+from sma_actuator.config import Config, parameter_text, read_parameter_file, write_parameter_file
 from sma_actuator.console import add_output_arguments, notes, progress_bar, refuse_to_overwrite, results, write_json
 from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.fleet import Finding, add_fleet_arguments, cluster, run_fleet
@@ -26,6 +25,8 @@ from sma_actuator.logs.reading import add_log_arguments, find_logs, place, read_
 from .evidence import Evidence
 from .race import trace
 from .report import extended, summary
+
+_HEADER = "Written by `sma-actuator trace`"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -99,13 +100,13 @@ def run(args: argparse.Namespace) -> int:
     for stale in written:
         if (args.out / stale).resolve() != args.config.resolve():
             (args.out / stale).unlink(missing_ok=True)  # of an earlier run: it would be taken for this one's
-    config = Config.from_mapping(mapping, str(args.config))
+    config = Config.for_tools(mapping, str(args.config))
     with progress_bar(args) as bar:
         task = bar.add_task("reading", total=1.0)
         if args.calibration:
             experiments = make_experiments(read_logs(args.calibration, reading, console.print), config)
             mapping["calibration"] = to_mapping(calibration_of(experiments, config))
-            config = Config.from_mapping(mapping, str(args.config))
+            config = Config.for_tools(mapping, str(args.config))
         logs = read_logs(args.logs, reading, console.print)
         evidence = Evidence(logs, config, args.beyond_floor)
         bar.update(task, completed=1.0)
@@ -123,10 +124,9 @@ def run(args: argparse.Namespace) -> int:
     path = args.out / "model.yaml"
     args.out.mkdir(parents=True, exist_ok=True)
     if model is not None:
-        Config.from_mapping(model, str(path))
+        Config.for_tools(model, str(path))
         report["model_file"] = str(path)
-        text = _yaml(model)
-        write_atomically(path, lambda stream: stream.write(text.encode()))
+        write_parameter_file(path, model, f"{_HEADER}; the evidence is in report.html beside it.")
     write_page(args.out / "report.html", evidence, tracing, report)
     text = json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     write_atomically(args.out / "report.json", lambda stream: stream.write(text.encode()))
@@ -140,7 +140,7 @@ def trace_logs(paths: Sequence[Path], config: Path, options: Mapping[str, Any]) 
     """The work on one log of a fleet."""
     mapping = read_parameter_file(config)
     evidence = Evidence(
-        read_logs(paths, options["reading"]), Config.from_mapping(mapping, str(config)), options["beyond_floor"]
+        read_logs(paths, options["reading"]), Config.for_tools(mapping, str(config)), options["beyond_floor"]
     )
     tracing = trace(evidence, options["only"], options["without"], jobs=1)
     report = summary(evidence, tracing)
@@ -153,14 +153,9 @@ def trace_logs(paths: Sequence[Path], config: Path, options: Mapping[str, Any]) 
             error_percent=report["error_before_pct_stroke"],
             error_after_percent=report["error_after_pct_stroke"],
             details=report,
-            model=_yaml(model) if model is not None else "",
+            model=parameter_text(model, f"{_HEADER} in a fleet.") if model is not None else "",
         )
     ]
-
-
-def _yaml(model: dict[str, Any]) -> str:
-    text = "# Written by `sma-actuator trace`; the evidence is in report.html beside it.\n"
-    return text + yaml.safe_dump({NODE_NAME: {"ros__parameters": model}}, sort_keys=False, allow_unicode=True)
 
 
 def _when(paths: list[Path]) -> str:

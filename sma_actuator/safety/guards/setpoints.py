@@ -27,7 +27,7 @@ FLOOD_BURST_MIN = 10
     each_step=False,
 )
 def setpoint_stale(age_s: float, by_joint_command: bool, config: SafetySections) -> str:
-    """Nobody has said for too long where the wire should be."""
+    """No setpoint has come for too long."""
     name = "joint_command_timeout" if by_joint_command else "setpoint_timeout"
     timeout_s = getattr(config.controller, name)
     if timeout_s == 0.0 or -timeout_s <= age_s <= timeout_s:
@@ -49,7 +49,7 @@ def setpoint_stale(age_s: float, by_joint_command: bool, config: SafetySections)
     each_step=False,
 )
 def no_motion(tries: int) -> str:
-    """Backing off did not help: what is seen of the wire has nothing to do with the current."""
+    """Full current moved nothing, and backing off did not help."""
     if tries < TRIES:
         return ""
     return f"backed off {tries} times running; is the estimate that of this wire and load?"
@@ -86,7 +86,7 @@ class Bucket:
     each_step=False,
 )
 def setpoint_flood(bucket: Bucket, now_s: float, config: SafetySections) -> str:
-    """Setpoints from a source gone mad."""
+    """Setpoints come faster than they can mean anything."""
     rate_Hz = config.safety.setpoint_flood_rate
     if bucket.take(now_s, rate_Hz):
         return ""
@@ -102,5 +102,5 @@ def setpoint_flood(bucket: Bucket, now_s: float, config: SafetySections) -> str:
     each_step=False,
 )
 def setpoint_not_finite(position_m: float) -> str:
-    """NaN or infinity on entry."""
+    """The setpoint is NaN or infinite."""
     return "" if isfinite(position_m) else f"setpoint {position_m}: a finite position in metres is wanted"
