@@ -27,8 +27,8 @@ from sma_actuator.characterise import Rig
 from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import Drive
 from sma_actuator.config import bench_from_mapping, read_parameter_file
-from sma_actuator.diagnosis.trace import Evidence, trace
 from sma_actuator.identify import identify
+from sma_actuator.identify.fitters import FITTERS
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.files import write_atomically
 
@@ -83,6 +83,12 @@ def off(logs: list[BenchLog]) -> list[BenchLog]:
     ]
 
 
+def identified(logs: list[BenchLog], mapping: dict, model: str):
+    """What the command ``identify`` makes of logs, with the search for what the model lacks."""
+    result = identify(logs, mapping, model)
+    return extend(result, jobs=1).result if FITTERS[model].extended else result
+
+
 def timed(work, *arguments, **options):
     """Seconds of one core, and the answer."""
     begun = time.process_time()
@@ -106,12 +112,12 @@ def main() -> int:
     all_logs, mapping = ten_logs(most)
     few = seldom(all_logs, most // 2500)
     for model in args.model:
-        compiled = identify(few, mapping, model)  # before the clock runs
+        compiled = identified(few, mapping, model)  # before the clock runs
         trace(Evidence(off(few), compiled.config), jobs=1, only=["voltage_offset"])
     for samples in args.samples:
         logs = seldom(all_logs, most // samples)
         for model in args.model:
-            identify_s, found = timed(identify, logs, mapping, model)
+            identify_s, found = timed(identified, logs, mapping, model)
             evidence_s, evidence = timed(Evidence, off(logs), found.config)
             trace_s, tracing = timed(trace, evidence, jobs=1)
             trace_s += evidence_s
