@@ -27,6 +27,8 @@ from sma_actuator.characterise import Rig
 from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import Drive
 from sma_actuator.config import bench_from_mapping, read_parameter_file
+from sma_actuator.diagnosis.extension import extend
+from sma_actuator.diagnosis.trace import Evidence, trace
 from sma_actuator.identify import identify
 from sma_actuator.identify.fitters import FITTERS
 from sma_actuator.logs.bench_log import BenchLog

@@ -22,6 +22,7 @@ from sma_actuator.base.streams import keep_standard_streams
 COMMANDS = {
     "demo": ("sma_actuator.cli.demo", "drive the virtual bench through the node, live in the terminal"),
     "bench": ("sma_actuator.bench.server", "the virtual bench: a wire behind two SCPI instruments"),
+    "check": ("sma_actuator.check", "whether a wire is wired as its parameters say; the watchdog put to the test"),
     "enable": ("sma_actuator.cli.remote.enable", "a running node: current on, the wire is held where it is"),
     "move": ("sma_actuator.cli.remote.move", "a running node: the wire to a position"),
     "stop": ("sma_actuator.cli.remote.stop", "a running node: every wire of its process off"),

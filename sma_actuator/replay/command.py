@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from sma_actuator.base.signals import Health
 from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.console import (
     add_output_arguments,
@@ -26,7 +27,7 @@ from sma_actuator.logs.bench_log import write_bench_log
 from sma_actuator.logs.errors import BenchLogError
 from sma_actuator.logs.reading import add_log_arguments, place, read_logs, reading_of
 
-from .replaying import Replay, replay, verdict, winners
+from .replaying import Replay, health, replay, verdict, winners
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,6 +59,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--save-log", type=Path, metavar="FILE.csv", help="also write the one log that is read as a bench log"
     )
     parser.add_argument("--report", type=Path, metavar="FILE.html", help="page with curves and loops")
+    parser.add_argument(
+        "--health", action="store_true", help="also what the node says of the first model's health on each log"
+    )
     add_log_arguments(parser)
     add_fleet_arguments(parser, "log")
     add_output_arguments(parser, "the errors", "the errors")
@@ -90,6 +94,9 @@ def run(args: argparse.Namespace) -> int:
     results(args).print(error_table(replays))
     for sentence in _beside_live(replays):
         console.print(sentence)
+    if args.health:
+        for r in replays:
+            results(args).print(_health_words(r, next(iter(models.values()))), markup=False)
     if args.report:
         write_page(args.report, replays, next(iter(models.values())))
         console.print(f"wrote {args.report}")
@@ -130,6 +137,12 @@ def _beside_live(replays: list[Replay]) -> list[str]:
         for r in replays
         if r.live_readings
     ]
+
+
+def _health_words(replayed: Replay, config: Config) -> str:
+    verdict, _ = health(replayed.experiment, config)
+    since = f" (since {verdict.since_s:.0f} s)" if verdict.state is Health.DUE else ""
+    return f"{replayed.experiment.name}: model health{since}: {verdict.words}"
 
 
 def error_table(replays: list[Replay]) -> Table:

@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from sma_actuator.base.signals import Signals
+from sma_actuator.base.signals import Signals, Verdict
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain, Estimates
+from sma_actuator.estimation.health import ModelHealth
 from sma_actuator.identify.errors import LogError, log_error
 from sma_actuator.identify.experiments import Experiment, make_experiment
 from sma_actuator.identify.fitting import make_data
@@ -55,6 +56,13 @@ def estimate(experiment: Experiment, config: Config, constant_load_N: float | No
             chain.reset()
         pieces.append(chain.run(_part(signals, slice(start, stop))))
     return pieces[0] if len(pieces) == 1 else _together(pieces)
+
+
+def health(experiment: Experiment, config: Config) -> tuple[Verdict, list[tuple[float, Verdict]]]:
+    """What the node would have said of its model's health at the end of a log, and when it changed its mind."""
+    judge = ModelHealth(config, config.supply.bias_current)
+    changes = judge.run(estimate(experiment, config))
+    return judge.verdict, changes
 
 
 def _part(signals: Signals, chosen: slice) -> Signals:
