@@ -192,7 +192,7 @@ class ModelHealth:
         self._usual_C, self._tolerance_K = thermal.ambient_temperature, thermal.ambient_tolerance
         self._range_m = config.model.build(config.wire).displacement_range_m
         ends = [
-            np.mean(values) if values else nan
+            float(np.mean(values)) if values else nan
             for values in (
                 calibration.cold_resistance,
                 calibration.hot_resistance,
