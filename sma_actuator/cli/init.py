@@ -25,7 +25,7 @@ from sma_actuator.config import (
     require_calibrated,
     write_parameter_file,
 )
-from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, write_json
+from sma_actuator.console import add_output_arguments, notes, questions, refuse_to_overwrite, results, write_json
 from sma_actuator.console.asking import Asking, read_answers
 from sma_actuator.derived import derived
 from sma_actuator.instruments.dialect import FOLDER, Dialect
@@ -116,7 +116,7 @@ def run(args: argparse.Namespace) -> int:
     asked = {question.name for question in QUESTIONS}
     for name in [name for name in answers if name not in asked]:
         _put(mapping, name, _value(name, answers.pop(name)))
-    asking = Asking(console, answers)
+    asking = Asking(questions(), answers)
     given = set()
     for question in QUESTIONS:
         if _get(mapping, question.name) is None and question.when(mapping):
