@@ -22,6 +22,7 @@ from sma_actuator.base.streams import keep_standard_streams
 COMMANDS = {
     "demo": ("sma_actuator.cli.demo", "drive the virtual bench through the node, live in the terminal"),
     "bench": ("sma_actuator.bench.server", "the virtual bench: a wire behind two SCPI instruments"),
+    "check": ("sma_actuator.check", "whether a wire is wired as its parameters say; the watchdog put to the test"),
     "enable": ("sma_actuator.cli.remote.enable", "a running node: current on, the wire is held where it is"),
     "move": ("sma_actuator.cli.remote.move", "a running node: the wire to a position"),
     "stop": ("sma_actuator.cli.remote.stop", "a running node: every wire of its process off"),
@@ -37,6 +38,7 @@ COMMANDS = {
         "sma_actuator.diagnosis.forward",
         "fit power-to-displacement physics to a real bench and find what it lacks",
     ),
+    "fleet": ("sma_actuator.fleet", "many wires at once: which of them drift, by what and since when"),
     "loop": (
         "sma_actuator.diagnosis.loop",
         "fit and draw isobaric loops: strain against temperature, kinetics compared",
