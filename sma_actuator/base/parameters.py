@@ -193,8 +193,9 @@ def look_up(cls: type, name: str) -> tuple[Declaration, str]:
     if "parameter" in field.metadata and not rest:
         return declaration_of(field), str(field.type)
     if "section" in field.metadata and rest:
-        inside: Any = field.metadata["variants"]()[field.metadata["type"]] if "variants" in field.metadata else None
-        return look_up(inside or field.default_factory, rest)
+        typed = "variants" in field.metadata
+        inside: Any = field.metadata["variants"]()[field.metadata["type"]] if typed else field.default_factory
+        return look_up(inside, rest)
     raise ConfigError(f"{name}: is no parameter")
 
 
