@@ -1,4 +1,4 @@
-# make demo   the node holds a wire of the virtual bench at setpoints, live in the terminal
+# make demo   the node holds a wire of the virtual bench at setpoints, live in the terminal (VIEW=1: in the browser too)
 # make test   every test
 # make check  format, lint, types and the floors of the house
 # make docs   the documentation with the API reference, warnings are errors
@@ -10,12 +10,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 DURATION ?= 60
 WIRE ?= flexinol
-EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
+EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
 .PHONY: attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range fleet forward clean
 
 demo: $(VENV)/ready
-	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION)
+	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
 
 # Most tests wait for processes: a third beside the two cores costs nothing.  A file stays together.
 test: $(VENV)/ready

@@ -20,6 +20,7 @@ from sma_actuator.base.errors import UserError
 
 COMMANDS = {
     "demo": ("sma_actuator.cli.demo", "drive the virtual bench through the node, live in the terminal"),
+    "view": ("sma_actuator.view", "a running node in the browser: what the wire does, gains, a stop button"),
     "bench": ("sma_actuator.bench.server", "the virtual bench: a wire behind two SCPI instruments"),
     "characterise": ("sma_actuator.characterise", "run the bench experiments and write logs"),
     "identify": ("sma_actuator.identify", "logs to a calibrated model file"),
