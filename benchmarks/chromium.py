@@ -83,8 +83,9 @@ class Chromium:
                 return answer["result"]
 
     async def open(self, address: str) -> None:
-        """Go to a page."""
+        """Go to a page, and wait until it is there."""
         await self.command("Page.navigate", url=address)
+        await self.wait_for("location.protocol !== 'about:' && document.readyState === 'complete'")
 
     async def value(self, expression: str) -> Any:
         """What an expression of JavaScript is in the page (a promise is awaited)."""
@@ -96,17 +97,16 @@ class Chromium:
         """The text of an element; empty where there is none."""
         return await self.value(f"document.querySelector({selector!r})?.textContent ?? ''")
 
-    async def wait_for(self, expression: str, timeout_s: float = 60.0) -> Any:
-        """Poll until an expression is true; its value."""
+    async def wait_for(self, expression: str, timeout_s: float = 60.0) -> None:
+        """Poll until an expression is true."""
         deadline_s = time.monotonic() + timeout_s
-        while not (value := await self.value(expression)):
+        while not await self.value(f"Boolean({expression})"):
             if time.monotonic() > deadline_s:
                 shown = await self.value("document.body.innerText")
                 raise AssertionError(
                     f"{expression} did not become true within {timeout_s:g} s; the page shows:\n{shown}"
                 )
             await asyncio.sleep(0.05)
-        return value
 
     async def click(self, selector: str) -> None:
         """Press the mouse in the middle of an element, as a person does: what covers it gets the press."""

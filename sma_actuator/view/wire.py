@@ -188,8 +188,8 @@ class Wire:
     async def watch(self) -> None:
         """Look after the node for ever: whether it is there, and what it offers when it has come anew."""
         while True:
-            identity, services = await self._in_ros(self._look)
-            present = bool(identity) and time.monotonic() - self._heard_s < SILENCE_s
+            identity, switchable, services = await self._in_ros(self._look)
+            present = bool(identity) and switchable and time.monotonic() - self._heard_s < SILENCE_s
             if present != self.present or services != self.services:
                 self.present, self.services = present, services
                 self.version += 1
@@ -258,8 +258,8 @@ class Wire:
         self._kinds[name] = kind
         self._clients[name] = self._ros.create_client(kind, f"{self.node}/{name}")
 
-    def _look(self) -> tuple[frozenset[bytes], list[str]]:
-        """Who publishes the status, and which services are offered that want no argument."""
+    def _look(self) -> tuple[frozenset[bytes], bool, list[str]]:
+        """Who publishes the status, whether the wire can be switched, and which services want no argument."""
         publishers = self._ros.get_publishers_info_by_topic(f"{self.node}/status")
         offered = []
         for full, kinds in self._ros.get_service_names_and_types():
@@ -270,7 +270,8 @@ class Wire:
             if name not in self._clients:
                 self._client(name, kind)
             offered.append(name)
-        return frozenset(bytes(p.endpoint_gid) for p in publishers), sorted(offered)
+        switchable = all(self._clients[name].service_is_ready() for name in ("enable", "stop"))
+        return frozenset(bytes(p.endpoint_gid) for p in publishers), switchable, sorted(offered)
 
     async def _read_parameters(self) -> None:
         listed = await self._ask("list_parameters", ListParameters.Request())

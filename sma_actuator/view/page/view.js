@@ -121,9 +121,7 @@ function plot(place, height, columns, series, axes, bands = []) {
   };
 }
 
-function timeAxis(show) {
-  return { values: (_, splits) => splits.map((v) => (show ? clock(v) : "")), size: show ? 40 : 12, space: 90 };
-}
+const timeAxis = { values: (_, splits) => splits.map(clock), space: 90 };
 
 const drawPosition = plot(
   $("position-plot"), 300,
@@ -133,14 +131,15 @@ const drawPosition = plot(
     line("+95 %", "rgba(31,95,174,.35)", { width: 1 }), line("−95 %", "rgba(31,95,174,.35)", { width: 1 }),
     line("reference", "#1c2733"), line("estimate", "#1f5fae", { width: 2 }),
   ],
-  [timeAxis(true), { label: "displacement [mm]", size: 60 }],
+  // An empty axis on the right, so that the two plots stand exactly over each other.
+  [timeAxis, { label: "displacement [mm]", size: 60 }, { side: 1, size: 60, label: " ", values: (_, s) => s.map(() => ""), grid: { show: false }, ticks: { show: false } }],
   [{ series: [3, 4], fill: "rgba(31,95,174,.12)" }],
 );
 const drawHeat = plot(
   $("heat-plot"), 200,
   ["current_A", "current_limit_A", "temperature_C"],
   [line("current [mA]", "#17794a"), line("limit [mA]", "#9fc9b3", { dash: [3, 3] }), line("temperature [°C]", "#b3201d", { scale: "C" })],
-  [timeAxis(true), { label: "current [mA]", size: 60 }, { scale: "C", side: 1, label: "temperature [°C]", size: 60, grid: { show: false } }],
+  [timeAxis, { label: "current [mA]", size: 60 }, { scale: "C", side: 1, label: "temperature [°C]", size: 60, grid: { show: false } }],
 );
 
 // --- resistance and displacement ---------------------------------------------------------------------
@@ -352,7 +351,7 @@ function scaleOf([low, high]) {
 
 function gainRow(name, declared) {
   const number = typeof declared.value === "number";
-  const label = el("label", { textContent: name, title: declared.description });
+  const label = el("label", { textContent: name.replace("controller.", ""), title: declared.description });
   const field = declared.choices.length
     ? el("select", {}, ...declared.choices.map((c) => el("option", { textContent: c })))
     : el("input", { type: "text", inputMode: number ? "decimal" : "text", title: declared.description });
