@@ -17,9 +17,9 @@ EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completio
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
 
-# Most tests wait for processes: a third beside the two cores costs nothing.  A file stays together.
+# Most tests wait for processes: a third beside the two cores costs nothing.  A class, or a file's functions, stay together.
 test: $(VENV)/ready
-	$(BIN)/python -m pytest -n 3 --dist loadfile
+	$(BIN)/python -m pytest -n 3 --dist loadscope --no-loadscope-reorder
 
 check: $(VENV)/ready
 	$(BIN)/ruff format --check .
@@ -31,7 +31,7 @@ docs: $(VENV)/ready
 	$(BIN)/python -m sphinx -b html --fail-on-warning --keep-going docs docs/_build
 
 coverage: $(VENV)/ready
-	$(BIN)/python -m pytest --cov --cov-report=term:skip-covered --cov-report=html:out/coverage
+	$(BIN)/python benchmarks/coverage_by_room.py
 
 $(VENV)/ready: setup.py constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is wanted; set PYTHON=python3.12 or so"; exit 1; }

@@ -3,6 +3,8 @@
 from .conversions import (
     command_current_message,
     diagnostic_status_from,
+    joint_command_from,
+    joint_command_message,
     joint_state_message,
     load_from,
     load_message,
@@ -21,6 +23,8 @@ from .conversions import (
 __all__ = [
     "command_current_message",
     "diagnostic_status_from",
+    "joint_command_from",
+    "joint_command_message",
     "joint_state_message",
     "load_from",
     "load_message",

@@ -90,6 +90,27 @@ def position_from(message: Float64) -> float:
     return message.data
 
 
+def joint_command_message(joint_name: str, position_m: float) -> JointState:
+    """Where a joint should be [m]."""
+    return JointState(name=[joint_name], position=[float(position_m)])
+
+
+def joint_command_from(message: JointState, joint_name: str) -> float:
+    """Where one joint should be [m], as it came: it may be NaN.
+
+    Raises ValueError with a sentence where the message does not say.
+    """
+    names = list(message.name)
+    if joint_name not in names:
+        raise ValueError(
+            f"joint command refused: it is for {', '.join(names) or 'no joint'}, and this joint is {joint_name}"
+        )
+    column = names.index(joint_name)
+    if column >= len(message.position):
+        raise ValueError(f"joint command refused: it has no position for {joint_name}")
+    return message.position[column]
+
+
 def trajectory_message(joint_name: str, times_s: list[float], positions_m: list[float]) -> JointTrajectory:
     """Positions [m] at times [s] from now."""
     message = JointTrajectory(joint_names=[joint_name])

@@ -117,3 +117,17 @@ class Status:
     limits: tuple[str, ...] = ()  #: names of the limits acting now
     message: str = ""  #: the same in words
     values: dict[str, float | str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """Everything one step has to say."""
+
+    signals: Signals  #: of the last usable reading
+    estimate: Estimate
+    command: Command
+    status: Status
+    setpoint_m: float  #: what the controller was asked for, NaN where nothing
+    tare_N: float = 0.0  #: load that counts as zero
+    events: tuple[str, ...] = ()  #: what was asked, changed or went wrong since the step before
+    reading: Reading | None = None  #: as it came from the DAQ, None where nothing came

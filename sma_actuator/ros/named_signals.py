@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from math import nan
 
-from sma_actuator.actuator import Output
-from sma_actuator.base.signals import Quality
+from sma_actuator.base.signals import Output, Quality
 from sma_actuator.logs.recorder import recorded_row
 
 #: Of the status, which holds them already.

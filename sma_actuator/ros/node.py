@@ -31,6 +31,7 @@ from geometry_msgs.msg import WrenchStamped
 from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
@@ -40,10 +41,10 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from sma_actuator.actuator import Output
 from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.base.signals import Mode, Quality, Status
+from sma_actuator.base.signals import Mode, Output, Quality, Status
+from sma_actuator.base.streams import keep_standard_streams
 from sma_actuator.config import NODE_NAME, Config
 from sma_actuator.driver import Driver, DriverStopped
 from sma_actuator.instruments import InstrumentError, open_daq, open_supply
@@ -52,6 +53,7 @@ from sma_actuator.logs.recorder import BenchLogRecorder
 from sma_msgs_py import (
     command_current_message,
     diagnostic_status_from,
+    joint_command_from,
     joint_state_message,
     load_message,
     position_from,
@@ -80,8 +82,8 @@ GIL_INTERVAL_s = 0.1e-3
 #: How often the main thread looks whether a signal was noted.
 SIGNAL_INTERVAL_s = 0.05
 
-#: A trajectory of some thousand points; see ``_on_trajectory``.
-LONGEST_TRAJECTORY_B = 500_000
+#: A trajectory of some thousand points, a command for some hundred joints; see ``_make_interface``.
+LONGEST_TRAJECTORY_B, LONGEST_JOINT_COMMAND_B = 500_000, 20_000
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _DEPTH = 10
@@ -140,6 +142,7 @@ class SmaActuatorNode(LifecycleNode):
         self._driver: Driver | None = None
         self._recorder: BenchLogRecorder | None = None
         self._active = False
+        self._left_off = False  #: the last instruments were given up with the output read back as off
         self._arming = threading.Lock()  #: held while the output goes on, and while the node stops being active
         self._refusal = ""
         self._monotonic = MonotonicClock()
@@ -186,6 +189,7 @@ class SmaActuatorNode(LifecycleNode):
         self.create_subscription(Float64, "~/setpoint", self._on_setpoint, _DEPTH)
         # As bytes: to make Python objects of a million points would hold up this thread, and the loop with it.
         self.create_subscription(JointTrajectory, "~/joint_trajectory", self._on_trajectory, _DEPTH, raw=True)
+        self.create_subscription(JointState, "~/joint_command", self._on_joint_command, _DEPTH, raw=True)
         for name in ("clear_fault", "reset_estimator", "tare_load", "measure_lead_resistance"):
             self.create_service(Trigger, f"~/{name}", self._trigger(name))
         self._change_state = self._service_change_state.callback
@@ -234,6 +238,23 @@ class SmaActuatorNode(LifecycleNode):
         delay_s = start_from(message, self.get_clock().now().nanoseconds)
         driver.offer_trajectory(times_s, positions_m, velocities_m_s, delay_s)
 
+    def _on_joint_command(self, serialized: bytes) -> None:
+        driver = self._driver
+        if len(serialized) > LONGEST_JOINT_COMMAND_B:
+            self.report(
+                f"joint command refused: its message has {len(serialized)} bytes, more than {LONGEST_JOINT_COMMAND_B}"
+            )
+            return
+        try:
+            position_m = joint_command_from(deserialize_message(serialized, JointState), self.config.joint_name)
+        except ValueError as error:
+            self.report(str(error))
+            return
+        if self._active and driver is not None:
+            driver.offer_joint_command(position_m)
+        elif math.isfinite(position_m):  # before a controller runs nobody commands anything
+            self.report(f"a joint command was ignored: {self._not_active()}")
+
     def on_enable(self, request: SetBool.Request, response: SetBool.Response) -> Any:
         """Switch the output on or off.  Called in the thread of the switch."""
         if not request.data:
@@ -246,11 +267,16 @@ class SmaActuatorNode(LifecycleNode):
         """Output off, in every state of the node and from any thread; whether it is, and the sentence that says so."""
         driver = self._driver
         if driver is None:
-            return True, "the output is off: no instruments are open"
+            if self._left_off:
+                return True, "the output is off: the supply said so before it was given up"
+            return (
+                False,
+                "not known: no instruments are open, so nobody can say whether the output is off; look at the supply",
+            )
         try:
             return driver.enable(False, timeout_s=CALL_TIMEOUT_s)
         except DriverStopped:
-            return True, f"the loop has ended; {driver.output_words}"
+            return driver.output_is_off, f"the loop has ended; {driver.output_words}"
         except TimeoutError as error:
             driver.submit(lambda actuator, now_s: actuator.enable(now_s, False))  # it stands until the loop can obey
             sentence = f"not confirmed: {error}; the output goes off as soon as the loop goes on, or by the watchdog"
@@ -305,8 +331,8 @@ class SmaActuatorNode(LifecycleNode):
     def callback_failed(self, error: Exception) -> None:
         """Take an exception that no message is to blame for as a fault: the output goes off, the node goes on."""
         words = f"{type(error).__name__} in a ROS callback: {error}"
-        trace = "".join(traceback.format_exception(error))
-        self.report(f"{words}\n{trace}")
+        experiment = "".join(traceback.format_exception(error))
+        self.report(f"{words}\n{experiment}")
         if self._driver is not None:
             self._driver.submit(lambda actuator, now_s: actuator.raise_fault(now_s, "unhandled_exception", words))
 
@@ -438,6 +464,7 @@ class SmaActuatorNode(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Open instruments and recorder and start the loop; no current can flow yet."""
         self._refusal = ""
+        self._left_off = False
         config = self.config
         try:
             if config.recorder.folder:
@@ -519,6 +546,8 @@ class SmaActuatorNode(LifecycleNode):
 
     def _give_up_driver(self) -> None:
         self.halt()
+        if self._driver is not None:
+            self._left_off = self._driver.output_is_off
         self._driver = self._recorder = None
 
     def _loop_failed(self, error: BaseException) -> None:
@@ -537,6 +566,7 @@ def main(arguments: list[str] | None = None) -> int:
     A signal is only noted: whatever it interrupts goes on, and the outputs are switched off by
     this thread, without ROS.
     """
+    keep_standard_streams()
     sys.setswitchinterval(GIL_INTERVAL_s)
     fatal: list[str] = []
     nodes: list[SmaActuatorNode] = []
@@ -545,7 +575,7 @@ def main(arguments: list[str] | None = None) -> int:
     with noted_signals() as interrupts:
         try:
             ros, names = _names(sys.argv[1:] if arguments is None else arguments)
-            rclpy.init(args=ros.rclpy, signal_handler_options=SignalHandlerOptions.NO)
+            _begin_ros(ros.rclpy)
             nodes += [SmaActuatorNode(name, ros, fatal.append) for name in names]
             switch = Switch(nodes, ros.rclpy)
             gc.collect()
@@ -558,11 +588,24 @@ def main(arguments: list[str] | None = None) -> int:
         except ConfigError as error:
             fatal += error.problems
         finally:
-            sentences = tuple(fatal)  # what is said while everything ends is no reason for ending
+            sentences = tuple(fatal)  # what comes after this is a consequence of ending
             _stop(nodes, threads, switch)
     for sentence in sentences:
         print(f"sma_actuator_node: {sentence}", file=sys.stderr)
     return 1 if sentences else 0
+
+
+def _begin_ros(arguments: list[str]) -> None:
+    """Join ROS 2; without a log file where none can be written: a wire can be driven, and switched off, without."""
+    try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except rclpy_implementation.RCLError as error:
+        if "logging" not in str(error):
+            raise
+        print(f"sma_actuator_node: going on without a log file of ROS 2: {error}", file=sys.stderr)
+        rclpy.try_shutdown()
+        without = ["--ros-args", *arguments[1:], "--disable-external-lib-logs"]
+        rclpy.init(args=without, signal_handler_options=SignalHandlerOptions.NO)
 
 
 def _names(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str]]:

@@ -385,6 +385,18 @@ class TestEnd:
         assert node.ends() == 0
         assert "Traceback" not in node.words
 
+    def test_it_drives_where_ros_can_write_no_log_and_a_quit_switches_off_too(
+        self, bench, parameters, start_node, client, monkeypatch
+    ):
+        monkeypatch.setenv("ROS_LOG_DIR", "/proc/none")
+        node = start_node(parameters())
+        _enabled(client)
+        wait_until(lambda: bench.current_A() > 0.04)
+        assert "going on without a log file of ROS 2" in node.words
+        node.popen.send_signal(signal.SIGQUIT)
+        wait_until(lambda: bench.current_A() == 0.0, 1.0, "end of the current")
+        assert node.ends() == 0
+
     def test_after_kill_9_the_supplys_watchdog_switches_off(self, bench, parameters, start_node, client):
         node = start_node(parameters(**{"supply.watchdog_timeout": 0.5}))
         _enabled(client)
