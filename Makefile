@@ -12,7 +12,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range fleet forward clean
+.PHONY: page attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range fleet forward clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
@@ -51,6 +51,11 @@ tables: $(VENV)/ready
 
 pictures: $(VENV)/ready
 	$(BIN)/python examples/draw_a_loop.py docs/pictures/loop.png
+
+# The page of the node in a headless Chromium: its picture, and whether its memory stays what it is.
+MINUTES ?= 30
+page: $(VENV)/ready
+	$(BIN)/python benchmarks/page.py --minutes $(MINUTES) --picture docs/pictures/view.png
 
 benchmarks: $(VENV)/ready
 	$(BIN)/python benchmarks/cost.py

@@ -22,7 +22,8 @@ SIGNAL_INTERVAL_s = 0.1
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``sma-actuator view``."""
-    parser.add_argument("--node", default=f"/{NODE_NAME}", help="the node, with its namespace (default %(default)s)")
+    parser.add_argument("--node", default=NODE_NAME, metavar="NAME", help="name of the node (default %(default)s)")
+    parser.add_argument("--namespace", default="/", metavar="NS", help="namespace of the node (default %(default)s)")
     parser.add_argument("--port", type=int, default=PORT, help="0: any that is free (default %(default)s)")
     parser.add_argument(
         "--host",
@@ -45,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
         raise UserError(f"needs the Python package '{error.name}', which is not installed") from error
     host = _address(args.host)
     config = Config.load(args.config) if args.config else None
-    node = "/" + args.node.strip("/")
+    node = "/".join(["", *filter(None, [args.namespace.strip("/"), args.node.strip("/")])])
     with noted_signals() as interrupts:
         wire = Wire(node)
         try:

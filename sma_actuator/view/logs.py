@@ -130,13 +130,13 @@ def replayed(log_path: Path, config: Config) -> dict[str, Any]:
     notes: list[str] = []
     logs = read_logs([log_path], ReadingOptions(), notes.append)
     (found,) = replay(logs, {"model": config})
-    signals, log = found.trace.signals, found.trace.log
+    signals, log = found.experiment.signals, found.experiment.log
     time_s = np.asarray(signals.time_s)
     every = -(-len(time_s) // MOST_ROWS)
     series = {
         "at_s": time_s - time_s[0],
         "displacement_estimate_m": found.estimates_m["model"],
-        "displacement_m": found.trace.displacement_m,
+        "displacement_m": found.experiment.displacement_m,
         **{name: getattr(signals, name) for name in ("current_A", "resistance_Ohm", "stress_Pa", "load_N", "power_W")},
         **{name: log[name] for name in _AS_THEY_ARE if name in log},
     }
@@ -145,7 +145,7 @@ def replayed(log_path: Path, config: Config) -> dict[str, Any]:
         for name, v in series.items()
     }
     error = found.errors["model"]
-    measured = bool(np.isfinite(found.trace.displacement_m).any())
+    measured = bool(np.isfinite(found.experiment.displacement_m).any())
     words = f"{len(time_s)} readings over {time_s[-1] - time_s[0]:.1f} s"
     if measured:
         words += (
