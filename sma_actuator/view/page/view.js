@@ -453,8 +453,7 @@ function sendSetpoint(mm) {
 
 $("setpoint").oninput = () => { touched = true; $("setpoint-mm").value = Number($("setpoint").value).toFixed(3); sendSetpoint(Number($("setpoint").value)); };
 $("setpoint").onchange = () => { touched = false; };
-$("setpoint-mm").onfocus = () => { touched = true; };
-$("setpoint-mm").onblur = (event) => { if (event.relatedTarget !== $("setpoint-send")) touched = false; };
+$("setpoint-mm").oninput = () => { touched = true; }; // what is typed stays until it is sent
 $("setpoint-send").onclick = () => { sendSetpoint(Number($("setpoint-mm").value)); touched = false; };
 $("setpoint-mm").onkeydown = (event) => { if (event.key === "Enter") $("setpoint-send").click(); };
 
