@@ -12,7 +12,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: page attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range fleet forward clean
+.PHONY: page attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range fleet forward health clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
@@ -79,6 +79,11 @@ own-baseline: $(VENV)/ready
 WHOLE ?=
 whole-range: $(VENV)/ready
 	$(BIN)/python benchmarks/whole_range.py $(WHOLE)
+
+# What the driver says of its model's health: false alarms in virtual hours on every physics, then drifts in growing strength.
+health: $(VENV)/ready
+	$(BIN)/python benchmarks/health.py
+	$(BIN)/python benchmarks/health.py --drifts
 
 # Trace many wires at once: one after the other, on this machine's cores, on a local Dask cluster.
 fleet: $(VENV)/ready

@@ -29,6 +29,7 @@ from sma_actuator.control.commanding import Commanding
 from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
 from sma_actuator.estimation.circuit import is_driven, signals_from_reading, without_undriven
+from sma_actuator.estimation.health import ModelHealth
 from sma_actuator.safety.faults import FAULTS, gravest
 from sma_actuator.safety.guards.estimate import estimate_invalid
 from sma_actuator.safety.guards.program import unhandled_exception
@@ -61,6 +62,7 @@ class Actuator:
         require_calibrated(config)
         self._config = config
         self._chain = Chain(config)
+        self._health = ModelHealth(config, config.supply.bias_current)
         self._controller = config.controller.build(config.supply.bias_current)
         self._supervisor = Supervisor(config)
         self._reach = Reach(config.wire.full_stroke_m, config.thermal.heat_capacity / config.thermal.heat_loss)
@@ -303,6 +305,7 @@ class Actuator:
         self._config = self._supervisor.config = config
         self._controller.set_gains(config.controller)
         self._chain.update(config)
+        self._health.update(config)
 
     # --- the step ---------------------------------------------------------------------------------
 
@@ -384,7 +387,17 @@ class Actuator:
         self._latched_told = latched
         changes, self._changes = tuple(self._changes), []
         status = self._status(faults, limits)
-        return Output(self._signals, self._estimate, self._told, status, setpoint_m, self._tare_N, changes, reading)
+        return Output(
+            self._signals,
+            self._estimate,
+            self._told,
+            status,
+            setpoint_m,
+            self._tare_N,
+            changes,
+            reading,
+            self._health.verdict,
+        )
 
     def _sense(self, reading: Reading) -> None:
         """Signals and estimate of a usable reading."""
@@ -392,6 +405,8 @@ class Actuator:
         self._reading_s = reading.time_s
         calibrated = without_undriven(signals_from_reading(reading, config, self._tare_N), config.supply.bias_current)
         self._signals, self._estimate = self._chain.step(calibrated)
+        if self._health.step(self._signals, self._estimate):
+            self._changes.append(f"model health: {self._health.verdict.words}")
         self._loads_N.append(self._signals.load_N + self._tare_N)
         self._power_W = 0.0
         if is_driven(calibrated.current_A, config.supply.bias_current):
