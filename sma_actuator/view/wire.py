@@ -156,7 +156,7 @@ class Wire:
         for status in response.status:
             self._note(status)
         words = "; ".join(f"{status.name}: {status.message}" for status in response.status)
-        if not response.passed:
+        if response.passed == b"\0":
             raise Refused(f"not passed: {words}")
         return f"passed: {words}"
 

@@ -37,7 +37,7 @@ def test_foxglove(config):
     layout = json.loads((LAYOUTS / "foxglove.json").read_text())
     (script,) = layout["userNodes"].values()
     named = set(re.findall(r'named\("(\w+)"\)', script["sourceCode"]))
-    assert named - {"uncertainty_m"} <= signals(config)
+    assert named <= signals(config)
     output = re.search('output = "(.+)"', script["sourceCode"])[1]
     plots = [panel for name, panel in layout["configById"].items() if name.startswith("Plot!")]
     paths = [path["value"] for plot in plots for path in plot["paths"]]

@@ -183,6 +183,7 @@ def test_what_the_wire_does_arrives_and_a_refused_gain_is_answered_in_the_nodes_
         assert not page.answers["setpoint"]["ok"]
 
         await page.enabled()
+        assert {"self_test", "tare_load"} <= set(page.told["state"]["services"])
         assert (await page.ask("setpoint", position_m=0.0025))["ok"]
         await page.until(lambda: abs((page.latest("displacement_estimate_m") or 0.0) - 0.0025) < 2e-4)
         assert stand.bench.truth()[0] == pytest.approx(0.0025, abs=5e-4)
@@ -235,8 +236,9 @@ def test_whatever_diagnoses_the_wire_is_shown(stand, client):
 
     async def work(page):
         await asyncio.to_thread(client.publish, "/diagnostics", DiagnosticArray(status=[said]))
-        await page.until(lambda: page.told.get("state", {}).get("diagnostics"))
-        (shown,) = page.told["state"]["diagnostics"]
+        names = {said.name, f"{NAME}: model health"}  # the latter is the node's own
+        await page.until(lambda: names <= {d["name"] for d in page.told.get("state", {}).get("diagnostics", [])})
+        shown = next(d for d in page.told["state"]["diagnostics"] if d["name"] == said.name)
         assert shown == {"level": 1, "name": said.name, "message": said.message, "values": {"since": "yesterday"}}
 
     with_page(stand, work)

@@ -287,7 +287,7 @@ let offered = "";
 
 function showState(state) {
   const status = state.status;
-  const words = !state.present ? "the node is not there (it is looked for)" : status ? status.message : "no status yet";
+  const words = !state.present ? "no word from the node: it is not there, or busy with a self-test (it is looked for)" : status ? status.message : "no status yet";
   $("status").textContent = words;
   $("status").className = !state.present ? "bad" : status ? LEVELS[status.level] : "";
   document.title = `${$("node").textContent}: ${words}`;
