@@ -21,6 +21,7 @@ from sma_actuator.base.streams import keep_standard_streams
 
 COMMANDS = {
     "demo": ("sma_actuator.cli.demo", "drive the virtual bench through the node, live in the terminal"),
+    "view": ("sma_actuator.view", "a running node in the browser: what the wire does, gains, a stop button"),
     "bench": ("sma_actuator.bench.server", "the virtual bench: a wire behind two SCPI instruments"),
     "check": ("sma_actuator.check", "whether a wire is wired as its parameters say; the watchdog put to the test"),
     "enable": ("sma_actuator.cli.remote.enable", "a running node: current on, the wire is held where it is"),
