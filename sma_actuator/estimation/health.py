@@ -202,7 +202,7 @@ class ModelHealth:
         ]
         self._bias_rise_K = self._bias_current_A**2 * ends[0] / thermal.heat_loss
         #: What a resistance that is wrong makes of the position.
-        self._m_per_Ohm = abs((ends[2] - ends[3]) / (ends[0] - ends[1])) if ends[0] != ends[1] else nan
+        self._m_per_Ohm = abs(float((ends[2] - ends[3]) / (ends[0] - ends[1]))) if ends[0] != ends[1] else nan
         self._bound_Ohm = float(
             max(STROKE_SHARE * config.wire.full_stroke_m / self._m_per_Ohm, SCATTERS * calibration.resistance_scatter)
         )
