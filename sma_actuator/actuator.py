@@ -9,6 +9,7 @@ from __future__ import annotations
 import collections
 import logging
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from math import inf, isfinite, nan
 
 from sma_actuator.base.parameters import ConfigError, walk
@@ -29,6 +30,8 @@ from sma_actuator.control.commanding import Commanding
 from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
 from sma_actuator.estimation.circuit import is_driven, signals_from_reading, without_undriven
+from sma_actuator.estimation.health import ModelHealth
+from sma_actuator.estimation.uncertainty import Uncertainty
 from sma_actuator.safety.faults import FAULTS, gravest
 from sma_actuator.safety.guards.estimate import estimate_invalid
 from sma_actuator.safety.guards.program import unhandled_exception
@@ -61,6 +64,8 @@ class Actuator:
         require_calibrated(config)
         self._config = config
         self._chain = Chain(config)
+        self._uncertainty = Uncertainty(config.model.build(config.wire), config.calibration)
+        self._health = ModelHealth(config, config.supply.bias_current)
         self._controller = config.controller.build(config.supply.bias_current)
         self._supervisor = Supervisor(config)
         self._reach = Reach(config.wire.full_stroke_m, config.thermal.heat_capacity / config.thermal.heat_loss)
@@ -303,6 +308,7 @@ class Actuator:
         self._config = self._supervisor.config = config
         self._controller.set_gains(config.controller)
         self._chain.update(config)
+        self._health.update(config)
 
     # --- the step ---------------------------------------------------------------------------------
 
@@ -384,14 +390,27 @@ class Actuator:
         self._latched_told = latched
         changes, self._changes = tuple(self._changes), []
         status = self._status(faults, limits)
-        return Output(self._signals, self._estimate, self._told, status, setpoint_m, self._tare_N, changes, reading)
+        return Output(
+            self._signals,
+            self._estimate,
+            self._told,
+            status,
+            setpoint_m,
+            self._tare_N,
+            changes,
+            reading,
+            self._health.verdict,
+        )
 
     def _sense(self, reading: Reading) -> None:
         """Signals and estimate of a usable reading."""
         config = self._config
         self._reading_s = reading.time_s
         calibrated = without_undriven(signals_from_reading(reading, config, self._tare_N), config.supply.bias_current)
-        self._signals, self._estimate = self._chain.step(calibrated)
+        self._signals, estimate = self._chain.step(calibrated)
+        self._estimate = replace(estimate, uncertainty_m=self._uncertainty.step(self._signals, estimate))
+        if self._health.step(self._signals, self._estimate):
+            self._changes.append(f"model health: {self._health.verdict.words}")
         self._loads_N.append(self._signals.load_N + self._tare_N)
         self._power_W = 0.0
         if is_driven(calibrated.current_A, config.supply.bias_current):
@@ -515,7 +534,7 @@ class Actuator:
             message=words,
             values={
                 "displacement_m": estimate.displacement_m if estimate.quality is not Quality.INVALID else nan,
-                "uncertainty_m": estimate.uncertainty_m if estimate.quality is not Quality.INVALID else nan,
+                "uncertainty_m": estimate.uncertainty_m,
                 "resistance_Ohm": signals.resistance_Ohm,
                 "current_A": signals.current_A,
                 "power_W": signals.power_W,

@@ -3,6 +3,7 @@
 from .conversions import (
     command_current_message,
     diagnostic_status_from,
+    health_status_from,
     joint_command_from,
     joint_command_message,
     joint_state_message,
@@ -23,6 +24,7 @@ from .conversions import (
 __all__ = [
     "command_current_message",
     "diagnostic_status_from",
+    "health_status_from",
     "joint_command_from",
     "joint_command_message",
     "joint_state_message",

@@ -234,6 +234,8 @@ class SimulatedDaq:
         first = bench.samples - n
         chain = bench.setup.chain
         read = convert(chain.channels(bench._ring[rows]), bench._noise.of(first, n), chain)
+        if "channel_reversed" in bench.faults:
+            read[:, CHANNELS.index(int(bench.faults["channel_reversed"]))] *= -1.0
         for name, reading in (("channel_saturated", SATURATED), ("channel_nan", nan)):
             if name in bench.faults:
                 read[:, CHANNELS.index(int(bench.faults[name]))] = reading

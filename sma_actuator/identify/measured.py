@@ -23,6 +23,7 @@ _TIMES_s = (0.05, 60.0)
 _CLEAR = 1.1  #: by how much worse a time constant half as long or twice must fit
 _MOVES = 0.2  #: of the fast motions of a log: slower ones do not say which way the wire goes
 _ALIKE = 0.002  #: share of the moving samples by which two lags may differ and be as good
+_UNUSUAL = 2.5  #: factor by which a wire may cool faster or more slowly than in still air
 _FLOWS = 0.02  #: share of the largest current above which a current counts as one
 
 
@@ -39,7 +40,11 @@ def measured(experiments: Sequence[Experiment], mapping: Mapping[str, Any], benc
     """Parameters by dotted name that the logs tell, each with how."""
     out: dict[str, Derived] = {}
     capacity_J_K = derived(mapping)["thermal.heat_capacity"]
+    by_geometry = derived({"wire": mapping["wire"]})
+    usual_s = by_geometry["thermal.heat_capacity"].value / by_geometry["thermal.heat_loss"].value
     time_constant_s = thermal_time_constant_s(experiments, bench.wire.full_stroke_m)
+    if time_constant_s is not None and not usual_s / _UNUSUAL < time_constant_s < usual_s * _UNUSUAL:
+        time_constant_s = None  # the resistance showed something else than cooling
     if time_constant_s is not None:
         capacity = mapping.get("thermal", {}).get("heat_capacity", capacity_J_K.value)
         out["thermal.heat_capacity"] = capacity_J_K

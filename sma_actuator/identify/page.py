@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sma_actuator.base.parameters import Declaration, declaration_of
+from sma_actuator.estimation.chain import Chain
 from sma_actuator.report import Page, figure
 
 from .fatigue import EXTREMES
@@ -47,7 +48,7 @@ def write_page(path: Path, result: Identification) -> None:
         page.heading("Transition curves")
         _transitions(page, result, model)
     _orders(page, result)
-    _experiments(page, result, model)
+    _experiments(page, result)
     _fatigue(page, result)
     page.write(path)
 
@@ -176,13 +177,14 @@ def _orders(page: Page, result: Identification) -> None:
     )
 
 
-def _experiments(page: Page, result: Identification, model) -> None:
+def _experiments(page: Page, result: Identification) -> None:
     page.heading("Replay")
     shown = result.experiments[:: max(1, len(result.experiments) // 6)]
     drawing, axes = figure(2, -(-len(shown) // 2), width_in=5.5, height_in=2.6)
     for ax, experiment in zip(axes.flat, shown, strict=False):
         ax.plot(experiment.signals.time_s, experiment.displacement_m * 1e3, lw=0.9, label="measured")
-        ax.plot(experiment.signals.time_s, predict(model, [experiment]) * 1e3, lw=0.9, label="model")
+        estimate_m = Chain(result.config).run(experiment.signals).displacement_m
+        ax.plot(experiment.signals.time_s, estimate_m * 1e3, lw=0.9, label="estimated")
         ax.set(title=experiment.name, xlabel="time [s]", ylabel="displacement [mm]")
     axes[0, 0].legend(fontsize=7)
     page.figure(drawing, "Displacement measured and estimated.", zoom=True)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.table import Table
 
+from sma_actuator.base.signals import Health
 from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.console import (
     add_output_arguments,
@@ -20,11 +22,12 @@ from sma_actuator.console import (
     write_csv,
     write_json,
 )
+from sma_actuator.fleet import Finding, add_fleet_arguments, run_fleet
 from sma_actuator.logs.bench_log import write_bench_log
 from sma_actuator.logs.errors import BenchLogError
-from sma_actuator.logs.reading import add_log_arguments, read_logs, reading_of
+from sma_actuator.logs.reading import add_log_arguments, place, read_logs, reading_of
 
-from .replaying import Replay, replay, winners
+from .replaying import Replay, health, replay, verdict, winners
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,13 +35,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "logs",
         nargs="+",
-        type=Path,
+        type=place,
         metavar="LOG",
         help="logs, folders or patterns of them; the node's recordings, rosbag2 and other makers' files among them",
     )
     parser.add_argument(
         "--config",
-        type=Path,
+        type=place,
         action="append",
         required=True,
         metavar="MODEL.yaml",
@@ -56,12 +59,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--save-log", type=Path, metavar="FILE.csv", help="also write the one log that is read as a bench log"
     )
     parser.add_argument("--report", type=Path, metavar="FILE.html", help="page with curves and loops")
+    parser.add_argument(
+        "--health", action="store_true", help="also what the node says of the first model's health on each log"
+    )
     add_log_arguments(parser)
+    add_fleet_arguments(parser, "log")
     add_output_arguments(parser, "the errors", "the errors")
 
 
 def run(args: argparse.Namespace) -> int:
     """Replay and judge; 0 when every log was replayed."""
+    if args.table:
+        return run_fleet(args, "replay", judge_logs, args.logs, args.config[0], {"reading": reading_of(args)})
     if args.report:
         from .page import write_page
     refuse_to_overwrite(args, args.report, args.save_log)
@@ -85,12 +94,30 @@ def run(args: argparse.Namespace) -> int:
     results(args).print(error_table(replays))
     for sentence in _beside_live(replays):
         console.print(sentence)
+    if args.health:
+        for r in replays:
+            results(args).print(_health_words(r, next(iter(models.values()))), markup=False)
     if args.report:
         write_page(args.report, replays, next(iter(models.values())))
         console.print(f"wrote {args.report}")
     write_json(args, rows)
     write_csv(args, rows)
     return 0
+
+
+def judge_logs(paths: Sequence[Path], config: Path, options: Mapping[str, Any]) -> list[Finding]:
+    """The work on one log of a fleet."""
+    model = Config.for_tools(read_parameter_file(config), str(config))
+    replays = replay(read_logs(paths, options["reading"]), {model.model_type: model})
+    word, said = verdict(replays, model)
+    return [
+        Finding(
+            word,
+            said,
+            error_percent=_mean([r.errors[model.model_type].full_percent for r in replays]),
+            details={"errors": error_rows(replays)},
+        )
+    ]
 
 
 def error_rows(replays: list[Replay]) -> list[dict[str, Any]]:
@@ -110,6 +137,12 @@ def _beside_live(replays: list[Replay]) -> list[str]:
         for r in replays
         if r.live_readings
     ]
+
+
+def _health_words(replayed: Replay, config: Config) -> str:
+    verdict, _ = health(replayed.experiment, config)
+    since = f" (since {verdict.since_s:.0f} s)" if verdict.state is Health.DUE else ""
+    return f"{replayed.experiment.name}: model health{since}: {verdict.words}"
 
 
 def error_table(replays: list[Replay]) -> Table:

@@ -66,6 +66,10 @@ class SetpointTimeout(Protocol):
     def setpoint_timeout(self) -> float:
         """Longest silence of the commander [s]."""
 
+    @property
+    def joint_command_timeout(self) -> float:
+        """Longest silence of a stream of joint commands [s]."""
+
 
 class CoolingWire(Protocol):
     """What a cooling wire shows of its heat, which the calibration says."""

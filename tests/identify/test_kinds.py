@@ -25,6 +25,7 @@ def model_of(flexinol, logs, out):
             str(flexinol.folder / "bench.yaml"),
             "--model",
             "flexinol",
+            "--no-extension",
             "--order",
             "2",
             "--out",

@@ -34,7 +34,7 @@ def foreign(flexinol, tmp_path_factory):
 def model(foreign, tmp_path_factory):
     """The model file that the command writes from them, second order."""
     out = tmp_path_factory.mktemp("model") / "my_wire.yaml"
-    assert main(["identify", str(foreign), *WIRE, "--order", "2", "--out", str(out), "-q"]) == 0
+    assert main(["identify", str(foreign), *WIRE, "--order", "2", "--no-extension", "--out", str(out), "-q"]) == 0
     return out
 
 

@@ -130,6 +130,10 @@ class TestHolding:
         } <= keys
         assert {"resistance_Ohm", "stress_Pa", "branch", "quality"} <= keys
         assert "Virtual Supply" in array.status[0].hardware_id
+        health = array.status[1]
+        assert (health.name, health.hardware_id) == (f"{ASKED}: model health", "sma_joint")
+        assert health.message.startswith("not known")
+        assert {"state", "due_for_s", "position_error_m", "cycles", "causes"} <= {pair.key for pair in health.values}
         first_s = time.monotonic()
         client.next("/diagnostics", DiagnosticArray)
         client.next("/diagnostics", DiagnosticArray)

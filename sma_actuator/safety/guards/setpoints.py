@@ -28,8 +28,9 @@ FLOOD_BURST_MIN = 10
 )
 def setpoint_stale(age_s: float, by_joint_command: bool, config: SafetySections) -> str:
     """No setpoint has come for too long."""
+    controller = config.controller
     name = "joint_command_timeout" if by_joint_command else "setpoint_timeout"
-    timeout_s = getattr(config.controller, name)
+    timeout_s = controller.joint_command_timeout if by_joint_command else controller.setpoint_timeout
     if timeout_s == 0.0 or -timeout_s <= age_s <= timeout_s:
         return ""
     return f"none for {age_s:.3g} s; controller.{name} is {timeout_s:g} s"
