@@ -12,7 +12,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range fleet forward clean
+.PHONY: attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds fleet forward clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION)
@@ -74,6 +74,12 @@ own-baseline: $(VENV)/ready
 WHOLE ?=
 whole-range: $(VENV)/ready
 	$(BIN)/python benchmarks/whole_range.py $(WHOLE)
+
+# The control loop with models identified from each wire's own logs, per physics of the bench, law beside law (about half
+# an hour the first time; options in CONTROL).
+CONTROL ?=
+control-worlds: $(VENV)/ready
+	$(BIN)/python benchmarks/control_worlds.py $(CONTROL)
 
 # Trace many wires at once: one after the other, on this machine's cores, on a local Dask cluster.
 fleet: $(VENV)/ready

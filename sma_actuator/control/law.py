@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from sma_actuator.base.parameters import parameter
 from sma_actuator.base.registry import Registry
+from sma_actuator.base.signals import Estimate, Signals
+
+if TYPE_CHECKING:
+    from sma_actuator.config import Config
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +32,13 @@ class ControllerParameters:
         "hold", "what to do when the setpoint is lost", choices=("hold", "bias", "off"), live=True
     )
 
-    def build(self, bias_A: float) -> ControlLaw:
-        """The law with these parameters, whose output lies between ``bias_A`` and the limit of each step."""
+    def build(self, config: Config) -> ControlLaw:
+        """The law with these parameters, whose output lies between ``supply.bias_current`` and the limit of each step."""
         raise NotImplementedError
+
+    def mismatches(self, config: Config) -> list[str]:
+        """Why this law cannot drive the wire of ``config``."""
+        return []
 
 
 class ControlLaw(Protocol):
@@ -53,6 +61,16 @@ class ControlLaw(Protocol):
 
         Arguments that are not finite give the bias current and change nothing.
         """
+
+
+@runtime_checkable
+class SensingLaw(Protocol):
+    """A control law that also looks at what is measured, whether the wire is driven or not."""
+
+    paced: bool  #: the wire cannot follow the setpoint so fast, and the law does not ask it to
+
+    def sense(self, signals: Signals, estimate: Estimate) -> None:
+        """Take note of a reading, before the step that it is used in."""
 
 
 def _refusal(_name: str, cls: type[ControllerParameters]) -> str:

@@ -16,6 +16,7 @@ from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.safety.thermal import HeatBalance, ThermalParameters
 
+from .balance import balance_of
 from .experiments import Experiment
 from .rests import find_rests
 
@@ -85,7 +86,7 @@ def calibration_of(traces: Sequence[Experiment], config: Config, at_rest: bool =
     values.update(_cooling(traces, config))
     values.update(_at_rest(traces, config.thermal.heat_capacity / config.thermal.heat_loss))
     values.update(_contracted(traces, config))
-    return Calibration(**values)
+    return Calibration(**values, **balance_of(traces, config, Calibration(**values)))
 
 
 def _rounded(values: np.ndarray, digits: int) -> tuple[float, ...]:
