@@ -12,14 +12,14 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds fleet forward clean
+.PHONY: attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds fleet forward health clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION)
 
-# Most tests wait for processes: a third beside the two cores costs nothing.  A file stays together.
+# Most tests wait for processes: a third beside the two cores costs nothing.  A class, or a file's functions, stay together.
 test: $(VENV)/ready
-	$(BIN)/python -m pytest -n 3 --dist loadfile
+	$(BIN)/python -m pytest -n 3 --dist loadscope --no-loadscope-reorder
 
 check: $(VENV)/ready
 	$(BIN)/ruff format --check .
@@ -31,7 +31,7 @@ docs: $(VENV)/ready
 	$(BIN)/python -m sphinx -b html --fail-on-warning --keep-going docs docs/_build
 
 coverage: $(VENV)/ready
-	$(BIN)/python -m pytest --cov --cov-report=term:skip-covered --cov-report=html:out/coverage
+	$(BIN)/python benchmarks/coverage_by_room.py
 
 $(VENV)/ready: setup.py constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is wanted; set PYTHON=python3.12 or so"; exit 1; }
@@ -80,6 +80,11 @@ whole-range: $(VENV)/ready
 CONTROL ?=
 control-worlds: $(VENV)/ready
 	$(BIN)/python benchmarks/control_worlds.py $(CONTROL)
+
+# What the driver says of its model's health: false alarms in virtual hours on every physics, then drifts in growing strength.
+health: $(VENV)/ready
+	$(BIN)/python benchmarks/health.py
+	$(BIN)/python benchmarks/health.py --drifts
 
 # Trace many wires at once: one after the other, on this machine's cores, on a local Dask cluster.
 fleet: $(VENV)/ready

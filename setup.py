@@ -10,12 +10,16 @@ setup(
     name=NAME,
     version="0.1.0",
     packages=find_packages(include=["sma_actuator", "sma_actuator.*", "sma_msgs_py", "sma_msgs_py.*"]),
-    package_data={"sma_actuator": ["**/*.yaml", "**/*.html"]},
+    package_data={"sma_actuator": ["**/*.yaml", "**/*.html", "**/*.js"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/config", [str(path) for path in Path("config").glob("*.yaml")]),
+        (
+            f"share/{NAME}/config",
+            [str(path) for ending in ("yaml", "xml") for path in Path("config").glob(f"*.{ending}")],
+        ),
         (f"share/{NAME}/launch", [str(path) for path in Path("launch").glob("*.py")]),
+        (f"share/{NAME}/urdf", [str(path) for path in Path("urdf").iterdir()]),
     ],
     python_requires=">=3.11",
     install_requires=[
@@ -50,6 +54,7 @@ setup(
             "pytest-timeout>=2.2",
             "pytest-cov>=5.0",
             "pytest-xdist>=3.5",
+            "xacro>=2.0",
         ],
     },
     entry_points={

@@ -27,7 +27,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from sma_actuator.bench.hidden import EFFECTS, FOREIGN
+from sma_actuator.bench.hidden import FOREIGN, TWINS
 from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import NODE_NAME
 from sma_actuator.logs.files import write_atomically
@@ -223,7 +223,7 @@ def _confusion(console: Console, single: list[dict], leave_out: bool) -> None:
     table.add_column("hidden")
     table.add_column("cases", justify="right")
     table.add_column("said")
-    for name in (*EFFECTS, *FOREIGN):
+    for name in (*TWINS, *FOREIGN):
         said = Counter(x["effects"][0] if x["effects"] else x["verdict"] for x in single if name in x["hidden"])
         if said:
             table.add_row(name, str(sum(said.values())), ", ".join(f"{k} {n}" for k, n in said.most_common()))

@@ -11,7 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from sma_actuator.actuator import Actuator
 from sma_actuator.base.parameters import ConfigError, declaration_of
-from sma_actuator.base.signals import Command, Mode, Reading, SupplyState
+from sma_actuator.base.signals import Command, Mode, Quality, Reading, SupplyState
 from sma_actuator.config import Config
 from sma_actuator.control import CONTROL_LAWS
 from sma_actuator.control.feed_forward import FeedForwardPidParameters
@@ -202,6 +202,30 @@ class AnyUse(RuleBasedStateMachine):
         if not math.isfinite(position_m):
             assert refusal
 
+    @rule(
+        position_m=anything | st.floats(0.0, 0.005),
+        late_s=anything | st.just(0.0),
+        near_m=st.none() | st.floats(-3e-4, 3e-4),
+    )
+    def anybody_streams_joint_commands(self, position_m, late_s, near_m):
+        estimate = self.output.estimate if self.output is not None else None
+        if near_m is not None and estimate is not None:
+            position_m = estimate.displacement_m + near_m
+        commanding = self.actuator._commanding
+        before, armed = (commanding.state, commanding.position_m(self.now_s)), commanding.armed
+        refusal = self.actuator.offer_joint_command(self.now_s - late_s, position_m)
+        assert isinstance(refusal, str)
+        after = (commanding.state, commanding.position_m(self.now_s))
+        if math.isnan(position_m):
+            assert repr(after) == repr(before), "NaN was followed"
+            assert not refusal or "faster than" in refusal, "NaN was called a fault"
+        elif math.isinf(position_m):
+            assert refusal
+            assert repr(after) == repr(before)
+        elif repr(after) != repr(before) and not armed:
+            near = abs(position_m - estimate.displacement_m) <= self.config.controller.arming_distance * 0.004 + 1e-12
+            assert near and estimate.quality is not Quality.INVALID, "the wire was to jump"
+
     @rule(points=st.lists(st.tuples(anything | numbers, anything | numbers), max_size=4))
     def anybody_sends_a_trajectory(self, points):
         self.actuator.offer_trajectory(self.now_s, [t for t, _ in points], [p for _, p in points])
@@ -218,6 +242,10 @@ class AnyUse(RuleBasedStateMachine):
         self.anybody_switches(True)
         self.go_well(math.ceil(0.5 * self.config.loop.rate), resistance_Ohm, load_N, noise)
         self.actuator.offer_setpoint(self.now_s, position_m)
+        self.go_well(5, resistance_Ohm, load_N, noise)
+        self.actuator.offer_joint_command(self.now_s, self.output.estimate.displacement_m)
+        self.go_well(2, resistance_Ohm, load_N, noise)
+        self.actuator.offer_joint_command(self.now_s, position_m)
         self.go_well(5, resistance_Ohm, load_N, noise)
 
     @rule(on=st.booleans())

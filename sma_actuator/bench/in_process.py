@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import nan
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sma_actuator.base.signals import Reading, SupplyState
+from sma_actuator.config import BenchConfig
 from sma_actuator.instruments import (
     InstrumentLost,
     InstrumentRefused,
@@ -20,9 +20,6 @@ from sma_actuator.instruments import (
 from .bench import VirtualBench
 from .chain import CHANNELS
 from .supply import SettingRefused
-
-if TYPE_CHECKING:
-    from sma_actuator.config import BenchConfig
 
 
 class VirtualClock:

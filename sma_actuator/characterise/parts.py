@@ -55,16 +55,16 @@ def lead_resistance(
 
 def load_cell(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
     """Load against voltage for a series of masses (appendix A)."""
-    recorded, volts = {}, []
+    recorded, voltage_V = {}, []
     for i, force_N in enumerate(part.parameters["forces_N"]):
         operator.hang_mass(force_N)
         log = _point(rig, part, i, progress, {"force_N": force_N})
         recorded[f"calibration/load_cell_{i:02d}"] = log
-        volts.append(float(np.mean(log["load_cell_voltage_V"])))
-    line = fit_line(volts, part.parameters["forces_N"], "load cell")
+        voltage_V.append(float(np.mean(log["load_cell_voltage_V"])))
+    line = fit_line(voltage_V, part.parameters["forces_N"], "load cell")
     return Outcome(
         recorded,
-        _line_results(line, volts, part.parameters["forces_N"]),
+        _line_results(line, voltage_V, part.parameters["forces_N"]),
         {"load_cell.slope": line.slope, "load_cell.offset": line.offset},
     )
 

@@ -104,7 +104,7 @@ class Rig:
 
     def _check(self, signals, count: int) -> None:
         stress_Pa, limit_Pa = signals.stress_Pa, self.config.wire.max_stress
-        if not stress_Pa <= limit_Pa:
+        if self.config.load_cell.calibrated and not stress_Pa <= limit_Pa:  # until then the bias current flows alone
             raise InstrumentRefused(
                 f"the wire's stress reads {stress_Pa / 1e6:.0f} MPa, above wire.max_stress, {limit_Pa / 1e6:.0f} MPa; "
                 "hang less, or check load_cell.slope and load_cell.offset"
@@ -120,7 +120,7 @@ class Rig:
 
 @contextlib.contextmanager
 def _terminate_as_interrupt() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP unwind the stack as Ctrl-C does, so that the output is switched off."""
+    """Let SIGTERM, SIGQUIT and SIGHUP unwind the stack as Ctrl-C does, so that the output is switched off."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -128,7 +128,7 @@ def _terminate_as_interrupt() -> Iterator[None]:
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    before = {number: signal.signal(number, interrupt) for number in (signal.SIGTERM, signal.SIGHUP)}
+    before = {number: signal.signal(number, interrupt) for number in (signal.SIGTERM, signal.SIGQUIT, signal.SIGHUP)}
     try:
         yield
     finally:

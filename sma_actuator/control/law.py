@@ -28,6 +28,22 @@ class ControllerParameters:
         3600.0,
         live=True,
     )
+    joint_command_timeout: float = parameter(
+        0.5,
+        "silence on the joint command topic that counts as lost, once one is followed",
+        "s",
+        0.02,
+        3600.0,
+        live=True,
+    )
+    arming_distance: float = parameter(
+        0.05,
+        "joint commands are followed from the first on that is this near the estimate, as a share of full stroke",
+        "1",
+        0.0,
+        1.0,
+        live=True,
+    )
     on_setpoint_loss: str = parameter(
         "hold", "what to do when the setpoint is lost", choices=("hold", "bias", "off"), live=True
     )

@@ -21,34 +21,34 @@ from .experiments import Experiment
 SHARES = np.linspace(0.0, 1.0, 11)  #: where the curves have a value, between them they are straight
 #: What is known of such wires before: latent over specific heat [K], shift with stress [K/Pa]; and how well.
 LATENT_K, LATENT_WITHIN_K = 25.0, 4.0
-SHIFT_K_PA, SHIFT_WITHIN_K_PA = 1.0 / 8e6, 0.3 / 8e6
-_MOVES_1_S = 0.01  #: share of the stroke per second that counts as motion
+SHIFT_K_Pa, SHIFT_WITHIN_K_Pa = 1.0 / 8e6, 0.3 / 8e6
+_MOVES_1_s = 0.01  #: share of the stroke per second that counts as motion
 _BEND_K = 3.0  #: what two neighbouring pieces of a curve may well differ by in slope, per distance of two values
 _SCATTER_K = 1.5  #: of a sample about its curve
 _FEWEST = 30  #: samples of a branch
 
 
-def balance_of(traces: Sequence[Experiment], config: Config, calibration: Calibration) -> dict:
+def balance_of(experiments: Sequence[Experiment], config: Config, calibration: Calibration) -> dict:
     """What ``calibration`` says of the transformation's temperatures; nothing where the logs do not."""
     if not (calibration.contracted_stress and calibration.cold_stress):
         return {}
     thermal = config.thermal
     rows, wanted = [], []
-    for trace in traces:
-        if trace.kind != "pulses" or not trace.constant_load:
+    for experiment in experiments:
+        if experiment.kind != "pulses" or not experiment.constant_load:
             continue
-        signals = trace.signals
-        share = calibration.share_of_stroke(trace.displacement_m, trace.stress_Pa)
+        signals = experiment.signals
+        share = calibration.share_of_stroke(experiment.displacement_m, experiment.stress_Pa)
         read_C = np.broadcast_to(signals.ambient_temperature_C, share.shape)
         settled_C = np.where(np.isfinite(read_C), read_C, thermal.ambient_temperature)
         settled_C = settled_C + np.nan_to_num(signals.power_W) / thermal.heat_loss
         lag_s = thermal.heat_capacity / thermal.heat_loss
         warm_C, slow = (_lagged(signals.time_s, v, lag_s) for v in (settled_C, share))
         rate_1_s = np.gradient(share, signals.time_s)
-        inside = (share > 0.03) & (share < 0.97) & np.isfinite(trace.stress_Pa + warm_C + share)
-        for branch, moving in enumerate((rate_1_s > _MOVES_1_S, rate_1_s < -_MOVES_1_S)):
-            here = inside & moving & (trace.driven if branch else ~trace.driven)
-            rows.append(_rows(branch, share[here], trace.stress_Pa[here], (share - slow)[here]))
+        inside = (share > 0.03) & (share < 0.97) & np.isfinite(experiment.stress_Pa + warm_C + share)
+        for branch, moving in enumerate((rate_1_s > _MOVES_1_s, rate_1_s < -_MOVES_1_s)):
+            here = inside & moving & (experiment.driven if branch else ~experiment.driven)
+            rows.append(_rows(branch, share[here], experiment.stress_Pa[here], (share - slow)[here]))
             wanted.append(warm_C[here])
     matrix, value_C = np.concatenate(rows), np.concatenate(wanted)
     n = len(SHARES)
@@ -91,9 +91,9 @@ def _known_before(n: int) -> tuple[np.ndarray, np.ndarray]:
             rows.append(row / _BEND_K)
             values.append(0.0)
         row = np.zeros(2 * n + 3)
-        row[2 * n + branch] = 1e-6 / SHIFT_WITHIN_K_PA
+        row[2 * n + branch] = 1e-6 / SHIFT_WITHIN_K_Pa
         rows.append(row)
-        values.append(SHIFT_K_PA / SHIFT_WITHIN_K_PA)
+        values.append(SHIFT_K_Pa / SHIFT_WITHIN_K_Pa)
     row = np.zeros(2 * n + 3)
     row[-1] = 1.0 / LATENT_WITHIN_K
     return np.array([*rows, row]), np.array([*values, LATENT_K / LATENT_WITHIN_K])

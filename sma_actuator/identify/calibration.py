@@ -11,10 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from sma_actuator.base.jit import jit
+from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.config import Config
 from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain
-from sma_actuator.safety.thermal import HeatBalance, ThermalParameters
+from sma_actuator.safety.thermal import HeatBalance
 
 from .balance import balance_of
 from .experiments import Experiment
@@ -27,31 +28,32 @@ STILL_SHARE = (
 SAME_STRESS = 0.06  #: share of the largest stress within which two are one
 
 
-def calibration_of(traces: Sequence[Experiment], config: Config, at_rest: bool = True) -> Calibration:
+def calibration_of(experiments: Sequence[Experiment], config: Config, at_rest: bool = True) -> Calibration:
     """The section ``calibration`` for a model and its own logs.
 
     ``at_rest``: with what a resting wire shows; left out for models of wires of any size.
     """
-    found = [Chain(config).run(t.signals) for t in traces]
-    traces = [t.through(estimate) for t, estimate in zip(traces, found, strict=True)]
+    found = [Chain(config).run(t.signals) for t in experiments]
+    experiments = [t.through(estimate) for t, estimate in zip(experiments, found, strict=True)]
     estimates = [estimate.displacement_m for estimate in found]
     full_m = config.wire.full_stroke_m
     errors = [
-        float(np.nanmean(np.abs(d - t.displacement_m))) / full_m * 100 for d, t in zip(estimates, traces, strict=True)
+        float(np.nanmean(np.abs(d - t.displacement_m))) / full_m * 100
+        for d, t in zip(estimates, experiments, strict=True)
     ]
     if not at_rest:
         return Calibration(error=float(np.mean(errors)), largest_error=max(errors))
-    residuals = [t.displacement_m - d for d, t in zip(estimates, traces, strict=True)]
+    residuals = [t.displacement_m - d for d, t in zip(estimates, experiments, strict=True)]
     model = config.model.build(config.wire)
     position_m = np.linspace(*_widened(model.displacement_range_m, estimates), POSITIONS)
-    stress_Pa = _clusters([t.mean_stress_Pa for t in traces])
+    stress_Pa = _clusters([t.mean_stress_Pa for t in experiments])
     parts = [
         _sums(position_m, stress_Pa, d, t.stress_Pa, t.heating, r)
-        for d, t, r in zip(estimates, traces, residuals, strict=True)
+        for d, t, r in zip(estimates, experiments, residuals, strict=True)
     ]
     total = np.sum(parts, axis=0)
     rests = []  # of each log, with the residuals of the others taken off
-    for part, d, t, r in zip(parts, estimates, traces, residuals, strict=True):
+    for part, d, t, r in zip(parts, estimates, experiments, residuals, strict=True):
         heating, cooling = _means(total - part if len(parts) > 1 else total)
         rests.append(r - expected_residual_m(position_m, stress_Pa, heating, cooling, d, t.stress_Pa, t.heating))
     scatter = [float(np.nanmean(np.abs(r))) / full_m * 100 for r in rests]
@@ -59,13 +61,13 @@ def calibration_of(traces: Sequence[Experiment], config: Config, at_rest: bool =
     squares = np.sum(
         [
             _sums(position_m, one_stress, d, np.zeros(len(r)), t.heating, r**2)
-            for d, t, r in zip(estimates, traces, rests, strict=True)
+            for d, t, r in zip(estimates, experiments, rests, strict=True)
         ],
         axis=0,
     )
     scatter_heating, scatter_cooling = (np.sqrt(m[0]) for m in _means(squares))
     heating, cooling = _means(total)
-    measured_C = [np.atleast_1d(t.signals.ambient_temperature_C) for t in traces]
+    measured_C = [np.atleast_1d(t.signals.ambient_temperature_C) for t in experiments]
     ambient = np.concatenate([a[np.isfinite(a)] for a in measured_C])
     values: dict = {
         "error": float(np.mean(errors)),
@@ -78,15 +80,15 @@ def calibration_of(traces: Sequence[Experiment], config: Config, at_rest: bool =
         "scatter_heating": _rounded(scatter_heating, 8),
         "scatter_cooling": _rounded(scatter_cooling, 8),
         "resistance_range": float(
-            np.subtract(*np.nanpercentile(np.concatenate([t.resistance_Ohm for t in traces]), (99.5, 0.5)))
+            np.subtract(*np.nanpercentile(np.concatenate([t.resistance_Ohm for t in experiments]), (99.5, 0.5)))
         ),
     }
     if len(ambient):
         values["ambient_temperature"] = float(ambient.mean())
-    values.update(_cooling(traces, config))
-    values.update(_at_rest(traces, config.thermal.heat_capacity / config.thermal.heat_loss))
-    values.update(_contracted(traces, config))
-    return Calibration(**values, **balance_of(traces, config, Calibration(**values)))
+    values.update(_cooling(experiments, config))
+    values.update(_at_rest(experiments, config.thermal.heat_capacity / config.thermal.heat_loss))
+    values.update(_contracted(experiments, config))
+    return Calibration(**values, **balance_of(experiments, config, Calibration(**values)))
 
 
 def _rounded(values: np.ndarray, digits: int) -> tuple[float, ...]:
@@ -168,12 +170,17 @@ def _look_up(position, stress, table, estimate, sample_stress, heating, out):
         out[i] = low * (1.0 - y) + high * y
 
 
-def _at_rest(traces: Sequence[Experiment], thermal_time_constant_s: float) -> dict:
+def _at_rest(experiments: Sequence[Experiment], thermal_time_constant_s: float) -> dict:
     points: dict[bool, list] = {False: [], True: []}
-    for trace in traces:
-        for rest in find_rests(trace, thermal_time_constant_s):
+    for experiment in experiments:
+        for rest in find_rests(experiment, thermal_time_constant_s):
             here = slice(rest.start, rest.stop)
-            values = (trace.stress_Pa, trace.resistance_Ohm, trace.displacement_m, trace.signals.power_W)
+            values = (
+                experiment.stress_Pa,
+                experiment.resistance_Ohm,
+                experiment.displacement_m,
+                experiment.signals.power_W,
+            )
             points[rest.hot].append([float(np.mean(v[here])) for v in values])
     out: dict = {}
     deviations = []
@@ -203,9 +210,9 @@ def _at_rest(traces: Sequence[Experiment], thermal_time_constant_s: float) -> di
     return out
 
 
-def _heat_balance_C(trace: Experiment, thermal: ThermalParameters) -> tuple[np.ndarray, np.ndarray]:
+def _heat_balance_C(experiment: Experiment, thermal: ThermalParameters) -> tuple[np.ndarray, np.ndarray]:
     """Temperature of the wire by the heat balance, and of its surroundings, of each sample."""
-    signals = trace.signals
+    signals = experiment.signals
     read_C = np.broadcast_to(signals.ambient_temperature_C, signals.time_s.shape)
     ambient_C = np.where(np.isfinite(read_C), read_C, thermal.ambient_temperature)
     heat = HeatBalance(float(ambient_C[0]))
@@ -219,15 +226,15 @@ def _heat_balance_C(trace: Experiment, thermal: ThermalParameters) -> tuple[np.n
     return wire_C, ambient_C
 
 
-def _cooling(traces: Sequence[Experiment], config: Config) -> dict:
+def _cooling(experiments: Sequence[Experiment], config: Config) -> dict:
     """How warm the heat balance called the wire when, cooling, it passed the middle of its working range."""
     middle_m = float(np.mean(config.model.build(config.wire).displacement_range_m))
     rows = []
-    for trace in traces:
-        wire_C, ambient_C = _heat_balance_C(trace, config.thermal)
-        long = trace.displacement_m > middle_m
-        passed = np.flatnonzero(long[1:] & ~long[:-1] & ~trace.driven[1:]) + 1
-        rows += [(float(trace.stress_Pa[i]), float(wire_C[i] - ambient_C[i])) for i in passed]
+    for experiment in experiments:
+        wire_C, ambient_C = _heat_balance_C(experiment, config.thermal)
+        long = experiment.displacement_m > middle_m
+        passed = np.flatnonzero(long[1:] & ~long[:-1] & ~experiment.driven[1:]) + 1
+        rows += [(float(experiment.stress_Pa[i]), float(wire_C[i] - ambient_C[i])) for i in passed]
     table = np.array(rows).reshape(-1, 2)
     table = table[np.isfinite(table).all(axis=1)]
     if not len(table):
@@ -242,7 +249,7 @@ def _cooling(traces: Sequence[Experiment], config: Config) -> dict:
     }
 
 
-def _contracted(traces: Sequence[Experiment], config: Config) -> dict:
+def _contracted(experiments: Sequence[Experiment], config: Config) -> dict:
     """Resistance over temperature of the wire that does not move any more: contracted, and cooling after a pulse.
 
     Not while it is heated: the balance leaves latent heat out, so right after the transformation it is hot by what
@@ -250,14 +257,14 @@ def _contracted(traces: Sequence[Experiment], config: Config) -> dict:
     """
     still_m = STILL_SHARE * config.wire.full_stroke_m
     rows = []
-    for trace in traces:
-        if trace.kind != "pulses" or not trace.constant_load:
+    for experiment in experiments:
+        if experiment.kind != "pulses" or not experiment.constant_load:
             continue
-        wire_C, _ = _heat_balance_C(trace, config.thermal)
-        values = np.column_stack((trace.stress_Pa, trace.resistance_Ohm, trace.displacement_m, wire_C))
-        shortest_m = np.nanpercentile(trace.displacement_m, 0.5)
-        for off in np.flatnonzero(trace.driven[:-1] & ~trace.driven[1:]) + 2:
-            moves = np.flatnonzero(~(trace.displacement_m[off:] < shortest_m + still_m) | trace.driven[off:])
+        wire_C, _ = _heat_balance_C(experiment, config.thermal)
+        values = np.column_stack((experiment.stress_Pa, experiment.resistance_Ohm, experiment.displacement_m, wire_C))
+        shortest_m = np.nanpercentile(experiment.displacement_m, 0.5)
+        for off in np.flatnonzero(experiment.driven[:-1] & ~experiment.driven[1:]) + 2:
+            moves = np.flatnonzero(~(experiment.displacement_m[off:] < shortest_m + still_m) | experiment.driven[off:])
             still = values[off : off + moves[0]] if len(moves) else values[off:]
             still = still[np.isfinite(still).all(axis=1)]
             if len(still) > 5:

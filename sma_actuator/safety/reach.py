@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import expm1, inf, nan
 
 #: Time without motion that counts, and the same in the wire's thermal time constants: the longer of the two.
-PATIENCE_S, PATIENCE_TIMES = 0.8, 0.3
+PATIENCE_s, PATIENCE_TIMES = 0.8, 0.3
 #: Share of the full stroke that is motion, and the distance from the setpoint at which it is wanted.
 MOTION = 0.01
 #: Share of the full stroke that it backs off.
@@ -33,7 +33,7 @@ class Reach:
         self._motion_m = MOTION * full_stroke_m
         self._back_off_m = BACK_OFF * full_stroke_m
         self._time_constant_s = thermal_time_constant_s
-        self._patience_s = max(PATIENCE_S, PATIENCE_TIMES * thermal_time_constant_s)
+        self._patience_s = max(PATIENCE_s, PATIENCE_TIMES * thermal_time_constant_s)
         self._held_W = 0.0  #: the power that would hold the present temperature, of a wire that began cold
         self._now_s = nan
         self.forget()

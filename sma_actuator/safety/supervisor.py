@@ -7,7 +7,6 @@ what follows from a fault stands beside its guard.
 from __future__ import annotations
 
 from math import inf, nan, sqrt
-from typing import TYPE_CHECKING
 
 from sma_actuator.base.signals import Command, Reading
 
@@ -15,13 +14,10 @@ from .faults import FAULTS
 from .guards.program import command_invalid
 from .guards.readings import voltages
 from .limits import STRESS_NEAR_LIMIT, TEMPERATURE_DERATING
+from .parameters import SafetySections
 from .records import Action, Fault, Guard, Limit, Memory, Step
 from .thermal import WireHeat, derated_limit_A
-from .timing import SETTLING_READINGS, SETTLING_TIME_S
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
-
+from .timing import SETTLING_READINGS, SETTLING_TIME_s
 
 _OFF = Command(0.0, False)
 
@@ -29,7 +25,7 @@ _OFF = Command(0.0, False)
 class Supervisor:
     """Watches one wire; latches faults; passes, lowers or cuts the command."""
 
-    def __init__(self, config: Config):
+    def __init__(self, config: SafetySections):
         self.config = config
         self.latched: Fault | None = None
         self.detail = ""  #: of the latched fault
@@ -50,7 +46,7 @@ class Supervisor:
 
     def settled(self, now_s: float) -> bool:
         """Whether current and readings belong together since the output went on."""
-        return now_s - self._enabled_s >= SETTLING_TIME_S and self._good_readings >= SETTLING_READINGS
+        return now_s - self._enabled_s >= SETTLING_TIME_s and self._good_readings >= SETTLING_READINGS
 
     def latch(self, fault: Fault, detail: str) -> None:
         """Latch a fault; the first one stays, since it is the cause."""

@@ -52,34 +52,35 @@ def test_a_model_of_any_size_keeps_its_errors_alone(identified, furukawa):
 
 
 class TestRests:
-    def trace(self, furukawa):
+    def experiment(self, furukawa):
         return make_experiment(furukawa.only("pulses")[0], bench_from_mapping(furukawa.mapping))
 
     def test_a_pulse_rests_cold_before_it_and_hot_at_its_end(self, furukawa):
-        rests = find_rests(self.trace(furukawa), 1.0)
+        rests = find_rests(self.experiment(furukawa), 1.0)
         assert {r.hot for r in rests} == {False, True}
-        trace = self.trace(furukawa)
+        experiment = self.experiment(furukawa)
         for rest in rests:
             here = slice(rest.start, rest.stop)
-            assert trace.signals.time_s[rest.stop - 1] - trace.signals.time_s[rest.start] <= WINDOW_s + 0.1
-            assert (trace.driven[here] == rest.hot).all()
-            assert np.ptp(trace.displacement_m[here]) < 0.05 * np.ptp(trace.displacement_m)
+            assert experiment.signals.time_s[rest.stop - 1] - experiment.signals.time_s[rest.start] <= WINDOW_s + 0.1
+            assert (experiment.driven[here] == rest.hot).all()
+            assert np.ptp(experiment.displacement_m[here]) < 0.05 * np.ptp(experiment.displacement_m)
 
     def test_a_wire_just_switched_off_is_not_at_rest(self, furukawa):
         """It stands still while it only cools: that is no cold rest."""
-        trace = self.trace(furukawa)
-        off = int(np.flatnonzero(trace.driven[:-1] & ~trace.driven[1:])[0]) + 1
-        soon = np.zeros(len(trace.log), dtype=bool)
+        experiment = self.experiment(furukawa)
+        off = int(np.flatnonzero(experiment.driven[:-1] & ~experiment.driven[1:])[0]) + 1
+        soon = np.zeros(len(experiment.log), dtype=bool)
         soon[: off + 25] = True
-        cut = trace.rows(soon)
+        cut = experiment.rows(soon)
         assert all(r.hot or r.stop <= off for r in find_rests(cut, 1.0))
 
     def test_a_current_that_moves_is_no_rest(self, furukawa):
-        trace = self.trace(furukawa)
+        experiment = self.experiment(furukawa)
         ramped = dataclasses.replace(
-            trace.signals, current_A=trace.signals.current_A + 0.2 * np.sin(np.arange(len(trace.log)) * 0.3) ** 2
+            experiment.signals,
+            current_A=experiment.signals.current_A + 0.2 * np.sin(np.arange(len(experiment.log)) * 0.3) ** 2,
         )
-        assert find_rests(dataclasses.replace(trace, signals=ramped), 1.0) == []
+        assert find_rests(dataclasses.replace(experiment, signals=ramped), 1.0) == []
 
 
 class TestExpectedResidual:

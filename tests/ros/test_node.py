@@ -125,6 +125,10 @@ class TestHolding:
         } <= keys
         assert {"resistance_Ohm", "stress_Pa", "branch", "quality"} <= keys
         assert "Virtual Supply" in array.status[0].hardware_id
+        health = array.status[1]
+        assert (health.name, health.hardware_id) == (f"{ASKED}: model health", "sma_joint")
+        assert health.message.startswith("not known")
+        assert {"state", "due_for_s", "position_error_m", "cycles", "causes"} <= {pair.key for pair in health.values}
         first_s = time.monotonic()
         client.next("/diagnostics", DiagnosticArray)
         client.next("/diagnostics", DiagnosticArray)
@@ -384,6 +388,18 @@ class TestEnd:
         wait_until(lambda: bench.current_A() == 0.0, 1.0, "end of the current")
         assert node.ends() == 0
         assert "Traceback" not in node.words
+
+    def test_it_drives_where_ros_can_write_no_log_and_a_quit_switches_off_too(
+        self, bench, parameters, start_node, client, monkeypatch
+    ):
+        monkeypatch.setenv("ROS_LOG_DIR", "/proc/none")
+        node = start_node(parameters())
+        _enabled(client)
+        wait_until(lambda: bench.current_A() > 0.04)
+        assert "going on without a log file of ROS 2" in node.words
+        node.popen.send_signal(signal.SIGQUIT)
+        wait_until(lambda: bench.current_A() == 0.0, 1.0, "end of the current")
+        assert node.ends() == 0
 
     def test_after_kill_9_the_supplys_watchdog_switches_off(self, bench, parameters, start_node, client):
         node = start_node(parameters(**{"supply.watchdog_timeout": 0.5}))

@@ -156,9 +156,9 @@ def test_the_hot_end_is_seen_alike_live_and_in_replay(identified):
     together = type(signals[0])(
         **{f.name: np.array([getattr(s, f.name) for s in signals]) for f in dataclasses.fields(signals[0])}
     )
-    trace = many.run(together)
+    experiment = many.run(together)
     for i, s in enumerate(signals):
         estimate = one.step(s)[1]
-        assert estimate.quality == trace.quality[i]
-        assert estimate.displacement_m == pytest.approx(trace.displacement_m[i], abs=1e-12, nan_ok=True)
-    assert Quality.INDETERMINATE_HOT in set(trace.quality)
+        assert estimate.quality == experiment.quality[i]
+        assert estimate.displacement_m == pytest.approx(experiment.displacement_m[i], abs=1e-12, nan_ok=True)
+    assert Quality.INDETERMINATE_HOT in set(experiment.quality)

@@ -7,12 +7,11 @@ import json
 import time
 from pathlib import Path
 
-import yaml
 from rich.console import Console
 from rich.table import Table
 
 from sma_actuator.base.parameters import ConfigError, to_mapping
-from sma_actuator.config import NODE_NAME, Config, read_parameter_file
+from sma_actuator.config import Config, read_parameter_file, write_parameter_file
 from sma_actuator.console import add_output_arguments, notes, progress_bar, refuse_to_overwrite, results, write_json
 from sma_actuator.diagnosis.selection import cluster
 from sma_actuator.estimation.effects import EFFECTS
@@ -83,13 +82,13 @@ def run(args: argparse.Namespace) -> int:
     for stale in written:
         if (args.out / stale).resolve() != args.config.resolve():
             (args.out / stale).unlink(missing_ok=True)  # of an earlier run: it would be taken for this one's
-    config = Config.from_mapping(mapping, str(args.config))
+    config = Config.for_tools(mapping, str(args.config))
     with progress_bar(args) as bar:
         task = bar.add_task("reading", total=1.0)
         if args.calibration:
-            traces = make_experiments(read_logs(args.calibration, reading, console.print), config)
-            mapping["calibration"] = to_mapping(calibration_of(traces, config))
-            config = Config.from_mapping(mapping, str(args.config))
+            experiments = make_experiments(read_logs(args.calibration, reading, console.print), config)
+            mapping["calibration"] = to_mapping(calibration_of(experiments, config))
+            config = Config.for_tools(mapping, str(args.config))
         logs = read_logs(args.logs, reading, console.print)
         evidence = Evidence(logs, config, args.beyond_floor)
         bar.update(task, completed=1.0)
@@ -107,11 +106,9 @@ def run(args: argparse.Namespace) -> int:
     path = args.out / "model.yaml"
     args.out.mkdir(parents=True, exist_ok=True)
     if model is not None:
-        Config.from_mapping(model, str(path))
+        Config.for_tools(model, str(path))
         report["model_file"] = str(path)
-        text = "# Written by `sma-actuator trace`; the evidence is in report.html beside it.\n"
-        text += yaml.safe_dump({NODE_NAME: {"ros__parameters": model}}, sort_keys=False, allow_unicode=True)
-        write_atomically(path, lambda stream: stream.write(text.encode()))
+        write_parameter_file(path, model, "Written by `sma-actuator trace`; the evidence is in report.html beside it.")
     write_page(args.out / "report.html", evidence, tracing, report)
     text = json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     write_atomically(args.out / "report.json", lambda stream: stream.write(text.encode()))
@@ -146,6 +143,8 @@ def _print(console: Console, report: dict) -> None:
             )
             table.add_row(e["name"], e["what"], e["stage"], f"{e['share']:.0%}", values)
         console.print(table)
+    for e in report["effects"]:
+        console.print(f"{e['name']}: {e['what']}. {e['remedy']}")
     for a in report["alternatives"]:
         x = a["experiment"]
         console.print(

@@ -55,7 +55,7 @@ def test_the_report_says_what_was_found_and_how_sure_it_is(report):
 def test_the_page_is_one_file_with_its_pictures_in_it(traced):
     page = (traced[0] / "out" / "report.html").read_text()
     assert page.count("data:image/png;base64,") >= 5
-    assert "voltage_offset" in page and 'src="http' not in page
+    assert "voltage offset" in page and 'src="http' not in page
 
 
 def test_the_extended_model_runs_in_every_tool_and_has_the_error_that_was_reported(traced, report):
