@@ -19,18 +19,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import exp, isfinite, nan, sqrt
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sma_actuator.base.parameters import parameter
 from sma_actuator.base.signals import Estimate, Signals
 
-from .law import CONTROL_LAWS
+from .law import CONTROL_LAWS, LawSections
 from .pid import PidController, PidParameters, SHORTEST_STEP_s
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
 
 #: Shares of the stroke between which temperatures are looked up: at the very ends a wire has any temperature beyond.
 LOWEST_SHARE, HIGHEST_SHARE = 0.02, 0.98
@@ -67,9 +63,9 @@ class FeedForwardPidParameters(PidParameters):
         0.5, "time in which the wire is to be as warm as the setpoint wants it", "s", 0.05, 60.0, live=True
     )
 
-    def mismatches(self, config: Config) -> list[str]:
+    def mismatches(self, sections: LawSections) -> list[str]:
         """Without the temperatures of the transformation there is nothing to give ahead."""
-        if config.calibration.transformation_known:
+        if sections.calibration.transformation_known:
             return []
         sentence = (
             "controller.type: feed_forward_pid wants calibration.transformation_heating and _cooling; identify the model "
@@ -77,9 +73,9 @@ class FeedForwardPidParameters(PidParameters):
         )
         return [sentence]
 
-    def build(self, config: Config) -> FeedForwardPid:
+    def build(self, sections: LawSections) -> FeedForwardPid:
         """The law for a wire whose calibration says at which temperatures it transforms."""
-        return FeedForwardPid(self, config)
+        return FeedForwardPid(self, sections)
 
 
 class Wanted:
@@ -89,8 +85,8 @@ class Wanted:
     kinetics of Liang and Rogers have it), and a loop that closes is forgotten.
     """
 
-    def __init__(self, config: Config):
-        calibration = config.calibration
+    def __init__(self, sections: LawSections):
+        calibration = sections.calibration
         self._cooling_C = np.array(calibration.transformation_cooling)
         self._heating_C = np.array(calibration.transformation_heating)
         self._shift_K_Pa = calibration.transformation_shift
@@ -143,20 +139,20 @@ class FeedForwardPid(PidController):
 
     gains: FeedForwardPidParameters
 
-    def __init__(self, gains: FeedForwardPidParameters, config: Config):
-        thermal, supply = config.thermal, config.supply
-        self._calibration = config.calibration
+    def __init__(self, gains: FeedForwardPidParameters, sections: LawSections):
+        thermal, supply = sections.thermal, sections.supply
+        self._calibration = sections.calibration
         self._loss_W_K, self._capacity_J_K = thermal.heat_loss, thermal.heat_capacity
         self._usual_C, self._tolerance_K = thermal.ambient_temperature, thermal.ambient_tolerance
-        self._latent_K = config.calibration.latent_rise
+        self._latent_K = sections.calibration.latent_rise
         self._highest_A = supply.max_current
-        self._full_m = config.wire.full_stroke_m
+        self._full_m = sections.wire.full_stroke_m
         #: Between these a setpoint turns, whatever the load: one that stands still must not turn with its noise.
         self._ends_m = (
-            float(np.mean(config.calibration.contracted_displacement)),
-            float(np.mean(config.calibration.cold_displacement)),
+            float(np.mean(sections.calibration.contracted_displacement)),
+            float(np.mean(sections.calibration.cold_displacement)),
         )
-        self.wanted = Wanted(config)
+        self.wanted = Wanted(sections)
         self._way = 0  #: 1: heating towards the temperature wanted, -1: cooling, 0: there, or about there
         self._led_C = nan  #: temperature of a wire that is given nothing but what is asked for here
         self.temperature_C = self._ambient_C = thermal.ambient_temperature

@@ -3,14 +3,67 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from sma_actuator.base.parameters import parameter
 from sma_actuator.base.registry import Registry
+from sma_actuator.base.sections import SupplyParameters, ThermalParameters, Wire
 from sma_actuator.base.signals import Estimate, Signals
 
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
+
+class Transformation(Protocol):
+    """What the model's calibration says of how the wire transforms (``estimation.calibration`` describes each)."""
+
+    @property
+    def transformation_known(self) -> bool:
+        """Whether it says anything."""
+
+    @property
+    def transformation_heating(self) -> tuple[float, ...]:
+        """Temperatures of the heating wire [°C]."""
+
+    @property
+    def transformation_cooling(self) -> tuple[float, ...]:
+        """Temperatures of the cooling wire [°C]."""
+
+    @property
+    def transformation_shift(self) -> tuple[float, ...]:
+        """How much higher they are per stress, cooling and heating [K/Pa]."""
+
+    @property
+    def latent_rise(self) -> float:
+        """Latent heat of the whole stroke over the heat capacity [K]."""
+
+    @property
+    def contracted_displacement(self) -> tuple[float, ...]:
+        """Where the contracted wire is [m]."""
+
+    @property
+    def cold_displacement(self) -> tuple[float, ...]:
+        """Where the cold wire is [m]."""
+
+    def share_of_stroke(self, displacement_m: float, stress_Pa: float) -> float:
+        """How far between the two a displacement lies at a stress."""
+
+
+class LawSections(Protocol):
+    """The parameters that a control law is built from; a ``Config`` has them."""
+
+    @property
+    def wire(self) -> Wire:
+        """The wire."""
+
+    @property
+    def supply(self) -> SupplyParameters:
+        """The limits of the current."""
+
+    @property
+    def thermal(self) -> ThermalParameters:
+        """The heat balance."""
+
+    @property
+    def calibration(self) -> Transformation:
+        """What the model's own logs looked like."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +101,12 @@ class ControllerParameters:
         "hold", "what to do when the setpoint is lost", choices=("hold", "bias", "off"), live=True
     )
 
-    def build(self, config: Config) -> ControlLaw:
+    def build(self, sections: LawSections) -> ControlLaw:
         """The law with these parameters, whose output lies between ``supply.bias_current`` and the limit of each step."""
         raise NotImplementedError
 
-    def mismatches(self, config: Config) -> list[str]:
-        """Why this law cannot drive the wire of ``config``."""
+    def mismatches(self, sections: LawSections) -> list[str]:
+        """Why this law cannot drive that wire."""
         return []
 
 

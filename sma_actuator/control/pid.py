@@ -8,14 +8,10 @@ step of the setpoint does not kick.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from sma_actuator.base.parameters import parameter
 
 from .law import CONTROL_LAWS, ControlLaw, ControllerParameters
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
 
 #: Beyond these no position or setpoint of a wire lies; NaN and infinities fail the same comparison.
 POSITION_BOUND_m = 100.0
@@ -33,9 +29,9 @@ class PidParameters(ControllerParameters):
     kd: float = parameter(0.0, "derivative gain, on the estimate", "A·s/m", 0.0, 1e6, live=True)
     derivative_time_constant: float = parameter(0.1, "low-pass of the derivative", "s", 0.0, 10.0, live=True)
 
-    def build(self, config: Config) -> ControlLaw:
+    def build(self, sections: LawSections) -> ControlLaw:
         """The PID with these gains."""
-        return PidController(self, config.supply.bias_current)
+        return PidController(self, sections.supply.bias_current)
 
 
 class PidController:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from math import nan
+from typing import Any
 
 import numpy as np
 
@@ -99,7 +100,7 @@ class Calibration:
         nan, "latent heat of the whole stroke over thermal.heat_capacity", "K", -1e3, 1e3, optional=True
     )
 
-    def share_of_stroke(self, displacement_m, stress_Pa):
+    def share_of_stroke(self, displacement_m: Any, stress_Pa: Any) -> Any:
         """How far a displacement lies between the contracted (0) and the cold wire (1) at a stress; of numbers or arrays."""
         hot_m = np.interp(stress_Pa, self.contracted_stress, self.contracted_displacement)
         cold_m = np.interp(stress_Pa, self.cold_stress, self.cold_displacement)
