@@ -42,6 +42,7 @@ from sma_actuator.characterise import characterise, make_plan
 from sma_actuator.characterise.operators import BenchOperator
 from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.control import CONTROL_LAWS, ControllerParameters
+from sma_actuator.control.law import LawSections
 from sma_actuator.control.setpoints import Setpoint, sine, steps
 from sma_actuator.driver import Driver
 from sma_actuator.identify import identify
@@ -99,9 +100,9 @@ def characterised(wire: str, physics: str, folder: Path) -> list[Path]:
 class FastestParameters(ControllerParameters):
     """The section ``controller`` of the law that shows what no law can better."""
 
-    def build(self, config: Config) -> Fastest:
+    def build(self, sections: LawSections) -> Fastest:
         """The law."""
-        return Fastest(config.supply.bias_current)
+        return Fastest(sections.supply.bias_current)
 
 
 class Fastest:

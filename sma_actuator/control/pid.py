@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from sma_actuator.base.parameters import parameter
 
-from .law import CONTROL_LAWS, ControlLaw, ControllerParameters
+from .law import CONTROL_LAWS, ControlLaw, ControllerParameters, LawSections
 
 #: Beyond these no position or setpoint of a wire lies; NaN and infinities fail the same comparison.
 POSITION_BOUND_m = 100.0

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sma_actuator.base.parameters import parameter
-from sma_actuator.config import Config
 from sma_actuator.control import CONTROL_LAWS, ControllerParameters
+from sma_actuator.control.law import LawSections
 
 
 @CONTROL_LAWS.register("on_off")
@@ -18,9 +18,9 @@ class OnOffParameters(ControllerParameters):
         1e-4, "distance from the setpoint within which nothing is switched", "m", 0.0, 1.0, live=True
     )
 
-    def build(self, config: Config) -> OnOff:
+    def build(self, sections: LawSections) -> OnOff:
         """The law with this band."""
-        return OnOff(self, config.supply.bias_current)
+        return OnOff(self, sections.supply.bias_current)
 
 
 class OnOff:
