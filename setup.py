@@ -41,7 +41,8 @@ setup(
         "formats": ["openpyxl>=3.1", "pyarrow>=14", "npTDMS>=1.7", "h5py>=3.8"],
         "completion": ["argcomplete>=3.0"],
         "baselines": ["scikit-learn>=1.3"],
-        "fleet": ["distributed>=2024.1"],
+        # Many wires at once: a table, logs behind URLs, a cluster; s3fs, gcsfs … bring the kinds of URLs.
+        "fleet": ["distributed>=2024.1", "fsspec>=2024.2", "pyarrow>=14", "threadpoolctl>=3.0"],
         "pymeasure": ["PyMeasure>=0.14"],
         "check": ["ruff>=0.17,<0.18", "mypy>=1.11", "import-linter>=2.0"],
         "docs": ["sphinx>=8.2", "myst-parser>=4.0", "sphinx-rtd-theme>=3.0"],
@@ -54,6 +55,8 @@ setup(
             "pytest-timeout>=2.2",
             "pytest-cov>=5.0",
             "pytest-xdist>=3.5",
+            "moto[server]>=5.0",
+            "s3fs>=2024.2",
             "xacro>=2.0",
         ],
     },

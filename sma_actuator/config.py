@@ -183,10 +183,15 @@ def write_parameter_file(
     path: str | Path, mapping: Mapping[str, Any], header: str, comments: Mapping[str, str] | None = None
 ) -> None:
     """Write a parameter file, whole or not at all; ``header``: comment above it, ``comments``: behind parameters."""
+    text = parameter_text(mapping, header, comments)
+    write_atomically(path, lambda stream: stream.write(text.encode()))
+
+
+def parameter_text(mapping: Mapping[str, Any], header: str, comments: Mapping[str, str] | None = None) -> str:
+    """What stands in a parameter file."""
     inside = {f"{NODE_NAME}.ros__parameters.{name}": text for name, text in (comments or {}).items()}
     text = "".join(f"# {line}\n" for line in header.splitlines())
-    text += yaml_of({NODE_NAME: {"ros__parameters": dict(mapping)}}, inside)
-    write_atomically(path, lambda stream: stream.write(text.encode()))
+    return text + yaml_of({NODE_NAME: {"ros__parameters": dict(mapping)}}, inside)
 
 
 def _cross_checks(common: BenchConfig) -> list[str]:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.table import Table
 
 from sma_actuator.base.parameters import ConfigError
@@ -15,6 +17,7 @@ from sma_actuator.base.yaml_text import parse_yaml
 from sma_actuator.config import (
     Config,
     bench_from_mapping,
+    parameter_text,
     read_parameter_file,
     require_calibrated,
     write_parameter_file,
@@ -30,10 +33,11 @@ from sma_actuator.console import (
 )
 from sma_actuator.derived import with_derived
 from sma_actuator.diagnosis.extension import Extended, extend
+from sma_actuator.fleet import Finding, add_fleet_arguments, run_fleet
 from sma_actuator.identify.fitters import FITTERS, METHODS
 from sma_actuator.identify.identification import Identification, identify
 from sma_actuator.identify.verdict import REGIONS
-from sma_actuator.logs.reading import add_log_arguments, read_logs, reading_of
+from sma_actuator.logs.reading import add_log_arguments, place, read_logs, reading_of
 
 NOT_GOOD = 3  #: exit code where a model was written that should not drive a wire
 #: Model of the thesis for each alloy.
@@ -45,13 +49,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "logs",
         nargs="+",
-        type=Path,
+        type=place,
         metavar="LOG",
         help="logs, folders or patterns of them; those of calibration and training are left out",
     )
     parser.add_argument(
         "--config",
-        type=Path,
+        type=place,
         metavar="BENCH.yaml",
         help="parameters of the bench (a model in it is replaced); where there is none, the wire's will do:",
     )
@@ -100,6 +104,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--report", type=Path, metavar="FILE.html", help="page with the pictures (default: beside MODEL.yaml)"
     )
     add_log_arguments(parser)
+    add_fleet_arguments(parser, "wire")
     add_output_arguments(parser, "coefficients, intervals and errors", "the errors")
 
 
@@ -107,6 +112,11 @@ def run(args: argparse.Namespace) -> int:
     """Fit, write and report; 0 when MODEL.yaml was written and is good for control, NOT_GOOD when it is not."""
     from sma_actuator.identify.page import write_page
 
+    if args.table:
+        given = {name: getattr(args, name) for name in ("alloy", "length", "diameter", "set")}
+        asked = {name: getattr(args, name) for name in ("model", "method", "variant", "order", "no_extension")}
+        asked |= {"given": given, "reading": reading_of(args)}
+        return run_fleet(args, "identify", fit_logs, args.logs, args.config or "", asked, True, str(args.out))
     page = args.report or args.out.with_suffix(".html")
     refuse_to_overwrite(args, args.out, page)
     reading, console = reading_of(args), notes(args)
@@ -152,6 +162,30 @@ def run(args: argparse.Namespace) -> int:
     return 0 if result.verdict.good_for_control else NOT_GOOD
 
 
+def fit_logs(paths: Sequence[Path], config: Path, options: Mapping[str, Any]) -> list[Finding]:
+    """The work on the logs of one wire of a fleet."""
+    given = argparse.Namespace(config=config if config.stat().st_size else None, **options["given"])
+    mapping = _what_is_given(given)
+    model = options["model"] or THESIS_MODEL[bench_from_mapping(with_derived(mapping)).wire.alloy]
+    asked = (options[name] for name in ("method", "variant", "order"))
+    result = identify(read_logs(paths, options["reading"]), mapping, model, *asked)
+    if FITTERS[model].extended and not options["no_extension"]:
+        result = extend(result, 1).result
+    findings = []
+    for path in paths:
+        errors = [e for e in result.errors if e.name.startswith(path.name)]
+        findings.append(
+            Finding(
+                "good for control" if result.verdict.good_for_control else "not good for control",
+                result.verdict.sentences[0],
+                error_percent=float(np.mean([e.full_percent for e in errors])) if errors else math.nan,
+                details={"errors": [dataclasses.asdict(e) for e in errors], "verdict": result.verdict.as_mapping()},
+                model=parameter_text(result.mapping, _header(result, None, Path("this file")), result.reasons),
+            )
+        )
+    return findings
+
+
 def _what_is_given(args: argparse.Namespace) -> dict[str, Any]:
     """The parameters of file and options.  Raises ConfigError where they do not say which wire it is."""
     mapping = read_parameter_file(args.config) if args.config else {}
@@ -173,6 +207,10 @@ def _what_is_given(args: argparse.Namespace) -> dict[str, Any]:
 
 def write_model(path: Path, result: Identification, page: Path | None = None) -> None:
     """Write the parameter file, whole or not at all; ``page``: where its pictures are."""
+    write_parameter_file(path, result.mapping, _header(result, page, path), result.reasons)
+
+
+def _header(result: Identification, page: Path | None, path: Path) -> str:
     header = "Written by `sma-actuator identify`"
     if page is not None:
         where = f"{page.name} beside it" if page.parent == path.parent else str(page)
@@ -184,7 +222,7 @@ def write_model(path: Path, result: Identification, page: Path | None = None) ->
             ".\nFor the tools: it lacks limits, gains or calibrations that a node wants. "
             f"`sma-actuator init --start {path.name}` asks for them."
         )
-    write_parameter_file(path, result.mapping, header, result.reasons)
+    return header
 
 
 def summary(result: Identification, extended: Extended | None = None) -> dict:

@@ -37,6 +37,7 @@ COMMANDS = {
         "sma_actuator.diagnosis.forward",
         "fit power-to-displacement physics to a real bench and find what it lacks",
     ),
+    "fleet": ("sma_actuator.fleet", "many wires at once: which of them drift, by what and since when"),
     "loop": (
         "sma_actuator.diagnosis.loop",
         "fit and draw isobaric loops: strain against temperature, kinetics compared",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +22,12 @@ from sma_actuator.console import (
     write_csv,
     write_json,
 )
+from sma_actuator.fleet import Finding, add_fleet_arguments, run_fleet
 from sma_actuator.logs.bench_log import write_bench_log
 from sma_actuator.logs.errors import BenchLogError
-from sma_actuator.logs.reading import add_log_arguments, read_logs, reading_of
+from sma_actuator.logs.reading import add_log_arguments, place, read_logs, reading_of
 
-from .replaying import Replay, health, replay, winners
+from .replaying import Replay, health, replay, verdict, winners
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,13 +35,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "logs",
         nargs="+",
-        type=Path,
+        type=place,
         metavar="LOG",
         help="logs, folders or patterns of them; the node's recordings, rosbag2 and other makers' files among them",
     )
     parser.add_argument(
         "--config",
-        type=Path,
+        type=place,
         action="append",
         required=True,
         metavar="MODEL.yaml",
@@ -61,11 +63,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--health", action="store_true", help="also what the node says of the first model's health on each log"
     )
     add_log_arguments(parser)
+    add_fleet_arguments(parser, "log")
     add_output_arguments(parser, "the errors", "the errors")
 
 
 def run(args: argparse.Namespace) -> int:
     """Replay and judge; 0 when every log was replayed."""
+    if args.table:
+        return run_fleet(args, "replay", judge_logs, args.logs, args.config[0], {"reading": reading_of(args)})
     if args.report:
         from .page import write_page
     refuse_to_overwrite(args, args.report, args.save_log)
@@ -98,6 +103,21 @@ def run(args: argparse.Namespace) -> int:
     write_json(args, rows)
     write_csv(args, rows)
     return 0
+
+
+def judge_logs(paths: Sequence[Path], config: Path, options: Mapping[str, Any]) -> list[Finding]:
+    """The work on one log of a fleet."""
+    model = Config.for_tools(read_parameter_file(config), str(config))
+    replays = replay(read_logs(paths, options["reading"]), {model.model_type: model})
+    word, said = verdict(replays, model)
+    return [
+        Finding(
+            word,
+            said,
+            error_percent=_mean([r.errors[model.model_type].full_percent for r in replays]),
+            details={"errors": error_rows(replays)},
+        )
+    ]
 
 
 def error_rows(replays: list[Replay]) -> list[dict[str, Any]]:

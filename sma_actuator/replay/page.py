@@ -18,7 +18,7 @@ _ACROSS = 3  #: pictures beside each other
 
 def write_page(path: Path, replays: Sequence[Replay], config: Config) -> None:
     """Write the HTML page."""
-    page = Page("Replay", verdict(replays, config))
+    page = Page("Replay", verdict(replays, config)[1])
     names = list(replays[0].errors)
     if len(names) > 1:
         _bars(page, replays, names)

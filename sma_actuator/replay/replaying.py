@@ -149,27 +149,30 @@ def _where_read(baseline, experiment: Experiment) -> np.ndarray:
 AS_AT_CALIBRATION = 1.5
 
 
-def verdict(replays: Sequence[Replay], config: Config) -> str:
-    """The verdict on the first model, in one sentence; ``config`` is its."""
+def verdict(replays: Sequence[Replay], config: Config) -> tuple[str, str]:
+    """The verdict on the first model, in a word (as calibrated, changed, not judged) and in a sentence; ``config`` is its."""
     name = next(iter(replays[0].errors))
-    errors = {
-        r.experiment.name: r.errors[name].full_percent for r in replays if math.isfinite(r.errors[name].full_percent)
-    }
+    percents = {r.experiment.name: r.errors[name].full_percent for r in replays}
+    errors = {log: percent for log, percent in percents.items() if math.isfinite(percent)}
     if not errors:
-        return f"Nobody measured the displacement in {'these logs' if len(replays) > 1 else 'this log'}; {name} cannot be judged."
+        where = "these logs" if len(replays) > 1 else "this log"
+        return "not judged", f"Nobody measured the displacement in {where}; {name} cannot be judged."
     mean, worst = float(np.mean(list(errors.values()))), max(errors, key=lambda log: errors[log])
     text = f"{name} errs by {mean:.2f} % of the full stroke"
     if len(errors) > 1:
         text += f" in the mean over {len(errors)} logs, most in {worst} ({errors[worst]:.2f} %)"
     calibrated = config.calibration
     if not calibrated.known:
-        return text + "; its file does not say how good it was on its own logs."
-    least = max(calibrated.error, calibrated.largest_error)
-    if errors[worst] <= AS_AT_CALIBRATION * least:
-        return text + f", no more than at its calibration ({calibrated.error:.2f} %, up to {least:.2f} % in one log)."
+        return "not judged", text + "; its file does not say how good it was on its own logs."
+    largest = max(calibrated.error, calibrated.largest_error)
+    if errors[worst] <= AS_AT_CALIBRATION * largest:
+        return (
+            "as calibrated",
+            f"{text}, no more than at its calibration ({calibrated.error:.2f} %, up to {largest:.2f} % in one log).",
+        )
     return (
-        text + f", where it was {calibrated.error:.2f} % at its calibration: something has changed; "
-        "`sma-actuator trace` looks for what."
+        "changed",
+        f"{text}, where it was {calibrated.error:.2f} % at its calibration: something has changed; `sma-actuator trace` looks for what.",
     )
 
 

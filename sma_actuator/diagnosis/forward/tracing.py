@@ -17,7 +17,8 @@ from math import log
 
 import numpy as np
 
-from sma_actuator.diagnosis.selection import Call, Entry, Progress, Rules, Selection, Trial, run, select, spread
+from sma_actuator.diagnosis.selection import Entry, Progress, Rules, Selection, Trial, run, select
+from sma_actuator.fleet import Call, spread
 
 from .candidates import CANDIDATES, Candidate
 from .fitting import Fit, fit, plain_parameters, plain_starts, residual_m
