@@ -129,16 +129,16 @@ class Fastest:
         return self.output_A
 
 
-def until_there(time_s: np.ndarray, desired_m: np.ndarray, place_m: np.ndarray) -> np.ndarray:
+def until_there(time_s: np.ndarray, asked_m: np.ndarray, place_m: np.ndarray) -> np.ndarray:
     """The places of a wire that stays where it was asked to be once it has come there, step by step."""
     out = place_m.copy()
     number = (time_s // DWELL_s).astype(int)
     for step in range(number[-1] + 1):
         here = np.flatnonzero(number == step)
-        error_m = place_m[here] - desired_m[here]
+        error_m = place_m[here] - asked_m[here]
         crossed = np.flatnonzero(error_m * error_m[0] <= 0.0)
         if len(crossed):
-            out[here[crossed[0] :]] = desired_m[here[crossed[0] :]]
+            out[here[crossed[0] :]] = asked_m[here[crossed[0] :]]
     return out
 
 
@@ -219,32 +219,32 @@ def run(case: Case, keep: bool = False) -> Found:
             raise RuntimeError(f"{case}: {words}")
         start_s = bench.time_s
         while (elapsed_s := bench.time_s - start_s) < DURATION_s and not fault:
-            desired_m = setpoint(elapsed_s)
-            driver.offer_setpoint(desired_m)
+            asked_m = setpoint(elapsed_s)
+            driver.offer_setpoint(asked_m)
             output = driver.run_for(1.0 / config.loop.rate)
             truth_m = bench.truth.displacement_m
             at_max = "current_max" in output.status.limits
             rows.append(
                 (
                     elapsed_s,
-                    desired_m,
+                    asked_m,
                     output.estimate.displacement_m,
                     truth_m,
                     output.command.current_A,
-                    at_max and truth_m < desired_m - TOO_SHORT * full_m,
+                    at_max and truth_m < asked_m - TOO_SHORT * full_m,
                 )
             )
             if output.status.mode is Mode.OFF:
                 fault = output.status.fault
-    time_s, desired_m, estimate_m, truth_m, current_A, latched = np.array(rows, dtype=float).T
+    time_s, asked_m, estimate_m, truth_m, current_A, latched = np.array(rows, dtype=float).T
     unrest_A, wander_m = unrest(case, time_s, current_A, truth_m)
     if case.law == "fastest":
         unrest_A = wander_m = np.nan
-        estimate_m, truth_m = (until_there(time_s, desired_m, np.nan_to_num(v)) for v in (estimate_m, truth_m))
+        estimate_m, truth_m = (until_there(time_s, asked_m, np.nan_to_num(v)) for v in (estimate_m, truth_m))
     found = Found(
         case,
-        control=float(np.nanmean(np.abs(desired_m - estimate_m))) / full_m * 100.0,
-        output=float(np.mean(np.abs(desired_m - truth_m))) / full_m * 100.0,
+        control=float(np.nanmean(np.abs(asked_m - estimate_m))) / full_m * 100.0,
+        output=float(np.mean(np.abs(asked_m - truth_m))) / full_m * 100.0,
         range_share=share,
         latched=float(latched.mean()),
         longest_latch_s=longest(latched) / config.loop.rate,
@@ -253,8 +253,8 @@ def run(case: Case, keep: bool = False) -> Found:
         fault=fault,
     )
     if keep:
-        names = ("time_s", "desired_m", "estimate_m", "truth_m", "current_A")
-        found.series = dict(zip(names, (time_s, desired_m, estimate_m, truth_m, current_A), strict=True))
+        names = ("time_s", "asked_m", "estimate_m", "truth_m", "current_A")
+        found.series = dict(zip(names, (time_s, asked_m, estimate_m, truth_m, current_A), strict=True))
     return found
 
 
