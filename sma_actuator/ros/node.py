@@ -18,6 +18,7 @@ import contextlib
 import dataclasses
 import gc
 import math
+import os
 import sys
 import threading
 import time
@@ -46,7 +47,7 @@ from trajectory_msgs.msg import JointTrajectory
 from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Health, Mode, Output, Quality, Status
-from sma_actuator.base.streams import keep_standard_streams
+from sma_actuator.base.streams import keep_standard_streams, unblockable_streams
 from sma_actuator.check.selftest import Level, SelfTest, passed
 from sma_actuator.config import NODE_NAME, Config
 from sma_actuator.driver import Driver, DriverStopped
@@ -706,7 +707,9 @@ def main(arguments: list[str] | None = None) -> int:
     nodes: list[SmaActuatorNode] = []
     threads: list[threading.Thread] = []
     switch: Switch | None = None
-    with noted_signals() as interrupts:
+    if os.isatty(sys.stderr.fileno()):
+        os.environ.setdefault("RCUTILS_COLORIZED_OUTPUT", "1")  # ROS 2 will see no terminal
+    with unblockable_streams(), noted_signals() as interrupts:
         try:
             ros, names = _names(sys.argv[1:] if arguments is None else arguments)
             _begin_ros(ros.rclpy)
@@ -724,8 +727,8 @@ def main(arguments: list[str] | None = None) -> int:
         finally:
             sentences = tuple(fatal)  # what comes after this is a consequence of ending
             _stop(nodes, threads, switch)
-    for sentence in sentences:
-        print(f"sma_actuator_node: {sentence}", file=sys.stderr)
+        for sentence in sentences:
+            print(f"sma_actuator_node: {sentence}", file=sys.stderr)
     return 1 if sentences else 0
 
 
