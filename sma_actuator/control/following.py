@@ -13,18 +13,18 @@ class Outcome(enum.Enum):
 
     REACHED = "reached"
     PATH_VIOLATED = "path violated"  #: too far from the trajectory on the way
-    GOAL_VIOLATED = "goal violated"  #: not near its end in time
+    END_MISSED = "end missed"  #: not near its end in time
 
 
 class Pursuit:
     """One trajectory, from ``begins_s``, with tolerances: positions [m], infinite where any will do, and the time [s] that
     the wire may come late."""
 
-    def __init__(self, trajectory: Trajectory, begins_s: float, path_m: float, goal_m: float, late_s: float):
+    def __init__(self, trajectory: Trajectory, begins_s: float, path_m: float, end_m: float, late_s: float):
         self._trajectory, self._begins_s = trajectory, begins_s
-        self._path_m, self._goal_m, self._late_s = path_m, goal_m, late_s
+        self._path_m, self._end_m, self._late_s = path_m, end_m, late_s
 
-    def desired_m(self, now_s: float) -> float:
+    def setpoint_m(self, now_s: float) -> float:
         """Where the wire should be."""
         return self._trajectory(now_s - self._begins_s)
 
@@ -36,13 +36,13 @@ class Pursuit:
         """What has become of it with the wire at ``position_m``; None while that is open.  NaN is near nothing."""
         if not self.begun(now_s):
             return None
-        error_m = abs(position_m - self.desired_m(now_s))
+        error_m = abs(position_m - self.setpoint_m(now_s))
         late_s = now_s - self._begins_s - self._trajectory.duration_s
         if late_s < 0.0:
             return None if self._path_m == inf or error_m <= self._path_m else Outcome.PATH_VIOLATED
-        if error_m <= self._goal_m:
+        if error_m <= self._end_m:
             return Outcome.REACHED
-        return Outcome.GOAL_VIOLATED if late_s > self._late_s else None
+        return Outcome.END_MISSED if late_s > self._late_s else None
 
 
 def tolerance(asked: float, usual: float) -> float:

@@ -77,8 +77,8 @@ EFFECTS: dict[str, tuple[str, tuple[tuple[int, ...] | None, ...]]] = {
 }
 #: What moves the joint and leaves no trace in resistance and heat.
 BLIND = (
-    "a slip or creep in crimps and mount, play, a mechanism that yields, thermal expansion of the mount, "
-    "a load cell that is wrong in proportion, and anything smaller than the bounds"
+    "a slip or creep in crimps and mount, play, a mechanism that yields, thermal expansion of the mount, a resistivity that "
+    "rises more with temperature where the wire is never held contracted, and anything smaller than the bounds"
 )
 
 

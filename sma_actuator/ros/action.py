@@ -26,7 +26,7 @@ TAKEN_s = 0.5  #: by then the loop has taken a trajectory, and what it says is o
 class Follower(Protocol):
     """What the action asks of the node that has it."""
 
-    def refuses_goals(self) -> str:
+    def refuses_trajectories(self) -> str:
         """Why no goal can be taken now, or ""."""
 
     def offer(
@@ -47,7 +47,7 @@ class FollowJointTrajectoryServer:
 
         self._action = FollowJointTrajectory
         self._node, self._follower, self._now_s = node, follower, now_s
-        self._goal: Any = None  #: the handle of the one that is pursued
+        self._handle: Any = None  #: the handle of the one that is pursued
         self._pursuit: Pursuit | None = None
         self._joint_name = ""
         self._tracked = False  #: the loop has begun with it
@@ -57,52 +57,52 @@ class FollowJointTrajectoryServer:
             FollowJointTrajectory,
             "~/follow_joint_trajectory",
             execute_callback=lambda handle: FollowJointTrajectory.Result(),
-            goal_callback=self._on_goal,
+            goal_callback=self._on_request,
             handle_accepted_callback=self._on_accepted,
             cancel_callback=lambda handle: CancelResponse.ACCEPT,
         )
 
     @property
-    def usual_goal_m(self) -> float:
+    def usual_end_m(self) -> float:
         """How near the end the wire must come where a goal does not say [m]."""
         config = self._node.config
         return float(config.controller.arming_distance * config.wire.full_stroke_m)
 
-    def _on_goal(self, goal: Any) -> GoalResponse:
+    def _on_request(self, request: Any) -> GoalResponse:
         try:
-            refusal = self._follower.refuses_goals() or self._why_not(goal)
+            refusal = self._follower.refuses_trajectories() or self._why_not(request)
         except Exception as error:  # noqa: BLE001 - whatever it is, the next goal is as good as any
             refusal = f"{type(error).__name__}: {error}"
         if refusal:
             self._follower.report(f"~/follow_joint_trajectory: the goal was rejected: {refusal}")
         return GoalResponse.REJECT if refusal else GoalResponse.ACCEPT
 
-    def _why_not(self, goal: Any) -> str:
+    def _why_not(self, request: Any) -> str:
         """Why a goal cannot be followed, or ""."""
         try:
-            times_s, positions_m, velocities_m_s = trajectory_from(goal.trajectory, self._node.config.joint_name)
+            times_s, positions_m, velocities_m_s = trajectory_from(request.trajectory, self._node.config.joint_name)
             duration_s = Trajectory(times_s, positions_m, velocities_m_s=velocities_m_s).duration_s
         except ValueError as error:
             return str(error)
-        if not duration_s + start_from(goal.trajectory, self._node.get_clock().now().nanoseconds) >= 0.0:
+        if not duration_s + start_from(request.trajectory, self._node.get_clock().now().nanoseconds) >= 0.0:
             return "its last point was due already"
         return ""
 
     def _on_accepted(self, handle: Any) -> None:
         self.preempt("a new goal has come")
-        goal, config = handle.request, self._node.config
-        times_s, positions_m, velocities_m_s = trajectory_from(goal.trajectory, config.joint_name)
-        delay_s = start_from(goal.trajectory, self._node.get_clock().now().nanoseconds)
-        late_s = goal.goal_time_tolerance.sec + 1e-9 * goal.goal_time_tolerance.nanosec
+        request, config = handle.request, self._node.config
+        times_s, positions_m, velocities_m_s = trajectory_from(request.trajectory, config.joint_name)
+        delay_s = start_from(request.trajectory, self._node.get_clock().now().nanoseconds)
+        late_s = request.goal_time_tolerance.sec + 1e-9 * request.goal_time_tolerance.nanosec
         self._pursuit = Pursuit(
             Trajectory(times_s, positions_m, velocities_m_s=velocities_m_s),
             self._now_s() + delay_s,
-            path_m=tolerance(self._of_joint(goal.path_tolerance), inf),
-            goal_m=tolerance(self._of_joint(goal.goal_tolerance), self.usual_goal_m),
+            path_m=tolerance(self._of_joint(request.path_tolerance), inf),
+            end_m=tolerance(self._of_joint(request.goal_tolerance), self.usual_end_m),
             late_s=tolerance(late_s, LATE_s),
         )
         self._taken_s = self._now_s()
-        self._goal, self._tracked, self._joint_name = handle, False, config.joint_name
+        self._handle, self._tracked, self._joint_name = handle, False, config.joint_name
         self._follower.offer(times_s, positions_m, velocities_m_s, delay_s)
 
     def _of_joint(self, tolerances: Any) -> float:
@@ -111,7 +111,7 @@ class FollowJointTrajectoryServer:
 
     def watch(self, output: Output) -> None:
         """Look at an output: feedback, and the result where there is one."""
-        handle, pursuit = self._goal, self._pursuit
+        handle, pursuit = self._handle, self._pursuit
         if handle is None or pursuit is None:
             return
         if handle.is_cancel_requested:
@@ -129,9 +129,9 @@ class FollowJointTrajectoryServer:
         if joint_commands == "followed" and now_s > self._taken_s + TAKEN_s:
             self.preempt("joint commands are followed")
             return
-        self._feed_back(pursuit.desired_m(now_s), position_m)
+        self._feed_back(pursuit.setpoint_m(now_s), position_m)
         outcome = pursuit.look(now_s, position_m)
-        error_m = position_m - pursuit.desired_m(now_s)
+        error_m = position_m - pursuit.setpoint_m(now_s)
         if outcome is Outcome.REACHED:
             self._end("succeed", self._action.Result.SUCCESSFUL, "")
         elif outcome is not None:
@@ -144,24 +144,24 @@ class FollowJointTrajectoryServer:
 
     def preempt(self, why: str) -> None:
         """Somebody else commands the wire: the goal that is pursued, if there is one, has ended."""
-        if self._goal is not None:
+        if self._handle is not None:
             self._end("abort", self._action.Result.INVALID_GOAL, f"preempted: {why}")
 
-    def _feed_back(self, desired_m: float, position_m: float) -> None:
+    def _feed_back(self, setpoint_m: float, position_m: float) -> None:
         feedback = self._action.Feedback()
         feedback.joint_names = [self._joint_name]
         feedback.header.stamp = self._node.get_clock().now().to_msg()
-        feedback.desired.positions = [desired_m]
+        feedback.desired.positions = [setpoint_m]
         feedback.actual.positions = [position_m]
-        feedback.error.positions = [desired_m - position_m]
-        self._goal.publish_feedback(feedback)
+        feedback.error.positions = [setpoint_m - position_m]
+        self._handle.publish_feedback(feedback)
 
     def _end(self, how: str, code: int, words: str) -> None:
-        handle, self._goal, self._pursuit = self._goal, None, None
+        handle, self._handle, self._pursuit = self._handle, None, None
         result = self._action.Result(error_code=code, error_string=words)
 
-        def finish(goal: Any) -> Any:
-            getattr(goal, how)()
+        def finish(handle: Any) -> Any:
+            getattr(handle, how)()
             return result
 
         handle.execute(finish)

@@ -261,7 +261,7 @@ class SmaActuatorNode(LifecycleNode):
 
     # --- what the action asks of its node ---------------------------------------------------------
 
-    def refuses_goals(self) -> str:
+    def refuses_trajectories(self) -> str:
         """Why no goal of the action can be taken now, or ""."""
         output = self._handoff.latest
         if not self._active or self._driver is None:

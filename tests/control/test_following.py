@@ -10,8 +10,8 @@ from sma_actuator.control.setpoints import Trajectory
 RAMP = Trajectory([0.0, 2.0], [0.004, 0.002])
 
 
-def pursuit(path_m=inf, goal_m=1e-4, late_s=1.0):
-    return Pursuit(RAMP, 10.0, path_m, goal_m, late_s)
+def pursuit(path_m=inf, end_m=1e-4, late_s=1.0):
+    return Pursuit(RAMP, 10.0, path_m, end_m, late_s)
 
 
 @pytest.mark.parametrize(
@@ -25,9 +25,9 @@ def pursuit(path_m=inf, goal_m=1e-4, late_s=1.0):
         (12.0, 0.00205, Outcome.REACHED),
         (12.5, 0.0022, None),  # late
         (13.0, 0.0022, None),
-        (13.01, 0.0022, Outcome.GOAL_VIOLATED),
-        (13.01, nan, Outcome.GOAL_VIOLATED),
-        (13.01, 0.0019, Outcome.REACHED),
+        (13.01, 0.0022, Outcome.END_MISSED),
+        (13.01, nan, Outcome.END_MISSED),
+        (13.01, 0.00195, Outcome.REACHED),
     ],
 )
 def test_it_is_open_until_it_is_reached_or_violated(now_s, position_m, outcome):
@@ -41,8 +41,8 @@ def test_without_a_path_tolerance_only_the_end_counts():
 
 
 def test_where_the_wire_should_be_is_said_also_before_the_beginning():
-    assert pursuit().desired_m(9.0) == 0.004
-    assert pursuit().desired_m(11.0) == pytest.approx(0.003)
+    assert pursuit().setpoint_m(9.0) == 0.004
+    assert pursuit().setpoint_m(11.0) == pytest.approx(0.003)
 
 
 @pytest.mark.parametrize(("asked", "wanted"), [(0.0, 0.3), (-1.0, inf), (0.2, 0.2)])
