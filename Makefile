@@ -1,4 +1,4 @@
-# make demo   the node holds a wire of the virtual bench at setpoints, live in the terminal
+# make demo   the node holds a wire of the virtual bench at setpoints, live in the terminal (VIEW=1: in the browser too)
 # make test   every test
 # make check  format, lint, types and the floors of the house
 # make docs   the documentation with the API reference, warnings are errors
@@ -10,16 +10,16 @@ VENV := .venv
 BIN := $(VENV)/bin
 DURATION ?= 60
 WIRE ?= flexinol
-EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
+EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range fleet forward clean
+.PHONY: page attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds fleet forward health clean
 
 demo: $(VENV)/ready
-	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION)
+	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
 
-# Most tests wait for processes: a third beside the two cores costs nothing.  A file stays together.
+# Most tests wait for processes: a third beside the two cores costs nothing.  A class, or a file's functions, stay together.
 test: $(VENV)/ready
-	$(BIN)/python -m pytest -n 3 --dist loadfile
+	$(BIN)/python -m pytest -n 3 --dist loadscope --no-loadscope-reorder
 
 check: $(VENV)/ready
 	$(BIN)/ruff format --check .
@@ -31,7 +31,7 @@ docs: $(VENV)/ready
 	$(BIN)/python -m sphinx -b html --fail-on-warning --keep-going docs docs/_build
 
 coverage: $(VENV)/ready
-	$(BIN)/python -m pytest --cov --cov-report=term:skip-covered --cov-report=html:out/coverage
+	$(BIN)/python benchmarks/coverage_by_room.py
 
 $(VENV)/ready: setup.py constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is wanted; set PYTHON=python3.12 or so"; exit 1; }
@@ -51,6 +51,11 @@ tables: $(VENV)/ready
 
 pictures: $(VENV)/ready
 	$(BIN)/python examples/draw_a_loop.py docs/pictures/loop.png
+
+# The page of the node in a headless Chromium: its picture, and whether its memory stays what it is.
+MINUTES ?= 30
+page: $(VENV)/ready
+	$(BIN)/python benchmarks/page.py --minutes $(MINUTES) --picture docs/pictures/view.png
 
 benchmarks: $(VENV)/ready
 	$(BIN)/python benchmarks/cost.py
@@ -74,6 +79,17 @@ own-baseline: $(VENV)/ready
 WHOLE ?=
 whole-range: $(VENV)/ready
 	$(BIN)/python benchmarks/whole_range.py $(WHOLE)
+
+# The control loop with models identified from each wire's own logs, per physics of the bench, law beside law (about half
+# an hour the first time; options in CONTROL).
+CONTROL ?=
+control-worlds: $(VENV)/ready
+	$(BIN)/python benchmarks/control_worlds.py $(CONTROL)
+
+# What the driver says of its model's health: false alarms in virtual hours on every physics, then drifts in growing strength.
+health: $(VENV)/ready
+	$(BIN)/python benchmarks/health.py
+	$(BIN)/python benchmarks/health.py --drifts
 
 # Trace many wires at once: one after the other, on this machine's cores, on a local Dask cluster.
 fleet: $(VENV)/ready

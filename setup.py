@@ -10,12 +10,17 @@ setup(
     name=NAME,
     version="0.1.0",
     packages=find_packages(include=["sma_actuator", "sma_actuator.*", "sma_msgs_py", "sma_msgs_py.*"]),
-    package_data={"sma_actuator": ["**/*.yaml", "**/*.html"]},
+    package_data={"sma_actuator": ["**/*.yaml", "**/*.html", "**/*.js", "view/page/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        (f"share/{NAME}/config", [str(path) for path in Path("config").glob("*.yaml")]),
+        (
+            f"share/{NAME}/config",
+            [str(path) for ending in ("yaml", "xml") for path in Path("config").glob(f"*.{ending}")],
+        ),
+        (f"share/{NAME}/layouts", [str(path) for path in Path("layouts").iterdir()]),
         (f"share/{NAME}/launch", [str(path) for path in Path("launch").glob("*.py")]),
+        (f"share/{NAME}/urdf", [str(path) for path in Path("urdf").iterdir()]),
     ],
     python_requires=">=3.11",
     install_requires=[
@@ -31,13 +36,15 @@ setup(
         # The wheels of ROS 2 Jazzy; leave out where ROS 2 is sourced.
         "ros": ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
         "speed": ["numba>=0.59"],
+        "view": ["aiohttp>=3.9"],
         "report": ["matplotlib>=3.6", "Jinja2>=3.1"],
         "bags": ["rosbags>=0.10"],
         # Logs in Excel, Parquet, TDMS and HDF5; MATLAB's are read by SciPy.
         "formats": ["openpyxl>=3.1", "pyarrow>=14", "npTDMS>=1.7", "h5py>=3.8"],
         "completion": ["argcomplete>=3.0"],
         "baselines": ["scikit-learn>=1.3"],
-        "fleet": ["distributed>=2024.1"],
+        # Many wires at once: a table, logs behind URLs, a cluster; s3fs, gcsfs … bring the kinds of URLs.
+        "fleet": ["distributed>=2024.1", "fsspec>=2024.2", "pyarrow>=14", "threadpoolctl>=3.0"],
         "pymeasure": ["PyMeasure>=0.14"],
         "check": ["ruff>=0.17,<0.18", "mypy>=1.11", "import-linter>=2.0"],
         "docs": ["sphinx>=8.2", "myst-parser>=4.0", "sphinx-rtd-theme>=3.0"],
@@ -50,6 +57,9 @@ setup(
             "pytest-timeout>=2.2",
             "pytest-cov>=5.0",
             "pytest-xdist>=3.5",
+            "moto[server]>=5.0",
+            "s3fs>=2024.2",
+            "xacro>=2.0",
         ],
     },
     entry_points={

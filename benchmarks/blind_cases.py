@@ -30,7 +30,7 @@ from rich.console import Console
 from rich.table import Table
 
 from sma_actuator.bench import InProcessDaq, InProcessSupply, Schedule, Spring, VirtualClock, Weight
-from sma_actuator.bench.hidden import EFFECTS, FOREIGN, HiddenBench
+from sma_actuator.bench.hidden import FOREIGN, TWINS, HiddenBench, hidden_effects
 from sma_actuator.characterise import Rig
 from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import Drive
@@ -45,8 +45,8 @@ ALLOYS = ("flexinol", "furukawa")
 LOADS = ("weight", "spring", "steps")
 PROGRAMS = ("session", "pulses", "partial")  #: of the current; the first has all
 LOAD_EFFECTS = ("load_cell_drift", "load_cell_gain", "elastic_compliance", "creep", "load_cell_nonlinearity")
-LOG_S, PAUSE_S = 230.0, 60.0
-SESSION_S = 2 * LOG_S + PAUSE_S
+LOG_s, PAUSE_s = 230.0, 60.0
+SESSION_s = 2 * LOG_s + PAUSE_s
 LADDER_N = (0.98, 1.47, 0.49, 1.18, 1.96, 0.69, 1.67, 0.49, 1.37, 0.78, 1.96)
 
 #: What strength 1 is, in the effect's unit, for each alloy.
@@ -131,8 +131,8 @@ def load_of(case: Case):
     rng = np.random.default_rng((case.seed, 7))
     steps, start = [(0.0, Weight(LADDER_N[0]))], int(rng.integers(1, len(LADDER_N)))
     for number, share in enumerate((0.12, 0.31, 0.5, 0.68, 0.86)):
-        for log, begin_s in enumerate((0.0, LOG_S + PAUSE_S)):
-            at_s = begin_s + share * LOG_S + rng.uniform(-8.0, 8.0)
+        for log, begin_s in enumerate((0.0, LOG_s + PAUSE_s)):
+            at_s = begin_s + share * LOG_s + rng.uniform(-8.0, 8.0)
             steps.append((round(at_s, 3), Weight(LADDER_N[(start + number + 5 * log) % len(LADDER_N)])))
     return Schedule(sorted(steps, key=lambda step: step[0]))
 
@@ -157,17 +157,17 @@ def currents_A(config, number: int, seed: int, program: str = PROGRAMS[0]) -> np
         parts.append((low, 6.0 * slow))
 
     if program == "pulses":
-        pulses(int(LOG_S / (13.0 * slow)))
+        pulses(int(LOG_s / (13.0 * slow)))
     elif program == "partial":
-        partial(int(0.8 * LOG_S / (2.6 * slow)))
+        partial(int(0.8 * LOG_s / (2.6 * slow)))
     else:
         pulses(3)
         partial(7)
         pulses(1)
     current = np.concatenate([np.full(round(s * rate), level) for level, s in parts])
-    left = round(LOG_S * rate) - len(current)
+    left = round(LOG_s * rate) - len(current)
     if program != "session":
-        return np.concatenate((current, np.full(max(left, 0), low)))[: round(LOG_S * rate)]
+        return np.concatenate((current, np.full(max(left, 0), low)))[: round(LOG_s * rate)]
     tail = round(8.0 * rate)
     # The triangle turns at different heights: some of its cycles are complete, some not.
     t = np.arange(max(left - tail, 0)) / rate
@@ -176,7 +176,7 @@ def currents_A(config, number: int, seed: int, program: str = PROGRAMS[0]) -> np
     cycle = (t / period_s).astype(int) % len(heights)
     triangle = 1.0 - np.abs(2.0 * (t / period_s % 1.0) - 1.0)
     triangle_A = low + (heights[cycle] * high - low) * triangle
-    return np.concatenate((current, triangle_A, np.full(tail, low)))[: round(LOG_S * rate)]
+    return np.concatenate((current, triangle_A, np.full(tail, low)))[: round(LOG_s * rate)]
 
 
 def make_logs(case: Case, folder: Path) -> list[Path]:
@@ -196,15 +196,15 @@ def _session(case: Case) -> list[BenchLog]:
         load=load_of(case),
         physics=case.physics,
         hidden=case.hidden,
-        session_s=SESSION_S,
+        session_s=SESSION_s,
     )
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     wire = {"alloy": config.wire.alloy, "length_m": config.wire.length, "diameter_m": config.wire.diameter}
     logs = []
     with rig.opened():
         for number in range(2):
-            bench.advance(number * (LOG_S + PAUSE_S))
-            log = rig.record(_open_loop(currents_A(config, number, case.seed, case.program)))
+            bench.advance(number * (LOG_s + PAUSE_s))
+            log = rig.record(_open_loop(currents_A(config, number, case.seed, case.program)), but=("load_spike",))
             columns = dict(log.columns)
             columns["time_s"] = columns["time_s"] + (bench.time_s - columns["time_s"][-1])
             if not case.ambient_logged:
@@ -274,7 +274,7 @@ def single(
 ) -> Case:
     """A case with one effect, ``strength`` in multiples of :data:`UNITS`."""
     value = sign * strength * UNITS[name][ALLOYS.index(alloy)]
-    kind = "single" if name in EFFECTS else "foreign"
+    kind = "single" if name in TWINS else "foreign"
     return _case(kind, alloy, {name: value}, load, seed, ambient_logged, physics)
 
 
@@ -282,7 +282,7 @@ def cases(n_seeds: int = 1, strengths: tuple[float, ...] = (0.5, 1, 2), physics:
     """The whole list: every effect alone, none, pairs and what no model has a name for; the same on every call."""
     out, number = [], 0
     for turn in range(n_seeds):
-        for position, name in enumerate(EFFECTS):
+        for position, name in enumerate(TWINS):
             for level, strength in enumerate(strengths):
                 for which, alloy in enumerate(ALLOYS):
                     load = _load_for(name, position + level + which + turn)
@@ -353,7 +353,7 @@ def main() -> int:
     """Print the survey, or the list of cases; returns 0."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--survey", action="store_true", help="how far each effect raises the replay error")
-    parser.add_argument("--only", nargs="*", choices=[*EFFECTS, *FOREIGN], help="these effects alone")
+    parser.add_argument("--only", nargs="*", choices=[*TWINS, *FOREIGN], help="these effects alone")
     parser.add_argument("--loads", nargs="*", choices=LOADS, default=LOADS, help="under these loads alone")
     parser.add_argument("--jobs", type=int, default=1, help="processes (default %(default)s)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the numbers here")
@@ -363,7 +363,7 @@ def main() -> int:
         for case in cases():
             console.print(json.dumps(dataclasses.asdict(case)), soft_wrap=True)
         return 0
-    numbers = survey(args.jobs, args.only or [*EFFECTS, *FOREIGN], args.loads)
+    numbers = survey(args.jobs, args.only or [*TWINS, *FOREIGN], args.loads)
     table = Table(title="replay error with the effect over that without it, at strength 0.5, 1 and 2")
     table.add_column("effect", no_wrap=True)
     table.add_column("unit")
@@ -378,7 +378,7 @@ def main() -> int:
                 )
             continue
         cells = [c for i, a in enumerate(ALLOYS) for c in (f"{UNITS[name][i]:g}", *(f"{r:.2f}" for r in row[a]))]
-        table.add_row(name, (EFFECTS | FOREIGN)[name].unit, *cells)
+        table.add_row(name, hidden_effects()[name].unit, *cells)
     console.print(table)
     if args.json:
         text = json.dumps(numbers, indent=1) + "\n"

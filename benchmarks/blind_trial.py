@@ -30,7 +30,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from sma_actuator.bench.hidden import EFFECTS, FOREIGN
+from sma_actuator.bench.hidden import FOREIGN, TWINS
 from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import NODE_NAME
 from sma_actuator.logs.files import write_atomically
@@ -74,7 +74,7 @@ def judge(case: Case, only_blind: bool) -> dict:
         report = _traced(logs, model, folder / "out")
         without, best = None, None
         single = case.kind == "single"
-        possible = set(case.hidden) <= set(EFFECTS) - {u["name"] for u in report["untestable"]}
+        possible = set(case.hidden) <= set(TWINS) - {u["name"] for u in report["untestable"]}
         raised = error_percent(case) / error_percent(undisturbed(case)) if case.hidden else 1.0
         if single and raised >= RAISED and not only_blind:
             without = _traced(logs, model, folder / "without", "--without", *case.hidden)
@@ -221,7 +221,7 @@ def _said(console: Console, raised: Sequence[dict]) -> None:
     table = Table(title=f"what was said first of the effects that raise the error at least {RAISED:g} times")
     for header in ("hidden", "cases", "said", "said where it was no candidate"):
         table.add_column(header, justify="right" if header == "cases" else "left")
-    for name in (*EFFECTS, *FOREIGN):
+    for name in (*TWINS, *FOREIGN):
         some = [x for x in raised if name in x["hidden"]]
         if not some:
             continue

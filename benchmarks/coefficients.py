@@ -84,6 +84,7 @@ def main() -> None:
             str(ROOT / "config" / f"{name}.yaml"),
             "--report",
             str(OUT / f"{name}.html"),
+            "--no-extension",
             "--force",
         )
         others = [
@@ -103,6 +104,7 @@ def main() -> None:
             str(ROOT / "config" / f"{model}.yaml"),
             "--report",
             str(OUT / f"{model}.html"),
+            "--no-extension",
             "--force",
         )
 

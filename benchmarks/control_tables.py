@@ -108,12 +108,12 @@ def run(experiment: Experiment, seed: int = 1) -> dict[str, float]:
             raise RuntimeError(f"{experiment}: {words}")
         start_s = bench.time_s
         while (elapsed_s := bench.time_s - start_s) < DURATION_s:
-            desired_m = setpoint(elapsed_s)
-            driver.offer_setpoint(desired_m)
+            setpoint_m = setpoint(elapsed_s)
+            driver.offer_setpoint(setpoint_m)
             output = driver.run_for(1.0 / config.loop.rate)
             if output.status.fault:
                 raise RuntimeError(f"{experiment}: {output.status.message}")
-            errors.add(desired_m, output.estimate.displacement_m, output.signals.reference_displacement_m)
+            errors.add(setpoint_m, output.estimate.displacement_m, output.signals.reference_displacement_m)
     return errors.as_dict()
 
 

@@ -87,8 +87,8 @@ def main() -> int:
         start = time.perf_counter()
         result = identify(ten, mapping, wire)
         numbers[f"identify {wire} from {len(ten)} logs, s"] = time.perf_counter() - start
-        trace = make_experiment(logs[0], result.config)
-        columns = [repeated(a, SAMPLES) for a in (trace.resistance_Ohm, trace.stress_Pa, trace.heating)]
+        experiment = make_experiment(logs[0], result.config)
+        columns = [repeated(a, SAMPLES) for a in (experiment.resistance_Ohm, experiment.stress_Pa, experiment.heating)]
         if wire == "flexinol":
             short = [list(c[:LOOP_SAMPLES]) for c in columns]
             loop_rate = LOOP_SAMPLES / best_of(1, forward_step, *short, result.config.model)
@@ -103,9 +103,9 @@ def main() -> int:
             table.add_row(model_type, f"{rate / 1e6:.1f}", f"{rate / loop_rate:.0f}")
         signals = Signals(
             time_s=np.arange(SAMPLES) * 0.05,
-            current_A=repeated(trace.signals.current_A, SAMPLES),
-            power_W=repeated(trace.signals.power_W, SAMPLES),
-            load_N=repeated(trace.signals.load_N, SAMPLES),
+            current_A=repeated(experiment.signals.current_A, SAMPLES),
+            power_W=repeated(experiment.signals.power_W, SAMPLES),
+            load_N=repeated(experiment.signals.load_N, SAMPLES),
             resistance_Ohm=columns[0],
             stress_Pa=columns[1],
         )

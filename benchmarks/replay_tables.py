@@ -72,26 +72,30 @@ def judge(logs: list[BenchLog], config: Config, estimate=estimate_m) -> list[tup
     rows = []
     for load in ROWS:
         word = "spring" if load == "spring" else f"{float(load.split()[0]):.3f}N"
-        traces = [make_experiment(log, config) for log in logs if word in log.name]
-        measured = np.concatenate([t.displacement_m for t in traces])
-        load_N = np.concatenate([t.signals.load_N for t in traces])
-        together = dataclasses.replace(traces[0].signals, reference_displacement_m=measured, load_N=load_N)
+        experiments = [make_experiment(log, config) for log in logs if word in log.name]
+        measured = np.concatenate([t.displacement_m for t in experiments])
+        load_N = np.concatenate([t.signals.load_N for t in experiments])
+        together = dataclasses.replace(experiments[0].signals, reference_displacement_m=measured, load_N=load_N)
         error = log_error(
-            load, together, np.concatenate([estimate(t, config) for t in traces]), range_m, config.wire.full_stroke_m
+            load,
+            together,
+            np.concatenate([estimate(t, config) for t in experiments]),
+            range_m,
+            config.wire.full_stroke_m,
         )
         rows.append((error.working_percent, error.working_share, error.full_percent))
     return rows
 
 
-def wrongly_constant(trace, config):
+def wrongly_constant(experiment, config):
     """The estimate of a node that takes the load for ASSUMED_LOAD_N."""
-    return estimate_m(trace, config, ASSUMED_LOAD_N)
+    return estimate_m(experiment, config, ASSUMED_LOAD_N)
 
 
-def forward(trace, config):
+def forward(experiment, config):
     """The estimate by the thesis's forward step."""
     with np.errstate(over="ignore"):
-        return np.array(forward_step(trace.resistance_Ohm, trace.stress_Pa, trace.heating, config.model))
+        return np.array(forward_step(experiment.resistance_Ohm, experiment.stress_Pa, experiment.heating, config.model))
 
 
 def slower(logs: list[BenchLog], factor: int) -> list[BenchLog]:
@@ -182,12 +186,12 @@ def literature(console: Console, numbers: dict, wire: str, calibration, judged, 
     table = Table(title=f"{wire}: who wins where, working range, % of full stroke")
     table.add_column("model")
     for r in replays:
-        table.add_column(r.trace.name.removesuffix(".csv").replace("_", " "), justify="right")
+        table.add_column(r.experiment.name.removesuffix(".csv").replace("_", " "), justify="right")
     best = [min(names, key=lambda n, r=r: r.errors[n].working_percent) for r in replays]
     for name in names:
         cells = [f"{r.errors[name].working_percent:.2f}" for r in replays]
         table.add_row(name, *(f"[bold]{c}[/]" if name == b else c for c, b in zip(cells, best)))
-        numbers[f"{wire} literature {name}"] = {r.trace.name: r.errors[name].working_percent for r in replays}
+        numbers[f"{wire} literature {name}"] = {r.experiment.name: r.errors[name].working_percent for r in replays}
     console.print(table)
 
 

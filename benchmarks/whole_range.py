@@ -65,7 +65,7 @@ def driven(wire: str, physics: str, seed: int, load, program_of) -> BenchLog:
     """A session of its own."""
     _, rig = bench_of(wire, physics, seed, load)
     with rig.opened():
-        return rig.record(program_of(rig.config))
+        return rig.record(program_of(rig.config), but=("load_spike",))
 
 
 def session(config) -> Program:
@@ -113,18 +113,18 @@ def judge(wire: str, physics: str) -> dict:
     begin_s, begin_cpu_s = time.perf_counter(), time.process_time()
     whole = identify(calibration, mapping, "whole_range")
     out: dict = {"fit_s": time.perf_counter() - begin_s, "fit_cpu_s": time.process_time() - begin_cpu_s}
-    places = np.concatenate([t.displacement_m for t in thesis.traces])
+    places = np.concatenate([t.displacement_m for t in thesis.experiments])
     logs = judged_logs(wire, physics, *(float(v) for v in np.percentile(places, (1, 99))))
     full_m = whole.config.wire.full_stroke_m
     rows: dict[str, list[np.ndarray]] = {"thesis": [], "whole": [], "inside": [], "place": [], "kind": []}
     for kind, log in logs:
         for name, config in (("thesis", thesis.config), ("whole", whole.config)):
-            trace = make_experiment(log, config)
-            found = Chain(config).run(trace.signals)
-            rows[name].append(np.abs(found.displacement_m - trace.displacement_m) / full_m * 100.0)
-        rows["inside"].append(np.abs(found.displacement_m - trace.displacement_m) <= found.uncertainty_m)
-        rows["place"].append(trace.displacement_m)
-        rows["kind"].append(np.full(len(trace.displacement_m), kind))
+            experiment = make_experiment(log, config)
+            found = Chain(config).run(experiment.signals)
+            rows[name].append(np.abs(found.displacement_m - experiment.displacement_m) / full_m * 100.0)
+        rows["inside"].append(np.abs(found.displacement_m - experiment.displacement_m) <= found.uncertainty_m)
+        rows["place"].append(experiment.displacement_m)
+        rows["kind"].append(np.full(len(experiment.displacement_m), kind))
     flat = {name: np.concatenate(values) for name, values in rows.items()}
     for name in ("thesis", "whole"):
         out[name] = regions(flat["place"], flat["kind"] == "partial", flat[name])
@@ -139,10 +139,12 @@ def judge(wire: str, physics: str) -> dict:
 
 def microseconds(config: Config, log: BenchLog) -> float:
     """Time of one sample through the model alone, the best of three runs over a log [µs]."""
-    trace = make_experiment(log, config)
-    s, model = trace.signals, config.model.build(config.wire)
+    experiment = make_experiment(log, config)
+    s, model = experiment.signals, config.model.build(config.wire)
     samples = list(
-        zip(s.time_s, s.resistance_Ohm, s.stress_Pa, trace.heating, s.power_W, s.ambient_temperature_C, strict=True)
+        zip(
+            s.time_s, s.resistance_Ohm, s.stress_Pa, experiment.heating, s.power_W, s.ambient_temperature_C, strict=True
+        )
     )
     samples = [(*map(float, x[:3]), bool(x[3]), *map(float, x[4:])) for x in samples]
     best = np.inf

@@ -9,32 +9,51 @@ from __future__ import annotations
 import collections
 import logging
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from math import inf, isfinite, nan
-from typing import TYPE_CHECKING
 
 from sma_actuator.base.parameters import ConfigError, walk
-from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status, SupplyState
+from sma_actuator.base.signals import (
+    Branch,
+    Command,
+    Estimate,
+    Mode,
+    Output,
+    Quality,
+    Reading,
+    Signals,
+    Status,
+    SupplyState,
+)
+from sma_actuator.config import Config, require_calibrated
 from sma_actuator.control.commanding import Commanding
+from sma_actuator.control.law import SensingLaw
 from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
 from sma_actuator.estimation.circuit import is_driven, signals_from_reading, without_undriven
+from sma_actuator.estimation.health import ModelHealth
+from sma_actuator.estimation.uncertainty import Uncertainty
 from sma_actuator.safety.faults import FAULTS, gravest
 from sma_actuator.safety.guards.estimate import estimate_invalid
 from sma_actuator.safety.guards.program import unhandled_exception
 from sma_actuator.safety.guards.setpoints import Bucket, no_motion, setpoint_flood, setpoint_not_finite, setpoint_stale
-from sma_actuator.safety.limits import CURRENT_BIAS, CURRENT_MAX, LIMITS, SETPOINT_RANGE, SETPOINT_RATE, SETPOINT_REACH
-from sma_actuator.safety.reach import Reach
+from sma_actuator.safety.limits import (
+    CURRENT_BIAS,
+    CURRENT_MAX,
+    LIMITS,
+    SETPOINT_PACE,
+    SETPOINT_RANGE,
+    SETPOINT_RATE,
+    SETPOINT_REACH,
+)
+from sma_actuator.safety.reach import BEYOND_K, Reach
 from sma_actuator.safety.records import Fault, Limit, Step
 from sma_actuator.safety.supervisor import Supervisor
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
 
 _log = logging.getLogger(__name__)
 
 #: An event without duration (a refused setpoint) stays in the status for this long.
-EVENT_SHOWN_S = 1.0
+EVENT_SHOWN_s = 1.0
 #: Readings that ``tare_load`` and ``measure_lead_resistance`` average, at the most.
 AVERAGED_READINGS = 20
 #: And at the least.
@@ -47,27 +66,17 @@ _NOTHING = Signals(nan, nan, nan, nan, nan, nan)
 _NO_ESTIMATE = Estimate(nan, nan, nan, 0.0, Branch.COOLING, Quality.INVALID)
 
 
-@dataclass(frozen=True, slots=True)
-class Output:
-    """Everything one step has to say."""
-
-    signals: Signals  #: of the last usable reading
-    estimate: Estimate
-    command: Command
-    status: Status
-    setpoint_m: float  #: what the controller was asked for, NaN where nothing
-    tare_N: float = 0.0  #: load that counts as zero
-    events: tuple[str, ...] = ()  #: what was asked, changed or went wrong since the step before
-    reading: Reading | None = None  #: as it came from the DAQ, None where nothing came
-
-
 class Actuator:
     """Estimator, controller and supervisor of one wire.  Not thread-safe: one owner."""
 
     def __init__(self, config: Config):
+        require_calibrated(config)
         self._config = config
         self._chain = Chain(config)
-        self._controller = config.controller.build(config.supply.bias_current)
+        self._uncertainty = Uncertainty(config.model.build(config.wire), config.calibration)
+        self._controller = config.controller.build(config)
+        self._sensing = self._controller if isinstance(self._controller, SensingLaw) else None
+        self._health = ModelHealth(config, config.supply.bias_current)
         self._supervisor = Supervisor(config)
         self._reach = Reach(config.wire.full_stroke_m, config.thermal.heat_capacity / config.thermal.heat_loss)
         self._commanding = Commanding()
@@ -85,6 +94,7 @@ class Actuator:
         self._power_W = 0.0
         self._setpoint_bucket = Bucket()
         self._events: dict[Fault, tuple[float, str]] = {}  #: fault without duration → when, detail
+        self._joint_commands = "none"  #: what became of the last, in words
         self._changes: list[str] = []  #: that no output has told yet
         self._latched_told: Fault | None = None
 
@@ -158,6 +168,43 @@ class Actuator:
             self._events[setpoint_not_finite] = (now_s, refusal)
             return refusal
         self._commanding.track(now_s, float(position_m))
+        return ""
+
+    def offer_joint_command(self, now_s: float, position_m: float) -> str:
+        """Take a position [m] of a stream of joint commands; "" or the sentence why it was refused.
+
+        They are followed from the first on that is near the estimate (``controller.arming_distance``): a stream knows
+        nothing of a wire that was switched on, stopped or moved by somebody else, and must not make it jump.  NaN is
+        no command, and no fault: ros2_control sends it until a controller runs.
+        """
+        flooded = self._flood(now_s)
+        if flooded:
+            return flooded
+        if position_m != position_m:
+            self._joint_commands = "no number yet"
+            return ""
+        refusal = setpoint_not_finite.look(position_m)
+        if refusal:
+            self._events[setpoint_not_finite] = (now_s, refusal)
+            return refusal
+        if not self._commanding.is_driven:
+            self._joint_commands = "not followed: the output is off"
+            return ""
+        if self._estimate.quality is Quality.INVALID:
+            self._joint_commands = "not followed: where the wire is is not known yet"
+            return ""
+        was_armed = self._commanding.armed
+        near_m = self._config.controller.arming_distance * self._config.wire.full_stroke_m
+        wire_m = self._estimate.displacement_m
+        if self._commanding.command(now_s, float(position_m), wire_m, near_m):
+            self._joint_commands = "followed"
+            if not was_armed:
+                self._changes.append("joint commands followed")
+        else:
+            self._joint_commands = (
+                f"not followed: {position_m * 1e3:.3f} mm, and the wire is at {wire_m * 1e3:.3f} mm; "
+                f"{near_m * 1e3:.3g} mm or nearer is wanted first (controller.arming_distance)"
+            )
         return ""
 
     def offer_trajectory(
@@ -271,6 +318,7 @@ class Actuator:
         self._config = self._supervisor.config = config
         self._controller.set_gains(config.controller)
         self._chain.update(config)
+        self._health.update(config)
 
     # --- the step ---------------------------------------------------------------------------------
 
@@ -352,14 +400,29 @@ class Actuator:
         self._latched_told = latched
         changes, self._changes = tuple(self._changes), []
         status = self._status(faults, limits)
-        return Output(self._signals, self._estimate, self._told, status, setpoint_m, self._tare_N, changes, reading)
+        return Output(
+            self._signals,
+            self._estimate,
+            self._told,
+            status,
+            setpoint_m,
+            self._tare_N,
+            changes,
+            reading,
+            self._health.verdict,
+        )
 
     def _sense(self, reading: Reading) -> None:
         """Signals and estimate of a usable reading."""
         config = self._config
         self._reading_s = reading.time_s
         calibrated = without_undriven(signals_from_reading(reading, config, self._tare_N), config.supply.bias_current)
-        self._signals, self._estimate = self._chain.step(calibrated)
+        self._signals, estimate = self._chain.step(calibrated)
+        self._estimate = replace(estimate, uncertainty_m=self._uncertainty.step(self._signals, estimate))
+        if self._sensing is not None:
+            self._sensing.sense(self._signals, self._estimate)
+        if self._health.step(self._signals, self._estimate):
+            self._changes.append(f"model health: {self._health.verdict.words}")
         self._loads_N.append(self._signals.load_N + self._tare_N)
         self._power_W = 0.0
         if is_driven(calibrated.current_A, config.supply.bias_current):
@@ -380,9 +443,10 @@ class Actuator:
             now_s,
             self._estimate.displacement_m,
             setpoint_m,
-            self._told.current_A >= ALL_THERE_IS * self._supervisor.limit_A(),
-            self._power_W,
-            self._signals.load_N,
+            at_max=self._told.current_A >= ALL_THERE_IS * self._supervisor.limit_A(),
+            hot=self._supervisor.heat.temperature_C > self._config.calibration.contracted_temperature + BEYOND_K,
+            power_W=self._power_W,
+            load_N=self._signals.load_N,
         )
         if self._reach.floor_m > setpoint_m:
             limits.add(SETPOINT_REACH)
@@ -402,6 +466,8 @@ class Actuator:
             wanted_A = controller.step(self._estimate.displacement_m, setpoint_m, dt_s, self._supervisor.limit_A())
         if controller.rate_limited:
             limits.add(SETPOINT_RATE)
+        if self._sensing is not None and self._sensing.paced:
+            limits.add(SETPOINT_PACE)
         if controller.at_max:
             limits.add(CURRENT_MAX)
         if controller.at_bias:
@@ -412,7 +478,7 @@ class Actuator:
         """What the parameters say when no setpoint has come for too long."""
         if self._commanding.mode is not Mode.TRACKING:
             return
-        why = setpoint_stale.look(self._commanding.silent_s(now_s), self._config)
+        why = setpoint_stale.look(self._commanding.silent_s(now_s), self._commanding.armed, self._config)
         if not why:
             return
         action = self._config.controller.on_setpoint_loss
@@ -437,26 +503,36 @@ class Actuator:
 
     def _refuses_setpoints(self, now_s: float) -> str:
         """Why no setpoint is taken now, or ""."""
-        flooded = setpoint_flood.look(self._setpoint_bucket, now_s, self._config)
+        flooded = self._flood(now_s)
         if flooded:
-            self._events[setpoint_flood] = (now_s, flooded)
             return flooded
         if not self._commanding.is_driven:
             return "setpoint refused: the output is off; call ~/enable first"
         return ""
+
+    def _flood(self, now_s: float) -> str:
+        flooded = setpoint_flood.look(self._setpoint_bucket, now_s, self._config)
+        if flooded:
+            self._events[setpoint_flood] = (now_s, flooded)
+        return flooded
 
     def _show_events(self, now_s: float, faults: dict[Fault, str]) -> None:
         """Let faults without duration stay in the status for a while, a lost setpoint until the next."""
         if self._commanding.lost:
             faults.setdefault(setpoint_stale, self._commanding.lost)
         for fault, (when_s, detail) in list(self._events.items()):
-            if 0.0 <= now_s - when_s <= EVENT_SHOWN_S:
+            if 0.0 <= now_s - when_s <= EVENT_SHOWN_s:
                 faults.setdefault(fault, detail)
             else:
                 del self._events[fault]
 
     def _words_of(self, latched: Fault) -> str:
         return f"{latched.words} ({self._supervisor.detail})"
+
+    def _joint_command_words(self) -> str:
+        if self._joint_commands == "followed" and not self._commanding.armed:
+            return "not followed any more"
+        return self._joint_commands
 
     def _status(self, faults: dict[Fault, str], limits: set[Limit]) -> Status:
         supervisor = self._supervisor
@@ -477,6 +553,8 @@ class Actuator:
             limits=tuple(limit.name for limit in shown),
             message=words,
             values={
+                "displacement_m": estimate.displacement_m if estimate.quality is not Quality.INVALID else nan,
+                "uncertainty_m": estimate.uncertainty_m,
                 "resistance_Ohm": signals.resistance_Ohm,
                 "current_A": signals.current_A,
                 "power_W": signals.power_W,
@@ -488,6 +566,7 @@ class Actuator:
                 "limited_setpoint_m": self._controller.reference_m if self._commanding.is_driven else nan,
                 "branch": estimate.branch.name.lower(),
                 "quality": estimate.quality.name.lower(),
+                "joint_commands": self._joint_command_words(),
             },
         )
 

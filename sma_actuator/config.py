@@ -22,19 +22,20 @@ from sma_actuator.base.parameters import (
     type_of,
     typed_section,
 )
-from sma_actuator.base.sections import Loop, Wire
-from sma_actuator.base.yaml_text import read_yaml
+from sma_actuator.base.sections import Loop, SupplyParameters, ThermalParameters, Wire
+from sma_actuator.base.yaml_text import read_yaml, yaml_of
 from sma_actuator.control import CONTROL_LAWS
 from sma_actuator.control.law import ControllerParameters
+from sma_actuator.derived import with_derived
 from sma_actuator.estimation.branch import EstimatorParameters
 from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.circuit import Circuit, LoadCell, ReferenceSensor
 from sma_actuator.estimation.effects import EFFECTS, Effects, effects_from_mapping
 from sma_actuator.estimation.models import COEFFICIENTS, Coefficients
 from sma_actuator.instruments.parameters import Instruments
+from sma_actuator.logs.files import write_atomically
 from sma_actuator.logs.recorder import RecorderParameters
-from sma_actuator.safety.parameters import SafetyParameters, SupplyParameters
-from sma_actuator.safety.thermal import ThermalParameters
+from sma_actuator.safety.parameters import SafetyParameters
 
 NODE_NAME = "sma_actuator"
 
@@ -91,7 +92,9 @@ class Config(BenchConfig):
         config, found = from_mapping(cls, mapping)
         problems += found
         if config is not None:
-            problems += _cross_checks(config) + config.model.mismatches(config.wire)
+            problems += (
+                _cross_checks(config) + config.model.mismatches(config.wire) + config.controller.mismatches(config)
+            )
         _refuse(problems, source)
         return dataclasses.replace(config, effects=effects)
 
@@ -99,6 +102,11 @@ class Config(BenchConfig):
     def load(cls, path: str | Path, node: str = NODE_NAME) -> Config:
         """Read a YAML parameter file.  Raises ConfigError; its sentences name the file."""
         return cls.from_mapping(read_parameter_file(path, node), source=str(path))
+
+    @classmethod
+    def for_tools(cls, mapping: Mapping[str, Any], source: str = "") -> Config:
+        """As :meth:`from_mapping`, for what drives no wire: limits, gains and trips need not be given."""
+        return cls.from_mapping(with_derived(mapping), source)
 
     @property
     def model_type(self) -> str:
@@ -133,6 +141,22 @@ def bench_from_mapping(mapping: Mapping[str, Any], source: str = "") -> BenchCon
     return bench
 
 
+def require_calibrated(config: BenchConfig) -> None:
+    """Raise ConfigError where a raw channel of the bench has no calibration: nothing may be driven by a guess of it."""
+    problems = []
+    if not math.isfinite(config.circuit.reference_resistance):
+        problems.append(
+            "circuit.reference_resistance: missing; the resistance of the sense resistor in ohms is wanted, without it "
+            "neither the current nor the wire's resistance is known"
+        )
+    if not config.load_cell.calibrated:
+        problems.append(
+            "load_cell.slope, load_cell.offset: missing; the load cell's calibration in N/V and N is wanted "
+            "(`sma-actuator characterise` measures it), without it the wire's stress is not known"
+        )
+    _refuse(problems, "")
+
+
 def _refuse(problems: list[str], source: str) -> None:
     if problems:
         raise ConfigError([f"{source}: {problem}" if source else problem for problem in problems])
@@ -153,6 +177,21 @@ def read_parameter_file(path: str | Path, node: str = NODE_NAME) -> dict[str, An
         if isinstance(document.get(name), Mapping) and "ros__parameters" in document[name]:
             return dict(document[name]["ros__parameters"] or {})
     raise ConfigError(f"{path}: has no section '{node}: ros__parameters:'; found {', '.join(map(str, document))}")
+
+
+def write_parameter_file(
+    path: str | Path, mapping: Mapping[str, Any], header: str, comments: Mapping[str, str] | None = None
+) -> None:
+    """Write a parameter file, whole or not at all; ``header``: comment above it, ``comments``: behind parameters."""
+    text = parameter_text(mapping, header, comments)
+    write_atomically(path, lambda stream: stream.write(text.encode()))
+
+
+def parameter_text(mapping: Mapping[str, Any], header: str, comments: Mapping[str, str] | None = None) -> str:
+    """What stands in a parameter file."""
+    inside = {f"{NODE_NAME}.ros__parameters.{name}": text for name, text in (comments or {}).items()}
+    text = "".join(f"# {line}\n" for line in header.splitlines())
+    return text + yaml_of({NODE_NAME: {"ros__parameters": dict(mapping)}}, inside)
 
 
 def _cross_checks(common: BenchConfig) -> list[str]:

@@ -27,18 +27,16 @@ import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 
-from sma_actuator.actuator import Actuator, Output
-from sma_actuator.base.signals import Command, Mode, Reading, SupplyState
+from sma_actuator.actuator import Actuator
+from sma_actuator.base.signals import Command, Mode, Output, Reading, SupplyState
+from sma_actuator.config import Config
 from sma_actuator.instruments import Clock, Daq, InstrumentError, InstrumentUnreachable, PowerSupply
 from sma_actuator.safety.guards.program import loop_hung
-from sma_actuator.safety.timing import SETTLING_TIME_S
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
+from sma_actuator.safety.timing import SETTLING_TIME_s
 
 _log = logging.getLogger(__name__)
 
@@ -176,11 +174,12 @@ class Driver:
         self._alive_s = math.inf  #: when the control thread last showed life; infinite while there is none
         self._hung = ""  #: what the watchman found, until the control thread goes on
         self._checked_s = -math.inf  #: when a setting of the supply was last looked at
-        self._cut = False  #: the watchman has shut the supply down, and the control thread has not noted it yet
+        self._cut = ""  #: why the watchman has shut the supply down, until the control thread has noted it
         self._thread: threading.Thread | None = None
         self._stopping = threading.Event()
         self._gate = threading.Lock()  #: guards _ended and the mailbox against each other
         self._opened = False
+        self._supply_opened = False  #: before that nothing is known of its output
         self._ended = False
         self._mailbox: collections.deque[tuple[Callable[[Actuator, float], Any], Future]] = collections.deque()
         self._setpoints: collections.deque[tuple[float, Callable[[Actuator, float], str]]] = collections.deque()
@@ -204,6 +203,7 @@ class Driver:
             for link in self._links:
                 link.instrument.open()
                 link.answers = True
+                self._supply_opened = True
             self._opened = True
         except BaseException:
             self._finish()
@@ -232,8 +232,8 @@ class Driver:
         else:
             self._thread.join(_JOIN_TIMEOUT_s)
             if self._thread.is_alive():
-                _log.warning("%s: an instrument holds up the loop; shutting the supply down beside it", self.name)
-                self._shut_down()
+                self._shut_down()  # before a word is said: what holds the loop up may be the log
+                _log.warning("%s: something holds up the loop; the supply was shut down beside it", self.name)
         return not self._may_flow
 
     def __enter__(self) -> Self:
@@ -278,6 +278,10 @@ class Driver:
     def offer_setpoint(self, position_m: float) -> None:
         """Hand over a setpoint [m]; never waits.  Refusals come back by :meth:`refusals`."""
         self._offer(lambda actuator, now_s: actuator.offer_setpoint(now_s, position_m))
+
+    def offer_joint_command(self, position_m: float) -> None:
+        """Hand over a joint command [m], which may be NaN; never waits."""
+        self._offer(lambda actuator, now_s: actuator.offer_joint_command(now_s, position_m))
 
     def offer_trajectory(
         self,
@@ -334,6 +338,11 @@ class Driver:
     def hardware_id(self) -> str:
         """What the supply calls itself."""
         return self._supply_instrument.identity
+
+    @property
+    def output_is_off(self) -> bool:
+        """Whether the supply has read back that its output is off, and was told nothing else since."""
+        return self._supply_opened and not self._may_flow
 
     @property
     def output_words(self) -> str:
@@ -623,20 +632,19 @@ class Driver:
             silent_s = self._clock.now_s() - self._alive_s
             if self._hung or silent_s <= self._config.safety.reading_timeout:
                 continue
-            self._hung = (
-                f"no step for {silent_s:.3g} s; safety.reading_timeout is {self._config.safety.reading_timeout:g} s"
-            )
+            why = f"no step for {silent_s:.3g} s; safety.reading_timeout is {self._config.safety.reading_timeout:g} s"
+            self._hung = why
             if not (self._may_flow and self._supply.answers):
                 continue  # nothing flows, or the control thread is about to say off on a new connection
             try:
-                self._cut = True
+                self._cut = why
                 self._shut_down()
-                _log.error("%s: the control loop hangs (%s); %s", self.name, self._hung, self.output_words)
-                self._show_hang()
+                _log.error("%s: the control loop hangs (%s); %s", self.name, why, self.output_words)
+                self._show_hang(why)
             except Exception:  # noqa: BLE001 - the last pair of eyes must stay open
                 _log.exception("%s: the watchman failed", self.name)
 
-    def _show_hang(self) -> None:
+    def _show_hang(self, why: str) -> None:
         """Put out what is known while the control thread says nothing."""
         output = self._output
         if output is None or self._on_output is None:
@@ -646,7 +654,7 @@ class Driver:
             mode=Mode.OFF,
             fault=loop_hung.name,
             limits=(),
-            message=f"off: {loop_hung.words} ({self._hung})",
+            message=f"off: {loop_hung.words} ({why})",
             values=dict(output.status.values),
         )
         self._on_output(self._with_truth(dataclasses.replace(output, command=_OFF, status=status)))
@@ -654,8 +662,8 @@ class Driver:
     def _note_hang(self, now_s: float) -> None:
         """In the control thread, when it goes on: what the watchman has done is a fault."""
         if self._cut:
-            self._actuator.raise_fault(now_s, loop_hung.name, self._hung)
-            self._written, self._cut = None, False
+            self._actuator.raise_fault(now_s, loop_hung.name, self._cut)
+            self._written, self._cut = None, ""
         self._hung = ""
 
 
@@ -669,7 +677,7 @@ def _warm_up(config: Config) -> None:
     current_A, circuit, safety = config.supply.bias_current, config.circuit, config.safety
     wire_Ohm = math.sqrt(safety.resistance_min * safety.resistance_max)
     load_V = (0.5 * config.wire.max_stress * config.wire.area_m2 - config.load_cell.offset) / config.load_cell.slope
-    for number in range(2 + math.ceil(2.0 * SETTLING_TIME_S * config.loop.rate)):
+    for number in range(2 + math.ceil(2.0 * SETTLING_TIME_s * config.loop.rate)):
         now_s = number / config.loop.rate
         total_Ohm = circuit.reference_resistance + circuit.lead_resistance + wire_Ohm * (1.0 - 1e-4 * number)
         reading = Reading(now_s, current_A * total_Ohm, current_A * circuit.reference_resistance, load_V)
@@ -701,13 +709,13 @@ def _stop_at_exit(driver: Driver) -> None:
 
 @contextlib.contextmanager
 def signals_end_the_program() -> Iterator[None]:
-    """SIGTERM and SIGHUP raise SystemExit, as SIGINT raises KeyboardInterrupt: every ``finally`` and
+    """SIGTERM, SIGQUIT and SIGHUP raise SystemExit, as SIGINT raises KeyboardInterrupt: every ``finally`` and
     atexit function runs, so every driver is stopped.  For tools; in the main thread."""
 
     def leave(number: int, _frame: object) -> None:
         raise SystemExit(128 + number)
 
-    before = {number: signal.signal(number, leave) for number in (signal.SIGTERM, signal.SIGHUP)}
+    before = {number: signal.signal(number, leave) for number in (signal.SIGTERM, signal.SIGQUIT, signal.SIGHUP)}
     try:
         yield
     finally:

@@ -3,6 +3,9 @@
 from .conversions import (
     command_current_message,
     diagnostic_status_from,
+    health_status_from,
+    joint_command_from,
+    joint_command_message,
     joint_state_message,
     load_from,
     load_message,
@@ -21,6 +24,9 @@ from .conversions import (
 __all__ = [
     "command_current_message",
     "diagnostic_status_from",
+    "health_status_from",
+    "joint_command_from",
+    "joint_command_message",
     "joint_state_message",
     "load_from",
     "load_message",

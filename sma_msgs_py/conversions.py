@@ -16,7 +16,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from sma_actuator.base.signals import Command, Estimate, Mode, Signals, Status
+from sma_actuator.base.signals import Command, Estimate, Health, Mode, Signals, Status, Verdict
 
 _OWN_KEYS = ("mode", "fault", "limits")
 
@@ -90,6 +90,27 @@ def position_from(message: Float64) -> float:
     return message.data
 
 
+def joint_command_message(joint_name: str, position_m: float) -> JointState:
+    """Where a joint should be [m]."""
+    return JointState(name=[joint_name], position=[float(position_m)])
+
+
+def joint_command_from(message: JointState, joint_name: str) -> float:
+    """Where one joint should be [m], as it came: it may be NaN.
+
+    Raises ValueError with a sentence where the message does not say.
+    """
+    names = list(message.name)
+    if joint_name not in names:
+        raise ValueError(
+            f"joint command refused: it is for {', '.join(names) or 'no joint'}, and this joint is {joint_name}"
+        )
+    column = names.index(joint_name)
+    if column >= len(message.position):
+        raise ValueError(f"joint command refused: it has no position for {joint_name}")
+    return message.position[column]
+
+
 def trajectory_message(joint_name: str, times_s: list[float], positions_m: list[float]) -> JointTrajectory:
     """Positions [m] at times [s] from now."""
     message = JointTrajectory(joint_names=[joint_name])
@@ -152,6 +173,30 @@ def diagnostic_status_from(name: str, hardware_id: str, status: Status) -> Diagn
         name=name,
         hardware_id=hardware_id,
         message=status.message,
+        values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()],
+    )
+
+
+def health_status_from(name: str, hardware_id: str, verdict: Verdict, now_s: float) -> DiagnosticStatus:
+    """Level WARN where a calibration is due, else OK; the words; every sign as text.  ``now_s`` is loop time."""
+    values: dict[str, float | str] = {
+        "state": verdict.state.name.lower(),
+        "due_for_s": now_s - verdict.since_s,
+        "position_error_m": verdict.error_m,
+        "cycles": str(verdict.cycles),
+        "causes": "; ".join(verdict.causes),
+    }
+    for sign, reading in verdict.signs.items():
+        values |= {
+            f"{sign}_deviation": reading.deviation,
+            f"{sign}_bound": reading.bound,
+            f"{sign}_readings": str(reading.readings),
+        }
+    return DiagnosticStatus(
+        level=DiagnosticStatus.WARN if verdict.state is Health.DUE else DiagnosticStatus.OK,
+        name=name,
+        hardware_id=hardware_id,
+        message=verdict.words,
         values=[KeyValue(key=key, value=_text(value)) for key, value in values.items()],
     )
 

@@ -14,10 +14,11 @@ from sma_actuator.config import Config
 if TYPE_CHECKING:
     from characterised import Characterised
 
-#: A 0.1524 mm × 100 mm Ni-Ti wire; every required parameter, and no other.
+#: A 0.1524 mm × 100 mm Ni-Ti wire; every required parameter, the calibrations, and no other.
 _NI_TI: dict[str, Any] = {
     "wire": {"alloy": "ni-ti", "length": 0.100, "diameter": 0.1524e-3},
-    "circuit": {"lead_resistance": 0.25},
+    "circuit": {"reference_resistance": 1.0, "lead_resistance": 0.25},
+    "load_cell": {"slope": 12.7297, "offset": -0.0598},
     "reference_sensor": {"slope": 0.315842, "offset": -0.0012195},
     "supply": {"max_current": 0.40, "max_voltage": 6.0, "over_current_trip": 0.45},
     "estimator": {"heating_power": 0.20},
@@ -52,6 +53,16 @@ def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
         else:
             out[head] = copy.deepcopy(value)
     return out
+
+
+#: Tests that start processes or fit models take longest: they begin first, so that no worker is left alone with them.
+_FIRST = ("tests/ros", "tests/attack", "tests/identify", "tests/diagnosis", "tests/cli", "tests/replay", "tests/driver")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The rooms of ``_FIRST`` before the others; within a room the order stays."""
+    ranks = {room: rank for rank, room in enumerate(_FIRST)}
+    items.sort(key=lambda item: ranks.get("/".join(item.nodeid.split("/")[:2]), len(ranks)))
 
 
 @pytest.fixture(scope="session")

@@ -177,6 +177,78 @@ def test_the_setpoint_is_not_lost_while_a_trajectory_runs_but_after_it(make_rig)
     assert (rig.status.mode, rig.status.fault) == (Mode.HOLD, "setpoint_stale")
 
 
+class TestJointCommands:
+    """The stream of a controller manager, which knows nothing of the wire."""
+
+    def stream(self, rig, position_m, seconds):
+        for _ in range(round(seconds * rig.config.loop.rate)):
+            assert rig.actuator.offer_joint_command(rig.now_s, position_m) == ""
+            rig.step()
+        return rig.status.values["joint_commands"]
+
+    def test_nan_is_no_command_and_no_fault(self, rig):
+        assert self.stream(rig, math.nan, 0.5) == "no number yet"
+        rig.enable()
+        held_m = rig.output.setpoint_m
+        assert self.stream(rig, math.nan, 0.5) == "no number yet"
+        assert (rig.status.mode, rig.status.fault, rig.output.setpoint_m) == (Mode.HOLD, "", held_m)
+
+    def test_infinity_is_refused(self, rig):
+        rig.enable()
+        assert "finite" in rig.actuator.offer_joint_command(rig.now_s, math.inf)
+        assert rig.run(0.1).status.fault == "setpoint_not_finite"
+
+    def test_they_are_followed_once_one_is_near_and_from_then_on_wherever_they_are(self, rig):
+        rig.enable()
+        held_m = rig.output.setpoint_m
+        assert "0.2 mm or nearer is wanted first" in self.stream(rig, held_m - 0.3e-3, 0.5)
+        assert rig.output.setpoint_m == held_m
+        assert self.stream(rig, held_m - 0.1e-3, 0.1) == "followed"
+        assert self.stream(rig, 0.0030, 0.5) == "followed"
+        assert (rig.status.mode, rig.output.setpoint_m) == (Mode.TRACKING, 0.0030)
+        assert [event for output in rig.outputs for event in output.events].count("joint commands followed") == 1
+
+    @pytest.mark.parametrize(
+        "interruption",
+        [
+            lambda rig: (rig.actuator.enable(rig.now_s, False), rig.run(0.3), rig.enable()),
+            lambda rig: rig.actuator.reset_estimator(),
+            lambda rig: rig.actuator.offer_trajectory(rig.now_s, [], []),
+            lambda rig: rig.run(1.0),
+        ],
+        ids=["off and on", "estimator", "stop", "silence"],
+    )
+    def test_after_an_interruption_the_wire_does_not_jump_to_where_the_stream_still_is(self, rig, interruption):
+        rig.enable()
+        wire_m = rig.output.estimate.displacement_m
+        self.stream(rig, wire_m, 0.1)
+        self.stream(rig, wire_m - 0.8e-3, 0.2)
+        interruption(rig)
+        rig.run(0.2)
+        before_m = rig.output.setpoint_m
+        assert before_m == pytest.approx(wire_m, abs=0.4e-3)
+        assert self.stream(rig, wire_m - 0.8e-3, 0.5).startswith("not followed")
+        assert rig.output.setpoint_m == before_m
+
+    @pytest.mark.parametrize("action", ["hold", "bias", "off"])
+    def test_a_dead_stream_is_a_lost_setpoint(self, make_rig, action):
+        rig = make_rig(**{"controller.on_setpoint_loss": action})
+        rig.enable()
+        wire_m = rig.output.estimate.displacement_m
+        self.stream(rig, wire_m, 0.1)
+        self.stream(rig, wire_m - 0.3e-3, 0.3)
+        self.stream(rig, math.nan, 0.4)
+        assert rig.status.fault == ""
+        self.stream(rig, math.nan, 0.2)
+        assert rig.status.fault == "setpoint_stale"
+        assert rig.status.mode is (Mode.OFF if action == "off" else Mode.HOLD)
+
+    def test_they_count_among_those_that_may_flood_in(self, rig):
+        rig.enable()
+        refusals = [rig.actuator.offer_joint_command(rig.now_s, math.nan) for _ in range(200)]
+        assert any("faster than safety.setpoint_flood_rate" in refusal for refusal in refusals)
+
+
 class TestLostSetpoint:
     def lost(self, make_rig, action):
         rig = make_rig(**{"controller.setpoint_timeout": 2.0, "controller.on_setpoint_loss": action})

@@ -43,6 +43,9 @@ def test_colcon_installs_node_launch_file_and_configurations(workspace):
         "share/ament_index/resource_index/packages/sma_actuator",
         "share/sma_actuator/package.xml",
         "share/sma_actuator/launch/sma_actuator.launch.py",
+        "share/sma_actuator/launch/ros2_control.launch.py",
+        "share/sma_actuator/urdf/sma_wire.xacro",
+        "share/sma_actuator/urdf/controllers.yaml",
         "share/sma_actuator/config/flexinol.yaml",
         "share/sma_actuator/config/furukawa.yaml",
     } <= installed

@@ -9,9 +9,9 @@ import pytest
 
 PAGE = Path(__file__).resolve().parents[1] / "CONTRIBUTING.md"
 BLOCKS = {
-    heading: block
+    heading: "\n".join(blocks)
     for heading, section in re.findall(r"\n## (.+?)\n(.*?)(?=\n## |\Z)", PAGE.read_text(encoding="utf-8"), re.DOTALL)
-    for block in re.findall(r"```python\n(.*?)```", section, re.DOTALL)
+    if (blocks := re.findall(r"```python\n(.*?)```", section, re.DOTALL))
 }
 #: What must hold once the block has been executed.
 HOLDS = {
@@ -25,6 +25,10 @@ config = Config.load(shared_file("config/flexinol.yaml"))
 sample = Signals(0.0, 5.0, 0.2, 0.2, 1.0, 1.0 / config.wire.area_m2)
 plain = Chain(config, {}).step(sample)[1].displacement_m
 assert np.isclose(Chain(config, {"crimp_creep": CrimpCreep(compliance=1e-4)}).step(sample)[1].displacement_m, plain + 1e-4)
+from sma_actuator.bench import HiddenBench
+from sma_actuator.diagnosis.trace.candidates import require_twins
+require_twins(["crimp_creep"])
+assert HiddenBench.from_name("flexinol", hidden={"crimp_creep": 1e-4}).hidden[0].strength == 1e-4
 """,
     "Add a control law": """
 from sma_actuator.base.share import shared_file

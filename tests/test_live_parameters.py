@@ -9,16 +9,15 @@ from typing import Any
 import pytest
 from rig import Rig
 
-from sma_actuator.actuator import Output
 from sma_actuator.base.parameters import walk
-from sma_actuator.base.signals import Estimate
+from sma_actuator.base.signals import Estimate, Output
 from sma_actuator.config import Config
 from sma_actuator.plant.loads import Weight
 
 SHIPPED = [Path(__file__).parents[1] / "config" / f"{model}.yaml" for model in ("flexinol", "furukawa")]
 LIVE = sorted({name for path in SHIPPED for name, _, declared, _ in walk(Config.load(path)) if declared.live})
 #: A pause without current, after which a wire is certainly cold, whatever was believed before.
-PAUSE_S = 3600.0
+PAUSE_s = 3600.0
 
 
 def lie(rig: Rig, **change: Callable[[Any], float]) -> None:
@@ -124,6 +123,20 @@ def is_flooded(rig: Rig) -> None:
     rig.run(0.1)
 
 
+def is_commanded_for_a_while(rig: Rig) -> None:
+    for _ in range(10):
+        rig.actuator.offer_joint_command(rig.now_s, rig.output.estimate.displacement_m)
+        rig.step()
+    rig.run(1.0)
+
+
+def is_commanded_from_afar(rig: Rig) -> None:
+    position_m = rig.output.estimate.displacement_m - 0.5e-3
+    for _ in range(10):
+        rig.actuator.offer_joint_command(rig.now_s, position_m)
+        rig.step()
+
+
 def everything(output: Output) -> Output:
     """All that one step says but the event that tells of the change."""
     return replace(output, events=())
@@ -157,6 +170,8 @@ SITUATIONS = [
     Situation("estimator.velocity_time_constant", 1.0),
     Situation("controller.setpoint_rate_limit", 0.001),
     Situation("controller.setpoint_timeout", 0.3),
+    Situation("controller.joint_command_timeout", 0.2, is_commanded_for_a_while),
+    Situation("controller.arming_distance", 0.3, is_commanded_from_afar),
     Situation("controller.on_setpoint_loss", "bias", given={"controller.setpoint_timeout": 0.3}),
     Situation("controller.kp", 300.0),
     Situation("controller.ki", 100.0),
@@ -194,7 +209,7 @@ def life(config: Config, situation: Situation, told: Config | None = None, while
     rig = Rig(config.to_mapping())
     if told is not None and not while_driven:
         rig.actuator.update(told)
-    rig.skew_s += PAUSE_S
+    rig.skew_s += PAUSE_s
     rig.run(0.2)
     rig.outputs.clear()
     ok, sentence = rig.actuator.enable(rig.now_s, True)

@@ -33,7 +33,7 @@ class Interrupts:
 
 @contextlib.contextmanager
 def noted_signals() -> Iterator[Interrupts]:
-    """Note SIGINT, SIGTERM and SIGHUP while the block runs; afterwards they do what they did before.
+    """Note SIGINT, SIGTERM, SIGQUIT and SIGHUP while the block runs; afterwards they do what they did before.
 
     A SIGHUP that is ignored (``nohup``) stays ignored.  In a thread other than the main one nothing is noted, since
     Python lets only the main thread have handlers.
@@ -42,7 +42,7 @@ def noted_signals() -> Iterator[Interrupts]:
     if threading.current_thread() is not threading.main_thread():
         yield interrupts
         return
-    numbers = [signal.SIGINT, signal.SIGTERM]
+    numbers = [signal.SIGINT, signal.SIGTERM, signal.SIGQUIT]
     if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         numbers.append(signal.SIGHUP)
     before = {number: signal.signal(number, interrupts.note) for number in numbers}

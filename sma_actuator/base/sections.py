@@ -1,4 +1,4 @@
-"""Sections of parameters that several rooms share: the wire, and the time of the loop."""
+"""Sections of parameters that several rooms share: the wire, its heat balance, the time of the loop, the limits of the supply."""
 
 from __future__ import annotations
 
@@ -53,3 +53,91 @@ class Loop:
     overruns_to_fault: int = parameter(
         10, "consecutive missed deadlines that count as a fault", "1", 1, 10000, live=True
     )
+
+
+@dataclass(frozen=True, slots=True)
+class SupplyParameters:
+    """What the supply may do to the wire."""
+
+    bias_current: float = parameter(
+        0.05,
+        "current that always flows while enabled, to measure resistance with",
+        "A",
+        1e-4,
+        5.0,
+        hint="amperes are wanted: 50 mA is 0.05",
+    )
+    max_current: float = parameter(
+        description="current that no setpoint, topic or fault can exceed",
+        unit="A",
+        lo=1e-3,
+        hi=20.0,
+        hint="amperes are wanted: 400 mA is 0.4",
+    )
+    max_voltage: float = parameter(
+        description="compliance voltage; the supply's over-voltage trip sits just above", unit="V", lo=0.1, hi=60.0
+    )
+    over_current_trip: float = parameter(
+        description="the supply's own over-current trip: what the wire survives for ever", unit="A", lo=1e-3, hi=20.0
+    )
+    watchdog_timeout: float = parameter(
+        1.0, "silence after which the supply cuts its own output; 0: the supply has no watchdog", "s", 0.0, 3600.0
+    )
+    allow_no_watchdog: bool = parameter(
+        False, "drive a supply that has no watchdog: a killed computer then leaves the current on"
+    )
+    allow_shared_watchdog: bool = parameter(
+        False,
+        "drive a supply whose watchdog anybody's words feed: a bystander then keeps the current of a killed computer on",
+    )
+    allow_single_session: bool = parameter(
+        False,
+        "drive a supply that has no watchdog and is not known to take a second session: one that hangs then leaves the "
+        "current on",
+    )
+    allow_no_trips: bool = parameter(
+        False,
+        "drive a supply without an over-voltage or an over-current trip of its own: nothing in it then stands against a wrong "
+        "setting",
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalParameters:
+    """Heat balance on measured power, C dT/dt = P − h (T − T_ambient), latent heat left out (so it errs hot)."""
+
+    heat_capacity: float = parameter(description="heat capacity of the wire", unit="J/K", lo=1e-6, hi=1e3)
+    heat_loss: float = parameter(description="heat lost per kelvin above ambient", unit="W/K", lo=1e-6, hi=1e2)
+    heat_loss_margin: float = parameter(
+        3.0,
+        "the wire stays below max_temperature even where it loses this many times less heat than heat_loss",
+        "1",
+        1.0,
+        10.0,
+        live=True,
+    )
+    ambient_temperature: float = parameter(
+        24.0, "temperature of the surroundings where none is measured", "°C", -60.0, 100.0, live=True
+    )
+    ambient_tolerance: float = parameter(
+        15.0,
+        "the surroundings are never colder than ambient_temperature by more than this; a sensor that says so is not "
+        "believed",
+        "K",
+        0.0,
+        100.0,
+        live=True,
+    )
+    ambient_stuck_time: float = parameter(
+        600.0,
+        "time with not one changed digit after which an ambient sensor is believed only where it reads more than "
+        "ambient_temperature",
+        "s",
+        1.0,
+        1e6,
+        live=True,
+    )
+    derate_temperature: float = parameter(
+        160.0, "estimated temperature where the current limit starts to fall", "°C", 40.0, 400.0, live=True
+    )
+    max_temperature: float = parameter(200.0, "temperature that the wire must never have", "°C", 40.0, 400.0, live=True)

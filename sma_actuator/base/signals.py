@@ -117,3 +117,50 @@ class Status:
     limits: tuple[str, ...] = ()  #: names of the limits acting now
     message: str = ""  #: the same in words
     values: dict[str, float | str] = field(default_factory=dict)
+
+
+class Health(enum.IntEnum):
+    """Whether the model still holds, by what the wire itself shows."""
+
+    UNKNOWN = 0  #: too little has been seen
+    HOLDS = 1
+    DUE = 2  #: a calibration is due
+
+
+@dataclass(frozen=True, slots=True)
+class Sign:
+    """One sign of a model's health as it stands."""
+
+    deviation: float  #: from what is expected, in Ω or K; the median of the last readings
+    bound: float
+    side: int  #: +1 or −1 where it is beyond its bound, else 0
+    since_s: float  #: loop time of the first reading of that run, NaN where it is within
+    readings: int
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What is known of a model's health."""
+
+    state: Health = Health.UNKNOWN
+    words: str = "not known yet"
+    since_s: float = nan  #: loop time from which a calibration has been due
+    error_m: float = nan  #: what the position is wrong by, if the resistance is off everywhere as at the ends
+    causes: tuple[str, ...] = ()  #: effects that could be it, in words
+    signs: dict[str, Sign] = field(default_factory=dict)
+    cycles: int = 0  #: of the wire since the beginning
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """Everything one step has to say."""
+
+    signals: Signals  #: of the last usable reading
+    estimate: Estimate
+    command: Command
+    status: Status
+    setpoint_m: float  #: what the controller was asked for, NaN where nothing
+    tare_N: float = 0.0  #: load that counts as zero
+    events: tuple[str, ...] = ()  #: what was asked, changed or went wrong since the step before
+    reading: Reading | None = None  #: as it came from the DAQ, None where nothing came
+    health: Verdict = field(default_factory=Verdict)  #: of the model

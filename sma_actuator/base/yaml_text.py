@@ -8,7 +8,7 @@ that names the line.
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -71,6 +71,31 @@ _Loader.add_implicit_resolver(
     re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"),
     list("-+.0123456789"),
 )
+
+
+class _Dumper(yaml.SafeDumper):
+    """Lists side by side: a calibration's tables take lines, not pages."""
+
+
+_Dumper.add_representer(list, lambda dumper, values: dumper.represent_sequence("tag:yaml.org,2002:seq", values, True))
+_KEY = re.compile(r"( *)([A-Za-z_]\w*):")
+
+
+def yaml_of(mapping: Mapping[str, Any], comments: Mapping[str, str] | None = None) -> str:
+    """Text of a nested mapping; ``comments`` stand behind the parameters they belong to, by dotted name."""
+    text = yaml.dump(mapping, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=120)
+    if not comments:
+        return text
+    lines, inside = [], list[tuple[int, str]]()
+    for line in text.splitlines():
+        key = _KEY.match(line)
+        comment = ""
+        if key:
+            indent = len(key[1])
+            inside = [outer for outer in inside if outer[0] < indent] + [(indent, key[2])]
+            comment = comments.get(".".join(name for _, name in inside), "")
+        lines.append(f"{line}  # {comment}" if comment else line)
+    return "\n".join(lines) + "\n"
 
 
 def parse_yaml(text: str, source: str) -> Any:

@@ -9,12 +9,12 @@ from sma_actuator.plant.loads import Schedule, Spring, Weight
 
 from .bench import Setup, Truth, VirtualBench
 from .chain import Chain
-from .hidden import EFFECTS, FOREIGN, Hidden, HiddenBench
+from .hidden import FOREIGN, TWINS, Hidden, HiddenBench
 from .in_process import InProcessDaq, InProcessSupply, VirtualClock
 
 __all__ = [
-    "EFFECTS",
     "FOREIGN",
+    "TWINS",
     "Chain",
     "Hidden",
     "HiddenBench",

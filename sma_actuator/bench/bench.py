@@ -16,7 +16,7 @@ from .chain import CHANNELS, SATURATED, Chain, Noise, convert
 from .faults import check_fault
 from .supply import SimulatedSupply
 
-STEP_S = 1e-3
+STEP_s = 1e-3
 RING = 8192
 
 
@@ -97,7 +97,7 @@ class VirtualBench:
     @property
     def time_s(self) -> float:
         """Bench time [s], a whole number of milliseconds."""
-        return self.samples * STEP_S
+        return self.samples * STEP_s
 
     @property
     def truth(self) -> Truth:
@@ -130,12 +130,12 @@ class VirtualBench:
 
     def advance(self, until_s: float) -> None:
         """Let the physics run to bench time ``until_s`` [s] (rounded to a millisecond); the past is left alone."""
-        end = round(until_s / STEP_S)
+        end = round(until_s / STEP_s)
         while self.samples < end:
             self._fire_pending()
             steps = end - self.samples
             for event_s in self._next_events():
-                ahead = int(np.ceil((event_s - self.time_s) / STEP_S - 1e-6))
+                ahead = int(np.ceil((event_s - self.time_s) / STEP_s - 1e-6))
                 steps = min(steps, max(ahead, 1))
             self._run(steps)
             if self.supply.watchdog_expires_s <= self.time_s + 1e-9 and "watchdog_dead" not in self.faults:
@@ -202,7 +202,7 @@ class VirtualBench:
         self._set_inputs()
         self._row = physics.simulate(
             steps,
-            STEP_S,
+            STEP_s,
             self.constants,
             self._wire,
             self._inputs,
@@ -233,11 +233,13 @@ class SimulatedDaq:
         rows = np.arange(bench._row - n, bench._row) % RING
         first = bench.samples - n
         chain = bench.setup.chain
-        read = convert(chain.volts(bench._ring[rows]), bench._noise.of(first, n), chain)
+        read = convert(chain.channels(bench._ring[rows]), bench._noise.of(first, n), chain)
+        if "channel_reversed" in bench.faults:
+            read[:, CHANNELS.index(int(bench.faults["channel_reversed"]))] *= -1.0
         for name, reading in (("channel_saturated", SATURATED), ("channel_nan", nan)):
             if name in bench.faults:
                 read[:, CHANNELS.index(int(bench.faults[name]))] = reading
         if "channel_stuck" in bench.faults:
             column = CHANNELS.index(int(bench.faults["channel_stuck"]))
             read[:, column] = bench._stuck[column]
-        return read, np.arange(first + 1, first + n + 1) * STEP_S
+        return read, np.arange(first + 1, first + n + 1) * STEP_s

@@ -36,7 +36,7 @@ class Chain:
         """What the supply sees besides the wire."""
         return self.reference_resistance_Ohm + self.lead_resistance_Ohm
 
-    def volts(self, ring: np.ndarray) -> np.ndarray:
+    def channels(self, ring: np.ndarray) -> np.ndarray:
         """Noise-free channel values, (n, 5), of true samples, (n, 5), as :func:`physics.simulate` writes them."""
         current_A, voltage_V, load_N, displacement_m, ambient_C = ring.T
         return np.column_stack(
@@ -75,9 +75,9 @@ class Noise:
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
-def convert(volts: np.ndarray, noise: np.ndarray, chain: Chain) -> np.ndarray:
+def convert(channels: np.ndarray, noise: np.ndarray, chain: Chain) -> np.ndarray:
     """What the 16-bit converter makes of channel values and noise, both (n, 5)."""
-    read = volts + noise * np.asarray(chain.noise_V)
+    read = channels + noise * np.asarray(chain.noise_V)
     if chain.quantised:
         read[:, :4] = np.round(read[:, :4] / LSB_V) * LSB_V
     over = np.abs(read[:, :4]) >= RANGE_V

@@ -22,6 +22,7 @@ FAULTS: dict[str, BenchFault] = {
     "short_wire": BenchFault("the wire is bridged by this resistance and does not heat", "Ω", 0.0),
     "channel_stuck": BenchFault("a DAQ channel repeats its last sample", "channel", 103.0),
     "channel_saturated": BenchFault("a DAQ channel is over range", "channel", 103.0),
+    "channel_reversed": BenchFault("the leads of a DAQ channel are swapped", "channel", 103.0),
     "channel_nan": BenchFault("a DAQ channel reads NaN", "channel", 103.0),
     "load_spike": BenchFault("something pulls on the wire besides its load", "N", 5.0),
     "supply_silent": BenchFault("the supply hears and answers nothing (it still regulates)"),

@@ -14,10 +14,11 @@ from zlib import crc32
 import numpy as np
 
 from sma_actuator.base.jit import jit
+from sma_actuator.base.registry import Registry
 from sma_actuator.plant import physics
 from sma_actuator.plant.worlds import HOME, IN_TRAINING
 
-from .bench import RING, STEP_S, Setup, VirtualBench
+from .bench import RING, Setup, STEP_s, VirtualBench
 
 CHUNK = 10  #: samples over which what an effect does to the physics holds
 CURRENT, VOLTAGE, LOAD, POSITION, AMBIENT = range(5)  # columns of the ring
@@ -89,9 +90,24 @@ class Hidden:
         return state[physics.TEMPERATURE] - self.bench.setup.ambient_C
 
 
+def _refusal(_name: str, cls: type[Hidden]) -> str:
+    """What is missing or wrong in what a hidden effect says of itself."""
+    if not (isinstance(cls, type) and issubclass(cls, Hidden)):
+        return "it is no class that derives from Hidden"
+    return "" if cls.unit and cls.where else "unit or where is missing: of its strength, and the part of the stand"
+
+
+#: The hidden twins of what a model might name, by the effect's name; another package brings its own.  The order is that in
+#: which they act.
+TWINS: Registry[type[Hidden]] = Registry("hidden twin", "sma_actuator.hidden_twins", _refusal)
+#: What no effect describes.
+FOREIGN: Registry[type[Hidden]] = Registry("foreign effect", "sma_actuator.foreign_effects", _refusal)
+
+
 # --- circuit -------------------------------------------------------------------------------------
 
 
+@TWINS.register("lead_resistance")
 class LeadResistance(Hidden):
     """The leads have more resistance than was measured when the wire was shorted."""
 
@@ -101,6 +117,7 @@ class LeadResistance(Hidden):
         inputs[physics.MORE_SERIES] += self.strength
 
 
+@TWINS.register("contact_drift")
 class ContactDrift(Hidden):
     """A contact oxidises: its resistance creeps up to the strength within some hundred seconds."""
 
@@ -113,6 +130,7 @@ class ContactDrift(Hidden):
         inputs[physics.MORE_SERIES] += self.strength * (1.0 - exp(-time_s / self.tau_s))
 
 
+@TWINS.register("voltage_offset")
 class VoltageOffset(Hidden):
     """The channel of the supply voltage has a zero error."""
 
@@ -122,6 +140,7 @@ class VoltageOffset(Hidden):
         rows[:, VOLTAGE] += self.strength
 
 
+@TWINS.register("reference_self_heating")
 class ReferenceSelfHeating(Hidden):
     """The sense resistor warms with what it dissipates, so its resistance and its voltage rise."""
 
@@ -137,10 +156,11 @@ class ReferenceSelfHeating(Hidden):
     def read(self, rows, time_s):
         rise = 1.0 + self.strength * self.power_W
         power_W = float(np.mean(rows[:, CURRENT] ** 2)) * self.bench.setup.chain.reference_resistance_Ohm * rise
-        self.power_W += (1.0 - exp(-len(rows) * STEP_S / self.tau_s)) * (power_W - self.power_W)
+        self.power_W += (1.0 - exp(-len(rows) * STEP_s / self.tau_s)) * (power_W - self.power_W)
         rows[:, CURRENT] *= rise
 
 
+@TWINS.register("shunt")
 class Shunt(Hidden):
     """Something conducts beside the wire: it takes current that then does not heat the wire."""
 
@@ -153,6 +173,7 @@ class Shunt(Hidden):
 # --- load cell -----------------------------------------------------------------------------------
 
 
+@TWINS.register("load_cell_drift")
 class LoadCellDrift(Hidden):
     """The zero of the load cell has moved and goes on moving: the strength is reached when the session ends."""
 
@@ -165,6 +186,7 @@ class LoadCellDrift(Hidden):
         rows[:, LOAD] += self.strength * (self.first + (1.0 - self.first) * time_s / self.bench.session_s)
 
 
+@TWINS.register("load_cell_gain")
 class LoadCellGain(Hidden):
     """The load cell shows too much, or too little, in proportion."""
 
@@ -177,6 +199,7 @@ class LoadCellGain(Hidden):
 # --- wire ----------------------------------------------------------------------------------------
 
 
+@TWINS.register("self_heating")
 class SelfHeating(Hidden):
     """The resistivity of every phase rises more with temperature than that of the calibrated wire."""
 
@@ -188,6 +211,7 @@ class SelfHeating(Hidden):
         )
 
 
+@TWINS.register("ambient_temperature")
 class AmbientTemperature(Hidden):
     """The laboratory is warmer than at the calibration, and on some days its temperature wanders."""
 
@@ -201,6 +225,7 @@ class AmbientTemperature(Hidden):
         return self.strength * (1.0 + self.wander * sin(2.0 * pi * time_s / self.period_s + self.phase))
 
 
+@TWINS.register("thermal_expansion")
 class ThermalExpansion(Hidden):
     """The mount that the wire heats grows longer with the wire's temperature, per length of the wire."""
 
@@ -210,6 +235,7 @@ class ThermalExpansion(Hidden):
         return self.strength * self.bench.constants.length_m * self._rise_K(state)
 
 
+@TWINS.register("elastic_compliance")
 class ElasticCompliance(Hidden):
     """The mount yields with the load, as a spring in series with the wire."""
 
@@ -226,6 +252,7 @@ class ElasticCompliance(Hidden):
         rows[:, POSITION] += self.strength * rows[:, LOAD]
 
 
+@TWINS.register("fatigue")
 class Fatigue(Hidden):
     """Every cycle leaves some strain and some defects: with the square root of the cycles the hot end of the stroke moves by the strength, the cold one by less, and resistivity grows."""
 
@@ -253,6 +280,7 @@ class Fatigue(Hidden):
         return self.worn_m * (1.0 - (1.0 - IN_TRAINING.cold_share) * parts.transformation / c.strain_m)
 
 
+@TWINS.register("creep")
 class Creep(Hidden):
     """The wire, or its crimps, gives way slowly under load: a spring and a damper side by side, in series with it."""
 
@@ -266,6 +294,7 @@ class Creep(Hidden):
         return self.crept_m
 
 
+@TWINS.register("minor_loop_memory")
 class MinorLoopMemory(Hidden):
     """What turned back early leaves its variants: the next branch is longer (or shorter) in proportion, until complete."""
 
@@ -290,6 +319,7 @@ class MinorLoopMemory(Hidden):
         return self.shift_m
 
 
+@TWINS.register("rate")
 class Rate(Hidden):
     """The transformation strain follows the phases with a delay, as where the ends of the wire lag its middle."""
 
@@ -313,6 +343,7 @@ class Rate(Hidden):
 # --- mechanism -----------------------------------------------------------------------------------
 
 
+@TWINS.register("slip")
 class Slip(Hidden):
     """The wire slips in its crimp once, in the middle third of the session: from then on it hangs lower."""
 
@@ -325,6 +356,7 @@ class Slip(Hidden):
         return self.strength if time_s >= self.at_s else 0.0
 
 
+@TWINS.register("backlash")
 class Backlash(Hidden):
     """Play between the wire and the core of the displacement sensor."""
 
@@ -341,6 +373,7 @@ class Backlash(Hidden):
 # --- reference -----------------------------------------------------------------------------------
 
 
+@TWINS.register("reference_lag")
 class ReferenceLag(Hidden):
     """The displacement sensor's electronics filter: it follows with a first-order lag."""
 
@@ -351,9 +384,10 @@ class ReferenceLag(Hidden):
 
     def read(self, rows, time_s):
         start = rows[0, POSITION] if self.at_m != self.at_m else self.at_m
-        self.at_m = _lag(rows[:, POSITION].copy(), start, 1.0 - exp(-STEP_S / self.strength), rows[:, POSITION])
+        self.at_m = _lag(rows[:, POSITION].copy(), start, 1.0 - exp(-STEP_s / self.strength), rows[:, POSITION])
 
 
+@TWINS.register("reference_gain")
 class ReferenceGain(Hidden):
     """The displacement sensor shows too much, or too little, in proportion."""
 
@@ -363,6 +397,7 @@ class ReferenceGain(Hidden):
         rows[:, POSITION] *= 1.0 + self.strength
 
 
+@TWINS.register("reference_drift")
 class ReferenceDrift(Hidden):
     """The displacement sensor's zero moves: the strength is reached when the session ends."""
 
@@ -378,6 +413,7 @@ class ReferenceDrift(Hidden):
 # --- what no model has a name for ------------------------------------------------------------------
 
 
+@FOREIGN.register("draught")
 class Draught(Hidden):
     """Somebody opens doors: the heat loss wanders by the strength (rms, relative) within seconds to a minute."""
 
@@ -392,6 +428,7 @@ class Draught(Hidden):
         inputs[physics.LOSS_FACTOR] *= max(1.0 + self.strength * z, 0.3)
 
 
+@FOREIGN.register("hum")
 class Hum(Hidden):
     """A slow beat on the displacement sensor: a sinusoid with a period of seconds."""
 
@@ -404,6 +441,7 @@ class Hum(Hidden):
         rows[:, POSITION] += self.strength * np.sin(2.0 * pi * time_s / self.period_s + self.phase)
 
 
+@FOREIGN.register("lvdt_nonlinearity")
 class LvdtNonlinearity(Hidden):
     """The displacement sensor's slope waves along its coil."""
 
@@ -416,6 +454,7 @@ class LvdtNonlinearity(Hidden):
         rows[:, POSITION] += self.strength * np.sin(2.0 * pi * rows[:, POSITION] / self.period_m + self.phase)
 
 
+@FOREIGN.register("contact_bounce")
 class ContactBounce(Hidden):
     """A loose contact: the resistance of the leads jumps up and back at random, every few seconds."""
 
@@ -428,6 +467,7 @@ class ContactBounce(Hidden):
         inputs[physics.MORE_SERIES] += self.strength * (int(np.searchsorted(self.flips_s, time_s)) % 2)
 
 
+@FOREIGN.register("stick_slip")
 class StickSlip(Hidden):
     """The sensor's core sticks in its guide until it is pulled by the strength, and jumps."""
 
@@ -441,6 +481,7 @@ class StickSlip(Hidden):
         self.at_m = _stick(rows[:, POSITION].copy(), start, abs(self.strength), rows[:, POSITION])
 
 
+@FOREIGN.register("thermo_voltage")
 class ThermoVoltage(Hidden):
     """Two metals meet at a crimp: a voltage in proportion to the crimp's temperature, which lags the wire's."""
 
@@ -451,10 +492,11 @@ class ThermoVoltage(Hidden):
 
     def read(self, rows, time_s):
         rise_K = self._rise_K(self.bench._state)
-        self.rise_K += (1.0 - exp(-len(rows) * STEP_S / self.tau_s)) * (rise_K - self.rise_K)
+        self.rise_K += (1.0 - exp(-len(rows) * STEP_s / self.tau_s)) * (rise_K - self.rise_K)
         rows[:, VOLTAGE] += self.strength * self.rise_K
 
 
+@FOREIGN.register("clock_skew")
 class ClockSkew(Hidden):
     """The displacement channel's clock breathes: it is late by nothing to the strength and back, again and again."""
 
@@ -465,16 +507,17 @@ class ClockSkew(Hidden):
         self.past = np.empty(0)
 
     def read(self, rows, time_s):
-        keep = round(abs(self.strength) / STEP_S) + 2
+        keep = round(abs(self.strength) / STEP_s) + 2
         if not len(self.past):
             self.past = np.full(keep, rows[0, POSITION])
         known = np.concatenate((self.past, rows[:, POSITION]))
         late_s = abs(self.strength) * 0.5 * (1.0 - np.cos(2.0 * pi * time_s / self.period_s + self.phase))
-        at = np.arange(len(self.past), len(known)) - late_s / STEP_S
+        at = np.arange(len(self.past), len(known)) - late_s / STEP_s
         rows[:, POSITION] = np.interp(at, np.arange(len(known)), known)
         self.past = known[-keep:]
 
 
+@FOREIGN.register("load_cell_nonlinearity")
 class LoadCellNonlinearity(Hidden):
     """The load cell bends: it shows F + s F²."""
 
@@ -484,6 +527,7 @@ class LoadCellNonlinearity(Hidden):
         rows[:, LOAD] += self.strength * rows[:, LOAD] ** 2
 
 
+@FOREIGN.register("cross_talk")
 class CrossTalk(Hidden):
     """A second wire, driven to its own rhythm, shares a return lead: its square wave adds to the voltage."""
 
@@ -496,40 +540,9 @@ class CrossTalk(Hidden):
         rows[:, VOLTAGE] += self.strength * ((time_s / self.period_s + self.phase) % 1.0 < self.duty)
 
 
-#: What a model might name, and, in their own dict, what it cannot.  The order is that in which they act.
-EFFECTS: dict[str, type[Hidden]] = {
-    "lead_resistance": LeadResistance,
-    "contact_drift": ContactDrift,
-    "voltage_offset": VoltageOffset,
-    "reference_self_heating": ReferenceSelfHeating,
-    "shunt": Shunt,
-    "self_heating": SelfHeating,
-    "ambient_temperature": AmbientTemperature,
-    "thermal_expansion": ThermalExpansion,
-    "elastic_compliance": ElasticCompliance,
-    "fatigue": Fatigue,
-    "creep": Creep,
-    "minor_loop_memory": MinorLoopMemory,
-    "rate": Rate,
-    "load_cell_drift": LoadCellDrift,
-    "load_cell_gain": LoadCellGain,
-    "slip": Slip,
-    "backlash": Backlash,
-    "reference_lag": ReferenceLag,
-    "reference_gain": ReferenceGain,
-    "reference_drift": ReferenceDrift,
-}
-FOREIGN: dict[str, type[Hidden]] = {
-    "draught": Draught,
-    "hum": Hum,
-    "lvdt_nonlinearity": LvdtNonlinearity,
-    "contact_bounce": ContactBounce,
-    "stick_slip": StickSlip,
-    "thermo_voltage": ThermoVoltage,
-    "clock_skew": ClockSkew,
-    "load_cell_nonlinearity": LoadCellNonlinearity,
-    "cross_talk": CrossTalk,
-}
+def hidden_effects() -> dict[str, type[Hidden]]:
+    """Everything that a bench can hide, in the order in which it acts."""
+    return {**TWINS, **FOREIGN}
 
 
 class HiddenBench(VirtualBench):
@@ -545,7 +558,7 @@ class HiddenBench(VirtualBench):
         """
         super().__init__(setup, seed)
         self.session_s = session_s
-        known = EFFECTS | FOREIGN
+        known = hidden_effects()
         if unknown := set(hidden) - set(known):
             raise ValueError(f"'{min(unknown)}' is no hidden effect; one of {', '.join(known)} is wanted")
         self.hidden = [
@@ -594,11 +607,11 @@ class HiddenBench(VirtualBench):
             n = min(CHUNK - self.samples % CHUNK, end - self.samples)
             before_m = self._stretch_m
             super()._run(n)
-            self._stretch_m = sum(each.stretch_m(self._state, self.time_s, n * STEP_S) for each in self.hidden)
+            self._stretch_m = sum(each.stretch_m(self._state, self.time_s, n * STEP_s) for each in self.hidden)
             at = np.arange(self._row - n, self._row) % RING
             rows = self._ring[at]
             rows[:, POSITION] += before_m + (self._stretch_m - before_m) * np.arange(1, n + 1) / n
-            time_s = np.arange(self.samples - n + 1, self.samples + 1) * STEP_S
+            time_s = np.arange(self.samples - n + 1, self.samples + 1) * STEP_s
             for each in self.hidden:
                 each.read(rows, time_s)
             self._ring[at] = rows

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import nan
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sma_actuator.base.signals import Reading, SupplyState
+from sma_actuator.config import BenchConfig
 from sma_actuator.instruments import (
     InstrumentLost,
     InstrumentRefused,
@@ -20,9 +20,6 @@ from sma_actuator.instruments import (
 from .bench import VirtualBench
 from .chain import CHANNELS
 from .supply import SettingRefused
-
-if TYPE_CHECKING:
-    from sma_actuator.config import BenchConfig
 
 
 class VirtualClock:
@@ -145,12 +142,14 @@ class InProcessSupply(_InProcess):
         self._command(self._bench.supply.clear_trips)
 
     def switch_off(self) -> None:
-        """Output off and 0 A."""
+        """Output off and 0 A, read back.  Raises InstrumentLost, or InstrumentRefused where it stays on."""
         self._command(self._bench.supply.set_output, False)
         self._command(self._bench.supply.set_current, 0.0)
+        if self._bench.supply.output_on:
+            raise InstrumentRefused("virtual supply: was told to switch off and answers that its output is on")
 
     def shut_down(self) -> bool:
-        """Current to zero and output off; false where the supply cannot be reached any more.  Never raises."""
+        """Current to zero and output off; whether it read back as off.  Never raises."""
         supply = self._bench.supply
         try:
             self._reach(self._timeout_s)
@@ -158,7 +157,7 @@ class InProcessSupply(_InProcess):
             return False
         supply.set_current(0.0)
         supply.set_output(False)
-        return True
+        return not supply.output_on
 
     @property
     def _timeout_s(self) -> float:

@@ -95,10 +95,10 @@ from math import isfinite, isnan
 
 from sma_actuator.plant.loads import Spring, Weight, parse_load
 
-from .bench import RING, STEP_S, VirtualBench
+from .bench import RING, STEP_s, VirtualBench
 from .chain import CHANNELS, SATURATED
 from .faults import FAULTS
-from .supply import CURRENT_RANGE_A, OCP_RANGE_A, OVP_RANGE_V, VOLTAGE_RANGE_V, WATCHDOG_RANGE_S, SettingRefused
+from .supply import CURRENT_RANGE_A, OCP_RANGE_A, OVP_RANGE_V, VOLTAGE_RANGE_V, SettingRefused, WATCHDOG_RANGE_s
 
 VERSION = "1.0"
 QUEUE_DEPTH = 20
@@ -363,7 +363,7 @@ class ScpiSupply(Instrument):
         self._setting(f"[SOURce:]VOLTage{level}", "voltage_V", supply.set_voltage, VOLTAGE_RANGE_V)
         self._setting("[SOURce:]CURRent:PROTection[:LEVel]", "ocp_A", supply.set_ocp, OCP_RANGE_A)
         self._setting("[SOURce:]VOLTage:PROTection[:LEVel]", "ovp_V", supply.set_ovp, OVP_RANGE_V)
-        self._setting("OUTPut:PROTection:WDOG:DELay", "watchdog_delay_s", supply.set_watchdog_delay, WATCHDOG_RANGE_S)
+        self._setting("OUTPut:PROTection:WDOG:DELay", "watchdog_delay_s", supply.set_watchdog_delay, WATCHDOG_RANGE_s)
         self._switch("[SOURce:]CURRent:PROTection:STATe", "ocp_on")
         self._switch("[SOURce:]VOLTage:PROTection:STATe", "ovp_on")
         self._switch("OUTPut[:STATe]", "output_on", lambda on, _: supply.set_output(on))
@@ -509,7 +509,7 @@ class ScpiDaq(Instrument):
         return ",".join(fields + [_reading(v) for v in values])
 
     def _after_new_block(self, answer: Callable[[], str]) -> str:
-        raise _Later(self.bench.time_s + self._count * STEP_S, answer)
+        raise _Later(self.bench.time_s + self._count * STEP_s, answer)
 
 
 def _reading(value: float) -> str:

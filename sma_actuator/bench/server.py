@@ -30,9 +30,9 @@ from .bench import VirtualBench
 from .faults import FAULTS, parse_fault
 from .scpi import Client, Instrument, ScpiDaq, ScpiError, ScpiSupply
 
-TICK_S = 0.02
-LONGEST_TURN_S = 0.05  #: real time spent on physics before connections are served again
-CHUNK_S = 0.25
+TICK_s = 0.02
+LONGEST_TURN_s = 0.05  #: real time spent on physics before connections are served again
+CHUNK_s = 0.25
 SUMMARY = "the virtual bench: a wire behind two SCPI instruments"
 
 
@@ -55,8 +55,8 @@ class Pacer:
         began_s = self._now_s()
         target_s = self._bench_0_s + (began_s - self._real_0_s) * self.speed
         while self.bench.time_s < target_s - 1e-3:
-            self.bench.advance(min(target_s, self.bench.time_s + CHUNK_S))
-            if self._now_s() - began_s > LONGEST_TURN_S:
+            self.bench.advance(min(target_s, self.bench.time_s + CHUNK_s))
+            if self._now_s() - began_s > LONGEST_TURN_s:
                 self._real_0_s, self._bench_0_s = self._now_s(), self.bench.time_s
                 return
 
@@ -113,7 +113,7 @@ class BenchServer:
             for instrument in self._writers:
                 if f"{instrument.name}_hangup" in instrument.bench.faults:
                     self._hang_up(instrument)
-            await asyncio.sleep(TICK_S)
+            await asyncio.sleep(TICK_s)
 
     def _hang_up(self, instrument: Instrument) -> None:
         for writer in self._writers[instrument]:

@@ -9,7 +9,7 @@ CURRENT_STEP_A = 20e-6
 VOLTAGE_RANGE_V = (0.0, 20.0)
 OCP_RANGE_A = (0.01, 1.2)
 OVP_RANGE_V = (0.1, 22.0)
-WATCHDOG_RANGE_S = (0.05, 3600.0)
+WATCHDOG_RANGE_s = (0.05, 3600.0)
 
 
 class SettingRefused(ValueError):
@@ -59,7 +59,7 @@ class SimulatedSupply:
 
     def set_watchdog_delay(self, delay_s: float) -> None:
         """Silence [s] after which an armed watchdog cuts the output."""
-        self.watchdog_delay_s = _ranged(delay_s, WATCHDOG_RANGE_S, "s")
+        self.watchdog_delay_s = _ranged(delay_s, WATCHDOG_RANGE_s, "s")
 
     def set_output(self, on: bool) -> None:
         """Switch the output; refused while a trip is latched."""

@@ -1,4 +1,4 @@
-"""The calibration page: every point, the line through them, and what is left over (Figs. 118, 119)."""
+"""The calibration page: every point, the line through them, and what is left over."""
 
 from __future__ import annotations
 
@@ -9,16 +9,19 @@ from sma_actuator.report import Page, figure
 from .manifest import Manifest
 
 _LINES = {
-    "load_cell": ("Load cell (appendix A)", "voltage [V]", "load [N]"),
-    "lvdt": ("LVDT (appendix B)", "current [A]", "displacement [m]"),
+    "load_cell": ("Load cell", "voltage [V]", "load [N]"),
+    "lvdt": ("LVDT", "current [A]", "displacement [m]"),
 }
 
 
 def write_page(folder: Path, manifest: Manifest) -> None:
     """Write ``calibration.html`` into the folder of logs."""
-    page = Page("Characterisation of a wire")
-    wire = manifest.data["wire"]
-    page.text(f"{wire['alloy']}, {wire['length_m'] * 1e3:g} mm × {wire['diameter_m'] * 1e3:g} mm")
+    wire, parts = manifest.data["wire"], manifest.data["parts"]
+    page = Page(
+        "Characterisation of a wire",
+        f"{len(parts)} part{'s' * (len(parts) != 1)} measured on a {wire['alloy']} wire of {wire['length_m'] * 1e3:g} mm × "
+        f"{wire['diameter_m'] * 1e3:g} mm{_correlations(parts)}.",
+    )
     for name, (title, x_label, y_label) in _LINES.items():
         if name not in manifest.data["parts"]:
             continue
@@ -29,9 +32,12 @@ def write_page(folder: Path, manifest: Manifest) -> None:
         axes[0, 1].stem(line["x"], line["residuals"])
         axes[0, 0].set(xlabel=x_label, ylabel=y_label)
         axes[0, 1].set(xlabel=x_label, ylabel=f"residual of {y_label}")
-        page.heading(title)
-        page.text(f"slope {line['slope']:.6g}, offset {line['offset']:.6g}, correlation {line['correlation']:.7f}")
-        page.figure(drawing, "points, fitted line and residuals")
+        x_unit, y_unit = (label[label.index("[") + 1 : -1] for label in (x_label, y_label))
+        page.figure(
+            drawing,
+            f"{title}: points, fitted line and residuals; slope {line['slope']:.6g} {y_unit}/{x_unit}, offset {line['offset']:.6g} {y_unit}, "
+            f"correlation {line['correlation']:.7f}.",
+        )
     page.heading("Parts")
     rows = [
         (n, p["kind"], ", ".join(f"{k} {v:.5g}" for k, v in p["results"].items() if isinstance(v, float)))
@@ -39,3 +45,12 @@ def write_page(folder: Path, manifest: Manifest) -> None:
     ]
     page.table(("part", "kind", "result"), rows)
     page.write(Path(folder) / "calibration.html")
+
+
+def _correlations(parts) -> str:
+    found = [
+        f"{title} {parts[name]['results']['correlation']:.5f}"
+        for name, (title, _, _) in _LINES.items()
+        if name in parts
+    ]
+    return f"; correlation of the calibrations: {', '.join(found)}" if found else ""

@@ -57,6 +57,7 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
 
     Raises ConfigError for loads the wire must not carry or a current that would overheat it.
     """
+    _measurable(config, options)
     wire, thermal = config.wire, config.thermal
     strongest_N = wire.max_stress * wire.area_m2
     loads_N = options.loads_N or tuple(round(s * wire.area_m2, 3) for s in STRESSES_Pa if s < 0.9 * wire.max_stress)
@@ -118,6 +119,20 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
         )
     parts += _cycled("fatigue", options.fatigue_cycles, 25, {"load_N": loads_N[len(loads_N) // 2], **pulse}, cycle_s)
     return [part for part in parts if part.kind not in options.skip]
+
+
+def _measurable(config, options: PlanOptions) -> None:
+    """Raise ConfigError where a channel has no calibration that the plan does not measure either."""
+    if not math.isfinite(config.circuit.reference_resistance):
+        raise ConfigError(
+            "circuit.reference_resistance: missing; the resistance of the sense resistor in ohms is wanted, it is what "
+            "everything else is measured with"
+        )
+    if not config.load_cell.calibrated and "load_cell" in options.skip:
+        raise ConfigError(
+            "load_cell.slope, load_cell.offset: missing, and --skip load_cell leaves them out; without them the wire's "
+            "stress is not known"
+        )
 
 
 def _cycled(kind: str, cycles: int, batch: int, parameters: dict, cycle_s: float) -> list[Part]:

@@ -7,11 +7,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from sma_actuator.config import NODE_NAME, bench_from_mapping
+from sma_actuator.config import bench_from_mapping, write_parameter_file
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log, write_bench_log
-from sma_actuator.logs.files import write_atomically
 
 from .manifest import Manifest
 from .operators import Operator
@@ -67,5 +64,5 @@ def _use_calibration(mapping: dict[str, Any], manifest: Manifest, rig: Rig, fold
         section, name = dotted.split(".")
         merged.setdefault(section, {})[name] = value
     rig.config = bench_from_mapping(merged)
-    text = yaml.safe_dump({NODE_NAME: {"ros__parameters": merged}}, sort_keys=False, allow_unicode=True)
-    write_atomically(folder / BENCH_FILE, lambda stream: stream.write(text.encode()))
+    measured = dict.fromkeys(manifest.data["calibration"], "measured")
+    write_parameter_file(folder / BENCH_FILE, merged, "Written by `sma-actuator characterise`.", measured)

@@ -17,18 +17,29 @@ import os
 import sys
 
 from sma_actuator.base.errors import UserError
+from sma_actuator.base.streams import keep_standard_streams
 
 COMMANDS = {
     "demo": ("sma_actuator.cli.demo", "drive the virtual bench through the node, live in the terminal"),
+    "view": ("sma_actuator.view", "a running node in the browser: what the wire does, gains, a stop button"),
     "bench": ("sma_actuator.bench.server", "the virtual bench: a wire behind two SCPI instruments"),
+    "check": ("sma_actuator.check", "whether a wire is wired as its parameters say; the watchdog put to the test"),
+    "enable": ("sma_actuator.cli.remote.enable", "a running node: current on, the wire is held where it is"),
+    "move": ("sma_actuator.cli.remote.move", "a running node: the wire to a position"),
+    "stop": ("sma_actuator.cli.remote.stop", "a running node: every wire of its process off"),
+    "status": ("sma_actuator.cli.remote.status", "a running node: what it says of its wire"),
+    "watch": ("sma_actuator.cli.remote.watch", "a running node: position, load and current as they change"),
+    "init": ("sma_actuator.cli.init", "a few questions, and a complete bench file"),
     "characterise": ("sma_actuator.characterise", "run the bench experiments and write logs"),
-    "identify": ("sma_actuator.identify", "logs to a calibrated model file"),
-    "replay": ("sma_actuator.replay", "any model on any log: errors and traces"),
+    "check-log": ("sma_actuator.cli.check_log", "are logs fit to test the models on a real wire?"),
+    "identify": ("sma_actuator.cli.identify", "logs to a calibrated model file"),
+    "replay": ("sma_actuator.replay", "any model on any log: errors and curves"),
     "trace": ("sma_actuator.diagnosis.trace", "find the effect a model lacks, and add it"),
     "forward": (
         "sma_actuator.diagnosis.forward",
         "fit power-to-displacement physics to a real bench and find what it lacks",
     ),
+    "fleet": ("sma_actuator.fleet", "many wires at once: which of them drift, by what and since when"),
     "loop": (
         "sma_actuator.diagnosis.loop",
         "fit and draw isobaric loops: strain against temperature, kinetics compared",
@@ -38,6 +49,7 @@ COMMANDS = {
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns its exit code (0 only on success)."""
+    keep_standard_streams()
     argv = sys.argv[1:] if argv is None else argv
     parser = argparse.ArgumentParser(
         prog="sma-actuator",

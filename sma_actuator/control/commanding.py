@@ -12,6 +12,9 @@
 A setpoint or trajectory takes the place of the one before; ``stop`` leads from every driven state to
 HOLDING, and ``off`` to OFF.
 
+Joint commands come as a stream, from a program that may never have asked where the wire is.  One that counts is a
+setpoint; the first that counts is one near the wire (``armed``), and after anything else was wanted of the wire so is the next.
+
 Beside its state it remembers one more thing, whether the controller is to begin ``anew``: from the
 present position and current, as soon as these are known.  A wire that is to be held is held there.
 Nothing is measured and nothing supervised here: who does so tells what has happened.
@@ -76,6 +79,7 @@ class Commanding:
 
     def _forget(self) -> None:
         self.lost = ""  #: why the setpoint counts as lost
+        self.armed = False  #: the setpoint came by a joint command, and the next one counts wherever it is
         self._position_m = nan
         self._heard_s = nan  #: when the last setpoint came, or a trajectory last ran
         self._motion: tuple[float, Trajectory] | None = None  #: start, and what is followed
@@ -108,8 +112,19 @@ class Commanding:
     def track(self, now_s: float, position_m: float) -> None:
         """A setpoint has come; it takes the place of a trajectory, and of one that is awaited."""
         if self._take(Event.SETPOINT):
-            self._position_m, self._motion = position_m, None
+            self._position_m, self._motion, self.armed = position_m, None, False
             self._hear(now_s)
+
+    def command(self, now_s: float, position_m: float, wire_m: float, near_m: float) -> bool:
+        """A joint command has come, with the wire at ``wire_m``; whether it counts: it is near, or one has been before.
+
+        None counts before the controller has begun: nobody knows yet where the wire is held.
+        """
+        if not self.is_driven or self.anew or not (self.armed or abs(position_m - wire_m) <= near_m):
+            return False
+        self.track(now_s, position_m)
+        self.armed = True
+        return True
 
     def follow(self, now_s: float, trajectory: Trajectory, delay_s: float) -> None:
         """A trajectory has come that begins ``delay_s`` after now, or began before; until then all stays as it is."""
@@ -130,7 +145,7 @@ class Commanding:
     def lose(self, why: str, at_bias: bool) -> None:
         """No setpoint has come for too long: the wire is held, or relaxes ``at_bias``, until the next."""
         if self._take(Event.TIMEOUT_BIAS if at_bias else Event.TIMEOUT_HOLD):
-            self.lost, self._motion = why, None
+            self.lost, self._motion, self.armed = why, None, False
 
     def begun(self, position_m: float) -> None:
         """The controller has begun anew, with the wire at ``position_m``."""
@@ -140,7 +155,7 @@ class Commanding:
 
     def _begin_motion(self, now_s: float, motion: tuple[float, Trajectory]) -> None:
         if self._take(Event.TRAJECTORY):
-            self._motion = motion
+            self._motion, self.armed = motion, False
             self._hear(now_s)
 
     def _hear(self, now_s: float) -> None:

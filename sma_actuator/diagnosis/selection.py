@@ -12,15 +12,13 @@ this machine's cores or, inside ``joblib.parallel_config("dask")``, on a cluster
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from math import inf, nan
 from typing import Any, Protocol
 
-import joblib
 import numpy as np
 
-from sma_actuator.base.parameters import ConfigError
+from sma_actuator.fleet import spread
 
 #: What a race is doing, and how far it is, from 0 to 1.
 Progress = Callable[[str, float], None]
@@ -261,42 +259,3 @@ def run(
             for number, found in answers.items():
                 go_on(number, found)
     return [results[number] for number in range(len(selections))]
-
-
-Call = tuple[Callable[..., Any], tuple[Any, ...]]
-
-
-@contextmanager
-def spread(jobs: int) -> Iterator[Callable[[Iterable[Call]], Iterator[Any]]]:
-    """A function that makes calls, (function, arguments), and gives their results in order, ``jobs`` at a time.
-
-    By joblib, so that ``joblib.parallel_config`` around it decides where.
-    """
-    if jobs == 1:
-        yield lambda calls: (function(*arguments) for function, arguments in calls)
-        return
-    with joblib.Parallel(n_jobs=jobs, return_as="generator") as pool:
-        yield lambda calls: pool(joblib.delayed(function)(*arguments) for function, arguments in calls)
-
-
-@contextmanager
-def cluster(address: str | None) -> Iterator[None]:
-    """Have joblib work on the Dask cluster at ``address``, where one is named.
-
-    Raises ConfigError where there is none, or Dask is not installed.
-    """
-    if not address:
-        yield
-        return
-    try:
-        from dask.distributed import Client
-
-        client = Client(address, timeout=10)
-    except ModuleNotFoundError as error:
-        raise ConfigError(f"--dask: needs the Python package '{error.name}' (extra 'fleet')") from error
-    except (OSError, ValueError) as error:
-        raise ConfigError(
-            f"--dask: no scheduler answers at '{address}' ({error}); start one with `dask scheduler`"
-        ) from error
-    with client, joblib.parallel_config("dask"):
-        yield

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from math import nan
+from typing import Any
 
 import numpy as np
 
@@ -15,8 +16,8 @@ from sma_actuator.base.parameters import parameter
 class Calibration:
     """What the logs looked like that the model was fitted on; `identify` writes it, `trace` measures against it.
 
-    ``cold_…`` and ``hot_…`` hold a value for each of their stresses; ``expected_…`` say what residual the model leaves at
-    a place and with a history, and ``floor`` how far off that is where it was not fitted.
+    ``cold_…`` and ``hot_…`` hold a value for each of their stresses; ``residual_…`` one for each position, stress
+    after stress of ``residual_stress``.
     """
 
     error: float = parameter(
@@ -24,6 +25,14 @@ class Calibration:
     )
     largest_error: float = parameter(
         nan, "largest such error of a single log", "% of full stroke", 0.0, 1e3, optional=True
+    )
+    scatter: float = parameter(
+        nan,
+        "what remains of it beside the residuals below, for a log that they do not come from",
+        "% of full stroke",
+        0.0,
+        1e3,
+        optional=True,
     )
     floor: float = parameter(
         nan,
@@ -49,6 +58,19 @@ class Calibration:
         nan, "rms scatter of the displacement at rest", "m", 0.0, 10.0, optional=True
     )
     resistance_range: float = parameter(nan, "largest less smallest resistance", "Ω", 0.0, 1e6, optional=True)
+    residual_stress: tuple[float, ...] = parameter((), "stresses of the residuals", "Pa", -1e9, 1e9, optional=True)
+    residual_position: tuple[float, ...] = parameter(
+        (), "estimated displacements of the residuals", "m", -10.0, 10.0, optional=True
+    )
+    residual_heating: tuple[float, ...] = parameter(
+        (), "mean measured less estimated displacement, heating", "m", -10.0, 10.0, optional=True
+    )
+    residual_cooling: tuple[float, ...] = parameter((), "the same, cooling", "m", -10.0, 10.0, optional=True)
+    scatter_heating: tuple[float, ...] = parameter(
+        (), "rms about them at each position, heating", "m", 0.0, 10.0, optional=True
+    )
+    scatter_cooling: tuple[float, ...] = parameter((), "the same, cooling", "m", 0.0, 10.0, optional=True)
+
     expected_stroke: tuple[float, ...] = parameter(
         (), "the stroke that what is expected was learned on", "m", -10.0, 10.0, optional=True
     )
@@ -90,6 +112,38 @@ class Calibration:
         1e3,
         optional=True,
     )
+
+    transformation_heating: tuple[float, ...] = parameter(
+        (),
+        "temperatures of the heating wire, at no stress, at equally spaced shares of its stroke, contracted first",
+        "°C",
+        -1e3,
+        1e3,
+        optional=True,
+    )
+    transformation_cooling: tuple[float, ...] = parameter((), "the same, cooling", "°C", -1e3, 1e3, optional=True)
+    transformation_shift: tuple[float, ...] = parameter(
+        (), "how much higher they are per stress, cooling and heating", "K/Pa", -1e-3, 1e-3, optional=True
+    )
+    latent_rise: float = parameter(
+        nan, "latent heat of the whole stroke over thermal.heat_capacity", "K", -1e3, 1e3, optional=True
+    )
+
+    def share_of_stroke(self, displacement_m: Any, stress_Pa: Any) -> Any:
+        """How far a displacement lies between the contracted (0) and the cold wire (1) at a stress; of numbers or arrays."""
+        hot_m = np.interp(stress_Pa, self.contracted_stress, self.contracted_displacement)
+        cold_m = np.interp(stress_Pa, self.cold_stress, self.cold_displacement)
+        return (displacement_m - hot_m) / (cold_m - hot_m)
+
+    @property
+    def transformation_known(self) -> bool:
+        """Whether it says at which temperatures the wire transforms, and between which displacements."""
+        complete = min(len(self.transformation_heating), len(self.transformation_cooling)) > 1
+        complete = complete and len(self.transformation_shift) == 2 and math.isfinite(self.latent_rise)
+        if not (complete and self.contracted_stress and self.cold_stress):
+            return False
+        hot_m = np.interp(self.cold_stress, self.contracted_stress, self.contracted_displacement)
+        return bool(np.all(np.array(self.cold_displacement) > hot_m))
 
     def cooling_rise_K(self, stress_Pa: float) -> float:
         """The rise above ambient at which a cooling wire passes ``cooling_position``; NaN where that is not known."""

@@ -16,21 +16,19 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf, isfinite, isnan, nan
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, Protocol, cast
 
 import numpy as np
 
 from sma_actuator.base.jit import jit
 from sma_actuator.base.signals import Branch, Estimate, Quality, Signals
 
-from .branch import BranchDetector
-from .effects import Effect, in_order
+from .branch import BranchDetector, EstimatorParameters
+from .circuit import CircuitSections
+from .effects import Effect, Effects, in_order
 from .effects.frame import Frame, Place
-from .hot_end import HotEnd
-from .models import StrainModel, ThermalStrainModel
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
+from .hot_end import HotEnd, HotEndSections
+from .models import Coefficients, StrainModel, ThermalStrainModel
 
 #: The event that says in a log: here the chain forgot where on its loop the wire was.
 ESTIMATOR_RESET = "estimator reset"
@@ -42,6 +40,51 @@ STROKE_MARGIN = 0.05
 
 _QUALITIES = tuple(Quality)  # indexing is quicker than calling an enumeration
 Act = tuple[Callable[[Frame, np.ndarray, Place], None], np.ndarray]  #: what an effect does at a stage, and its memory
+
+
+class PlausibleResistance(Protocol):
+    """Between which resistances a reading is one of a wire."""
+
+    @property
+    def resistance_min(self) -> float:
+        """Lowest [Ω]."""
+
+    @property
+    def resistance_max(self) -> float:
+        """Highest [Ω]."""
+
+
+class ChainSections(CircuitSections, HotEndSections, Protocol):
+    """The parameters that the chain is built from; a ``Config`` has them."""
+
+    @property
+    def estimator(self) -> EstimatorParameters:
+        """How heating is told from cooling."""
+
+    @property
+    def model(self) -> Coefficients:
+        """The strain model."""
+
+    @property
+    def effects(self) -> Effects:
+        """What tracing has added to it."""
+
+    @property
+    def safety(self) -> PlausibleResistance:
+        """Which readings count."""
+
+
+def place_of(config: ChainSections) -> Place:
+    """What effects need to know of the configuration."""
+    return Place(
+        reference_resistance_Ohm=config.circuit.reference_resistance,
+        lead_resistance_Ohm=config.circuit.lead_resistance,
+        area_m2=config.wire.area_m2,
+        length_m=config.wire.length,
+        heat_loss_W_K=config.thermal.heat_loss,
+        ambient_C=config.thermal.ambient_temperature,
+        working_range_m=config.model.build(config.wire).displacement_range_m,
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +185,7 @@ class Chain:
     ``effects``: by name; those of ``config`` where none are given.
     """
 
-    def __init__(self, config: Config, effects: Mapping[str, Effect] | None = None):
+    def __init__(self, config: ChainSections, effects: Mapping[str, Effect] | None = None):
         self._built = config.model.build(config.wire)
         # A model with a heat balance wants the power too, and says how sure it is; the others are asked as ever.
         thermal = isinstance(self._built, ThermalStrainModel)
@@ -194,13 +237,13 @@ class Chain:
             effect.forget_the_loop(state)
         self._last = Estimate(-inf, nan, nan, 0.0, Branch.COOLING, Quality.INVALID)
 
-    def update(self, config: Config) -> None:
+    def update(self, config: ChainSections) -> None:
         """Take over live parameters; the memory stays."""
         self._branch.configure(config.estimator)
         self._velocity_time_constant_s = config.estimator.velocity_time_constant
         self._hot_end.update(config)
         self._usual_C, self._tolerance_K = config.thermal.ambient_temperature, config.thermal.ambient_tolerance
-        self._place = Place.of(config)
+        self._place = place_of(config)
 
     # --- one sample ---------------------------------------------------------------------------------
 

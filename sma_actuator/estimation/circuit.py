@@ -9,22 +9,22 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from math import nan
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from sma_actuator.base.parameters import parameter
+from sma_actuator.base.sections import Wire
 from sma_actuator.base.signals import MEASURABLE, Reading, Signals, Value
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
 
 
 @dataclass(frozen=True, slots=True)
 class Circuit:
-    """The measuring circuit."""
+    """The measuring circuit.  What it is made of has no default: with another's the wire's resistance would be false."""
 
-    reference_resistance: float = parameter(1.0, "sense resistor in series with the wire", "Ω", 1e-4, 1e3)
+    reference_resistance: float = parameter(
+        nan, "sense resistor in series with the wire", "Ω", 1e-4, 1e3, optional=True
+    )
     lead_resistance: float = parameter(0.0, "leads between the voltage taps and the wire", "Ω", 0.0, 100.0)
 
 
@@ -32,8 +32,15 @@ class Circuit:
 class LoadCell:
     """Calibration of the load cell."""
 
-    slope: float = parameter(12.7297, "load per volt of the load cell's amplifier (thesis, A.1)", "N/V", -1e6, 1e6)
-    offset: float = parameter(-0.0598, "load at zero volts", "N", -1e6, 1e6)
+    slope: float = parameter(
+        nan, "load per volt of the load cell's amplifier (thesis, A.1: 12.7297)", "N/V", -1e6, 1e6, optional=True
+    )
+    offset: float = parameter(nan, "load at zero volts", "N", -1e6, 1e6, optional=True)
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether a voltage tells a load."""
+        return math.isfinite(self.slope) and math.isfinite(self.offset)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +54,26 @@ class ReferenceSensor:
     def fitted(self) -> bool:
         """Whether there is such a sensor."""
         return math.isfinite(self.slope) and math.isfinite(self.offset)
+
+
+class CircuitSections(Protocol):
+    """The parameters that make physical quantities of raw channels."""
+
+    @property
+    def wire(self) -> Wire:
+        """The wire."""
+
+    @property
+    def circuit(self) -> Circuit:
+        """The measuring circuit."""
+
+    @property
+    def load_cell(self) -> LoadCell:
+        """The load cell."""
+
+    @property
+    def reference_sensor(self) -> ReferenceSensor:
+        """The displacement sensor, where there is one."""
 
 
 def _positive_or_nan(value: Value) -> Value:
@@ -69,7 +96,7 @@ def resistance_and_current(
     return resistance_Ohm, reference_voltage_V / reference_resistance_Ohm
 
 
-def signals_from_reading(reading: Reading, config: Config, tare_N: float | np.ndarray = 0.0) -> Signals:
+def signals_from_reading(reading: Reading, config: CircuitSections, tare_N: float | np.ndarray = 0.0) -> Signals:
     """Apply the calibrations of ``config`` to a reading.
 
     ``reading`` may hold floats or, for replay, arrays of shape (n,) in every field.

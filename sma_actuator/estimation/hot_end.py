@@ -11,14 +11,14 @@ martensite left has more.
 from __future__ import annotations
 
 from math import exp, isnan, nan
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from sma_actuator.base.jit import jit
+from sma_actuator.base.sections import ThermalParameters
 
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
+from .calibration import Calibration
 
 #: Shares of the calibration's range of resistance above that of the contracted wire, within which the wire counts as
 #: contracted from now on, and beyond which it does no more.
@@ -69,13 +69,25 @@ def _contracted_all(
         )
 
 
+class HotEndSections(Protocol):
+    """The parameters that tell where the hot end is."""
+
+    @property
+    def calibration(self) -> Calibration:
+        """What the model's own logs looked like."""
+
+    @property
+    def thermal(self) -> ThermalParameters:
+        """The heat balance."""
+
+
 class HotEnd:
     """Says of each sample whether the wire is contracted as far as it goes; remembers its temperature.
 
     Without a calibration of the hot end it never says so.
     """
 
-    def __init__(self, config: Config):
+    def __init__(self, config: HotEndSections):
         calibration = config.calibration
         self.known = calibration.hot_end_known
         self._stress_Pa = np.array(calibration.contracted_stress)
@@ -85,7 +97,7 @@ class HotEnd:
         self.update(config)
         self.reset()
 
-    def update(self, config: Config) -> None:
+    def update(self, config: HotEndSections) -> None:
         """Take over live parameters; the memory stays."""
         calibration, thermal = config.calibration, config.thermal
         self._usual_C, self._tolerance_K = thermal.ambient_temperature, thermal.ambient_tolerance

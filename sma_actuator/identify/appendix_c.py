@@ -31,25 +31,25 @@ class Asymptotes:
     cooling_points: np.ndarray
 
 
-def mean_cycle(trace: Experiment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def mean_cycle(experiment: Experiment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Resistance, displacement and current state of the mean over the complete cycles of a square wave.
 
     Raises IdentificationError where there is no complete cycle.
     """
-    starts = np.flatnonzero(np.diff(trace.cycle)) + 1
-    ends = np.append(starts[1:], len(trace.cycle))
+    starts = np.flatnonzero(np.diff(experiment.cycle)) + 1
+    ends = np.append(starts[1:], len(experiment.cycle))
     if not len(starts):
-        raise IdentificationError(f"{trace.log.source}: holds no cycle: the current is never switched on")
+        raise IdentificationError(f"{experiment.log.source}: holds no cycle: the current is never switched on")
     length = int(np.min(ends - starts))
     rows = starts[:, None] + np.arange(length)
-    driven = trace.driven[rows].mean(axis=0) > 0.5
-    return trace.resistance_Ohm[rows].mean(axis=0), trace.displacement_m[rows].mean(axis=0), driven
+    driven = experiment.driven[rows].mean(axis=0) > 0.5
+    return experiment.resistance_Ohm[rows].mean(axis=0), experiment.displacement_m[rows].mean(axis=0), driven
 
 
-def asymptotes(trace: Experiment, tolerances: Tolerances = Tolerances()) -> Asymptotes:
+def asymptotes(experiment: Experiment, tolerances: Tolerances = Tolerances()) -> Asymptotes:
     """Steps 1 to 3 of appendix C.  Raises IdentificationError naming the branch that cannot be found."""
-    resistance_Ohm, displacement_m, driven = mean_cycle(trace)
-    source = trace.log.source
+    resistance_Ohm, displacement_m, driven = mean_cycle(experiment)
+    source = experiment.log.source
     branches = []
     for name, mask, line in (("heating", driven, _heating_line), ("cooling", ~driven, _cooling_line)):
         if np.count_nonzero(mask) < 2 * tolerances.cooling_window + 3:
@@ -65,7 +65,7 @@ def asymptotes(trace: Experiment, tolerances: Tolerances = Tolerances()) -> Asym
             )
         branches.append(found)
     (heating, heating_points), (cooling, cooling_points) = branches
-    return Asymptotes(trace.mean_stress_Pa, heating, cooling, heating_points, cooling_points)
+    return Asymptotes(experiment.mean_stress_Pa, heating, cooling, heating_points, cooling_points)
 
 
 def _heating_line(points: np.ndarray, tolerances: Tolerances):

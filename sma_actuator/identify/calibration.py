@@ -11,56 +11,105 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sma_actuator.base.jit import jit
+from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.config import Config
 from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain
-from sma_actuator.safety.thermal import HeatBalance, ThermalParameters
+from sma_actuator.safety.thermal import HeatBalance
 
+from .balance import balance_of
 from .expectation import learn
 from .experiments import Experiment
 from .rests import find_rests
 
+POSITIONS = 13
 STILL_SHARE = (
     0.03  #: of the full stroke, within which of its shortest a wire counts as contracted: it shrinks as it cools
 )
 SAME_STRESS = 0.06  #: share of the largest stress within which two are one
 
 
-def calibration_of(traces: Sequence[Experiment], config: Config, at_rest: bool = True) -> Calibration:
+def calibration_of(experiments: Sequence[Experiment], config: Config, at_rest: bool = True) -> Calibration:
     """The section ``calibration`` for a model and its own logs.
 
     ``at_rest``: with what a resting wire shows; left out for models of wires of any size.
     """
-    known = _of_the_wire(traces, config) if at_rest else Calibration()
+    known = _of_the_wire(experiments, config) if at_rest else Calibration()
     config = dataclasses.replace(config, calibration=known)  # the hot end that the node will know decides errors too
-    found = [Chain(config).run(t.signals) for t in traces]
+    found = [Chain(config).run(t.signals) for t in experiments]
+    experiments = [t.through(estimate) for t, estimate in zip(experiments, found, strict=True)]
+    estimates = [estimate.displacement_m for estimate in found]
     full_m = config.wire.full_stroke_m
     errors = [
-        float(np.nanmean(np.abs(e.displacement_m - t.displacement_m))) / full_m * 100
-        for e, t in zip(found, traces, strict=True)
+        float(np.nanmean(np.abs(d - t.displacement_m))) / full_m * 100
+        for d, t in zip(estimates, experiments, strict=True)
     ]
-    known = dataclasses.replace(known, error=float(np.mean(errors)), largest_error=max(errors))
-    return dataclasses.replace(known, **learn(traces, found, config)) if at_rest else known
+    if not at_rest:
+        return Calibration(error=float(np.mean(errors)), largest_error=max(errors))
+    residuals = [t.displacement_m - d for d, t in zip(estimates, experiments, strict=True)]
+    model = config.model.build(config.wire)
+    position_m = np.linspace(*_widened(model.displacement_range_m, estimates), POSITIONS)
+    stress_Pa = _clusters([t.mean_stress_Pa for t in experiments])
+    parts = [
+        _sums(position_m, stress_Pa, d, t.stress_Pa, t.heating, r)
+        for d, t, r in zip(estimates, experiments, residuals, strict=True)
+    ]
+    total = np.sum(parts, axis=0)
+    rests = []  # of each log, with the residuals of the others taken off
+    for part, d, t, r in zip(parts, estimates, experiments, residuals, strict=True):
+        heating, cooling = _means(total - part if len(parts) > 1 else total)
+        rests.append(r - expected_residual_m(position_m, stress_Pa, heating, cooling, d, t.stress_Pa, t.heating))
+    scatter = [float(np.nanmean(np.abs(r))) / full_m * 100 for r in rests]
+    one_stress = np.zeros(1)
+    squares = np.sum(
+        [
+            _sums(position_m, one_stress, d, np.zeros(len(r)), t.heating, r**2)
+            for d, t, r in zip(estimates, experiments, rests, strict=True)
+        ],
+        axis=0,
+    )
+    scatter_heating, scatter_cooling = (np.sqrt(m[0]) for m in _means(squares))
+    heating, cooling = _means(total)
+    values: dict = {
+        "error": float(np.mean(errors)),
+        "largest_error": max(errors),
+        "scatter": float(np.mean(scatter)),
+        "residual_stress": _rounded(stress_Pa, 0),
+        "residual_position": _rounded(position_m, 8),
+        "residual_heating": _rounded(heating.ravel(), 8),
+        "residual_cooling": _rounded(cooling.ravel(), 8),
+        "scatter_heating": _rounded(scatter_heating, 8),
+        "scatter_cooling": _rounded(scatter_cooling, 8),
+    }
+    return dataclasses.replace(known, **values, **learn(experiments, found, config))
 
 
-def _of_the_wire(traces: Sequence[Experiment], config: Config) -> Calibration:
+def _of_the_wire(experiments: Sequence[Experiment], config: Config) -> Calibration:
     """What the wire shows whatever the model makes of it."""
     config = dataclasses.replace(config, calibration=Calibration())
-    traces = [t.through(Chain(config).run(t.signals)) for t in traces]
-    measured_C = [np.atleast_1d(t.signals.ambient_temperature_C) for t in traces]
+    experiments = [t.through(Chain(config).run(t.signals)) for t in experiments]
+    measured_C = [np.atleast_1d(t.signals.ambient_temperature_C) for t in experiments]
     ambient = np.concatenate([a[np.isfinite(a)] for a in measured_C])
-    resistance_Ohm = np.concatenate([t.resistance_Ohm for t in traces])
-    return Calibration(
+    resistance_Ohm = np.concatenate([t.resistance_Ohm for t in experiments])
+    known = Calibration(
         resistance_range=float(np.subtract(*np.nanpercentile(resistance_Ohm, (99.5, 0.5)))),
         ambient_temperature=float(ambient.mean()) if len(ambient) else np.nan,
-        **_cooling(traces, config),
-        **_at_rest(traces, config.thermal.heat_capacity / config.thermal.heat_loss),
-        **_contracted(traces, config),
+        **_cooling(experiments, config),
+        **_at_rest(experiments, config.thermal.heat_capacity / config.thermal.heat_loss),
+        **_contracted(experiments, config),
     )
+    return dataclasses.replace(known, **balance_of(experiments, config, known))
 
 
 def _rounded(values: np.ndarray, digits: int) -> tuple[float, ...]:
     return tuple(round(float(v), digits) for v in values)
+
+
+def _widened(range_m: tuple[float, float], estimates: Sequence[np.ndarray]) -> tuple[float, float]:
+    everything = np.concatenate(estimates)
+    low, high = np.nanpercentile(everything, (0.2, 99.8))
+    return min(range_m[0], float(low)), max(range_m[1], float(high))
 
 
 def _clusters(values: Sequence[float] | np.ndarray) -> np.ndarray:
@@ -70,12 +119,79 @@ def _clusters(values: Sequence[float] | np.ndarray) -> np.ndarray:
     return np.array([g.mean() for g in groups])
 
 
-def _at_rest(traces: Sequence[Experiment], thermal_time_constant_s: float) -> dict:
+def _sums(position_m, stress_Pa, estimate_m, sample_stress_Pa, heating, residual_m) -> np.ndarray:
+    """Sum and number of residuals by branch, stress and position, shape (2, 2, S, P)."""
+    out = np.zeros((2, 2, len(stress_Pa), len(position_m)))
+    good = np.isfinite(estimate_m + residual_m + sample_stress_Pa)
+    step_m = position_m[1] - position_m[0]
+    p = np.clip(np.rint((estimate_m[good] - position_m[0]) / step_m), 0, len(position_m) - 1).astype(int)
+    s = np.argmin(np.abs(sample_stress_Pa[good, None] - stress_Pa), axis=1)
+    b = np.where(heating[good], 0, 1)
+    np.add.at(out[0], (b, s, p), residual_m[good])
+    np.add.at(out[1], (b, s, p), 1.0)
+    return out
+
+
+def _means(sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean residual of heating and of cooling, each of shape (S, P); an empty place takes its neighbours' value."""
+    out = []
+    for total, number in zip(*sums, strict=True):
+        mean = np.zeros_like(total)
+        for s in range(len(total)):
+            filled = np.flatnonzero(number[s] > 3)
+            if len(filled):
+                mean[s] = np.interp(np.arange(total.shape[1]), filled, total[s, filled] / number[s, filled])
+        out.append(mean)
+    return out[0], out[1]
+
+
+def expected_residual_m(
+    position_m, stress_Pa, heating_m, cooling_m, estimate_m, sample_stress_Pa, heating
+) -> np.ndarray:
+    """Residual of the calibration at each of n samples, between positions (P,) and stresses (S,) linear, else the nearest."""
+    out = np.empty(len(estimate_m))
+    table = np.stack((np.reshape(cooling_m, (len(stress_Pa), -1)), np.reshape(heating_m, (len(stress_Pa), -1))))
+    _look_up(np.asarray(position_m), np.asarray(stress_Pa), table, estimate_m, sample_stress_Pa, heating, out)
+    return out
+
+
+@jit
+def _look_up(position, stress, table, estimate, sample_stress, heating, out):
+    step = (position[-1] - position[0]) / (len(position) - 1)
+    last = len(stress) - 1
+    for i in range(len(out)):
+        x = (estimate[i] - position[0]) / step
+        if not (x == x and sample_stress[i] == sample_stress[i]):
+            out[i] = np.nan
+            continue
+        x = min(max(x, 0.0), len(position) - 1.0)
+        p = min(int(x), len(position) - 2)
+        x -= p
+        s = 0
+        while s < last - 1 and sample_stress[i] > stress[s + 1]:
+            s += 1
+        y = 0.0
+        above = s
+        if last > 0:
+            above = s + 1
+            y = min(max((sample_stress[i] - stress[s]) / (stress[above] - stress[s]), 0.0), 1.0)
+        b = 1 if heating[i] else 0
+        low = table[b, s, p] * (1.0 - x) + table[b, s, p + 1] * x
+        high = table[b, above, p] * (1.0 - x) + table[b, above, p + 1] * x
+        out[i] = low * (1.0 - y) + high * y
+
+
+def _at_rest(experiments: Sequence[Experiment], thermal_time_constant_s: float) -> dict:
     points: dict[bool, list] = {False: [], True: []}
-    for trace in traces:
-        for rest in find_rests(trace, thermal_time_constant_s):
+    for experiment in experiments:
+        for rest in find_rests(experiment, thermal_time_constant_s):
             here = slice(rest.start, rest.stop)
-            values = (trace.stress_Pa, trace.resistance_Ohm, trace.displacement_m, trace.signals.power_W)
+            values = (
+                experiment.stress_Pa,
+                experiment.resistance_Ohm,
+                experiment.displacement_m,
+                experiment.signals.power_W,
+            )
             points[rest.hot].append([float(np.mean(v[here])) for v in values])
     out: dict = {}
     deviations = []
@@ -105,9 +221,9 @@ def _at_rest(traces: Sequence[Experiment], thermal_time_constant_s: float) -> di
     return out
 
 
-def _heat_balance_C(trace: Experiment, thermal: ThermalParameters) -> tuple[np.ndarray, np.ndarray]:
+def _heat_balance_C(experiment: Experiment, thermal: ThermalParameters) -> tuple[np.ndarray, np.ndarray]:
     """Temperature of the wire by the heat balance, and of its surroundings, of each sample."""
-    signals = trace.signals
+    signals = experiment.signals
     read_C = np.broadcast_to(signals.ambient_temperature_C, signals.time_s.shape)
     ambient_C = np.where(np.isfinite(read_C), read_C, thermal.ambient_temperature)
     heat = HeatBalance(float(ambient_C[0]))
@@ -121,15 +237,15 @@ def _heat_balance_C(trace: Experiment, thermal: ThermalParameters) -> tuple[np.n
     return wire_C, ambient_C
 
 
-def _cooling(traces: Sequence[Experiment], config: Config) -> dict:
+def _cooling(experiments: Sequence[Experiment], config: Config) -> dict:
     """How warm the heat balance called the wire when, cooling, it passed the middle of its working range."""
     middle_m = float(np.mean(config.model.build(config.wire).displacement_range_m))
     rows = []
-    for trace in traces:
-        wire_C, ambient_C = _heat_balance_C(trace, config.thermal)
-        long = trace.displacement_m > middle_m
-        passed = np.flatnonzero(long[1:] & ~long[:-1] & ~trace.driven[1:]) + 1
-        rows += [(float(trace.stress_Pa[i]), float(wire_C[i] - ambient_C[i])) for i in passed]
+    for experiment in experiments:
+        wire_C, ambient_C = _heat_balance_C(experiment, config.thermal)
+        long = experiment.displacement_m > middle_m
+        passed = np.flatnonzero(long[1:] & ~long[:-1] & ~experiment.driven[1:]) + 1
+        rows += [(float(experiment.stress_Pa[i]), float(wire_C[i] - ambient_C[i])) for i in passed]
     table = np.array(rows).reshape(-1, 2)
     table = table[np.isfinite(table).all(axis=1)]
     if not len(table):
@@ -144,7 +260,7 @@ def _cooling(traces: Sequence[Experiment], config: Config) -> dict:
     }
 
 
-def _contracted(traces: Sequence[Experiment], config: Config) -> dict:
+def _contracted(experiments: Sequence[Experiment], config: Config) -> dict:
     """Resistance over temperature of the wire that does not move any more: contracted, and cooling after a pulse.
 
     Not while it is heated: the balance leaves latent heat out, so right after the transformation it is hot by what
@@ -152,14 +268,14 @@ def _contracted(traces: Sequence[Experiment], config: Config) -> dict:
     """
     still_m = STILL_SHARE * config.wire.full_stroke_m
     rows = []
-    for trace in traces:
-        if trace.kind != "pulses" or not trace.constant_load:
+    for experiment in experiments:
+        if experiment.kind != "pulses" or not experiment.constant_load:
             continue
-        wire_C, _ = _heat_balance_C(trace, config.thermal)
-        values = np.column_stack((trace.stress_Pa, trace.resistance_Ohm, trace.displacement_m, wire_C))
-        shortest_m = np.nanpercentile(trace.displacement_m, 0.5)
-        for off in np.flatnonzero(trace.driven[:-1] & ~trace.driven[1:]) + 2:
-            moves = np.flatnonzero(~(trace.displacement_m[off:] < shortest_m + still_m) | trace.driven[off:])
+        wire_C, _ = _heat_balance_C(experiment, config.thermal)
+        values = np.column_stack((experiment.stress_Pa, experiment.resistance_Ohm, experiment.displacement_m, wire_C))
+        shortest_m = np.nanpercentile(experiment.displacement_m, 0.5)
+        for off in np.flatnonzero(experiment.driven[:-1] & ~experiment.driven[1:]) + 2:
+            moves = np.flatnonzero(~(experiment.displacement_m[off:] < shortest_m + still_m) | experiment.driven[off:])
             still = values[off : off + moves[0]] if len(moves) else values[off:]
             still = still[np.isfinite(still).all(axis=1)]
             if len(still) > 5:

@@ -1,4 +1,4 @@
-"""Errors of a model on traces, as the thesis counts them."""
+"""Errors of a model on experiments, as the thesis counts them."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ class LogError:
 
 
 def log_errors(
-    model, traces: Sequence[Experiment], range_m: tuple[float, float], full_stroke_m: float
+    model, experiments: Sequence[Experiment], range_m: tuple[float, float], full_stroke_m: float
 ) -> list[LogError]:
-    """Errors of ``model`` on every trace."""
-    return [log_error(t.name, t.signals, predict(model, [t]), range_m, full_stroke_m) for t in traces]
+    """Errors of ``model`` on every experiment."""
+    return [log_error(t.name, t.signals, predict(model, [t]), range_m, full_stroke_m) for t in experiments]
 
 
 def log_error(

@@ -71,23 +71,23 @@ class Expectation:
         return np.clip((seen - self._centre) / self._scale, self._least, self._most)
 
 
-def learn(traces: Sequence[Experiment], found: Sequence[Estimates], config: Config) -> dict:
+def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config: Config) -> dict:
     """Learn what to expect; fields of a calibration.
 
     ``found``: what the model's chain makes of each log; ``config`` knows the range of the resistance at the calibration.
     """
     full_m = config.wire.full_stroke_m
     range_Ohm = config.calibration.resistance_range
-    places_m = np.concatenate([t.displacement_m for t in traces])
+    places_m = np.concatenate([t.displacement_m for t in experiments])
     low_m, high_m = (float(v) for v in np.nanpercentile(places_m, (0.5, 99.5)))
     ambient_C = _usual_C(config)
     thermal = usual_heat_balance(config.thermal, range_Ohm)
     widths_Ohm = np.array(PLAYS_OF_RANGE) * range_Ohm
     stride = max(1, -(-len(places_m) // MOST_ROWS))
     rows = []
-    for number, (trace, estimates) in enumerate(zip(traces, found, strict=True)):
+    for number, (experiment, estimates) in enumerate(zip(experiments, found, strict=True)):
         seen = _features(estimates, thermal, widths_Ohm, (low_m, high_m), ambient_C)
-        residual_m = trace.displacement_m - estimates.displacement_m
+        residual_m = experiment.displacement_m - estimates.displacement_m
         good = np.isfinite(seen).all(axis=1) & np.isfinite(residual_m)
         time_s = estimates.time_s - estimates.time_s[0]
         block = time_s // min(BLOCK_s, max(time_s[-1], 1e-9) / (2 * FOLDS)) + number
@@ -98,7 +98,7 @@ def learn(traces: Sequence[Experiment], found: Sequence[Estimates], config: Conf
     z = (seen - centre) / scale
     basis = _basis(z)
     weights_m = _ridge(basis, residual_m)
-    news_m = _left_out(z, residual_m, _folds(traces, log, block))
+    news_m = _left_out(z, residual_m, _folds(experiments, log, block))
     white = np.linalg.inv(np.linalg.cholesky(z.T @ z / len(z) + RIDGE * np.eye(FEATURES)))
     return {
         "expected_stroke": (low_m, high_m),
@@ -204,10 +204,10 @@ def _ridge(basis: np.ndarray, target: np.ndarray) -> np.ndarray:
     return np.linalg.solve(basis.T @ basis + np.diag(shrink), basis.T @ target)
 
 
-def _folds(traces: Sequence[Experiment], log: np.ndarray, block: np.ndarray) -> np.ndarray:
+def _folds(experiments: Sequence[Experiment], log: np.ndarray, block: np.ndarray) -> np.ndarray:
     """A fold for every row: all logs of a load together, neighbouring loads in different folds; where there are too few
     loads, stretches of each log."""
-    stress_Pa = np.array([t.mean_stress_Pa for t in traces])
+    stress_Pa = np.array([t.mean_stress_Pa for t in experiments])
     ordered = np.sort(stress_Pa)
     edges_Pa = ordered[1:][np.diff(ordered) > SAME_LOAD * np.abs(ordered[:-1])]
     if len(edges_Pa) + 1 < FEWEST_LOADS:

@@ -69,14 +69,14 @@ class Experiment:
         return np.isfinite(self.resistance_Ohm + self.stress_Pa + self.signals.power_W + self.displacement_m)
 
     def rows(self, chosen: np.ndarray) -> Experiment:
-        """The trace with some of its samples only (bool, shape (n,))."""
+        """The experiment with some of its samples only (bool, shape (n,))."""
         fields = {f.name: getattr(self.signals, f.name) for f in dataclasses.fields(self.signals)}
         signals = Signals(**{name: v[chosen] if np.ndim(v) else v for name, v in fields.items()})
         log = dataclasses.replace(self.log, columns={k: v[chosen] for k, v in self.log.columns.items()})
         return Experiment(log, self.kind, signals, self.heating[chosen], self.driven[chosen], self.cycle[chosen])
 
     def through(self, estimate: Estimates) -> Experiment:
-        """The trace with the signals and the branch that a model's chain made of it."""
+        """The experiment with the signals and the branch that a model's chain made of it."""
         return dataclasses.replace(self, signals=estimate.signals, heating=estimate.branch.astype(bool))
 
 
@@ -86,7 +86,7 @@ def make_experiment(log: BenchLog, config, with_reference: bool = True) -> Exper
     Raises BenchLogError: no reference (where one is wanted), a saturated channel, or a log of another wire.
     """
     if with_reference:
-        require_reference(log)
+        require_reference(log, config)
     _same_wire(log, config)
     log = _as_the_node_read_it(log, config)
     _not_saturated(log, config)
@@ -131,14 +131,14 @@ def cycles_of(driven: np.ndarray) -> np.ndarray:
     return np.concatenate(([0], np.cumsum(driven[1:] & ~driven[:-1])))
 
 
-def sessions(trace: Experiment) -> list[Experiment]:
-    """A trace cut where its log pauses.
+def sessions(experiment: Experiment) -> list[Experiment]:
+    """An experiment cut where its log pauses.
 
     Pieces without a cycle are left out where others have one.
     """
-    starts = np.flatnonzero(np.diff(trace.signals.time_s) > longest_pause_s(trace.log)) + 1
-    number = np.searchsorted(starts, np.arange(len(trace.log)), side="right")
-    pieces = [trace.rows(number == k) for k in range(len(starts) + 1)]
+    starts = np.flatnonzero(np.diff(experiment.signals.time_s) > longest_pause_s(experiment.log)) + 1
+    number = np.searchsorted(starts, np.arange(len(experiment.log)), side="right")
+    pieces = [experiment.rows(number == k) for k in range(len(starts) + 1)]
     pieces = [dataclasses.replace(piece, cycle=cycles_of(piece.driven)) for piece in pieces]
     cycled = [piece for piece in pieces if piece.cycle[-1] > 0] or pieces[:1]
     if len(cycled) < 2:
@@ -151,9 +151,9 @@ def sessions(trace: Experiment) -> list[Experiment]:
     ]
 
 
-def judged_rows(trace: Experiment) -> Experiment:
-    """A trace without the samples that say nothing of the wire: undriven, or with something missing."""
-    return trace if trace.judged.all() else trace.rows(trace.judged)
+def judged_rows(experiment: Experiment) -> Experiment:
+    """An experiment without the samples that say nothing of the wire: undriven, or with something missing."""
+    return experiment if experiment.judged.all() else experiment.rows(experiment.judged)
 
 
 def _same_wire(log: BenchLog, config) -> None:

@@ -9,7 +9,13 @@ import numpy as np
 
 from .experiments import Experiment, IdentificationError
 
-QUANTITIES = ("resistance_min_Ohm", "resistance_max_Ohm", "displacement_min_m", "displacement_max_m")
+#: What is followed, with the words for a picture.
+EXTREMES = {
+    "resistance_min_Ohm": "smallest resistance [Ω]",
+    "resistance_max_Ohm": "largest resistance [Ω]",
+    "displacement_min_m": "smallest displacement [m]",
+    "displacement_max_m": "largest displacement [m]",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,17 +37,17 @@ class Fatigue:
     drift: dict[str, Drift]
 
 
-def fit_fatigue(traces: Sequence[Experiment]) -> Fatigue:
+def fit_fatigue(experiments: Sequence[Experiment]) -> Fatigue:
     """ln N lines of the extremes of R and δ over the fatigue logs, numbered from ``first_cycle`` in their metadata.
 
     Raises IdentificationError where there are fewer than five cycles.
     """
     number, rows = [], []
-    for trace in traces:
-        first = int(trace.log.metadata.get("first_cycle", 1))
-        for cycle in range(1, int(trace.cycle.max()) + 1):
-            inside = trace.cycle == cycle
-            resistance_Ohm, displacement_m = trace.resistance_Ohm[inside], trace.displacement_m[inside]
+    for experiment in experiments:
+        first = int(experiment.log.metadata.get("first_cycle", 1))
+        for cycle in range(1, int(experiment.cycle.max()) + 1):
+            inside = experiment.cycle == cycle
+            resistance_Ohm, displacement_m = experiment.resistance_Ohm[inside], experiment.displacement_m[inside]
             number.append(first + cycle - 1)
             rows.append((*_ends(resistance_Ohm), *_ends(displacement_m)))
     if len(number) < 5:
@@ -52,8 +58,8 @@ def fit_fatigue(traces: Sequence[Experiment]) -> Fatigue:
     numbers, values = np.array(number)[order], np.array(rows)[order].T
     return Fatigue(
         numbers,
-        dict(zip(QUANTITIES, values, strict=True)),
-        {q: _line(numbers, v) for q, v in zip(QUANTITIES, values, strict=True)},
+        dict(zip(EXTREMES, values, strict=True)),
+        {q: _line(numbers, v) for q, v in zip(EXTREMES, values, strict=True)},
     )
 
 

@@ -20,6 +20,7 @@ from .experiments import Experiment, IdentificationError
 from .flexinol import FlexinolFit, fit_appendix_c, fit_joint
 from .furukawa import fit_furukawa
 from .normalised import fit_furukawa_normalised, flexinol_normalised
+from .unseen import Unseen
 from .whole_range import beside_the_thesis, fit_whole_range
 
 METHODS = ("joint", "appendix-c")
@@ -44,6 +45,9 @@ class Fitted:
     samples: dict[str, np.ndarray] = field(default_factory=dict)  #: bootstrap, (samples, coefficients) of every field
     how: Any = None  #: how it was found, for the page
     notes: list[str] = field(default_factory=list)  #: what the user should know
+    #: How it does on cycles that its fits have not seen; None: nobody looked.
+    unseen: Unseen | None = None
+    bounds: list[str] = field(default_factory=list)  #: a sentence for every bound that binds
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,51 +57,77 @@ class Fitter:
     fit: Callable[[Sequence[Experiment], BenchConfig, Asked], Fitted]  #: of the logs of a bench
     methods: tuple[str, ...] = ("joint",)
     any_size: bool = False  #: of logs of wires of several sizes, each rewritten as one of the same wire
+    extended: bool = True  #: identification ends with the effects that the model lacks on its own logs
 
 
 #: The fitter of each ``model.type``.
 FITTERS: Registry[Fitter] = Registry("fitter", "sma_actuator.fitters")
 
 
-def _found(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> FlexinolFit:
+def _found(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> FlexinolFit:
     if asked.method == "appendix-c":
-        return fit_appendix_c(traces, bench.wire, 2 if asked.order is None else asked.order)
-    return fit_joint(traces, bench.wire, None if asked.order is None else (asked.order, asked.order), asked.progress)
+        return fit_appendix_c(experiments, bench.wire, 2 if asked.order is None else asked.order)
+    return fit_joint(
+        experiments, bench.wire, None if asked.order is None else (asked.order, asked.order), asked.progress
+    )
 
 
-def _flexinol(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
-    found = _found(traces, bench, asked)
-    return Fitted(found.coefficients, found.samples, found)
+def _flexinol(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
+    found = _found(experiments, bench, asked)
+    return Fitted(found.coefficients, found.samples, found, unseen=found.unseen, bounds=found.bounds)
 
 
-def _flexinol_normalised(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
-    found = _found(traces, bench, asked)
-    coefficients, samples = flexinol_normalised(found, traces, bench.wire)
-    return Fitted(coefficients, samples, found)
+def _flexinol_normalised(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
+    found = _found(experiments, bench, asked)
+    coefficients, samples = flexinol_normalised(found, experiments, bench.wire)
+    return Fitted(
+        coefficients,
+        samples,
+        found,
+        _one_size(experiments),
+        unseen=found.unseen,
+        bounds=found.bounds,
+    )
 
 
-def _furukawa(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
-    found = fit_furukawa(traces, bench.wire, asked.variant, asked.order, asked.progress)
-    return Fitted(found.coefficients, found.samples, found)
+def _furukawa(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
+    found = fit_furukawa(experiments, bench.wire, asked.variant, asked.order, asked.progress)
+    return Fitted(found.coefficients, found.samples, found, unseen=found.unseen, bounds=found.bounds)
 
 
-def _furukawa_normalised(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
-    return Fitted(*fit_furukawa_normalised(traces, bench.wire, asked.order))
+def _furukawa_normalised(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
+    coefficients, samples = fit_furukawa_normalised(experiments, bench.wire, asked.order)
+    return Fitted(coefficients, samples, notes=_one_size(experiments))
 
 
-def _whole_range(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
-    found = fit_whole_range(traces, bench, asked.progress)
+def _one_size(experiments: Sequence[Experiment]) -> list[str]:
+    """A sentence where a model for any size was fitted on one."""
+    said = {(w.get("length_m"), w.get("diameter_m")) for w in (t.log.metadata.get("wire", {}) for t in experiments)}
+    if len(said) > 1:
+        return []
+    return [
+        (
+            "every log is of a wire of the same size, so nothing says that this model holds for another; logs of at least "
+            "two lengths or diameters would (each with its wire in the JSON file beside it)"
+        )
+    ]
+
+
+def _whole_range(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
+    found = fit_whole_range(experiments, bench, asked.progress)
     fit_thesis = _flexinol if bench.wire.alloy == "ni-ti" else _furukawa
     try:
-        thesis = fit_thesis(traces, bench, Asked("joint", asked.variant, asked.order)).coefficients.build(bench.wire)
-        note = beside_the_thesis(traces, thesis, found, bench.wire.full_stroke_m)
+        thesis = fit_thesis(experiments, bench, Asked("joint", asked.variant, asked.order)).coefficients.build(
+            bench.wire
+        )
+        note = beside_the_thesis(experiments, thesis, found, bench.wire.full_stroke_m)
     except IdentificationError as error:
         note = f"there is no model of the thesis to compare with: {error}"
-    return Fitted(found.coefficients, how=found, notes=[note])
+    return Fitted(found.coefficients, how=found, notes=[note], unseen=found.unseen, bounds=found.bounds)
 
 
 FITTERS.register("flexinol")(Fitter(_flexinol, METHODS))
-FITTERS.register("flexinol_normalised")(Fitter(_flexinol_normalised, METHODS, any_size=True))
+FITTERS.register("flexinol_normalised")(Fitter(_flexinol_normalised, METHODS, any_size=True, extended=False))
 FITTERS.register("furukawa")(Fitter(_furukawa))
-FITTERS.register("furukawa_normalised")(Fitter(_furukawa_normalised, any_size=True))
-FITTERS.register("whole_range")(Fitter(_whole_range))
+FITTERS.register("furukawa_normalised")(Fitter(_furukawa_normalised, any_size=True, extended=False))
+FITTERS.register("whole_range")(Fitter(_whole_range, extended=False))  # what is left is learned already

@@ -17,6 +17,7 @@ from .experiments import Experiment
 from .fitting import Data
 from .material import RPhaseAlloy, asymptotes_from_material
 from .ranges import distinct_stresses, full_cycles, working_range_m
+from .unseen import Unseen, unseen_of
 
 STRESS_UNIT_Pa = 100e6  #: polynomials are fitted in units of this, so that their coefficients are of one size
 HIGHEST_ORDER = 3
@@ -35,20 +36,36 @@ class FlexinolFit:
         default_factory=dict
     )  #: held-out errors of the orders tried
     samples: dict[str, np.ndarray] = field(default_factory=dict)  #: bootstrap: (samples, coefficients) of every field
+    unseen: Unseen | None = None  #: how it does on cycles that its fits have not seen
+
+    @property
+    def bounds(self) -> list[str]:
+        """A sentence for every bound that binds."""
+        low, high = np.exp(_LOG_RATE)
+        return fitting.at_bound(
+            "transition_rate",
+            self.coefficients.transition_rate,
+            float(low),
+            float(high),
+            "1/Ω",
+            "the transition from one curve to the other is sharper or flatter than these logs can show",
+        )
 
 
-def fit_appendix_c(traces: Sequence[Experiment], wire, order: int = 2) -> FlexinolFit:
+def fit_appendix_c(experiments: Sequence[Experiment], wire, order: int = 2) -> FlexinolFit:
     """Appendix C, then polynomials in stress (5.3–5.6); τ and a_0, found by trial in the thesis, by least squares here.
 
     Raises IdentificationError naming what the logs lack.
     """
-    fitting.require_loads(traces, order, "asymptotes")
-    data = fitting.make_data(traces, wire.full_stroke_m)
-    lines = tuple(asymptotes(t) for t in full_cycles(traces))
+    fitting.require_loads(experiments, order, "asymptotes")
+    data = fitting.make_data(experiments, wire.full_stroke_m)
+    lines = tuple(asymptotes(t) for t in full_cycles(experiments))
     stress = np.array([line.stress_Pa for line in lines]) / STRESS_UNIT_Pa
     values = np.array([[*line.heating, *line.cooling] for line in lines])
     polynomials = np.polynomial.polynomial.polyfit(stress, values, order).T  # (4, order + 1)
-    base = _coefficients(polynomials, wire, stress_range_Pa(traces), working_range_m(traces, wire.full_stroke_m))
+    base = _coefficients(
+        polynomials, wire, stress_range_Pa(experiments), working_range_m(experiments, wire.full_stroke_m)
+    )
 
     def build(theta):
         return dataclasses.replace(base, initial_slope=theta[0] * 1e-3, transition_rate=float(np.exp(theta[1]))).build(
@@ -68,7 +85,7 @@ def _degrees(orders: tuple[int, int]) -> int:
 
 
 def fit_joint(
-    traces: Sequence[Experiment],
+    experiments: Sequence[Experiment],
     wire,
     orders: tuple[int, int] | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
@@ -78,19 +95,20 @@ def fit_joint(
     ``orders`` of the stress polynomials (heating, cooling); None: the lowest that are as good
     as the best on held-out cycles.  Raises IdentificationError.
     """
-    fitting.require_loads(traces, max(orders) if orders else 1, "asymptotes")
-    data = fitting.make_data(traces, wire.full_stroke_m)
-    problem = _Joint(traces, wire, data)
+    fitting.require_loads(experiments, max(orders) if orders else 1, "asymptotes")
+    data = fitting.make_data(experiments, wire.full_stroke_m)
+    problem = _Joint(experiments, wire, data)
     errors: dict[tuple[int, int], np.ndarray] = {}
+    begun: dict[tuple[int, int], np.ndarray] = {}
     if orders is None:
-        highest = min(HIGHEST_ORDER, distinct_stresses(full_cycles(traces)) - 1)
+        highest = min(HIGHEST_ORDER, distinct_stresses(full_cycles(experiments)) - 1)
         tried = [(h, c) for h in range(1, highest + 1) for c in range(h, highest + 1)]
         for i, pair in enumerate(tried):
-            errors[pair] = fitting.held_out_errors(problem.builder(pair), problem.start(pair), data)
+            errors[pair], begun[pair] = fitting.held_out_errors(problem.builder(pair), problem.start(pair), data)
             progress(0.8 * (i + 1) / len(tried))
         orders = fitting.choose_simplest(errors, _degrees)
     build = problem.builder(orders)
-    found = fitting.fit(build, problem.start(orders), data)
+    found = fitting.fit(build, begun[orders] if orders in begun else problem.start(orders), data)
     progress(0.95)
     draws = fitting.bootstrap(build, found.x, data)
     samples = {
@@ -98,18 +116,20 @@ def fit_joint(
         for name in (*_NAMES, "initial_slope", "transition_rate")
     }
     progress(1.0)
-    return FlexinolFit(problem.coefficients(orders, found.x), orders, (), errors, samples)
+    held_out_m = fitting.held_out_m(build, found.x, data)
+    unseen = unseen_of(data.experiments, held_out_m, data.full_stroke_m)
+    return FlexinolFit(problem.coefficients(orders, found.x), orders, (), errors, samples, unseen)
 
 
 class _Joint:
     """The parameter vector of the joint fit: for each asymptote the displacement [mm] it has at a
     resistance in mid-range and its slope [mm/Ω], as polynomials in stress; then a_0 [mm/Ω] and ln τ."""
 
-    def __init__(self, traces: Sequence[Experiment], wire, data: Data):
-        self._traces, self._wire, self._data = traces, wire, data
-        resistance_Ohm = np.concatenate([t.resistance_Ohm for t in traces])[data.counts]
+    def __init__(self, experiments: Sequence[Experiment], wire, data: Data):
+        self._experiments, self._wire, self._data = experiments, wire, data
+        resistance_Ohm = np.concatenate([t.resistance_Ohm for t in data.experiments])[data.counts]
         self._centre_Ohm = float(np.median(resistance_Ohm))
-        self._ranges = stress_range_Pa(traces), working_range_m(traces, wire.full_stroke_m)
+        self._ranges = stress_range_Pa(experiments), working_range_m(experiments, wire.full_stroke_m)
 
     def coefficients(self, orders: tuple[int, int], theta: np.ndarray):
         """FlexinolCoefficients of a parameter vector."""
@@ -131,7 +151,7 @@ class _Joint:
     def start(self, orders: tuple[int, int]) -> np.ndarray:
         """The better of two: lines through the middle of each branch at each load, and lines from
         material properties (5.41–5.54); polynomials in stress through them."""
-        full = full_cycles(self._traces)
+        full = full_cycles(self._experiments)
         stress_Pa = np.array([t.mean_stress_Pa for t in full])
         area_m2 = self._wire.area_m2
         from_material = [asymptotes_from_material(RPhaseAlloy(), self._wire.length, area_m2, s) for s in stress_Pa]
@@ -148,13 +168,13 @@ class _Joint:
         return _best_start(self.builder(orders), self._data, candidates)
 
     @staticmethod
-    def _middle_lines(trace: Experiment) -> list[tuple[float, float]]:
+    def _middle_lines(experiment: Experiment) -> list[tuple[float, float]]:
         """(slope, intercept) of heating and cooling in the middle of the stroke."""
-        low_m, high_m = np.percentile(trace.displacement_m, (0.5, 99.5))
-        middle = np.abs(trace.displacement_m - 0.5 * (low_m + high_m)) < 0.25 * (high_m - low_m)
+        low_m, high_m = np.percentile(experiment.displacement_m, (0.5, 99.5))
+        middle = np.abs(experiment.displacement_m - 0.5 * (low_m + high_m)) < 0.25 * (high_m - low_m)
         return [
-            tuple(np.polyfit(trace.resistance_Ohm[middle & branch], trace.displacement_m[middle & branch], 1))
-            for branch in (trace.driven, ~trace.driven)
+            tuple(np.polyfit(experiment.resistance_Ohm[middle & branch], experiment.displacement_m[middle & branch], 1))
+            for branch in (experiment.driven, ~experiment.driven)
         ]
 
 
@@ -180,8 +200,8 @@ def _coefficients(polynomials, wire, stress_range, displacement_range, initial_s
     )
 
 
-def stress_range_Pa(traces: Sequence[Experiment]) -> tuple[float, float]:
+def stress_range_Pa(experiments: Sequence[Experiment]) -> tuple[float, float]:
     """Lowest and highest stress the polynomials rest on, with a margin of 2 % for noise."""
-    values = [t.mean_stress_Pa for t in full_cycles(traces)]
+    values = [t.mean_stress_Pa for t in full_cycles(experiments)]
     margin = 0.02 * max(values)
     return float(min(values) - margin), float(max(values) + margin)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -16,6 +17,7 @@ from .experiments import Experiment
 from .fitting import Data
 from .flexinol import HIGHEST_ORDER, STRESS_UNIT_Pa, stress_range_Pa
 from .ranges import distinct_stresses, full_cycles, working_range_m
+from .unseen import Unseen, unseen_of
 
 ORDER_R = 2  #: G_2 R² + G_1 R + G_0 (5.55, 5.56)
 _LOG_RATE = (np.log(0.1), np.log(1000.0))  #: of η [1/Ω]
@@ -25,14 +27,28 @@ _LOG_RATE = (np.log(0.1), np.log(1000.0))  #: of η [1/Ω]
 class FurukawaFit:
     """What was found."""
 
-    coefficients: object  #: FurukawaCoefficients
+    coefficients: Any  #: FurukawaCoefficients
     order: int  #: of the stress polynomials
     order_errors: dict[int, np.ndarray] = field(default_factory=dict)  #: held-out errors of the orders tried
     samples: dict[str, np.ndarray] = field(default_factory=dict)  #: bootstrap: (samples, coefficients) of every field
+    unseen: Unseen | None = None  #: how it does on cycles that its fits have not seen
+
+    @property
+    def bounds(self) -> list[str]:
+        """A sentence for every bound that binds."""
+        low, high = np.exp(_LOG_RATE)
+        return fitting.at_bound(
+            "transition_rate",
+            self.coefficients.transition_rate,
+            float(low),
+            float(high),
+            "1/Ω",
+            "the transition from one curve to the other is sharper or flatter than these logs can show",
+        )
 
 
 def fit_furukawa(
-    traces: Sequence[Experiment],
+    experiments: Sequence[Experiment],
     wire,
     variant: str = "average",
     order: int | None = None,
@@ -45,19 +61,20 @@ def fit_furukawa(
     ``order`` of the stress polynomials; None: the lowest that is as good as the best on held-out
     cycles.  Raises IdentificationError.
     """
-    fitting.require_loads(traces, order or 1, "curves")
-    data = fitting.make_data(traces, wire.full_stroke_m)
+    fitting.require_loads(experiments, order or 1, "curves")
+    data = fitting.make_data(experiments, wire.full_stroke_m)
     fitted_as = "transition" if variant == "average" else variant
-    problem = _Curves(traces, wire, data, fitted_as)
+    problem = _Curves(experiments, wire, data, fitted_as)
     errors: dict[int, np.ndarray] = {}
+    begun: dict[int, np.ndarray] = {}
     if order is None:
-        highest = min(HIGHEST_ORDER, distinct_stresses(full_cycles(traces)) - 1)
+        highest = min(HIGHEST_ORDER, distinct_stresses(full_cycles(experiments)) - 1)
         for tried in range(1, highest + 1):
-            errors[tried] = fitting.held_out_errors(problem.builder(tried), problem.start(tried), data)
+            errors[tried], begun[tried] = fitting.held_out_errors(problem.builder(tried), problem.start(tried), data)
             progress(0.6 * tried / highest)
         order = fitting.choose_simplest(errors, int)
     build = problem.builder(order)
-    found = fitting.fit(build, problem.start(order), data)
+    found = fitting.fit(build, begun[order] if order in begun else problem.start(order), data)
     progress(0.9)
     shift = problem.to_mean_of_all(order, found.x) if variant == "average" else 0.0
     draws = [problem.coefficients(order, theta + shift, variant) for theta in fitting.bootstrap(build, found.x, data)]
@@ -68,21 +85,24 @@ def fit_furukawa(
     ]
     samples = {name: np.array([np.atleast_1d(getattr(d, name)) for d in draws]) for name in names}
     progress(1.0)
-    return FurukawaFit(problem.coefficients(order, found.x + shift, variant), order, errors, samples)
+    coefficients = problem.coefficients(order, found.x + shift, variant)
+    held_out_m = fitting.held_out_m(build, found.x, data, problem.user(order, variant))
+    unseen = unseen_of(data.experiments, held_out_m, data.full_stroke_m)
+    return FurukawaFit(coefficients, order, errors, samples, unseen)
 
 
 class _Curves:
     """The parameter vector: c_H[i, j], c_C[i, j] of δ = Σ c[i, j] x^i s^j in mm, with x the resistance
     centred and scaled and s = σ / STRESS_UNIT_Pa; then ln η."""
 
-    def __init__(self, traces: Sequence[Experiment], wire, data: Data, variant: str):
-        self._traces, self._wire, self._data, self._variant = traces, wire, data, variant
-        resistance_Ohm = np.concatenate([t.resistance_Ohm for t in traces])[data.counts]
+    def __init__(self, experiments: Sequence[Experiment], wire, data: Data, variant: str):
+        self._experiments, self._wire, self._data, self._variant = experiments, wire, data, variant
+        resistance_Ohm = np.concatenate([t.resistance_Ohm for t in data.experiments])[data.counts]
         low, high = np.percentile(resistance_Ohm, (1, 99))
         self._centre_Ohm, self._scale_Ohm = 0.5 * (low + high), 0.5 * (high - low)
         self._to_R = _uncentring(self._centre_Ohm, self._scale_Ohm, ORDER_R)
-        self._stress_range_Pa = stress_range_Pa(traces)
-        self._range_m = working_range_m(traces, wire.full_stroke_m)
+        self._stress_range_Pa = stress_range_Pa(experiments)
+        self._range_m = working_range_m(experiments, wire.full_stroke_m)
 
     def coefficients(self, order: int, theta: np.ndarray, variant: str):
         """FurukawaCoefficients of a parameter vector."""
@@ -105,12 +125,19 @@ class _Curves:
         """Parameter vector → model."""
         return lambda theta: self.coefficients(order, theta, self._variant).build(self._wire)
 
+    def user(self, order: int, variant: str):
+        """Parameter vector → model of ``variant``, as it is used."""
+        if variant != "average":
+            return self.builder(order)
+        return lambda theta: self.coefficients(order, theta + self.to_mean_of_all(order, theta), variant).build(
+            self._wire
+        )
+
     def start(self, order: int) -> np.ndarray:
         """Robust polynomials through the full cycles' heating and cooling samples."""
-        full = full_cycles(self._traces)
-        counts = fitting.make_data(full, self._wire.full_stroke_m).counts
-        driven = np.concatenate([t.driven for t in full])
-        parts = [self._polynomial(full, counts & branch, order) for branch in (driven, ~driven)]
+        full = fitting.make_data(full_cycles(self._experiments), self._wire.full_stroke_m)
+        driven = np.concatenate([t.driven for t in full.experiments])
+        parts = [self._polynomial(full.experiments, full.counts & branch, order) for branch in (driven, ~driven)]
         candidates = [np.append(np.concatenate(parts), rate) for rate in np.log((3.0, 10.0, 30.0, 100.0))]
         build, weight = self.builder(order), self._data.counts.astype(float)
         return min(candidates, key=lambda c: float(np.abs(fitting.residuals(build, c, self._data, weight)).mean()))
@@ -118,13 +145,13 @@ class _Curves:
     def to_mean_of_all(self, order: int, theta: np.ndarray) -> np.ndarray:
         """What to add to a parameter vector so that the mean of its curves is the one through all samples."""
         heating, cooling = theta[:-1].reshape(2, -1)
-        shift = self._polynomial(self._traces, self._data.counts, order) - 0.5 * (heating + cooling)
+        shift = self._polynomial(self._data.experiments, self._data.counts, order) - 0.5 * (heating + cooling)
         return np.concatenate([shift, shift, [0.0]])
 
-    def _polynomial(self, traces: Sequence[Experiment], chosen: np.ndarray, order: int) -> np.ndarray:
-        x = (np.concatenate([t.resistance_Ohm for t in traces]) - self._centre_Ohm) / self._scale_Ohm
-        stress = np.concatenate([t.stress_Pa for t in traces]) / STRESS_UNIT_Pa
-        displacement_mm = np.concatenate([t.displacement_m for t in traces]) * 1e3
+    def _polynomial(self, experiments: Sequence[Experiment], chosen: np.ndarray, order: int) -> np.ndarray:
+        x = (np.concatenate([t.resistance_Ohm for t in experiments]) - self._centre_Ohm) / self._scale_Ohm
+        stress = np.concatenate([t.stress_Pa for t in experiments]) / STRESS_UNIT_Pa
+        displacement_mm = np.concatenate([t.displacement_m for t in experiments]) * 1e3
         basis = np.polynomial.polynomial.polyvander2d(x, stress, (ORDER_R, order))
         return robust_linear(
             basis[chosen], displacement_mm[chosen], fitting.LOSS_SCALE * self._wire.full_stroke_m * 1e3

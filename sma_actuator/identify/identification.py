@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 
 from sma_actuator.base.parameters import ConfigError, to_mapping
 from sma_actuator.config import Config, bench_from_mapping
+from sma_actuator.derived import Derived, with_derived
 from sma_actuator.logs.bench_log import BenchLog
 
 from .calibration import calibration_of
@@ -18,9 +20,16 @@ from .errors import LogError, log_errors
 from .experiments import Experiment
 from .fatigue import Fatigue, fit_fatigue
 from .fitters import FITTERS, METHODS, Asked, Fitter, Progress
+from .fitting import predict
 from .kinds import LEFT_OUT, make_experiments
+from .measured import lowest_current_A, measured
 from .normalised import as_one_wire
 from .ranges import MARGIN, check_width, shortest_seen_m
+from .unseen import unseen_of
+from .verdict import Verdict, judge
+
+_COMPARED = ("thermal.heat_loss", "estimator.thermal_time_constant")
+_FAR = 1.6  #: factor by which a parameter that is given may be off what was measured without a word
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,9 +41,12 @@ class Identification:
     intervals: dict[str, list[tuple[float, float]]]  #: 95 % of every coefficient, by bootstrap over cycles
     errors: list[LogError]  #: of the logs it was fitted on
     fit: Any  #: how it was found, as its fitter has it
-    traces: tuple[Experiment, ...]
+    experiments: tuple[Experiment, ...]
     fatigue: Fatigue | None = None
     notes: list[str] = field(default_factory=list)  #: what the user should know
+    reasons: Mapping[str, str] = field(default_factory=dict)  #: of parameters that the logs told, by dotted name
+    verdict: Verdict = field(kw_only=True)  #: what it is good for
+    bounds: list[str] = field(default_factory=list, kw_only=True)  #: a sentence for every bound that binds
 
 
 def identify(
@@ -48,58 +60,118 @@ def identify(
 ) -> Identification:
     """Fit a model of ``model_type`` on bench logs.
 
-    ``config_mapping`` holds the bench's parameters (a model in it is replaced).  ``order`` of the
+    ``config_mapping`` holds the bench's parameters (a model in it is replaced), at least the wire: what drives a
+    wire need not be there, and what the logs tell of it is taken from them.  ``order`` of the
     stress polynomials; None: chosen on held-out cycles (appendix C: 2).  ``variant`` of the
     Ni-Ti-Cu model.  Raises IdentificationError naming what the logs lack, BenchLogError, ConfigError.
     """
     fitter = _fitter(model_type, method)
-    bench = bench_from_mapping(config_mapping)
-    everything = as_one_wire(logs, config_mapping) if fitter.any_size else make_experiments(logs, bench)
-    fatigue_traces = [t for t in everything if t.kind == "fatigue"]
-    traces = [t for t in everything if t.kind != "fatigue"]
-    fitted = fitter.fit(traces, bench, Asked(method, variant, order, progress))
-    notes = list(fitted.notes)
     mapping = copy.deepcopy(dict(config_mapping))
-    for stale in ("effects", "calibration"):
+    for stale in ("effects", "calibration", "model"):
         mapping.pop(stale, None)
+    bench = bench_from_mapping(with_derived(mapping))
+    if "bias_current" not in mapping.get("supply", {}) and math.isfinite(lowest_A := lowest_current_A(logs, bench)):
+        mapping.setdefault("supply", {})["bias_current"] = lowest_A
+        bench = bench_from_mapping(with_derived(mapping))
+    everything = as_one_wire(logs, with_derived(mapping)) if fitter.any_size else make_experiments(logs, bench)
+    reasons: dict[str, str] = {}
+    at_odds: list[str] = []
+    if not fitter.any_size:
+        reasons, at_odds = _add_measured(mapping, measured(everything, mapping, bench))
+        if reasons:
+            bench = bench_from_mapping(with_derived(mapping))
+            everything = make_experiments(logs, bench)
+    fatigued = [t for t in everything if t.kind == "fatigue"]
+    experiments = [t for t in everything if t.kind != "fatigue"]
+    fitted = fitter.fit(experiments, bench, Asked(method, variant, order, progress))
+    notes = at_odds + list(fitted.notes)
     mapping["model"] = {"type": model_type, **to_mapping(fitted.coefficients)}
-    config = Config.from_mapping(mapping)
-    if "displacement_range" in mapping["model"]:
-        low_m, high_m = mapping["model"]["displacement_range"]
-        seen_m = shortest_seen_m(traces, config)
-        if seen_m > low_m:
-            check_width(seen_m, high_m, bench.wire.full_stroke_m)
-            if seen_m > low_m + MARGIN * bench.wire.full_stroke_m:
-                notes.append(
-                    f"heated as far as it goes, the wire shows the model no less than {seen_m * 1e3:.2f} mm at some load: "
-                    "its resistance has a minimum and rises again with temperature; the working range ends there, not at "
-                    f"{low_m * 1e3:.2f} mm"
-                )
-            mapping["model"]["displacement_range"] = [seen_m, high_m]
-            config = Config.from_mapping(mapping)
-    mapping["calibration"] = to_mapping(calibration_of(traces, config, at_rest=not fitter.any_size))
-    config = Config.from_mapping(mapping)
+    config = Config.for_tools(mapping)
+    notes += within_what_is_seen(mapping, experiments)
+    config = Config.for_tools(mapping)
+    mapping["calibration"] = to_mapping(calibration_of(experiments, config, at_rest=not fitter.any_size))
+    config = Config.for_tools(mapping)
     model = config.model.build(bench.wire)
+    full_stroke_m, unseen = bench.wire.full_stroke_m, fitted.unseen
+    seen_too = unseen is None
+    if unseen is None:
+        unseen = unseen_of(experiments, predict(model, experiments), full_stroke_m)
     fatigue = None
-    if fatigue_traces:
-        fatigue = fit_fatigue(fatigue_traces)
-    if not any(t.kind == "partial" for t in traces):
+    if fatigued:
+        fatigue = fit_fatigue(fatigued)
+    if not any(t.kind == "partial" for t in experiments):
         notes.append("no log of partial cycles: minor loops, and with them the transition, rest on full cycles alone")
     notes += [
         f"{t.name}: fitted on {t.cycle[-1]} of its {t.cycle[-1] + t.log.metadata[LEFT_OUT]} full cycles, which repeat each other"
-        for t in traces
+        for t in experiments
         if LEFT_OUT in t.log.metadata
     ]
     return Identification(
         mapping=mapping,
         config=config,
         intervals={name: _interval(draws) for name, draws in fitted.samples.items()},
-        errors=log_errors(model, traces, model.displacement_range_m, bench.wire.full_stroke_m),
+        errors=log_errors(model, experiments, model.displacement_range_m, bench.wire.full_stroke_m),
         fit=fitted.how,
-        traces=tuple(traces),
+        experiments=tuple(experiments),
         fatigue=fatigue,
         notes=notes,
+        reasons=reasons,
+        verdict=judge(
+            unseen,
+            experiments,
+            model.displacement_range_m,
+            full_stroke_m,
+            model_type=model_type,
+            seen_too=seen_too,
+            bounds=fitted.bounds,
+        ),
+        bounds=fitted.bounds,
     )
+
+
+def within_what_is_seen(mapping: dict[str, Any], experiments: Sequence[Experiment]) -> list[str]:
+    """End the working range of ``mapping`` where the model sees the wire end; returns what the user should know."""
+    if "displacement_range" not in mapping["model"]:
+        return []
+    config = Config.for_tools(mapping)
+    full_stroke_m = config.wire.full_stroke_m
+    low_m, high_m = mapping["model"]["displacement_range"]
+    seen_m = shortest_seen_m(experiments, config)
+    if seen_m <= low_m:
+        return []
+    check_width(seen_m, high_m, full_stroke_m)
+    mapping["model"]["displacement_range"] = [seen_m, high_m]
+    if seen_m <= low_m + MARGIN * full_stroke_m:
+        return []
+    return [
+        (
+            f"heated as far as it goes, the wire shows the model no less than {seen_m * 1e3:.2f} mm at some load: "
+            "its resistance has a minimum and rises again with temperature; the working range ends there, not at "
+            f"{low_m * 1e3:.2f} mm"
+        )
+    ]
+
+
+def _add_measured(mapping: dict[str, Any], found: Mapping[str, Derived]) -> tuple[dict[str, str], list[str]]:
+    """Put into ``mapping`` what it does not give of what was measured.
+
+    Returns the reasons, by dotted name, and a sentence for what is given and far from what was measured.
+    """
+    reasons, at_odds = {}, []
+    measured_surroundings = "heat_loss" not in mapping.get("thermal", {})
+    for name, each in found.items():
+        section, _, key = name.partition(".")
+        inside = mapping.setdefault(section, {})
+        if key not in inside:
+            if name != "thermal.ambient_temperature" or measured_surroundings:
+                inside[key] = each.value
+                reasons[name] = each.why
+        elif name in _COMPARED and abs(math.log(inside[key] / each.value)) > math.log(_FAR):
+            at_odds.append(
+                f"{name} is given as {inside[key]:g}, where these logs say {each.value:g} ({each.why}); leave it out of the "
+                "bench file, and the measured one is used"
+            )
+    return reasons, at_odds
 
 
 def _fitter(model_type: str, method: str) -> Fitter:

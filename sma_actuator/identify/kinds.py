@@ -18,9 +18,7 @@ from sma_actuator.logs.bench_log import BenchLog, uncalibrated_resistance_and_cu
 from .experiments import NOT_FITTED, Experiment, IdentificationError, cycles_of, judged_rows, make_experiment, sessions
 
 FULL, PARTIAL, MANY = "pulses", "partial", "fatigue"
-LEFT_OUT = (
-    "cycles_left_out"  #: in the metadata of a trace: how many full cycles its log has beside those that are fitted
-)
+LEFT_OUT = "cycles_left_out"  #: in the metadata of an experiment: how many full cycles its log has beside those that are fitted
 SAME_LOAD = 0.05  #: relative difference of stress below which two loads count as one
 _WINDOW_s = 1.0  #: over which a load is steady or not
 _STEADY_N = 0.02  #: or SAME_LOAD of the load
@@ -35,9 +33,9 @@ _ENOUGH = 8  #: full cycles of a stretch that are fitted: they repeat each other
 _MANY = 15  #: full cycles in a row of which no fit needs more, where other logs have full cycles too
 
 
-def with_kinds(traces: Sequence[Experiment]) -> list[Experiment]:
-    """Stretches of the traces, each of one load and one kind of cycles."""
-    stretches = [stretch for trace in traces for stretch in _of_one_load(trace)]
+def with_kinds(experiments: Sequence[Experiment]) -> list[Experiment]:
+    """Stretches of the experiments, each of one load and one kind of cycles."""
+    stretches = [stretch for experiment in experiments for stretch in _of_one_load(experiment)]
     seen = [_cycles_of(stretch) for stretch in stretches]
     out: list[Experiment] = []
     for stretch, cycles in zip(stretches, seen, strict=True):
@@ -65,16 +63,16 @@ def with_kinds(traces: Sequence[Experiment]) -> list[Experiment]:
     return [_enough(t) if t.kind == FULL else t for t in out]
 
 
-def _enough(trace: Experiment) -> Experiment:
-    """A trace of full cycles with some of them, spread over the log; the first and the last among them."""
-    cycles = int(trace.cycle[-1])
+def _enough(experiment: Experiment) -> Experiment:
+    """An experiment of full cycles with some of them, spread over the log; the first and the last among them."""
+    cycles = int(experiment.cycle[-1])
     if cycles <= _ENOUGH:
-        return trace
+        return experiment
     kept = np.unique(np.concatenate(([0], np.round(np.linspace(1, cycles, _ENOUGH)).astype(int))))
-    inside = np.isin(trace.cycle, kept)
-    piece = trace.rows(inside)
-    metadata = {**trace.log.metadata, LEFT_OUT: cycles - _ENOUGH}
-    number = np.searchsorted(kept, trace.cycle[inside])
+    inside = np.isin(experiment.cycle, kept)
+    piece = experiment.rows(inside)
+    metadata = {**experiment.log.metadata, LEFT_OUT: cycles - _ENOUGH}
+    number = np.searchsorted(kept, experiment.cycle[inside])
     return dataclasses.replace(piece, cycle=number, log=dataclasses.replace(piece.log, metadata=metadata))
 
 
@@ -86,12 +84,12 @@ def make_experiments(logs: Sequence[BenchLog], config: Any) -> list[Experiment]:
     """
     fitted = [log for log in logs if log.metadata.get("kind") not in NOT_FITTED]
     cycled = [log for log in fitted if _is_cycled(log)]
-    traces = [judged_rows(session) for log in cycled for session in sessions(make_experiment(log, config))]
-    if not traces:
+    experiments = [judged_rows(session) for log in cycled for session in sessions(make_experiment(log, config))]
+    if not experiments:
         raise IdentificationError(
             "no log to fit: pulses or partial cycles of a wire with a measured displacement are needed"
         )
-    return with_kinds(traces)
+    return with_kinds(experiments)
 
 
 def _is_cycled(log: BenchLog) -> bool:
@@ -108,10 +106,10 @@ class _Cycle:
     heated: int  #: samples in mid-stroke on the way there
 
 
-def _cycles_of(trace: Experiment) -> list[_Cycle]:
-    """The cycles 1 … n of a trace."""
-    bounds = np.searchsorted(trace.cycle, np.arange(1, trace.cycle[-1] + 2))
-    return [_cycle(trace.displacement_m[a:b], trace.driven[a:b]) for a, b in itertools.pairwise(bounds)]
+def _cycles_of(experiment: Experiment) -> list[_Cycle]:
+    """The cycles 1 … n of an experiment."""
+    bounds = np.searchsorted(experiment.cycle, np.arange(1, experiment.cycle[-1] + 2))
+    return [_cycle(experiment.displacement_m[a:b], experiment.driven[a:b]) for a, b in itertools.pairwise(bounds)]
 
 
 def _cycle(displacement_m: np.ndarray, driven: np.ndarray) -> _Cycle:
@@ -130,19 +128,19 @@ def _same_load(a: Experiment, b: Experiment) -> bool:
     return abs(a.mean_stress_Pa - b.mean_stress_Pa) <= SAME_LOAD * abs(b.mean_stress_Pa)
 
 
-def _of_one_load(trace: Experiment) -> list[Experiment]:
-    """A trace cut where another weight was hung; one whose load moves with the wire is left whole."""
-    load_N, time_s = trace.signals.load_N, trace.signals.time_s
-    if trace.constant_load or len(load_N) < 2 * _SHORTEST:
-        return [trace]
+def _of_one_load(experiment: Experiment) -> list[Experiment]:
+    """An experiment cut where another weight was hung; one whose load moves with the wire is left whole."""
+    load_N, time_s = experiment.signals.load_N, experiment.signals.time_s
+    if experiment.constant_load or len(load_N) < 2 * _SHORTEST:
+        return [experiment]
     width = max(3, round(_WINDOW_s / float(np.median(np.diff(time_s)))))
     if len(load_N) < 2 * width:
-        return [trace]
+        return [experiment]
     windows = np.lib.stride_tricks.sliding_window_view(load_N, width)
     low, high = np.percentile(windows, (10, 90), axis=1)
     steady = high - low <= np.maximum(SAME_LOAD * np.abs(windows.mean(axis=1)), _STEADY_N)
     if steady.mean() < _STEADY_SHARE:
-        return [trace]
+        return [experiment]
     middle = np.concatenate(
         (np.full(width // 2, steady[0]), steady, np.full(len(load_N) - len(steady) - width // 2, steady[-1]))
     )
@@ -155,33 +153,33 @@ def _of_one_load(trace: Experiment) -> list[Experiment]:
             merged[-1] = (merged[-1][0], b)
         else:
             merged.append((a, b))
-    return [stretch for stretch in (_cut(trace, a, b, trace.kind) for a, b in merged) if stretch.cycle[-1] > 0] or [
-        trace
-    ]
+    return [
+        stretch for stretch in (_cut(experiment, a, b, experiment.kind) for a, b in merged) if stretch.cycle[-1] > 0
+    ] or [experiment]
 
 
-def _of_one_kind(trace: Experiment, full: np.ndarray) -> list[Experiment]:
-    """A trace cut where full cycles follow partial ones or the other way round."""
+def _of_one_kind(experiment: Experiment, full: np.ndarray) -> list[Experiment]:
+    """An experiment cut where full cycles follow partial ones or the other way round."""
     turns = np.flatnonzero(full[1:] != full[:-1]) + 1
     if len(turns) == 0 or len(turns) > _MOST_CUTS:
-        return [dataclasses.replace(trace, kind=FULL if len(full) and full.all() else PARTIAL)]
-    starts = [0, *(int(np.searchsorted(trace.cycle, turn + 1)) for turn in turns), len(trace.cycle)]
+        return [dataclasses.replace(experiment, kind=FULL if len(full) and full.all() else PARTIAL)]
+    starts = [0, *(int(np.searchsorted(experiment.cycle, turn + 1)) for turn in turns), len(experiment.cycle)]
     kinds = [FULL if full[k] else PARTIAL for k in (0, *turns)]
     # A cut keeps the rest before its first cycle, as a log of its own would have it.
-    before = [0, *(max(starts[i], start - _rest_before(trace, start)) for i, start in enumerate(starts[1:-1]))]
-    return [_cut(trace, a, b, kind) for a, b, kind in zip(before, starts[1:], kinds, strict=True)]
+    before = [0, *(max(starts[i], start - _rest_before(experiment, start)) for i, start in enumerate(starts[1:-1]))]
+    return [_cut(experiment, a, b, kind) for a, b, kind in zip(before, starts[1:], kinds, strict=True)]
 
 
-def _rest_before(trace: Experiment, start: int) -> int:
-    time_s = trace.signals.time_s
+def _rest_before(experiment: Experiment, start: int) -> int:
+    time_s = experiment.signals.time_s
     return start - int(np.searchsorted(time_s, time_s[start] - _WINDOW_s))
 
 
-def _cut(trace: Experiment, start: int, stop: int, kind: str) -> Experiment:
-    inside = np.zeros(len(trace.cycle), dtype=bool)
+def _cut(experiment: Experiment, start: int, stop: int, kind: str) -> Experiment:
+    inside = np.zeros(len(experiment.cycle), dtype=bool)
     inside[start:stop] = True
-    piece = trace.rows(inside)
-    name = f"{trace.log.source} ({kind or 'load'} from {piece.signals.time_s[0]:.0f} s)"
+    piece = experiment.rows(inside)
+    name = f"{experiment.log.source} ({kind or 'load'} from {piece.signals.time_s[0]:.0f} s)"
     return dataclasses.replace(
         piece, kind=kind, cycle=cycles_of(piece.driven), log=dataclasses.replace(piece.log, source=name)
     )

@@ -34,7 +34,7 @@ def as_one_wire(logs: Sequence[BenchLog], mapping: Mapping[str, Any]) -> list[Ex
     A log says in its metadata which wire it is of; one that does not is of the wire of ``mapping``.
     """
     reference = bench_from_mapping(mapping).wire
-    traces = []
+    experiments = []
     for log in logs:
         if log.metadata.get("kind") in NOT_FITTED:
             continue
@@ -50,30 +50,31 @@ def as_one_wire(logs: Sequence[BenchLog], mapping: Mapping[str, Any]) -> list[Ex
         own["safety"] = {**own["safety"]}
         for name in ("resistance_min", "resistance_max"):
             own["safety"][name] /= resistance
-        for trace in map(judged_rows, sessions(make_experiment(log, bench_from_mapping(own)))):
+        for experiment in map(judged_rows, sessions(make_experiment(log, bench_from_mapping(own)))):
             signals = dataclasses.replace(
-                trace.signals,
-                resistance_Ohm=trace.signals.resistance_Ohm * resistance,
-                reference_displacement_m=trace.signals.reference_displacement_m * (reference.length / unscaled.length),
+                experiment.signals,
+                resistance_Ohm=experiment.signals.resistance_Ohm * resistance,
+                reference_displacement_m=experiment.signals.reference_displacement_m
+                * (reference.length / unscaled.length),
             )
-            traces.append(dataclasses.replace(trace, signals=signals))
-    if not traces:
+            experiments.append(dataclasses.replace(experiment, signals=signals))
+    if not experiments:
         raise IdentificationError("no log to fit: pulses or partial cycles of at least one wire are needed")
-    return with_kinds(traces)
+    return with_kinds(experiments)
 
 
-def martensite_resistivity_Ohm_m(traces: Sequence[Experiment], wire) -> float:
+def martensite_resistivity_Ohm_m(experiments: Sequence[Experiment], wire) -> float:
     """ρ_M from the cold resistance, extrapolated to zero load over the loads there are (5.27)."""
-    full = full_cycles(traces)
+    full = full_cycles(experiments)
     cold_Ohm = [float(np.median(t.resistance_Ohm[t.cycle == 0])) for t in full]
     stress_Pa = [t.mean_stress_Pa for t in full]
     at_zero_Ohm = np.polyfit(stress_Pa, cold_Ohm, 1)[-1] if len(set(stress_Pa)) > 1 else np.mean(cold_Ohm)
     return float(at_zero_Ohm * wire.area_m2 / wire.length)
 
 
-def flexinol_normalised(fit: FlexinolFit, traces: Sequence[Experiment], wire):
+def flexinol_normalised(fit: FlexinolFit, experiments: Sequence[Experiment], wire):
     """FlexinolNormalisedCoefficients of an exclusive fit, and its bootstrap samples, both in λ and ε."""
-    resistivity = martensite_resistivity_Ohm_m(traces, wire)
+    resistivity = martensite_resistivity_Ohm_m(experiments, wire)
     initial_Ohm, length_m = resistivity * wire.length / wire.area_m2, wire.length
 
     def convert(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -100,16 +101,16 @@ def flexinol_normalised(fit: FlexinolFit, traces: Sequence[Experiment], wire):
     return coefficients, convert(fit.samples) if fit.samples else {}
 
 
-def fit_furukawa_normalised(traces: Sequence[Experiment], wire, order: int | None = None):
+def fit_furukawa_normalised(experiments: Sequence[Experiment], wire, order: int | None = None):
     """FurukawaNormalisedCoefficients and bootstrap samples: ends of R and δ at every load as a start
     (5.75–5.80), then everything but ρ_A together, robustly.
 
     ``order`` of the stress polynomials; None: the lowest that is as good as the best on held-out
     cycles.  Raises IdentificationError.
     """
-    fitting.require_loads(traces, order or 1, "curves")
-    data = fitting.make_data(traces, wire.full_stroke_m)
-    full = full_cycles(traces)
+    fitting.require_loads(experiments, order or 1, "curves")
+    data = fitting.make_data(experiments, wire.full_stroke_m)
+    full = full_cycles(experiments)
     stress = np.array([t.mean_stress_Pa for t in full]) / STRESS_UNIT_Pa
     r_low, r_high = np.array([np.percentile(t.resistance_Ohm, (1, 99)) for t in full]).T
     d_low, d_high = np.array([np.percentile(t.displacement_m, (1, 99)) for t in full]).T
@@ -124,8 +125,8 @@ def fit_furukawa_normalised(traces: Sequence[Experiment], wire, order: int | Non
     middle = (xi > 0.05) & (xi < 0.95)
     activation = polynomial.polyfit(lam[middle], xi[middle], 2)
     ends = (r_high / per_resistivity * 1e6, d_low / wire.length * 1e2, (d_high - d_low) / wire.length * 1e2)
-    stress_range = stress_range_Pa(traces)
-    strain_range = tuple(d / wire.length for d in working_range_m(traces, wire.full_stroke_m))
+    stress_range = stress_range_Pa(experiments)
+    strain_range = tuple(d / wire.length for d in working_range_m(experiments, wire.full_stroke_m))
 
     def coefficients(theta: np.ndarray):
         polynomials = theta[2:].reshape(3, -1)
@@ -147,11 +148,13 @@ def fit_furukawa_normalised(traces: Sequence[Experiment], wire, order: int | Non
     def start(order: int) -> np.ndarray:
         return np.concatenate([[activation[0], activation[2]], *(polynomial.polyfit(stress, y, order) for y in ends)])
 
+    begun: dict[int, np.ndarray] = {}
     if order is None:
-        highest = min(HIGHEST_ORDER, distinct_stresses(full) - 1)
-        errors = {tried: fitting.held_out_errors(build, start(tried), data) for tried in range(1, highest + 1)}
+        errors = {}
+        for tried in range(1, min(HIGHEST_ORDER, distinct_stresses(full) - 1) + 1):
+            errors[tried], begun[tried] = fitting.held_out_errors(build, start(tried), data)
         order = fitting.choose_simplest(errors, int)
-    found = fitting.fit(build, start(order), data)
+    found = fitting.fit(build, begun[order] if order in begun else start(order), data)
     draws = [coefficients(theta) for theta in fitting.bootstrap(build, found.x, data)]
     names = ("martensite_resistivity", "activation", "mechanical_strain", "stroke_strain")
     return coefficients(found.x), {name: np.array([getattr(d, name) for d in draws]) for name in names}

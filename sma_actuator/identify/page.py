@@ -1,13 +1,18 @@
-"""The page of an identification: the pictures the thesis draws."""
+"""The page of an identification."""
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from sma_actuator.base.parameters import Declaration, declaration_of
+from sma_actuator.estimation.chain import Chain
 from sma_actuator.report import Page, figure
 
+from .fatigue import EXTREMES
 from .fitting import predict
 from .identification import Identification
 from .ranges import full_cycles
@@ -16,7 +21,13 @@ from .ranges import full_cycles
 def write_page(path: Path, result: Identification) -> None:
     """Write the HTML page."""
     wire, model = result.config.wire, result.config.model.build(result.config.wire)
-    page = Page(f"Identification: {result.mapping['model']['type']}")
+    first, *others = [f"{sentence[:1].upper()}{sentence[1:]}." for sentence in result.verdict.sentences]
+    page = Page(f"Identification: {result.mapping['model']['type']}", first)
+    if hasattr(model, "limits_m"):
+        _loops(page, result, model)
+    else:
+        _transitions(page, result, model)
+    page.lines(others)
     low_m, high_m = model.displacement_range_m
     stress_lo, stress_hi = model.stress_range_Pa
     page.text(
@@ -29,47 +40,58 @@ def write_page(path: Path, result: Identification) -> None:
     page.heading("Errors")
     page.table(
         ("log", "load [N]", "working range [%]", "share of samples in it", "full range [%]"),
-        [(e.name, e.load_N, e.working_percent, e.working_share, e.full_percent) for e in result.errors],
+        [(e.name, e.load_N, e.working_percent, f"{e.working_share:.0%}", e.full_percent) for e in result.errors],
         "Mean absolute error in % of full_stroke_strain × length, on the logs that were fitted.",
     )
-    if hasattr(model, "limits_m"):
-        _loops(page, result, model)
     _coefficients(page, result)
-    _transitions(page, result, model)
+    if hasattr(model, "limits_m"):
+        page.heading("Transition curves")
+        _transitions(page, result, model)
     _orders(page, result)
-    _traces(page, result, model)
+    _experiments(page, result)
     _fatigue(page, result)
     page.write(path)
 
 
 def _loops(page: Page, result: Identification, model) -> None:
-    page.heading("Loops with their curves")
     drawing, axes = figure(2, width_in=5.5, height_in=4.2)
     for ax, heating in zip(axes[0], (True, False), strict=True):
-        for trace in full_cycles(result.traces):
-            resistance_Ohm = np.linspace(trace.resistance_Ohm.min(), trace.resistance_Ohm.max(), 60)
-            curve_m = model.limits_m(resistance_Ohm, np.full(60, trace.mean_stress_Pa))[0 if heating else 1]
-            branch = trace.driven == heating
-            (line,) = ax.plot(trace.resistance_Ohm[branch], trace.displacement_m[branch] * 1e3, ".", ms=2)
+        for experiment in full_cycles(result.experiments):
+            resistance_Ohm = np.linspace(experiment.resistance_Ohm.min(), experiment.resistance_Ohm.max(), 60)
+            curve_m = model.limits_m(resistance_Ohm, np.full(60, experiment.mean_stress_Pa))[0 if heating else 1]
+            branch = experiment.driven == heating
+            (line,) = ax.plot(experiment.resistance_Ohm[branch], experiment.displacement_m[branch] * 1e3, ".", ms=2)
             ax.plot(
                 resistance_Ohm,
                 curve_m * 1e3,
                 lw=1,
                 color=line.get_color(),
-                label=f"{np.mean(trace.signals.load_N):.2f} N",
+                label=f"{np.mean(experiment.signals.load_N):.2f} N",
             )
         ax.set(title="heating" if heating else "cooling", xlabel="resistance [Ω]", ylabel="displacement [mm]")
         ax.set_ylim(
-            -0.05 * 1e3 * np.max(trace.displacement_m), 1.1e3 * max(t.displacement_m.max() for t in result.traces)
+            -0.05 * 1e3 * np.max(experiment.displacement_m),
+            1.1e3 * max(t.displacement_m.max() for t in result.experiments),
         )
     axes[0, 0].legend(fontsize=7)
-    page.figure(drawing, "Full cycles at every load (dots) and the model's curves (lines); thesis, Figs. 59, 81.")
+    page.figure(drawing, "Full cycles at every load (dots) and the model's curves (lines).", zoom=True)
 
 
 def _stresses_Pa(result: Identification) -> np.ndarray:
     """The range of stresses that the coefficients rest on."""
     lo_Pa, hi_Pa = result.mapping["model"]["stress_range"]
     return np.linspace(lo_Pa, hi_Pa, 50)
+
+
+def _declared(result: Identification) -> dict[str, Declaration]:
+    """What the model's section says of its coefficients."""
+    section: Any = result.config.model
+    return {f.name: declaration_of(f) for f in dataclasses.fields(section)}
+
+
+def _label(result: Identification, name: str) -> str:
+    """A coefficient with its unit."""
+    return f"{name.replace('_', ' ')} [{_declared(result)[name].unit}]"
 
 
 def _coefficients(page: Page, result: Identification) -> None:
@@ -86,20 +108,28 @@ def _coefficients(page: Page, result: Identification) -> None:
                 branch, which = name.split("_")
                 values = [getattr(line, branch)[0 if which == "slope" else 1] for line in lines]
                 ax.plot([line.stress_Pa / 1e6 for line in lines], values, "o")
-            ax.set(title=name, xlabel="stress [MPa]")
-        page.figure(drawing, "Every coefficient as a polynomial in stress; thesis, Figs. 61, 82.")
+            ax.set(title=_label(result, name), xlabel="stress [MPa]")
+        page.figure(drawing, "Every coefficient as a polynomial in stress.")
     rows = []
+    declared = _declared(result)
     for name, intervals in result.intervals.items():
         value = result.mapping["model"].get(name)
         for i, (low, high) in enumerate(intervals):
-            rows.append((name, i, f"{np.atleast_1d(value)[i]:.6g}", f"{low:.6g}", f"{high:.6g}"))
+            unit = declared[name].unit + (f"/Pa{'' if i == 1 else '²³'[i - 2]}" if i else "")
+            rows.append(
+                (declared[name].description, i, f"{np.atleast_1d(value)[i]:.6g}", f"{low:.6g}", f"{high:.6g}", unit)
+            )
     if rows:
-        page.table(("coefficient", "order", "value", "low", "high"), rows, "95 % intervals, bootstrap over cycles")
+        page.table(
+            ("coefficient", "power of the stress", "value", "low", "high", "unit"),
+            rows,
+            "95 % intervals, bootstrap over cycles.",
+        )
     _material(page, result)
 
 
 def _material(page: Page, result: Identification) -> None:
-    """The thesis's Fig. 79: fitted slopes beside those from material properties."""
+    """Fitted slopes beside those from material properties."""
     if result.mapping["model"]["type"] != "flexinol":
         return
     from .material import RPhaseAlloy, asymptotes_from_material
@@ -115,21 +145,20 @@ def _material(page: Page, result: Identification) -> None:
     ):
         ax.plot(stress_Pa / 1e6, np.polynomial.polynomial.polyval(stress_Pa, getattr(model, name)), label="identified")
         ax.plot(stress_Pa / 1e6, from_material[:, i], "--", label="material properties")
-        ax.set(title=name, xlabel="stress [MPa]")
+        ax.set(title=_label(result, name), xlabel="stress [MPa]")
     axes[0, 0].legend(fontsize=7)
-    page.figure(drawing, "Asymptotes identified and from material properties (5.41–5.54); thesis, Fig. 79.")
+    page.figure(drawing, "Asymptotes as identified, and as material properties would have them.")
 
 
 def _transitions(page: Page, result: Identification, model) -> None:
-    partial = [t for t in result.traces if t.kind == "partial"] or list(result.traces)
-    trace = partial[len(partial) // 2]
-    page.heading("Transition curves")
+    partial = [t for t in result.experiments if t.kind == "partial"] or list(result.experiments)
+    experiment = partial[len(partial) // 2]
     drawing, axes = figure(1, width_in=7, height_in=4.5)
-    axes[0, 0].plot(trace.resistance_Ohm, trace.displacement_m * 1e3, lw=0.8, label="measured")
-    axes[0, 0].plot(trace.resistance_Ohm, predict(model, [trace]) * 1e3, lw=0.8, label="model")
+    axes[0, 0].plot(experiment.resistance_Ohm, experiment.displacement_m * 1e3, lw=0.8, label="measured")
+    axes[0, 0].plot(experiment.resistance_Ohm, predict(model, [experiment]) * 1e3, lw=0.8, label="model")
     axes[0, 0].set(xlabel="resistance [Ω]", ylabel="displacement [mm]")
     axes[0, 0].legend()
-    page.figure(drawing, f"Minor loops of {trace.name}; thesis, Fig. 63.")
+    page.figure(drawing, f"Minor loops of {experiment.name}.", zoom=True)
 
 
 def _orders(page: Page, result: Identification) -> None:
@@ -144,21 +173,21 @@ def _orders(page: Page, result: Identification) -> None:
     axes[0, 0].set(xlabel="order in stress (heating, cooling)", ylabel="held-out error [% of full stroke]")
     page.figure(
         drawing,
-        "Mean absolute error on cycles that were not fitted; the simplest order as good as the best is used "
-        "(thesis, Fig. 62).",
+        "Mean absolute error on cycles that were not fitted; the simplest order as good as the best is used.",
     )
 
 
-def _traces(page: Page, result: Identification, model) -> None:
+def _experiments(page: Page, result: Identification) -> None:
     page.heading("Replay")
-    shown = result.traces[:: max(1, len(result.traces) // 6)]
+    shown = result.experiments[:: max(1, len(result.experiments) // 6)]
     drawing, axes = figure(2, -(-len(shown) // 2), width_in=5.5, height_in=2.6)
-    for ax, trace in zip(axes.flat, shown, strict=False):
-        ax.plot(trace.signals.time_s, trace.displacement_m * 1e3, lw=0.9, label="measured")
-        ax.plot(trace.signals.time_s, predict(model, [trace]) * 1e3, lw=0.9, label="model")
-        ax.set(title=trace.name, xlabel="time [s]", ylabel="displacement [mm]")
+    for ax, experiment in zip(axes.flat, shown, strict=False):
+        ax.plot(experiment.signals.time_s, experiment.displacement_m * 1e3, lw=0.9, label="measured")
+        estimate_m = Chain(result.config).run(experiment.signals).displacement_m
+        ax.plot(experiment.signals.time_s, estimate_m * 1e3, lw=0.9, label="estimated")
+        ax.set(title=experiment.name, xlabel="time [s]", ylabel="displacement [mm]")
     axes[0, 0].legend(fontsize=7)
-    page.figure(drawing, "Displacement measured and estimated.")
+    page.figure(drawing, "Displacement measured and estimated.", zoom=True)
 
 
 def _fatigue(page: Page, result: Identification) -> None:
@@ -169,9 +198,10 @@ def _fatigue(page: Page, result: Identification) -> None:
     for ax, (name, drift) in zip(axes.flat, result.fatigue.drift.items(), strict=True):
         ax.semilogx(result.fatigue.cycle, result.fatigue.extremes[name], ".")
         ax.semilogx(result.fatigue.cycle, drift.g1 * np.log(result.fatigue.cycle) + drift.g2)
-        ax.set(title=name, xlabel="cycle")
-    page.figure(drawing, "Extremes of every cycle and y = g₁ ln N + g₂ (4.1); thesis, Figs. 48, 57.")
+        ax.set(title=EXTREMES[name], xlabel="cycle")
+    page.figure(drawing, "Extremes of every cycle and y = g₁ ln N + g₂.")
     page.table(
         ("quantity", "g₁", "g₂", "g₁ low", "g₁ high"),
-        [(n, d.g1, d.g2, *d.g1_interval) for n, d in result.fatigue.drift.items()],
+        [(EXTREMES[n], d.g1, d.g2, *d.g1_interval) for n, d in result.fatigue.drift.items()],
+        "In the unit of the quantity.",
     )

@@ -22,25 +22,25 @@ _FLAT = 0.4  #: share of the branch's slope below which it is called flat
 _CORE = (0.25, 0.75)  #: part of the stroke that is determinate beyond doubt
 
 
-def determinate_interval_m(trace: Experiment) -> tuple[float, float]:
+def determinate_interval_m(experiment: Experiment) -> tuple[float, float]:
     """Displacements between which one log of full cycles is determinate.
 
     The contracted end is where heating goes flat: on cooling from there the R-phase moves the
     resistance alone, but that is a transition the models know.  The extended end is where either
     branch goes flat.  Raises IdentificationError where the log holds no full stroke.
     """
-    displacement_m, resistance_Ohm = trace.displacement_m, trace.resistance_Ohm
+    displacement_m, resistance_Ohm = experiment.displacement_m, experiment.resistance_Ohm
     low_m, high_m = np.percentile(displacement_m, (0.5, 99.5))
     stroke_m = high_m - low_m
     if not stroke_m > 0.0:
-        raise IdentificationError(f"{trace.log.source}: the displacement does not move")
+        raise IdentificationError(f"{experiment.log.source}: the displacement does not move")
     core = (displacement_m > low_m + _CORE[0] * stroke_m) & (displacement_m < low_m + _CORE[1] * stroke_m)
     hot_m, cold_m = low_m, high_m
-    for name, branch in (("heating", trace.driven), ("cooling", ~trace.driven)):
+    for name, branch in (("heating", experiment.driven), ("cooling", ~experiment.driven)):
         inside = core & branch
         if np.count_nonzero(inside) < 5:
             raise IdentificationError(
-                f"{trace.log.source}: the {name} branch has {np.count_nonzero(inside)} samples in mid-stroke; "
+                f"{experiment.log.source}: the {name} branch has {np.count_nonzero(inside)} samples in mid-stroke; "
                 f"there is no {name} branch to fit"
             )
         slope = np.polyfit(resistance_Ohm[inside], displacement_m[inside], 1)[0]
@@ -62,9 +62,9 @@ def _is_flat(resistance_Ohm: np.ndarray, displacement_m: np.ndarray, slope: floa
     return dd * np.sign(dr) < _FLAT * slope * np.abs(dr)
 
 
-def working_range_m(traces: Sequence[Experiment], full_stroke_m: float) -> tuple[float, float]:
+def working_range_m(experiments: Sequence[Experiment], full_stroke_m: float) -> tuple[float, float]:
     """The part of the stroke that is determinate at every load, with a margin of 2 % of the full stroke."""
-    intervals = np.array([determinate_interval_m(t) for t in full_cycles(traces)])
+    intervals = np.array([determinate_interval_m(t) for t in full_cycles(experiments)])
     low_m, high_m = intervals[:, 0].max() + MARGIN * full_stroke_m, intervals[:, 1].min() - MARGIN * full_stroke_m
     check_width(low_m, high_m, full_stroke_m)
     return float(low_m), float(high_m)
@@ -80,20 +80,20 @@ def check_width(low_m: float, high_m: float, full_stroke_m: float) -> None:
         )
 
 
-def shortest_seen_m(traces: Sequence[Experiment], config: Config) -> float:
+def shortest_seen_m(experiments: Sequence[Experiment], config: Config) -> float:
     """The shortest displacement that the model sees at every load when the wire is heated as far as it goes, with a margin.
 
     A controller that is asked for less heats for ever: resistance has its minimum there, and what the model
     makes of the minimum need not be where the wire is.
     """
-    estimates_m = [Chain(config).run(t.signals).displacement_m[t.driven] for t in full_cycles(traces)]
+    estimates_m = [Chain(config).run(t.signals).displacement_m[t.driven] for t in full_cycles(experiments)]
     shortest_m = max(float(np.nanmin(e)) for e in estimates_m)
     return shortest_m + MARGIN * config.wire.full_stroke_m
 
 
-def full_cycles(traces: Sequence[Experiment]) -> list[Experiment]:
-    """The traces of full cycles at a constant load.  Raises IdentificationError where there is none."""
-    found = [t for t in traces if t.kind == FULL and t.constant_load]
+def full_cycles(experiments: Sequence[Experiment]) -> list[Experiment]:
+    """The experiments of full cycles at a constant load.  Raises IdentificationError where there is none."""
+    found = [t for t in experiments if t.kind == FULL and t.constant_load]
     if not found:
         raise IdentificationError(
             "no log of full cycles at a constant load (open-loop pulses, from rest in the cold to rest in the heat and back); "
@@ -102,10 +102,10 @@ def full_cycles(traces: Sequence[Experiment]) -> list[Experiment]:
     return found
 
 
-def distinct_stresses(traces: Sequence[Experiment]) -> int:
+def distinct_stresses(experiments: Sequence[Experiment]) -> int:
     """How many loads there are, those within SAME_LOAD of each other counted once."""
     count, last = 0, -np.inf
-    for stress in sorted(t.mean_stress_Pa for t in traces):
+    for stress in sorted(t.mean_stress_Pa for t in experiments):
         if stress > last + SAME_LOAD * max(abs(last), 1e6) if np.isfinite(last) else True:
             count, last = count + 1, stress
     return count

@@ -23,7 +23,7 @@ STEADY = 0.015  #: share of its range that R or δ may move from half a window t
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """One stretch of WINDOW_s at rest: samples ``start`` … ``stop`` − 1 of its trace."""
+    """One stretch of WINDOW_s at rest: samples ``start`` … ``stop`` − 1 of its experiment."""
 
     hot: bool
     start: int
@@ -31,17 +31,17 @@ class Rest:
     cycle: int
 
 
-def find_rests(trace: Experiment, thermal_time_constant_s: float) -> list[Rest]:
-    """Rests of a trace: the last second before the current is switched on (cold) or off (hot), where all is steady.
+def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[Rest]:
+    """Rests of an experiment: the last second before the current is switched on (cold) or off (hot), where all is steady.
 
     The current must have stood for SETTLED thermal time constants: a wire that has just been switched
     off does not move yet, and is not at rest.  A load that changed is none either.
     """
-    time_s, driven, current_A = trace.signals.time_s, trace.driven, trace.signals.current_A
+    time_s, driven, current_A = experiment.signals.time_s, experiment.driven, experiment.signals.current_A
     turns = np.flatnonzero(driven[1:] != driven[:-1]) + 1
     ranges = [
         (values, np.subtract(*np.nanpercentile(values, (99.0, 1.0))))
-        for values in (trace.resistance_Ohm, trace.displacement_m)
+        for values in (experiment.resistance_Ohm, experiment.displacement_m)
     ]
     still_A = STILL * np.subtract(*np.nanpercentile(current_A, (99.0, 1.0)))
     rests = []
@@ -55,7 +55,7 @@ def find_rests(trace: Experiment, thermal_time_constant_s: float) -> list[Rest]:
         if np.ptp(current_A[begun + 1 : turn - 1]) > still_A:
             continue
         middle = (start + turn) // 2
-        load_N = trace.signals.load_N
+        load_N = experiment.signals.load_N
         steady = (
             all(
                 abs(np.mean(values[start:middle]) - np.mean(values[middle:turn])) <= STEADY * span
@@ -65,5 +65,5 @@ def find_rests(trace: Experiment, thermal_time_constant_s: float) -> list[Rest]:
             <= 0.02 * abs(np.mean(load_N[start:turn])) + 0.005
         )
         if steady:
-            rests.append(Rest(hot, start, int(turn), int(trace.cycle[start])))
+            rests.append(Rest(hot, start, int(turn), int(experiment.cycle[start])))
     return rests

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.estimation.models.whole_range import (
     CURVE_TERMS,
     DIRECT,
@@ -23,11 +24,11 @@ from sma_actuator.estimation.models.whole_range import (
     WholeRangeCoefficients,
     features_all,
 )
-from sma_actuator.safety.thermal import ThermalParameters
 
 from .experiments import Experiment, IdentificationError
-from .fitting import predict
+from .fitting import at_bound, predict
 from .ranges import distinct_stresses
+from .unseen import Unseen
 
 LEARNERS = 3
 UNITS = 10  #: tanh units of each
@@ -55,6 +56,15 @@ _KNOWN = np.array([1.0, 0.002, 3.0, 26.0, 24.0, 0.125, 0.07])
 _UNSURE = np.array([0.2, 0.0015, 3.0, 5.0, 6.0, 0.025, 0.02])
 _LEAST = np.array([0.2, 0.0, -30.0, 0.0, -60.0, 0.02, 0.02])
 _MOST = np.array([5.0, 0.03, 60.0, 120.0, 90.0, 0.5, 0.5])
+_NAMES = (
+    "the time constant over C/h",
+    "the growth of the heat loss",
+    "the latent heat of the R-phase",
+    "the latent heat",
+    "the apparent temperature per resistance",
+    "the shift of the loop with stress",
+    "the shift of the narrow loop with stress",
+)
 _PRIOR_WEIGHT = 3.0
 
 
@@ -74,16 +84,18 @@ class WholeRangeFit:
 
     coefficients: WholeRangeCoefficients
     held_out: HeldOut
+    unseen: Unseen  #: samples of cycles left out
+    bounds: list[str]  #: a sentence for every number of the heat balance that stands at the end of its range
 
 
 def fit_whole_range(
-    traces: Sequence[Experiment], config, progress: Callable[[float], None] = lambda fraction: None
+    experiments: Sequence[Experiment], config, progress: Callable[[float], None] = lambda fraction: None
 ) -> WholeRangeFit:
     """Fit to all loads, pulses and partial cycles together.  ``config``: the bench's parameters.
 
     Raises IdentificationError where fewer than three loads were measured.
     """
-    data = _Data(traces, config)
+    data = _Data(experiments, config)
     known, centre, scale = _heat_balance(data, lambda share: progress(0.4 * share))
     z = (data.features(known)[data.rows] - centre) / scale
     by_log = _errors_left_out(z, data, data.log_fold[data.rows])
@@ -95,7 +107,7 @@ def fit_whole_range(
     progress(1.0)
     measured = data.measured
     errors = [np.abs(e[measured]) for e in (by_log.error, by_cycle.error, by_log.curve_error)]
-    partial = np.repeat([t.kind == "partial" for t in traces], data.lengths)[data.rows[measured]]
+    partial = np.repeat([t.kind == "partial" for t in experiments], data.lengths)[data.rows[measured]]
     logs_error, cycles_error, curve_error = (float(e.mean()) for e in errors)
     held_out = HeldOut(
         logs_error,
@@ -103,7 +115,22 @@ def fit_whole_range(
         curve_error,
         regions=regions(data.displacement[data.rows[measured]], partial, errors[1]),
     )
-    return WholeRangeFit(coefficients, held_out)
+    rows = data.rows[measured]
+    of_log = np.repeat(np.arange(len(experiments)), data.lengths)[rows]
+    unseen = Unseen(
+        log=of_log,
+        load_N=np.array([float(np.nanmean(t.signals.load_N)) for t in experiments])[of_log],
+        place_m=data.displacement[rows] * data.percent_m,
+        error_percent=errors[1],
+        partial=partial,
+    )
+    bounds = [
+        sentence
+        for name, value, least, most in zip(_NAMES, known, _LEAST, _MOST, strict=True)
+        if value <= least or value >= most
+        for sentence in at_bound(name, value, least, most, "", "these logs do not determine it")
+    ]
+    return WholeRangeFit(coefficients, held_out, unseen, bounds)
 
 
 def regions(place: np.ndarray, partial: np.ndarray, size: np.ndarray) -> dict[str, float]:
@@ -114,16 +141,16 @@ def regions(place: np.ndarray, partial: np.ndarray, size: np.ndarray) -> dict[st
     return {name: float(size[rows].mean()) for name, rows in chosen.items() if rows.any()}
 
 
-def beside_the_thesis(traces: Sequence[Experiment], thesis, found: WholeRangeFit, full_stroke_m: float) -> str:
+def beside_the_thesis(experiments: Sequence[Experiment], thesis, found: WholeRangeFit, full_stroke_m: float) -> str:
     """Which of the two to take, and why: one sentence.
 
     ``thesis`` is a model of the thesis fitted on the very logs it is judged on; the whole-range model is judged on
     cycles left out, so what speaks for it is not the fit.
     """
-    measured_m = np.concatenate([t.displacement_m for t in traces])
-    size = np.abs(predict(thesis, traces) - measured_m) / full_stroke_m * 100.0
+    measured_m = np.concatenate([t.displacement_m for t in experiments])
+    size = np.abs(predict(thesis, experiments) - measured_m) / full_stroke_m * 100.0
     good = np.isfinite(size)
-    partial = np.repeat([t.kind == "partial" for t in traces], [len(t.displacement_m) for t in traces])
+    partial = np.repeat([t.kind == "partial" for t in experiments], [len(t.displacement_m) for t in experiments])
     theirs = regions(measured_m[good], partial[good], size[good])
     ours = found.held_out.regions
     words = ", ".join(f"{name} {ours[name]:.2f} against {theirs[name]:.2f} %" for name in ours if name in theirs)
@@ -138,31 +165,31 @@ def beside_the_thesis(traces: Sequence[Experiment], thesis, found: WholeRangeFit
 class _Data:
     """The logs' samples one after the other, thinned to what a fit needs; displacement in % of the full stroke."""
 
-    def __init__(self, traces: Sequence[Experiment], config):
+    def __init__(self, experiments: Sequence[Experiment], config):
         self.config, self.wire, self.thermal = config, config.wire, config.thermal
         self.percent_m = config.wire.full_stroke_m / 100.0
-        parts = [_thinned(t, config.thermal.ambient_temperature) for t in traces]
+        parts = [_thinned(t, config.thermal.ambient_temperature) for t in experiments]
         rng = np.random.default_rng(0)
         for error_K in (LEARNED_ERROR_K, JUDGED_ERROR_K):
-            parts += [_with_other_surroundings(p, error_K, rng) for p in parts[: len(traces)]]
-        copies = len(parts) // len(traces)
+            parts += [_with_other_surroundings(p, error_K, rng) for p in parts[: len(experiments)]]
+        copies = len(parts) // len(experiments)
         columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
         self.time, self.power, self.ambient, self.resistance, self.stress = columns[:5]
         self.displacement, self.heating, self.cycle = columns[5] / self.percent_m, columns[6], columns[7]
-        self.ends = _ends_of_stroke(traces, parts) / self.percent_m
+        self.ends = _ends_of_stroke(experiments, parts) / self.percent_m
         powers = self.stress[:, None] ** np.arange(3)
         hot, cold = powers @ self.ends[0], powers @ self.ends[1]
         self.share = np.clip((self.displacement - hot) / (cold - hot), 0.0, 1.0)
         lengths = [len(p[0]) for p in parts]
-        self.lengths = lengths[: len(traces)]
+        self.lengths = lengths[: len(experiments)]
         self.first = np.zeros(len(self.time), dtype=np.bool_)
         self.first[np.cumsum([0, *lengths[:-1]])] = True
-        self.log_fold = np.repeat(np.tile(_log_folds(traces), copies), lengths)
-        self.cycle = self.cycle + np.repeat(np.tile(np.arange(len(traces)), copies), lengths)
-        if len(traces) < FOLDS:
+        self.log_fold = np.repeat(np.tile(_log_folds(experiments), copies), lengths)
+        self.cycle = self.cycle + np.repeat(np.tile(np.arange(len(experiments)), copies), lengths)
+        if len(experiments) < FOLDS:
             raise IdentificationError(
                 f"whole_range: {FOLDS} logs at least are needed, one to be left out while the others are fitted; "
-                f"there {'is' if len(traces) == 1 else 'are'} {len(traces)}"
+                f"there {'is' if len(experiments) == 1 else 'are'} {len(experiments)}"
             )
         stride = max(1, -(-len(self.time) // MOST_ROWS))
         self.rows = np.arange(0, len(self.time), stride)
@@ -220,9 +247,9 @@ def usual_heat_balance(thermal: ThermalParameters, span_Ohm: float) -> np.ndarra
     return _thermal_numbers(_KNOWN, thermal, span_Ohm)
 
 
-def _thinned(trace: Experiment, ambient_C: float) -> tuple[np.ndarray, ...]:
+def _thinned(experiment: Experiment, ambient_C: float) -> tuple[np.ndarray, ...]:
     """A log's good samples, as many together as make a step of SHORTEST_STEP_s; their power is the mean."""
-    s = trace.signals
+    s = experiment.signals
     good = np.isfinite(s.resistance_Ohm + s.stress_Pa + s.power_W + s.reference_displacement_m + s.time_s)
     time_s = s.time_s[good]
     together = max(1, round(SHORTEST_STEP_s / max(float(np.median(np.diff(time_s))), 1e-6)))
@@ -238,14 +265,16 @@ def _thinned(trace: Experiment, ambient_C: float) -> tuple[np.ndarray, ...]:
         s.power_W[good][:n].reshape(-1, together).mean(axis=1),
         last(ambient).astype(float),
         *(last(v[good]) for v in (s.resistance_Ohm, s.stress_Pa, s.reference_displacement_m)),
-        last(trace.heating[good]),
-        last(trace.cycle[good]),
+        last(experiment.heating[good]),
+        last(experiment.cycle[good]),
     )
 
 
-def _ends_of_stroke(traces: Sequence[Experiment], parts: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
+def _ends_of_stroke(experiments: Sequence[Experiment], parts: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
     """Hot and cold end [m] as quadratics in stress (lower orders where there are fewer loads), shape (2, 3)."""
-    whole = [p for t, p in zip(traces, parts, strict=False) if t.kind != "partial"] or list(parts[: len(traces)])
+    whole = [p for t, p in zip(experiments, parts, strict=False) if t.kind != "partial"] or list(
+        parts[: len(experiments)]
+    )
     stress_Pa, place_m = np.empty((2, len(whole))), np.empty((2, len(whole)))
     for k, part in enumerate(whole):
         stress, displacement = part[4], part[5]
@@ -254,7 +283,7 @@ def _ends_of_stroke(traces: Sequence[Experiment], parts: Sequence[tuple[np.ndarr
             (displacement <= low + 0.02 * (high - low), displacement >= high - 0.02 * (high - low))
         ):
             stress_Pa[end, k], place_m[end, k] = np.median(stress[chosen]), (low, high)[end]
-    order = min(2, distinct_stresses(traces) - 1)
+    order = min(2, distinct_stresses(experiments) - 1)
     out = np.zeros((2, 3))
     for end in range(2):
         found = np.polynomial.polynomial.polyfit(stress_Pa[end] / 1e8, place_m[end], order)
@@ -273,9 +302,9 @@ def _with_other_surroundings(
     return time_s, power_W, ambient_C + error_K * off_K, *rest
 
 
-def _log_folds(traces: Sequence[Experiment]) -> np.ndarray:
+def _log_folds(experiments: Sequence[Experiment]) -> np.ndarray:
     """A fold for every log; logs of neighbouring loads, and of one load, are in different ones."""
-    stress = np.array([t.mean_stress_Pa for t in traces])
+    stress = np.array([t.mean_stress_Pa for t in experiments])
     out = np.empty(len(stress), dtype=int)
     out[np.argsort(stress, kind="stable")] = np.arange(len(stress)) % FOLDS
     return out

@@ -7,13 +7,12 @@ of pymeasure (``pymeasure_adapter.py``), and the virtual bench in the same proce
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.signals import Reading, SupplyState
 
-if TYPE_CHECKING:
-    from sma_actuator.config import BenchConfig
+from .parameters import InstrumentSections
 
 
 class InstrumentError(UserError, OSError):
@@ -117,7 +116,7 @@ class Clock(Protocol):
         """Return at ``deadline_s`` or, when it has passed, at once."""
 
 
-def open_supply(config: BenchConfig) -> PowerSupply:
+def open_supply(config: InstrumentSections) -> PowerSupply:
     """The supply that ``config`` names, not connected yet.
 
     Raises ConfigError for a dialect that will not do, or a pymeasure class that is not there.
@@ -131,7 +130,7 @@ def open_supply(config: BenchConfig) -> PowerSupply:
     return ScpiSupply(config)
 
 
-def open_daq(config: BenchConfig, clock: Clock) -> Daq:
+def open_daq(config: InstrumentSections, clock: Clock) -> Daq:
     """The data acquisition unit that ``config`` names, not connected yet.  Raises ConfigError."""
     from .scpi import ScpiDaq
 

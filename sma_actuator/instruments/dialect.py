@@ -98,8 +98,8 @@ _KEYS = {
     },
     "daq": {"kind", "family", "source", "notes", "identity", "termination", "measures_celsius", "commands", "queries"},
 }
-_YES = {"1", "on", "yes", "true"}
-_NO = {"0", "off", "no", "false"}  #: not the empty answer: it proves nothing
+_YES = {"on", "yes", "true"}
+_NO = {"off", "no", "false"}  #: not the empty answer: it proves nothing
 
 
 def _named(name: str, kind: str) -> Path:
@@ -275,12 +275,15 @@ def _wrong_watchdog(document: Mapping[str, Any], queries: Collection[str]) -> li
 
 
 def yes(reply: str) -> bool:
-    """A boolean reply.  Raises ValueError for one that is none."""
-    word = reply.strip().lower()
-    if word in _YES:
-        return True
-    if word in _NO:
-        return False
+    """A boolean reply: a word, or a number as SCPI may write it (``1``, ``+1``, ``1.000000E+00``).
+
+    Raises ValueError for one that is none.
+    """
+    word = reply.strip().strip('"').lower()
+    if word in _YES or word in _NO:
+        return word in _YES
+    if re.fullmatch(r"[+-]?\d+(\.\d*)?(e[+-]?\d+)?", word) and float(word) in (0.0, 1.0):
+        return float(word) == 1.0
     raise ValueError(f"'{reply}' is neither on nor off")
 
 

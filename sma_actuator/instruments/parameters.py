@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from sma_actuator.base.parameters import parameter, section
+from sma_actuator.base.sections import Loop, SupplyParameters
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,3 +54,19 @@ class Instruments:
     supply: SupplyInstrument = section(SupplyInstrument, "power supply")
     daq: DaqInstrument = section(DaqInstrument, "data acquisition")
     reconnect_backoff_max: float = parameter(5.0, "longest wait between attempts to reconnect", "s", 0.1, 600.0)
+
+
+class InstrumentSections(Protocol):
+    """What instruments read of the parameters; a ``BenchConfig`` has it."""
+
+    @property
+    def instruments(self) -> Instruments:
+        """Where they are."""
+
+    @property
+    def supply(self) -> SupplyParameters:
+        """What the supply may do."""
+
+    @property
+    def loop(self) -> Loop:
+        """How many samples a reading is made of."""

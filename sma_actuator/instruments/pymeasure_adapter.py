@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from math import nan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 try:
     from pymeasure.adapters import Adapter
@@ -20,11 +20,9 @@ from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import SupplyState
 
 from . import InstrumentLost, InstrumentRefused, LimitsNotHeld
+from .parameters import InstrumentSections
 from .session import Session
-from .supply import SessionSupply, unsafe_states
-
-if TYPE_CHECKING:
-    from sma_actuator.config import BenchConfig
+from .supply import Abilities, SessionSupply
 
 #: What is needed → names it has in pymeasure, in order of preference.
 NAMES = {
@@ -75,7 +73,7 @@ class _OnPaper(Adapter):
 class PymeasureSupply(SessionSupply):
     """A pymeasure instrument behind the interface :class:`~sma_actuator.instruments.PowerSupply`."""
 
-    def __init__(self, config: BenchConfig):
+    def __init__(self, config: InstrumentSections):
         self._class = _find_class(config.instruments.supply.pymeasure_class)
         self._names: dict[str, str] = {}
         self._output: Any = None
@@ -86,7 +84,7 @@ class PymeasureSupply(SessionSupply):
 
         Raises InstrumentLost or InstrumentRefused.
         """
-        self._acknowledged(unsafe_states(self._class.__name__, watchdog=False, second_session=False))
+        self._acknowledged(Abilities(self._class.__name__))
         if not self._session.off_lines:
             self._session.off_lines = self._off_on_paper()
         super().open()

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from decimal import Decimal
 from functools import partial
 from math import inf, isfinite, nan
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,12 +13,9 @@ from sma_actuator.base.signals import Reading, SupplyState
 
 from . import Clock, InstrumentRefused, LimitsNotHeld, WatchdogNotHeld
 from .dialect import Dialect, yes
+from .parameters import InstrumentSections
 from .session import OPENING_ANSWERS, Session
-from .supply import SessionSupply, unsafe_states
-
-if TYPE_CHECKING:
-    from sma_actuator.config import BenchConfig
-
+from .supply import Abilities, SessionSupply
 
 #: The over-voltage trip sits this much above the compliance voltage, so that noise does not trip it.
 OVER_VOLTAGE_MARGIN = 1.1
@@ -69,7 +65,7 @@ class _RoundedDown(float):
 class ScpiSupply(SessionSupply):
     """A current-controlled supply; see :class:`sma_actuator.instruments.PowerSupply`."""
 
-    def __init__(self, config: BenchConfig):
+    def __init__(self, config: InstrumentSections):
         self._dialect = dialect = Dialect.load(config.instruments.supply.dialect, "supply")
         channel = config.instruments.supply.channel
         off_lines = dialect.lines("output_off", channel=channel) + dialect.lines(
@@ -184,7 +180,16 @@ class ScpiSupply(SessionSupply):
 
     def _arm_watchdog(self) -> None:
         wanted_s, dialect = self._limits.watchdog_timeout, self._dialect
-        self._acknowledged(unsafe_states(dialect.family, self._has_watchdog, dialect.second_session))
+        self._acknowledged(
+            Abilities(
+                dialect.family,
+                watchdog=self._has_watchdog,
+                watchdog_of_session=dialect.watchdog_fed_by == "session",
+                second_session=dialect.second_session,
+                over_voltage_trip="set_over_voltage" in dialect.commands and "over_voltage_setting" in dialect.queries,
+                over_current_trip="set_over_current" in dialect.commands and "over_current_setting" in dialect.queries,
+            )
+        )
         if not self._has_watchdog:
             self._tell("disarm_watchdog")
             return
@@ -210,7 +215,7 @@ class ScpiSupply(SessionSupply):
 class ScpiDaq:
     """A scanning data acquisition unit; see :class:`sma_actuator.instruments.Daq`."""
 
-    def __init__(self, config: BenchConfig, clock: Clock):
+    def __init__(self, config: InstrumentSections, clock: Clock):
         self._instrument = daq = config.instruments.daq
         self._clock = clock
         self._dialect = Dialect.load(daq.dialect, "daq")

@@ -292,7 +292,7 @@ class Session:
                 self._send(line, self._by_s())
 
     def ask(self, line: str) -> str:
-        """Send a query; its answer, which must be one line and must not be empty."""
+        """Send a query; its answer, which must be one line of text and must not be empty."""
         with self.lock:
             by_s = self._by_s()
             extra = self._do(line, lambda wire: wire.unread())
@@ -305,7 +305,7 @@ class Session:
         if extra:
             raise self.give_up(f"answered '{line}' with more than one line: '{_shown(reply)}', '{_shown(extra)}'")
         text = reply.decode("ascii", errors="replace").strip()
-        if not text:
+        if not text or not text.replace("\t", " ").isprintable():
             raise self.garbled(line, text)
         return text
 
@@ -406,6 +406,6 @@ def _canonical(resource: str) -> str:
 
 
 def _shown(text: bytes) -> str:
-    """What an instrument said, short enough for a sentence."""
-    words = text.decode("ascii", errors="replace").strip()
+    """What an instrument said, short enough for a sentence, and with nothing in it that a terminal would obey."""
+    words = text.strip().decode("latin-1").encode("unicode_escape").decode("ascii")
     return words if len(words) <= 80 else f"{words[:77]}…"

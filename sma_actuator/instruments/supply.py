@@ -6,13 +6,11 @@ import logging
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
 from . import InstrumentError, InstrumentRefused
+from .parameters import InstrumentSections
 from .session import OPENING_ANSWERS, Claim, Session
-
-if TYPE_CHECKING:
-    from sma_actuator.config import BenchConfig
 
 _log = logging.getLogger(__name__)
 
@@ -24,27 +22,55 @@ _CONFIRM_s, _CONFIRM_BESIDE_s = 0.2, 0.25
 _OFF_ATTEMPTS, _OFF_PAUSE_s = 5, 0.02
 
 
-def unsafe_states(what: str, watchdog: bool, second_session: bool) -> dict[str, str]:
-    """What a supply leaves to others, and what to wire up for it: parameter that acknowledges it → sentence."""
-    if watchdog:
-        return {}  # whatever hangs or dies, its silence cuts the output
-    states = {
-        "allow_no_watchdog": f"{what} has no communication watchdog, so a killed computer or a pulled network cable leaves the "
-        "current on; wire a relay into its output that drops out when the computer is silent, and a fuse that the wire survives"
-    }
-    if not second_session:
-        states["allow_single_session"] = (
-            f"{what} is not known to take a second session and has no communication watchdog, so where its session hangs the "
-            "current stays on until that is closed; wire a switch into its output that a hand can reach"
-        )
-    return states
+@dataclass(frozen=True, slots=True)
+class Abilities:
+    """What a supply can do for a wire that nobody looks after."""
+
+    what: str  #: the supply, in words
+    watchdog: bool = False  #: its own silence cuts its output
+    watchdog_of_session: bool = False  #: and only the connection that armed it counts
+    second_session: bool = False  #: it is known to listen to a second connection while the first one hangs
+    over_voltage_trip: bool = False  #: one that is programmed and can be read back
+    over_current_trip: bool = False
+
+    def unsafe_states(self) -> dict[str, str]:
+        """What is left to others, and what to wire up for it: parameter that acknowledges it → sentence."""
+        states = {}
+        if not self.watchdog:
+            states["allow_no_watchdog"] = (
+                f"{self.what} has no communication watchdog, so a killed computer or a pulled network cable leaves the "
+                "current on; wire a relay into its output that drops out when the computer is silent, and a fuse that the wire "
+                "survives"
+            )
+        elif not self.watchdog_of_session:
+            states["allow_shared_watchdog"] = (
+                f"{self.what} has a communication watchdog that anybody's words feed, so whoever else speaks to it keeps the "
+                "current of a dead computer on; give it a network of its own, or wire a relay into its output that drops out when "
+                "the computer is silent"
+            )
+        if not self.watchdog and not self.second_session:  # else its silence cuts the output, whatever hangs
+            states["allow_single_session"] = (
+                f"{self.what} is not known to take a second session and has no communication watchdog, so where its session "
+                "hangs the current stays on until that is closed; wire a switch into its output that a hand can reach"
+            )
+        lacking = [
+            f"no {name} trip that can be read back"
+            for name, has in (("over-voltage", self.over_voltage_trip), ("over-current", self.over_current_trip))
+            if not has
+        ]
+        if lacking:
+            states["allow_no_trips"] = (
+                f"{self.what} has {' and '.join(lacking)}, so nothing in it stands against a setting that is wrong or that "
+                "somebody else has made; wire a fuse in series with the wire that it survives for ever"
+            )
+        return states
 
 
 class SessionSupply(ABC):
     """How a supply is opened, switched off and given up; what it is told is for the subclasses to say."""
 
     def __init__(
-        self, config: BenchConfig, termination: str, off_lines: Sequence[str], unlock_lines: Sequence[str] = ()
+        self, config: InstrumentSections, termination: str, off_lines: Sequence[str], unlock_lines: Sequence[str] = ()
     ):
         self._limits = config.supply
         self._instrument = config.instruments.supply
@@ -96,11 +122,9 @@ class SessionSupply(ABC):
                 _log.warning("%s: %s", session.name, sentence)
         self._ours = True
 
-    def _acknowledged(self, unsafe: dict[str, str]) -> None:
-        """Keep the sentences of states that cannot be made safe, each by the parameter that must acknowledge it.
-
-        Raises InstrumentRefused where one is not acknowledged.
-        """
+    def _acknowledged(self, abilities: Abilities) -> None:
+        """Keep the sentences of states that cannot be made safe; raise InstrumentRefused where one is not acknowledged."""
+        unsafe = abilities.unsafe_states()
         for parameter, sentence in unsafe.items():
             if not getattr(self._limits, parameter):
                 raise InstrumentRefused(f"{self._session.name}: {sentence}; supply.{parameter}: true acknowledges that")

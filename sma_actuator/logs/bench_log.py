@@ -15,19 +15,17 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any, Protocol
 
 import numpy as np
 
+from sma_actuator.base.sections import SupplyParameters
 from sma_actuator.base.signals import Reading, Signals
-from sma_actuator.estimation.circuit import signals_from_reading, without_undriven
+from sma_actuator.estimation.circuit import CircuitSections, signals_from_reading, without_undriven
 
 from .errors import BenchLogError
 from .files import write_atomically
 from .tables import EVENT_COLUMN, Table, read_text
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +170,15 @@ def to_reading(log: BenchLog) -> Reading:
     return Reading(**{name: log.columns.get(name, missing) for name in channels})
 
 
-def signals_from_log(log: BenchLog, config: Config) -> Signals:
+class LogSections(CircuitSections, Protocol):
+    """The parameters that make physical quantities of a log."""
+
+    @property
+    def supply(self) -> SupplyParameters:
+        """From which current on a row counts as driven."""
+
+
+def signals_from_log(log: BenchLog, config: LogSections) -> Signals:
     """Physical quantities of a whole log, arrays of shape (n,), with ``config``'s calibrations.
 
     A wire that was not driven has no resistance; the tare is that of the log.  ``displacement_m`` in the log is used
@@ -180,11 +186,22 @@ def signals_from_log(log: BenchLog, config: Config) -> Signals:
     """
     signals = signals_from_reading(to_reading(log), config, log.columns.get("tare_N", 0.0))
     pair = electrical_columns(log)
+    if "reference_voltage_V" in pair and not math.isfinite(config.circuit.reference_resistance):
+        raise BenchLogError(
+            f"{log.source}: line 1, column reference_voltage_V: is the voltage over a sense resistor that is not known; "
+            "circuit.reference_resistance in ohms is wanted (in the bench file, or --set circuit.reference_resistance=OHM)"
+        )
     if pair != ELECTRICAL[0]:
         resistance_Ohm, current_A = _resistance_and_current(log, pair, config.circuit.reference_resistance)
         power_W = current_A * current_A * resistance_Ohm
         signals = dataclasses.replace(signals, resistance_Ohm=resistance_Ohm, current_A=current_A, power_W=power_W)
-    if "load_cell_voltage_V" not in log:
+    if not ("load_cell_voltage_V" in log and config.load_cell.calibrated):
+        if "load_N" not in log:
+            raise BenchLogError(
+                f"{log.source}: line 1, column load_cell_voltage_V: is the voltage of a load cell that is not calibrated; "
+                "load_cell.slope in N/V and load_cell.offset in N are wanted (in the bench file, or "
+                "--set load_cell.slope=… --set load_cell.offset=…), or a column load_N"
+            )
         signals = dataclasses.replace(signals, load_N=log["load_N"], stress_Pa=log["load_N"] / config.wire.area_m2)
     if "displacement_m" in log and not ("lvdt_current_A" in log and config.reference_sensor.fitted):
         signals = dataclasses.replace(signals, reference_displacement_m=log["displacement_m"])
@@ -287,11 +304,17 @@ def check_bench_log(log: BenchLog, allow_gaps: bool = False) -> None:
         )
 
 
-def require_reference(log: BenchLog) -> None:
-    """Raise BenchLogError where the displacement was not measured."""
+def require_reference(log: BenchLog, config: CircuitSections | None = None) -> None:
+    """Raise BenchLogError where the displacement was not measured, or ``config`` does not know by what."""
     if not log.has_reference:
         raise BenchLogError(
             f"{log.source}: line 1: {_missing_column(REFERENCE, log)}: nothing to compare an estimate with"
+        )
+    if config is not None and "displacement_m" not in log and not config.reference_sensor.fitted:
+        raise BenchLogError(
+            f"{log.source}: line 1, column lvdt_current_A: is the current of a sensor that is not calibrated; "
+            "reference_sensor.slope in m/A and reference_sensor.offset in m are wanted (in the bench file, or "
+            "--set reference_sensor.slope=… --set reference_sensor.offset=…), or a column displacement_m"
         )
 
 

@@ -26,7 +26,7 @@ from .formats import READERS, read_table
 from .mapping import ColumnMap, column_map
 
 Say = Callable[[str], None]
-_ENDINGS = (".csv", ".tsv", ".txt", *READERS, ".mcap", ".db3")
+ENDINGS = (".csv", ".tsv", ".txt", *READERS, ".mcap", ".db3")
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +78,11 @@ def add_log_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def place(text: str) -> Path | str:
+    """Where a log lies, of an argument: a path, or a URL as it is."""
+    return text if "://" in text else Path(text)
+
+
 def columns_of(args: argparse.Namespace, known: tuple[str, ...]) -> ColumnMap:
     """Which column is which, by the options, of tables whose columns are the ``known``.  Raises BenchLogError."""
     return column_map(args.map, args.unit, args.offset, args.map_file, known)
@@ -89,7 +94,7 @@ def reading_of(args: argparse.Namespace) -> ReadingOptions:
 
 
 def read_logs(
-    places: Sequence[Path],
+    places: Sequence[Path | str],
     reading: ReadingOptions,
     say: Say = lambda sentence: None,
     progress: Callable[[float], None] = lambda fraction: None,
@@ -107,16 +112,18 @@ def read_logs(
     return _extension_positive(_joined(logs, say), reading, say)
 
 
-def find_logs(places: Sequence[Path]) -> list[Path]:
+def find_logs(places: Sequence[Path | str]) -> list[Path]:
     """The files that folders and patterns stand for, each once, in order.  Raises BenchLogError where there is none."""
     found: list[Path] = []
     for place in places:
+        if isinstance(place, str):
+            raise BenchLogError(f"{place}: a URL is read with --table, where many wires are worked on at once")
         if place.is_dir() and not is_bag(place):
             inside = sorted(
-                p for p in place.iterdir() if p.name[0] != "." and (p.suffix.lower() in _ENDINGS or is_bag(p))
+                p for p in place.iterdir() if p.name[0] != "." and (p.suffix.lower() in ENDINGS or is_bag(p))
             )
             if not inside:
-                raise BenchLogError(f"{place}: no log in this folder (files that end with {', '.join(_ENDINGS)})")
+                raise BenchLogError(f"{place}: no log in this folder (files that end with {', '.join(ENDINGS)})")
             found += inside
         elif not place.exists() and glob.has_magic(str(place)):
             matching = sorted(Path(name) for name in glob.glob(str(place), recursive=True))  # noqa: PTH207 - absolute patterns too

@@ -25,20 +25,18 @@ import queue
 import threading
 import time
 import uuid
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 from sma_actuator.base.parameters import ConfigError, parameter
-from sma_actuator.base.signals import Reading
+from sma_actuator.base.signals import Output, Reading
+from sma_actuator.instruments.parameters import Instruments
 
 from .bench_log import COLUMNS
 from .manifest import Files, Manifest
 from .tables import EVENT_COLUMN
-
-if TYPE_CHECKING:
-    from sma_actuator.actuator import Output
-    from sma_actuator.config import Config
 
 _log = logging.getLogger(__name__)
 
@@ -61,6 +59,21 @@ class RecorderParameters:
     max_files: int = parameter(20, "files kept; the oldest go first", "1", 1, 100000)
 
 
+class RecorderSections(Protocol):
+    """The parameters that a recorder reads, and all of them as a mapping, which it writes beside the log."""
+
+    @property
+    def recorder(self) -> RecorderParameters:
+        """Where and how much."""
+
+    @property
+    def instruments(self) -> Instruments:
+        """Which channels there are."""
+
+    def to_mapping(self) -> Mapping[str, Any]:
+        """Every parameter."""
+
+
 class BenchLogRecorder:
     """Writes the bench log of one wire into ``config.recorder.folder``.
 
@@ -68,7 +81,7 @@ class BenchLogRecorder:
     Raises ConfigError where the folder cannot be made or written; a full disk is a ``problem``, no reason not to start.
     """
 
-    def __init__(self, config: Config, name: str = "sma_actuator", queue_rows: int = 10_000):
+    def __init__(self, config: RecorderSections, name: str = "sma_actuator", queue_rows: int = 10_000):
         self.dropped_rows = 0
         self.problem = ""  #: why nothing is written now
         self.columns = _columns(config)
@@ -308,7 +321,7 @@ RECORDED_COLUMNS = (
 )
 
 
-def _columns(config: Config) -> tuple[str, ...]:
+def _columns(config: RecorderSections) -> tuple[str, ...]:
     """Columns of a log of this actuator; a channel that is not wired has none."""
     wired = {
         "lvdt_current_A": config.instruments.daq.lvdt_channel != 0,

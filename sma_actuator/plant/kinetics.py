@@ -38,8 +38,8 @@ LIANG_ROGERS, MEASURED, SMOOTH_HARDENING = range(3)  # families, as the kernels 
 HEATING, COOLING = range(2)
 PARTS = 3  #: logistics in a row of a measured distribution
 TABLE = 1024  #: intervals in a row of a hardening law, from the cold end of the band to the hot one
-START_C, FINISH_C, SLOPE_K_PA, FIRST_PART = range(4)
-WEIGHT, CENTRE_C, WIDTH_K, PART_SLOPE_K_PA = range(4)  # of each part
+START_C, FINISH_C, SLOPE_K_Pa, FIRST_PART = range(4)
+WEIGHT, CENTRE_C, WIDTH_K, PART_SLOPE_K_Pa = range(4)  # of each part
 PART_COLUMNS = 4
 FIRST_KNOT = FIRST_PART + PARTS * PART_COLUMNS
 _COLUMNS = FIRST_KNOT + TABLE + 1
@@ -234,7 +234,7 @@ def distribution(bands, row, temperature_C, stress_Pa):
     """Share whose transformation temperature lies above ``temperature_C``."""
     share = 0.0
     for i in range(FIRST_PART, FIRST_KNOT, PART_COLUMNS):
-        centre_C = bands[row, i + CENTRE_C] + stress_Pa * bands[row, i + PART_SLOPE_K_PA]
+        centre_C = bands[row, i + CENTRE_C] + stress_Pa * bands[row, i + PART_SLOPE_K_Pa]
         share += bands[row, i + WEIGHT] * logistic(temperature_C, centre_C, bands[row, i + WIDTH_K])
     return share
 
@@ -257,7 +257,7 @@ def band_fraction(family, bands, row, temperature_C, stress_Pa):
     """Fraction of martensite on the outer loop: ``u`` of the row ``HEATING``, ``v`` of ``COOLING``."""
     if family == MEASURED:
         return distribution(bands, row, temperature_C, stress_Pa)
-    t = temperature_C - stress_Pa * bands[row, SLOPE_K_PA]
+    t = temperature_C - stress_Pa * bands[row, SLOPE_K_Pa]
     cold_C = bands[row, START_C] if row == HEATING else bands[row, FINISH_C]
     hot_C = bands[row, FINISH_C] if row == HEATING else bands[row, START_C]
     if family == LIANG_ROGERS:

@@ -18,9 +18,9 @@ from sma_actuator.base.jit import inlined, jit
 from .kinetics import (
     COOLING,
     MEASURED,
-    SLOPE_K_PA,
     START_C,
     Shift,
+    SLOPE_K_Pa,
     half_cosine,
     logistic,
     martensite_after,
@@ -84,7 +84,7 @@ INPUTS = 15
 COLUMNS = ("current_A", "voltage_V", "load_N", "displacement_m", "ambient_C")
 NORMAL, OPEN, SHORT = 0.0, 1.0, 2.0
 TRIP_OVP, TRIP_OCP = 1.0, 2.0
-SUPPLY_TIME_CONSTANT_S = 0.4e-3  #: settles within about 1 ms
+SUPPLY_TIME_CONSTANT_s = 0.4e-3  #: settles within about 1 ms
 HOT_BELOW, COLD_ABOVE = 0.4, 0.6  #: fractions of martensite between which a cycle is counted
 CONVECTION_AT_K = 60.0  #: excess at which the heat transfer has its stated value, whatever its exponent
 _LOGISTIC_OF_BAND = 0.134  #: width of the logistic with the same 10-90 % width as a cosine, per width of the cosine
@@ -260,7 +260,7 @@ def r_share_at(x, bands, memory, share, temperature_C, stress_Pa, shift, commit)
     if not x.has_r:
         return 0.0
     r_shift = stress_Pa * x.slope_r_K_Pa + shift.cooling_K
-    martensite_start_C = bands[COOLING, START_C] + stress_Pa * bands[COOLING, SLOPE_K_PA] + shift.cooling_K
+    martensite_start_C = bands[COOLING, START_C] + stress_Pa * bands[COOLING, SLOPE_K_Pa] + shift.cooling_K
     coldest = max(temperature_C, martensite_start_C)
     u = _r_band(x, temperature_C - r_shift - x.r_hysteresis_K)
     return transform(memory, share, u, _r_band(x, coldest - r_shift), commit)
@@ -552,7 +552,7 @@ def simulate(steps, step_s, c, wire, inputs, ring, first):
     on = inputs[OUTPUT_ON] > 0.0
     ambient = float(inputs[AMBIENT])
     loss = c.heat_loss_W_K * float(inputs[LOSS_FACTOR])
-    response = 1.0 - exp(-step_s / SUPPLY_TIME_CONSTANT_S)
+    response = 1.0 - exp(-step_s / SUPPLY_TIME_CONSTANT_s)
     rows = ring.shape[0]
     row = first
     for _ in range(steps):

@@ -1,4 +1,4 @@
-"""Any model on any log: errors, traces and loops, beside the literature's models."""
+"""Any model on any log: errors, curves and loops, beside the literature's models."""
 
 from sma_actuator.logs.bags import log_from_bag
 

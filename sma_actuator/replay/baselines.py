@@ -25,14 +25,14 @@ class Baseline(Protocol):
     name: str
 
     def fit(self, data: Data) -> None:
-        """Learn from calibration traces."""
+        """Learn from calibration logs."""
 
-    def predict(self, trace: Experiment) -> np.ndarray:
+    def predict(self, experiment: Experiment) -> np.ndarray:
         """Displacement [m], shape (n,)."""
 
 
 def _column(data: Data, name: str) -> np.ndarray:
-    return np.concatenate([getattr(t, name) for t in data.traces])
+    return np.concatenate([getattr(t, name) for t in data.experiments])
 
 
 class PolynomialInResistance:
@@ -47,9 +47,9 @@ class PolynomialInResistance:
         chosen = data.counts
         self._curve = Polynomial.fit(_column(data, "resistance_Ohm")[chosen], data.displacement_m[chosen], self.order)
 
-    def predict(self, trace: Experiment) -> np.ndarray:
+    def predict(self, experiment: Experiment) -> np.ndarray:
         """The curve, held at its ends."""
-        return self._curve(np.clip(trace.resistance_Ohm, *self._curve.domain))
+        return self._curve(np.clip(experiment.resistance_Ohm, *self._curve.domain))
 
 
 class TwoLines:
@@ -65,10 +65,10 @@ class TwoLines:
             chosen = data.counts & branch
             self._lines.append(Polynomial.fit(resistance_Ohm[chosen], data.displacement_m[chosen], 1))
 
-    def predict(self, trace: Experiment) -> np.ndarray:
+    def predict(self, experiment: Experiment) -> np.ndarray:
         """The line of the present branch."""
-        cooling, heating = (line(trace.resistance_Ohm) for line in self._lines)
-        return np.where(trace.heating, heating, cooling)
+        cooling, heating = (line(experiment.resistance_Ohm) for line in self._lines)
+        return np.where(experiment.heating, heating, cooling)
 
 
 @jit
@@ -110,7 +110,7 @@ class Duhem:
 
         def residuals(theta):
             self._theta = theta
-            error = (np.concatenate([self.predict(t) for t in data.traces]) - data.displacement_m)[
+            error = (np.concatenate([self.predict(t) for t in data.experiments]) - data.displacement_m)[
                 chosen
             ] / self._stroke_m
             return np.clip(np.nan_to_num(error, nan=10.0), -10.0, 10.0)
@@ -120,9 +120,9 @@ class Duhem:
         best = min(starts, key=lambda theta: np.abs(residuals(theta)).mean())
         self._theta = least_squares(residuals, best, loss="soft_l1", f_scale=LOSS_SCALE, x_scale="jac", max_nfev=80).x
 
-    def predict(self, trace: Experiment) -> np.ndarray:
+    def predict(self, experiment: Experiment) -> np.ndarray:
         """Begins on f."""
-        x = (trace.resistance_Ohm - self._centre_Ohm) / self._scale_Ohm
+        x = (experiment.resistance_Ohm - self._centre_Ohm) / self._scale_Ohm
         alpha, f, g = np.exp(np.clip(self._theta[0], -10, 10)), self._theta[1 : 1 + self._F], self._theta[1 + self._F :]
         out = np.empty(len(x))
         _duhem(x, float(np.polynomial.polynomial.polyval(x[0], f)), alpha, f, g, out)
@@ -145,7 +145,7 @@ class NeuralNetwork:
             raise ConfigError("the neural network needs the package 'scikit-learn' (extra 'baselines')") from error
 
         self._stroke_m = data.full_stroke_m
-        features = np.concatenate([self._features(t) for t in data.traces])[data.counts]
+        features = np.concatenate([self._features(t) for t in data.experiments])[data.counts]
         network = MLPRegressor(
             hidden_layer_sizes=(16, 16), activation="tanh", alpha=1e-5, max_iter=400, random_state=0, solver="lbfgs"
         )
@@ -154,16 +154,22 @@ class NeuralNetwork:
             warnings.simplefilter("ignore", ConvergenceWarning)  # max_iter is its early stopping
             self._network.fit(features, data.displacement_m[data.counts] / self._stroke_m)
 
-    def predict(self, trace: Experiment) -> np.ndarray:
+    def predict(self, experiment: Experiment) -> np.ndarray:
         """Forward pass."""
-        return self._network.predict(self._features(trace)) * self._stroke_m
+        return self._network.predict(self._features(experiment)) * self._stroke_m
 
     @staticmethod
-    def _features(trace: Experiment) -> np.ndarray:
-        turned = np.flatnonzero(np.diff(trace.heating, prepend=trace.heating[:1]))
-        last = np.concatenate([[0], turned])[np.searchsorted(turned, np.arange(len(trace.heating)), side="right")]
+    def _features(experiment: Experiment) -> np.ndarray:
+        turned = np.flatnonzero(np.diff(experiment.heating, prepend=experiment.heating[:1]))
+        last = np.concatenate([[0], turned])[np.searchsorted(turned, np.arange(len(experiment.heating)), side="right")]
         return np.column_stack(
-            (trace.resistance_Ohm, trace.stress_Pa, trace.heating, trace.resistance_Ohm[last], trace.stress_Pa[last])
+            (
+                experiment.resistance_Ohm,
+                experiment.stress_Pa,
+                experiment.heating,
+                experiment.resistance_Ohm[last],
+                experiment.stress_Pa[last],
+            )
         )
 
 

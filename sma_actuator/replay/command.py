@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.table import Table
 
-from sma_actuator.config import Config
+from sma_actuator.base.signals import Health
+from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.console import (
     add_output_arguments,
     notes,
@@ -20,11 +22,12 @@ from sma_actuator.console import (
     write_csv,
     write_json,
 )
+from sma_actuator.fleet import Finding, add_fleet_arguments, run_fleet
 from sma_actuator.logs.bench_log import write_bench_log
 from sma_actuator.logs.errors import BenchLogError
-from sma_actuator.logs.reading import add_log_arguments, read_logs, reading_of
+from sma_actuator.logs.reading import add_log_arguments, place, read_logs, reading_of
 
-from .replaying import Replay, replay, winners
+from .replaying import Replay, health, replay, verdict, winners
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,13 +35,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "logs",
         nargs="+",
-        type=Path,
+        type=place,
         metavar="LOG",
         help="logs, folders or patterns of them; the node's recordings, rosbag2 and other makers' files among them",
     )
     parser.add_argument(
         "--config",
-        type=Path,
+        type=place,
         action="append",
         required=True,
         metavar="MODEL.yaml",
@@ -55,20 +58,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--save-log", type=Path, metavar="FILE.csv", help="also write the one log that is read as a bench log"
     )
-    parser.add_argument("--report", type=Path, metavar="FILE.html", help="page with traces and loops")
+    parser.add_argument("--report", type=Path, metavar="FILE.html", help="page with curves and loops")
+    parser.add_argument(
+        "--health", action="store_true", help="also what the node says of the first model's health on each log"
+    )
     add_log_arguments(parser)
+    add_fleet_arguments(parser, "log")
     add_output_arguments(parser, "the errors", "the errors")
 
 
 def run(args: argparse.Namespace) -> int:
     """Replay and judge; 0 when every log was replayed."""
+    if args.table:
+        return run_fleet(args, "replay", judge_logs, args.logs, args.config[0], {"reading": reading_of(args)})
     if args.report:
         from .page import write_page
     refuse_to_overwrite(args, args.report, args.save_log)
     reading, console = reading_of(args), notes(args)
     models = {}
     for path in args.config:
-        config = Config.load(path)
+        config = Config.for_tools(read_parameter_file(path), str(path))
         name = config.model_type if config.model_type not in models else f"{config.model_type} ({path.stem})"
         models[name] = config
     with progress_bar(args) as bar:
@@ -85,12 +94,30 @@ def run(args: argparse.Namespace) -> int:
     results(args).print(error_table(replays))
     for sentence in _beside_live(replays):
         console.print(sentence)
+    if args.health:
+        for r in replays:
+            results(args).print(_health_words(r, next(iter(models.values()))), markup=False)
     if args.report:
         write_page(args.report, replays, next(iter(models.values())))
         console.print(f"wrote {args.report}")
     write_json(args, rows)
     write_csv(args, rows)
     return 0
+
+
+def judge_logs(paths: Sequence[Path], config: Path, options: Mapping[str, Any]) -> list[Finding]:
+    """The work on one log of a fleet."""
+    model = Config.for_tools(read_parameter_file(config), str(config))
+    replays = replay(read_logs(paths, options["reading"]), {model.model_type: model})
+    word, said = verdict(replays, model)
+    return [
+        Finding(
+            word,
+            said,
+            error_percent=_mean([r.errors[model.model_type].full_percent for r in replays]),
+            details={"errors": error_rows(replays)},
+        )
+    ]
 
 
 def error_rows(replays: list[Replay]) -> list[dict[str, Any]]:
@@ -105,11 +132,17 @@ def error_rows(replays: list[Replay]) -> list[dict[str, Any]]:
 
 def _beside_live(replays: list[Replay]) -> list[str]:
     return [
-        f"{r.trace.name}: {next(iter(r.errors))} differs by at most {r.from_live_m * 1e3:.3g} mm from what the node had "
+        f"{r.experiment.name}: {next(iter(r.errors))} differs by at most {r.from_live_m * 1e3:.3g} mm from what the node had "
         f"estimated, over {r.live_readings} readings with current"
         for r in replays
         if r.live_readings
     ]
+
+
+def _health_words(replayed: Replay, config: Config) -> str:
+    verdict, _ = health(replayed.experiment, config)
+    since = f" (since {verdict.since_s:.0f} s)" if verdict.state is Health.DUE else ""
+    return f"{replayed.experiment.name}: model health{since}: {verdict.words}"
 
 
 def error_table(replays: list[Replay]) -> Table:
@@ -120,9 +153,9 @@ def error_table(replays: list[Replay]) -> Table:
     best = {name: working for name, working, _ in winners(replays)}
     for r in replays:
         for i, (name, e) in enumerate(r.errors.items()):
-            bold = len(r.errors) > 1 and name in best[r.trace.name]
+            bold = len(r.errors) > 1 and name in best[r.experiment.name]
             cells = (name, f"{e.working_percent:.2f}", f"{e.working_share:.0%}", f"{e.full_percent:.2f}")
-            table.add_row("" if i else r.trace.name, *cells, style="bold" if bold else None)
+            table.add_row("" if i else r.experiment.name, *cells, style="bold" if bold else None)
         table.add_section()
     if len(replays) > 1:
         for i, name in enumerate(replays[0].errors):

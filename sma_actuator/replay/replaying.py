@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from sma_actuator.base.signals import Signals
+from sma_actuator.base.signals import Signals, Verdict
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain, Estimates
+from sma_actuator.estimation.health import ModelHealth
 from sma_actuator.identify.errors import LogError, log_error
 from sma_actuator.identify.experiments import Experiment, make_experiment
 from sma_actuator.identify.fitting import make_data
@@ -31,7 +32,7 @@ LIVE = "displacement_estimate_m"  #: column of a node's recording: what it had e
 class Replay:
     """One log replayed."""
 
-    trace: Experiment
+    experiment: Experiment
     estimates_m: dict[str, np.ndarray]  #: displacement by every model, shape (n,)
     errors: dict[str, LogError]  #: of every model
     #: Of the first model, where the log holds what the node had estimated: the largest difference from it, and the
@@ -40,14 +41,14 @@ class Replay:
     live_readings: int = 0
 
 
-def estimate(trace: Experiment, config: Config, constant_load_N: float | None = None) -> Estimates:
+def estimate(experiment: Experiment, config: Config, constant_load_N: float | None = None) -> Estimates:
     """What the node would have estimated; ``constant_load_N``: as if it took the load for constant."""
-    signals = trace.signals
+    signals = experiment.signals
     if constant_load_N is not None:
-        load_N = np.full(len(trace.log), constant_load_N)
+        load_N = np.full(len(experiment.log), constant_load_N)
         signals = dataclasses.replace(signals, load_N=load_N, stress_Pa=load_N / config.wire.area_m2)
     chain = Chain(config)
-    resets_s = [time_s for time_s, event in trace.log.events if ESTIMATOR_RESET in event]
+    resets_s = [time_s for time_s, event in experiment.log.events if ESTIMATOR_RESET in event]
     bounds = [0, *np.searchsorted(signals.time_s, resets_s), len(signals.time_s)]
     pieces = []
     for start, stop in itertools.pairwise(bounds):
@@ -55,6 +56,13 @@ def estimate(trace: Experiment, config: Config, constant_load_N: float | None = 
             chain.reset()
         pieces.append(chain.run(_part(signals, slice(start, stop))))
     return pieces[0] if len(pieces) == 1 else _together(pieces)
+
+
+def health(experiment: Experiment, config: Config) -> tuple[Verdict, list[tuple[float, Verdict]]]:
+    """What the node would have said of its model's health at the end of a log, and when it changed its mind."""
+    judge = ModelHealth(config, config.supply.bias_current)
+    changes = judge.run(estimate(experiment, config))
+    return judge.verdict, changes
 
 
 def _part(signals: Signals, chosen: slice) -> Signals:
@@ -72,9 +80,9 @@ def _together(pieces: Sequence[Any]) -> Any:
     return np.concatenate(pieces) if np.ndim(first) else first
 
 
-def estimate_m(trace: Experiment, config: Config, constant_load_N: float | None = None) -> np.ndarray:
+def estimate_m(experiment: Experiment, config: Config, constant_load_N: float | None = None) -> np.ndarray:
     """The displacement of :func:`estimate`, shape (n,)."""
-    return estimate(trace, config, constant_load_N).displacement_m
+    return estimate(experiment, config, constant_load_N).displacement_m
 
 
 def replay(
@@ -106,40 +114,73 @@ def replay(
         found = {
             n: estimate(make_experiment(log, config, with_reference=False), config) for n, config in models.items()
         }
-        trace = make_experiment(log, first, with_reference=False).through(next(iter(found.values())))
+        experiment = make_experiment(log, first, with_reference=False).through(next(iter(found.values())))
         estimates = {name: e.displacement_m for name, e in found.items()}
-        estimates.update({baseline.name: _where_read(baseline, trace) for baseline in baselines})
+        estimates.update({baseline.name: _where_read(baseline, experiment) for baseline in baselines})
         errors = {
-            n: log_error(trace.name, trace.signals, np.where(trace.judged, e, np.nan), range_m, full_stroke_m)
+            n: log_error(
+                experiment.name, experiment.signals, np.where(experiment.judged, e, np.nan), range_m, full_stroke_m
+            )
             for n, e in estimates.items()
         }
-        out.append(Replay(trace, estimates, errors, *_from_live(trace, estimates[next(iter(models))])))
+        out.append(Replay(experiment, estimates, errors, *_from_live(experiment, estimates[next(iter(models))])))
         progress(1.0 - 0.2 * (1.0 - (i + 1) / len(logs)))
     return out
 
 
-def _from_live(trace: Experiment, estimate_m: np.ndarray) -> tuple[float, int]:
+def _from_live(experiment: Experiment, estimate_m: np.ndarray) -> tuple[float, int]:
     """Largest difference from what the node estimated where the wire was driven, and the number of readings."""
-    if LIVE not in trace.log:
+    if LIVE not in experiment.log:
         return math.nan, 0
-    away_m = np.abs(estimate_m - trace.log[LIVE])[np.isfinite(trace.resistance_Ohm)]
+    away_m = np.abs(estimate_m - experiment.log[LIVE])[np.isfinite(experiment.resistance_Ohm)]
     away_m = away_m[np.isfinite(away_m)]
     return (float(away_m.max()), len(away_m)) if len(away_m) else (math.nan, 0)
 
 
-def _where_read(baseline, trace: Experiment) -> np.ndarray:
+def _where_read(baseline, experiment: Experiment) -> np.ndarray:
     """A baseline's estimate; NaN where a reading is missing."""
-    good = np.isfinite(trace.resistance_Ohm + trace.stress_Pa)
+    good = np.isfinite(experiment.resistance_Ohm + experiment.stress_Pa)
     out = np.full(len(good), np.nan)
-    out[good] = baseline.predict(trace.rows(good))
+    out[good] = baseline.predict(experiment.rows(good))
     return out
+
+
+#: An error within this of what the model had on its own logs is the model's own.
+AS_AT_CALIBRATION = 1.5
+
+
+def verdict(replays: Sequence[Replay], config: Config) -> tuple[str, str]:
+    """The verdict on the first model, in a word (as calibrated, changed, not judged) and in a sentence; ``config`` is its."""
+    name = next(iter(replays[0].errors))
+    percents = {r.experiment.name: r.errors[name].full_percent for r in replays}
+    errors = {log: percent for log, percent in percents.items() if math.isfinite(percent)}
+    if not errors:
+        where = "these logs" if len(replays) > 1 else "this log"
+        return "not judged", f"Nobody measured the displacement in {where}; {name} cannot be judged."
+    mean, worst = float(np.mean(list(errors.values()))), max(errors, key=lambda log: errors[log])
+    text = f"{name} errs by {mean:.2f} % of the full stroke"
+    if len(errors) > 1:
+        text += f" in the mean over {len(errors)} logs, most in {worst} ({errors[worst]:.2f} %)"
+    calibrated = config.calibration
+    if not calibrated.known:
+        return "not judged", text + "; its file does not say how good it was on its own logs."
+    largest = max(calibrated.error, calibrated.largest_error)
+    if errors[worst] <= AS_AT_CALIBRATION * largest:
+        return (
+            "as calibrated",
+            f"{text}, no more than at its calibration ({calibrated.error:.2f} %, up to {largest:.2f} % in one log).",
+        )
+    return (
+        "changed",
+        f"{text}, where it was {calibrated.error:.2f} % at its calibration: something has changed; `sma-actuator trace` looks for what.",
+    )
 
 
 def winners(replays: Sequence[Replay]) -> list[tuple[str, list[str], list[str]]]:
     """(log, best in the working range, best in the full range); those as good as the best are all named."""
     return [
         (
-            r.trace.name,
+            r.experiment.name,
             _best({name: error.working_percent for name, error in r.errors.items()}),
             _best({name: error.full_percent for name, error in r.errors.items()}),
         )

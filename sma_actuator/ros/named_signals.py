@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from math import nan
 
-from sma_actuator.actuator import Output
-from sma_actuator.base.signals import Quality
+from sma_actuator.base.signals import Output, Quality
 from sma_actuator.logs.recorder import recorded_row
 
 #: Of the status, which holds them already.
@@ -28,6 +27,9 @@ def named_signals(output: Output) -> dict[str, float]:
         "load_N": signals.load_N,
         "stress_Pa": signals.stress_Pa,
         "displacement_m": signals.reference_displacement_m,
+        "uncertainty_m": output.estimate.uncertainty_m,
+        "model_health": int(output.health.state),
+        "model_error_m": output.health.error_m,
         **of_status,
         "error_m": row["displacement_estimate_m"] - of_status.get("limited_setpoint_m", nan),
     }

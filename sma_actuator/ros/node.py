@@ -14,9 +14,11 @@ from __future__ import annotations
 
 import argparse
 import collections
+import contextlib
 import dataclasses
 import gc
 import math
+import os
 import sys
 import threading
 import time
@@ -27,10 +29,12 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.srv import SelfTest as SelfTestService
 from geometry_msgs.msg import WrenchStamped
 from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
@@ -40,10 +44,11 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from sma_actuator.actuator import Output
 from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.base.signals import Mode, Quality, Status
+from sma_actuator.base.signals import Health, Mode, Output, Quality, Status
+from sma_actuator.base.streams import keep_standard_streams, unblockable_streams
+from sma_actuator.check.selftest import Level, SelfTest, passed
 from sma_actuator.config import NODE_NAME, Config
 from sma_actuator.driver import Driver, DriverStopped
 from sma_actuator.instruments import InstrumentError, open_daq, open_supply
@@ -52,6 +57,8 @@ from sma_actuator.logs.recorder import BenchLogRecorder
 from sma_msgs_py import (
     command_current_message,
     diagnostic_status_from,
+    health_status_from,
+    joint_command_from,
     joint_state_message,
     load_message,
     position_from,
@@ -62,6 +69,7 @@ from sma_msgs_py import (
 )
 
 from . import arguments as ros_arguments
+from .action import FollowJointTrajectoryServer
 from .guard import refuse_what_raises, spin
 from .named_signals import named_signals
 from .parameters import NO_SIM_TIME, ROS_PARAMETERS, NodeParameters
@@ -69,6 +77,7 @@ from .switch import Switch
 from .words import ERROR, INFO, WARNING, Events, Refusals
 
 CALL_TIMEOUT_s = 0.6  #: a service waits no longer for the control thread
+SELF_TEST_END_s = 2.0  #: a self-test that is to end has done so by then, instruments that answer given
 FEED_PERIOD_s = 0.2
 FEED_TIMEOUT_s = 0.9  #: silence of the ROS thread after which the driver switches the wire off
 STATUS_PERIOD_s = 1.0
@@ -80,9 +89,14 @@ GIL_INTERVAL_s = 0.1e-3
 #: How often the main thread looks whether a signal was noted.
 SIGNAL_INTERVAL_s = 0.05
 
-#: A trajectory of some thousand points; see ``_on_trajectory``.
-LONGEST_TRAJECTORY_B = 500_000
+#: A trajectory of some thousand points, a command for some hundred joints; see ``_make_interface``.
+LONGEST_TRAJECTORY_B, LONGEST_JOINT_COMMAND_B = 500_000, 20_000
 
+_LEVELS = {
+    Level.OK: (INFO, DiagnosticStatus.OK),
+    Level.WARNING: (WARNING, DiagnosticStatus.WARN),
+    Level.WRONG: (ERROR, DiagnosticStatus.ERROR),
+}
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _DEPTH = 10
 #: Some seconds' worth at the usual rates, for who records them; and what waits for a ROS thread that is held up.
@@ -138,13 +152,18 @@ class SmaActuatorNode(LifecycleNode):
         super().__init__(name)
         self._on_fatal = on_fatal
         self._driver: Driver | None = None
+        self._self_test: SelfTest | None = None  #: that runs now
+        self._self_test_ended = threading.Event()
         self._recorder: BenchLogRecorder | None = None
         self._active = False
+        self._ended = False  #: for good
+        self._left_off = False  #: the last instruments were given up with the output read back as off
         self._arming = threading.Lock()  #: held while the output goes on, and while the node stops being active
         self._refusal = ""
         self._monotonic = MonotonicClock()
         self._published: tuple[Any, ...] = ()  #: what the last status said
         self._events, self._refusals = Events(), Refusals()
+        self._health_said = Health.UNKNOWN
         self._happened: list[str] = []  #: what no message of ~/signals has told yet
         values = arguments.parameters_of(self.get_fully_qualified_name())
         own = {key: values.pop(key) for key in ROS_PARAMETERS if key in values}
@@ -186,11 +205,16 @@ class SmaActuatorNode(LifecycleNode):
         self.create_subscription(Float64, "~/setpoint", self._on_setpoint, _DEPTH)
         # As bytes: to make Python objects of a million points would hold up this thread, and the loop with it.
         self.create_subscription(JointTrajectory, "~/joint_trajectory", self._on_trajectory, _DEPTH, raw=True)
+        self.create_subscription(JointState, "~/joint_command", self._on_joint_command, _DEPTH, raw=True)
         for name in ("clear_fault", "reset_estimator", "tare_load", "measure_lead_resistance"):
             self.create_service(Trigger, f"~/{name}", self._trigger(name))
+        self.create_service(SelfTestService, "~/self_test", self._on_self_test)
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
 
+        self._follow: FollowJointTrajectoryServer | None = None
+        with contextlib.suppress(ModuleNotFoundError):  # control_msgs comes with ros2_control
+            self._follow = FollowJointTrajectoryServer(self, self, self._monotonic.now_s)
         self._woken = self.create_guard_condition(self._publish)
         self._handoff = _Handoff(self.get_name(), self._woken.trigger)
         self._steady_timer(STATUS_PERIOD_s, self._publish_status)
@@ -212,6 +236,7 @@ class SmaActuatorNode(LifecycleNode):
         if not self._active or driver is None:
             self.report(f"a setpoint was ignored: {self._not_active()}")
             return
+        self._preempt("a setpoint has come")
         driver.offer_setpoint(position_from(message))
 
     def _on_trajectory(self, serialized: bytes) -> None:
@@ -231,31 +256,141 @@ class SmaActuatorNode(LifecycleNode):
         except ValueError as error:
             self.report(str(error))
             return
-        delay_s = start_from(message, self.get_clock().now().nanoseconds)
-        driver.offer_trajectory(times_s, positions_m, velocities_m_s, delay_s)
+        self._preempt("another trajectory has come")
+        self.offer(times_s, positions_m, velocities_m_s, start_from(message, self.get_clock().now().nanoseconds))
+
+    # --- what the action asks of its node ---------------------------------------------------------
+
+    def refuses_trajectories(self) -> str:
+        """Why no goal of the action can be taken now, or ""."""
+        output = self._handoff.latest
+        if not self._active or self._driver is None:
+            return self._not_active()
+        if output is None or not output.command.output_on:
+            return "the output is off; call ~/enable first"
+        return ""
+
+    def offer(
+        self, times_s: list[float], positions_m: list[float], velocities_m_s: list[float] | None, delay_s: float
+    ) -> None:
+        """Hand a trajectory to the loop; without points the motion ends."""
+        if self._driver is not None:
+            self._driver.offer_trajectory(times_s, positions_m, velocities_m_s, delay_s)
+
+    def _preempt(self, why: str) -> None:
+        if self._follow is not None:
+            self._follow.preempt(why)
+
+    # --- commands and services --------------------------------------------------------------------
+
+    def _on_joint_command(self, serialized: bytes) -> None:
+        driver = self._driver
+        if len(serialized) > LONGEST_JOINT_COMMAND_B:
+            self.report(
+                f"joint command refused: its message has {len(serialized)} bytes, more than {LONGEST_JOINT_COMMAND_B}"
+            )
+            return
+        try:
+            position_m = joint_command_from(deserialize_message(serialized, JointState), self.config.joint_name)
+        except ValueError as error:
+            self.report(str(error))
+            return
+        if self._active and driver is not None:
+            driver.offer_joint_command(position_m)
+        elif math.isfinite(position_m):  # before a controller runs nobody commands anything
+            self.report(f"a joint command was ignored: {self._not_active()}")
 
     def on_enable(self, request: SetBool.Request, response: SetBool.Response) -> Any:
         """Switch the output on or off.  Called in the thread of the switch."""
         if not request.data:
             response.success, response.message = self.switch_off()
             return response
+        if self._self_test is not None:
+            response.success, response.message = False, "not enabled: a self-test runs; ~/enable it off ends it"
+            return response
         with self._arming:
             return self._answer(response, lambda driver: driver.enable(True, timeout_s=CALL_TIMEOUT_s))
 
     def switch_off(self) -> tuple[bool, str]:
         """Output off, in every state of the node and from any thread; whether it is, and the sentence that says so."""
-        driver = self._driver
+        self_test, driver = self._self_test, self._driver
+        if self_test is not None:
+            return self._end_self_test(self_test)
         if driver is None:
-            return True, "the output is off: no instruments are open"
+            if self._left_off:
+                return True, "the output is off: the supply said so before it was given up"
+            return (
+                False,
+                "not known: no instruments are open, so nobody can say whether the output is off; look at the supply",
+            )
         try:
             return driver.enable(False, timeout_s=CALL_TIMEOUT_s)
         except DriverStopped:
-            return True, f"the loop has ended; {driver.output_words}"
+            return driver.output_is_off, f"the loop has ended; {driver.output_words}"
         except TimeoutError as error:
             driver.submit(lambda actuator, now_s: actuator.enable(now_s, False))  # it stands until the loop can obey
             sentence = f"not confirmed: {error}; the output goes off as soon as the loop goes on, or by the watchdog"
             self._say(ERROR, sentence)
             return False, sentence
+
+    def _on_self_test(self, _: SelfTestService.Request, response: SelfTestService.Response) -> Any:
+        """Test the instruments with a little current, in the ROS thread; the driver gives them up meanwhile."""
+        with self._arming:  # so that nothing goes on that was asked for before
+            refusal = self._refuses_self_test()
+            if not refusal:
+                clock = MonotonicClock()
+                self._self_test_ended.clear()
+                self._self_test = SelfTest(self.config, open_supply(self.config), open_daq(self.config, clock), clock)
+        if refusal:
+            self.report(refusal)
+            status = DiagnosticStatus(level=DiagnosticStatus.ERROR, name="self-test", message=refusal)
+            response.passed, response.status = b"\0", [status]
+            return response
+        assert self._self_test is not None
+        self._say(INFO, "a self-test runs: the bias current flows for some seconds")
+        was_active = self._active
+        try:
+            self._give_up_driver()
+            found = self._self_test.run()
+            response.id = self._self_test.identity
+        finally:
+            self._left_off = self._self_test.off_confirmed
+            self._self_test = None
+            self._self_test_ended.set()
+            self._go_on(was_active)
+        for each in found:
+            self._say(_LEVELS[each.level][0], f"self-test: {each.part}: {each.sentence}")
+        response.passed = b"\1" if passed(found) else b"\0"
+        response.status = [
+            DiagnosticStatus(
+                level=_LEVELS[each.level][1], name=each.part, hardware_id=response.id, message=each.sentence
+            )
+            for each in found
+        ]
+        return response
+
+    def _go_on(self, active: bool) -> None:
+        """Have the driver again after a self-test, unless the process ends."""
+        if not self._ended and self._open_driver():
+            self._active = active
+            if self._ended:  # meanwhile
+                self._give_up_driver()
+
+    def _refuses_self_test(self) -> str:
+        driver, output = self._driver, self._handoff.latest
+        if driver is None:
+            return f"no self-test: {self._refusal or self._not_active()}"
+        if driver.output_words != "the output is off" or output is None or output.command.output_on:
+            return f"no self-test: {driver.output_words}; switch it off with ~/enable first"
+        return ""
+
+    def _end_self_test(self, self_test: SelfTest) -> tuple[bool, str]:
+        """Off while a self-test runs: it ends, with the output off."""
+        self_test.abort()
+        if not self._self_test_ended.wait(SELF_TEST_END_s):
+            return False, "not confirmed: the self-test has not ended yet; it switches the output off"
+        words = "the output is off" if self_test.off_confirmed else "the output is told to be off, not confirmed"
+        return self_test.off_confirmed, f"{words}; the self-test was ended"
 
     def _trigger(self, name: str) -> Callable[[Trigger.Request, Trigger.Response], Any]:
         def answer(_: Trigger.Request, response: Trigger.Response) -> Any:
@@ -305,8 +440,8 @@ class SmaActuatorNode(LifecycleNode):
     def callback_failed(self, error: Exception) -> None:
         """Take an exception that no message is to blame for as a fault: the output goes off, the node goes on."""
         words = f"{type(error).__name__} in a ROS callback: {error}"
-        trace = "".join(traceback.format_exception(error))
-        self.report(f"{words}\n{trace}")
+        experiment = "".join(traceback.format_exception(error))
+        self.report(f"{words}\n{experiment}")
         if self._driver is not None:
             self._driver.submit(lambda actuator, now_s: actuator.raise_fault(now_s, "unhandled_exception", words))
 
@@ -318,6 +453,8 @@ class SmaActuatorNode(LifecycleNode):
             return
         for refusal in driver.refusals():
             self.report(refusal)
+        if self._follow is not None:
+            self._follow.watch(output)
         signals, estimate = output.signals, output.estimate
         if self._active and math.isfinite(signals.time_s):
             stamp = self._stamp(signals.time_s)
@@ -334,6 +471,9 @@ class SmaActuatorNode(LifecycleNode):
             self._say(level, sentence)
         for level, sentence in self._events.of_instruments(driver.lost_instruments, status.fault):
             self._say(level, sentence)
+        if output.health.state is not self._health_said:
+            self._health_said = output.health.state
+            self._say(WARNING if self._health_said is Health.DUE else INFO, f"model health: {output.health.words}")
         if (status.mode, status.fault, status.limits) != self._published:
             self._publish_status()
 
@@ -366,7 +506,7 @@ class SmaActuatorNode(LifecycleNode):
             status = Status(Mode.OFF, message=self._refusal or words)
         if output is not None and not self._active:
             status = dataclasses.replace(status, message=f"{status.message}; {self._not_active()}")
-        status = dataclasses.replace(status, values={**status.values, **self._health()})
+        status = dataclasses.replace(status, values={**status.values, **self._key_values()})
         message = diagnostic_status_from(self.get_fully_qualified_name(), self._hardware_id(), status)
         lost = driver.lost_instruments if driver is not None else {}
         if lost or (output is None and self._refusal):
@@ -375,10 +515,14 @@ class SmaActuatorNode(LifecycleNode):
             message.message = "; ".join(f"the {name} does not answer: {detail}" for name, detail in lost.items())
         self._status.publish(message)
         array = DiagnosticArray(status=[message])
+        if output is not None:
+            name = f"{self.get_fully_qualified_name()}: model health"
+            health = health_status_from(name, self.config.joint_name, output.health, output.signals.time_s)
+            array.status.append(health)
         array.header.stamp = self.get_clock().now().to_msg()
         self._diagnostics.publish(array)
 
-    def _health(self) -> dict[str, float | str]:
+    def _key_values(self) -> dict[str, float | str]:
         """Key values of the node and the loop, for diagnostics."""
         values: dict[str, float | str] = {"lifecycle": self._state_machine.current_state[1]}
         if self._driver is not None:
@@ -437,7 +581,20 @@ class SmaActuatorNode(LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Open instruments and recorder and start the loop; no current can flow yet."""
+        try:
+            if not self._open_driver():
+                return TransitionCallbackReturn.FAILURE
+        except Exception as error:
+            # rclpy would go on to on_error without a word.
+            self._refusal = f"{type(error).__name__}: {error}"
+            self._say(ERROR, traceback.format_exc())
+            raise
+        return super().on_configure(state)
+
+    def _open_driver(self) -> bool:
+        """Whether instruments and recorder could be opened and the loop runs; else ``_refusal`` says why not."""
         self._refusal = ""
+        self._left_off = False
         config = self.config
         try:
             if config.recorder.folder:
@@ -465,13 +622,8 @@ class SmaActuatorNode(LifecycleNode):
                 self._say(ERROR, self._refusal)
             self._give_up_driver()
             self._publish_status()
-            return TransitionCallbackReturn.FAILURE
-        except Exception as error:
-            # rclpy would go on to on_error without a word.
-            self._refusal = f"{type(error).__name__}: {error}"
-            self._say(ERROR, traceback.format_exc())
-            raise
-        return super().on_configure(state)
+            return False
+        return True
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish, and accept commands; the current stays off until ~/enable."""
@@ -480,11 +632,14 @@ class SmaActuatorNode(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Output off; the loop goes on measuring."""
+        self._preempt("the node is deactivated")
         with self._arming:  # so that nothing goes on that was asked for before
             self._active = False
+        driver = self._driver
+        if driver is None:  # instruments that a self-test has had did not come back
+            return super().on_deactivate(state)
         try:
-            assert self._driver is not None  # the state machine lets only a configured node deactivate
-            off, words = self._driver.enable(False, timeout_s=CALL_TIMEOUT_s)
+            off, words = driver.enable(False, timeout_s=CALL_TIMEOUT_s)
             if not off:
                 self._say(ERROR, words)
         except (DriverStopped, TimeoutError) as error:
@@ -510,6 +665,13 @@ class SmaActuatorNode(LifecycleNode):
 
     def halt(self) -> None:
         """Output off within a second, the log complete; needs no ROS, from any thread, more than once."""
+        self._ended = True
+        self_test = self._self_test
+        if self_test is not None:
+            self._end_self_test(self_test)
+        self._let_go()
+
+    def _let_go(self) -> None:
         self._active = False
         driver, recorder = self._driver, self._recorder
         if driver is not None:
@@ -518,7 +680,9 @@ class SmaActuatorNode(LifecycleNode):
             recorder.close()
 
     def _give_up_driver(self) -> None:
-        self.halt()
+        self._let_go()
+        if self._driver is not None:
+            self._left_off = self._driver.output_is_off
         self._driver = self._recorder = None
 
     def _loop_failed(self, error: BaseException) -> None:
@@ -537,15 +701,18 @@ def main(arguments: list[str] | None = None) -> int:
     A signal is only noted: whatever it interrupts goes on, and the outputs are switched off by
     this thread, without ROS.
     """
+    keep_standard_streams()
     sys.setswitchinterval(GIL_INTERVAL_s)
     fatal: list[str] = []
     nodes: list[SmaActuatorNode] = []
     threads: list[threading.Thread] = []
     switch: Switch | None = None
-    with noted_signals() as interrupts:
+    if os.isatty(sys.stderr.fileno()):
+        os.environ.setdefault("RCUTILS_COLORIZED_OUTPUT", "1")  # ROS 2 will see no terminal
+    with unblockable_streams(), noted_signals() as interrupts:
         try:
             ros, names = _names(sys.argv[1:] if arguments is None else arguments)
-            rclpy.init(args=ros.rclpy, signal_handler_options=SignalHandlerOptions.NO)
+            _begin_ros(ros.rclpy)
             nodes += [SmaActuatorNode(name, ros, fatal.append) for name in names]
             switch = Switch(nodes, ros.rclpy)
             gc.collect()
@@ -558,11 +725,24 @@ def main(arguments: list[str] | None = None) -> int:
         except ConfigError as error:
             fatal += error.problems
         finally:
-            sentences = tuple(fatal)  # what is said while everything ends is no reason for ending
+            sentences = tuple(fatal)  # what comes after this is a consequence of ending
             _stop(nodes, threads, switch)
-    for sentence in sentences:
-        print(f"sma_actuator_node: {sentence}", file=sys.stderr)
+        for sentence in sentences:
+            print(f"sma_actuator_node: {sentence}", file=sys.stderr)
     return 1 if sentences else 0
+
+
+def _begin_ros(arguments: list[str]) -> None:
+    """Join ROS 2; without a log file where none can be written: a wire can be driven, and switched off, without."""
+    try:
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except rclpy_implementation.RCLError as error:
+        if "logging" not in str(error):
+            raise
+        print(f"sma_actuator_node: going on without a log file of ROS 2: {error}", file=sys.stderr)
+        rclpy.try_shutdown()
+        without = ["--ros-args", *arguments[1:], "--disable-external-lib-logs"]
+        rclpy.init(args=without, signal_handler_options=SignalHandlerOptions.NO)
 
 
 def _names(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str]]:

@@ -1,48 +1,12 @@
-"""Limits of the supply and thresholds of the guards: the sections ``supply`` and ``safety``."""
+"""Thresholds of the guards: the section ``safety``."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 from sma_actuator.base.parameters import parameter
-
-
-@dataclass(frozen=True, slots=True)
-class SupplyParameters:
-    """What the supply may do to the wire."""
-
-    bias_current: float = parameter(
-        0.05,
-        "current that always flows while enabled, to measure resistance with",
-        "A",
-        1e-4,
-        5.0,
-        hint="amperes are wanted: 50 mA is 0.05",
-    )
-    max_current: float = parameter(
-        description="current that no setpoint, topic or fault can exceed",
-        unit="A",
-        lo=1e-3,
-        hi=20.0,
-        hint="amperes are wanted: 400 mA is 0.4",
-    )
-    max_voltage: float = parameter(
-        description="compliance voltage; the supply's over-voltage trip sits just above", unit="V", lo=0.1, hi=60.0
-    )
-    over_current_trip: float = parameter(
-        description="the supply's own over-current trip: what the wire survives for ever", unit="A", lo=1e-3, hi=20.0
-    )
-    watchdog_timeout: float = parameter(
-        1.0, "silence after which the supply cuts its own output; 0: the supply has no watchdog", "s", 0.0, 3600.0
-    )
-    allow_no_watchdog: bool = parameter(
-        False, "drive a supply that has no watchdog: a killed computer then leaves the current on"
-    )
-    allow_single_session: bool = parameter(
-        False,
-        "drive a supply that has no watchdog and is not known to take a second session: one that hangs then leaves the "
-        "current on",
-    )
+from sma_actuator.base.sections import Loop, SupplyParameters, ThermalParameters, Wire
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,3 +57,58 @@ class SafetyParameters:
     outside_calibration_time: float = parameter(
         5.0, "time outside the model's calibration that is a fault", "s", 0.0, 3600.0, live=True
     )
+
+
+class SetpointTimeout(Protocol):
+    """How long a setpoint may be awaited, which the control law says."""
+
+    @property
+    def setpoint_timeout(self) -> float:
+        """Longest silence of the commander [s]."""
+
+    @property
+    def joint_command_timeout(self) -> float:
+        """Longest silence of a stream of joint commands [s]."""
+
+
+class CoolingWire(Protocol):
+    """What a cooling wire shows of its heat, which the calibration says."""
+
+    @property
+    def cooling_position(self) -> float:
+        """The displacement at which the rises were noted [m]."""
+
+    def cooling_rise_K(self, stress_Pa: float) -> float:
+        """Temperature above ambient when the cooling wire passes there."""
+
+
+class SafetySections(Protocol):
+    """The parameters that the guards read; a ``Config`` has them."""
+
+    @property
+    def wire(self) -> Wire:
+        """The wire."""
+
+    @property
+    def loop(self) -> Loop:
+        """The time of the loop."""
+
+    @property
+    def supply(self) -> SupplyParameters:
+        """Limits of the supply."""
+
+    @property
+    def thermal(self) -> ThermalParameters:
+        """The heat balance."""
+
+    @property
+    def safety(self) -> SafetyParameters:
+        """Thresholds."""
+
+    @property
+    def controller(self) -> SetpointTimeout:
+        """How long a setpoint may be awaited."""
+
+    @property
+    def calibration(self) -> CoolingWire:
+        """What a cooling wire shows of its heat."""

@@ -11,16 +11,13 @@ import enum
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf, nan
-from typing import TYPE_CHECKING, Generic, ParamSpec
+from typing import Generic, ParamSpec
 
 from sma_actuator.base.signals import Command, Estimate, Reading, Signals, SupplyState
 
 from .formula import Formula
+from .parameters import SafetySections
 from .thermal import WireHeat
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
-
 
 P = ParamSpec("P")
 
@@ -144,7 +141,7 @@ class Memory:
 class Step:
     """What the guards see of one step.  ``reading`` is None where there is no usable new one."""
 
-    config: Config
+    config: SafetySections
     memory: Memory
     now_s: float
     dt_s: float

@@ -6,8 +6,8 @@ what follows from a fault stands beside its guard.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from math import inf, nan, sqrt
-from typing import TYPE_CHECKING
 
 from sma_actuator.base.signals import Command, Reading
 
@@ -15,13 +15,10 @@ from .faults import FAULTS
 from .guards.program import command_invalid
 from .guards.readings import voltages
 from .limits import STRESS_NEAR_LIMIT, TEMPERATURE_DERATING
+from .parameters import SafetySections
 from .records import Action, Fault, Guard, Limit, Memory, Step
 from .thermal import WireHeat, derated_limit_A
-from .timing import SETTLING_READINGS, SETTLING_TIME_S
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
-
+from .timing import SETTLING_READINGS, SETTLING_TIME_s
 
 _OFF = Command(0.0, False)
 
@@ -29,7 +26,7 @@ _OFF = Command(0.0, False)
 class Supervisor:
     """Watches one wire; latches faults; passes, lowers or cuts the command."""
 
-    def __init__(self, config: Config):
+    def __init__(self, config: SafetySections):
         self.config = config
         self.latched: Fault | None = None
         self.detail = ""  #: of the latched fault
@@ -50,7 +47,7 @@ class Supervisor:
 
     def settled(self, now_s: float) -> bool:
         """Whether current and readings belong together since the output went on."""
-        return now_s - self._enabled_s >= SETTLING_TIME_S and self._good_readings >= SETTLING_READINGS
+        return now_s - self._enabled_s >= SETTLING_TIME_s and self._good_readings >= SETTLING_READINGS
 
     def latch(self, fault: Fault, detail: str) -> None:
         """Latch a fault; the first one stays, since it is the cause."""
@@ -72,8 +69,8 @@ class Supervisor:
             self._resistance_Ohm = power_W / current_A**2
         self.heat.step(power_W, dt_s, ambient_C, self.config.thermal)
 
-    def inspect(self, step: Step) -> dict[Fault, str]:
-        """The faults of this step and why; those that latch are latched.
+    def inspect(self, step: Step, but: Collection[str] = ()) -> dict[Fault, str]:
+        """The faults of this step and why, but for those of these names; those that latch are latched.
 
         While the output is off, most only prevent it from going on (``present``).
         """
@@ -81,7 +78,9 @@ class Supervisor:
             self._good_readings += 1
         self.present = {}
         for fault in FAULTS.values():
-            if isinstance(fault, Guard) and fault.each_step and (detail := fault.look(step)):
+            if fault.name in but or not (isinstance(fault, Guard) and fault.each_step):
+                continue
+            if detail := fault.look(step):
                 self.present[fault] = detail
         found = {f: d for f, d in self.present.items() if step.driven or f.while_off or not f.latches}
         for fault, detail in found.items():  # in the order of FAULTS: the gravest first

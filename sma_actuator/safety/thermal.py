@@ -14,57 +14,15 @@ of the wire's time constants; meanwhile it may be driven with less current.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
-from sma_actuator.base.parameters import parameter
+from sma_actuator.base.sections import ThermalParameters
 
 #: The hottest that a wire may be is aimed at with this distance, for noise and a resistance that rises.
 HEADROOM_K = 5.0
 #: Surroundings no wire is driven in [°C]; a sensor that reads more is not believed.
 HOTTEST_AMBIENT_C = 100.0
 #: A sensor that falls below the usual temperature is followed at this rate: surroundings cool no faster.
-AMBIENT_FALL_K_S = 0.1
-
-
-@dataclass(frozen=True, slots=True)
-class ThermalParameters:
-    """Heat balance on measured power, C dT/dt = P − h (T − T_ambient), latent heat left out (so it errs hot)."""
-
-    heat_capacity: float = parameter(description="heat capacity of the wire", unit="J/K", lo=1e-6, hi=1e3)
-    heat_loss: float = parameter(description="heat lost per kelvin above ambient", unit="W/K", lo=1e-6, hi=1e2)
-    heat_loss_margin: float = parameter(
-        3.0,
-        "the wire stays below max_temperature even where it loses this many times less heat than heat_loss",
-        "1",
-        1.0,
-        10.0,
-        live=True,
-    )
-    ambient_temperature: float = parameter(
-        24.0, "temperature of the surroundings where none is measured", "°C", -60.0, 100.0, live=True
-    )
-    ambient_tolerance: float = parameter(
-        15.0,
-        "the surroundings are never colder than ambient_temperature by more than this; a sensor that says so is not "
-        "believed",
-        "K",
-        0.0,
-        100.0,
-        live=True,
-    )
-    ambient_stuck_time: float = parameter(
-        600.0,
-        "time with not one changed digit after which an ambient sensor is believed only where it reads more than "
-        "ambient_temperature",
-        "s",
-        1.0,
-        1e6,
-        live=True,
-    )
-    derate_temperature: float = parameter(
-        160.0, "estimated temperature where the current limit starts to fall", "°C", 40.0, 400.0, live=True
-    )
-    max_temperature: float = parameter(200.0, "temperature that the wire must never have", "°C", 40.0, 400.0, live=True)
+AMBIENT_FALL_K_s = 0.1
 
 
 class HeatBalance:
@@ -112,7 +70,7 @@ class Ambient:
         usual_C = parameters.ambient_temperature
         self.doubt = "" if math.isnan(read_C) else self._doubt(read_C, parameters)
         believed_C = usual_C if self.doubt or math.isnan(read_C) else read_C
-        self.temperature_C = max(believed_C, min(self.temperature_C, usual_C) - AMBIENT_FALL_K_S * dt_s)
+        self.temperature_C = max(believed_C, min(self.temperature_C, usual_C) - AMBIENT_FALL_K_s * dt_s)
         return self.temperature_C
 
     def _doubt(self, read_C: float, parameters: ThermalParameters) -> str:

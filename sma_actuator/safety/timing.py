@@ -5,7 +5,7 @@ from __future__ import annotations
 from .formula import parameter_value
 
 #: Time after enabling in which only the bias current flows, to find out where the wire is.
-SETTLING_TIME_S = 0.25
+SETTLING_TIME_s = 0.25
 #: Readings with current that settling takes at least.
 SETTLING_READINGS = 3
 

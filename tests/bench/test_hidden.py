@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from sma_actuator.bench import Schedule, Spring, VirtualBench, Weight
-from sma_actuator.bench.hidden import EFFECTS, FOREIGN, HiddenBench
+from sma_actuator.bench.hidden import FOREIGN, TWINS, HiddenBench, hidden_effects
 from sma_actuator.plant.worlds import WORLDS
 
-ALL = EFFECTS | FOREIGN
-SESSION_S = 36.0
+ALL = hidden_effects()
+SESSION_s = 36.0
 STRENGTH = {
     "lead_resistance": 0.1,
     "contact_drift": 0.2,
@@ -78,7 +78,7 @@ REACHES = {
 }
 
 
-def drive(bench, seconds=SESSION_S):
+def drive(bench, seconds=SESSION_s):
     """Blocks of 50 samples, averaged, shape (n, 5), under full and incomplete pulses."""
     bench.supply.set_voltage(15.0)
     bench.supply.set_output(True)
@@ -105,7 +105,7 @@ LOADS = {
 
 
 def hidden(load="weight", seed=0, **effects):
-    return drive(HiddenBench.from_name("flexinol", seed=seed, load=LOADS[load], hidden=effects, session_s=SESSION_S))
+    return drive(HiddenBench.from_name("flexinol", seed=seed, load=LOADS[load], hidden=effects, session_s=SESSION_s))
 
 
 def displacement_m(rows):
@@ -121,7 +121,7 @@ def resistance_Ohm(rows):
 
 
 def test_every_effect_says_what_it_is():
-    assert len(FOREIGN) >= 6 and not set(EFFECTS) & set(FOREIGN)
+    assert len(FOREIGN) >= 6 and not set(TWINS) & set(FOREIGN)
     assert set(STRENGTH) == set(REACHES) == set(ALL)
     for effect in ALL.values():
         assert effect.__doc__.endswith(".") and effect.unit and effect.where
@@ -149,7 +149,7 @@ def test_a_weak_effect_is_weak(name):
 
 
 @pytest.mark.parametrize("physics", [name for name in WORLDS if name != "liang_rogers"])
-@pytest.mark.parametrize("name", [n for n in EFFECTS if EFFECTS[n].where == "wire"])
+@pytest.mark.parametrize("name", [n for n in TWINS if TWINS[n].where == "wire"])
 def test_an_effect_in_the_wire_works_in_every_physics(name, physics):
     """It moves what the displacement sensor shows about as much as at home."""
 
@@ -286,7 +286,7 @@ def test_a_slip_shifts_from_then_on():
     rows = hidden(slip=5e-4)
     error = displacement_m(rows) - displacement_m(plain())
     jump = int(np.argmax(error > 2.5e-4))
-    assert SESSION_S * 20 / 3 - 1 <= jump <= SESSION_S * 20 * 2 / 3 + 1
+    assert SESSION_s * 20 / 3 - 1 <= jump <= SESSION_s * 20 * 2 / 3 + 1
     assert np.abs(error[: jump - 1]).max() < 1e-5 and np.abs(error[jump + 1 :] - 5e-4).max() < 1e-5
 
 

@@ -17,6 +17,8 @@ EVENTS = {
     "enable": lambda machine: machine.enable(),
     "off": lambda machine: machine.switch_off(),
     "setpoint": lambda machine: machine.track(1.0, 0.003),
+    "near": lambda machine: machine.command(1.0, 0.003, 0.00301, 1e-4),
+    "far": lambda machine: machine.command(1.0, 0.003, 0.0035, 1e-4),
     "trajectory": lambda machine: machine.follow(1.0, RAMP, 0.0),
     "later": lambda machine: machine.follow(1.0, RAMP, 5.0),
     "stop": lambda machine: machine.stop(),
@@ -34,13 +36,13 @@ WAYS = {
 }
 #: What each event makes of each state; * : and the controller begins anew; . : nothing happens.
 TABLE = """
-               enable    off  setpoint   trajectory  later  stop      hold           bias
-OFF            HOLDING*  .    .          .           .      .         .              .
-HOLDING        .         OFF  TRACKING   FOLLOWING   .      HOLDING*  .              .
-TRACKING       .         OFF  TRACKING   FOLLOWING   .      HOLDING*  LOST_HOLDING*  LOST_AT_BIAS*
-FOLLOWING      .         OFF  TRACKING   FOLLOWING   .      HOLDING*  LOST_HOLDING*  LOST_AT_BIAS*
-LOST_HOLDING   .         OFF  TRACKING   FOLLOWING   .      HOLDING*  .              .
-LOST_AT_BIAS   .         OFF  TRACKING*  FOLLOWING*  .      HOLDING*  .              .
+               enable    off  setpoint   near       far  trajectory  later  stop      hold           bias
+OFF            HOLDING*  .    .          .          .    .           .      .         .              .
+HOLDING        .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  .              .
+TRACKING       .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  LOST_HOLDING*  LOST_AT_BIAS*
+FOLLOWING      .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  LOST_HOLDING*  LOST_AT_BIAS*
+LOST_HOLDING   .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  .              .
+LOST_AT_BIAS   .         OFF  TRACKING*  TRACKING*  .    FOLLOWING*  .      HOLDING*  .              .
 """
 HEAD, *ROWS = (line.split() for line in TABLE.strip().splitlines())
 
@@ -92,6 +94,24 @@ def test_a_controller_that_has_yet_to_begin_does_so_also_after_a_setpoint():
     machine.begun(0.004)
     assert not machine.anew
     assert machine.position_m(0.0) == 0.003, "the setpoint stands: only a wire that is held is held where it was"
+
+
+@pytest.mark.parametrize("event", ["off", "setpoint", "trajectory", "stop", "hold", "bias"])
+def test_a_joint_command_counts_wherever_it_is_until_anything_else_is_wanted(event):
+    machine = machine_in(State.HOLDING)
+    EVENTS["near"](machine)
+    assert machine.command(2.0, 0.001, wire_m=0.003, near_m=1e-4)
+    assert machine.position_m(2.0) == 0.001
+    EVENTS[event](machine)
+    if event == "off":
+        machine.enable()
+    if machine.anew:
+        assert not machine.command(3.0, 0.003, wire_m=0.003, near_m=1e-4), "the controller has not begun"
+        machine.begun(0.003)
+    before = machine.state
+    assert not machine.command(3.0, 0.001, wire_m=0.003, near_m=1e-4)
+    assert machine.state is before
+    assert machine.command(3.0, 0.003, wire_m=0.003, near_m=1e-4)
 
 
 def test_a_trajectory_is_followed_to_its_end_which_stands_and_only_then_there_is_silence():
@@ -156,6 +176,13 @@ class AnyOrder(RuleBasedStateMachine):
     def track(self, position_m, stamp_s):
         self.machine.track(stamp_s, position_m)
 
+    @rule(position_m=st.floats(0.0, 0.01), wire_m=any_time, stamp_s=any_time)
+    def command(self, position_m, wire_m, stamp_s):
+        armed, near = self.machine.armed, abs(position_m - wire_m) <= 2e-4
+        counts = self.machine.command(stamp_s, position_m, wire_m, 2e-4)
+        assert not counts or armed or near, "the wire was to jump"
+        assert not counts or self.machine.state is State.TRACKING
+
     @rule(delay_s=any_time)
     def follow(self, delay_s):
         self.machine.follow(self.now_s, RAMP, delay_s)
@@ -188,6 +215,10 @@ class AnyOrder(RuleBasedStateMachine):
     def once_the_controller_has_begun_there_is_a_position_to_reach(self):
         if self.machine.wants_position and not self.machine.anew:
             assert math.isfinite(self.machine.position_m(self.now_s))
+
+    @invariant()
+    def joint_commands_are_followed_only_while_one_is_tracked(self):
+        assert not self.machine.armed or self.machine.state is State.TRACKING
 
     @invariant()
     def the_setpoint_is_lost_exactly_where_the_state_says_so(self):

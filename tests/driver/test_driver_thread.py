@@ -216,6 +216,37 @@ def test_the_supply_is_told_only_what_is_new(make_driver):
     assert supply.settings == [("output", False), ("current", 0.0)]
 
 
+def test_why_the_loop_hung_is_said_although_it_goes_on_while_the_watchman_cuts(make_driver, caplog):
+    class Supply(StandInSupply):
+        def shut_down(self):
+            off = super().shut_down()
+            daq.release.set()
+            steps = driver.statistics().steps
+            while driver.statistics().steps < steps + 2 and time.monotonic() < deadline_s:
+                time.sleep(1e-3)
+            return off
+
+    outputs = Outputs()
+    supply = Supply()
+    daq = StandInDaq(supply)
+    driver = make_driver(daq, supply, on_output=outputs)
+    deadline_s = time.monotonic() + 3 * SOON_s
+    driver.start()
+    outputs.wait_for(lambda _: len(outputs.all) > 3)
+    driver.enable(True)
+    outputs.wait_for(lambda output: output.command.output_on)
+    daq.hang = True
+    assert daq.hanging.wait(SOON_s)
+    daq.hang = False
+    outputs.wait_for(lambda output: output.status.fault == "loop_hung")
+    while "the control loop hangs" not in caplog.text:
+        assert time.monotonic() < deadline_s
+        time.sleep(1e-3)
+    assert "the control loop hangs (no step for" in caplog.text
+    messages = [output.status.message for output in outputs.all if output.status.fault == "loop_hung"]
+    assert all("the control loop hangs (no step for" in message for message in messages)
+
+
 def test_an_output_that_somebody_else_switches_on_is_switched_off(make_driver):
     outputs = Outputs()
     driver = make_driver(on_output=outputs)
@@ -312,8 +343,9 @@ def runs():
         ),
         ("with signals_end_the_program(): runs(); threading.Event().wait(60)", signal.SIGTERM, 128 + signal.SIGTERM),
         ("with signals_end_the_program(): runs(); threading.Event().wait(60)", signal.SIGHUP, 128 + signal.SIGHUP),
+        ("with signals_end_the_program(): runs(); threading.Event().wait(60)", signal.SIGQUIT, 128 + signal.SIGQUIT),
     ],
-    ids=["end of the program", "sys.exit", "exception", "SIGINT", "SIGTERM", "SIGHUP"],
+    ids=["end of the program", "sys.exit", "exception", "SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT"],
 )
 def test_however_a_program_ends_the_supply_is_shut_down(make_config, ending, kill_with, code):
     process = subprocess.Popen(

@@ -42,11 +42,11 @@ def sample(arrays, i):
 def test_sample_by_sample_gives_the_numbers_of_replay(config):
     arrays = signals()
     live, replay = Chain(config), Chain(config)
-    trace = replay.run(arrays)
+    experiment = replay.run(arrays)
     for i in range(len(arrays.time_s)):
         estimate = live.step(sample(arrays, i))[1]
         for name in ("displacement_m", "strain", "velocity_m_s", "branch", "quality"):
-            assert getattr(estimate, name) == getattr(trace, name)[i], f"{name} of sample {i}"
+            assert getattr(estimate, name) == getattr(experiment, name)[i], f"{name} of sample {i}"
 
 
 @pytest.mark.parametrize(
@@ -100,11 +100,11 @@ def test_replay_treats_gaps_as_the_node_does(config):
     arrays.resistance_Ohm[[0, 20, 21]] = nan
     arrays.resistance_Ohm[[40, 59]] = 0.0
     arrays.time_s[50] = nan
-    trace, live = Chain(config).run(arrays), Chain(config)
+    experiment, live = Chain(config).run(arrays), Chain(config)
     for i in range(60):
         estimate = live.step(sample(arrays, i))[1]
-        assert estimate.quality == trace.quality[i]
-        np.testing.assert_equal(estimate.displacement_m, trace.displacement_m[i])
+        assert estimate.quality == experiment.quality[i]
+        np.testing.assert_equal(estimate.displacement_m, experiment.displacement_m[i])
 
 
 @pytest.mark.parametrize(

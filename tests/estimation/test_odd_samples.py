@@ -66,8 +66,10 @@ def test_an_estimate_that_is_no_number_is_invalid(model, effects):
             for sample in samples:
                 found = live.step(Signals(**sample))[1]
                 assert shown(found.displacement_m, found.strain, found.velocity_m_s, found.quality), found
-            trace = replay.run(Signals(**{name: np.array([s[name] for s in samples]) for name in NAMES}))
-        for row in zip(trace.displacement_m, trace.strain, trace.velocity_m_s, trace.quality, strict=True):
+            experiment = replay.run(Signals(**{name: np.array([s[name] for s in samples]) for name in NAMES}))
+        for row in zip(
+            experiment.displacement_m, experiment.strain, experiment.velocity_m_s, experiment.quality, strict=True
+        ):
             assert shown(*row), row
 
     holds()

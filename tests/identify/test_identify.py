@@ -59,10 +59,10 @@ def mean_error_percent(logs, config):
     low_m, high_m = config.model.build(config.wire).displacement_range_m
     errors = []
     for log in logs:
-        trace = make_experiment(log, config)
-        inside = (low_m <= trace.displacement_m) & (trace.displacement_m <= high_m)
+        experiment = make_experiment(log, config)
+        inside = (low_m <= experiment.displacement_m) & (experiment.displacement_m <= high_m)
         errors.append(
-            np.abs(estimate_m(trace, config) - trace.displacement_m)[inside] / config.wire.full_stroke_m * 100
+            np.abs(estimate_m(experiment, config) - experiment.displacement_m)[inside] / config.wire.full_stroke_m * 100
         )
     return float(np.concatenate(errors).mean())
 
@@ -85,8 +85,8 @@ def alone(config):
 
 def as_measured_by(result, log, noise_m=0.0):
     """``log`` with the displacement that the identified model gives, so that the truth is known."""
-    trace = make_experiment(log, result.config)
-    displacement_m = Chain(alone(result.config)).judge(trace.signals).displacement_m
+    experiment = make_experiment(log, result.config)
+    displacement_m = Chain(alone(result.config)).judge(experiment.signals).displacement_m
     columns = {k: v for k, v in log.columns.items() if k != "lvdt_current_A"}
     columns["displacement_m"] = displacement_m + noise_m * np.random.default_rng(0).standard_normal(len(log))
     return dataclasses.replace(log, columns=columns)
@@ -188,16 +188,16 @@ def test_appendix_c_uses_the_parameters_of_the_thesis():
 
 
 def test_the_indeterminate_ends_are_found(flexinol):
-    trace = make_experiment(flexinol.only("pulses_1.200N")[0], bench_from_mapping(flexinol.mapping))
-    low_m, high_m = determinate_interval_m(trace)
-    shortest_m, longest_m = np.percentile(trace.displacement_m, (1, 99))
+    experiment = make_experiment(flexinol.only("pulses_1.200N")[0], bench_from_mapping(flexinol.mapping))
+    low_m, high_m = determinate_interval_m(experiment)
+    shortest_m, longest_m = np.percentile(experiment.displacement_m, (1, 99))
     assert shortest_m < low_m < shortest_m + 0.15 * (longest_m - shortest_m)
     assert longest_m - 0.15 * (longest_m - shortest_m) < high_m < longest_m
 
 
 def test_loads_that_are_nearly_equal_count_once(flexinol):
-    traces = make_experiments(flexinol.only("pulses"), bench_from_mapping(flexinol.mapping))
-    assert distinct_stresses(traces) == 4 and distinct_stresses([*traces, *traces]) == 4
+    experiments = make_experiments(flexinol.only("pulses"), bench_from_mapping(flexinol.mapping))
+    assert distinct_stresses(experiments) == 4 and distinct_stresses([*experiments, *experiments]) == 4
 
 
 def without_cooling(log):
@@ -343,8 +343,10 @@ def test_a_normalised_model_from_wires_of_two_sizes_suits_a_third(wire, flexinol
 
 def test_normalised_and_exclusive_model_of_one_wire_agree(flexinol, joint):
     normalised = identify(flexinol.logs, flexinol.mapping, "flexinol_normalised", order=2)
-    trace = make_experiment(flexinol.only("partial_1.200N")[0], joint.config)
-    np.testing.assert_allclose(estimate_m(trace, normalised.config), estimate_m(trace, joint.config), atol=1e-6)
+    experiment = make_experiment(flexinol.only("partial_1.200N")[0], joint.config)
+    np.testing.assert_allclose(
+        estimate_m(experiment, normalised.config), estimate_m(experiment, joint.config), atol=1e-6
+    )
     low, high = normalised.intervals["initial_slope"][0]
     assert low < normalised.config.model.initial_slope < high
 
@@ -398,8 +400,10 @@ def test_the_command_writes_a_file_that_the_node_accepts_and_a_page(flexinol, tm
     summary = json.loads((tmp_path / "id.json").read_text())
     assert len(summary["intervals_95_percent"]["heating_slope"]) == 3 and len(summary["errors"]) == 8
     page = (tmp_path / "model.html").read_text()
-    for heading in ("Loops", "Coefficients against stress", "Transition curves", "Replay", "Fatigue"):
+    for heading in ("Coefficients against stress", "Transition curves", "Replay", "Fatigue"):
         assert heading in page
+    assert "ood for control from" in page.split("<figure")[0] and "thesis" not in page
+    assert "m/Ω/Pa²" in page and ">heating_slope<" not in page
     assert page.count("data:image/png") >= 6
 
 

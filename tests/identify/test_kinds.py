@@ -25,6 +25,7 @@ def model_of(flexinol, logs, out):
             str(flexinol.folder / "bench.yaml"),
             "--model",
             "flexinol",
+            "--no-extension",
             "--order",
             "2",
             "--out",
@@ -69,10 +70,12 @@ def together(flexinol, words, gap_s=0.05):
     "words", [[f"pulses_{n}", f"partial_{n}"] for n in LOADS] + [[f"partial_{n}", f"pulses_{n}"] for n in LOADS]
 )
 def test_a_log_of_both_kinds_is_cut_where_they_meet(flexinol, words):
-    traces = make_experiments([together(flexinol, words)], bench_from_mapping(flexinol.mapping))
-    assert [trace.kind for trace in traces] == [{"pulses": FULL, "partial": PARTIAL}[w.split("_")[0]] for w in words]
+    experiments = make_experiments([together(flexinol, words)], bench_from_mapping(flexinol.mapping))
+    assert [experiment.kind for experiment in experiments] == [
+        {"pulses": FULL, "partial": PARTIAL}[w.split("_")[0]] for w in words
+    ]
     separate = make_experiments([flexinol.only(word)[0] for word in words], bench_from_mapping(flexinol.mapping))
-    assert [trace.cycle[-1] for trace in traces] == [trace.cycle[-1] for trace in separate]
+    assert [experiment.cycle[-1] for experiment in experiments] == [experiment.cycle[-1] for experiment in separate]
 
 
 @pytest.mark.parametrize("gap_s", [0.05, 30.0], ids=["one after the other", "with pauses"])
@@ -98,13 +101,13 @@ def test_of_many_full_cycles_some_are_fitted_and_that_is_said(flexinol, labelled
 
 def test_partial_cycles_that_start_cold_are_not_taken_for_full_ones(flexinol):
     bare = [dataclasses.replace(log, metadata={}) for log in flexinol.only("partial", "pulses_0.600N", "pulses_1.200N")]
-    traces = make_experiments(bare, bench_from_mapping(flexinol.mapping))
-    assert {t.name: t.kind for t in traces} == {t.name: t.name.split("_")[0] for t in traces}
+    experiments = make_experiments(bare, bench_from_mapping(flexinol.mapping))
+    assert {t.name: t.kind for t in experiments} == {t.name: t.name.split("_")[0] for t in experiments}
 
 
 def test_weights_one_after_the_other_are_stretches_of_their_own(flexinol):
     words = [f"pulses_{load}" for load in LOADS]
-    traces = make_experiments([together(flexinol, words)], bench_from_mapping(flexinol.mapping))
-    loads_N = [float(np.mean(trace.signals.load_N)) for trace in traces]
+    experiments = make_experiments([together(flexinol, words)], bench_from_mapping(flexinol.mapping))
+    loads_N = [float(np.mean(experiment.signals.load_N)) for experiment in experiments]
     np.testing.assert_allclose(loads_N, [0.3, 0.6, 1.2, 2.0], atol=0.02)
-    assert all(trace.kind == FULL for trace in traces)
+    assert all(experiment.kind == FULL for experiment in experiments)

@@ -80,10 +80,12 @@ def test_unseen_logs_are_met_over_the_whole_range_and_better_than_by_the_thesis(
     errors, inside = {"thesis": [], "whole": []}, []
     for log in unseen:
         for name, config in (("thesis", thesis.config), ("whole", whole.config)):
-            trace = make_experiment(log, config)
-            found = Chain(config).run(trace.signals)
-            errors[name].append(np.abs(found.displacement_m - trace.displacement_m) / config.wire.full_stroke_m * 100)
-        inside.append(np.abs(found.displacement_m - trace.displacement_m) <= found.uncertainty_m)
+            experiment = make_experiment(log, config)
+            found = Chain(config).run(experiment.signals)
+            errors[name].append(
+                np.abs(found.displacement_m - experiment.displacement_m) / config.wire.full_stroke_m * 100
+            )
+        inside.append(np.abs(found.displacement_m - experiment.displacement_m) <= found.uncertainty_m)
         assert (found.quality == Quality.DETERMINATE).mean() > 0.95  # both ends included
     mean = {name: float(np.concatenate(each).mean()) for name, each in errors.items()}
     assert mean["whole"] < 0.75 * mean["thesis"]

@@ -8,7 +8,7 @@ from sma_actuator.base.parameters import ConfigError
 from sma_actuator.config import Config
 from sma_actuator.instruments import InstrumentRefused, open_daq, open_supply
 from sma_actuator.instruments.clock import MonotonicClock
-from sma_actuator.instruments.dialect import FOLDER, Dialect
+from sma_actuator.instruments.dialect import FOLDER, Dialect, yes
 
 SHIPPED = sorted((path.stem, yaml.safe_load(path.read_text())["kind"]) for path in FOLDER.glob("*.yaml"))
 
@@ -177,6 +177,8 @@ def test_a_supply_hears_its_manuals_commands_and_no_other(make_config, name):
                     "instruments": {"supply": {"resource": server.resource, "dialect": name, "channel": 2}},
                     "supply.allow_no_watchdog": name != "keysight_n6700",
                     "supply.allow_single_session": name != "keysight_n6700",
+                    "supply.allow_shared_watchdog": name == "keysight_n6700",
+                    "supply.allow_no_trips": name == "keysight_n6700",
                 }
             )
         )
@@ -309,3 +311,17 @@ def test_a_faulty_dialect_is_refused_in_a_sentence_with_its_file(tmp_path, chang
     with pytest.raises(ConfigError, match=words) as caught:
         Dialect.load(str(path), "supply")
     assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("reply", "on"),
+    [("1", True), ("0", False), ("ON", True), ("off", False), ("+1", True), ("1.000000E+00", True), ("0.0", False)]
+    + [('"ON"', True)]
+    + [(words, None) for words in ("", "2", "nan", "1A", "inf", "-", "0x1")],
+)
+def test_a_supply_may_say_on_and_off_as_words_or_as_any_scpi_number(reply, on):
+    if on is None:
+        with pytest.raises(ValueError, match="neither on nor off"):
+            yes(reply)
+    else:
+        assert yes(reply) is on

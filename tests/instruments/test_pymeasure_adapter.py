@@ -23,6 +23,7 @@ def supply_of(server, make_config, dotted=E36312A, accepted=True):
         "instruments": {"supply": {"resource": server.resource if server else "x", "pymeasure_class": dotted}},
         "supply.allow_no_watchdog": accepted,
         "supply.allow_single_session": accepted,
+        "supply.allow_no_trips": accepted,
     }
     return open_supply(Config.from_mapping(make_config(**changes)))
 

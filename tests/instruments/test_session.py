@@ -130,9 +130,19 @@ def test_a_side_that_reads_nothing_holds_nobody_up(peer, session):
 
 def test_what_was_not_asked_for_ends_the_connection_before_the_next_question(peer, session):
     peer.connection.sendall(b"1\n2\n")
-    with pytest.raises(InstrumentLost, match=r"said '1\s2' without being asked"):
+    with pytest.raises(InstrumentLost, match=r"said '1\\n2' without being asked"):
         while True:  # until it has arrived
             session.ask("CURR?")
+
+
+@pytest.mark.parametrize(
+    "reply", [b"\x001", b"\x1b[2J1", b"1\r1"], ids=["NUL", "a terminal's command", "half a line end"]
+)
+def test_an_answer_that_is_no_text_is_none_and_is_shown_harmless(peer, session, reply):
+    peer.answer(reply + b"\n")
+    with pytest.raises(InstrumentLost, match="which is not an answer to that") as error:
+        session.ask("CURR?")
+    assert str(error.value).isprintable()
 
 
 def test_two_lines_for_one_question_end_the_connection(peer, session):

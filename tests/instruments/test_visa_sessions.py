@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import re
 import select
 import socket
 import threading
@@ -9,6 +10,7 @@ import time
 
 import pytest
 import pyvisa
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from stand_in_server import ScpiStandIn
@@ -26,6 +28,7 @@ from sma_actuator.instruments import (
     open_supply,
 )
 from sma_actuator.instruments.clock import MonotonicClock
+from sma_actuator.instruments.dialect import FOLDER
 from sma_actuator.instruments.scpi import ScpiSupply
 
 
@@ -411,6 +414,7 @@ class TestBystander:
                 resource = f"TCPIP::127.0.0.1::{server.ports[0]['supply']}::SOCKET"
                 changes = {"instruments": {"supply": {"resource": resource, "dialect": dialect, "timeout": 2.0}}}
                 changes |= {"supply.watchdog_timeout": 0.5, "safety.reading_timeout": 5.0}
+                changes["supply.allow_shared_watchdog"] = True
                 supply = open_supply(Config.from_mapping(make_config(**changes)))
                 stack.callback(supply.close)
                 supply.open()
@@ -456,6 +460,7 @@ class TestBystander:
 @pytest.mark.parametrize("dialect", ["virtual_bench_supply", "virtual_bench_supply_shared"])
 def test_a_second_program_that_wants_the_supply_does_not_say_a_word_to_it(stand_in, make_config, dialect):
     changes = {"instruments": {"supply": {"resource": stand_in.resource, "dialect": dialect}}}
+    changes["supply.allow_shared_watchdog"] = True
     stand_in.replies[":OUTP:PROT:WDOG:SESS?"] = "1"
     one, other = (open_supply(Config.from_mapping(make_config(**changes))) for _ in range(2))
     one.open()
@@ -487,31 +492,47 @@ def test_after_a_reset_behind_the_connection_everything_is_found_and_programmed_
             supply.check_next_setting()
 
 
-@pytest.mark.parametrize(
-    ("acknowledged", "words"),
-    [
-        ({}, "has no communication watchdog.*wire a relay.*supply.allow_no_watchdog: true acknowledges that"),
-        (
-            {"supply.allow_no_watchdog": True},
-            "is not known to take a second session.*wire a switch.*supply.allow_single_session: true acknowledges that",
-        ),
-        ({"supply.allow_no_watchdog": True, "supply.allow_single_session": True}, ""),
-    ],
-)
+#: What a family cannot do, the parameter that acknowledges it, and what to wire up.
+UNSAFE = {
+    "rigol_dp800": (
+        ("allow_no_watchdog", "has no communication watchdog.*wire a relay"),
+        ("allow_single_session", "is not known to take a second session.*wire a switch"),
+    ),
+    "keysight_n6700": (
+        ("allow_shared_watchdog", "watchdog that anybody's words feed.*a network of its own, or wire a relay"),
+        ("allow_no_trips", "has no over-current trip that can be read back.*wire a fuse"),
+    ),
+    "without_trips": (("allow_no_trips", "no over-voltage trip .* and no over-current trip .*wire a fuse"),),
+}
+
+
+@pytest.mark.parametrize("dialect", UNSAFE)
 def test_what_cannot_be_made_safe_is_said_with_what_to_wire_up_and_must_be_acknowledged(
-    make_config, acknowledged, words, caplog
+    make_config, dialect, caplog, tmp_path
 ):
-    server = ScpiStandIn({"*IDN?": "RIGOL TECHNOLOGIES,DP832,DP8C1234567,00.01.16", ":SYST:ERR?": '0,"No error"'})
-    changes = {"instruments": {"supply": {"resource": server.resource, "dialect": "rigol_dp800"}}, **acknowledged}
-    supply = open_supply(Config.from_mapping(make_config(**changes)))
+    replies = {"SYST:ERR?": '0,"No error"', ":SYST:ERR?": '0,"No error"', "OUTP:PROT:WDOG?": "1"}
+    replies |= {":OUTP:PROT:WDOG?": "1", ":OUTP:PROT:WDOG:SESS?": "1", "OUTP:PROT:WDOG:DEL?": "1"}
+    replies |= {":OUTP:PROT:WDOG:DEL?": "1", ":VOLT?": "6.0"}
+    replies["*IDN?"] = "RIGOL TECHNOLOGIES,DP832 and Keysight Technologies,N6700C and SMA Actuator,Virtual Supply"
+    server = ScpiStandIn(replies)
+    name = dialect
+    if dialect == "without_trips":
+        document = yaml.safe_load((FOLDER / "virtual_bench_supply.yaml").read_text())
+        del document["commands"]["set_over_voltage"], document["queries"]["over_voltage_setting"]
+        del document["queries"]["over_current_setting"]
+        (path := tmp_path / "mine.yaml").write_text(yaml.safe_dump(document))
+        name = str(path)
+    changes = {"instruments": {"supply": {"resource": server.resource, "dialect": name}}}
     try:
-        if words:
-            with pytest.raises(InstrumentRefused, match=words):
+        for parameter, words in UNSAFE[dialect]:
+            supply = open_supply(Config.from_mapping(make_config(**changes)))
+            with pytest.raises(InstrumentRefused, match=f"{words}.*supply.{parameter}: true acknowledges that"):
                 supply.open()
-            return
+            changes[f"supply.{parameter}"] = True
+        supply = open_supply(Config.from_mapping(make_config(**changes)))
         supply.open()
-        assert "wire a relay into its output" in caplog.text
-        assert "wire a switch into its output" in caplog.text
+        for _, words in UNSAFE[dialect]:
+            assert re.search(words, caplog.text)
         caplog.clear()
         supply.open()
         assert caplog.text == "", "once is enough"

@@ -14,9 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from sma_actuator.actuator import Output
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Quality, Reading, Signals, Status
+from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Output, Quality, Reading, Signals, Status
 from sma_actuator.config import Config
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.logs.recorder import ESTIMATE_COLUMNS, BenchLogRecorder

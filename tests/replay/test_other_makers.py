@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
+from sma_actuator.cli.identify import write_model
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config
 from sma_actuator.identify import identify
-from sma_actuator.identify.command import write_model
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log, write_bench_log
 
 G = 9.80665e-3  #: newtons per gram

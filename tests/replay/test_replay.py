@@ -9,10 +9,10 @@ import pytest
 from characterised import virtual_rig
 
 from sma_actuator.base.signals import Signals
+from sma_actuator.cli.identify import write_model
 from sma_actuator.cli.main import main
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
-from sma_actuator.identify.command import write_model
 from sma_actuator.identify.errors import log_error
 from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.identify.fitting import make_data
@@ -32,14 +32,14 @@ def model(flexinol):
 
 def test_a_replay_gives_what_the_node_would_have_given(flexinol, model):
     log = flexinol.only("partial_0.600N")[0]
-    trace = make_experiment(log, model.config)
+    experiment = make_experiment(log, model.config)
     estimator = Chain(model.config)
-    s = trace.signals
+    s = experiment.signals
     one_by_one = []
     for k in range(len(log)):
         fields = (s.time_s, s.resistance_Ohm, s.current_A, s.power_W, s.load_N, s.stress_Pa)
         one_by_one.append(estimator.step(Signals(*(float(f[k]) for f in fields)))[1].displacement_m)
-    np.testing.assert_allclose(estimate_m(trace, model.config), one_by_one, rtol=1e-12)
+    np.testing.assert_allclose(estimate_m(experiment, model.config), one_by_one, rtol=1e-12)
 
 
 def test_errors_are_counted_as_the_thesis_counts_them():
@@ -54,23 +54,24 @@ def test_errors_are_counted_as_the_thesis_counts_them():
 
 
 def test_taking_a_changing_load_for_constant_costs_accuracy(flexinol, model):
-    trace = make_experiment(flexinol.only("partial_2.000N")[0], model.config)
-    right, wrong = estimate_m(trace, model.config), estimate_m(trace, model.config, constant_load_N=0.3)
-    assert np.abs(wrong - trace.displacement_m).mean() > 5 * np.abs(right - trace.displacement_m).mean()
+    experiment = make_experiment(flexinol.only("partial_2.000N")[0], model.config)
+    right, wrong = estimate_m(experiment, model.config), estimate_m(experiment, model.config, constant_load_N=0.3)
+    assert np.abs(wrong - experiment.displacement_m).mean() > 5 * np.abs(right - experiment.displacement_m).mean()
 
 
-def in_the_world_of(traces, rule):
-    """Traces whose displacement follows ``rule(trace)`` [m]."""
+def in_the_world_of(experiments, rule):
+    """Experiments whose displacement follows ``rule(experiment)`` [m]."""
     return [
-        dataclasses.replace(t, signals=dataclasses.replace(t.signals, reference_displacement_m=rule(t))) for t in traces
+        dataclasses.replace(t, signals=dataclasses.replace(t.signals, reference_displacement_m=rule(t)))
+        for t in experiments
     ]
 
 
-def make_all_count(data, traces):
+def make_all_count(data, experiments):
     """Data in which every sample counts."""
-    displacement_m = np.concatenate([t.displacement_m for t in traces])
+    displacement_m = np.concatenate([t.displacement_m for t in experiments])
     return dataclasses.replace(
-        data, traces=tuple(traces), displacement_m=displacement_m, counts=np.ones(len(displacement_m), bool)
+        data, experiments=tuple(experiments), displacement_m=displacement_m, counts=np.ones(len(displacement_m), bool)
     )
 
 
@@ -85,21 +86,21 @@ def make_all_count(data, traces):
     ids=lambda value: getattr(value, "name", ""),
 )
 def test_a_baseline_learns_the_world_it_was_made_for(flexinol, model, baseline, rule):
-    traces = make_experiments(flexinol.only("partial"), model.config)
+    experiments = make_experiments(flexinol.only("partial"), model.config)
     data = make_data(make_experiments(flexinol.only("partial", "pulses"), model.config), 4e-3)
-    traces = in_the_world_of(traces, rule)
-    baseline.fit(make_all_count(data, traces))
-    for trace in traces:
-        assert np.abs(baseline.predict(trace) - trace.displacement_m).mean() < 0.01 * 4e-3
+    experiments = in_the_world_of(experiments, rule)
+    baseline.fit(make_all_count(data, experiments))
+    for experiment in experiments:
+        assert np.abs(baseline.predict(experiment) - experiment.displacement_m).mean() < 0.01 * 4e-3
 
 
 def test_the_duhem_model_learns_a_loop_that_lines_cannot(flexinol, model):
-    traces = make_experiments(flexinol.only("pulses_0.600N", "partial_0.600N"), model.config)
-    data = make_data(traces, model.config.wire.full_stroke_m)
+    experiments = make_experiments(flexinol.only("pulses_0.600N", "partial_0.600N"), model.config)
+    data = make_data(experiments, model.config.wire.full_stroke_m)
     errors = {}
     for baseline in (Duhem(), PolynomialInResistance(1)):
         baseline.fit(data)
-        estimate = np.concatenate([baseline.predict(t) for t in traces])
+        estimate = np.concatenate([baseline.predict(t) for t in experiments])
         errors[type(baseline)] = np.abs(estimate - data.displacement_m)[data.counts].mean()
     assert errors[Duhem] < 0.5 * errors[PolynomialInResistance]
 

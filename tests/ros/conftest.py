@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -15,6 +18,21 @@ from processes import Bench, Client, NodeProcess, parameter_file
 
 from sma_actuator.config import read_parameter_file
 
+ROOT = Path(__file__).resolve().parents[2]
+_LAUNCH = """
+import sys
+from launch import LaunchDescription, LaunchService
+from launch.actions import IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+arguments = [tuple(word.split(":=")) for word in sys.argv[2:]]
+service = LaunchService()
+source = PythonLaunchDescriptionSource(sys.argv[1])
+service.include_launch_description(
+    LaunchDescription([IncludeLaunchDescription(source, launch_arguments=arguments)])
+)
+sys.exit(service.run())
+"""
+
 
 @pytest.fixture(scope="session")
 def make_config(make_config):
@@ -23,7 +41,7 @@ def make_config(make_config):
     A machine that runs other things too may stop a process for some tenths of a second, which the driver rightly
     takes for a lost instrument; what it does then is tested in tests/driver, in the bench's own time.  Here it may last.
     """
-    identified = read_parameter_file(Path(__file__).resolve().parents[2] / "config" / "flexinol.yaml")
+    identified = read_parameter_file(ROOT / "config" / "flexinol.yaml")
     real = {section: identified[section] for section in ("model", "controller", "thermal", "estimator")}
     real |= {"safety.reading_timeout": 3.0, "supply.watchdog_timeout": 3.0, "loop.overruns_to_fault": 100}
     real |= {f"instruments.{name}.timeout": 1.4 for name in ("supply", "daq")}
@@ -82,3 +100,45 @@ def client_of_running_node(folder, make_config):
     client.close()
     node.close()
     bench.close()
+
+
+@pytest.fixture
+def launch(tmp_path):
+    """Starts a launch file on an installation of its own; the node writes its process id to ``node.pid``."""
+    prefix, started = tmp_path / "prefix", []
+    program = prefix / "lib" / "sma_actuator" / "sma_actuator_node"
+    for folder in ("share/ament_index/resource_index/packages", "share/sma_actuator", "lib/sma_actuator"):
+        (prefix / folder).mkdir(parents=True)
+    for folder in ("config", "launch", "urdf"):
+        (prefix / "share" / "sma_actuator" / folder).symlink_to(ROOT / folder)
+    (prefix / "share/ament_index/resource_index/packages/sma_actuator").touch()
+    program.write_text(
+        f'#!/bin/sh\necho $$ > {tmp_path}/node.pid\nexec {sys.executable} -m sma_actuator.ros.node "$@"\n'
+    )
+    program.chmod(0o755)
+
+    def start(name, *arguments):
+        log = (tmp_path / "launch.log").open("wb")
+        prefixes = [str(prefix), *filter(None, [os.environ.get("AMENT_PREFIX_PATH")])]
+        started.append(
+            subprocess.Popen(
+                [sys.executable, "-c", _LAUNCH, str(ROOT / "launch" / f"{name}.launch.py"), *arguments],
+                stdout=log,
+                stderr=log,
+                env={**os.environ, "AMENT_PREFIX_PATH": os.pathsep.join(prefixes)},
+                start_new_session=True,
+            )
+        )
+        log.close()
+        return started[-1]
+
+    yield start
+    for process in started:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGINT)
+            try:
+                process.wait(30.0)
+            except subprocess.TimeoutExpired:
+                os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+    print((tmp_path / "launch.log").read_text())

@@ -57,6 +57,23 @@ def test_a_setpoint_passes_as_it_is_also_nan(position_m):
     assert back == position_m or (math.isnan(back) and math.isnan(position_m))
 
 
+@given(st.floats())
+def test_a_joint_command_passes_as_it_is_also_nan(position_m):
+    back = conversions.joint_command_from(conversions.joint_command_message("wire", position_m), "wire")
+    assert back == position_m or (math.isnan(back) and math.isnan(position_m))
+
+
+def test_a_joint_command_is_found_by_the_name_of_its_joint():
+    both = conversions.joint_command_message("elbow", 0.1)
+    both.name, both.position = ["elbow", "wire"], [0.1, 0.002]
+    assert conversions.joint_command_from(both, "wire") == 0.002
+    with pytest.raises(ValueError, match="it is for elbow, wire, and this joint is knee"):
+        conversions.joint_command_from(both, "knee")
+    both.position = [0.1]
+    with pytest.raises(ValueError, match="it has no position for wire"):
+        conversions.joint_command_from(both, "wire")
+
+
 @given(st.lists(st.tuples(st.floats(0, 1e6), NUMBER), max_size=8))
 def test_trajectory_keeps_times_to_the_nanosecond_and_positions(points):
     times_s, positions_m = [p[0] for p in points], [p[1] for p in points]

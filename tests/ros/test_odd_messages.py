@@ -204,13 +204,13 @@ sys.exit(node.main())
         program = f"""
 import os, sys
 from sma_actuator.ros import node
-health = node.SmaActuatorNode._health
+health = node.SmaActuatorNode._key_values
 def broken(self):
     if os.path.exists({str(now)!r}):
         os.remove({str(now)!r})
         raise ZeroDivisionError("provoked")
     return health(self)
-node.SmaActuatorNode._health = broken
+node.SmaActuatorNode._key_values = broken
 sys.exit(node.main())
 """
         node = start_node(make_config(instruments=bench.instruments()), program=("-c", program))
@@ -322,8 +322,24 @@ def test_stop_switches_off_every_wire_of_the_process(start_bench, make_config, s
     wait_until(lambda: bench.current_A(0) == bench.current_A(1) == 0.0, what="end of both currents")
 
 
-def test_a_node_without_instruments_answers_off_with_yes_and_on_with_no(make_config, start_node, client):
-    start_node(make_config(autostart=False))
-    off = client.call(f"{NAME}/enable", SetBool, SetBool.Request(data=False))
-    assert (off.success, off.message) == (True, "the output is off: no instruments are open")
+def test_a_node_without_instruments_knows_nothing_of_the_output_but_what_it_read_last(
+    start_bench, make_config, start_node, client
+):
+    def off():
+        answer = client.call(f"{NAME}/enable", SetBool, SetBool.Request(data=False))
+        return answer.success, answer.message
+
+    bench = start_bench("--load", "weight:0.98")
+    start_node(make_config(instruments=bench.instruments(), autostart=False))
+    unknown = "not known: no instruments are open, so nobody can say whether the output is off; look at the supply"
+    assert off() == (False, unknown)
     assert not client.call(f"{NAME}/enable", SetBool, SetBool.Request(data=True)).success
+    for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
+        assert _transition(client, transition)
+    client.spin_until(lambda: _enable(client).success, what="enabling")
+    for transition in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP):
+        assert _transition(client, transition)
+    assert off() == (True, "the output is off: the supply said so before it was given up")
+    bench.close()
+    assert not _transition(client, Transition.TRANSITION_CONFIGURE)
+    assert off() == (False, unknown)

@@ -31,6 +31,9 @@ MADE_OF_IT = {
     "current_A",
     "load_N",
     "displacement_m",
+    "uncertainty_m",
+    "model_health",
+    "model_error_m",
 }
 
 

@@ -361,7 +361,13 @@ def test_a_setpoint_is_a_finite_position(position_m, is_fault):
 )
 def test_a_setpoint_is_lost_after_its_time(age_s, timeout_s, is_lost, make_config):
     config = Config.from_mapping(make_config(**{"controller.setpoint_timeout": timeout_s}))
-    assert bool(setpoint_stale.look(age_s, config)) is is_lost
+    assert bool(setpoint_stale.look(age_s, False, config)) is is_lost
+
+
+@pytest.mark.parametrize(("age_s", "is_lost"), [(0.4, False), (0.41, True), (-0.41, True), (NAN, True)])
+def test_joint_commands_are_lost_after_a_time_of_their_own(age_s, is_lost, make_config):
+    config = Config.from_mapping(make_config(**{"controller.joint_command_timeout": 0.4}))
+    assert bool(setpoint_stale.look(age_s, True, config)) is is_lost
 
 
 class TestBucket:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from sma_actuator.safety.thermal import AMBIENT_FALL_K_S, Ambient, HeatBalance, WireHeat, derated_limit_A
+from sma_actuator.safety.thermal import Ambient, AMBIENT_FALL_K_s, HeatBalance, WireHeat, derated_limit_A
 
 
 @pytest.fixture
@@ -100,7 +100,7 @@ def test_a_sensor_is_followed_upwards_at_once_and_downwards_slowly(parameters):
     ambient = Ambient(parameters)
     assert ambient.step(60.0, 0.05, parameters) == 60.0
     assert ambient.step(24.0, 0.05, parameters) == 24.0
-    assert ambient.step(14.0, 10.0, parameters) == pytest.approx(24.0 - 10.0 * AMBIENT_FALL_K_S)
+    assert ambient.step(14.0, 10.0, parameters) == pytest.approx(24.0 - 10.0 * AMBIENT_FALL_K_s)
     ambient.step(14.1, 200.0, parameters)
     assert ambient.temperature_C == 14.1
     assert ambient.doubt == ""

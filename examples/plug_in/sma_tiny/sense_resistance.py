@@ -19,6 +19,7 @@ class SenseResistance(Effect):
 
     PART = "circuit"
     WORDS = "the sense resistor has another resistance than circuit.reference_resistance says"
+    REMEDY = "Measure the sense resistor and write what it has into circuit.reference_resistance."
     TELL_TALE = "resistance_Ohm"
     gain: float = parameter(0.0, "resistance of the sense resistor over the configured one, less one", "1", -0.5, 1.0)
 

@@ -13,10 +13,10 @@ from sma_actuator.identify.fitters import FITTERS, Asked, Fitted, Fitter
 from .straight_line import StraightLine
 
 
-def fit(traces: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
+def fit(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
     """All samples count alike."""
-    resistance_Ohm = np.concatenate([t.resistance_Ohm for t in traces])
-    displacement_m = np.concatenate([t.displacement_m for t in traces])
+    resistance_Ohm = np.concatenate([t.resistance_Ohm for t in experiments])
+    displacement_m = np.concatenate([t.displacement_m for t in experiments])
     good = np.isfinite(resistance_Ohm + displacement_m)
     slope, intercept = np.polyfit(resistance_Ohm[good], displacement_m[good], 1)
     low_m, high_m = np.percentile(displacement_m[good], (5.0, 95.0))

@@ -20,6 +20,7 @@ class Candidate:
     free: tuple[Free, ...]
     part: str  #: where it lies: mechanism, sensor, heat, alloy or circuit
     signature: str  #: what in the record tells it from the others
+    remedy: str  #: what a person can do about it
 
     @property
     def parameters(self) -> int:
@@ -43,6 +44,7 @@ CANDIDATES = (
         (_f("friction_N", "N", 0.0, 6.0, 0.5),),
         "mechanism",
         "a standstill at every reversal, longest where the wire is stiff and slow; the wire's expansion before it transforms is not seen",
+        "Clean and oil the guide, or let the slider hang free of it.",
     ),
     Candidate(
         "stiction",
@@ -50,6 +52,7 @@ CANDIDATES = (
         (_f("friction_N", "N", 0.0, 6.0, 0.5), _f("breakaway_N", "N", 0.0, 4.0, 0.2)),
         "mechanism",
         "as friction, with a jump where it lets go",
+        "Clean and oil the guide, or replace it by one that rolls.",
     ),
     Candidate(
         "backlash",
@@ -57,6 +60,7 @@ CANDIDATES = (
         (_f("backlash_m", "m", 0.0, 2e-3, 2e-4),),
         "sensor",
         "a standstill of the same width at every reversal, hot or cold",
+        "Take the play out between slider and sensor, or preload it.",
     ),
     Candidate(
         "sensor lag",
@@ -65,6 +69,7 @@ CANDIDATES = (
         (_f("sensor_lag_s", "s", 0.0, 0.1, 0.03),),
         "sensor",
         "an error in proportion to the speed, corners rounded",
+        "Switch off the position sensor's filter, or log it faster.",
     ),
     Candidate(
         "dead time",
@@ -72,6 +77,7 @@ CANDIDATES = (
         (_f("dead_time_s", "s", 0.0, 2.0, 0.3),),
         "circuit",
         "an abrupt begin of every movement, late by the same time whatever the speed",
+        "Log the duty where it acts, or take the delay off the log's clock.",
     ),
     Candidate(
         "slack",
@@ -79,6 +85,7 @@ CANDIDATES = (
         (_f("slack_m", "m", 0.0, 3e-3, 3e-4),),
         "mechanism",
         "the slider leaves its cold place abruptly, and comes back to it abruptly",
+        "Pull the wire taut before the first contraction.",
     ),
     Candidate(
         "R-phase",
@@ -90,6 +97,7 @@ CANDIDATES = (
         ),
         "alloy",
         "a small early lengthening on cooling that heating does not have",
+        "Nothing to repair: it is in the alloy; the fitted model has it.",
     ),
     Candidate(
         "cooling loss",
@@ -97,6 +105,7 @@ CANDIDATES = (
         (_f("cooling_loss_factor", "", 0.3, 3.0, 1.1),),
         "heat",
         "heating and cooling ask for different heat transfers",
+        "Keep draughts away and let the bridge idle the same way hot and cold; the fitted model has it.",
     ),
     Candidate(
         "natural convection",
@@ -104,9 +113,15 @@ CANDIDATES = (
         (_f("convection_exponent", "", 0.0, 0.5, 0.15),),
         "heat",
         "cooling that is fast at first and slow at last",
+        "Nothing to repair: it is how air takes heat; the fitted model has it.",
     ),
     Candidate(
-        "radiation", "the surface radiates", (_f("emissivity", "", 0.0, 1.0, 0.3),), "heat", "as convection, weaker"
+        "radiation",
+        "the surface radiates",
+        (_f("emissivity", "", 0.0, 1.0, 0.3),),
+        "heat",
+        "as convection, weaker",
+        "Nothing to repair: the fitted model has it.",
     ),
     Candidate(
         "warm surroundings",
@@ -114,6 +129,7 @@ CANDIDATES = (
         (_f("surround_J_K", "J/K", 0.05, 60.0, 3.0), _f("surround_share", "", 0.02, 0.9, 0.2)),
         "heat",
         "a slow tail after a fast cooling, a slow drift while hot",
+        "Give the wire free air, or let everything warm up before it is measured.",
     ),
     Candidate(
         "spread",
@@ -121,6 +137,7 @@ CANDIDATES = (
         (_f("spread_K", "K", 0.0, 25.0, 5.0),),
         "alloy",
         "long rounded ends of both transformations where the cosine ends sharply",
+        "Nothing to repair: it is in the alloy and its training; the fitted model has it.",
     ),
     Candidate(
         "two populations",
@@ -128,6 +145,7 @@ CANDIDATES = (
         (_f("early_share", "", 0.0, 0.5, 0.08), _f("early_by_K", "K", 2.0, 40.0, 20.0)),
         "alloy",
         "a shoulder before the main transformation on heating, and after it on cooling",
+        "Look whether part of the wire is bent, clamped or trained otherwise; else the fitted model has it.",
     ),
     Candidate(
         "cold ends",
@@ -135,6 +153,7 @@ CANDIDATES = (
         (_f("cold_share", "", 0.0, 0.5, 0.1), _f("cold_loss_factor", "", 1.0, 20.0, 3.0)),
         "heat",
         "a late end of heating and an early begin of cooling",
+        "Nothing to repair: a longer wire feels it less; the fitted model has it.",
     ),
     Candidate(
         "lead resistance",
@@ -142,6 +161,7 @@ CANDIDATES = (
         (_f("lead_Ohm", "Ω", 0.0, 4.0, 0.3),),
         "circuit",
         "less power, and less of it as the wire's resistance falls",
+        "Measure leads and bridge, or the voltage at the wire itself.",
     ),
     Candidate(
         "resistance with temperature",
@@ -149,6 +169,7 @@ CANDIDATES = (
         (_f("resistivity_coefficient_1_K", "1/K", -2e-4, 1.2e-3, 3e-4),),
         "circuit",
         "less power when hot",
+        "Nothing to repair: the fitted model has it; driven by current the wire does not feel it.",
     ),
     Candidate(
         "other expansion",
@@ -156,6 +177,7 @@ CANDIDATES = (
         (Free("wire.austenite_expansion_1_K", "1/K", 6e-6, 15e-6, 9e-6),),
         "alloy",
         "the size of the movement between power off and the first martensite",
+        "Nothing to repair: the fitted model has it.",
     ),
     Candidate(
         "lasting strain",
@@ -163,6 +185,7 @@ CANDIDATES = (
         (_f("start_strain", "", -0.003, 0.005, 3e-4),),
         "alloy",
         "the slider does not come back to where it began",
+        "Cycle the wire until it comes back to where it began, then measure.",
     ),
 )
 

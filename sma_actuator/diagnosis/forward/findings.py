@@ -11,20 +11,20 @@ from .runs import IDLE_DUTY, Run
 from .tracing import Choice, Outcome, Tracing
 from .wire import ForwardWire
 
-_AFTER_S = 8.0  #: the movement after power off is looked for within this
+_AFTER_s = 8.0  #: the movement after power off is looked for within this
 
 
 def power_off_index(run: Run) -> int | None:
     """Step at which the power goes off for good, if the run goes on for a while."""
     powered = np.flatnonzero(run.coarse_duty > IDLE_DUTY)
-    if not len(powered) or (len(run.coarse_duty) - powered[-1]) * run.step_s < _AFTER_S:
+    if not len(powered) or (len(run.coarse_duty) - powered[-1]) * run.step_s < _AFTER_s:
         return None
     return int(powered[-1]) + 1
 
 
 def power_off_rise_m(run: Run, position_m: np.ndarray, off: int) -> float:
     """How far the slider still moves in the sense of contraction after the power went off at step ``off``."""
-    steps = int(_AFTER_S / run.step_s)
+    steps = int(_AFTER_s / run.step_s)
     return float(position_m[off : off + steps].max() - position_m[off - 3 : off].mean())
 
 
@@ -41,17 +41,21 @@ def percent(run: Run, error_m: float) -> float:
 
 def sentences(found: Tracing) -> list[str]:
     """What was found, most important first."""
+    return [verdict_sentence(found), _errors(found), *_named(found), *_chosen(found), *observations(found)]
+
+
+def observations(found: Tracing) -> list[str]:
+    """What the runs say beside the verdict and the errors."""
     choice = found.choice
     how = ", ".join(run.name for run in found.judged)
     heats = {name: 1e3 * float(np.mean(found.heats_m(name))) for name in ("rms", "mean")}
     other = "mean" if choice.heated_by == "rms" else "rms"
-    out = [verdict_sentence(found), _errors(found)]
-    out += _named(found)
-    out.append(
-        f"The {_voltage(choice.heated_by)} voltage heats the wire: the plain model's error is {heats[choice.heated_by]:.2f} mm, "
-        f"with the {_voltage(other)} voltage {heats[other]:.2f} mm (mean over {how})."
-    )
-    out += _chosen(found)
+    out = [
+        (
+            f"The {_voltage(choice.heated_by)} voltage heats the wire: the plain model's error is {heats[choice.heated_by]:.2f} mm, "
+            f"with the {_voltage(other)} voltage {heats[other]:.2f} mm (mean over {how})."
+        )
+    ]
     out += still_shows(found)
     after = 1e3 * np.array(found.after_m)
     worst = int(np.argmax(after))

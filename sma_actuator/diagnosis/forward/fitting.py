@@ -23,7 +23,7 @@ except ModuleNotFoundError:
 #: The maker's temperatures hold to about this.
 TOLERANCE_K = 10.0
 #: The maker does not say at which stress they were taken; the stress of use, 172 MPa, is the most it can be.
-STATED_AT_PA = 172e6
+STATED_AT_Pa = 172e6
 
 _SCREEN = 8  #: evaluations from each start before the best two go on
 
@@ -52,7 +52,7 @@ def plain_parameters(wire: ForwardWire) -> list[Free]:
     cannot turn inside out.
     """
     w = wire.wire
-    down = TOLERANCE_K + STATED_AT_PA / w.stress_slope_Pa_K
+    down = TOLERANCE_K + STATED_AT_Pa / w.stress_slope_Pa_K
 
     def around(name, value):
         return Free(name, "°C", value - down, value + TOLERANCE_K, value - 0.5 * down)

@@ -28,7 +28,7 @@ from sma_actuator.plant.physics import (
 
 from .wire import ForwardWire, segments
 
-STEFAN_BOLTZMANN = 5.670e-8  #: W/(m²·K⁴)
+STEFAN_BOLTZMANN_W_m2_K4 = 5.670e-8  #: W/(m²·K⁴)
 #: Columns of what :func:`simulate` returns.
 POSITION, TEMPERATURE, MARTENSITE, LOAD, RESISTANCE, POWER = range(6)
 # Columns of the array of a wire's parts.
@@ -167,11 +167,11 @@ def _advance(c, stand, bands, parts, memory_m, memory_r, duty, step_s, out):
     moving = 0.0
     body = ambient
     for i in range(duty.shape[0]):
-        volts_2 = duty[i] * stand.supply_V * stand.supply_V
+        square_V2 = duty[i] * stand.supply_V * stand.supply_V
         if stand.mean_heats:
-            volts_2 *= duty[i]
+            square_V2 *= duty[i]
         total = resistance + c.series_Ohm
-        power = volts_2 * resistance / (total * total)
+        power = square_V2 * resistance / (total * total)
         around = body if stand.surround_J_K > 0.0 else ambient
         strain = _heat_and_transform(
             c, stand, bands, parts, memory_m, memory_r, means, load, power, duty[i], around, step_s
@@ -214,7 +214,7 @@ def _stand(wire: ForwardWire) -> Stand:
         lag_s=e.sensor_lag_s,
         cooling_factor=e.cooling_loss_factor,
         convection_exponent=e.convection_exponent,
-        radiation_W_K4=e.emissivity * STEFAN_BOLTZMANN * surface_m2,
+        radiation_W_K4=e.emissivity * STEFAN_BOLTZMANN_W_m2_K4 * surface_m2,
         surround_J_K=e.surround_J_K,
         surround_share=e.surround_share,
         start_strain=e.start_strain,

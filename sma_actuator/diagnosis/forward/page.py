@@ -8,7 +8,7 @@ import numpy as np
 
 from sma_actuator.report import Page, figure
 
-from .findings import percent, power_off_index, sentences
+from .findings import observations, percent, power_off_index, verdict_sentence
 from .fitting import Fit, predict
 from .kernel import TEMPERATURE, simulate
 from .tracing import Tracing
@@ -18,9 +18,47 @@ _SHOWN = 30  #: competitors
 
 def write_page(path: Path, found: Tracing) -> None:
     """Write the HTML page."""
-    page = Page("Forward model: power in, displacement out")
-    for sentence in sentences(found):
-        page.text(sentence)
+    page = Page("Forward model: power in, displacement out", verdict_sentence(found))
+    _traces(page, found)
+    _what_to_do(page, found)
+    _errors(page, found)
+    _also(page, found)
+    _power_off(page, found)
+    _race(page, found)
+    _telltale(page, found)
+    _values(page, found)
+    page.write(path)
+
+
+def _what_to_do(page: Page, found: Tracing) -> None:
+    if not found.named:
+        return
+    page.heading("What it means, and what to do")
+    page.table(
+        ("effect", "what is the matter", "where", "how much", "what to do"),
+        [
+            (
+                c.name,
+                c.sentence,
+                c.part,
+                ", ".join(
+                    f"{f.name.partition('.')[2].rpartition('_')[0].replace('_', ' ')} {found.fitted.wire.value(f.name):.3g} {f.unit}".strip()
+                    for f in c.free
+                ),
+                c.remedy,
+            )
+            for c in found.named
+        ],
+    )
+
+
+def _also(page: Page, found: Tracing) -> None:
+    """The rest of what was found, a line each."""
+    page.heading("What else the runs say")
+    page.lines(observations(found))
+
+
+def _errors(page: Page, found: Tracing) -> None:
     page.heading("Errors on unseen runs")
     rows = []
     for i, (run, j) in enumerate(zip(found.judged, found.by_run, strict=True)):
@@ -61,12 +99,6 @@ def write_page(path: Path, found: Tracing) -> None:
             ],
             "For comparison: the leave-one-out errors on which this choice was made. They always fall, and are not the result.",
         )
-    _traces(page, found)
-    _power_off(page, found)
-    _race(page, found)
-    _telltale(page, found)
-    _values(page, found)
-    page.write(path)
 
 
 def _pairs(found: Tracing) -> list[tuple]:
@@ -75,7 +107,6 @@ def _pairs(found: Tracing) -> list[tuple]:
 
 
 def _traces(page: Page, found: Tracing) -> None:
-    page.heading("Measured and modelled, on unseen runs")
     pairs = _pairs(found)
     drawing, axes = figure(2, len(pairs), width_in=6.0, height_in=2.6)
     for row, (run, plain, full) in zip(axes, pairs, strict=True):
@@ -89,7 +120,11 @@ def _traces(page: Page, found: Tracing) -> None:
         row[0].set(title=run.name, ylabel="position [mm]", xlabel="time [s]")
         row[1].set(title=f"{run.name}: residual", ylabel="measured − modelled [mm]", xlabel="time [s]")
     axes[0, 0].legend(fontsize=7)
-    page.figure(drawing, "Each run as the model chosen and fitted without it gives it; right, what is left over time.")
+    page.figure(
+        drawing,
+        "Each run as the model chosen and fitted without it gives it; right, what is left over time.",
+        zoom=True,
+    )
 
 
 def _power_off(page: Page, found: Tracing) -> None:
@@ -112,7 +147,9 @@ def _power_off(page: Page, found: Tracing) -> None:
         ax.axvline(run.coarse_time_s[off], color="0.7", lw=0.8)
         ax.set(title=run.name, xlabel="time [s]", ylabel="position [mm]")
         ax.legend(fontsize=7)
-    page.figure(drawing, "The hot wire cools, and shrinks before it transforms; the kinetics alone would hold still.")
+    page.figure(
+        drawing, "The hot wire cools, and shrinks before it transforms; the kinetics alone would hold still.", zoom=True
+    )
 
 
 def _race(page: Page, found: Tracing) -> None:
@@ -155,6 +192,7 @@ def _telltale(page: Page, found: Tracing) -> None:
     page.figure(
         drawing,
         "Position over the wire's modelled temperature (measured points placed by the model with the named effects).",
+        zoom=True,
     )
 
 
@@ -170,7 +208,7 @@ def _values(page: Page, found: Tracing) -> None:
         before = f"{plain[f.name]:.4g}" if f.name in plain else ""
         rows.append(
             (
-                f.name,
+                f.name.rpartition(".")[2].replace("_", " "),
                 f.unit,
                 before,
                 f"{value:.4g}",

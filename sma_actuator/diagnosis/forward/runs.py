@@ -18,7 +18,7 @@ from .wire import nearest
 COLUMNS = ("time_s", "duty_cycle", "slider_position_m")
 SHORTEST = 100  #: samples
 IDLE_DUTY = 1e-3  #: below it nothing heats
-_STEP_S = 0.1  #: of the fit; the position moves 1 mm in it at most, and is averaged over it
+_STEP_s = 0.1  #: of the fit; the position moves 1 mm in it at most, and is averaged over it
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Run:
     @cached_property
     def block(self) -> int:
         """Samples averaged into one step of the fit."""
-        return max(1, round(_STEP_S / self.period_s))
+        return max(1, round(_STEP_s / self.period_s))
 
     @cached_property
     def step_s(self) -> float:

@@ -17,7 +17,8 @@ from math import log
 
 import numpy as np
 
-from sma_actuator.diagnosis.selection import Call, Entry, Progress, Rules, Selection, Trial, run, select, spread
+from sma_actuator.diagnosis.selection import Entry, Progress, Rules, Selection, Trial, run, select
+from sma_actuator.fleet import Call, spread
 
 from .candidates import CANDIDATES, Candidate
 from .fitting import Fit, fit, plain_parameters, plain_starts, residual_m
@@ -39,7 +40,7 @@ RULES = Rules(
 )
 _RACE_EVALUATIONS = 15
 _FINAL_EVALUATIONS = 60
-_LEAST_M = 1e-9
+_LEAST_m = 1e-9
 
 #: A fold: runs to fit, runs to judge.
 Fold = tuple[tuple[Run, ...], tuple[Run, ...]]
@@ -322,7 +323,7 @@ def _held_out(fits: Sequence[Fit], folds: Sequence[Fold]) -> tuple[float, ...]:
 
 
 def _losses(held_out_m: Sequence[float]) -> np.ndarray:
-    return np.log(np.maximum(held_out_m, _LEAST_M))
+    return np.log(np.maximum(held_out_m, _LEAST_m))
 
 
 def _fit_plain(wire: ForwardWire, folds: Sequence[Fold]) -> list[Fit]:

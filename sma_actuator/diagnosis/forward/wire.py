@@ -23,7 +23,7 @@ from sma_actuator.plant.kinetics import Kinetics
 from sma_actuator.plant.measured import lagoudas_between, measured_between
 from sma_actuator.plant.physics import Constants, constants
 
-_HUGE_PA = 1.0e15  #: stress at which oriented martensite would saturate: the maker gives one strain, so at once
+_HUGE_Pa = 1.0e15  #: stress at which oriented martensite would saturate: the maker gives one strain, so at once
 
 
 @dataclass(frozen=True)
@@ -211,7 +211,7 @@ class ForwardWire:
             stress_slope_r_Pa_K=w.stress_slope_Pa_K,
             saturation_strain=w.transformation_strain,
             saturation_strain_r=e.r_strain,
-            training_stress_Pa=_HUGE_PA,
+            training_stress_Pa=_HUGE_Pa,
             strain_stress_scale_Pa=1.0,
             strain_shape=0.0,
             martensite_resistivity_stress_1_Pa=0.0,

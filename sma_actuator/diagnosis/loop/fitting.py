@@ -24,8 +24,8 @@ from .reading import Loop
 from .temperatures import Temperatures, temperatures
 
 #: Slopes are looked for about this, the middle of the 7 to 14 MPa/K of the literature.
-USUAL_SLOPE_K_PA = 0.12e-6
-_SLOPES_K_PA = (0.02e-6, 0.4e-6)
+USUAL_SLOPE_K_Pa = 0.12e-6
+_SLOPES_K_Pa = (0.02e-6, 0.4e-6)
 _SLOPE_PRIOR = 0.05  #: weight, in percent, of parts whose slopes differ from that of the half transformation
 _CROSSING = 10.0  #: weight, in percent, of a cooling band that lies above the heating band
 
@@ -91,7 +91,7 @@ def guess(found: Sequence[Temperatures]) -> Guess:
     lines = []
     for name in ("heating_C", "cooling_C"):
         half_C = np.array([getattr(t, name)[1] for t in found])
-        slope_K_Pa = USUAL_SLOPE_K_PA
+        slope_K_Pa = USUAL_SLOPE_K_Pa
         if len(found) > 1 and np.ptp(stress_Pa) > 20e6:
             slope_K_Pa = float(np.clip(np.polyfit(stress_Pa, half_C, 1)[0], 0.05e-6, 0.25e-6))
         lines.append((float(np.mean(half_C - slope_K_Pa * stress_Pa)), slope_K_Pa))
@@ -116,7 +116,7 @@ def _lines(g: Guess) -> tuple[tuple[float, float, float], ...]:
 def _liang_rogers_start(g: Guess) -> list[tuple[float, float, float]]:
     out = [(middle_C - 60.0, middle_C, middle_C + 60.0) for middle_C, _, _ in _lines(g)]
     out += [(1.0, 1.2 * width_K, 150.0) for _, _, width_K in _lines(g)]
-    return [*out, (_SLOPES_K_PA[0], 0.5 * (g.heating_K_Pa + g.cooling_K_Pa), _SLOPES_K_PA[1])]
+    return [*out, (_SLOPES_K_Pa[0], 0.5 * (g.heating_K_Pa + g.cooling_K_Pa), _SLOPES_K_Pa[1])]
 
 
 def _liang_rogers(x: np.ndarray) -> LiangRogers:
@@ -138,7 +138,7 @@ def _measured_start(g: Guess) -> list[tuple[float, float, float]]:
         out += [(-6.0, start, 4.0) for start in (-1.5, 0.0)]
         out += [(middle_C - 90.0, middle_C + offset_K, middle_C + 90.0) for offset_K in (0.0, 0.2 * width_K, 0.0)]
         out += [(np.log(0.3), np.log(share * width_K), np.log(45.0)) for share in (0.05, 0.15, 0.35)]
-        out += [(_SLOPES_K_PA[0], slope_K_Pa, _SLOPES_K_PA[1])] * 3
+        out += [(_SLOPES_K_Pa[0], slope_K_Pa, _SLOPES_K_Pa[1])] * 3
     return out
 
 
@@ -159,7 +159,7 @@ def _measured_prior(x: np.ndarray, g: Guess) -> np.ndarray:
     out = []
     for values, (middle_C, slope_K_Pa, width_K) in zip((x[:11], x[11:]), _lines(g), strict=True):
         out += [0.02 * (values[2:5] - middle_C) / width_K, 0.02 * (values[5:8] - np.log(0.2 * width_K))]
-        out += [_SLOPE_PRIOR * (values[8:11] - slope_K_Pa) / (0.4 * USUAL_SLOPE_K_PA)]
+        out += [_SLOPE_PRIOR * (values[8:11] - slope_K_Pa) / (0.4 * USUAL_SLOPE_K_Pa)]
     kinetics = _measured(x)
     bands = kinetics.bands()
     at_C = np.linspace(g.cooling_C - 60.0, g.heating_C + 90.0, 40)
@@ -178,7 +178,7 @@ def _lagoudas_start(g: Guess) -> list[tuple[float, float, float]]:
     out = []
     for middle_C, slope_K_Pa, width_K in _lines(g):
         out += [(middle_C - 60.0, middle_C, middle_C + 60.0), (2.0, 2.5 * width_K, 250.0)]
-        out += [(_SLOPES_K_PA[0], slope_K_Pa, _SLOPES_K_PA[1]), (0.1, 0.3, 1.0), (0.1, 0.3, 1.0)]
+        out += [(_SLOPES_K_Pa[0], slope_K_Pa, _SLOPES_K_Pa[1]), (0.1, 0.3, 1.0), (0.1, 0.3, 1.0)]
     return out
 
 

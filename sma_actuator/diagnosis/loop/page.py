@@ -19,20 +19,43 @@ def write_page(
     path: Path, loops: Sequence[Loop], found: Sequence[Temperatures], compared: Sequence[Comparison]
 ) -> None:
     """Write the HTML page."""
-    page = Page("Isobaric loops: strain against temperature")
+    best = min(compared, key=lambda c: float(np.mean([both(e) for e in c.seen])))
+    page = Page("Isobaric loops: strain against temperature", _verdict(found, best))
+    _drawn(page, loops, best)
     _read_off(page, loops, found)
     _slopes(page, found)
     _errors(page, loops, compared)
     for c in compared:
-        _drawn(page, loops, c)
+        page.heading(c.all.family)
+        if c is not best:
+            _drawn(page, loops, c)
+        _kinetics(page, c)
     page.write(path)
+
+
+def _verdict(found: Sequence[Temperatures], best: Comparison) -> str:
+    """What the loops say, in one sentence."""
+    strokes = [100.0 * t.stroke for t in found]
+    low, high = min(t.stress_Pa for t in found) / 1e6, max(t.stress_Pa for t in found) / 1e6
+    lags = [t.hysteresis_K for t in found]
+    span = f"between {low:.0f} and {high:.0f} MPa" if high > low else f"at {low:.0f} MPa"
+    return (
+        f"{_span(strokes, '.2f')} % of strain and {_span(lags, '.1f')} K of hysteresis {span}; the {best.all.family} kinetics fit "
+        f"to {100 * float(np.mean([both(e) for e in best.seen])):.2f} % of the stroke."
+    )
+
+
+def _span(values: Sequence[float], how: str) -> str:
+    low, high = format(min(values), how), format(max(values), how)
+    return low if low == high else f"{low} to {high}"
 
 
 def _read_off(page: Page, loops: Sequence[Loop], found: Sequence[Temperatures]) -> None:
     page.heading("Read off the loops")
     header = ["loop", "stress [MPa]", "stroke [%]"]
     header += [f"{direction} {100 * share:.0f} % [°C]" for direction in ("heating", "cooling") for share in SHARES]
-    header += ["width heating [K]", "width cooling [K]", "hysteresis [K]", "A_s", "A_f", "M_s", "M_f"]
+    header += ["width heating [K]", "width cooling [K]", "hysteresis [K]"]
+    header += [f"{name} [°C]" for name in ("A_s", "A_f", "M_s", "M_f")]
     rows = [
         (
             loop.name,
@@ -93,7 +116,6 @@ def _errors(page: Page, loops: Sequence[Loop], compared: Sequence[Comparison]) -
 
 
 def _drawn(page: Page, loops: Sequence[Loop], c: Comparison) -> None:
-    page.heading(c.all.family)
     columns = min(len(loops), 3)
     drawing, axes = figure(columns, -(-len(loops) // columns), width_in=4.5)
     for ax, loop in zip(axes.flat, loops, strict=False):
@@ -104,7 +126,12 @@ def _drawn(page: Page, loops: Sequence[Loop], c: Comparison) -> None:
         ax.set(
             xlabel="temperature [°C]", ylabel="strain [%]", title=f"{loop.name}, {loop.mean_stress_Pa / 1e6:.0f} MPa"
         )
-    page.figure(drawing, "Measured (dots), and the fit on heating (red) and cooling (blue).")
+    page.figure(
+        drawing, f"Measured (dots), and the {c.all.family} kinetics on heating (red) and cooling (blue).", zoom=True
+    )
+
+
+def _kinetics(page: Page, c: Comparison) -> None:
     kinetics = c.all.kinetics
     if isinstance(kinetics, Measured):
         page.table(

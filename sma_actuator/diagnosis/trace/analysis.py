@@ -27,8 +27,10 @@ class Anatomy:
 def quantities(evidence: Evidence, predictions: Sequence[Prediction]) -> dict[str, np.ndarray]:
     """What a residual may depend on, all logs together, of the samples compared, with the unit in the name."""
     out: dict[str, list[np.ndarray]] = {}
-    for trace, unit, rows, p in zip(evidence.traces, evidence.unit, evidence.compared, predictions, strict=True):
-        s = trace.signals
+    for experiment, unit, rows, p in zip(
+        evidence.experiments, evidence.unit, evidence.compared, predictions, strict=True
+    ):
+        s = experiment.signals
         period_s = float(np.median(np.diff(s.time_s)))
         power_W, resistance_Ohm = p.power_W, p.resistance_Ohm
         slope = np.gradient(_smooth(resistance_Ohm, period_s), s.time_s)
@@ -77,11 +79,11 @@ def anatomy(evidence: Evidence, predictions: Sequence[Prediction]) -> Anatomy:
 def noise_percent(evidence: Evidence, predictions: Sequence[Prediction]) -> float:
     """Mean absolute error that no model could remove: the noise of R, load and reference, carried through the model."""
     total, number = 0.0, 0
-    for trace, p, measured_m in zip(evidence.traces, predictions, evidence.measured_m, strict=True):
+    for experiment, p, measured_m in zip(evidence.experiments, predictions, evidence.measured_m, strict=True):
         reference_m = _white(measured_m)
         moved = np.gradient(_smooth(p.model_m, 0.05)) / _away_from_zero(np.gradient(_smooth(p.resistance_Ohm, 0.05)))
         slope = np.median(np.abs(moved[np.isfinite(moved)])) if np.isfinite(moved).any() else 0.0
-        total += len(measured_m) * float(np.hypot(reference_m, slope * _white(trace.resistance_Ohm)))
+        total += len(measured_m) * float(np.hypot(reference_m, slope * _white(experiment.resistance_Ohm)))
         number += len(measured_m)
     return float(np.sqrt(2.0 / np.pi) * total / number / evidence.full_stroke_m * 100)
 

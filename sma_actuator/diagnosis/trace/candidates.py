@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
+from sma_actuator.base.registry import PartRefusedError
+from sma_actuator.bench.hidden import TWINS
 from sma_actuator.estimation.effects import EFFECTS, Effect
 from sma_actuator.estimation.effects.free import Free, Scales
 from sma_actuator.estimation.effects.load_cell import LoadCellGain
@@ -21,7 +24,7 @@ PARTIAL_SHARE = 0.05  #: … and the share of such cycles from which the logs co
 
 def scales_of(evidence: Evidence) -> Scales:
     """The scales of some logs."""
-    config, signals = evidence.config, [t.signals for t in evidence.traces]
+    config, signals = evidence.config, [t.signals for t in evidence.experiments]
 
     def together(name: str) -> np.ndarray:
         return np.concatenate([np.broadcast_to(getattr(s, name), np.shape(s.time_s)) for s in signals])
@@ -122,6 +125,22 @@ class Candidate:
         return self.effect(**{**self.fixed, **values})
 
 
+def require_twins(names: Iterable[str]) -> None:
+    """Raise PartRefusedError for an effect that the virtual bench cannot hide.
+
+    Nobody could know whether such a one would be found, nor what is found in its place.
+    """
+    for name in names:
+        twin, part = TWINS.get(name), EFFECTS[name].PART
+        if twin is None:
+            raise PartRefusedError(
+                f"effect '{name}': it has no hidden twin; a class derived from sma_actuator.bench.Hidden is wanted, registered "
+                f'with @TWINS.register("{name}") (in another package: named by an entry point of {TWINS.group})'
+            )
+        if twin.where != part:
+            raise PartRefusedError(f"effect '{name}': it lies in the {part}, its hidden twin in the {twin.where}")
+
+
 def candidate(name: str, scales: Scales) -> Candidate:
     """An effect, what is free of it and what the configuration fixes."""
     effect = EFFECTS[name]
@@ -132,3 +151,6 @@ def untestable(names: list[str], scales: Scales) -> dict[str, str]:
     """Those of some effects that these logs could not show, and why."""
     reasons = {name: EFFECTS[name].untestable(scales) for name in names}
     return {name: why for name, why in reasons.items() if why}
+
+
+require_twins(EFFECTS.registered)  # this package's own, when it is imported; others' when they compete

@@ -5,25 +5,28 @@ from __future__ import annotations
 import argparse
 import json
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-import yaml
 from rich.console import Console
 from rich.table import Table
 
 from sma_actuator.base.parameters import ConfigError, to_mapping
-from sma_actuator.config import NODE_NAME, Config, read_parameter_file
+from sma_actuator.config import Config, parameter_text, read_parameter_file, write_parameter_file
 from sma_actuator.console import add_output_arguments, notes, progress_bar, refuse_to_overwrite, results, write_json
-from sma_actuator.diagnosis.selection import cluster
 from sma_actuator.estimation.effects import EFFECTS
+from sma_actuator.fleet import Finding, add_fleet_arguments, cluster, run_fleet
 from sma_actuator.identify.calibration import calibration_of
 from sma_actuator.identify.kinds import make_experiments
 from sma_actuator.logs.files import write_atomically
-from sma_actuator.logs.reading import add_log_arguments, find_logs, read_logs, reading_of
+from sma_actuator.logs.reading import add_log_arguments, find_logs, place, read_logs, reading_of
 
 from .evidence import Evidence
 from .race import trace
 from .report import extended, summary
+
+_HEADER = "Written by `sma-actuator trace`"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,15 +34,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "logs",
         nargs="+",
-        type=Path,
+        type=place,
         metavar="LOG",
         help="logs with a measured displacement, folders or patterns of them",
     )
     parser.add_argument(
-        "--config", type=Path, required=True, metavar="MODEL.yaml", help="parameter file with the model"
+        "--config", type=place, required=True, metavar="MODEL.yaml", help="parameter file with the model"
     )
     parser.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="folder for report.json, report.html and model.yaml"
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="folder for report.json, report.html and model.yaml; with --table, MODEL.yaml with {wire} in it, where wanted",
     )
     parser.add_argument(
         "--calibration",
@@ -63,6 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--dask", metavar="ADDRESS", help="spread the fits over this Dask cluster, as tcp://127.0.0.1:8786"
     )
     add_log_arguments(parser)
+    add_fleet_arguments(parser, "log")
     add_output_arguments(parser, "the report")
 
 
@@ -76,6 +83,16 @@ def run(args: argparse.Namespace) -> int:
                 raise ConfigError(f"--{option}: '{name}' is no effect; known are {', '.join(EFFECTS)}")
     if args.jobs < 1:
         raise ConfigError(f"--jobs: {args.jobs} is too few; at least 1 is wanted")
+    if args.table:
+        if args.calibration:
+            raise ConfigError(
+                "--calibration: not with --table; models that identify wrote have their calibration with them"
+            )
+        asked = {name: getattr(args, name) for name in ("only", "without", "beyond_floor")}
+        asked["reading"] = reading_of(args)
+        return run_fleet(args, "trace", trace_logs, args.logs, args.config, asked, models=str(args.out or ""))
+    if args.out is None:
+        raise ConfigError("--out: a folder for the report is wanted")
     written = ("report.json", "report.html", "model.yaml")
     refuse_to_overwrite(args, *(args.out / name for name in written))
     reading, console = reading_of(args), notes(args)
@@ -83,13 +100,13 @@ def run(args: argparse.Namespace) -> int:
     for stale in written:
         if (args.out / stale).resolve() != args.config.resolve():
             (args.out / stale).unlink(missing_ok=True)  # of an earlier run: it would be taken for this one's
-    config = Config.from_mapping(mapping, str(args.config))
+    config = Config.for_tools(mapping, str(args.config))
     with progress_bar(args) as bar:
         task = bar.add_task("reading", total=1.0)
         if args.calibration:
-            traces = make_experiments(read_logs(args.calibration, reading, console.print), config)
-            mapping["calibration"] = to_mapping(calibration_of(traces, config))
-            config = Config.from_mapping(mapping, str(args.config))
+            experiments = make_experiments(read_logs(args.calibration, reading, console.print), config)
+            mapping["calibration"] = to_mapping(calibration_of(experiments, config))
+            config = Config.for_tools(mapping, str(args.config))
         logs = read_logs(args.logs, reading, console.print)
         evidence = Evidence(logs, config, args.beyond_floor)
         bar.update(task, completed=1.0)
@@ -107,11 +124,9 @@ def run(args: argparse.Namespace) -> int:
     path = args.out / "model.yaml"
     args.out.mkdir(parents=True, exist_ok=True)
     if model is not None:
-        Config.from_mapping(model, str(path))
+        Config.for_tools(model, str(path))
         report["model_file"] = str(path)
-        text = "# Written by `sma-actuator trace`; the evidence is in report.html beside it.\n"
-        text += yaml.safe_dump({NODE_NAME: {"ros__parameters": model}}, sort_keys=False, allow_unicode=True)
-        write_atomically(path, lambda stream: stream.write(text.encode()))
+        write_parameter_file(path, model, f"{_HEADER}; the evidence is in report.html beside it.")
     write_page(args.out / "report.html", evidence, tracing, report)
     text = json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     write_atomically(args.out / "report.json", lambda stream: stream.write(text.encode()))
@@ -119,6 +134,28 @@ def run(args: argparse.Namespace) -> int:
     _print(results(args), report)
     console.print(f"wrote {args.out / 'report.json'}, report.html" + (" and model.yaml" if model is not None else ""))
     return 0
+
+
+def trace_logs(paths: Sequence[Path], config: Path, options: Mapping[str, Any]) -> list[Finding]:
+    """The work on one log of a fleet."""
+    mapping = read_parameter_file(config)
+    evidence = Evidence(
+        read_logs(paths, options["reading"]), Config.for_tools(mapping, str(config)), options["beyond_floor"]
+    )
+    tracing = trace(evidence, options["only"], options["without"], jobs=1)
+    report = summary(evidence, tracing)
+    model = extended(mapping, evidence, tracing, report, "")
+    return [
+        Finding(
+            verdict=report["verdict"],
+            sentence=report["sentence"],
+            effects=tuple(e["name"] for e in report["effects"]),
+            error_percent=report["error_before_pct_stroke"],
+            error_after_percent=report["error_after_pct_stroke"],
+            details=report,
+            model=parameter_text(model, f"{_HEADER} in a fleet.") if model is not None else "",
+        )
+    ]
 
 
 def _when(paths: list[Path]) -> str:
@@ -146,6 +183,8 @@ def _print(console: Console, report: dict) -> None:
             )
             table.add_row(e["name"], e["what"], e["stage"], f"{e['share']:.0%}", values)
         console.print(table)
+    for e in report["effects"]:
+        console.print(f"{e['name']}: {e['what']}. {e['remedy']}")
     for a in report["alternatives"]:
         x = a["experiment"]
         console.print(

@@ -18,9 +18,8 @@ import numpy as np
 from sma_actuator.base.signals import Quality, Signals
 from sma_actuator.config import Config
 from sma_actuator.estimation.calibration import Calibration
-from sma_actuator.estimation.chain import Chain, Judged
+from sma_actuator.estimation.chain import Chain, Judged, place_of
 from sma_actuator.estimation.effects import Effect, Effects
-from sma_actuator.estimation.effects.frame import Place
 from sma_actuator.identify.expectation import Expectation
 from sma_actuator.identify.experiments import Experiment, make_experiment, sessions
 from sma_actuator.identify.rests import find_rests
@@ -68,21 +67,22 @@ class Evidence:
         self.config = dataclasses.replace(config, effects=Effects())
         self.base: Mapping[str, Effect] = config.effects.active
         self.calibration = Calibration() if beyond_floor else config.calibration
-        self.place = Place.of(config)
+        self.place = place_of(config)
         self.full_stroke_m = config.wire.full_stroke_m
         logs = sorted(logs, key=lambda log: float(log["time_s"][0]))
         thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST))
         seen = [piece for log in logs for piece in sessions(make_experiment(log, self.config))]
-        judged = [self._judged(trace) for trace in seen]
-        self.traces = [_moving(trace.rows(good)) for trace, good in zip(seen, judged, strict=True)]
-        cycles = sum(int(trace.cycle.max()) for trace in self.traces)
+        judged = [self._judged(experiment) for experiment in seen]
+        self.experiments = [_moving(experiment.rows(good)) for experiment, good in zip(seen, judged, strict=True)]
+        cycles = sum(int(experiment.cycle.max()) for experiment in self.experiments)
         if cycles < FEWEST_CYCLES:
-            names = ", ".join(trace.log.source for trace in self.traces)
+            names = ", ".join(experiment.log.source for experiment in self.experiments)
             raise BenchLogError(
                 f"{names}: {cycles} cycles in all are too few to hold some out; at least {FEWEST_CYCLES} are wanted"
             )
         self.rests = [
-            find_rests(trace, config.thermal.heat_capacity / config.thermal.heat_loss) for trace in self.traces
+            find_rests(experiment, config.thermal.heat_capacity / config.thermal.heat_loss)
+            for experiment in self.experiments
         ]
         if thin > 1:
             self.rests = [
@@ -90,12 +90,14 @@ class Evidence:
                 for rests in self.rests
             ]
             self.rests = [[r for r in rests if r.stop > r.start] for rests in self.rests]
-            self.traces = [trace.rows(np.arange(len(trace.log)) % thin == 0) for trace in self.traces]
+            self.experiments = [
+                experiment.rows(np.arange(len(experiment.log)) % thin == 0) for experiment in self.experiments
+            ]
         #: What the chain is given of every log, and which of it is judged.
-        self._seen = [_thinned(trace, good, thin) for trace, good in zip(seen, judged, strict=True)]
-        self._measured_m = [np.ascontiguousarray(t.displacement_m) for t in self.traces]
-        starts = [t.signals.time_s[0] for t in self.traces]
-        ends = [t.signals.time_s[-1] for t in self.traces]
+        self._seen = [_thinned(experiment, good, thin) for experiment, good in zip(seen, judged, strict=True)]
+        self._measured_m = [np.ascontiguousarray(t.displacement_m) for t in self.experiments]
+        starts = [t.signals.time_s[0] for t in self.experiments]
+        ends = [t.signals.time_s[-1] for t in self.experiments]
         #: One session where the logs follow each other on one clock; else each log is one.
         self.one_session = all(end < start for end, start in zip(ends, starts[1:], strict=False))
         every = max(1, math.ceil(sum(map(len, self._measured_m)) / COMPARED))
@@ -114,14 +116,14 @@ class Evidence:
         error = float(np.mean(self.errors_percent(self.predict({}))))
         if error > HOPELESS_percent:
             raise BenchLogError(
-                f"{self.traces[0].log.source}: the model errs by {error:.0f} % of full stroke on these logs; it is not of this wire, or "
+                f"{self.experiments[0].log.source}: the model errs by {error:.0f} % of full stroke on these logs; it is not of this wire, or "
                 "circuit, load_cell or reference_sensor are those of another bench"
             )
 
-    def _judged(self, trace: Experiment) -> np.ndarray:
+    def _judged(self, experiment: Experiment) -> np.ndarray:
         """Which samples count, bool, shape (n,): those with a reference that the chain does not drop."""
-        quality = self.chain({}).run(trace.signals).quality
-        return (quality != Quality.INVALID) & np.isfinite(trace.displacement_m)
+        quality = self.chain({}).run(experiment.signals).quality
+        return (quality != Quality.INVALID) & np.isfinite(experiment.displacement_m)
 
     def _cut(self) -> tuple[list[np.ndarray], int]:
         """Number of the unit of every sample, over all logs: a cycle, or as many as it takes to say something new.
@@ -129,15 +131,15 @@ class Evidence:
         Blocks of time where there are too few of these.
         """
         parts, number = [], 0
-        for trace in self.traces:
-            unit = _lasting(trace, UNIT_TIMES * self.independent_s)
+        for experiment in self.experiments:
+            unit = _lasting(experiment, UNIT_TIMES * self.independent_s)
             parts.append(unit + number)
             number += int(unit[-1]) + 1
         if number >= FEWEST_UNITS:
             return parts, number
-        total = sum(len(t.log) for t in self.traces)
+        total = sum(len(t.log) for t in self.experiments)
         block = np.minimum(np.arange(total) * FEWEST_UNITS // total, FEWEST_UNITS - 1)
-        bounds = np.cumsum([0, *(len(t.log) for t in self.traces)])
+        bounds = np.cumsum([0, *(len(t.log) for t in self.experiments)])
         return [block[a:b] for a, b in itertools.pairwise(bounds)], FEWEST_UNITS
 
     @property
@@ -161,21 +163,23 @@ class Evidence:
         if not self.independent_s > 0.0:
             return np.full(self.units, INDEPENDENT)
         lasts_s = np.zeros(self.units)
-        for trace, unit in zip(self.traces, self.unit, strict=True):
-            step_s = np.diff(trace.signals.time_s, prepend=trace.signals.time_s[0])
+        for experiment, unit in zip(self.experiments, self.unit, strict=True):
+            step_s = np.diff(experiment.signals.time_s, prepend=experiment.signals.time_s[0])
             lasts_s += np.bincount(unit, step_s, minlength=self.units)
         return np.maximum(lasts_s / self.independent_s, 1.0)
 
     @property
     def start_s(self) -> float:
         """When the first session began."""
-        return float(self.traces[0].signals.time_s[0])
+        return float(self.experiments[0].signals.time_s[0])
 
     @property
     def duration_s(self) -> float:
         """Length of the longest session."""
-        first, last = self.traces[0].signals.time_s[0], self.traces[-1].signals.time_s[-1]
-        return float(last - first) if self.one_session else max(float(np.ptp(t.signals.time_s)) for t in self.traces)
+        first, last = self.experiments[0].signals.time_s[0], self.experiments[-1].signals.time_s[-1]
+        return (
+            float(last - first) if self.one_session else max(float(np.ptp(t.signals.time_s)) for t in self.experiments)
+        )
 
     @property
     def measured_m(self) -> list[np.ndarray]:
@@ -308,7 +312,7 @@ class Evidence:
         return out.ravel()
 
     def _range_Ohm(self) -> float:
-        return float(max(np.subtract(*np.nanpercentile(t.resistance_Ohm, (99.5, 0.5))) for t in self.traces))
+        return float(max(np.subtract(*np.nanpercentile(t.resistance_Ohm, (99.5, 0.5))) for t in self.experiments))
 
     def losses(self, rows: np.ndarray) -> np.ndarray:
         """Loss of every unit, shape (units,)."""
@@ -354,19 +358,19 @@ def limited(z: np.ndarray) -> np.ndarray:
     return np.where(size <= LIMIT, z, np.sign(z) * np.sqrt(np.maximum(LIMIT * (2.0 * size - LIMIT), 0.0)))
 
 
-def _thinned(trace: Experiment, good: np.ndarray, thin: int) -> tuple[Signals, np.ndarray | slice]:
+def _thinned(experiment: Experiment, good: np.ndarray, thin: int) -> tuple[Signals, np.ndarray | slice]:
     """Every ``thin``-th of the good samples, with what the chain drops between them; and which of these are good."""
     if good.all() and thin == 1:
-        return trace.signals, slice(None)
+        return experiment.signals, slice(None)
     fed = ~good | ((np.cumsum(good) - 1) % thin == 0)
-    return trace.rows(fed).signals, good[fed]
+    return experiment.rows(fed).signals, good[fed]
 
 
-def _lasting(trace: Experiment, least_s: float) -> np.ndarray:
+def _lasting(experiment: Experiment, least_s: float) -> np.ndarray:
     """Number of the unit of every sample: cycles, as many together as last at least ``least_s``."""
-    cycle = np.maximum(trace.cycle, min(1, int(trace.cycle.max())))
+    cycle = np.maximum(experiment.cycle, min(1, int(experiment.cycle.max())))
     starts = np.concatenate(([0], np.flatnonzero(np.diff(cycle)) + 1))
-    time_s = trace.signals.time_s
+    time_s = experiment.signals.time_s
     kept = [0]
     for start in starts[1:]:
         if time_s[start] - time_s[kept[-1]] >= least_s and time_s[-1] - time_s[start] >= 0.5 * least_s:
@@ -374,20 +378,20 @@ def _lasting(trace: Experiment, least_s: float) -> np.ndarray:
     return np.searchsorted(kept, np.arange(len(cycle)), side="right") - 1
 
 
-def _moving(trace: Experiment) -> Experiment:
-    """The trace; raises BenchLogError where a channel never moves or the log is shorter than a cycle."""
+def _moving(experiment: Experiment) -> Experiment:
+    """The experiment; raises BenchLogError where a channel never moves or the log is shorter than a cycle."""
     for name, values, unit in (
-        ("the resistance", trace.resistance_Ohm, "Ω"),
-        ("the measured displacement", trace.displacement_m, "m"),
-        ("the current", trace.signals.current_A, "A"),
+        ("the resistance", experiment.resistance_Ohm, "Ω"),
+        ("the measured displacement", experiment.displacement_m, "m"),
+        ("the current", experiment.signals.current_A, "A"),
     ):
         if not np.ptp(values) > 1e-3 * abs(float(np.median(values))):
             raise BenchLogError(
-                f"{trace.log.source}: {name} never moves ({values[0]:.4g} {unit} throughout); a log of a wire that is driven is wanted"
+                f"{experiment.log.source}: {name} never moves ({values[0]:.4g} {unit} throughout); a log of a wire that is driven is wanted"
             )
-    turns = np.diff(trace.driven.astype(int))
+    turns = np.diff(experiment.driven.astype(int))
     if not ((turns > 0).any() and (turns < 0).any()):
         raise BenchLogError(
-            f"{trace.log.source}: is shorter than a cycle: the current must be switched on and off again at least once"
+            f"{experiment.log.source}: is shorter than a cycle: the current must be switched on and off again at least once"
         )
-    return trace
+    return experiment

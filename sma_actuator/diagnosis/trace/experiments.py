@@ -55,7 +55,7 @@ def _after_the_session(evidence: Evidence, effects: Mapping[str, Effect]) -> Cha
 
 def _shown(evidence: Evidence, chain: Chain, signals: Signals) -> np.ndarray:
     """What the reference sensor would show in an experiment right after the session."""
-    begin_s = float(evidence.traces[-1].signals.time_s[-1]) + 1.0
+    begin_s = float(evidence.experiments[-1].signals.time_s[-1]) + 1.0
     shifted = dataclasses.replace(signals, time_s=signals.time_s - signals.time_s[0] + begin_s)
     chain = copy.deepcopy(chain)
     chain.reset()
@@ -64,8 +64,8 @@ def _shown(evidence: Evidence, chain: Chain, signals: Signals) -> np.ndarray:
 
 def _experiments(evidence: Evidence):
     """(what to do, what the channels would show) of every experiment."""
-    trace = evidence.traces[-1]
-    s = trace.signals
+    experiment = evidence.experiments[-1]
+    s = experiment.signals
     cold, hot = _still(evidence, False), _still(evidence, True)
     yield "leave the wire cold at the bias current", _hold(cold, 600.0)
     yield "hold the wire hot", _hold(hot, 120.0)
@@ -74,7 +74,7 @@ def _experiments(evidence: Evidence):
         yield f"change the load of the cold wire to {factor:g} times", _hold(cold, 10.0, load_N=load_N)
     current_A = np.where(np.arange(100) < 50, cold["current_A"], 2.0 * cold["current_A"])
     yield "double the bias current of the cold wire", _hold(cold, 10.0, current_A=current_A)
-    cycle = _cycle(evidence, trace)
+    cycle = _cycle(evidence, experiment)
     chosen = {
         f.name: np.broadcast_to(getattr(s, f.name), np.shape(s.time_s))[cycle] for f in dataclasses.fields(Signals)
     }
@@ -89,11 +89,11 @@ def _experiments(evidence: Evidence):
 
 def _still(evidence: Evidence, hot: bool) -> dict[str, float]:
     """What the channels show at rest: at the last rest of the kind, else where the power is lowest or highest."""
-    for trace, rests in zip(reversed(evidence.traces), reversed(evidence.rests), strict=True):
+    for experiment, rests in zip(reversed(evidence.experiments), reversed(evidence.rests), strict=True):
         for rest in reversed(rests):
             if rest.hot == hot:
-                return _mean(trace.signals, slice(rest.start, rest.stop))
-    s = evidence.traces[-1].signals
+                return _mean(experiment.signals, slice(rest.start, rest.stop))
+    s = evidence.experiments[-1].signals
     at = int(np.argmax(s.power_W) if hot else np.argmin(s.power_W))
     return _mean(s, slice(at, at + 1))
 
@@ -115,8 +115,10 @@ def _hold(still: dict[str, float], duration_s: float, **changed: np.ndarray) -> 
     return Signals(**values)
 
 
-def _cycle(evidence: Evidence, trace) -> slice:
+def _cycle(evidence: Evidence, experiment) -> slice:
     """The samples of the cycle with the largest stroke."""
-    cycles = [np.flatnonzero(trace.cycle == c) for c in np.unique(trace.cycle)]
-    best = max((c for c in cycles if len(c) > 10), key=lambda c: np.ptp(trace.displacement_m[c]), default=cycles[-1])
+    cycles = [np.flatnonzero(experiment.cycle == c) for c in np.unique(experiment.cycle)]
+    best = max(
+        (c for c in cycles if len(c) > 10), key=lambda c: np.ptp(experiment.displacement_m[c]), default=cycles[-1]
+    )
     return slice(int(best[0]), int(best[-1]) + 1)

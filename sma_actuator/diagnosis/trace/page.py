@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sma_actuator.estimation.effects import EFFECTS
+from sma_actuator.estimation.effects import EFFECTS, QUANTITIES
 from sma_actuator.report import Page, figure
 
 from .analysis import quantities, residual_m
@@ -22,10 +22,10 @@ BEFORE, AFTER = {"color": "tab:red", "label": "before"}, {"color": "tab:blue", "
 
 def write_page(path: Path, evidence: Evidence, tracing: Tracing, report: dict[str, Any]) -> None:
     """Write the page, whole or not at all."""
-    page = Page("What the model lacks")
-    page.text(report["sentence"])
-    _numbers(page, report)
+    page = Page("What the model lacks", report["sentence"])
     _residual(page, evidence, tracing)
+    _what_to_do(page, report)
+    _numbers(page, report)
     _loop(page, evidence, tracing)
     if tracing.rounds:
         _race(page, tracing)
@@ -37,7 +37,23 @@ def write_page(path: Path, evidence: Evidence, tracing: Tracing, report: dict[st
     page.write(path)
 
 
+def _words(names: Sequence[str]) -> str:
+    """Effects as a person reads them."""
+    return " + ".join(name.replace("_", " ") for name in names)
+
+
+def _what_to_do(page: Page, report: dict[str, Any]) -> None:
+    if not report["effects"]:
+        return
+    page.heading("What it means, and what to do")
+    page.table(
+        ("effect", "what is the matter", "where", "what to do"),
+        [(_words([e["name"]]), e["what"], e["stage"], e["remedy"]) for e in report["effects"]],
+    )
+
+
 def _numbers(page: Page, report: dict[str, Any]) -> None:
+    page.heading("How much it was, and how sure that is")
     before, after, last = report["error_before_interval"], report["error_after_interval"], report["last_block"]
     page.table(
         ("mean absolute error, % of full stroke", "before", "after"),
@@ -63,10 +79,8 @@ def _numbers(page: Page, report: dict[str, Any]) -> None:
     )
     rows = [
         (
-            e["name"],
-            e["what"],
-            e["stage"],
-            name,
+            _words([e["name"]]),
+            p["what"],
             p["value"],
             f"{p['interval'][0]:.4g} … {p['interval'][1]:.4g}",
             p["unit"],
@@ -79,8 +93,6 @@ def _numbers(page: Page, report: dict[str, Any]) -> None:
         page.table(
             (
                 "effect",
-                "what is the matter",
-                "stage",
                 "parameter",
                 "value",
                 "95 % interval",
@@ -96,13 +108,12 @@ def _some(n: int) -> slice:
 
 
 def _residual(page: Page, evidence: Evidence, tracing: Tracing) -> None:
-    page.heading("Residual over time")
     drawing, axes = figure(1, 1, width_in=10.0)
     ax = axes[0, 0]
     offset_s = 0.0
-    for i, trace in enumerate(evidence.traces):
-        time_s = trace.signals.time_s - (
-            evidence.start_s if evidence.one_session else trace.signals.time_s[0] - offset_s
+    for i, experiment in enumerate(evidence.experiments):
+        time_s = experiment.signals.time_s - (
+            evidence.start_s if evidence.one_session else experiment.signals.time_s[0] - offset_s
         )
         offset_s = float(time_s[-1]) * 1.02
         few = _some(len(time_s))
@@ -112,7 +123,7 @@ def _residual(page: Page, evidence: Evidence, tracing: Tracing) -> None:
             ax.plot(time_s[few], error_m[few] * _MM, lw=0.7, color=style["color"], label=label)
     ax.set(xlabel="time [s]" + ("" if evidence.one_session else ", log after log"), ylabel="measured − estimated [mm]")
     ax.legend()
-    page.figure(drawing)
+    page.figure(drawing, "What the model leaves over time, before and after what was found.", zoom=True)
 
 
 def _loop(page: Page, evidence: Evidence, tracing: Tracing) -> None:
@@ -126,17 +137,21 @@ def _loop(page: Page, evidence: Evidence, tracing: Tracing) -> None:
             ]
         )
     )
-    trace = evidence.traces[worst]
-    few = _some(len(trace.log))
+    experiment = evidence.experiments[worst]
+    few = _some(len(experiment.log))
     for ax, (which, style) in zip(axes[0], (("before", BEFORE), ("after", AFTER)), strict=True):
         p = tracing.predictions[which][worst]
-        ax.plot(trace.resistance_Ohm[few], p.shown_m[few] * _MM, lw=0.8, color=style["color"], label="model")
+        ax.plot(experiment.resistance_Ohm[few], p.shown_m[few] * _MM, lw=0.8, color=style["color"], label="model")
         ax.plot(
-            trace.resistance_Ohm[few], evidence.measured_m[worst][few] * _MM, lw=0.4, color="black", label="measured"
+            experiment.resistance_Ohm[few],
+            evidence.measured_m[worst][few] * _MM,
+            lw=0.4,
+            color="black",
+            label="measured",
         )
         ax.set(xlabel="measured resistance [Ω]", ylabel="displacement [mm]", title=style["label"])
         ax.legend()
-    page.figure(drawing, trace.name)
+    page.figure(drawing, f"The log with the largest error, {experiment.name}.", zoom=True)
 
 
 def _race(page: Page, tracing: Tracing) -> None:
@@ -144,13 +159,13 @@ def _race(page: Page, tracing: Tracing) -> None:
     drawing, axes = figure(len(tracing.rounds), 1, height_in=5.0)
     for ax, round_ in zip(axes[0], tracing.rounds, strict=True):
         trials = round_.trials[:14][::-1]
-        labels = [" + ".join(n for n in t.names if n not in round_.before) for t in trials]
+        labels = [_words([n for n in t.names if n not in round_.before]) for t in trials]
         alike = {id(t) for t in round_.alternatives}
         colours = ["tab:green" if t is round_.winner else "tab:olive" if id(t) in alike else "0.7" for t in trials]
         ax.barh(labels, [t.gain for t in trials], xerr=[t.gain_error for t in trials], color=colours)
         ax.set(
-            xlabel="fall of the loss of a held-out cycle",
-            title=("after " + ", ".join(round_.before)) if round_.before else "first",
+            xlabel="what it takes off a cycle that its fit has not seen [loss]",
+            title=f"after {_words(round_.before)}" if round_.before else "first",
         )
     page.figure(drawing, "Green: named. Olive: within a standard error of it. Bars: standard error over cycles.")
 
@@ -172,9 +187,9 @@ def _tell_tale(page: Page, evidence: Evidence, tracing: Tracing, names: Sequence
             mean = np.bincount(place, error_m, minlength=len(edges) - 1)[good] / number[good]
             at = np.bincount(place, x, minlength=len(edges) - 1)[good] / number[good]
             ax.plot(at, mean, "o-", ms=3, color=style["color"], label=style["label"])
-        ax.set(xlabel=name, ylabel="mean residual [mm]", title=effect)
+        ax.set(xlabel=QUANTITIES[name], ylabel="mean residual [mm]", title=_words([effect]))
         ax.legend()
-    page.figure(drawing)
+    page.figure(drawing, "The residual against the quantity that gives each effect away.")
 
 
 def _rests(page: Page, evidence: Evidence, tracing: Tracing) -> None:
@@ -185,7 +200,7 @@ def _rests(page: Page, evidence: Evidence, tracing: Tracing) -> None:
     when = np.array(
         [
             t.signals.time_s[r.stop - 1] - evidence.start_s
-            for t, rs in zip(evidence.traces, evidence.rests, strict=True)
+            for t, rs in zip(evidence.experiments, evidence.rests, strict=True)
             for r in rs
         ]
     )
@@ -210,7 +225,7 @@ def _dependence(page: Page, report: dict[str, Any]) -> None:
     page.table(
         ("quantity", "before", "after"),
         [
-            (name, f"{share:.0%}", f"{after[name]:.0%}" if name in after else "less than the others")
+            (QUANTITIES[name], f"{share:.0%}", f"{after[name]:.0%}" if name in after else "less than the others")
             for name, share in before.items()
         ],
         caption="Share of the mean square that each quantity alone explains, on cycles its means were not taken from.",
@@ -224,8 +239,8 @@ def _the_rest(page: Page, report: dict[str, Any]) -> None:
             ("instead of", "could be", "confidence", "experiment", "takes", "then they differ by"),
             [
                 (
-                    a["instead_of"],
-                    a["name"],
+                    _words([a["instead_of"]]),
+                    _words([a["name"]]),
                     f"{a['confidence']:.0%}",
                     a["experiment"]["what"],
                     f"{a['experiment']['duration_s']:.0f} s",
@@ -236,4 +251,4 @@ def _the_rest(page: Page, report: dict[str, Any]) -> None:
         )
     if report["untestable"]:
         page.heading("What these logs could not have shown")
-        page.table(("effect", "why"), [(u["name"], u["reason"]) for u in report["untestable"]])
+        page.table(("effect", "why"), [(_words([u["name"]]), u["reason"]) for u in report["untestable"]])

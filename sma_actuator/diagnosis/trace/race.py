@@ -25,7 +25,7 @@ from sma_actuator.diagnosis.selection import (
 from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL
 from sma_actuator.logs.errors import BenchLogError
 
-from .candidates import Candidate, candidate, scales_of, untestable
+from .candidates import Candidate, candidate, require_twins, scales_of, untestable
 from .evidence import Evidence, Prediction
 from .fitting import Fit, fit
 
@@ -155,6 +155,7 @@ def _field(evidence: Evidence, only: Sequence[str], without: Sequence[str]) -> t
     names = [n for n in EFFECTS if (not only or n in only) and n not in without]
     if evidence.beyond_floor and not only:  # what circuit and sensors did at the calibration, it has absorbed
         names = [n for n in names if EFFECTS[n].PART == "wire"]
+    require_twins(names)
     reasons = untestable(names, scales)
     if only and reasons:
         raise BenchLogError("; ".join(f"{n} cannot be fitted on these logs: {why}" for n, why in reasons.items()))

@@ -13,7 +13,7 @@ import numpy as np
 from sma_actuator.base.parameters import declaration_of
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain
-from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL
+from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL, QUANTITIES
 from sma_actuator.identify.expectation import learn
 
 from .analysis import anatomy
@@ -78,7 +78,7 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
             for r in tracing.rounds
         ],
         "notes": []
-        if evidence.one_session or len(evidence.traces) == 1
+        if evidence.one_session or len(evidence.experiments) == 1
         else [
             (
                 "the logs do not follow each other on one clock: each counts as a session, and what changes from one to the next (a slip, a "
@@ -86,7 +86,7 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
             )
         ],
         "model_file": str(model_file) if model_file else None,
-        "logs": [t.log.source for t in evidence.traces],
+        "logs": [t.log.source for t in evidence.experiments],
     }
     return _plain(out)
 
@@ -105,7 +105,11 @@ def sentence(tracing: Tracing, depends: dict[str, float]) -> str:
         return _said(tracing, names)
     most = [name for name, share in depends.items() if share >= DEPENDS][:3]
     text = "There is an error that no candidate explains"
-    text += f"; it still depends on {', '.join(most)}." if most else "; it depends on nothing that was looked at."
+    text += (
+        f"; it still depends on {', '.join(QUANTITIES[name] for name in most)}."
+        if most
+        else "; it depends on nothing that was looked at."
+    )
     if names:
         text += (
             f" {' and '.join(names)} would take off part of it (that is the error after), and may be the wrong name."
@@ -147,8 +151,10 @@ def _effects(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
                 "name": name,
                 "stage": EFFECTS[name].PART,
                 "what": EFFECTS[name].WORDS,
+                "remedy": EFFECTS[name].REMEDY,
                 "parameters": {
                     p: {
+                        "what": declared[p].description,
                         "value": value,
                         "unit": declared[p].unit,
                         "interval": list(found.intervals[name].get(p, (value, value))),
@@ -276,7 +282,7 @@ def extended(
     out = dict(mapping)
     effects = dict(out.get("effects") or {})
     before, after = report["error_before_pct_stroke"], report["error_after_pct_stroke"]
-    logs = ", ".join(Path(t.log.source).name for t in evidence.traces)
+    logs = ", ".join(Path(t.log.source).name for t in evidence.experiments)
     for name in names:
         c = next(c for c in found.candidates if c.name == name)
         effects[name] = {**c.fixed, **found.values[name]}
@@ -308,6 +314,6 @@ def _anew(mapping: dict[str, Any], evidence: Evidence, tracing: Tracing) -> dict
     fields: dict[str, Any] = {"error": float(np.mean(errors)), "largest_error": max(errors)}
     config = Config.from_mapping(mapping)
     if evidence.beyond_floor and config.calibration.expected_weights:
-        found = [Chain(config).run(t.signals) for t in evidence.traces]
-        fields |= learn(evidence.traces, found, config)
+        found = [Chain(config).run(t.signals) for t in evidence.experiments]
+        fields |= learn(evidence.experiments, found, config)
     return {name: list(v) if isinstance(v, tuple) else v for name, v in fields.items()}

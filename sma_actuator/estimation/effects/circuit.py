@@ -25,6 +25,7 @@ class LeadResistance(Effect):
 
     PART = "circuit"
     WORDS = "the leads have another resistance than circuit.lead_resistance says"
+    REMEDY = "Measure the leads again with the wire short-circuited, or tighten what was changed in the wiring; until then the extended model takes it off."
     TELL_TALE = "resistance_Ohm"
     resistance: float = parameter(0.0, "lead resistance beyond circuit.lead_resistance", "Ω", -100.0, 100.0)
 
@@ -45,6 +46,7 @@ class ContactDrift(Effect):
 
     PART = "circuit"
     WORDS = "a contact or a lead changes its resistance as time goes"
+    REMEDY = "Tighten the clamp and clean the contacts; measure at the wire itself (four wires) where it comes back."
     TELL_TALE = "time_s"
     resistance: float = parameter(0.0, "change of the lead resistance in the end", "Ω", -100.0, 100.0)
     time_constant: float = parameter(1e3, "how slowly it comes", "s", 1.0, 1e7)
@@ -71,6 +73,7 @@ class VoltageOffset(Effect):
 
     PART = "circuit"
     WORDS = "a voltage channel has a zero error"
+    REMEDY = "Measure the channel with its input shorted and let the DAQ calibrate its zero; until then the extended model takes it off."
     TELL_TALE = "inverse_current_1_A"
     offset: float = parameter(0.0, "zero error of the supply-voltage channel", "V", -10.0, 10.0)
 
@@ -92,6 +95,7 @@ class ReferenceSelfHeating(Effect):
 
     PART = "circuit"
     WORDS = "the sense resistor warms with its own current"
+    REMEDY = "Take a sense resistor of more watts or a smaller temperature coefficient, or cool the one there is."
     TELL_TALE = "power_lagged_10_s_W"
     STATES = 2
     coefficient: float = parameter(0.0, "relative change of the sense resistor per watt in it", "1/W", -10.0, 10.0)
@@ -123,6 +127,7 @@ class Shunt(Effect):
 
     PART = "circuit"
     WORDS = "something conducts beside the wire"
+    REMEDY = "Look for what conducts beside the wire: a crimp that touches the frame, moisture, a second path through the load; take it away."
     TELL_TALE = "resistance_Ohm"
     conductance: float = parameter(0.0, "conductance of the leak", "S", 0.0, 100.0)
 

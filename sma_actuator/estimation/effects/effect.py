@@ -24,23 +24,23 @@ PARTS = ("circuit", "load cell", "wire", "mechanism", "reference")
 NOT_THE_MODEL = ("mechanism", "reference")
 #: Methods of an effect, each called with a frame, the effect's memory and the place, in this order.
 STAGES = ("measured", "at_resistance", "at_displacement", "shown")
-#: Quantities against which a residual is looked at; an effect names the one that gives it away.
-QUANTITIES = (
-    "time_s",
-    "resistance_Ohm",
-    "displacement_m",
-    "stress_Pa",
-    "branch",
-    "distance_from_reversal_m",
-    "power_W",
-    "power_lagged_1_s_W",
-    "power_lagged_10_s_W",
-    "power_lagged_100_s_W",
-    "cycle",
-    "inverse_current_1_A",
-    "resistance_rate_Ohm_s",
-    "ambient_temperature_C",
-)
+#: Quantities against which a residual is looked at, with the words for a picture; an effect names the one that gives it away.
+QUANTITIES = {
+    "time_s": "time [s]",
+    "resistance_Ohm": "resistance [Ω]",
+    "displacement_m": "displacement [m]",
+    "stress_Pa": "stress [Pa]",
+    "branch": "branch (0 cooling, 1 heating)",
+    "distance_from_reversal_m": "distance from the last reversal [m]",
+    "power_W": "power [W]",
+    "power_lagged_1_s_W": "power, mean over about 1 s [W]",
+    "power_lagged_10_s_W": "power, mean over about 10 s [W]",
+    "power_lagged_100_s_W": "power, mean over about 100 s [W]",
+    "cycle": "number of the cycle",
+    "inverse_current_1_A": "one over the current [1/A]",
+    "resistance_rate_Ohm_s": "rate of the resistance [Ω/s]",
+    "ambient_temperature_C": "ambient temperature [°C]",
+}
 
 
 class Effect:
@@ -49,6 +49,7 @@ class Effect:
     __slots__ = ()
     PART: ClassVar[str]  #: where the fault lies, one of PARTS
     WORDS: ClassVar[str]  #: what is the matter, in words that go on after "…: "
+    REMEDY: ClassVar[str]  #: what a person can do about it, in sentences
     TELL_TALE: ClassVar[str]  #: the quantity that gives it away, one of QUANTITIES
     STATES: ClassVar[int] = 0  #: numbers it remembers; NaN before the first sample
     ESSENTIAL: ClassVar[str] = ""  #: name of a size parameter without which it is not this effect
@@ -84,6 +85,7 @@ def _refusal(_name: str, cls: type[Effect]) -> str:
         f"PART is '{part}'; one of {', '.join(PARTS)} is wanted": part not in PARTS,
         f"TELL_TALE is '{tell_tale}'; one of {', '.join(QUANTITIES)} is wanted": tell_tale not in QUANTITIES,
         "WORDS are missing: what is the matter, in words": not getattr(cls, "WORDS", ""),
+        "a REMEDY is missing: what a person can do about it, in sentences": not getattr(cls, "REMEDY", ""),
         "free is missing: what a fit may vary": cls.free.__func__ is Effect.free.__func__,
         f"it acts nowhere; a method {', '.join(STAGES)} is wanted": not acts,
         "a fault of the reference acts at 'shown', and nothing else does": ("shown" in acts) != (part == "reference"),

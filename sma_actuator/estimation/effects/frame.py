@@ -5,15 +5,12 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from math import exp, isnan
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from sma_actuator.base.jit import jit
 from sma_actuator.base.signals import Signals
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,19 +24,6 @@ class Place:
     heat_loss_W_K: float
     ambient_C: float  #: where none is measured
     working_range_m: tuple[float, float]
-
-    @classmethod
-    def of(cls, config: Config) -> Place:
-        """The place that a Config describes."""
-        return cls(
-            reference_resistance_Ohm=config.circuit.reference_resistance,
-            lead_resistance_Ohm=config.circuit.lead_resistance,
-            area_m2=config.wire.area_m2,
-            length_m=config.wire.length,
-            heat_loss_W_K=config.thermal.heat_loss,
-            ambient_C=config.thermal.ambient_temperature,
-            working_range_m=config.model.build(config.wire).displacement_range_m,
-        )
 
 
 @dataclass(slots=True)

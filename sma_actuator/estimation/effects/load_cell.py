@@ -20,6 +20,7 @@ class LoadCellDrift(Effect):
 
     PART = "load cell"
     WORDS = "the zero of the load cell has moved, or moves"
+    REMEDY = "Re-zero the load cell (~/tare) with nothing hanging on the wire, and let it warm up before."
     TELL_TALE = "time_s"
     offset: float = parameter(0.0, "load shown at no load when the session began", "N", -1e5, 1e5)
     rate: float = parameter(0.0, "its change with time", "N/s", -1e3, 1e3)
@@ -49,6 +50,7 @@ class LoadCellGain(Effect):
 
     PART = "load cell"
     WORDS = "the load cell shows too much or too little in proportion"
+    REMEDY = "Calibrate the load cell again with two known masses."
     TELL_TALE = "stress_Pa"
     gain: float = parameter(0.0, "load shown over true load, less one", "1", -0.9, 9.0)
 

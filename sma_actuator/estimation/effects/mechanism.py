@@ -20,6 +20,7 @@ class Slip(Effect):
 
     PART = "mechanism"
     WORDS = "the wire slipped in its crimp"
+    REMEDY = "Tighten or renew the crimp, zero the position, and calibrate again."
     TELL_TALE = "time_s"
     SCANNED = "time"
     length: float = parameter(0.0, "length that slipped through", "m", -1.0, 1.0)
@@ -42,6 +43,7 @@ class Backlash(Effect):
 
     PART = "mechanism"
     WORDS = "there is play between the wire and the joint"
+    REMEDY = "Take the play out of the joint, or preload it so that it always pulls the same way."
     TELL_TALE = "distance_from_reversal_m"
     STATES = 1
     width: float = parameter(0.0, "free play from side to side", "m", 0.0, 1.0)

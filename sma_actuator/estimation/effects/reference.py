@@ -24,6 +24,7 @@ class ReferenceLag(Effect):
 
     PART = "reference"
     WORDS = "the reference sensor lags"
+    REMEDY = "Switch off the reference sensor's filter, or log it faster; the model is not at fault."
     TELL_TALE = "resistance_rate_Ohm_s"
     STATES = 2
     time_constant: float = parameter(1e-3, "its lag", "s", 1e-6, 1e3)
@@ -52,6 +53,7 @@ class ReferenceGain(Effect):
 
     PART = "reference"
     WORDS = "the reference sensor shows too much or too little in proportion"
+    REMEDY = "Calibrate the reference sensor again with gauge blocks; the model is not at fault."
     TELL_TALE = "displacement_m"
     gain: float = parameter(0.0, "displacement shown over true displacement, less one", "1", -0.9, 9.0)
     pivot: float = parameter(0.0, "displacement that is shown right", "m", -10.0, 10.0)
@@ -76,6 +78,7 @@ class ReferenceDrift(Effect):
 
     PART = "reference"
     WORDS = "the zero of the reference sensor has moved, or moves"
+    REMEDY = "Re-zero the reference sensor with the wire cold, and let it warm up before; the model is not at fault."
     TELL_TALE = "time_s"
     offset: float = parameter(0.0, "displacement shown too much when the session began", "m", -1.0, 1.0)
     rate: float = parameter(0.0, "its change with time", "m/s", -1.0, 1.0)

@@ -33,6 +33,7 @@ class SelfHeating(Effect):
 
     PART = "wire"
     WORDS = "the wire's resistance moves with its temperature where its phase does not change"
+    REMEDY = "Nothing to repair: let the extended model take it off, and do not heat further than the stroke needs."
     TELL_TALE = "power_lagged_1_s_W"
     STATES = 2
     temperature_coefficient: float = parameter(0.0, "relative change of resistance per kelvin, hot", "1/K", -0.1, 0.1)
@@ -84,6 +85,7 @@ class AmbientTemperature(Effect):
 
     PART = "wire"
     WORDS = "the surroundings are warmer or colder than at the calibration"
+    REMEDY = "Log the ambient temperature, keep draughts away, or calibrate again at the temperature of use."
     TELL_TALE = "ambient_temperature_C"
     STATES = 2
     temperature_coefficient: float = parameter(0.0, "relative change of resistance per kelvin", "1/K", -0.1, 0.1)
@@ -136,6 +138,9 @@ class ThermalExpansion(Effect):
 
     PART = "wire"
     WORDS = "the wire, or what it heats, expands with its temperature"
+    REMEDY = (
+        "Nothing to repair in the wire: let the extended model take it off, or keep heat away from what holds the wire."
+    )
     TELL_TALE = "power_lagged_10_s_W"
     STATES = 2
     coefficient: float = parameter(
@@ -170,6 +175,7 @@ class ElasticCompliance(Effect):
 
     PART = "wire"
     WORDS = "something yields with the load"
+    REMEDY = "Stiffen what holds the wire and the sensor, or let the extended model take it off."
     TELL_TALE = "stress_Pa"
     compliance: float = parameter(0.0, "stretch per newton", "m/N", -1.0, 1.0)
 
@@ -202,6 +208,7 @@ class Fatigue(Effect):
 
     PART = "wire"
     WORDS = "the wire wears with the number of its cycles"
+    REMEDY = "The wire ages: use less stress or less stroke, calibrate again, and plan to replace it."
     TELL_TALE = "cycle"
     ESSENTIAL = "displacement"  # where the resistance alone drifts, it is the contact
     STATES = 2
@@ -260,6 +267,7 @@ class Creep(Effect):
 
     PART = "wire"
     WORDS = "something gives way slowly under the load"
+    REMEDY = "Tighten clamps and crimps, train the wire under its load, and calibrate again when it has settled."
     TELL_TALE = "time_s"
     STATES = 2
     compliance: float = parameter(0.0, "stretch per newton in the end", "m/N", -1.0, 1.0)
@@ -287,6 +295,7 @@ class MinorLoopMemory(Effect):
 
     PART = "wire"
     WORDS = "a branch that turned back early shifts the next"
+    REMEDY = "Nothing to repair: it is how the alloy behaves in partial cycles; let the extended model take it off, or calibrate with more partial cycles."
     TELL_TALE = "distance_from_reversal_m"
     STATES = 3
     after_heating: float = parameter(
@@ -329,6 +338,7 @@ class Rate(Effect):
 
     PART = "wire"
     WORDS = "the displacement lags what the resistance says"
+    REMEDY = "Nothing to repair: drive more slowly, or let the extended model take it off."
     TELL_TALE = "resistance_rate_Ohm_s"
     STATES = 4
     displacement_per_rate: float = parameter(0.0, "shift of δ against dR/dt", "m·s/Ω", -10.0, 10.0)

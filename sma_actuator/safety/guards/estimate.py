@@ -19,7 +19,7 @@ from sma_actuator.safety.timing import ONE_STEP, TWO_STEPS
     latches=True,
 )
 def estimator_outside(step: Step) -> str:
-    """Too long without an estimate inside the calibration."""
+    """The estimate has been outside the model's calibration for too long."""
     outside = step.settled and step.estimate.quality >= Quality.OUTSIDE_CALIBRATION
     lasts_s = step.memory.lasts_s("estimator_outside", outside, step.now_s)
     if not lasts_s >= step.config.safety.outside_calibration_time:
@@ -39,7 +39,7 @@ def estimator_outside(step: Step) -> str:
     action=Action.BIAS,
 )
 def estimate_invalid(step: Step) -> str:
-    """No estimate at all."""
+    """The estimate is not a number."""
     if not step.settled or (step.estimate.quality is not Quality.INVALID and isfinite(step.estimate.displacement_m)):
         return ""
     return "the estimate is not valid"

@@ -55,7 +55,7 @@ loop_hung: Fault = Fault(
     each_step=False,
 )
 def command_invalid(wanted_A: float) -> str:
-    """The last look at a command before it is a current."""
+    """The command is not finite, or outside 0 to the highest current."""
     return "" if 0.0 <= wanted_A < inf else f"{wanted_A} A; a finite current of at least zero is wanted"
 
 
@@ -69,7 +69,7 @@ def command_invalid(wanted_A: float) -> str:
     latches=True,
 )
 def clock_jump(step: Step) -> str:
-    """Monotonic time that is not.  Without current a pause harms nobody."""
+    """The clock went back, or forward by more than readings may be late, while the wire is driven."""
     if not step.driven or 0.0 <= step.dt_s <= step.config.safety.reading_timeout:
         return ""
     return f"{step.dt_s:g} s since the step before; 0 to {step.config.safety.reading_timeout:g} s is plausible"
@@ -84,7 +84,7 @@ def clock_jump(step: Step) -> str:
     latches=True,
 )
 def loop_overrun(step: Step) -> str:
-    """The computer does not keep up."""
+    """Steps came too late, several in a row."""
     late = step.memory.running("loop_overrun", step.driven and not step.dt_s <= OVERRUN_PERIODS / step.config.loop.rate)
     if late < step.config.loop.overruns_to_fault:
         return ""

@@ -37,7 +37,7 @@ def silent(step: Step, last_s: float, what: str) -> str:
     latches=True,
 )
 def daq_lost(step: Step) -> str:
-    """No answer of the DAQ."""
+    """The DAQ has not answered for too long."""
     if step.raw is not None:
         step.memory.daq_s = step.now_s
     return silent(step, step.memory.daq_s, "answer of the DAQ")
@@ -52,7 +52,7 @@ def daq_lost(step: Step) -> str:
     latches=True,
 )
 def reading_saturated(step: Step) -> str:
-    """A channel at the end of its range."""
+    """A channel is at the end of the converter's range."""
     if step.raw is None:
         return ""
     bound_V = step.config.safety.channel_max_voltage
@@ -71,7 +71,7 @@ def reading_saturated(step: Step) -> str:
     action=Action.BIAS,
 )
 def reading_not_finite(step: Step) -> str:
-    """NaN or infinity on entry."""
+    """A channel is NaN or infinite."""
     if step.raw is None:
         return ""
     bad = [name for name, value in {"time": step.raw.time_s, **voltages(step.raw)}.items() if not isfinite(value)]
@@ -87,7 +87,7 @@ def reading_not_finite(step: Step) -> str:
     latches=True,
 )
 def reading_stale(step: Step) -> str:
-    """Answers, but none that can be used."""
+    """The DAQ answers, but no reading was usable for too long."""
     if step.reading is not None:
         step.memory.reading_s = step.now_s
     return silent(step, step.memory.reading_s, "new and finite reading")
@@ -102,7 +102,7 @@ def reading_stale(step: Step) -> str:
     latches=True,
 )
 def reading_implausible(step: Step) -> str:
-    """Readings no wire on this bench can give."""
+    """The resistance is not that of a wire, or the current is negative."""
     if step.reading is None:
         return ""
     safety, signals = step.config.safety, step.signals
@@ -124,7 +124,7 @@ def reading_implausible(step: Step) -> str:
     latches=True,
 )
 def sensor_stuck(step: Step) -> str:
-    """Not one changed digit where there must be noise."""
+    """A channel has not changed in any digit for too long."""
     if step.reading is None:
         return ""
     if not step.told.output_on:

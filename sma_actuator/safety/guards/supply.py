@@ -26,7 +26,7 @@ SETTING_TOLERANCE_A = 2e-3
     while_off=True,
 )
 def supply_tripped(step: Step) -> str:
-    """The supply's own protections."""
+    """A protection of the supply has tripped."""
     return step.supply.tripped if step.supply is not None else ""
 
 
@@ -76,7 +76,7 @@ output_not_confirmed: Fault = Fault(
     while_off=True,
 )
 def second_commander(step: Step) -> str:
-    """The read-back changes without us."""
+    """The supply's settings are not those that were written: somebody else writes to it."""
     supply, told = step.supply, step.told
     if supply is None or supply.tripped or not isfinite(supply.current_setting_A):
         return ""
@@ -98,7 +98,7 @@ def second_commander(step: Step) -> str:
     latches=True,
 )
 def supply_lost(step: Step) -> str:
-    """No usable read-back."""
+    """The supply has not answered usably for too long."""
     supply = step.supply
     if supply is not None and isfinite(supply.current_setting_A + supply.voltage_V + supply.current_A):
         step.memory.supply_s = step.now_s
@@ -116,7 +116,7 @@ def supply_lost(step: Step) -> str:
     while_off=True,
 )
 def supply_disagrees(step: Step) -> str:
-    """Another current flows than was commanded."""
+    """The measured current is not the commanded one."""
     if step.reading is None:
         return ""
     told_A = step.told.current_A if step.told.output_on else 0.0
@@ -138,7 +138,7 @@ def supply_disagrees(step: Step) -> str:
     latches=True,
 )
 def measurements_disagree(step: Step) -> str:
-    """Two instruments on one circuit."""
+    """Supply and DAQ measure different currents or voltages in the same circuit."""
     supply, reading, safety = step.supply, step.reading, step.config.safety
     if supply is None or reading is None:
         return ""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from sma_actuator.base.signals import Quality
 from sma_actuator.safety.formula import longest, parameter_value
 from sma_actuator.safety.records import Action, Step, guard
-from sma_actuator.safety.thermal import AMBIENT_FALL_K_S
-from sma_actuator.safety.timing import ONE_STEP, RATE, SETTLING_READINGS, SETTLING_TIME_S, THREE_STEPS, TWO_STEPS
+from sma_actuator.safety.thermal import AMBIENT_FALL_K_s
+from sma_actuator.safety.timing import ONE_STEP, RATE, SETTLING_READINGS, THREE_STEPS, TWO_STEPS, SETTLING_TIME_s
 
 #: Share of supply.max_voltage that counts as being at the compliance voltage.
 COMPLIANCE = 0.95
@@ -26,7 +26,7 @@ LEAST_RISE = 0.5
     latches=True,
 )
 def open_wire(step: Step) -> str:
-    """All the voltage there is, and little current."""
+    """The supply is at its compliance voltage, and less current flows than was commanded."""
     reading = step.reading
     least_A = step.config.safety.open_wire_current_fraction * step.told.current_A
     is_open = (
@@ -44,12 +44,12 @@ def open_wire(step: Step) -> str:
     words="the wire is shorted",
     remedy="Look for what bridges the wire, and compare safety.resistance_min with it",
     detector="resistance below safety.resistance_min (after enabling: once settled at the bias current)",
-    within=longest(SETTLING_TIME_S, SETTLING_READINGS / RATE) + TWO_STEPS,
+    within=longest(SETTLING_TIME_s, SETTLING_READINGS / RATE) + TWO_STEPS,
     action=Action.OFF,
     latches=True,
 )
 def short(step: Step) -> str:
-    """Too little resistance."""
+    """The resistance is below what the wire can have."""
     if not (
         step.settled and step.reading is not None and step.signals.resistance_Ohm < step.config.safety.resistance_min
     ):
@@ -66,7 +66,7 @@ def short(step: Step) -> str:
     latches=True,
 )
 def stress_above_limit(step: Step) -> str:
-    """More stress than the wire survives."""
+    """The stress is above ``wire.max_stress``."""
     if step.reading is None or step.signals.stress_Pa <= step.config.wire.max_stress:
         return ""
     return f"{step.signals.stress_Pa / 1e6:.4g} MPa; wire.max_stress is {step.config.wire.max_stress / 1e6:g} MPa"
@@ -81,7 +81,7 @@ def stress_above_limit(step: Step) -> str:
     latches=True,
 )
 def load_spike(step: Step) -> str:
-    """A blow, or a load cell that lost its mind."""
+    """The load changed from one reading to the next by more than a wire can make it change."""
     if step.reading is None:
         return ""
     change_N = step.signals.load_N - step.memory.load_N
@@ -101,7 +101,7 @@ def load_spike(step: Step) -> str:
     while_off=True,
 )
 def too_hot(step: Step) -> str:
-    """The heat balance on measured power."""
+    """The heat balance on the measured power is above ``thermal.max_temperature``."""
     thermal, heat = step.config.thermal, step.heat
     if heat.at_most_C <= thermal.max_temperature:
         return ""
@@ -122,7 +122,7 @@ def too_hot(step: Step) -> str:
     latches=True,
 )
 def heat_loss_wrong(step: Step) -> str:
-    """A wire that is still contracted is still hot, whatever the balance says."""
+    """The cooling wire stays contracted for longer than the heat balance allows: it loses less heat than ``thermal.heat_loss`` says."""
     calibration, thermal, heat = step.config.calibration, step.config.thermal, step.heat
     contracted = (
         step.settled
@@ -146,10 +146,10 @@ def heat_loss_wrong(step: Step) -> str:
     remedy="Check the ambient sensor; thermal.ambient_temperature is taken instead",
     detector="ambient temperature below ambient_temperature − ambient_tolerance, above 100 °C, or below "
     "ambient_temperature without one changed digit for thermal.ambient_stuck_time; ambient_temperature is taken instead. "
-    f"Below that, a sensor that falls is followed at {AMBIENT_FALL_K_S:g} K/s",
+    f"Below that, a sensor that falls is followed at {AMBIENT_FALL_K_s:g} K/s",
     within=ONE_STEP,
     action=Action.NOTE,
 )
 def ambient_doubted(step: Step) -> str:
-    """Surroundings that nobody drives a wire in."""
+    """The ambient sensor is not believed."""
     return step.heat.ambient.doubt

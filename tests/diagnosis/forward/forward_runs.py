@@ -14,7 +14,7 @@ from sma_actuator.diagnosis.forward.wire import ForwardWire, read_wire
 ROOT = Path(__file__).resolve().parents[3]
 MAKERS = ROOT / "config" / "flexinol_050_forward.yaml"
 MEASURED = ROOT.parent / "shared" / "data" / "flexinol_050_bench"
-_STEP_S = 0.02
+_STEP_s = 0.02
 STROKE_M = 0.016
 
 #: The wire that is simulated: not the one the fit starts from.
@@ -48,7 +48,7 @@ def synthetic(
     What no candidate can express: ``drift_m``, a slow drift of the slider (10 s); ``ambient_K``, the
     air's temperature from run to run; ``bend``, a sensor that is not linear, in shares of the stroke.
     """
-    t = np.arange(0.0, 60.0, _STEP_S)
+    t = np.arange(0.0, 60.0, _STEP_s)
     duties = {
         "ramp": np.clip(0.01 * (t - 5.0), 0.0, 0.2) * (t < 35.0),
         "step": 0.2 * ((t > 5.0) & (t < 25.0)),
@@ -56,12 +56,12 @@ def synthetic(
         "stairs": 0.12 * (t > 4.0) + 0.06 * (t > 16.0) - 0.1 * (t > 28.0) + 0.08 * (t > 42.0),
     }
     rng = np.random.default_rng(seed)
-    keeps = np.exp(-_STEP_S / 10.0)
+    keeps = np.exp(-_STEP_s / 10.0)
     runs = []
     for name, duty in duties.items():
         values = TRUTH | {f"effects.{key}": value for key, value in effects.items()}
         wire = makers().with_values(values | {"surroundings.ambient_C": 24.0 + ambient_K * rng.standard_normal()})
-        position_m = np.concatenate([[0.0], simulate(wire, duty, _STEP_S)[:-1, POSITION]])
+        position_m = np.concatenate([[0.0], simulate(wire, duty, _STEP_s)[:-1, POSITION]])
         position_m += bend * STROKE_M * np.sin(2.0 * np.pi * position_m / STROKE_M)
         if drift_m:
             steps = np.sqrt(1.0 - keeps**2) * rng.standard_normal(len(t))

@@ -19,7 +19,7 @@ from sma_actuator.identify import identify
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log, write_bench_log
 
 WIRE = "furukawa"
-LOG_S, PAUSE_S = 150.0, 30.0
+LOG_s, PAUSE_s = 150.0, 30.0
 STEPS = Schedule(
     [(0.0, Weight(0.98)), (35.0, Weight(1.96)), (80.0, Weight(0.6)), (210.0, Weight(1.5)), (260.0, Weight(0.98))]
 )
@@ -50,14 +50,15 @@ def calibrated():
 def session(bench_mapping, hidden=None, load=STEPS, seed=5, logs=2):
     """Bench logs of one session: pulses that settle at both ends, then partial ones."""
     config = bench_from_mapping(bench_mapping)
-    whole_s = logs * LOG_S + (logs - 1) * PAUSE_S
+    whole_s = logs * LOG_s + (logs - 1) * PAUSE_s
     bench = HiddenBench.from_name(WIRE, seed=seed, load=load, hidden=hidden or {}, session_s=whole_s)
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     out = []
     with rig.opened():
         for number in range(logs):
-            bench.advance(number * (LOG_S + PAUSE_S))
-            log = rig.record(Drive(float(current_A)) for current_A in _currents_A(config, seed + number))
+            bench.advance(number * (LOG_s + PAUSE_s))
+            currents_A = _currents_A(config, seed + number)
+            log = rig.record((Drive(float(current_A)) for current_A in currents_A), but=("load_spike",))
             columns = dict(log.columns)
             columns["time_s"] = columns["time_s"] + (bench.time_s - columns["time_s"][-1])
             out.append(BenchLog(columns, {}, f"session_{number + 1}.csv"))
@@ -91,5 +92,5 @@ def _currents_A(config, seed):
             (low, rng.uniform(0.8, 2.5) * slow_s),
         ]
     current_A = np.concatenate([np.full(round(s * rate), level) for level, s in parts])
-    n = round(LOG_S * rate)
+    n = round(LOG_s * rate)
     return np.concatenate((current_A, np.full(max(n - len(current_A), 0), low)))[:n]

@@ -89,6 +89,28 @@ def test_an_effect_is_traced_written_into_the_model_and_replayed(wire, folder, l
     assert "effects.sense_resistance: no such effect; known here: lead_resistance" in said
 
 
+def test_an_effect_can_be_hidden_in_the_virtual_bench(installed):
+    """The package brings the twin of its effect: the circuit has the resistor, the channel shows its voltage."""
+    hides = f"""
+import numpy as np
+from sma_actuator.bench import HiddenBench, VirtualBench
+from sma_actuator.bench.hidden import CURRENT
+from sma_actuator.diagnosis.trace.candidates import require_twins
+from sma_actuator.estimation.effects import EFFECTS
+require_twins(EFFECTS)
+(hidden,) = HiddenBench.from_name("flexinol", hidden={{"sense_resistance": {GAIN}}}).hidden
+rows, inputs = np.array([[0.2, 1.5, 1.0, 0.0, 24.0]]), np.zeros(32)
+hidden.read(rows, np.zeros(1))
+hidden.drive(inputs, 0.0)
+print(rows[0, CURRENT] / 0.2 - 1.0, inputs.sum())
+"""
+    done = subprocess.run([sys.executable, "-c", hides], capture_output=True, text=True, timeout=120, env=installed)
+    assert done.returncode == 0, done.stderr
+    more, added_Ohm = map(float, done.stdout.split())
+    assert more == pytest.approx(GAIN)
+    assert added_Ohm == pytest.approx(GAIN)  # of 1 Ω
+
+
 def test_a_broken_package_is_named_and_stops_no_command_that_needs_nothing_of_it(wire, folder, logs, installed):
     (folder / "site" / "sma_tiny" / "sense_resistance.py").write_text("raise RuntimeError('no licence')\n")
     model = write_model(wire[1], folder / "whole.yaml")

@@ -102,7 +102,7 @@ def test_a_candidate_goes_through_the_whole_recursion_as_in_the_node(clean, conf
     effect = c.build({**values, **({"time": 40.0} if name == "slip" else {})})
     predictions = clean.predict({name: effect})
     chain = Chain(config, {name: effect})
-    for trace_, p in zip(clean.traces, predictions, strict=True):
+    for trace_, p in zip(clean.experiments, predictions, strict=True):
         live = []
         for i in range(len(trace_.log)):
             values = {f.name: getattr(trace_.signals, f.name) for f in dataclasses.fields(Signals)}

@@ -13,6 +13,7 @@ from sma_actuator.actuator import Actuator
 from sma_actuator.base.signals import Reading
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config
+from sma_actuator.fleet.table import read_table
 from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.logs.bench_log import read_bench_log, to_reading
 from sma_actuator.replay import estimate_m
@@ -58,7 +59,7 @@ def test_the_report_says_what_was_found_and_how_sure_it_is(report):
 def test_the_page_is_one_file_with_its_pictures_in_it(traced):
     page = (traced[0] / "out" / "report.html").read_text()
     assert page.count("data:image/png;base64,") >= 5
-    assert "voltage_offset" in page and 'src="http' not in page
+    assert "voltage offset" in page and 'src="http' not in page
 
 
 def test_the_extended_model_runs_in_every_tool_and_has_the_error_that_was_reported(traced, report):
@@ -205,3 +206,19 @@ def test_a_failure_leaves_no_earlier_result_behind(traced, tmp_path, capsys):
     assert main(["trace", *logs, "--config", model, *words]) == 1
     assert "ambient_temperature cannot be fitted on these logs" in capsys.readouterr().err.replace("\n", " ")
     assert not list(tmp_path.iterdir())
+
+
+def test_of_a_fleet_every_log_has_a_row_that_names_the_effect_and_the_fleet_says_what_to_do(traced, tmp_path, capsys):
+    _, logs, model = traced
+    table = tmp_path / "table.parquet"
+    words = ["--table", str(table), "--jobs", "1", "--only", "voltage_offset", "--wire-name", "(session)", "--out"]
+    assert main(["trace", *logs, "--config", model, *words, str(tmp_path / "{wire}.yaml")]) == 0
+    rows = read_table(table)
+    assert len(rows) == len(logs) and {row["verdict"] for row in rows} == {"traced"}
+    assert all(row["effects"] == ["voltage_offset"] and row["wire"] == "session" for row in rows)
+    assert all(row["error_after_percent"] < 0.5 * row["error_percent"] for row in rows)
+    assert "voltage_offset" in (tmp_path / "session.yaml").read_text()
+    capsys.readouterr()
+    assert main(["fleet", str(table)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "1 of 1 wire drifts: session by voltage offset since" in said and "DAQ calibrate its zero" in said

@@ -6,7 +6,8 @@ from typing import ClassVar
 import pytest
 
 from sma_actuator.base.registry import PartRefusedError
-from sma_actuator.bench.hidden import EFFECTS as HIDDEN
+from sma_actuator.bench.hidden import TWINS
+from sma_actuator.diagnosis.trace.candidates import require_twins
 from sma_actuator.estimation.effects import EFFECTS, STAGES, Effect
 from sma_actuator.estimation.effects.free import size
 
@@ -18,10 +19,17 @@ def written(**changes):
         frame.load_N = frame.load_N - self.offset
 
     body = {
-        "__annotations__": {"offset": float, "PART": ClassVar[str], "WORDS": ClassVar[str], "TELL_TALE": ClassVar[str]},
+        "__annotations__": {
+            "offset": float,
+            "PART": ClassVar[str],
+            "WORDS": ClassVar[str],
+            "REMEDY": ClassVar[str],
+            "TELL_TALE": ClassVar[str],
+        },
         "offset": 0.0,
         "PART": "load cell",
         "WORDS": "it is off",
+        "REMEDY": "Switch it on.",
         "TELL_TALE": "stress_Pa",
         "measured": measured,
         "free": classmethod(lambda cls, scales: [size("offset", scales.load_N, 0.1)]),
@@ -37,6 +45,7 @@ def written(**changes):
         ({"TELL_TALE": "weather"}, "TELL_TALE is 'weather'"),
         ({"PART": "table"}, "PART is 'table'; one of circuit"),
         ({"WORDS": None}, "WORDS are missing"),
+        ({"REMEDY": None}, "a REMEDY is missing"),
         ({"free": None}, "free is missing"),
         ({"measured": None}, "it acts nowhere"),
         ({"shown": lambda self, frame, state, place: None}, "acts at 'shown'"),
@@ -63,13 +72,23 @@ def test_what_is_no_effect_is_refused():
         EFFECTS.register("written")(int)
 
 
-def test_every_effect_has_a_hidden_twin_in_the_bench():
-    """What can be named can be hidden: else nobody knows whether it would be found."""
-    assert set(EFFECTS) == set(HIDDEN)
-    assert {name: e.PART for name, e in EFFECTS.items()} == {name: h.where for name, h in HIDDEN.items()}
+def test_an_effect_that_nobody_can_hide_is_refused_before_any_race(monkeypatch):
+    """Whatever can be named can be hidden: else nobody knows whether it would be found."""
+    require_twins(EFFECTS)
+    monkeypatch.setattr(EFFECTS, "_parts", dict(EFFECTS.registered))
+    EFFECTS.register("written")(written())
+    with pytest.raises(PartRefusedError, match="effect 'written': it has no hidden twin; .*@TWINS.register"):
+        require_twins(EFFECTS)
+
+
+def test_a_twin_lies_where_its_effect_does(monkeypatch):
+    monkeypatch.setattr(TWINS["slip"], "where", "wire")
+    with pytest.raises(PartRefusedError, match="effect 'slip': it lies in the mechanism, its hidden twin in the wire"):
+        require_twins(EFFECTS)
 
 
 def test_the_words_go_on_after_a_name():
     for name, effect in EFFECTS.items():
         assert effect.WORDS[0].islower() and not effect.WORDS.endswith("."), name
+        assert effect.REMEDY[0].isupper() and effect.REMEDY.endswith("."), name
         assert any(hasattr(effect, stage) for stage in STAGES)

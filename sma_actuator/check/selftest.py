@@ -1,0 +1,419 @@
+"""One pass over everything between the parameters and the wire, with no more than twice the bias current.
+
+Each part says one sentence of what it found.  What a part finds wrong ends the parts that need it.  On every way out
+the current is zero and the output off, and what the supply read back of that is the last sentence.
+"""
+
+from __future__ import annotations
+
+import enum
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from sma_actuator.base.signals import Reading
+from sma_actuator.config import Config
+from sma_actuator.estimation.circuit import signals_from_reading
+from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
+
+BLOCKS = 20  #: read for each mean
+SETTLING_s = 0.4  #: after a change of the current
+MORE_CURRENT = 2.0  #: times the bias, for a moment, to tell a zero error from a resistance
+#: The current may be off by this share of the bias, a voltage by this share of what the wire should show.
+CURRENT_SHARE, VOLTAGE_SHARE = 0.1, 0.05
+#: With the output off: volts that may stand at a channel, as a share of what the bias makes of it.
+ZERO_SHARE = 0.03
+NOISE_SHARE = 0.02  #: the same of a channel's noise; for the load, of the load at wire.max_stress
+LEAST_LOAD_SHARE = 0.01  #: of the load at wire.max_stress, below which the sign of the load cell cannot be told
+#: Resistivity that a wire of each alloy may have, cold or hot [Ω·m].
+RESISTIVITY_Ohm_m = {"ni-ti": (0.65e-6, 1.15e-6), "ni-ti-cu": (0.45e-6, 1.15e-6)}
+#: The wire may differ from its calibration by this share.
+CALIBRATION_SHARE = 0.03
+PERIOD_SHARE = 0.2  #: by which the DAQ may be slower than the loop
+WATCHDOG_TIMES = 1.5  #: of its delay, that the watchdog may take to cut
+CUT_SHARE = 0.2  #: of the bias current, below which the output counts as cut
+
+
+class Level(enum.IntEnum):
+    """How bad it is."""
+
+    OK = 0
+    WARNING = 1  #: could not be told, or should be looked at
+    WRONG = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """What one part found."""
+
+    part: str
+    level: Level
+    sentence: str
+
+
+def passed(found: list[Found]) -> bool:
+    """Whether nothing was wrong."""
+    return all(each.level is not Level.WRONG for each in found)
+
+
+class _Ends(Exception):
+    """Later parts make no sense."""
+
+
+class SelfTest:
+    """The parts, on instruments that are not connected yet.  :meth:`abort` ends it from another thread."""
+
+    def __init__(self, config: Config, supply: PowerSupply, daq: Daq, clock: Clock):
+        self._config, self._supply, self._daq, self._clock = config, supply, daq, clock
+        self._aborted = threading.Event()
+        self._feeding = False  #: the watchdog of the supply
+        self.found: list[Found] = []
+        self.identity = ""
+        self.off_confirmed = False
+
+    def abort(self) -> None:
+        """End it at the next reading, with the output off."""
+        self._aborted.set()
+
+    def run(self, interrupted: Callable[[], bool] = lambda: False) -> list[Found]:
+        """Do all parts; ``interrupted`` is asked before every reading."""
+        self._interrupted = interrupted
+        try:
+            self._say("identity", self._identity())
+            for part in (self._limits, self._at_rest, self._at_bias, self._at_more, self._watchdog):
+                part()
+        except _Ends:
+            pass
+        except InstrumentError as error:
+            self._wrong("instruments", str(error))
+        finally:
+            self.off_confirmed = self._supply.shut_down()
+            for instrument in (self._supply, self._daq):
+                instrument.close()
+        if self.off_confirmed:
+            self._say("output", "the output is off, and the supply has read that back")
+        else:
+            self._wrong(
+                "output", "the output is told to be off, not confirmed: look at the supply, switch it off by hand"
+            )
+        return self.found
+
+    # --- what is said ---------------------------------------------------------------------------------
+
+    def _say(self, part: str, sentence: str, level: Level = Level.OK) -> None:
+        self.found.append(Found(part, level, sentence))
+
+    def _wrong(self, part: str, sentence: str) -> None:
+        self._say(part, sentence, Level.WRONG)
+
+    def _end(self, part: str, sentence: str) -> None:
+        self._wrong(part, sentence)
+        raise _Ends
+
+    # --- reading --------------------------------------------------------------------------------------
+
+    def _wait(self, seconds: float) -> None:
+        until_s = self._clock.now_s() + seconds
+        while (now_s := self._clock.now_s()) < until_s:
+            self._clock.sleep_until_s(min(until_s, now_s + 1.0 / self._config.loop.rate))
+            self._look_up()
+
+    def _look_up(self) -> None:
+        if self._feeding:
+            self._supply.read_back()  # every word feeds the watchdog
+        if self._aborted.is_set() or self._interrupted():
+            self._end("abort", "ended before its time: asked to")
+
+    def _blocks(self) -> Iterator[Reading]:
+        """Readings at the loop's rate."""
+        period_s = 1.0 / self._config.loop.rate
+        for _ in range(BLOCKS):
+            self._look_up()
+            self._clock.sleep_until_s(self._clock.now_s() + period_s)
+            yield self._daq.read_block()
+
+    def _read(self) -> dict[str, np.ndarray]:
+        """Every channel of BLOCKS readings, and their times."""
+        rows = list(self._blocks())
+        names = ("time_s", "supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V")
+        return {name: np.array([getattr(row, name) for row in rows]) for name in names}
+
+    # --- the parts --------------------------------------------------------------------------------------
+
+    def _identity(self) -> str:
+        self._supply.open()
+        self._daq.open()
+        self.identity = self._supply.identity
+        return f"the supply is {self._supply.identity}; the DAQ is {self._daq.identity}"
+
+    def _limits(self) -> None:
+        state = self._supply.read_back()
+        if state.tripped:
+            self._end("trips", f"a protection of the supply has tripped already ({state.tripped}): find out why")
+        if state.output_on:
+            self._end("trips", "the output is on although it was told to be off: somebody else commands the supply")
+        self._supply.check_settings()
+        limits = self._config.supply
+        self._say(
+            "trips",
+            f"compliance voltage {limits.max_voltage:g} V and over-current trip {limits.over_current_trip:g} A read back as "
+            "programmed; nothing has tripped",
+        )
+
+    def _at_rest(self) -> None:
+        """Output off: rate, zeros, noise and the load."""
+        config = self._config
+        values = self._read()
+        self._rate(values["time_s"])
+        for name, channel in values.items():
+            if not np.isfinite(channel).all() or (
+                name != "time_s" and (np.abs(channel) >= config.safety.channel_max_voltage).any()
+            ):
+                self._end(
+                    "channels",
+                    f"the channel of the {_WORDS[name]} reads {channel[-1]:g} V: is it connected, and its range right?",
+                )
+        bias_V = config.supply.bias_current * config.circuit.reference_resistance
+        wire_V = config.supply.bias_current * self._expected_Ohm()[0]
+        most_N = config.wire.max_stress * config.wire.area_m2
+        bounds_V = {
+            "reference_voltage_V": bias_V,
+            "supply_voltage_V": wire_V,
+            "load_cell_voltage_V": most_N / abs(config.load_cell.slope),
+        }
+        for name, full_V in bounds_V.items():
+            noise_V = float(np.std(values[name]))
+            if noise_V > NOISE_SHARE * full_V:
+                self._wrong(
+                    "noise",
+                    f"the channel of the {_WORDS[name]} has {noise_V * 1e3:.3g} mV of noise; {NOISE_SHARE * full_V * 1e3:.3g} mV "
+                    "is the most that can be used: screen and ground it",
+                )
+        for name in ("reference_voltage_V", "supply_voltage_V"):
+            zero_V = float(np.mean(values[name]))
+            if abs(zero_V) > ZERO_SHARE * bounds_V[name] + 1e-3:
+                self._wrong(
+                    "zeros",
+                    f"the channel of the {_WORDS[name]} reads {zero_V * 1e3:.3g} mV with the output off, not zero",
+                )
+        if passed(self.found):
+            self._say("noise", "zeros and noise of the channels are what they may be")
+        self._load(values)
+
+    def _rate(self, time_s: np.ndarray) -> None:
+        period_s, wanted_s = float(np.mean(np.diff(time_s))), 1.0 / self._config.loop.rate
+        if not period_s <= (1.0 + PERIOD_SHARE) * wanted_s:
+            self._wrong(
+                "rate",
+                f"the DAQ gives a new block every {period_s * 1e3:.3g} ms; loop.rate wants one every {wanted_s * 1e3:.3g} ms",
+            )
+        else:
+            self._say("rate", f"a new block every {period_s * 1e3:.3g} ms")
+
+    def _load(self, values: dict[str, np.ndarray]) -> None:
+        cell, wire = self._config.load_cell, self._config.wire
+        most_N = wire.max_stress * wire.area_m2
+        load_N = float(np.mean(values["load_cell_voltage_V"])) * cell.slope + cell.offset
+        if load_N < -LEAST_LOAD_SHARE * most_N:
+            self._wrong(
+                "load cell",
+                f"the load is {load_N:.3g} N: a wire cannot push; swap the load cell's leads, or the sign of load_cell.slope",
+            )
+        elif load_N > most_N:
+            self._end(
+                "load cell",
+                f"the load is {load_N:.3g} N, more than wire.max_stress allows, {most_N:.3g} N: take load off, or correct "
+                "load_cell.slope and offset",
+            )
+        elif load_N < LEAST_LOAD_SHARE * most_N:
+            self._say(
+                "load cell",
+                f"the load is {load_N:.3g} N: hang something on the wire, so that the sign can be told",
+                Level.WARNING,
+            )
+        else:
+            self._say("load cell", f"the load is {load_N:.3g} N and pulls")
+        self._load_N = load_N
+
+    def _at_bias(self) -> None:
+        """Bias current: does what flows agree with what was told, and is it a wire?"""
+        config = self._config
+        self._supply.set_current(config.supply.bias_current)
+        self._feeding = True
+        self._supply.set_output(True)
+        self._wait(SETTLING_s)
+        values, state = self._read(), self._supply.read_back()
+        if state.tripped:
+            self._end("bias", f"the supply's protection tripped at the bias current ({state.tripped})")
+        for name in ("supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V"):
+            if np.ptp(values[name]) == 0.0:
+                self._end(
+                    "channels",
+                    f"the channel of the {_WORDS[name]} reads {values[name][0]:g} V to the last digit: nothing is connected to "
+                    "it, or it is stuck",
+                )
+        supply_V, reference_V = (float(np.mean(values[n])) for n in ("supply_voltage_V", "reference_voltage_V"))
+        self._current(supply_V, reference_V, state.current_A, state.voltage_V)
+        self._voltage(supply_V, state.voltage_V)
+        self._resistance_Ohm = self._resistance(supply_V, reference_V)
+
+    def _current(self, supply_V: float, reference_V: float, by_supply_A: float, voltage_V: float) -> None:
+        bias_A, sense_Ohm = self._config.supply.bias_current, self._config.circuit.reference_resistance
+        by_daq_A = reference_V / sense_Ohm
+        near_A = CURRENT_SHARE * bias_A
+        if abs(by_supply_A - bias_A) > near_A:
+            if voltage_V >= 0.95 * self._config.supply.max_voltage:
+                self._end(
+                    "bias",
+                    f"the circuit is open: the supply is at its compliance voltage, {voltage_V:.3g} V, and {by_supply_A * 1e3:.3g} "
+                    "mA flow; look at the crimps and the leads",
+                )
+            self._end(
+                "bias",
+                f"the supply was told {bias_A * 1e3:.3g} mA and says that it delivers {by_supply_A * 1e3:.3g} mA",
+            )
+        if abs(by_daq_A - bias_A) <= near_A:
+            self._say(
+                "bias",
+                f"{by_daq_A * 1e3:.4g} mA flow of {bias_A * 1e3:.4g} mA, by the supply and by the sense resistor",
+            )
+        elif abs(-by_daq_A - bias_A) <= near_A:
+            self._end("sense resistor", "the current reads backwards: the taps of the sense resistor are swapped")
+        elif abs(supply_V / sense_Ohm - bias_A) <= near_A:
+            self._end(
+                "sense resistor",
+                "the channels of supply voltage and sense resistor are swapped: what should be the whole circuit shows the "
+                "sense resistor alone",
+            )
+        elif abs(by_daq_A) <= near_A:
+            self._end(
+                "sense resistor", "no voltage at the sense resistor although the supply delivers: its taps are off"
+            )
+        else:
+            self._end(
+                "sense resistor",
+                f"the sense resistor shows {reference_V * 1e3:.4g} mV at {by_supply_A * 1e3:.4g} mA, so it has "
+                f"{reference_V / by_supply_A:.4g} Ω; circuit.reference_resistance is {sense_Ohm:g} Ω",
+            )
+
+    def _voltage(self, supply_V: float, by_supply_V: float) -> None:
+        if abs(-supply_V - by_supply_V) <= VOLTAGE_SHARE * by_supply_V:
+            self._end("supply voltage", "the supply voltage reads backwards: its taps are swapped")
+        if abs(supply_V - by_supply_V) > VOLTAGE_SHARE * by_supply_V + 0.01:
+            self._wrong(
+                "supply voltage",
+                f"the DAQ reads {supply_V:.4g} V where the supply delivers {by_supply_V:.4g} V: are the taps across wire, leads "
+                "and sense resistor?",
+            )
+
+    def _expected_Ohm(self) -> tuple[float, float]:
+        wire = self._config.wire
+        low, high = RESISTIVITY_Ohm_m[wire.alloy]
+        return low * wire.length / wire.area_m2, high * wire.length / wire.area_m2
+
+    def _resistance(self, supply_V: float, reference_V: float) -> float:
+        config = self._config
+        reading = Reading(0.0, supply_V, reference_V, 0.0)
+        resistance_Ohm = signals_from_reading(reading, config).resistance_Ohm
+        low_Ohm, high_Ohm = self._expected_Ohm()
+        wire = config.wire
+        of_wire = f"{wire.length * 1e3:g} mm of {wire.diameter * 1e6:g} µm {wire.alloy} have {low_Ohm:.3g} to {high_Ohm:.3g} Ω (ρL/A)"
+        if resistance_Ohm < config.safety.resistance_min or resistance_Ohm < 0.5 * low_Ohm:
+            self._end("resistance", f"{resistance_Ohm:.3g} Ω: something bridges the wire; {of_wire}")
+        if not low_Ohm <= resistance_Ohm <= high_Ohm:
+            self._wrong(
+                "resistance",
+                f"{resistance_Ohm:.4g} Ω, and {of_wire}: is wire.length that between the crimps, wire.diameter that of the wire, "
+                "circuit.lead_resistance that of the leads?",
+            )
+        else:
+            self._say("resistance", f"{resistance_Ohm:.4g} Ω; {of_wire}")
+            self._leads(resistance_Ohm)
+        return resistance_Ohm
+
+    def _leads(self, resistance_Ohm: float) -> None:
+        calibration, config = self._config.calibration, self._config
+        if not calibration.cold_resistance:
+            self._say("leads", "not told: the calibration does not say what the cold wire has", Level.WARNING)
+            return
+        stress_Pa = self._load_N / config.wire.area_m2
+        cold_Ohm = float(np.interp(stress_Pa, calibration.cold_stress, calibration.cold_resistance))
+        more_Ohm = resistance_Ohm - cold_Ohm
+        if abs(more_Ohm) <= CALIBRATION_SHARE * cold_Ohm:
+            self._say("leads", f"{more_Ohm:+.3f} Ω beside the calibration at cold rest ({cold_Ohm:.4g} Ω)")
+            return
+        side = "more" if more_Ohm > 0 else "less"
+        self._wrong(
+            "leads",
+            f"{abs(more_Ohm):.3g} Ω {side} than the calibration has at cold rest ({cold_Ohm:.4g} Ω): the leads have other than "
+            f"circuit.lead_resistance, {config.circuit.lead_resistance:g} Ω (~/measure_lead_resistance), the wire is not cold "
+            "yet, or it is another",
+        )
+
+    def _at_more(self) -> None:
+        """A moment of more current: a resistance stays what it is, a zero error of a channel does not look like one."""
+        config = self._config
+        more_A = min(MORE_CURRENT * config.supply.bias_current, config.supply.max_current)
+        try:
+            self._supply.set_current(more_A)
+            self._wait(2.0 / config.loop.rate + config.loop.samples_per_block / config.loop.sample_rate)
+            reading = self._daq.read_block()
+        finally:
+            self._supply.set_current(config.supply.bias_current)
+        signals = signals_from_reading(reading, config)
+        away_Ohm = self._resistance_Ohm - signals.resistance_Ohm
+        offset_V = away_Ohm / (1.0 / config.supply.bias_current - 1.0 / more_A)
+        if not abs(away_Ohm) <= CALIBRATION_SHARE * self._resistance_Ohm:
+            self._wrong(
+                "linearity",
+                f"{self._resistance_Ohm:.4g} Ω at {config.supply.bias_current * 1e3:.3g} mA and {signals.resistance_Ohm:.4g} Ω at "
+                f"{more_A * 1e3:.3g} mA: a voltage channel has a zero error of about {offset_V * 1e3:.3g} mV, or a contact is bad",
+            )
+        else:
+            self._say("linearity", f"the same resistance at {more_A * 1e3:.3g} mA, within {abs(away_Ohm):.2g} Ω")
+
+    def _watchdog(self) -> None:
+        """Not a word to the supply, and the current must go."""
+        config = self._config
+        delay_s = config.supply.watchdog_timeout
+        if delay_s == 0.0:
+            self._say("watchdog", "none: whatever ends this computer leaves the current on", Level.WARNING)
+            return
+        self._feeding = False
+        silent_s = self._clock.now_s()
+        bias_V = config.supply.bias_current * config.circuit.reference_resistance
+        while (reading := self._daq.read_block()).reference_voltage_V > CUT_SHARE * bias_V:
+            if self._clock.now_s() - silent_s > WATCHDOG_TIMES * delay_s + 0.5:
+                self._end(
+                    "watchdog",
+                    f"the watchdog did not cut within {WATCHDOG_TIMES * delay_s + 0.5:.3g} s of silence; it was armed with "
+                    f"{delay_s:g} s. Nothing would switch this wire off after a kill -9",
+                )
+            self._wait(1.0 / config.loop.rate)
+        took_s = reading.time_s - silent_s
+        state = self._supply.read_back()
+        if state.output_on or "WDOG" not in state.tripped:
+            self._end(
+                "watchdog",
+                f"the current went after {took_s:.2g} s of silence, but the supply reads back "
+                f"'{state.tripped or 'no trip'}', output {'on' if state.output_on else 'off'}; its watchdog's trip was wanted",
+            )
+        self._supply.clear_trip()
+        cleared = self._supply.read_back()
+        if cleared.tripped or cleared.output_on:
+            self._end(
+                "watchdog",
+                f"after clearing the trip the supply reads back '{cleared.tripped or 'no trip'}', output "
+                f"{'on' if cleared.output_on else 'off'}",
+            )
+        self._say("watchdog", f"cut after {took_s:.2g} s of silence, read back as WDOG, cleared with the output off")
+
+
+_WORDS = {
+    "time_s": "time",
+    "supply_voltage_V": "supply voltage",
+    "reference_voltage_V": "sense resistor",
+    "load_cell_voltage_V": "load cell",
+}

@@ -1,0 +1,54 @@
+"""``sma-actuator check-log``: are these logs fit to test resistance and load against strain on a real wire?"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+from pathlib import Path
+
+from rich.table import Table
+
+from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, write_csv, write_json
+from sma_actuator.logs.fitness import Finding, judge
+from sma_actuator.logs.reading import add_log_arguments, read_logs, reading_of
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``sma-actuator check-log``."""
+    parser.add_argument(
+        "logs", nargs="+", type=Path, metavar="LOG", help="all logs of one wire: files, folders, patterns"
+    )
+    parser.add_argument("--length", type=float, default=math.nan, metavar="M", help="length of the wire [m], if known")
+    add_log_arguments(parser)
+    add_output_arguments(parser, "the findings", "the findings")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Say what the logs have and lack; 0 when they are fit."""
+    refuse_to_overwrite(args)
+    findings = judge(read_logs(args.logs, reading_of(args), notes(args).print), args.length)
+    table = Table(title="What was asked, and what is there")
+    for header in ("", "asked", "found"):
+        table.add_column(header)
+    for f in findings:
+        table.add_row("yes" if f.met else "no" if f.needed else "(no)", f.requirement, f.found)
+    out = results(args)
+    out.print(table)
+    out.print(verdict(findings))
+    for f in findings:
+        if not f.met:
+            out.print(f"- {f.requirement}: {f.remedy}.")
+    rows = [dataclasses.asdict(f) for f in findings]
+    write_json(args, rows)
+    write_csv(args, rows)
+    return 0 if all(f.met for f in findings if f.needed) else 1
+
+
+def verdict(findings: list[Finding]) -> str:
+    """One sentence."""
+    lacking = sum(not f.met for f in findings if f.needed)
+    if not lacking:
+        return "These logs are fit: please send them (docs/send-us-a-log.md says where)."
+    things = "one thing is" if lacking == 1 else f"{lacking} things are"
+    return f"These logs are not fit yet: {things} missing. What would mend it:"

@@ -1,0 +1,269 @@
+"""``sma-actuator identify``."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.yaml_text import parse_yaml
+from sma_actuator.config import (
+    Config,
+    bench_from_mapping,
+    parameter_text,
+    read_parameter_file,
+    require_calibrated,
+    write_parameter_file,
+)
+from sma_actuator.console import (
+    add_output_arguments,
+    notes,
+    progress_bar,
+    refuse_to_overwrite,
+    results,
+    write_csv,
+    write_json,
+)
+from sma_actuator.derived import with_derived
+from sma_actuator.diagnosis.extension import Extended, extend
+from sma_actuator.fleet import Finding, add_fleet_arguments, run_fleet
+from sma_actuator.identify.fitters import FITTERS, METHODS
+from sma_actuator.identify.identification import Identification, identify
+from sma_actuator.identify.verdict import REGIONS
+from sma_actuator.logs.reading import add_log_arguments, place, read_logs, reading_of
+
+NOT_GOOD = 3  #: exit code where a model was written that should not drive a wire
+#: Model of the thesis for each alloy.
+THESIS_MODEL = {"ni-ti": "flexinol", "ni-ti-cu": "furukawa"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``sma-actuator identify``."""
+    parser.add_argument(
+        "logs",
+        nargs="+",
+        type=place,
+        metavar="LOG",
+        help="logs, folders or patterns of them; those of calibration and training are left out",
+    )
+    parser.add_argument(
+        "--config",
+        type=place,
+        metavar="BENCH.yaml",
+        help="parameters of the bench (a model in it is replaced); where there is none, the wire's will do:",
+    )
+    parser.add_argument("--alloy", choices=tuple(THESIS_MODEL), help="alloy of the wire")
+    parser.add_argument("--length", type=float, metavar="M", help="length of the wire in metres, between the crimps")
+    parser.add_argument("--diameter", type=float, metavar="M", help="diameter of the wire in metres")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="one more parameter, as circuit.reference_resistance=0.5 where the log holds the voltage over it; may be repeated",
+    )
+    parser.add_argument(
+        "--model", metavar="TYPE", help="model.type to fit: flexinol, furukawa, whole_range … (default: the alloy's)"
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("model.yaml"),
+        metavar="MODEL.yaml",
+        help="parameter file to write: the bench's, or what the logs told of it, with the model in it (default %(default)s)",
+    )
+    parser.add_argument(
+        "--method",
+        choices=METHODS,
+        default="joint",
+        help="flexinol: all together, or the thesis's appendix C (default %(default)s)",
+    )
+    parser.add_argument(
+        "--variant",
+        choices=("average", "direct_switching", "transition"),
+        default="average",
+        help="furukawa: how the curves are used (default %(default)s)",
+    )
+    parser.add_argument(
+        "--order", type=int, help="order of the stress polynomials (default: chosen on held-out cycles)"
+    )
+    parser.add_argument(
+        "--no-extension",
+        action="store_true",
+        help="do not look for effects that the model lacks on its own logs (default: what also helps logs held out is added)",
+    )
+    parser.add_argument("--jobs", type=int, default=2, help="processes of that search (default %(default)s)")
+    parser.add_argument(
+        "--report", type=Path, metavar="FILE.html", help="page with the pictures (default: beside MODEL.yaml)"
+    )
+    add_log_arguments(parser)
+    add_fleet_arguments(parser, "wire")
+    add_output_arguments(parser, "coefficients, intervals and errors", "the errors")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Fit, write and report; 0 when MODEL.yaml was written and is good for control, NOT_GOOD when it is not."""
+    from sma_actuator.identify.page import write_page
+
+    if args.table:
+        given = {name: getattr(args, name) for name in ("alloy", "length", "diameter", "set")}
+        asked = {name: getattr(args, name) for name in ("model", "method", "variant", "order", "no_extension")}
+        asked |= {"given": given, "reading": reading_of(args)}
+        return run_fleet(args, "identify", fit_logs, args.logs, args.config or "", asked, True, str(args.out))
+    page = args.report or args.out.with_suffix(".html")
+    refuse_to_overwrite(args, args.out, page)
+    reading, console = reading_of(args), notes(args)
+    mapping = _what_is_given(args)
+    model = args.model or THESIS_MODEL[bench_from_mapping(with_derived(mapping)).wire.alloy]
+    with progress_bar(args) as bar:
+        task = bar.add_task("reading", total=1.0)
+        logs = read_logs(args.logs, reading, console.print, lambda fraction: bar.update(task, completed=fraction))
+        fitting = bar.add_task("fitting", total=1.0)
+        result = identify(
+            logs,
+            mapping,
+            model,
+            args.method,
+            args.variant,
+            args.order,
+            lambda fraction: bar.update(fitting, completed=fraction),
+        )
+        bar.update(fitting, completed=1.0)
+        extended = None
+        if FITTERS[model].extended and not args.no_extension:
+            searching = bar.add_task("what it lacks", total=1.0)
+            extended = extend(result, args.jobs, lambda fraction: bar.update(searching, completed=fraction))
+            result = dataclasses.replace(extended.result, notes=[*extended.result.notes, *extended.sentences])
+    write_page(page, result)
+    write_model(args.out, result, page)
+    write_json(args, summary(result, extended))
+    write_csv(args, [dataclasses.asdict(e) for e in result.errors])
+    out = results(args)
+    out.print(_table(result))
+    out.print(_regions(result))
+    first, *others = result.verdict.sentences
+    out.print(f"[bold]verdict[/bold]: {first}")
+    for sentence in others:
+        out.print(f"  {sentence}")
+    said = extended.sentences if extended else []
+    for sentence in said:
+        out.print(f"[bold]extension[/bold]: {sentence}")
+    for note in result.notes:
+        if note not in said:
+            console.print(f"note: {note}")
+    console.print(f"wrote {args.out} and {page}")
+    return 0 if result.verdict.good_for_control else NOT_GOOD
+
+
+def fit_logs(paths: Sequence[Path], config: Path, options: Mapping[str, Any]) -> list[Finding]:
+    """The work on the logs of one wire of a fleet."""
+    given = argparse.Namespace(config=config if config.stat().st_size else None, **options["given"])
+    mapping = _what_is_given(given)
+    model = options["model"] or THESIS_MODEL[bench_from_mapping(with_derived(mapping)).wire.alloy]
+    asked = (options[name] for name in ("method", "variant", "order"))
+    result = identify(read_logs(paths, options["reading"]), mapping, model, *asked)
+    if FITTERS[model].extended and not options["no_extension"]:
+        result = extend(result, 1).result
+    findings = []
+    for path in paths:
+        errors = [e for e in result.errors if e.name.startswith(path.name)]
+        findings.append(
+            Finding(
+                "good for control" if result.verdict.good_for_control else "not good for control",
+                result.verdict.sentences[0],
+                error_percent=float(np.mean([e.full_percent for e in errors])) if errors else math.nan,
+                details={"errors": [dataclasses.asdict(e) for e in errors], "verdict": result.verdict.as_mapping()},
+                model=parameter_text(result.mapping, _header(result, None, Path("this file")), result.reasons),
+            )
+        )
+    return findings
+
+
+def _what_is_given(args: argparse.Namespace) -> dict[str, Any]:
+    """The parameters of file and options.  Raises ConfigError where they do not say which wire it is."""
+    mapping = read_parameter_file(args.config) if args.config else {}
+    wire = {name: getattr(args, name) for name in ("alloy", "length", "diameter") if getattr(args, name) is not None}
+    mapping["wire"] = {**mapping.get("wire", {}), **wire}
+    for word in args.set:
+        name, _, text = word.partition("=")
+        section, _, key = name.partition(".")
+        value = parse_yaml(text, f"--set {word}")
+        if not key or value is None:
+            raise ConfigError(f"--set {word}: SECTION.PARAMETER=VALUE is wanted, as circuit.reference_resistance=0.5")
+        mapping[section] = {**mapping.get(section, {}), key: value}
+    lacking = [name for name in ("alloy", "length", "diameter") if name not in mapping["wire"]]
+    if lacking:
+        words = " and ".join(f"--{name}" for name in lacking)
+        raise ConfigError(f"which wire it is must be said: {words}, or --config with a file that has a section wire")
+    return mapping
+
+
+def write_model(path: Path, result: Identification, page: Path | None = None) -> None:
+    """Write the parameter file, whole or not at all; ``page``: where its pictures are."""
+    write_parameter_file(path, result.mapping, _header(result, page, path), result.reasons)
+
+
+def _header(result: Identification, page: Path | None, path: Path) -> str:
+    header = "Written by `sma-actuator identify`"
+    if page is not None:
+        where = f"{page.name} beside it" if page.parent == path.parent else str(page)
+        header += f"; 95 % intervals and pictures are in {where}"
+    try:
+        require_calibrated(Config.from_mapping(result.mapping))
+    except ConfigError:
+        header += (
+            ".\nFor the tools: it lacks limits, gains or calibrations that a node wants. "
+            f"`sma-actuator init --start {path.name}` asks for them."
+        )
+    return header
+
+
+def summary(result: Identification, extended: Extended | None = None) -> dict:
+    """The result for machines."""
+    out = {
+        "model": result.mapping["model"],
+        "intervals_95_percent": result.intervals,
+        "errors": [dataclasses.asdict(e) for e in result.errors],
+        "verdict": result.verdict.as_mapping(),
+        "notes": result.notes,
+    }
+    if extended:
+        out["extension"] = {
+            "added": list(extended.added),
+            "sentences": extended.sentences,
+            "error_before_pct_stroke": extended.before_percent,
+            "error_after_pct_stroke": extended.after_percent,
+        }
+    if result.fatigue:
+        out["fatigue"] = {name: dataclasses.asdict(d) for name, d in result.fatigue.drift.items()}
+    return out
+
+
+def _regions(result: Identification) -> Table:
+    """The verdict's figures."""
+    table = Table(title="The same, on cycles left out of the fit")
+    table.add_column("load [N]", justify="right")
+    for name in REGIONS:
+        table.add_column(name, justify="right")
+    for row in (*result.verdict.loads, {"load_N": math.nan, **result.verdict.regions}):
+        load = "all" if math.isnan(row["load_N"]) else f"{row['load_N']:.2f}"
+        table.add_row(load, *(f"{row[name]:.2f}" if name in row else "–" for name in REGIONS))
+    return table
+
+
+def _table(result: Identification) -> Table:
+    table = Table(title="Mean absolute error, % of full stroke (on the logs it was fitted on)")
+    for header in ("log", "load [N]", "working range", "samples in it", "full range"):
+        table.add_column(header, justify="left" if header == "log" else "right")
+    for e in result.errors:
+        table.add_row(
+            e.name, f"{e.load_N:.2f}", f"{e.working_percent:.2f}", f"{e.working_share:.0%}", f"{e.full_percent:.2f}"
+        )
+    return table

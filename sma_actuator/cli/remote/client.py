@@ -1,0 +1,162 @@
+"""A ROS 2 client of one running node.  Every wait is bounded, and what did not answer is named in a sentence."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import os
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from sma_actuator.base.errors import UserError
+from sma_actuator.base.interrupts import Interrupts, noted_signals
+from sma_actuator.base.signals import Status
+from sma_actuator.config import NODE_NAME
+
+#: Services are found within three seconds on a quiet machine.
+PATIENCE_s = 10.0
+_TURN_s = 0.05  #: a signal is looked for this often
+
+
+def add_node_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare which node is meant, and how long it may take to answer."""
+    parser.add_argument("--node", default=NODE_NAME, metavar="NAME", help="name of the node (default %(default)s)")
+    parser.add_argument("--namespace", default="/", metavar="NS", help="namespace of the node (default %(default)s)")
+    parser.add_argument(
+        "--patience",
+        type=float,
+        default=PATIENCE_s,
+        metavar="S",
+        help="longest wait for an answer of the node (default %(default)s)",
+    )
+
+
+class NodeClient:
+    """One node, as a program beside it sees it."""
+
+    def __init__(self, args: argparse.Namespace, interrupts: Interrupts):
+        import rclpy
+        from diagnostic_msgs.msg import DiagnosticStatus
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+        from rclpy.signals import SignalHandlerOptions
+
+        self.name, self.namespace = args.node.strip("/"), "/" + args.namespace.strip("/")
+        self.full_name = f"{self.namespace.rstrip('/')}/{self.name}"
+        self._patience_s = args.patience
+        self._interrupts = interrupts
+        self._context = rclpy.Context()
+        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._node = rclpy.create_node(f"sma_actuator_command_{os.getpid()}", context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._latest: dict[str, tuple[float, Any]] = {}  #: topic → when it came, the message
+        self._publishers: dict[str, Any] = {}
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.listen("status", DiagnosticStatus, latched)
+
+    def listen(self, topic: str, kind: type, qos: Any = 10) -> None:
+        """Keep the latest message of ``~/topic``."""
+        self._node.create_subscription(
+            kind, f"{self.full_name}/{topic}", lambda m: self._latest.update({topic: (time.monotonic(), m)}), qos
+        )
+
+    def latest(self, topic: str, not_older_s: float = math.inf) -> Any:
+        """The latest message of ``~/topic``, None where none came within ``not_older_s``."""
+        came_s, message = self._latest.get(topic, (-math.inf, None))
+        return message if time.monotonic() - came_s <= not_older_s else None
+
+    def spin(self, seconds: float) -> None:
+        """Handle what arrives, for a time or until a signal comes."""
+        self._spin_until(lambda: False, seconds)
+
+    def _spin_until(self, condition: Callable[[], Any], patience_s: float) -> Any:
+        """The value of ``condition`` once it is true, else of its last look when patience or a signal has ended it."""
+        deadline_s = time.monotonic() + patience_s
+        while not (value := condition()) and not self._interrupts:
+            left_s = deadline_s - time.monotonic()
+            if left_s <= 0.0:
+                break
+            self._executor.spin_once(timeout_sec=min(left_s, _TURN_s))
+        self._interrupts.raise_noted()
+        return value
+
+    def status(self) -> Status:
+        """The node's last word on the wire.  Raises UserError where no such node speaks."""
+        from sma_msgs_py import status_from
+
+        if not self._spin_until(lambda: "status" in self._latest, self._patience_s):
+            raise UserError(self._nobody())
+        return status_from(self.latest("status"))
+
+    def wait_for_status(self, condition: Callable[[Status], bool], patience_s: float) -> bool:
+        """Whether ``condition`` came to hold of the status."""
+        return bool(self._spin_until(lambda: condition(self.status()), patience_s))
+
+    def call(self, service: str, kind: type, request: Any) -> Any:
+        """The answer of ``~/service``.  Raises UserError where none comes."""
+        client = self._node.create_client(kind, f"{self.full_name}/{service}")
+        if not self._spin_until(client.service_is_ready, self._patience_s):
+            raise UserError(self._nobody())
+        future = client.call_async(request)
+        if not self._spin_until(future.done, self._patience_s):
+            raise UserError(f"{self.full_name}: ~/{service} has not answered within {self._patience_s:g} s")
+        return future.result()
+
+    def advertise(self, topic: str, kind: type) -> None:
+        """Be ready to publish on ``~/topic``: the node listens.  Raises UserError where it does not."""
+        publisher = self._node.create_publisher(kind, f"{self.full_name}/{topic}", 10)
+        if not self._spin_until(lambda: publisher.get_subscription_count() > 0, self._patience_s):
+            raise UserError(self._nobody())
+        self._publishers[topic] = publisher
+
+    def publish(self, topic: str, message: Any) -> None:
+        """Publish on ``~/topic``, which was advertised."""
+        self._publishers[topic].publish(message)
+
+    def finish(self) -> None:
+        """A signal that has come is dealt with: what follows is the way out, and has its time."""
+        self._interrupts = Interrupts()
+
+    def _nobody(self) -> str:
+        """Who was looked for, and who is there instead."""
+        others = sorted(
+            topic.removesuffix("/status")
+            for topic, kinds in self._node.get_topic_names_and_types()
+            if topic.endswith("/status")
+            and "diagnostic_msgs/msg/DiagnosticStatus" in kinds
+            and self._node.count_publishers(topic) > 0
+        )
+        domain = os.environ.get("ROS_DOMAIN_ID", "0")
+        looked = (
+            f"no node '{self.name}' in the namespace '{self.namespace}' has answered within {self._patience_s:g} s "
+            f"(ROS_DOMAIN_ID is {domain})"
+        )
+        if others:
+            return f"{looked}; there is {', '.join(others)}: name it with --node and --namespace"
+        return f"{looked}, and there is no other; start one: sma_actuator_node --ros-args --params-file FILE"
+
+    def close(self) -> None:
+        """Leave the ROS graph."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+
+@contextlib.contextmanager
+def connected(args: argparse.Namespace) -> Iterator[NodeClient]:
+    """A client of the node that is meant.  Raises UserError where ROS 2 is not installed."""
+    with noted_signals() as interrupts:
+        try:
+            client = NodeClient(args, interrupts)
+        except ModuleNotFoundError as error:
+            raise UserError(
+                f"needs ROS 2, and Python finds no '{error.name}': source a ROS 2 installation, or "
+                "pip install 'sma_actuator[ros]'"
+            ) from None
+        try:
+            yield client
+        finally:
+            client.close()

@@ -1,0 +1,22 @@
+"""``sma-actuator enable``: current on, the wire is held where it is; or off again."""
+
+from __future__ import annotations
+
+from .client import add_node_arguments, connected
+
+
+def add_arguments(parser) -> None:
+    """Declare the options of ``sma-actuator enable``."""
+    add_node_arguments(parser)
+    parser.add_argument("--off", action="store_true", help="switch this wire off (stop: every wire of the process)")
+
+
+def run(args) -> int:
+    """Switch; 0 where the node has done it."""
+    with connected(args) as client:
+        from std_srvs.srv import SetBool
+
+        client.status()  # a node whose instruments are not open yet answers with its state
+        response = client.call("enable", SetBool, SetBool.Request(data=not args.off))
+    print(f"{client.full_name}: {response.message}")
+    return 0 if response.success else 1

@@ -1,0 +1,69 @@
+"""``sma-actuator watch``: a line now and then on what the wire does, until Ctrl-C."""
+
+from __future__ import annotations
+
+import math
+import time
+
+from .client import NodeClient, add_node_arguments, connected
+
+#: Beyond this age nothing that was heard is shown as if it were so.
+STALE_s = 3.0
+
+
+def add_arguments(parser) -> None:
+    """Declare the options of ``sma-actuator watch``."""
+    add_node_arguments(parser)
+    parser.add_argument(
+        "--every", type=float, default=1.0, metavar="S", help="time between lines (default %(default)s)"
+    )
+    parser.add_argument(
+        "--duration", type=float, default=math.inf, metavar="S", help="end after this time (default: with Ctrl-C)"
+    )
+
+
+def run(args) -> int:
+    """Print lines; a node that falls silent is said to, and found again."""
+    with connected(args) as client:
+        listen_to_motion(client)
+        client.status()
+        start_s = time.monotonic()
+        while (elapsed_s := time.monotonic() - start_s) <= args.duration:
+            print(f"{elapsed_s:7.1f} s  {line(client)}", flush=True)
+            client.spin(max(min(args.every, args.duration - elapsed_s), 0.01))
+    return 0
+
+
+def listen_to_motion(client: NodeClient) -> None:
+    """Position, load and current, as they come."""
+    from geometry_msgs.msg import WrenchStamped
+    from sensor_msgs.msg import JointState
+    from std_msgs.msg import Float64
+
+    client.listen("joint_states", JointState)
+    client.listen("load", WrenchStamped)
+    client.listen("command_current", Float64)
+
+
+def line(client: NodeClient) -> str:
+    """What is known now, on a line; what has not been heard of for a while is a dash."""
+    status = client.latest("status", STALE_s)
+    if status is None:
+        return f"nothing has been heard of {client.full_name} for {STALE_s:g} s"
+    state, load, current = (client.latest(topic, 1.0) for topic in ("joint_states", "load", "command_current"))
+    values = {pair.key: pair.value for pair in status.values}
+    return (
+        f"position {_number(state and state.position[0] * 1e3, '6.3f')} mm "
+        f"± {_number(_known(values.get('uncertainty_m'), 1e3), '5.3f')}  "
+        f"load {_number(load and load.wrench.force.x, '6.3f')} N  "
+        f"current {_number(current and current.data * 1e3, '5.1f')} mA  {status.message}"
+    )
+
+
+def _known(text: str | None, factor: float) -> float | None:
+    value = float(text) * factor if text else math.nan
+    return value if math.isfinite(value) else None
+
+
+def _number(value: float | None, form: str) -> str:
+    return "–" if value is None else f"{value:{form}}"

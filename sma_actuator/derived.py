@@ -1,0 +1,196 @@
+"""What follows from a wire and its surroundings: parameters that nobody needs to be asked for.
+
+``sma-actuator init`` writes them into a bench file with the reason beside each.  Tools that drive nothing fill in what
+a file lacks of them, since the loop's parameters are composed with its limits; nothing is written then.
+
+Sources
+    V. T. Morgan, "The overall convective heat transfer from smooth circular cylinders", Advances in Heat Transfer 11
+    (1975) 199: still air around a thin horizontal wire.
+    Dynalloy Inc., *Technical characteristics of Flexinol actuator wires*, F1140: density, specific heat, resistivity.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from .base.parameters import ConfigError, from_mapping
+from .base.sections import Wire
+
+DENSITY_kg_m3 = 6450.0
+SPECIFIC_HEAT_J_kgK = {"ni-ti": 837.0, "ni-ti-cu": 500.0}
+#: Resistivities of such wires lie between; the higher one is hotter for the same current, the lower one cools worse.
+LEAST_RESISTIVITY_Ohm_m, LARGEST_RESISTIVITY_Ohm_m = 0.70e-6, 1.00e-6
+#: Still air at 55 °C, a wire 60 K above it.
+_CONDUCTIVITY_W_mK, _VISCOSITY_m2_s, _DIFFUSIVITY_m2_s, _FILM_K, _RISE_K = 0.0283, 1.83e-5, 2.60e-5, 328.0, 60.0
+_RADIATION_W_m2K = 5.0  #: emissivity 0.6
+#: Upper end of the Rayleigh number, factor, exponent: Nu = factor · Ra^exponent.
+_MORGAN = ((1e-2, 0.675, 0.058), (1e2, 1.02, 0.148), (math.inf, 0.850, 0.188))
+LATENT = 3.0  #: by how much latent heat lengthens the lag of the temperature
+_BIAS_RISE_K = 3.0
+_TRIP_HEADROOM_K = 5.0
+_AMBIENT_C, _DERATE_C, _HOTTEST_C = 24.0, 160.0, 200.0  # the defaults of the section thermal
+
+#: Without these a parameter file is refused, though only what drives a wire uses them.
+_WANTED = (
+    "supply.max_current",
+    "supply.max_voltage",
+    "supply.over_current_trip",
+    "controller.kp",
+    "thermal.heat_capacity",
+    "thermal.heat_loss",
+    "safety.resistance_min",
+    "safety.resistance_max",
+    "safety.load_spike",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Derived:
+    """A value, and where it comes from, for the person who reads the file."""
+
+    value: float
+    why: str
+
+
+def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
+    """Parameters, by dotted name, that follow from the section ``wire`` of ``mapping`` and what else it gives.
+
+    What is given (a measured heat loss, a chosen current) is built upon.  Raises ConfigError where the wire is not
+    known.
+    """
+    wire, problems = from_mapping(Wire, mapping.get("wire", {}), "wire.")
+    if problems:
+        raise ConfigError(problems)
+    out: dict[str, Derived] = {}
+
+    def given(name: str, default: float = math.nan) -> float:
+        section, _, key = name.partition(".")
+        value = mapping.get(section, {}).get(key, default)
+        return float(value) if isinstance(value, int | float) else default
+
+    def settle(name: str, value: float, why: str) -> float:
+        out[name] = Derived(value, why)
+        return given(name, value)
+
+    capacity = settle(
+        "thermal.heat_capacity",
+        _digits(DENSITY_kg_m3 * SPECIFIC_HEAT_J_kgK[wire.alloy] * wire.area_m2 * wire.length, 3),
+        f"volume · {DENSITY_kg_m3:g} kg/m³ · {SPECIFIC_HEAT_J_kgK[wire.alloy]:g} J/(kg K)",
+    )
+    transfer = still_air_W_m2K(wire.diameter)
+    loss = settle(
+        "thermal.heat_loss",
+        _digits(transfer * math.pi * wire.diameter * wire.length, 3),
+        f"surface · {transfer:.0f} W/(m² K): still air (Morgan) and radiation, without the crimps; identify measures it",
+    )
+    _settle_supply(wire, loss, given, settle)
+    lag_s = settle(
+        "estimator.thermal_time_constant",
+        _digits(LATENT * capacity / loss, 2),
+        f"{LATENT:g} · heat_capacity / heat_loss: latent heat makes the wire slower; identify measures it",
+    )
+    _settle_gains(wire, given("supply.max_current", out["supply.max_current"].value), lag_s, settle)
+    per_resistivity = wire.length / wire.area_m2
+    settle(
+        "safety.resistance_min",
+        _digits(0.4 * LEAST_RESISTIVITY_Ohm_m * per_resistivity, 2),
+        f"well below the {LEAST_RESISTIVITY_Ohm_m * per_resistivity:.3g} Ω of {LEAST_RESISTIVITY_Ohm_m * 1e6:g} µΩ m",
+    )
+    settle(
+        "safety.resistance_max",
+        _digits(2.5 * LARGEST_RESISTIVITY_Ohm_m * per_resistivity, 2),
+        f"well above the {LARGEST_RESISTIVITY_Ohm_m * per_resistivity:.3g} Ω of {LARGEST_RESISTIVITY_Ohm_m * 1e6:g} µΩ m",
+    )
+    strongest_N = wire.max_stress * wire.area_m2
+    settle("safety.load_spike", _digits(0.5 * strongest_N, 2), f"half of {strongest_N:.3g} N, which is max_stress")
+    return out
+
+
+def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None:
+    hottest_Ohm = LARGEST_RESISTIVITY_Ohm_m * wire.length / wire.area_m2
+    ambient_C = given("thermal.ambient_temperature", _AMBIENT_C)
+    derate_C = given("thermal.derate_temperature", _DERATE_C)
+    hottest_C = given("thermal.max_temperature", _HOTTEST_C) - _TRIP_HEADROOM_K
+
+    def steady_A(temperature_C: float) -> float:
+        exact_A = math.sqrt(loss_W_K * (temperature_C - ambient_C) / hottest_Ohm)
+        unit_A = 10.0 ** (math.floor(math.log10(exact_A)) - 2)
+        return _digits(math.floor(exact_A / unit_A) * unit_A, 3)  # rounded down: it is a limit
+
+    settle(
+        "supply.bias_current",
+        steady_A(ambient_C + _BIAS_RISE_K),
+        f"warms the wire by {_BIAS_RISE_K:g} K",
+    )
+    most_A = settle(
+        "supply.max_current",
+        steady_A(derate_C),
+        f"for ever in still air of {ambient_C:g} °C: {derate_C:g} °C (derate_temperature), by I² · {hottest_Ohm:.3g} Ω / heat_loss",
+    )
+    settle(
+        "supply.over_current_trip",
+        max(steady_A(hottest_C), most_A),
+        f"for ever in still air of {ambient_C:g} °C: {hottest_C:g} °C, {_TRIP_HEADROOM_K:g} K below max_temperature",
+    )
+    sense_Ohm, leads_Ohm = given("circuit.reference_resistance", 0.0), given("circuit.lead_resistance", 0.0)
+    sense_Ohm = 0.0 if math.isnan(sense_Ohm) else sense_Ohm
+    total_Ohm = hottest_Ohm + sense_Ohm + leads_Ohm
+    settle(
+        "supply.max_voltage",
+        max(math.ceil(12.5 * most_A * total_Ohm) / 10.0, 0.1),
+        f"max_current through wire, sense resistor and leads, {total_Ohm:.3g} Ω, and a quarter more",
+    )
+
+
+def _settle_gains(wire: Wire, most_A: float, lag_s: float, settle: Any) -> None:
+    kp = settle(
+        "controller.kp",
+        _digits(8.0 * most_A / wire.full_stroke_m, 2),
+        "an error of an eighth of the full stroke asks for all of max_current",
+    )
+    settle(
+        "controller.ki",
+        _digits(kp / (0.4 * lag_s), 2),
+        "kp over 0.4 of the lag of the temperature, which it makes up for",
+    )
+    settle("controller.kd", _digits(kp * lag_s / 40.0, 2), "kp times a fortieth of that lag")
+
+
+def with_derived(mapping: Mapping[str, Any]) -> dict[str, Any]:
+    """``mapping`` with what it lacks of the parameters that every file must have, for tools that drive nothing.
+
+    Raises ConfigError where the wire is not known.
+    """
+    out = copy.deepcopy(dict(mapping))
+    lacking = [name for name in _WANTED if _lacks(out, name)]
+    if not lacking:
+        return out
+    if "supply.max_current" in lacking and _lacks(out, "supply.bias_current"):
+        lacking.append("supply.bias_current")
+    for name, found in derived(out).items():
+        if name in lacking:
+            section, _, key = name.partition(".")
+            out.setdefault(section, {})[key] = found.value
+    return out
+
+
+def _lacks(mapping: Mapping[str, Any], name: str) -> bool:
+    section, _, key = name.partition(".")
+    inside = mapping.get(section, {})
+    return isinstance(inside, Mapping) and key not in inside
+
+
+def still_air_W_m2K(diameter_m: float) -> float:
+    """Heat that a thin horizontal wire loses to still air and by radiation, per surface and kelvin."""
+    rayleigh = 9.81 / _FILM_K * _RISE_K * diameter_m**3 / (_VISCOSITY_m2_s * _DIFFUSIVITY_m2_s)
+    factor, exponent = next((f, e) for top, f, e in _MORGAN if rayleigh <= top)
+    return factor * rayleigh**exponent * _CONDUCTIVITY_W_mK / diameter_m + _RADIATION_W_m2K
+
+
+def _digits(value: float, number: int) -> float:
+    """Rounded to so many digits, as a person would write it."""
+    return float(f"{value:.{number}g}")

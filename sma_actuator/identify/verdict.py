@@ -1,0 +1,192 @@
+"""What a model that was just identified is good for, and what not, in words: from cycles it has not seen.
+
+A mean over all that was measured hides where it fails.  So it is judged per load and per region: the working range,
+what lies beyond it at the hot and at the cold end of the stroke, and the partial cycles.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .experiments import Experiment, IdentificationError
+from .ranges import MARGIN, determinate_interval_m, full_cycles
+from .unseen import Unseen
+
+GOOD_percent = 2.0  #: of full stroke; the thesis's own models leave 1 to 3.5 % in replay and 2.6 to 4.4 % under control
+POOR_percent = 4.0
+_NARROW = 0.5  #: share of the stroke
+_WIDENS = 0.1  #: share of the stroke that leaving a load out must give to be worth a word
+_FEWEST = 10  #: samples that a region of a load is judged by
+_SAME_LOAD = 0.06
+REGIONS = ("working range", "hot end", "cold end", "partial cycles")
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The judgement."""
+
+    good_for_control: bool
+    sentences: list[str]  #: the first says it all; then for what not, why, and what would mend it
+    regions: dict[str, float]  #: mean absolute error, % of full stroke
+    loads: list[dict[str, float]] = field(default_factory=list)  #: of each load, by region
+
+    def as_mapping(self) -> dict[str, Any]:
+        """For machines."""
+        return {
+            "good_for_control": self.good_for_control,
+            "sentences": self.sentences,
+            "error_pct_stroke": self.regions,
+            "loads": self.loads,
+        }
+
+
+def judge(
+    unseen: Unseen,
+    experiments: Sequence[Experiment],
+    range_m: tuple[float, float],
+    full_stroke_m: float,
+    *,
+    model_type: str,
+    seen_too: bool,
+    bounds: Sequence[str] = (),
+) -> Verdict:
+    """The verdict on a model of ``model_type`` with a working range.
+
+    ``unseen``: what it was judged on; ``seen_too``: on cycles it was fitted on, since there are no others.
+    """
+    regions = _regions(unseen, range_m, np.ones(len(unseen.place_m), dtype=bool))
+    loads = [
+        {"load_N": load_N, **_regions(unseen, range_m, here)}
+        for load_N, here in _loads(unseen)
+        if np.count_nonzero(here) >= _FEWEST
+    ]
+    other = "" if model_type == "whole_range" else "; `--model whole_range` is for that"
+    working = regions.get("working range", math.inf)
+    on_what = "on the cycles it was fitted on" if seen_too else "on cycles it has not seen"
+    low_m, high_m = range_m
+    stroke_m = float(np.subtract(*np.percentile(unseen.place_m, (99.5, 0.5))))
+    share = min((high_m - low_m) / stroke_m, 1.0)
+    word = "good" if working <= GOOD_percent else "fair" if working <= POOR_percent else "NOT good"
+    only = ", but only" if share < _NARROW else ""
+    where = f"{low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm ({share:.0%} of the stroke in these logs)"
+    sentences = [f"{word} for control{only} from {where}: it errs by {working:.1f} % of full stroke there {on_what}"]
+    if working > GOOD_percent:
+        sentences.append(
+            "its curves do not follow these loops; look at the page's loops, measure more cycles at each load, or fit "
+            f"another model{other}"
+        )
+    sentences += _about_loads(loads, working)
+    sentences += _about_ends(unseen, regions, range_m, other)
+    sentences += _about_partial_cycles(regions, other)
+    sentences += _about_the_range(experiments, range_m, stroke_m, full_stroke_m) if share < _NARROW else []
+    sentences += bounds
+    return Verdict(working <= POOR_percent, sentences, regions, loads)
+
+
+def _regions(unseen: Unseen, range_m: tuple[float, float], here: np.ndarray) -> dict[str, float]:
+    low_m, high_m = range_m
+    inside = (unseen.place_m >= low_m) & (unseen.place_m <= high_m)
+    chosen = (inside, unseen.place_m < low_m, unseen.place_m > high_m, inside & unseen.partial)
+    return {
+        name: round(float(unseen.error_percent[rows & here].mean()), 3)
+        for name, rows in zip(REGIONS, chosen, strict=True)
+        if np.count_nonzero(rows & here) >= _FEWEST
+    }
+
+
+def _loads(unseen: Unseen) -> list[tuple[float, np.ndarray]]:
+    """Every load, those alike as one, and which samples are of it."""
+    values = np.unique(unseen.load_N)
+    groups = np.split(values, np.flatnonzero(np.diff(values) > _SAME_LOAD * np.abs(values[1:])) + 1)
+    return [(round(float(g.mean()), 3), np.isin(unseen.load_N, g)) for g in groups if len(g)]
+
+
+def _about_loads(loads: Sequence[Mapping[str, float]], working: float) -> list[str]:
+    """Loads at which the model is clearly worse than elsewhere."""
+    bad = [
+        one for one in loads if one.get("working range", 0.0) > GOOD_percent and one["working range"] > 1.3 * working
+    ]
+    if not bad or len(loads) < 2:
+        return []
+    words = ", ".join(f"{one['load_N']:.2f} N ({one['working range']:.1f} %)" for one in bad)
+    return [
+        (
+            f"not for {words}: the polynomials in stress do not reach there; measure at loads beside it, or leave it out and "
+            "keep away from it"
+        )
+    ]
+
+
+def _about_ends(unseen: Unseen, regions: Mapping[str, float], range_m: tuple[float, float], other: str) -> list[str]:
+    out, good = [], []
+    for name, words, share in (
+        ("hot end", f"shorter than {range_m[0] * 1e3:.2f} mm", float((unseen.place_m < range_m[0]).mean())),
+        ("cold end", f"longer than {range_m[1] * 1e3:.2f} mm", float((unseen.place_m > range_m[1]).mean())),
+    ):
+        if name not in regions:
+            continue
+        if regions[name] > GOOD_percent:
+            out.append(
+                f"not for the {name} ({words}, {share:.0%} of the samples): {regions[name]:.1f} %, since resistance hardly "
+                f"moves with displacement there; keep setpoints inside{other}"
+            )
+        else:
+            good.append(f"the {name} too ({regions[name]:.1f} %)")
+    return ([f"good at {' and '.join(good)}"] if good else []) + out
+
+
+def _about_partial_cycles(regions: Mapping[str, float], other: str) -> list[str]:
+    if "partial cycles" not in regions:
+        return [
+            (
+                "partial cycles are not judged: the logs hold none inside the working range; a controller drives little else, "
+                "so record some (characterise does) and give them to identify"
+            )
+        ]
+    error = regions["partial cycles"]
+    if error > GOOD_percent:
+        return [f"not for partial cycles ({error:.1f} %): its transitions do not follow these minor loops{other}"]
+    return [f"partial cycles: {error:.1f} %"]
+
+
+def _about_the_range(
+    experiments: Sequence[Experiment], range_m: tuple[float, float], stroke_m: float, full_stroke_m: float
+) -> list[str]:
+    """Which load makes the working range as narrow as it is."""
+    try:
+        full = full_cycles(experiments)
+        intervals = np.array([determinate_interval_m(t) for t in full])
+    except IdentificationError:
+        return []
+    loads_N = np.array([float(np.nanmean(t.signals.load_N)) for t in full])
+    margin_m = MARGIN * full_stroke_m
+    best: tuple[float, str] = (_WIDENS * stroke_m, "")
+    for load_N in np.unique(loads_N):
+        others = np.abs(loads_N - load_N) > _SAME_LOAD * load_N
+        if np.count_nonzero(others) < 2:
+            continue
+        low_m, high_m = intervals[others, 0].max() + margin_m, intervals[others, 1].min() - margin_m
+        gain_m = (high_m - low_m) - (range_m[1] - range_m[0])
+        if gain_m > best[0]:
+            best = (
+                gain_m,
+                (
+                    f"the range is narrow for the sake of {load_N:.2f} N; without its logs it would be about "
+                    f"{low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm"
+                ),
+            )
+    return (
+        [best[1]]
+        if best[1]
+        else [
+            (
+                "the range is narrow: at some load resistance stops telling displacement early; a larger load or "
+                "`--model whole_range` widens it"
+            )
+        ]
+    )

@@ -1,0 +1,300 @@
+"""Whether logs of a wire are fit to test what nobody has tested on a real one: resistance and load against strain.
+
+Each requirement is a function that looks at all logs together and says what it found; the page
+``docs/send-us-a-log.md`` tells a lab how to meet them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .bench_log import BenchLog, longest_pause_s, uncalibrated_resistance_and_current
+
+#: What the requirements ask for.
+SLOWEST_PERIOD_s = 0.051  #: 20 Hz, and a little for a clock that is not exact
+LEAST_MEASURED = 0.98  #: share of the rows that have a resistance: a small current flows also while the wire cools
+FEWEST_LOADS = 3
+SAME_LOAD = 0.08  #: relative difference below which two weights are one
+SPRING_SPREAD = 0.3  #: relative spread of the load within one log from which it pulls at a spring
+FULL_SHARE = 0.9  #: of the widest stroke of its log or of its load, from which a cycle is full
+FEWEST_FULL = 2  #: full cycles for each load: one shows no repeatability
+FEWEST_PARTIAL = 4
+LARGEST_STEP = 0.002  #: of the stroke: how finely the displacement must be resolved
+LARGEST_NOISE = 0.01  #: of the range of resistance, from one reading to the next
+REST_s = 1.0
+STILL = 0.02  #: of the stroke, that a wire at rest may move in REST_s
+PLAUSIBLE_STRAIN = (0.005, 0.09)
+MOST_FLAT = 0.2  #: share of the rows that may stand at the very largest or smallest displacement, to the last digit
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One requirement, what the logs have of it, and what would meet it."""
+
+    requirement: str
+    found: str
+    met: bool
+    remedy: str
+    needed: bool = True  #: without it the logs cannot be used; else they could only say more
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
+    """From one switching-on of the current to the next."""
+
+    load_N: float
+    spread: float  #: of the load, relative
+    stroke_m: float
+    rests_cold: bool  #: stands still before the current goes on
+    rests_hot: bool  #: and before it goes off
+
+
+def judge(logs: Sequence[BenchLog], length_m: float = math.nan) -> list[Finding]:
+    """Every requirement, held against the logs of one wire; resistance and load are there, for a reader refuses logs without.
+
+    ``length_m`` of the wire, where known, makes a strain of the stroke.
+    """
+    findings = [_witnessed(logs)]
+    if not findings[0].met:
+        return findings
+    cycles = [cycle for log in logs for cycle in cycles_of(log)]
+    requirements: tuple[Callable[[Sequence[BenchLog], Sequence[Cycle]], Finding], ...] = (
+        _rate,
+        _measured,
+        _loads,
+        _full_cycles,
+        _partial_cycles,
+        _rests,
+        _resolution,
+        _not_clipped,
+        _noise,
+        _direction,
+    )
+    findings += [requirement(logs, cycles) for requirement in requirements]
+    return [*findings, *([] if math.isnan(length_m) else [_strain(logs, length_m)]), _ambient(logs)]
+
+
+def displacement_m(log: BenchLog) -> np.ndarray:
+    """Displacement of a log; of a raw sensor up to a factor."""
+    return log["displacement_m"] if "displacement_m" in log else log["lvdt_current_A"]
+
+
+def load_N(log: BenchLog) -> np.ndarray:
+    """Load of a log; of a raw load cell up to a factor."""
+    return log["load_N"] if "load_N" in log else log["load_cell_voltage_V"]
+
+
+def cycles_of(log: BenchLog) -> list[Cycle]:
+    """The cycles of a log, told by its current."""
+    _, current_A = uncalibrated_resistance_and_current(log)
+    moved_m, pulls_N, time_s = displacement_m(log), load_N(log), log["time_s"]
+    low_A, high_A = np.nanpercentile(current_A, (5.0, 95.0))
+    on = current_A > 0.5 * (low_A + high_A)
+    starts = np.flatnonzero(on[1:] & ~on[:-1]) + 1
+    still_m = STILL * float(np.nanmax(moved_m) - np.nanmin(moved_m))
+    window = max(2, round(REST_s / log.period_s))
+    out = []
+    for start, stop in zip(starts, [*starts[1:], len(on)], strict=True):
+        if time_s[stop - 1] - time_s[start] < REST_s:
+            continue
+        off = start + int(np.argmin(on[start:stop])) if not on[start:stop].all() else stop
+        pull_N = pulls_N[start:stop]
+        mean_N = float(np.nanmean(pull_N))
+        spread = float(np.subtract(*np.nanpercentile(pull_N, (97.5, 2.5))) / abs(mean_N)) if mean_N else math.inf
+        moved = moved_m[start:stop]
+        out.append(
+            Cycle(
+                load_N=mean_N,
+                spread=spread,
+                stroke_m=float(np.nanmax(moved) - np.nanmin(moved)),
+                rests_cold=bool(start >= window and np.ptp(moved_m[start - window : start]) < still_m),
+                rests_hot=bool(off - start >= window and np.ptp(moved_m[off - window : off]) < still_m),
+            )
+        )
+    return out
+
+
+def _witnessed(logs: Sequence[BenchLog]) -> Finding:
+    missing = [log.name for log in logs if not log.has_reference]
+    return Finding(
+        "displacement is measured beside the wire",
+        f"missing in {', '.join(missing)}" if missing else "in all logs",
+        not missing,
+        "put a displacement sensor (LVDT, laser, encoder) beside the wire, and record it on the same clock",
+    )
+
+
+def _rate(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+    slowest_s = max(log.period_s for log in logs)
+    pauses = sum(int((np.diff(log["time_s"]) > longest_pause_s(log)).sum()) for log in logs)
+    found = f"{1.0 / slowest_s:.3g} readings a second" + (f", {pauses} pauses" if pauses else "")
+    return Finding("20 readings a second or more", found, slowest_s <= SLOWEST_PERIOD_s, "record at 20 to 100 Hz")
+
+
+def _measured(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+    shares = [float(np.isfinite(uncalibrated_resistance_and_current(log)[0]).mean()) for log in logs]
+    return Finding(
+        "resistance is measured all the time",
+        f"in {min(shares):.0%} of the rows",
+        min(shares) >= LEAST_MEASURED,
+        "let a small current flow also while the wire cools (a tenth to a fifth of the heating current): cooling is half of the loop",
+    )
+
+
+def _loads(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+    weights = distinct_loads([c.load_N for c in cycles if c.spread < SPRING_SPREAD])
+    springs = any(c.spread >= SPRING_SPREAD for c in cycles)
+    found = f"{len(weights)} weights" + (", and a spring" if springs else "")
+    return Finding(
+        f"{FEWEST_LOADS} loads",
+        found,
+        len(weights) >= FEWEST_LOADS or (springs and len(weights) >= 1),
+        "hang three weights one after the other, the largest some four times the smallest; a spring besides is welcome",
+    )
+
+
+def distinct_loads(loads_N: Sequence[float]) -> list[float]:
+    """Loads that differ."""
+    out: list[float] = []
+    for each_N in sorted(loads_N):
+        if not out or abs(each_N - out[-1]) > SAME_LOAD * abs(out[-1]):
+            out.append(each_N)
+    return out
+
+
+def _full(cycles: Sequence[Cycle]) -> list[Cycle]:
+    def widest_m(cycle: Cycle) -> float:
+        alike = [c.stroke_m for c in cycles if abs(c.load_N - cycle.load_N) <= SAME_LOAD * abs(cycle.load_N)]
+        return max(alike)
+
+    return [c for c in cycles if c.stroke_m >= FULL_SHARE * widest_m(c) and c.rests_cold and c.rests_hot]
+
+
+def _full_cycles(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+    counts = [
+        sum(abs(c.load_N - each_N) <= SAME_LOAD * abs(each_N) for c in _full(cycles))
+        for each_N in distinct_loads([c.load_N for c in cycles])
+    ]
+    fewest = min(counts, default=0)
+    return Finding(
+        f"{FEWEST_FULL} full cycles at each load",
+        f"{fewest} at the load with the fewest",
+        fewest >= FEWEST_FULL,
+        "heat until nothing moves any more, wait, cool until nothing moves any more, wait; three times at each load",
+    )
+
+
+def _partial_cycles(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+    full = set(map(id, _full(cycles)))
+    widest_m = max((c.stroke_m for c in cycles), default=0.0)
+    partial = [c for c in cycles if id(c) not in full and 0.05 * widest_m < c.stroke_m < FULL_SHARE * widest_m]
+    return Finding(
+        f"{FEWEST_PARTIAL} partial cycles",
+        f"{len(partial)}",
+        len(partial) >= FEWEST_PARTIAL,
+        "turn back half-way a few times, at different positions: on a robot the wire hardly ever goes from end to end",
+    )
+
+
+def _rests(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+    cold, hot = (any(getattr(c, name) for c in cycles) for name in ("rests_cold", "rests_hot"))
+    words = {(True, True): "at both ends", (True, False): "only cold", (False, True): "only hot"}
+    return Finding(
+        "rests at both ends",
+        words.get((cold, hot), "none"),
+        cold and hot,
+        f"hold still for {REST_s:g} s or more before the current goes on and before it goes off: the ends anchor everything else",
+    )
+
+
+def _stroke_m(logs: Sequence[BenchLog]) -> float:
+    return max(float(np.nanmax(displacement_m(log)) - np.nanmin(displacement_m(log))) for log in logs)
+
+
+def _resolution(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+    steps = []
+    for log in logs:
+        changes = np.abs(np.diff(np.sort(displacement_m(log))))
+        changes = changes[changes > 0.0]
+        # Of many readings the sorted values lie as close as the converter lets them.
+        steps.append(float(np.median(changes)) if len(changes) < 0.2 * len(log) and len(changes) else 0.0)
+    share = max(steps) / _stroke_m(logs)
+    return Finding(
+        f"displacement resolved to {LARGEST_STEP:.1%} of the stroke",
+        f"steps of {share:.2%}" if share else "no steps seen",
+        share <= LARGEST_STEP,
+        "use a smaller range of the displacement sensor or of its converter",
+    )
+
+
+def _not_clipped(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+    shares = []
+    for log in logs:
+        moved_m = displacement_m(log)
+        ends = (moved_m == np.nanmax(moved_m)).mean(), (moved_m == np.nanmin(moved_m)).mean()
+        shares.append(max(float(e) for e in ends))
+    return Finding(
+        "the displacement sensor does not reach its end",
+        f"{max(shares):.0%} of the rows at the very end",
+        max(shares) < MOST_FLAT,
+        "move the sensor so that the whole stroke lies inside its range; a mechanical stop does the same harm",
+    )
+
+
+def _noise(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+    shares = []
+    for log in logs:
+        resistance_Ohm, _ = uncalibrated_resistance_and_current(log)
+        known_Ohm = resistance_Ohm[np.isfinite(resistance_Ohm)]
+        span_Ohm = float(np.subtract(*np.percentile(known_Ohm, (99.0, 1.0))))
+        second = known_Ohm[2:] - 2.0 * known_Ohm[1:-1] + known_Ohm[:-2]  # a straight line has none
+        noise_Ohm = float(np.median(np.abs(second))) / (0.6745 * math.sqrt(6.0))
+        shares.append(noise_Ohm / span_Ohm if span_Ohm > 0.0 else math.inf)
+    return Finding(
+        f"noise of the resistance below {LARGEST_NOISE:.0%} of its range",
+        f"{max(shares):.2%}",
+        max(shares) <= LARGEST_NOISE,
+        "measure with four wires, average over a whole period of the mains, or let more current flow while cooling",
+    )
+
+
+def _direction(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+    falls = []
+    for log in logs:
+        _, current_A = uncalibrated_resistance_and_current(log)
+        good = np.isfinite(current_A + displacement_m(log))
+        heat = np.convolve(current_A[good] ** 2, np.ones(10) / 10.0, mode="same")
+        falls.append(float(np.corrcoef(heat, displacement_m(log)[good])[0, 1]))
+    return Finding(
+        "displacement grows when the wire gets longer",
+        "it does" if max(falls) < 0.0 else "it grows with the heat in some log",
+        max(falls) < 0.0,
+        "turn its sign round: --unit displacement_m=-mm",
+    )
+
+
+def _strain(logs: Sequence[BenchLog], length_m: float) -> Finding:
+    raw = any("displacement_m" not in log for log in logs)
+    strain = _stroke_m(logs) / length_m
+    low, high = PLAUSIBLE_STRAIN
+    return Finding(
+        f"a stroke of {low:.1%} to {high:.0%} of the length",
+        "of a raw sensor: not known" if raw else f"{strain:.2%}",
+        raw or low <= strain <= high,
+        "check the unit of the displacement and --length",
+    )
+
+
+def _ambient(logs: Sequence[BenchLog]) -> Finding:
+    there = all("ambient_temperature_C" in log for log in logs)
+    return Finding(
+        "ambient temperature is measured",
+        "in all logs" if there else "not in all logs",
+        there,
+        "put a thermometer beside the wire, or write down the temperature of the room: --map ambient_temperature_C=22.5",
+        needed=False,
+    )

@@ -1,0 +1,150 @@
+"""The self-test: a wire that is wired as its parameters say passes, each wiring mistake gets its own sentence."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from sma_actuator.base.share import shared_file
+from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualClock, Weight
+from sma_actuator.bench.bench import Setup, VirtualBench
+from sma_actuator.check import SelfTest, passed
+from sma_actuator.check.selftest import Level
+from sma_actuator.cli.main import main
+from sma_actuator.config import Config
+from sma_actuator.plant.worlds import wire_in_world
+
+
+class Stand:
+    """A virtual bench, and the self-test on it; ``mistake(stand)`` makes one."""
+
+    def __init__(self, mistake=lambda stand: None, wire="flexinol", load_N=0.98):
+        self.config = Config.load(shared_file(f"config/{wire}.yaml"))
+        self.setup = Setup(wire_in_world(wire), load=Weight(load_N))
+        self.faults = {}
+        self.after_opening = lambda bench: None
+        mistake(self)
+        self.bench = VirtualBench(self.setup, seed=3)
+        self.bench.advance(0.2)
+        for name, value in self.faults.items():
+            self.bench.inject(name, value)
+        supply = InProcessSupply(self.bench, self.config)
+        genuine, self.most_A = supply.set_current, 0.0
+
+        def set_current(current_A):
+            self.most_A = max(self.most_A, current_A)
+            genuine(current_A)
+
+        supply.set_current = set_current
+        opened = supply.open
+        supply.open = lambda: (opened(), self.after_opening(self.bench))
+        self.test = SelfTest(self.config, supply, InProcessDaq(self.bench, self.config), VirtualClock(self.bench))
+        self.found = self.test.run()
+        self.wrong = [each.sentence for each in self.found if each.level is Level.WRONG]
+
+    def chain(self, **values):
+        self.setup = replace(self.setup, chain=replace(self.setup.chain, **values))
+
+    def change(self, **values):
+        self.config = self.config.replace({name.replace("__", "."): value for name, value in values.items()})
+
+
+def swapped_channels(stand):
+    stand.change(instruments__daq__supply_voltage_channel=102, instruments__daq__reference_voltage_channel=101)
+
+
+def longer_wire(stand):
+    wire = stand.setup.wire
+    stand.setup = replace(stand.setup, wire=replace(wire, length_m=2.0 * wire.length_m))
+
+
+#: mistake → words that no other has.
+MISTAKES = {
+    "supply and sense resistor swapped": (swapped_channels, "channels of supply voltage and sense resistor are swapped"),
+    "load cell reversed": (lambda s: s.faults.update(channel_reversed=103), "a wire cannot push"),
+    "sense resistor reversed": (lambda s: s.faults.update(channel_reversed=102), "the taps of the sense resistor are swapped"),
+    "supply voltage reversed": (lambda s: s.faults.update(channel_reversed=101), "the supply voltage reads backwards"),
+    "another sense resistor": (lambda s: s.chain(reference_resistance_Ohm=0.5), "so it has 0.5 Ω"),
+    "longer leads": (lambda s: s.chain(lead_resistance_Ohm=0.55), "the leads have other than circuit.lead_resistance"),
+    "no wire": (lambda s: s.faults.update(open_wire=float("nan")), "the circuit is open"),
+    "bridged wire": (lambda s: s.faults.update(short_wire=0.2), "something bridges the wire"),
+    "another wire": (longer_wire, "is wire.length that between the crimps"),
+    "load cell not connected": (lambda s: s.faults.update(channel_stuck=103), "the channel of the load cell reads"),
+    "sense resistor over range": (lambda s: s.faults.update(channel_saturated=102), "sense resistor reads 9.9e+37 V"),
+    "supply delivers something else": (lambda s: s.faults.update(current_disagrees=0.5), "says that it delivers 25 mA"),
+    "watchdog does not cut": (lambda s: s.faults.update(watchdog_dead=1.0), "the watchdog did not cut within"),
+    "watchdog is not armed": (lambda s: s.faults.update(watchdog_dead=0.0), "watchdog was armed and does not read back so"),
+    "limits set by somebody": (
+        lambda s: setattr(s, "after_opening", lambda bench: bench.supply.set_ocp(1.0)),
+        "does not hold its limits",
+    ),
+    "too much load": (lambda s: setattr(s, "setup", replace(s.setup, load=Weight(4.0))), "more than wire.max_stress allows"),
+    "noisy channel": (
+        lambda s: s.chain(noise_V=(1.5e-4, 0.05, 2e-4, 1.5e-4, 0.02)),
+        "screen and ground it",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("wire", ["flexinol", "furukawa"])
+def test_a_wire_that_is_as_its_parameters_say_passes(wire):
+    stand = Stand(wire=wire)
+    assert passed(stand.found), stand.wrong
+    parts = [each.part for each in stand.found if each.level is Level.OK]
+    assert parts == [
+        "identity", "trips", "rate", "noise", "load cell", "bias", "resistance", "leads", "linearity", "watchdog", "output",
+    ]  # fmt: skip
+    (watchdog,) = [each.sentence for each in stand.found if each.part == "watchdog"]
+    assert "read back as WDOG, cleared with the output off" in watchdog
+    assert stand.most_A <= 2.0 * stand.config.supply.bias_current
+
+
+@pytest.mark.parametrize(("mistake", "sentence"), MISTAKES.values(), ids=MISTAKES)
+def test_each_mistake_gets_its_own_sentence_and_the_output_is_off_afterwards(mistake, sentence):
+    stand = Stand(mistake)
+    assert not passed(stand.found)
+    assert sentence in " / ".join(stand.wrong)
+    others = [words for _, words in MISTAKES.values() if words != sentence]
+    assert not [words for words in others if words in " / ".join(stand.wrong)]
+    assert stand.test.off_confirmed
+    assert not stand.bench.supply.output_on
+    assert stand.bench.supply.current_A == 0.0
+
+
+def test_without_a_load_the_sign_of_the_load_cell_is_not_told():
+    stand = Stand(load_N=0.0)
+    (said,) = [each for each in stand.found if each.part == "load cell"]
+    assert said.level is Level.WARNING
+    assert "hang something on the wire" in said.sentence
+
+
+def test_asked_to_end_it_ends_with_the_output_off():
+    stand = Stand()
+    supply = InProcessSupply(stand.bench, stand.config)
+    test = SelfTest(stand.config, supply, InProcessDaq(stand.bench, stand.config), VirtualClock(stand.bench))
+    found = test.run(lambda: stand.bench.supply.output_on)
+    assert [each.sentence for each in found if each.level is Level.WRONG] == ["ended before its time: asked to"]
+    assert not stand.bench.supply.output_on
+    assert test.off_confirmed
+
+
+def test_where_off_is_not_confirmed_it_says_so_and_has_not_passed():
+    def goes_silent(stand):
+        stand.after_opening = lambda bench: bench.inject("supply_silent")
+
+    stand = Stand(goes_silent)
+    assert not stand.test.off_confirmed
+    assert "look at the supply, switch it off by hand" in stand.wrong[-1]
+
+
+def test_the_command_prints_a_line_for_each_part_and_ends_with_1_where_something_is_wrong(capsys, tmp_path):
+    config = shared_file("config/flexinol.yaml")
+    assert (
+        main(["check", "--config", str(config), "--virtual", "flexinol", "--json", str(tmp_path / "found.json")]) == 0
+    )
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("ok     identity        the supply is SMA Actuator,Virtual Supply")
+    assert lines[-1] == "ok     output          the output is off, and the supply has read that back"
+    assert {each["level"] for each in json.loads((tmp_path / "found.json").read_text())} == {"ok"}
+    assert main(["check", "--config", str(config), "--virtual", "furukawa"]) == 1
+    assert "WRONG" in capsys.readouterr().out

@@ -1,0 +1,67 @@
+"""What is said of a model that was just identified: good for what, for what not, and why."""
+
+import numpy as np
+import pytest
+
+from sma_actuator.identify.unseen import Unseen
+from sma_actuator.identify.verdict import judge
+
+RANGE_m = (1.0e-3, 3.0e-3)
+
+
+def samples(working=1.0, hot=1.0, cold=1.0, partial=1.0, loads_N=(0.5, 1.0, 1.5), at_load=None):
+    """As many samples in every region of every load, with these errors [%]."""
+    place_m = np.concatenate([np.full(50, 0.5e-3), np.linspace(1.1e-3, 2.9e-3, 100), np.full(50, 3.5e-3)])
+    error = np.concatenate([np.full(50, hot), np.full(50, working), np.full(50, partial), np.full(50, cold)])
+    of_partial = np.arange(200) // 50 == 2
+    load_N = np.repeat(loads_N, 200)
+    errors = np.tile(error, len(loads_N))
+    for load, factor in (at_load or {}).items():
+        errors = np.where(load_N == load, factor * errors, errors)
+    n = len(loads_N)
+    return Unseen(np.repeat(np.arange(n), 200), load_N, np.tile(place_m, n), errors, np.tile(of_partial, n))
+
+
+def verdict(unseen, range_m=RANGE_m, bounds=(), seen_too=False):
+    return judge(unseen, [], range_m, 4e-3, model_type="flexinol", seen_too=seen_too, bounds=bounds)
+
+
+def test_a_good_model_is_said_to_be_good_and_where():
+    found = verdict(samples())
+    assert found.good_for_control
+    assert found.sentences[0].startswith("good for control from 1.00 to 3.00 mm (67% of the stroke")
+    assert "cycles it has not seen" in found.sentences[0]
+    assert not any(sentence.startswith("not for") for sentence in found.sentences)
+
+
+@pytest.mark.parametrize(
+    ("errors", "sentence"),
+    [
+        ({"hot": 6.0}, "not for the hot end (shorter than 1.00 mm, 25% of the samples): 6.0 %"),
+        ({"cold": 6.0}, "not for the cold end (longer than 3.00 mm, 25% of the samples): 6.0 %"),
+        ({"partial": 3.5}, "not for partial cycles (3.5 %)"),
+        ({"at_load": {0.5: 4.0}}, "not for 0.50 N (4.0 %)"),
+    ],
+    ids=["hot end", "cold end", "partial cycles", "one load"],
+)
+def test_where_it_is_not_good_is_said_with_a_reason_and_a_remedy(errors, sentence):
+    found = verdict(samples(**errors))
+    (said,) = [s for s in found.sentences if s.startswith("not for")]
+    assert said.startswith(sentence)
+    assert "whole_range" in said or "leave it out" in said
+
+
+def test_a_poor_fit_is_not_good_for_control():
+    found = verdict(samples(working=9.0, partial=9.0))
+    assert not found.good_for_control and found.sentences[0].startswith("NOT good for control")
+    assert "curves do not follow" in found.sentences[1]
+
+
+def test_a_narrow_range_and_bounds_that_bind_are_named():
+    found = verdict(samples(), range_m=(1.5e-3, 2.0e-3), bounds=["transition_rate stands at the end"])
+    assert "but only from 1.50 to 2.00 mm" in found.sentences[0]
+    assert "transition_rate stands at the end" in found.sentences
+
+
+def test_judged_on_what_it_was_fitted_on_it_says_so():
+    assert "on the cycles it was fitted on" in verdict(samples(), seen_too=True).sentences[0]

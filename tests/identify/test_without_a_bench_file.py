@@ -1,0 +1,125 @@
+"""Logs in physical units and three words about the wire are enough; raw channels want their calibrations."""
+
+import dataclasses
+import json
+
+import pytest
+
+from sma_actuator.cli.main import main
+from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
+from sma_actuator.logs.bench_log import BenchLog, signals_from_log, write_bench_log
+
+WIRE = ["--alloy", "ni-ti", "--length", "0.1", "--diameter", "0.1524e-3"]
+
+
+@pytest.fixture(scope="module")
+def foreign(flexinol, tmp_path_factory):
+    """The wire's logs as a stranger would have them: SI units, nothing beside them, surroundings not measured."""
+    folder = tmp_path_factory.mktemp("foreign")
+    config = bench_from_mapping(flexinol.mapping)
+    for log in flexinol.only("pulses", "partial"):
+        s = signals_from_log(log, config)
+        columns = {
+            "time_s": s.time_s,
+            "resistance_Ohm": s.resistance_Ohm,
+            "current_A": s.current_A,
+            "load_N": s.load_N,
+            "displacement_m": s.reference_displacement_m,
+        }
+        write_bench_log(folder / log.name, BenchLog(columns))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def model(foreign, tmp_path_factory):
+    """The model file that the command writes from them, second order."""
+    out = tmp_path_factory.mktemp("model") / "my_wire.yaml"
+    assert main(["identify", str(foreign), *WIRE, "--order", "2", "--no-extension", "--out", str(out), "-q"]) == 0
+    return out
+
+
+def test_what_the_logs_tell_is_identified_from_them_and_written_with_its_reason(model, flexinol):
+    mapping = read_parameter_file(model)
+    known = flexinol.mapping["thermal"]
+    found = mapping["thermal"]
+    assert found["heat_capacity"] / found["heat_loss"] == pytest.approx(
+        known["heat_capacity"] / known["heat_loss"], rel=0.15
+    )
+    assert found["heat_loss"] == pytest.approx(known["heat_loss"], rel=0.2)
+    assert mapping["supply"] == {"bias_current": pytest.approx(0.05, rel=0.1)}
+    assert 1.5 <= mapping["estimator"]["thermal_time_constant"] <= 15.0
+    assert mapping["safety"]["resistance_min"] < 4.3 and mapping["safety"]["resistance_max"] > 5.5
+    text = model.read_text()
+    assert "heat_loss:" in text and "# heat_capacity over" in text
+    assert "load_cell" not in mapping and "controller" not in mapping, "nobody measured or chose them"
+
+
+def test_replay_and_trace_run_on_that_file(model, foreign, tmp_path, capsys):
+    log = str(foreign / "partial_1.200N.csv")
+    assert main(["replay", log, "--config", str(model), "--json", "-"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)
+    assert row["working_percent"] < 1.5
+    out = tmp_path / "traced"
+    assert (
+        main(
+            [
+                "trace",
+                str(foreign),
+                "--config",
+                str(model),
+                "--only",
+                "lead_resistance",
+                "--jobs",
+                "1",
+                "--out",
+                str(out),
+            ]
+        )
+        == 0
+    )
+    assert json.loads((out / "report.json").read_text())["verdict"] in ("none", "traced", "unexplained")
+
+
+def test_a_node_refuses_that_file_in_sentences_that_name_what_it_lacks(model):
+    with pytest.raises(ValueError, match="supply.max_current: missing"):
+        Config.load(model)
+
+
+def raw(flexinol, folder, *channels):
+    """A raw log of the bench without some columns, and with the load in newtons unless its channel is left."""
+    log = flexinol.only("pulses_1.200N")[0]
+    s = signals_from_log(log, bench_from_mapping(flexinol.mapping))
+    columns = {name: values for name, values in log.columns.items() if name in ("time_s", *channels)}
+    columns.setdefault("displacement_m", s.reference_displacement_m) if "lvdt_current_A" not in channels else None
+    columns.setdefault("load_N", s.load_N) if "load_cell_voltage_V" not in channels else None
+    if "supply_voltage_V" not in channels:
+        columns |= {"resistance_Ohm": s.resistance_Ohm, "current_A": s.current_A}
+    write_bench_log(folder / "log.csv", dataclasses.replace(log, columns=columns, metadata={}))
+    return str(folder / "log.csv")
+
+
+@pytest.mark.parametrize(
+    "channels, sentence",
+    [
+        (("supply_voltage_V", "reference_voltage_V"), "circuit.reference_resistance in ohms is wanted"),
+        (("load_cell_voltage_V",), "load_cell.slope in N/V and load_cell.offset in N are wanted"),
+        (("lvdt_current_A",), "reference_sensor.slope in m/A and reference_sensor.offset in m are wanted"),
+    ],
+    ids=["sense resistor", "load cell", "displacement"],
+)
+def test_a_raw_channel_without_its_calibration_is_refused_in_a_sentence(flexinol, tmp_path, capsys, channels, sentence):
+    log = raw(flexinol, tmp_path, *channels)
+    assert main(["identify", log, *WIRE, "--out", str(tmp_path / "m.yaml")]) == 1
+    error = capsys.readouterr().err
+    assert sentence in error and "log.csv: line 1, column" in error
+    assert not (tmp_path / "m.yaml").exists()
+
+
+def test_what_is_missing_of_the_wire_is_said(tmp_path, capsys):
+    assert main(["identify", "no.csv", "--alloy", "ni-ti", "--out", str(tmp_path / "m.yaml")]) == 1
+    assert "--length and --diameter" in capsys.readouterr().err
+
+
+def test_a_node_that_has_no_calibration_of_its_load_cell_drives_nothing(make_rig):
+    with pytest.raises(ValueError, match="load_cell.slope, load_cell.offset: missing"):
+        make_rig(load_cell={"slope": float("nan"), "offset": float("nan")})

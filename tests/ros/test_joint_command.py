@@ -1,0 +1,91 @@
+"""ros2_control drives a wire by ``~/joint_command``: against a double of its plugin here, against the real one where it is
+installed (test_ros2_control.py)."""
+
+import itertools
+import math
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy")
+pytest.importorskip("xacro")
+import xacro
+from diagnostic_msgs.msg import DiagnosticStatus
+from plugin_double import PluginDouble
+from sensor_msgs.msg import JointState
+from test_node import NAME, _enable, _enabled, _status
+
+from sma_actuator.base.signals import Mode
+from sma_msgs_py import joint_command_message, signals_from, status_from
+
+URDF = Path(__file__).resolve().parents[2] / "urdf" / "one_wire.urdf.xacro"
+
+
+@pytest.fixture
+def plugin():
+    double = PluginDouble(xacro.process_file(URDF).toxml())
+    yield double
+    double.close()
+
+
+def _says(client, words, **wanted):
+    """Wait until the status says of the joint commands what begins with ``words``."""
+    return _status(
+        client,
+        lambda s: (
+            s.values.get("joint_commands", "").startswith(words)
+            and all(getattr(s, name) == value for name, value in wanted.items())
+        ),
+    )
+
+
+def test_a_controller_manager_drives_the_wire_without_a_jump_and_its_death_is_seen(
+    start_bench, make_config, start_node, client, plugin
+):
+    bench = start_bench("--load", "weight:0.98")
+    node = start_node(make_config(instruments=bench.instruments()))
+    statuses = client.listen(f"{NAME}/status", DiagnosticStatus, latched=True)
+    signals = client.listen(f"{NAME}/signals", JointState)
+
+    # Before a controller runs every command is NaN, also while the wire is on: no fault, no motion.
+    _says(client, "no number yet", mode=Mode.OFF, fault="")
+    _enabled(client)
+    _says(client, "no number yet", mode=Mode.HOLD, fault="")
+    client.spin_until(lambda: math.isfinite(plugin.position_m), what="a position")
+    assert plugin.position_m == pytest.approx(bench.truth()[0], abs=1e-3)
+
+    # What a controller held before the wire was switched on is no reason to go there.
+    start_m = bench.truth()[0]
+    plugin.hold(0.0010)
+    _says(client, "not followed: 1.000 mm, and the wire is at", mode=Mode.HOLD, fault="")
+    assert bench.truth()[0] == pytest.approx(start_m, abs=2e-4)
+
+    # A goal begins at the state: it is followed, with the first command near the wire.
+    signals.clear()
+    plugin.go(0.0025, duration_s=3.0)
+    _says(client, "followed", mode=Mode.TRACKING)
+    client.spin_until(lambda: abs(plugin.position_m - 0.0025) < 2e-4, what="the goal")
+    assert bench.truth()[0] == pytest.approx(0.0025, abs=4e-4)
+    values = [signals_from(message) for message in signals]
+    followed = [v for v in values if math.isfinite(v["limited_setpoint_m"])]
+    steps_m = [abs(b["limited_setpoint_m"] - a["limited_setpoint_m"]) for a, b in itertools.pairwise(followed)]
+    assert max(steps_m) < 2.5e-4, "the wire was to jump"
+    assert not any(status_from(message).fault for message in statuses), [m.message for m in statuses]
+
+    # The controller manager is killed: the wire is held, and the status says why.
+    plugin.close()
+    lost = _status(client, lambda s: s.fault == "setpoint_stale")
+    assert lost.mode is Mode.HOLD
+    assert "controller.joint_command_timeout is 0.5 s" in lost.message
+
+    # One that comes back with what it last held far away is not followed; a name that is not the joint's is refused.
+    client.publish(f"{NAME}/joint_command", joint_command_message("sma_joint", 0.0005))
+    _says(client, "not followed: 0.500 mm", mode=Mode.HOLD)
+    client.publish(f"{NAME}/joint_command", joint_command_message("elbow", 0.0025))
+    node.says("joint command refused: it is for elbow, and this joint is sma_joint")
+    client.publish(f"{NAME}/joint_command", JointState(name=["elbow", "sma_joint"], position=[0.1]))
+    node.says("joint command refused: it has no position for sma_joint")
+    client.publish(f"{NAME}/joint_command", JointState(name=["x" * 30_000], position=[0.1]))
+    node.says("joint command refused: its message has 30")
+    assert _enable(client, on=False).success
+    client.spin_until(lambda: bench.current_A() == 0.0, what="end of the current")

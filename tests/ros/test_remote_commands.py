@@ -1,0 +1,106 @@
+"""``sma-actuator move | status | enable | stop | watch`` speak to a running node; no ROS tool is needed."""
+
+import json
+import signal
+import subprocess
+import sys
+
+import pytest
+
+pytest.importorskip("rclpy")
+from processes import Bench, NodeProcess, parameter_file, wait_until
+
+from sma_actuator.cli.main import main
+
+NODE = ("--node", "left", "--namespace", "/arm")
+
+
+@pytest.fixture(scope="module")
+def bench(folder, make_config):
+    """A bench with a node /arm/left at it, for all tests here."""
+    bench = Bench(folder, "--load", "weight:0.98")
+    path = parameter_file(folder, {"left": make_config(instruments=bench.instruments())})
+    node = NodeProcess(["--nodes", "left", "--ros-args", "--params-file", str(path), "-r", "__ns:=/arm"], folder)
+    yield bench
+    node.close()
+    bench.close()
+
+
+def _status(capsys, **wanted):
+    assert main(["status", *NODE, "--json", "-"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["node"] == "/arm/left"
+    assert {key: said[key] for key in wanted} == wanted, said["message"]
+    return said
+
+
+def _enable(capsys):
+    """Once there is a reading."""
+    wait_until(lambda: main(["enable", *NODE]) == 0, what="a wire that can be enabled")
+    assert "the output is on" in capsys.readouterr().out
+
+
+def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
+    assert main(["move", "0.0025", *NODE]) == 1, "the output is off"
+    assert "switch it on first: sma-actuator enable" in capsys.readouterr().err
+    _enable(capsys)
+    wait_until(lambda: bench.current_A() > 0.04)
+    assert main(["move", "0.0025", *NODE, "--within", "60"]) == 0
+    said = capsys.readouterr()
+    assert "held there" in said.out and said.err == ""
+    assert bench.truth()[0] == pytest.approx(0.0025, abs=3e-4)
+    status = _status(capsys, mode="hold", fault="")
+    assert status["values"]["displacement_m"] == pytest.approx(0.0025, abs=2e-4)
+    assert main(["watch", *NODE, "--every", "0.2", "--duration", "0.5"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) >= 2 and all("holding" in line for line in lines)
+    assert "position  2." in lines[-1] and "load  0.9" in lines[-1]
+    assert main(["enable", "--off", *NODE]) == 0
+    wait_until(lambda: bench.current_A() == 0.0)
+    _enable(capsys)
+    assert main(["stop", *NODE]) == 0
+    assert "/arm/left: the output is off" in capsys.readouterr().out
+    assert bench.current_A() == 0.0
+    assert _status(capsys, mode="off")["values"]["displacement_m"] is None
+
+
+def test_a_position_that_is_not_reached_is_said_and_the_wire_is_held(bench, capsys):
+    _enable(capsys)
+    assert main(["move", "-0.05", *NODE, "--within", "1.5", "-q"]) == 1
+    said = capsys.readouterr()
+    assert "not there within 1.5 s; position" in said.err and said.out == ""
+    _status(capsys, mode="hold", fault="")
+    assert main(["stop", *NODE]) == 0
+
+
+def test_ctrl_c_ends_the_motion_and_leaves_the_wire_held(bench, capsys):
+    _enable(capsys)
+    words = [sys.executable, "-m", "sma_actuator", "move", "0.0005", *NODE, "--tolerance", "0", "--within", "100"]
+    moving = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        assert "tracking" in moving.stdout.readline() + moving.stdout.readline() + moving.stdout.readline()
+        moving.send_signal(signal.SIGINT)
+        _, error = moving.communicate(timeout=60)
+    finally:
+        moving.kill()
+    assert moving.returncode == 130
+    assert error == "sma-actuator move: interrupted\n"
+    _status(capsys, mode="hold", fault="")
+    assert main(["stop", *NODE]) == 0
+
+
+@pytest.mark.parametrize("words", [["status"], ["enable"], ["stop"], ["watch"], ["move", "0.002"]], ids=lambda w: w[0])
+def test_where_no_node_answers_a_sentence_names_who_was_looked_for(bench, capsys, words):
+    assert main([*words, "--node", "right", "--namespace", "arm", "--patience", "0.3"]) == 1
+    assert capsys.readouterr().err.startswith(
+        f"sma-actuator {words[0]}: no node 'right' in the namespace '/arm' has answered within 0.3 s"
+    )
+
+
+def test_and_who_is_there_instead(bench, capsys):
+    def error():
+        assert main(["status", "--patience", "1"]) == 1
+        return capsys.readouterr().err
+
+    there = "there is /arm/left: name it with --node and --namespace"
+    wait_until(lambda: there in error(), what=there)

@@ -1,0 +1,47 @@
+"""``~/self_test`` on real instruments over TCP: what is found comes as the standard service says, and the node goes on."""
+
+import pytest
+
+pytest.importorskip("rclpy")
+from diagnostic_msgs.srv import SelfTest
+from geometry_msgs.msg import WrenchStamped
+from processes import wait_until
+from std_srvs.srv import Trigger
+from test_node import NAME, _enable, _enabled, _status
+
+
+def test_the_wiring_is_tested_refused_while_driven_and_ended_by_stop(start_bench, make_config, start_node, client):
+    bench = start_bench("--load", "weight:0.98")
+    node = start_node(make_config(instruments=bench.instruments(), **{"supply.watchdog_timeout": 1.0}))
+    client.next(f"{NAME}/load", WrenchStamped)
+    answer = client.call(f"{NAME}/self_test", SelfTest)
+    said = {status.name: status for status in answer.status}
+    assert answer.passed == b"\1", [status.message for status in answer.status]
+    assert "Virtual Supply" in answer.id
+    assert "read back as WDOG" in said["watchdog"].message
+    assert said["output"].message == "the output is off, and the supply has read that back"
+    wait_until(lambda: bench.current_A() == 0.0, what="end of the current")
+
+    # The node goes on as before; while it drives there is no test.
+    _enabled(client)
+    answer = client.call(f"{NAME}/self_test", SelfTest)
+    assert answer.passed == b"\0"
+    assert "switch it off with ~/enable first" in answer.status[0].message
+    assert _enable(client, on=False).success
+
+    # A mistake has its sentence; a stop ends the test at once, with the output off.
+    bench.tell("BENC:FAUL channel_reversed,103")
+    node_client = client.node.create_client(SelfTest, f"{NAME}/self_test")
+    client.spin_until(node_client.service_is_ready, what="the service")
+    future = node_client.call_async(SelfTest.Request())
+    wait_until(lambda: bench.current_A() > 0.04, what="current of the self-test")
+    stopped = client.call(f"{NAME}/stop", Trigger)
+    assert stopped.success, stopped.message
+    assert "the self-test was ended" in stopped.message
+    wait_until(lambda: bench.current_A() == 0.0, what="end of the current")
+    client.spin_until(future.done, what="the answer of the self-test")
+    words = [status.message for status in future.result().status]
+    assert any("a wire cannot push" in word for word in words)
+    assert "ended before its time: asked to" in words
+    node.says("self-test: load cell: the load is -")
+    _status(client, lambda s: s.mode.value == "off")
