@@ -1,4 +1,4 @@
-# make demo   the node holds a wire of the virtual bench at setpoints, live in the terminal
+# make demo   the node holds a wire of the virtual bench at setpoints, live in the terminal (VIEW=1: in the browser too)
 # make test   every test
 # make check  format, lint, types and the floors of the house
 # make docs   the documentation with the API reference, warnings are errors
@@ -10,12 +10,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 DURATION ?= 60
 WIRE ?= flexinol
-EXTRAS := ros,speed,report,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
+EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range fleet foreign-speed forward health clean
+.PHONY: page attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range fleet foreign-speed tutorial forward health clean
 
 demo: $(VENV)/ready
-	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION)
+	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
 
 # Most tests wait for processes: a third beside the two cores costs nothing.  A class, or a file's functions, stay together.
 test: $(VENV)/ready
@@ -52,6 +52,11 @@ tables: $(VENV)/ready
 pictures: $(VENV)/ready
 	$(BIN)/python examples/draw_a_loop.py docs/pictures/loop.png
 
+# The page of the node in a headless Chromium: its picture, and whether its memory stays what it is.
+MINUTES ?= 30
+page: $(VENV)/ready
+	$(BIN)/python benchmarks/page.py --minutes $(MINUTES) --picture docs/pictures/view.png
+
 benchmarks: $(VENV)/ready
 	$(BIN)/python benchmarks/cost.py
 	$(BIN)/python benchmarks/loop.py
@@ -84,6 +89,10 @@ health: $(VENV)/ready
 FLEET ?=
 fleet: $(VENV)/ready
 	$(BIN)/python benchmarks/fleet.py $(FLEET)
+
+# Run the commands of the tutorial again, and put what they print into its page.
+tutorial: $(VENV)/ready
+	$(BIN)/python docs/tutorials/run.py
 
 # Time to identify and to trace logs of a foreign physics, and how it grows with their samples (options in SPEED).
 SPEED ?=

@@ -10,7 +10,7 @@ setup(
     name=NAME,
     version="0.1.0",
     packages=find_packages(include=["sma_actuator", "sma_actuator.*", "sma_msgs_py", "sma_msgs_py.*"]),
-    package_data={"sma_actuator": ["**/*.yaml", "**/*.html", "**/*.js"]},
+    package_data={"sma_actuator": ["**/*.yaml", "**/*.html", "**/*.js", "view/page/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -18,6 +18,7 @@ setup(
             f"share/{NAME}/config",
             [str(path) for ending in ("yaml", "xml") for path in Path("config").glob(f"*.{ending}")],
         ),
+        (f"share/{NAME}/layouts", [str(path) for path in Path("layouts").iterdir()]),
         (f"share/{NAME}/launch", [str(path) for path in Path("launch").glob("*.py")]),
         (f"share/{NAME}/urdf", [str(path) for path in Path("urdf").iterdir()]),
     ],
@@ -35,6 +36,7 @@ setup(
         # The wheels of ROS 2 Jazzy; leave out where ROS 2 is sourced.
         "ros": ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
         "speed": ["numba>=0.59"],
+        "view": ["aiohttp>=3.9"],
         "report": ["matplotlib>=3.6", "Jinja2>=3.1"],
         "bags": ["rosbags>=0.10"],
         # Logs in Excel, Parquet, TDMS and HDF5; MATLAB's are read by SciPy.

@@ -44,7 +44,7 @@ from sma_actuator.logs.bench_log import BenchLog, write_bench_log
 BUCKET = "fleet"
 EFFECTS = (("voltage_offset", 0.004), ("load_cell_drift", 0.3), ("reference_gain", 0.05))
 EVERY = 10  #: one wire in so many drifts, from the middle of its days on
-LOG_S = 24.0
+LOG_S = 30.0
 TRACED_WIRES = 10
 AWS = {"AWS_ACCESS_KEY_ID": "fleet", "AWS_SECRET_ACCESS_KEY": "fleet", "AWS_DEFAULT_REGION": "us-east-1"}
 
@@ -194,7 +194,7 @@ def compared(
         cluster_s = judged(command, places, model, spread, "--dask", address)
         stop.set()
         killer.join()
-    again_s = judged(command, places, model, spread, "--jobs", "2")
+    again_s = judged(command, places, model, spread, "--jobs", "1")
     rows = read_table(spread)
     cores = min(workers, os.cpu_count() or 1)
     console.print(

@@ -36,7 +36,7 @@ from sma_actuator.plant.worlds import HOME, WORLDS
 LOAD_N = 0.98
 REST_s, HELD_s = 40.0, 5.0
 MOVES = 8
-STRENGTHS = (0.25, 0.5, 1.0, 2.0, 4.0)  #: of the unit in which the blind trial measures each effect
+STRENGTHS = (0.5, 1.0, 2.0, 4.0)  #: of the unit in which the blind trial measures each effect
 #: What has anything to do with the wire, its circuit or its mount; the reference sensor's faults are not the driver's.
 DRIFTS = (
     "lead_resistance", "contact_drift", "voltage_offset", "reference_self_heating", "shunt", "self_heating",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import collections
 import logging
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from math import inf, isfinite, nan
 
 from sma_actuator.base.parameters import ConfigError, walk
@@ -30,6 +31,7 @@ from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
 from sma_actuator.estimation.circuit import is_driven, signals_from_reading, without_undriven
 from sma_actuator.estimation.health import ModelHealth
+from sma_actuator.estimation.uncertainty import Uncertainty
 from sma_actuator.safety.faults import FAULTS, gravest
 from sma_actuator.safety.guards.estimate import estimate_invalid
 from sma_actuator.safety.guards.program import unhandled_exception
@@ -62,6 +64,7 @@ class Actuator:
         require_calibrated(config)
         self._config = config
         self._chain = Chain(config)
+        self._uncertainty = Uncertainty(config.model.build(config.wire), config.calibration)
         self._health = ModelHealth(config, config.supply.bias_current)
         self._controller = config.controller.build(config.supply.bias_current)
         self._supervisor = Supervisor(config)
@@ -404,7 +407,8 @@ class Actuator:
         config = self._config
         self._reading_s = reading.time_s
         calibrated = without_undriven(signals_from_reading(reading, config, self._tare_N), config.supply.bias_current)
-        self._signals, self._estimate = self._chain.step(calibrated)
+        self._signals, estimate = self._chain.step(calibrated)
+        self._estimate = replace(estimate, uncertainty_m=self._uncertainty.step(self._signals, estimate))
         if self._health.step(self._signals, self._estimate):
             self._changes.append(f"model health: {self._health.verdict.words}")
         self._loads_N.append(self._signals.load_N + self._tare_N)
@@ -530,7 +534,7 @@ class Actuator:
             message=words,
             values={
                 "displacement_m": estimate.displacement_m if estimate.quality is not Quality.INVALID else nan,
-                "uncertainty_m": estimate.uncertainty_m if estimate.quality is not Quality.INVALID else nan,
+                "uncertainty_m": estimate.uncertainty_m,
                 "resistance_Ohm": signals.resistance_Ohm,
                 "current_A": signals.current_A,
                 "power_W": signals.power_W,

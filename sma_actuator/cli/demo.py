@@ -66,6 +66,7 @@ def add_arguments(parser) -> None:
         help="seconds to run; 0: until Ctrl-C (default %(default)s)",
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the bench's noise")
+    parser.add_argument("--view", action="store_true", help="also serve the page of the node, and print its address")
     add_output_arguments(parser, "the errors")
 
 
@@ -120,8 +121,13 @@ def run(args) -> int:
                 Path(folder) / "node.log",
             )
         )
+        children = [bench, node]
+        if args.view:
+            command = [sys.executable, "-m", "sma_actuator", "view", "--quiet", "--port", "0"]
+            children.append(stack.enter_context(_process("page", command, Path(folder) / "view.log")))
+            console.print(f"open {_address_of(children[-1], interrupts)}", soft_wrap=True, highlight=False)
         errors = TrackingErrors(config.wire.full_stroke_m)
-        _drive(config, args.duration, errors, console, (bench, node), interrupts)
+        _drive(config, args.duration, errors, console, children, interrupts)
         node.stop()
         supply_is_off = _supply_is_off(config)
     console.print(str(errors))
@@ -357,6 +363,18 @@ def _wait_for_ports(ports_file: Path, bench: _Child, interrupts: Interrupts) -> 
             raise InstrumentError(f"the virtual bench did not open its ports within {COMPILING_TIMEOUT_s:g} s")
         time.sleep(0.02)
     return json.loads(ports_file.read_text())[0]
+
+
+def _address_of(page: _Child, interrupts: Interrupts) -> str:
+    """Where the page is, once it has said so."""
+    deadline = time.monotonic() + READY_TIMEOUT_s
+    while not (words := page.log.read_text(errors="replace").split()):
+        interrupts.raise_noted()
+        page.check()
+        if time.monotonic() > deadline:
+            raise InstrumentError(f"the page did not say its address within {READY_TIMEOUT_s:g} s")
+        time.sleep(0.02)
+    return words[0]
 
 
 def _supply_is_off(config: Config) -> bool:

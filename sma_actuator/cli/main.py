@@ -21,6 +21,7 @@ from sma_actuator.base.streams import keep_standard_streams
 
 COMMANDS = {
     "demo": ("sma_actuator.cli.demo", "drive the virtual bench through the node, live in the terminal"),
+    "view": ("sma_actuator.view", "a running node in the browser: what the wire does, gains, a stop button"),
     "bench": ("sma_actuator.bench.server", "the virtual bench: a wire behind two SCPI instruments"),
     "check": ("sma_actuator.check", "whether a wire is wired as its parameters say; the watchdog put to the test"),
     "enable": ("sma_actuator.cli.remote.enable", "a running node: current on, the wire is held where it is"),
@@ -28,6 +29,7 @@ COMMANDS = {
     "stop": ("sma_actuator.cli.remote.stop", "a running node: every wire of its process off"),
     "status": ("sma_actuator.cli.remote.status", "a running node: what it says of its wire"),
     "watch": ("sma_actuator.cli.remote.watch", "a running node: position, load and current as they change"),
+    "init": ("sma_actuator.cli.init", "a few questions, and a complete bench file"),
     "characterise": ("sma_actuator.characterise", "run the bench experiments and write logs"),
     "check-log": ("sma_actuator.cli.check_log", "are logs fit to test the models on a real wire?"),
     "identify": ("sma_actuator.cli.identify", "logs to a calibrated model file"),

@@ -46,8 +46,8 @@ HOTTER_K = 5.0
 WINDOW_s = 0.5  #: averaged
 STEADY_SHARE = 0.004  #: of the resistance, that it may move within the window
 AGAIN_s = 60.0  #: a rest that lasts is read again
-LEARNED_HOLDS = 12  #: on each branch; then they are what later ones are held against
-LATEST_HOLDS = 4  #: averaged
+LEARNED_HOLDS = 16  #: on each branch; then they are what later ones are held against
+LATEST_HOLDS = 8  #: averaged, and then the next as many
 READINGS, BEYOND = 3, 2
 UNKNOWN_K = 100.0  #: rise of a wire of which nothing is known
 #: Kelvins that the surroundings may differ by where no sensor tells them.
@@ -129,18 +129,25 @@ class _Holds:
 
     def __init__(self) -> None:
         self._learned: list[tuple[float, float, float]] = []  #: position, stress, rise
-        self._latest: collections.deque[float] = collections.deque(maxlen=LATEST_HOLDS)
+        self._latest: list[float] = []  #: how far above the plane
         self._plane = np.zeros(3)
         self.scatter_K = nan
         self.rise_K = nan
+        self.away_K = nan  #: mean of the last LATEST_HOLDS that were whole
 
-    def note(self, position_m: float, stress_Pa: float, rise_K: float) -> None:
+    def note(self, position_m: float, stress_Pa: float, rise_K: float) -> bool:
+        """Take a hold; whether there is a new mean."""
         if len(self._learned) < LEARNED_HOLDS:
             self._learned.append((position_m, stress_Pa, rise_K))
             if len(self._learned) == LEARNED_HOLDS:
                 self._learn()
-        else:
-            self._latest.append(rise_K - float(self._row(position_m, stress_Pa) @ self._plane))
+            return False
+        self._latest.append(rise_K - float(self._row(position_m, stress_Pa) @ self._plane))
+        if len(self._latest) < LATEST_HOLDS:
+            return False
+        # Each hold counts once: means that shared holds would go beyond a bound together.
+        self.away_K, self._latest = float(np.mean(self._latest)), []
+        return True
 
     def _row(self, position_m: float, stress_Pa: float) -> np.ndarray:
         # In millimetres and hundreds of megapascals, so that least squares see numbers of one size.
@@ -153,11 +160,6 @@ class _Holds:
         self._plane = np.linalg.lstsq(rows, rise_K, rcond=1e-6)[0]
         self.scatter_K = float(np.std(rise_K - rows @ self._plane))
         self.rise_K = float(np.mean(rise_K))
-
-    @property
-    def away_K(self) -> float:
-        """Mean of the latest, NaN before there are enough."""
-        return float(np.mean(self._latest)) if len(self._latest) == LATEST_HOLDS else nan
 
 
 class ModelHealth:
@@ -200,7 +202,7 @@ class ModelHealth:
         ]
         self._bias_rise_K = self._bias_current_A**2 * ends[0] / thermal.heat_loss
         #: What a resistance that is wrong makes of the position.
-        self._m_per_Ohm = abs((ends[2] - ends[3]) / (ends[0] - ends[1])) if ends[0] != ends[1] else nan
+        self._m_per_Ohm = abs(float((ends[2] - ends[3]) / (ends[0] - ends[1]))) if ends[0] != ends[1] else nan
         self._bound_Ohm = float(
             max(STROKE_SHARE * config.wire.full_stroke_m / self._m_per_Ohm, SCATTERS * calibration.resistance_scatter)
         )
@@ -307,8 +309,8 @@ class ModelHealth:
 
     def _read(self, kind: str, resistance_Ohm: float, stress_Pa: float, signals: Signals, estimate: Estimate) -> bool:
         if kind == "hold":
-            self._holds[estimate.branch].note(estimate.displacement_m, stress_Pa, self._rise_K)
-            self._compare_holds()
+            if self._holds[estimate.branch].note(estimate.displacement_m, stress_Pa, self._rise_K):
+                self._compare_holds()
         else:
             self._compare_resistance(kind, resistance_Ohm, stress_Pa, signals)
         before = self.verdict

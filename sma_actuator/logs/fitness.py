@@ -111,8 +111,8 @@ def cycles_of(log: BenchLog) -> list[Cycle]:
                 load_N=mean_N,
                 spread=spread,
                 stroke_m=float(np.nanmax(moved) - np.nanmin(moved)),
-                rests_cold=start >= window and float(np.ptp(moved_m[start - window : start])) < still_m,
-                rests_hot=off - start >= window and float(np.ptp(moved_m[off - window : off])) < still_m,
+                rests_cold=bool(start >= window and np.ptp(moved_m[start - window : start]) < still_m),
+                rests_hot=bool(off - start >= window and np.ptp(moved_m[off - window : off]) < still_m),
             )
         )
     return out

@@ -27,7 +27,7 @@ def named_signals(output: Output) -> dict[str, float]:
         "load_N": signals.load_N,
         "stress_Pa": signals.stress_Pa,
         "displacement_m": signals.reference_displacement_m,
-        "uncertainty_m": output.estimate.uncertainty_m if output.estimate.quality is not Quality.INVALID else nan,
+        "uncertainty_m": output.estimate.uncertainty_m,
         "model_health": int(output.health.state),
         "model_error_m": output.health.error_m,
         **of_status,

@@ -118,7 +118,7 @@ class TestSigns:
         """Holds on both branches at changing places; from the fortieth on with ``heat`` times the power."""
         judge = ModelHealth(self.config, self.config.supply.bias_current)
         rng, time_s = np.random.default_rng(1), 0.0
-        for number in range(60):
+        for number in range(70):
             position_m = float(rng.uniform(0.001, 0.003))
             branch = Branch(number % 2)
             power_W = 0.20 - 30.0 * position_m + (0.03 if branch is Branch.HEATING else -0.03)

@@ -1,0 +1,74 @@
+"""How far an estimate of a model that says nothing of it may be off: from its calibration, and from how it began.
+
+Half of a 95 % interval, of two parts. What the model leaves on its own calibration logs, at this place and branch: the
+mean residual and twice the scatter about it. And where on its loop the wire is: after the output was off a measurement at
+the bias current tells the resistance, and the wire may be anywhere between the heating and the cooling curve there; as
+it moves, the loop forgets where it began, and so does this.
+"""
+
+from __future__ import annotations
+
+from math import exp, hypot, isfinite, nan
+
+import numpy as np
+
+from sma_actuator.base.signals import Branch, Estimate, Quality, Signals
+
+from .calibration import Calibration
+from .models import StrainModel, ThermalStrainModel
+
+#: Motion, as a share of the working range, after which a third is left of what was not known at the beginning.
+FORGOTTEN_SHARE = 0.15
+
+
+class Uncertainty:
+    """Of one wire's estimate; remembers how much is left of what was not known when it began."""
+
+    def __init__(self, model: StrainModel | ThermalStrainModel, calibration: Calibration):
+        #: None where the model says it by itself.
+        self._model = None if isinstance(model, ThermalStrainModel) else model
+        low_m, high_m = model.displacement_range_m
+        self._forgotten_m = FORGOTTEN_SHARE * (high_m - low_m)
+        self._unknown_share = 1.0  #: of the loop's width
+        self._before_m = nan  #: the displacement of the sample before, NaN after a gap
+        self._position_m = np.array(calibration.residual_position)
+        stresses = len(calibration.residual_stress)
+        self._stress_Pa = np.array(calibration.residual_stress)
+        self._tables_m = (
+            {
+                Branch.HEATING: (
+                    np.reshape(calibration.residual_heating, (stresses, -1)),
+                    np.array(calibration.scatter_heating),
+                ),
+                Branch.COOLING: (
+                    np.reshape(calibration.residual_cooling, (stresses, -1)),
+                    np.array(calibration.scatter_cooling),
+                ),
+            }
+            if len(self._position_m)
+            else {}
+        )
+
+    def step(self, signals: Signals, estimate: Estimate) -> float:
+        """Half of the 95 % interval of one sample [m]; NaN where nothing is known."""
+        if estimate.quality is Quality.INVALID:
+            self._before_m = nan
+            return nan
+        if self._model is None or not self._tables_m:
+            return estimate.uncertainty_m
+        position_m = estimate.displacement_m
+        if isfinite(self._before_m):
+            self._unknown_share *= exp(-abs(position_m - self._before_m) / self._forgotten_m)
+        else:
+            self._unknown_share = 1.0
+        self._before_m = position_m
+        heating_m, cooling_m = self._model.limits_m(signals.resistance_Ohm, signals.stress_Pa)
+        width_m = max(abs(position_m - heating_m), abs(position_m - cooling_m))
+        return hypot(self._of_calibration(estimate, signals.stress_Pa), self._unknown_share * width_m)
+
+    def _of_calibration(self, estimate: Estimate, stress_Pa: float) -> float:
+        residual_m, scatter_m = self._tables_m[estimate.branch]
+        position_m = estimate.displacement_m
+        nearest = int(np.argmin(np.abs(self._stress_Pa - stress_Pa)))
+        mean_m = abs(float(np.interp(position_m, self._position_m, residual_m[nearest])))
+        return mean_m + 2.0 * float(np.interp(position_m, self._position_m, scatter_m))

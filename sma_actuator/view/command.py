@@ -1,0 +1,89 @@
+"""``sma-actuator view``."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import ipaddress
+from pathlib import Path
+
+from aiohttp import web
+
+from sma_actuator.base.errors import UserError
+from sma_actuator.base.interrupts import Interrupts, noted_signals
+from sma_actuator.config import NODE_NAME, Config
+from sma_actuator.console import notes
+
+PORT = 8765
+#: How often the main thread looks whether a signal was noted.
+SIGNAL_INTERVAL_s = 0.1
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``sma-actuator view``."""
+    parser.add_argument("--node", default=NODE_NAME, metavar="NAME", help="name of the node (default %(default)s)")
+    parser.add_argument("--namespace", default="/", metavar="NS", help="namespace of the node (default %(default)s)")
+    parser.add_argument("--port", type=int, default=PORT, help="0: any that is free (default %(default)s)")
+    parser.add_argument(
+        "--host",
+        default="127.0.0.1",
+        metavar="ADDRESS",
+        help="address to listen on; whoever reaches another than %(default)s can read what passes, the token too: "
+        "from elsewhere rather ssh -L 8765:127.0.0.1:8765",
+    )
+    parser.add_argument(
+        "--config", type=Path, metavar="MODEL.yaml", help="model for logs that are dropped while no node is there"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Serve the page until a signal comes; 0 then."""
+    try:
+        from .server import ViewServer
+        from .wire import Wire
+    except ModuleNotFoundError as error:
+        raise UserError(f"needs the Python package '{error.name}', which is not installed") from error
+    host = _address(args.host)
+    config = Config.load(args.config) if args.config else None
+    node = "/".join(["", *filter(None, [args.namespace.strip("/"), args.node.strip("/")])])
+    with noted_signals() as interrupts:
+        wire = Wire(node)
+        try:
+            asyncio.run(_serve(ViewServer(wire, host, config), host, args, interrupts))
+        finally:
+            wire.close()
+    return 0
+
+
+def _address(host: str) -> str:
+    """The one address to listen on.  Raises UserError where it is none, or stands for all."""
+    try:
+        address = ipaddress.ip_address("127.0.0.1" if host == "localhost" else host.strip("[]"))
+    except ValueError:
+        raise UserError(f"--host: '{host}' is no address; one as 127.0.0.1 is wanted") from None
+    if address.is_unspecified:
+        raise UserError(f"--host: {host} stands for every address of this machine; name the one that may be asked")
+    return str(address)
+
+
+async def _serve(server, host: str, args: argparse.Namespace, interrupts: Interrupts) -> None:
+    runner = web.AppRunner(server.app, access_log=None, shutdown_timeout=1.0)
+    await runner.setup()
+    try:
+        site = web.TCPSite(runner, host, args.port)
+        try:
+            await site.start()
+        except (OSError, OverflowError) as error:
+            raise UserError(
+                f"--port: {host}:{args.port} cannot be opened ({error}); --port 0 takes one that is free"
+            ) from error
+        port = runner.addresses[0][1]
+        shown = f"[{host}]" if ":" in host else host
+        print(f"http://{shown}:{port}/#token={server.token}", flush=True)
+        notes(args).print("open this address in a browser on this machine; Ctrl-C ends the page, not the node")
+        while not interrupts:
+            await asyncio.sleep(SIGNAL_INTERVAL_s)
+    finally:
+        with contextlib.suppress(asyncio.CancelledError):
+            await runner.cleanup()

@@ -1,0 +1,538 @@
+// The page of one wire.  What is drawn comes over one WebSocket, what is asked goes over the same: it ends with the page.
+"use strict";
+
+const KEPT_s = 120; // of time that is drawn
+const TRAIL_s = 40; // of the loop
+const MOST_ROWS = 3000; // kept; the memory of the page does not grow
+const DRAW_PERIOD_ms = 100;
+const SETPOINT_PERIOD_ms = 100;
+const RETRY_ms = 1000;
+const LEVELS = ["good", "warn", "bad", "warn"];
+// Columns as they are drawn: factor to the unit shown.
+const FACTORS = {
+  setpoint_m: 1e3, limited_setpoint_m: 1e3, displacement_estimate_m: 1e3, uncertainty_m: 1e3, displacement_m: 1e3,
+  current_A: 1e3, current_limit_A: 1e3, stress_Pa: 1e-6, power_W: 1e3,
+};
+const SHOWN = [
+  ["displacement_estimate_m", "estimate", "mm", 3], ["uncertainty_m", "± (95 %)", "mm", 3], ["setpoint_m", "setpoint", "mm", 3],
+  ["displacement_m", "reference", "mm", 3], ["current_A", "current", "mA", 1], ["temperature_C", "temperature", "°C", 1],
+  ["load_N", "load", "N", 3], ["stress_Pa", "stress", "MPa", 1], ["resistance_Ohm", "resistance", "Ω", 3],
+  ["power_W", "power", "mW", 1],
+];
+
+const $ = (id) => document.getElementById(id);
+
+function el(tag, properties = {}, ...children) {
+  const made = Object.assign(document.createElement(tag), properties);
+  made.append(...children);
+  return made;
+}
+
+// --- the token: in the address that the command prints, then kept by this tab alone ------------------
+
+function takeToken() {
+  const given = new URLSearchParams(location.hash.slice(1)).get("token");
+  if (given) {
+    sessionStorage.setItem("sma-token", given);
+    history.replaceState(null, "", location.pathname);
+  }
+  return given || sessionStorage.getItem("sma-token") || "";
+}
+
+const token = takeToken();
+
+// --- rows --------------------------------------------------------------------------------------------
+
+class Rows {
+  constructor() {
+    this.columns = {};
+  }
+
+  column(name) {
+    return (this.columns[name] ??= []);
+  }
+
+  get times() {
+    return this.column("at_s");
+  }
+
+  push(names, row) {
+    names.forEach((name, i) => this.column(name).push(row[i] === null ? null : row[i] * (FACTORS[name] ?? 1)));
+    const estimate = row[names.indexOf("displacement_estimate_m")];
+    const half = row[names.indexOf("uncertainty_m")];
+    const known = estimate !== null && half !== null;
+    this.column("high").push(known ? (estimate + half) * 1e3 : null);
+    this.column("low").push(known ? (estimate - half) * 1e3 : null);
+    if (this.times.length > MOST_ROWS) {
+      const gone = this.times.findIndex((t) => t > row[0] - KEPT_s);
+      for (const values of Object.values(this.columns)) values.splice(0, Math.max(gone, MOST_ROWS / 10));
+    }
+  }
+
+  static ofLog(columns) {
+    const rows = new Rows();
+    const n = columns.at_s.length;
+    for (const [name, values] of Object.entries(columns)) {
+      rows.columns[name] = values.map((v) => (v === null ? null : v * (FACTORS[name] ?? 1)));
+    }
+    for (const name of ["setpoint_m", "limited_setpoint_m", "high", "low", "temperature_C", "current_limit_A", "displacement_m"]) {
+      rows.columns[name] ??= new Array(n).fill(null);
+    }
+    return rows;
+  }
+
+  last(name) {
+    return this.column(name).at(-1) ?? null;
+  }
+}
+
+const live = new Rows();
+let shownLog = null; // Rows of a dropped log, while it is shown
+let names = [];
+let qualityWords = {};
+let curves = null;
+let model = { range_m: null, full_stroke_m: null };
+
+// --- over time ---------------------------------------------------------------------------------------
+
+function clock(value) {
+  return shownLog ? `${value} s` : new Date(value * 1000).toTimeString().slice(0, 8);
+}
+
+function line(label, stroke, more = {}) {
+  return { label, stroke, width: 1.5, spanGaps: false, points: { show: false }, value: (_, v) => (v == null ? "–" : v.toFixed(3)), ...more };
+}
+
+function plot(place, height, columns, series, axes, bands = []) {
+  const made = new uPlot(
+    {
+      width: 300, height, series: [{ label: "time", value: (_, v) => (v == null ? "–" : clock(v)) }, ...series], axes, bands,
+      scales: { x: { time: false } }, cursor: { sync: { key: "time" }, drag: { x: true, y: false } },
+    },
+    [[], ...columns.map(() => [])],
+    place,
+  );
+  new ResizeObserver(() => made.setSize({ width: Math.max(place.clientWidth, 200), height })).observe(place);
+  return (rows) => {
+    made.setData([rows.times, ...columns.map((name) => rows.column(name))], false);
+    const end = rows.last("at_s") ?? 1;
+    const start = shownLog ? rows.times[0] : Math.max(rows.times[0] ?? 0, end - KEPT_s);
+    made.setScale("x", { min: start, max: Math.max(end, start + 1) });
+  };
+}
+
+const timeAxis = { values: (_, splits) => splits.map(clock), space: 90 };
+
+const drawPosition = plot(
+  $("position-plot"), 300,
+  ["setpoint_m", "limited_setpoint_m", "high", "low", "displacement_m", "displacement_estimate_m"],
+  [
+    line("setpoint", "#d98200", { dash: [6, 4] }), line("rate limited", "#e9b872"),
+    line("+95 %", "rgba(31,95,174,.35)", { width: 1 }), line("−95 %", "rgba(31,95,174,.35)", { width: 1 }),
+    line("reference", "#1c2733"), line("estimate", "#1f5fae", { width: 2 }),
+  ],
+  // An empty axis on the right, so that the two plots stand exactly over each other.
+  [timeAxis, { label: "displacement [mm]", size: 60 }, { side: 1, size: 60, label: " ", values: (_, s) => s.map(() => ""), grid: { show: false }, ticks: { show: false } }],
+  [{ series: [3, 4], fill: "rgba(31,95,174,.12)" }],
+);
+const drawHeat = plot(
+  $("heat-plot"), 200,
+  ["current_A", "current_limit_A", "temperature_C"],
+  [line("current [mA]", "#17794a"), line("limit [mA]", "#9fc9b3", { dash: [3, 3] }), line("temperature [°C]", "#b3201d", { scale: "C" })],
+  [timeAxis, { label: "current [mA]", size: 60 }, { scale: "C", side: 1, label: "temperature [°C]", size: 60, grid: { show: false } }],
+);
+
+// --- resistance and displacement ---------------------------------------------------------------------
+
+function ticks(low, high, wanted) {
+  const raw = (high - low) / wanted;
+  const power = 10 ** Math.floor(Math.log10(raw));
+  const step = power * [1, 2, 5, 10].find((m) => m * power >= raw);
+  const out = [];
+  for (let v = Math.ceil(low / step) * step; v <= high + 1e-9 * step; v += step) out.push(Number(v.toPrecision(6)));
+  return out;
+}
+
+function bounds(values, margin) {
+  let low = Infinity, high = -Infinity;
+  for (const v of values) {
+    if (v !== null && v < low) low = v;
+    if (v !== null && v > high) high = v;
+  }
+  if (!(low <= high)) return [0, 1];
+  const extra = margin * (high - low) || 0.5;
+  return [low - extra, high + extra];
+}
+
+function drawLoop(rows) {
+  const canvas = $("loop");
+  const ratio = window.devicePixelRatio || 1;
+  const width = canvas.clientWidth, height = canvas.clientHeight;
+  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+  }
+  const g = canvas.getContext("2d");
+  g.setTransform(ratio, 0, 0, ratio, 0, 0);
+  g.clearRect(0, 0, width, height);
+  const n = rows.times.length;
+  const resistance = rows.column("resistance_Ohm"), estimate = rows.column("displacement_estimate_m");
+  let first = 0;
+  if (!shownLog) while (first < n && rows.times[first] < rows.times[n - 1] - TRAIL_s) first++;
+  const drawn = curves ? [curves.resistance_Ohm, [...curves.heating_m, ...curves.cooling_m].map((v) => v * 1e3)] : [[], []];
+  const [x0, x1] = bounds([...drawn[0], ...resistance.slice(first)], 0.05);
+  const stroke = model.full_stroke_m ? [0, model.full_stroke_m * 1e3] : [];
+  const [y0, y1] = bounds([...stroke, ...estimate.slice(first)], 0.05);
+  const X = (v) => 52 + ((v - x0) / (x1 - x0)) * (width - 62), Y = (v) => height - 34 - ((v - y0) / (y1 - y0)) * (height - 44);
+  g.font = "12px system-ui, sans-serif";
+  g.strokeStyle = "#e3e8ed";
+  g.fillStyle = "#5b6b7a";
+  g.lineWidth = 1;
+  g.textAlign = "center";
+  for (const v of ticks(x0, x1, 6)) { segment(g, X(v), Y(y0), X(v), Y(y1)); g.fillText(v, X(v), height - 20); }
+  g.textAlign = "right";
+  for (const v of ticks(y0, y1, 5)) { segment(g, X(x0), Y(v), X(x1), Y(v)); g.fillText(v, 48, Y(v) + 4); }
+  g.textAlign = "center";
+  g.fillText("resistance [Ω]", width / 2, height - 5);
+  g.save();
+  g.translate(12, height / 2);
+  g.rotate(-Math.PI / 2);
+  g.fillText("displacement [mm]", 0, 0);
+  g.restore();
+  g.save();
+  g.beginPath();
+  g.rect(52, 0, width - 62, height - 34);
+  g.clip();
+  if (curves) {
+    path(g, curves.resistance_Ohm, curves.heating_m, 0, 1e3, X, Y, "#b3201d");
+    path(g, curves.resistance_Ohm, curves.cooling_m, 0, 1e3, X, Y, "#1f5fae");
+    g.textAlign = "left";
+    g.fillStyle = "#b3201d"; g.fillText("heating asymptote", 60, 16);
+    g.fillStyle = "#1f5fae"; g.fillText("cooling asymptote", 60, 32);
+    g.fillStyle = "#5b6b7a"; g.fillText(`at ${(curves.stress_Pa * 1e-6).toFixed(1)} MPa`, 60, 48);
+  }
+  path(g, resistance, estimate, first, 1, X, Y, "rgba(28,39,51,.45)");
+  if (shownLog) path(g, resistance, rows.column("displacement_m"), 0, 1, X, Y, "rgba(217,130,0,.6)");
+  const R = rows.last("resistance_Ohm"), d = rows.last("displacement_estimate_m");
+  if (R !== null && d !== null && !shownLog) {
+    g.fillStyle = "#d98200";
+    g.beginPath();
+    g.arc(X(R), Y(d), 6, 0, 2 * Math.PI);
+    g.fill();
+  }
+  g.restore();
+  const known = R !== null && d !== null;
+  $("point").textContent = shownLog ? "orange: measured; grey: estimate" : known ? `R ${R.toFixed(3)} Ω, δ ${d.toFixed(3)} mm` : "the position is not known";
+}
+
+function segment(g, x0, y0, x1, y1) {
+  g.beginPath();
+  g.moveTo(x0, y0);
+  g.lineTo(x1, y1);
+  g.stroke();
+}
+
+function path(g, xs, ys, first, factor, X, Y, colour) {
+  g.strokeStyle = colour;
+  g.lineWidth = 1.5;
+  g.beginPath();
+  let down = false;
+  for (let i = first; i < xs.length; i++) {
+    if (xs[i] === null || ys[i] === null) { down = false; continue; }
+    if (down) g.lineTo(X(xs[i]), Y(ys[i] * factor));
+    else g.moveTo(X(xs[i]), Y(ys[i] * factor));
+    down = true;
+  }
+  g.stroke();
+}
+
+// --- drawing -----------------------------------------------------------------------------------------
+
+let dirty = false, drawn_ms = 0;
+
+function draw(now_ms) {
+  if (now_ms - drawn_ms < DRAW_PERIOD_ms) { requestAnimationFrame(draw); return; }
+  drawn_ms = now_ms;
+  dirty = false;
+  const rows = shownLog ?? live;
+  drawPosition(rows);
+  drawHeat(rows);
+  drawLoop(rows);
+  showValues();
+}
+
+function redraw() {
+  if (!dirty) { dirty = true; requestAnimationFrame(draw); }
+}
+
+const valueCells = SHOWN.map(([name, words, unit, digits]) => {
+  const cell = el("td");
+  $("values").append(el("tr", {}, el("td", { textContent: words }), cell));
+  return () => { const v = live.last(name); cell.textContent = v === null ? "–" : `${v.toFixed(digits)} ${unit}`; };
+});
+
+function showValues() {
+  for (const show of valueCells) show();
+  const quality = live.last("quality");
+  $("quality").textContent = quality === null ? "–" : qualityWords[quality] ?? `quality ${quality}`;
+  $("quality").className = quality === 0 ? "good" : quality === 4 ? "bad" : "warn";
+  const at = live.last("displacement_estimate_m");
+  if (!touched && at !== null) { $("setpoint").value = live.last("setpoint_m") ?? at; $("setpoint-mm").value = Number($("setpoint").value).toFixed(3); }
+}
+
+// --- state, health -----------------------------------------------------------------------------------
+
+const diagnosticItems = new Map();
+let offered = "";
+
+function showState(state) {
+  const status = state.status;
+  const words = !state.present ? "no word from the node: it is not there, or busy with a self-test (it is looked for)" : status ? status.message : "no status yet";
+  $("status").textContent = words;
+  $("status").className = !state.present ? "bad" : status ? LEVELS[status.level] : "";
+  document.title = `${$("node").textContent}: ${words}`;
+  $("mode").textContent = state.present && status ? status.mode : "–";
+  const fault = state.present && status ? status.fault : null;
+  $("fault").hidden = !fault;
+  $("fault").textContent = fault ? `Fault ${fault.name}: ${fault.words}. ${fault.advice}` : "";
+  $("limits").replaceChildren(...(state.present && status ? status.limits : []).map((l) => el("li", { className: "warn", textContent: `Limit ${l.name}: ${l.words}. ${l.advice}` })));
+  for (const said of state.diagnostics) {
+    if (!diagnosticItems.has(said.name)) {
+      if (!diagnosticItems.size) $("diagnostics").replaceChildren();
+      const head = el("summary"), table = el("tbody");
+      $("diagnostics").append(el("li", {}, el("details", {}, head, el("table", {}, table))));
+      diagnosticItems.set(said.name, { head, table });
+    }
+    const { head, table } = diagnosticItems.get(said.name);
+    head.textContent = `${said.name}: ${said.message}`;
+    head.className = LEVELS[said.level];
+    table.replaceChildren(...Object.entries(said.values).map(([k, v]) => el("tr", {}, el("td", { textContent: k }), el("td", { textContent: v }))));
+  }
+  if (offered !== state.services.join()) {
+    offered = state.services.join();
+    $("services").replaceChildren(...state.services.map((name) => sureButton(name.replaceAll("_", " "), () => ask("trigger", { name }))));
+  }
+}
+
+// A button that wants to be pressed twice: what it does cannot be taken back, and a dialog would cover the stop.
+function sureButton(words, act) {
+  const button = el("button", { type: "button", textContent: words });
+  let timer = 0;
+  const rest = () => { clearTimeout(timer); timer = 0; button.textContent = words; button.className = ""; };
+  button.onclick = async () => {
+    if (!timer) {
+      button.textContent = `${words}? press again`;
+      button.className = "sure";
+      timer = setTimeout(rest, 3000);
+      return;
+    }
+    rest();
+    button.disabled = true;
+    await act();
+    button.disabled = false;
+  };
+  return button;
+}
+
+// --- parameters --------------------------------------------------------------------------------------
+
+const gains = new Map();
+
+// From a slider's 0…1 to the declared range: by decades where it spans several, for gains differ by factors.
+function scaleOf([low, high]) {
+  const decades = low >= 0 ? Math.min(6, Math.log10(high / Math.max(low, high * 1e-6))) : 0;
+  if (decades < 2.5) return { value: (s) => low + s * (high - low), place: (v) => (v - low) / (high - low) };
+  const most = 10 ** decades - 1;
+  return {
+    value: (s) => low + ((10 ** (decades * s) - 1) / most) * (high - low),
+    place: (v) => Math.log10(1 + ((v - low) / (high - low)) * most) / decades,
+  };
+}
+
+function gainRow(name, declared) {
+  const number = typeof declared.value === "number";
+  const label = el("label", { textContent: name.replace("controller.", ""), title: declared.description });
+  const field = declared.choices.length
+    ? el("select", {}, ...declared.choices.map((c) => el("option", { textContent: c })))
+    : el("input", { type: "text", inputMode: number ? "decimal" : "text", title: declared.description });
+  field.name = name;
+  label.htmlFor = field.id = `field-${name}`;
+  const answer = el("span", { className: "answer" });
+  const scale = number && declared.range ? scaleOf(declared.range) : null;
+  const slider = scale ? el("input", { type: "range", min: 0, max: 1, step: "any", title: `${declared.description}: ${declared.range[0]} … ${declared.range[1]}` }) : el("span");
+  slider.setAttribute("aria-label", name);
+  const row = { declared, show, shown: null };
+
+  function show(value) {
+    if (row.shown === value) return;
+    row.shown = value;
+    field.value = String(value);
+    if (scale) slider.value = scale.place(value);
+  }
+
+  async function send(text) {
+    // What is no number goes as text: the node says what it wants instead.
+    const value = typeof declared.value === "boolean" ? text === "true" : number && text.trim() !== "" && isFinite(text) ? Number(text) : text;
+    const { ok, sentence } = await ask("parameter", { name, value });
+    answer.textContent = sentence;
+    answer.className = `answer ${ok ? "good" : "bad"}`;
+    if (!ok) { row.shown = null; show(row.declared.value); }
+  }
+
+  const rounded = () => { const v = scale.value(Number(slider.value)); return declared.whole ? Math.round(v) : Number(v.toPrecision(3)); };
+  if (scale) {
+    slider.oninput = () => (field.value = String(rounded()));
+    slider.onchange = () => send(String(rounded()));
+  }
+  field.onchange = () => send(field.value);
+  row.element = el("div", { className: "gain" }, label, slider, field, answer);
+  return row;
+}
+
+function showParameters(parameters) {
+  model = parameters;
+  $("model-note").textContent = parameters.note;
+  if (!parameters.range_m) curves = null;
+  const known = [...gains.keys()].join(), given = Object.keys(parameters.live).sort();
+  if (known !== given.join()) {
+    gains.clear();
+    $("gains").replaceChildren();
+    $("others").replaceChildren();
+    for (const name of given) {
+      const row = gainRow(name, parameters.live[name]);
+      gains.set(name, row);
+      $(name.startsWith("controller.") ? "gains" : "others").append(row.element);
+    }
+  }
+  for (const [name, row] of gains) {
+    row.declared = parameters.live[name];
+    row.show(row.declared.value);
+  }
+  const range = parameters.range_m;
+  for (const id of ["setpoint", "setpoint-mm", "setpoint-send"]) $(id).disabled = !range;
+  if (range) { $("setpoint").min = range[0] * 1e3; $("setpoint").max = range[1] * 1e3; }
+}
+
+// --- asking ------------------------------------------------------------------------------------------
+
+let socket = null, number = 0;
+const asked = new Map();
+
+function say(ok, sentence) {
+  $("said").prepend(el("li", { className: ok ? "good" : "bad", textContent: sentence }));
+  while ($("said").children.length > 6) $("said").lastChild.remove();
+}
+
+// The answer of the node, {ok, sentence}; it is shown as well.
+function ask(what, more = {}) {
+  return new Promise((resolve) => {
+    const done = (answer) => { say(answer.ok, answer.sentence); resolve(answer); };
+    if (!socket || socket.readyState !== WebSocket.OPEN) {
+      done({ ok: false, sentence: `${what}: not asked, there is no connection to sma-actuator view` });
+      return;
+    }
+    number += 1;
+    asked.set(number, done);
+    socket.send(JSON.stringify({ id: number, do: what, ...more }));
+  });
+}
+
+$("stop").onclick = () => ask("stop");
+$("enable").onclick = () => ask("enable");
+$("disable").onclick = () => ask("disable");
+
+let touched = false, sent_ms = 0, later = 0;
+
+function sendSetpoint(mm) {
+  clearTimeout(later);
+  const wait = sent_ms + SETPOINT_PERIOD_ms - performance.now();
+  if (wait > 0) { later = setTimeout(() => sendSetpoint(mm), wait); return; }
+  sent_ms = performance.now();
+  ask("setpoint", { position_m: mm * 1e-3 });
+}
+
+$("setpoint").oninput = () => { touched = true; $("setpoint-mm").value = Number($("setpoint").value).toFixed(3); sendSetpoint(Number($("setpoint").value)); };
+$("setpoint").onchange = () => { touched = false; };
+$("setpoint-mm").oninput = () => { touched = true; }; // what is typed stays until it is sent
+$("setpoint-send").onclick = () => { sendSetpoint(Number($("setpoint-mm").value)); touched = false; };
+$("setpoint-mm").onkeydown = (event) => { if (event.key === "Enter") $("setpoint-send").click(); };
+
+// --- the connection ----------------------------------------------------------------------------------
+
+const takers = {
+  hello: (hello) => { $("node").textContent = hello.node; names = hello.columns; qualityWords = hello.quality; },
+  state: showState,
+  parameters: showParameters,
+  curves: (given) => { curves = given; redraw(); },
+  rows: (rows) => { for (const row of rows) live.push(names, row); redraw(); },
+  log: showLog,
+  answer: (answer) => {
+    const done = asked.get(answer.id) ?? ((a) => say(a.ok, a.sentence));
+    asked.delete(answer.id);
+    done(answer);
+  },
+};
+
+function banner(text) {
+  $("banner").hidden = !text;
+  $("banner").textContent = text;
+}
+
+function connect() {
+  if (!token) {
+    banner("Open the address that sma-actuator view prints: it holds the token without which nothing is shown or done.");
+    return;
+  }
+  socket = new WebSocket(`ws://${location.host}/live`, ["sma-view", `token.${token}`]);
+  socket.onopen = () => banner("");
+  socket.onmessage = (event) => {
+    for (const [kind, content] of Object.entries(JSON.parse(event.data))) takers[kind]?.(content);
+  };
+  socket.onclose = () => {
+    banner("No connection to sma-actuator view: nothing here is of now, and STOP cannot reach the node. If the command was started anew, open the address that it prints.");
+    for (const done of asked.values()) done({ ok: false, sentence: "the connection ended before the answer" });
+    asked.clear();
+    setTimeout(connect, RETRY_ms);
+  };
+}
+
+// --- logs --------------------------------------------------------------------------------------------
+
+function showLog(log) {
+  shownLog = log && log.columns ? Rows.ofLog(log.columns) : null;
+  $("log").hidden = !log;
+  if (log) {
+    $("log-name").textContent = log.name;
+    $("log-words").textContent = log.words;
+    $("log-trace").textContent = log.trace ?? "";
+    $("log-report").hidden = !log.report;
+    if (log.report) $("log-report").href = log.report;
+  }
+  redraw();
+}
+
+async function dropLog(file) {
+  $("dropped").textContent = `sending ${file.name} …`;
+  try {
+    const response = await fetch(`/log?name=${encodeURIComponent(file.name)}`, {
+      method: "POST", body: file, headers: { Authorization: `Bearer ${token}` },
+    });
+    $("dropped").textContent = response.ok ? "" : await response.text();
+  } catch (error) {
+    $("dropped").textContent = `${file.name} was not sent: ${error.message}`;
+  }
+}
+
+$("log-close").onclick = () => { showLog(null); ask("forget_log"); };
+$("file").onchange = () => { if ($("file").files.length) dropLog($("file").files[0]); };
+// Anywhere on the page: a file that misses the place would else be opened instead of it.
+document.ondragover = (event) => { event.preventDefault(); $("drop").classList.add("over"); };
+document.ondragleave = () => $("drop").classList.remove("over");
+document.ondrop = (event) => {
+  event.preventDefault();
+  $("drop").classList.remove("over");
+  if (event.dataTransfer.files.length) dropLog(event.dataTransfer.files[0]);
+};
+
+redraw();
+connect();

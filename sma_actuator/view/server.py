@@ -1,0 +1,327 @@
+"""The page over HTTP, and what it shows and asks over a WebSocket.
+
+Only a page of this server that was opened with its token is answered: the name in ``Host`` must be one of this
+server's (a foreign name that was pointed at this machine is not), ``Origin`` must be the page's own (another site's
+script has another), and the token must be right.  Everything that is asked comes over the page's one WebSocket and
+ends with it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import collections
+import hmac
+import json
+import logging
+import secrets
+from collections.abc import Awaitable, Callable
+from importlib import resources
+from typing import Any
+from urllib.parse import urlsplit
+
+from aiohttp import WSMsgType, web
+
+from sma_actuator.base.errors import UserError
+from sma_actuator.base.signals import Quality
+from sma_actuator.config import Config
+
+from .asymptotes import Asymptotes, asymptotes_of
+from .logs import LogDesk
+from .wire import COLUMNS, Refused, Wire
+
+_log = logging.getLogger(__name__)
+
+PROTOCOL = "sma-view"
+TOKEN_PREFIX = "token."  #: what stands before it in Sec-WebSocket-Protocol
+TICK_s = 0.1
+#: Of one page that waits for answers; a stop is always taken.
+MOST_ASKED = 20
+MOST_WAITING = 100  #: messages for a page that does not take them; the oldest go
+LONGEST_QUESTION_B = 10_000
+_FILES = {
+    "/": ("index.html", "text/html"),
+    "/view.js": ("view.js", "text/javascript"),
+    "/view.css": ("view.css", "text/css"),
+    "/uPlot.js": ("uPlot.iife.min.js", "text/javascript"),
+    "/uPlot.css": ("uPlot.min.css", "text/css"),
+}
+_HEADERS = {
+    "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; "
+    "img-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cache-Control": "no-store",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
+_REPORT_HEADERS = _HEADERS | {
+    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
+}
+_LOOPBACK = ("127.0.0.1", "localhost", "::1")
+_QUALITY = {
+    Quality.DETERMINATE: "determinate: the resistance tells where the wire is",
+    Quality.INDETERMINATE_COLD: "indeterminate, cold: near full extension the resistance does not tell where the wire is",
+    Quality.INDETERMINATE_HOT: "indeterminate, hot: near full contraction the resistance does not tell where the wire is",
+    Quality.OUTSIDE_CALIBRATION: "outside the calibration: the model has seen nothing like this",
+    Quality.INVALID: "invalid: the position is not known",
+}
+
+
+class _Page:
+    """One open page: what waits to be sent to it, and what it has asked."""
+
+    def __init__(self) -> None:
+        self.waiting: collections.deque[str] = collections.deque(maxlen=MOST_WAITING)
+        self.more = asyncio.Event()
+        self.asked: set[asyncio.Task[None]] = set()
+
+    def tell(self, message: str) -> None:
+        """Queue a message; one that nobody takes displaces the oldest."""
+        self.waiting.append(message)
+        self.more.set()
+
+
+class ViewServer:
+    """Serves the pages of one node.  ``config``: the model for dropped logs where the node tells none."""
+
+    def __init__(self, wire: Wire, host: str, config: Config | None = None):
+        self.token = secrets.token_urlsafe(24)
+        self._wire = wire
+        self._hosts = {*_LOOPBACK, host}
+        self._config = config
+        self._pages: set[_Page] = set()
+        self._logs = LogDesk(lambda said: self._tell_all({"log": said}))
+        self._asymptotes: Asymptotes | None = None
+        self._no_asymptotes = ""
+        self._curves: dict[str, Any] | None = None
+        self._shown = (-1, -1)
+        self._acts: dict[str, Callable[[dict[str, Any]], Awaitable[str]]] = {
+            "stop": lambda _: wire.stop(),
+            "enable": lambda _: wire.enable(True),
+            "disable": lambda _: wire.enable(False),
+            "setpoint": lambda asked: wire.send_setpoint(float(asked["position_m"])),
+            "parameter": lambda asked: wire.set_parameter(str(asked["name"]), asked["value"]),
+            "trigger": lambda asked: wire.trigger(str(asked["name"])),
+            "forget_log": lambda _: self._forget_log(),
+        }
+        self.app = web.Application(middlewares=[self._guarded], client_max_size=LONGEST_QUESTION_B)
+        files = resources.files(__package__) / "page"
+        for address, (name, kind) in _FILES.items():
+            text = (files / name).read_text(encoding="utf-8")
+            self.app.router.add_get(address, _file(text, kind))
+        self.app.router.add_get("/live", self._live)
+        self.app.router.add_post("/log", self._take_log)
+        self.app.router.add_get("/report/{name}", self._report)
+        self.app.cleanup_ctx.append(self._background)
+
+    # --- who may ----------------------------------------------------------------------------------
+
+    @web.middleware
+    async def _guarded(self, request: web.Request, handler: Any) -> web.StreamResponse:
+        if _name_of(request.host) not in self._hosts:
+            raise web.HTTPForbidden(text=f"Host '{request.host}' is not this server\n")
+        acts = request.path in ("/live", "/log")
+        origin = request.headers.get("Origin")
+        if (acts or origin is not None) and origin != f"http://{request.host}":
+            raise web.HTTPForbidden(text=f"Origin '{origin}' is not a page of this server\n")
+        if acts and not hmac.compare_digest(_token_of(request).encode(), self.token.encode()):
+            raise web.HTTPForbidden(
+                text="the token is missing or wrong: open the address that sma-actuator view prints\n"
+            )
+        return await handler(request)
+
+    # --- pages ------------------------------------------------------------------------------------
+
+    async def _live(self, request: web.Request) -> web.WebSocketResponse:
+        socket = web.WebSocketResponse(heartbeat=10.0, protocols=(PROTOCOL,), max_msg_size=LONGEST_QUESTION_B)
+        await socket.prepare(request)
+        page = _Page()
+        for part in (self._hello(), *self._whole_state()):
+            page.tell(json.dumps(part))
+        self._pages.add(page)
+        sender = asyncio.create_task(_send(socket, page))
+        try:
+            await self._wire.listen(True)
+            async for message in socket:
+                if message.type is WSMsgType.TEXT:
+                    self._take(page, message.data)
+        finally:
+            self._pages.discard(page)
+            for task in (sender, *page.asked):
+                task.cancel()
+            if not self._pages:
+                await self._wire.listen(False)
+        return socket
+
+    def _take(self, page: _Page, text: str) -> None:
+        """Begin to do what a page asks."""
+        try:
+            asked = json.loads(text)
+            number, what = asked["id"], asked["do"]
+            act = self._acts[what]
+        except (ValueError, KeyError, TypeError):
+            page.tell(json.dumps({"answer": {"ok": False, "sentence": f"not understood: {text[:80]}"}}))
+            return
+        if len(page.asked) >= MOST_ASKED and what != "stop":
+            page.tell(_answer(number, False, "too much is asked at once; wait for the answers"))
+            return
+        task = asyncio.create_task(self._do(page, number, act, asked))
+        page.asked.add(task)
+        task.add_done_callback(page.asked.discard)
+
+    async def _do(self, page: _Page, number: Any, act: Callable[..., Awaitable[str]], asked: dict[str, Any]) -> None:
+        try:
+            page.tell(_answer(number, True, await act(asked)))
+        except UserError as error:
+            page.tell(_answer(number, False, str(error)))
+        except (KeyError, TypeError, ValueError) as error:
+            page.tell(_answer(number, False, f"not understood: {type(error).__name__}: {error}"))
+        except TimeoutError:
+            page.tell(_answer(number, False, "ROS did not answer in time"))
+
+    # --- what is shown ----------------------------------------------------------------------------
+
+    def _hello(self) -> dict[str, Any]:
+        words = {int(quality): words for quality, words in _QUALITY.items()}
+        return {"hello": {"node": self._wire.node, "columns": COLUMNS, "quality": words}}
+
+    def _whole_state(self) -> list[dict[str, Any]]:
+        out = [self._state(), self._parameters()]
+        if self._curves is not None:
+            out.append({"curves": self._curves})
+        if self._logs.said is not None:
+            out.append({"log": self._logs.said})
+        return out
+
+    def _state(self) -> dict[str, Any]:
+        wire = self._wire
+        diagnostics = sorted(wire.diagnostics.values(), key=lambda said: said["name"])
+        return {
+            "state": {
+                "present": wire.present,
+                "status": wire.status,
+                "diagnostics": diagnostics,
+                "services": wire.services,
+            }
+        }
+
+    def _parameters(self) -> dict[str, Any]:
+        model = self._asymptotes
+        return {
+            "parameters": {
+                "live": self._wire.live,
+                "range_m": model.range_m if model else None,
+                "full_stroke_m": model.full_stroke_m if model else None,
+                "note": self._no_asymptotes,
+            }
+        }
+
+    async def _tick(self) -> None:
+        """Tell all pages what is new."""
+        wire = self._wire
+        state, parameters = self._shown
+        if wire.parameters_version != parameters:
+            # Building a model takes a moment: not in the thread that must pass on a stop.
+            found = await asyncio.to_thread(asymptotes_of, wire.parameters)
+            self._asymptotes, self._no_asymptotes = found
+            self._curves = None
+            parameters = wire.parameters_version
+            self._tell_all(self._parameters())
+        if wire.version != state:
+            state = wire.version
+            self._tell_all(self._state())
+        self._shown = state, parameters
+        if not self._pages:
+            return
+        rows = [wire.rows.popleft() for _ in range(len(wire.rows))]
+        if rows:
+            stress_Pa = rows[-1][COLUMNS.index("stress_Pa")]
+            curves = self._asymptotes.at(stress_Pa) if self._asymptotes and stress_Pa is not None else None
+            if curves is not None:
+                self._curves = curves
+                self._tell_all({"curves": curves})
+            self._tell_all({"rows": rows})
+
+    def _tell_all(self, message: dict[str, Any]) -> None:
+        if self._pages:
+            text = json.dumps(message, allow_nan=False)
+            for page in self._pages:
+                page.tell(text)
+
+    async def _background(self, _: web.Application) -> Any:
+        async def tick() -> None:
+            while True:
+                try:
+                    await self._tick()
+                except Exception:  # noqa: BLE001 - said; the next turn is as good as any
+                    _log.exception("the pages were not told what is new")
+                await asyncio.sleep(TICK_s)
+
+        tasks = [asyncio.create_task(tick()), asyncio.create_task(self._watch())]
+        yield
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        await self._logs.give_up()
+
+    async def _watch(self) -> None:
+        while True:
+            try:
+                await self._wire.watch()
+            except (TimeoutError, Refused) as error:
+                _log.warning("ROS did not answer: %s", error)
+
+    # --- logs -------------------------------------------------------------------------------------
+
+    async def _take_log(self, request: web.Request) -> web.Response:
+        config = self._asymptotes.config if self._asymptotes else self._config
+        try:
+            await self._logs.take(request.query.get("name", "log.csv"), request.content.iter_any(), config)
+        except UserError as error:
+            return web.Response(status=400, text=str(error))
+        return web.Response(status=202, text="taken")
+
+    async def _forget_log(self) -> str:
+        await self._logs.give_up()
+        self._tell_all({"log": None})
+        return "the log is forgotten"
+
+    async def _report(self, request: web.Request) -> web.Response:
+        path = self._logs.reports.get(request.path)
+        if path is None:
+            raise web.HTTPNotFound(text="no such report; drop the log again\n")
+        return web.Response(text=path.read_text(encoding="utf-8"), content_type="text/html", headers=_REPORT_HEADERS)
+
+
+def _file(text: str, kind: str) -> Any:
+    async def handler(_: web.Request) -> web.Response:
+        return web.Response(text=text, content_type=kind, headers=_HEADERS)
+
+    return handler
+
+
+def _name_of(host: str) -> str | None:
+    """The name in a ``Host`` header, without the port; None where there is none."""
+    try:
+        return urlsplit(f"//{host}").hostname
+    except ValueError:
+        return None
+
+
+def _token_of(request: web.Request) -> str:
+    """The token of a request: browsers let a WebSocket carry it only among its protocols."""
+    bearer = request.headers.get("Authorization", "").removeprefix("Bearer ")
+    protocols = [p.strip() for p in request.headers.get("Sec-WebSocket-Protocol", "").split(",")]
+    return bearer or next((p.removeprefix(TOKEN_PREFIX) for p in protocols if p.startswith(TOKEN_PREFIX)), "")
+
+
+def _answer(number: Any, ok: bool, sentence: str) -> str:
+    return json.dumps({"answer": {"id": number, "ok": ok, "sentence": sentence}})
+
+
+async def _send(socket: web.WebSocketResponse, page: _Page) -> None:
+    """Send what waits, no faster than the page takes it."""
+    while not socket.closed:
+        await page.more.wait()
+        page.more.clear()
+        while page.waiting:
+            await socket.send_str(page.waiting.popleft())

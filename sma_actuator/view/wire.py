@@ -1,0 +1,395 @@
+"""What the pages know of a node, and what they ask of it: a ROS client whose executor has a thread of its own.
+
+Everything that touches ROS runs in that thread; the rest of the program awaits it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import collections
+import contextlib
+import logging
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from diagnostic_msgs.srv import SelfTest
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterDescriptor, ParameterEvent, ParameterType
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
+from rclpy.signals import SignalHandlerOptions
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+from std_srvs.srv import SetBool, Trigger
+
+from sma_actuator.base.errors import UserError
+from sma_actuator.safety.faults import FAULTS
+from sma_actuator.safety.limits import LIMITS
+from sma_msgs_py import setpoint_message, signals_from
+
+_log = logging.getLogger(__name__)
+
+#: What a page gets of every row; ``at_s`` is the time of sampling by the system's clock.
+COLUMNS = (
+    "at_s",
+    "setpoint_m",
+    "limited_setpoint_m",
+    "displacement_estimate_m",
+    "uncertainty_m",
+    "displacement_m",
+    "current_A",
+    "current_limit_A",
+    "temperature_C",
+    "resistance_Ohm",
+    "stress_Pa",
+    "load_N",
+    "power_W",
+    "quality",
+    "branch",
+)
+ROW_PERIOD_s = 0.05  #: a page draws no faster, however fast the loop is
+ROWS_WAITING = 200  #: rows kept where nobody takes them
+LOOK_PERIOD_s = 1.0  #: how often is looked whether the node is there, and still the same
+SILENCE_s = 3.5  #: a node says its status once a second
+ANSWER_TIMEOUT_s = 3.0
+#: For what is done with the wire before it is answered: a self-test, a relay test.
+LONG_TIMEOUT_s = 900.0
+MOST_DIAGNOSTICS = 50
+
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_TYPES = {"std_srvs/srv/Trigger": Trigger, "diagnostic_msgs/srv/SelfTest": SelfTest}
+#: Services of the node that have a place of their own on the page.
+_PLACED = ("stop",)
+
+
+class Refused(UserError):
+    """What was asked of the node was not done; the sentence says why."""
+
+
+class Wire:
+    """One node, as the pages see it.
+
+    ``rows`` are taken by whoever shows them; ``version`` counts changes of everything else.
+    """
+
+    def __init__(self, node: str):
+        self.node = node
+        self.rows: collections.deque[list[float | None]] = collections.deque(maxlen=ROWS_WAITING)
+        self.version = 0
+        self.parameters_version = 0
+        self.present = False
+        self.status: dict[str, Any] | None = None
+        self.diagnostics: dict[str, dict[str, Any]] = {}
+        self.parameters: dict[str, Any] = {}  #: values of all, by dotted name
+        self.live: dict[str, dict[str, Any]] = {}  #: those that may be changed, as they are declared
+        self.services: list[str] = []  #: that are asked without an argument
+        self._heard_s = -math.inf
+        self._row_s = -math.inf
+        self._identity: frozenset[bytes] = frozenset()
+        self._clients: dict[str, Any] = {}
+        self._kinds: dict[str, Any] = {}
+        self._signals: Any = None
+        self._context = rclpy.Context()
+        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._ros = rclpy.create_node(
+            "sma_view", context=self._context, use_global_arguments=False, enable_rosout=False
+        )
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._ros)
+        subscribe = self._ros.create_subscription
+        subscribe(DiagnosticStatus, f"{node}/status", self._on_status, _LATCHED)
+        subscribe(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+        subscribe(ParameterEvent, "/parameter_events", self._on_parameter_event, 50)
+        self._setpoint = self._ros.create_publisher(Float64, f"{node}/setpoint", 1)
+        # Made at once, since a client takes a while to find its service.
+        self._client("enable", SetBool)
+        self._client("stop", Trigger)
+        for name, kind in (
+            ("list_parameters", ListParameters),
+            ("describe_parameters", DescribeParameters),
+            ("get_parameters", GetParameters),
+            ("set_parameters", SetParameters),
+        ):
+            self._client(name, kind)
+        self._thread = threading.Thread(target=self._spin, name="view ROS", daemon=True)
+        self._thread.start()
+
+    # --- what pages ask ---------------------------------------------------------------------------
+
+    async def stop(self) -> str:
+        """Every wire of the node's process off; the node's sentence.  Raises Refused."""
+        return _done(await self._ask("stop", Trigger.Request()))
+
+    async def enable(self, on: bool) -> str:
+        """The output on or off; the node's sentence.  Raises Refused."""
+        return _done(await self._ask("enable", SetBool.Request(data=on)))
+
+    async def send_setpoint(self, position_m: float) -> str:
+        """Publish one setpoint, once.  Raises Refused where nobody would hear it."""
+        if not math.isfinite(position_m):
+            raise Refused(f"a setpoint is a finite number of metres, not {position_m}")
+
+        def publish() -> int:
+            self._setpoint.publish(setpoint_message(position_m))
+            return self._setpoint.get_subscription_count()
+
+        if not await self._in_ros(publish):
+            raise Refused(f"nobody takes setpoints of {self.node}: the node is not there")
+        return f"setpoint {position_m * 1e3:.3f} mm"
+
+    async def trigger(self, name: str) -> str:
+        """Call one of ``services``; the node's sentence.  Raises Refused."""
+        if name not in self.services:
+            raise Refused(f"{self.node} does not offer ~/{name}")
+        kind = self._kinds[name]
+        response = await self._ask(name, kind.Request(), LONG_TIMEOUT_s)
+        if kind is Trigger:
+            return _done(response)
+        for status in response.status:
+            self._note(status)
+        words = "; ".join(f"{status.name}: {status.message}" for status in response.status)
+        if response.passed == b"\0":
+            raise Refused(f"not passed: {words}")
+        return f"passed: {words}"
+
+    async def set_parameter(self, name: str, value: float | str | bool) -> str:
+        """Change a parameter; what changed.  Raises Refused with the node's own sentence."""
+        message = Parameter(name, value=value).to_parameter_msg()
+        response = await self._ask("set_parameters", SetParameters.Request(parameters=[message]))
+        result = response.results[0]
+        if not result.successful:
+            raise Refused(result.reason or f"{name}: refused without a reason")
+        return f"{name} is {value}"
+
+    async def listen(self, wanted: bool) -> None:
+        """Take ``~/signals``, which the node makes only while somebody does, or leave it."""
+
+        def subscribe() -> None:
+            if wanted and self._signals is None:
+                # As bytes: what comes faster than a page draws is not even taken apart.
+                self._signals = self._ros.create_subscription(
+                    JointState, f"{self.node}/signals", self._on_signals, 10, raw=True
+                )
+            elif not wanted and self._signals is not None:
+                self._ros.destroy_subscription(self._signals)
+                self._signals = None
+                self.rows.clear()
+
+        await self._in_ros(subscribe)
+
+    async def watch(self) -> None:
+        """Look after the node for ever: whether it is there, and what it offers when it has come anew."""
+        while True:
+            identity, switchable, services = await self._in_ros(self._look)
+            present = bool(identity) and switchable and time.monotonic() - self._heard_s < SILENCE_s
+            if present != self.present or services != self.services:
+                self.present, self.services = present, services
+                self.version += 1
+            if identity != self._identity or (identity and not self.parameters):
+                with contextlib.suppress(Refused):  # it is not ready yet; in a second again
+                    await self._read_parameters()
+                    self._identity = identity
+            await asyncio.sleep(LOOK_PERIOD_s)
+
+    def close(self) -> None:
+        """Leave the ROS graph."""
+        rclpy.try_shutdown(context=self._context)
+        self._thread.join(1.0)
+
+    # --- asking, in the thread of ROS -------------------------------------------------------------
+
+    def _spin(self) -> None:
+        while self._context.ok():
+            try:
+                self._executor.spin()
+            except ExternalShutdownException:
+                return
+            except Exception:  # noqa: BLE001 - said; the next message is as good as any
+                if self._context.ok():
+                    _log.exception("a message was dropped")
+
+    async def _in_ros(self, work: Callable[[], Any]) -> Any:
+        """The result of ``work``, done in the thread of ROS."""
+        loop = asyncio.get_running_loop()
+        done = loop.create_future()
+
+        def run() -> None:
+            try:
+                result = work()
+            except Exception as error:  # noqa: BLE001 - raised where it is awaited
+                loop.call_soon_threadsafe(_settle, done, None, error)
+            else:
+                loop.call_soon_threadsafe(_settle, done, result, None)
+
+        self._executor.create_task(run)
+        return await asyncio.wait_for(done, ANSWER_TIMEOUT_s)
+
+    async def _ask(self, name: str, request: Any, timeout_s: float = ANSWER_TIMEOUT_s) -> Any:
+        """The response of one of the node's services.  Raises Refused where there is none."""
+        loop = asyncio.get_running_loop()
+        answer = loop.create_future()
+
+        def send() -> Any:
+            client = self._clients[name]
+            if not client.service_is_ready():
+                raise Refused(f"{self.node} does not offer ~/{name} now; is the node running?")
+            future = client.call_async(request)
+            future.add_done_callback(lambda f: loop.call_soon_threadsafe(_settle, answer, f.result(), f.exception()))
+            return client, future
+
+        client, future = await self._in_ros(send)
+        try:
+            return await asyncio.wait_for(answer, timeout_s)
+        except TimeoutError:
+            raise Refused(f"~/{name} of {self.node} did not answer within {timeout_s:g} s") from None
+        finally:
+            if not future.done():
+                await self._in_ros(lambda: client.remove_pending_request(future))
+
+    def _client(self, name: str, kind: Any) -> None:
+        self._kinds[name] = kind
+        self._clients[name] = self._ros.create_client(kind, f"{self.node}/{name}")
+
+    def _look(self) -> tuple[frozenset[bytes], bool, list[str]]:
+        """Who publishes the status, whether the wire can be switched, and which services want no argument."""
+        publishers = self._ros.get_publishers_info_by_topic(f"{self.node}/status")
+        offered = []
+        for full, kinds in self._ros.get_service_names_and_types():
+            name = full.removeprefix(f"{self.node}/")
+            kind = next((_TYPES[k] for k in kinds if k in _TYPES), None)
+            if name == full or "/" in name or kind is None or name in _PLACED:
+                continue
+            if name not in self._clients:
+                self._client(name, kind)
+            offered.append(name)
+        switchable = all(self._clients[name].service_is_ready() for name in ("enable", "stop"))
+        return frozenset(bytes(p.endpoint_gid) for p in publishers), switchable, sorted(offered)
+
+    async def _read_parameters(self) -> None:
+        listed = await self._ask("list_parameters", ListParameters.Request())
+        names = list(listed.result.names)
+        described = await self._ask("describe_parameters", DescribeParameters.Request(names=names))
+        got = await self._ask("get_parameters", GetParameters.Request(names=names))
+        values = {name: parameter_value_to_python(value) for name, value in zip(names, got.values, strict=True)}
+        self.live = {
+            d.name: _declared(d, values[d.name])
+            for d in described.descriptors
+            if not d.read_only and isinstance(values.get(d.name), bool | int | float | str) and "." in d.name
+        }
+        self.parameters = values
+        self.parameters_version += 1
+
+    # --- what comes, in the thread of ROS ---------------------------------------------------------
+
+    def _on_signals(self, serialized: bytes) -> None:
+        now_s = time.monotonic()
+        if now_s - self._row_s < 0.8 * ROW_PERIOD_s:
+            return
+        self._row_s = now_s
+        message = deserialize_message(serialized, JointState)
+        values = signals_from(message)
+        values["at_s"] = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        self.rows.append(row_of(values))
+
+    def _on_status(self, message: DiagnosticStatus) -> None:
+        self._heard_s = time.monotonic()
+        status = status_of(message)
+        if status != self.status:
+            self.status = status
+            self.version += 1
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name != self.node:  # of which ~/status tells
+                self._note(status)
+
+    def _note(self, message: DiagnosticStatus) -> None:
+        said = diagnostic_of(message)
+        if self.diagnostics.get(message.name) == said:
+            return
+        if message.name in self.diagnostics or len(self.diagnostics) < MOST_DIAGNOSTICS:
+            self.diagnostics = {**self.diagnostics, message.name: said}
+            self.version += 1
+
+    def _on_parameter_event(self, message: ParameterEvent) -> None:
+        if message.node != self.node:
+            return
+        for changed in message.changed_parameters:
+            self._changed(changed)
+
+    def _changed(self, changed: ParameterMessage) -> None:
+        if changed.name in self.parameters:
+            value = parameter_value_to_python(changed.value)
+            self.parameters = {**self.parameters, changed.name: value}
+            if changed.name in self.live:
+                self.live = {**self.live, changed.name: {**self.live[changed.name], "value": value}}
+            self.parameters_version += 1
+
+
+def _settle(future: asyncio.Future[Any], result: Any, error: BaseException | None) -> None:
+    if future.done():
+        return
+    if error is not None:
+        future.set_exception(error)
+    else:
+        future.set_result(result)
+
+
+def _done(response: Any) -> str:
+    """The sentence of a response that says yes.  Raises Refused with that of one that says no."""
+    if not response.success:
+        raise Refused(response.message or "refused without a reason")
+    return response.message
+
+
+def row_of(values: Mapping[str, float]) -> list[float | None]:
+    """The columns of a page, rounded to what is drawn; a number that is none becomes None."""
+    at_s = values["at_s"]
+    return [round(at_s, 3), *(rounded(values.get(name, math.nan)) for name in COLUMNS[1:])]
+
+
+def rounded(value: float) -> float | None:
+    """Six digits, or None for what is not finite."""
+    return float(f"{value:.6g}") if math.isfinite(value) else None
+
+
+def diagnostic_of(message: DiagnosticStatus) -> dict[str, Any]:
+    """A DiagnosticStatus as the page shows it."""
+    level = message.level[0] if isinstance(message.level, bytes) else message.level
+    values = {pair.key: pair.value for pair in message.values}
+    return {"level": level, "name": message.name, "message": message.message, "values": values}
+
+
+def status_of(message: DiagnosticStatus) -> dict[str, Any]:
+    """The node's own status: with what its fault and its limits mean, and what can be done about them."""
+    status = diagnostic_of(message)
+    values = status["values"]
+    fault = FAULTS.get(values.get("fault", ""))
+    limits = [LIMITS[name] for name in values.get("limits", "").split(", ") if name in LIMITS]
+    status["mode"] = values.get("mode", "")
+    status["hardware"] = message.hardware_id
+    status["fault"] = {"name": fault.name, "words": fault.words, "advice": fault.advice} if fault else None
+    status["limits"] = [{"name": e.name, "words": e.words, "advice": e.advice} for e in limits]
+    return status
+
+
+def _declared(descriptor: ParameterDescriptor, value: Any) -> dict[str, Any]:
+    """A parameter with what its declaration says, as the page shows it."""
+    ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
+    constraints = descriptor.additional_constraints
+    numeric = descriptor.type in (ParameterType.PARAMETER_DOUBLE, ParameterType.PARAMETER_INTEGER)
+    return {
+        "value": value,
+        "description": descriptor.description,
+        "range": [ranges[0].from_value, ranges[0].to_value] if ranges and numeric else None,
+        "whole": descriptor.type == ParameterType.PARAMETER_INTEGER,
+        "choices": constraints.removeprefix("one of ").split(", ") if constraints else [],
+    }

@@ -1,0 +1,70 @@
+"""How far an estimate may be off: it covers the truth, and says after a pause that little is known."""
+
+from math import isnan
+
+import numpy as np
+import pytest
+
+from sma_actuator.base.share import shared_file
+from sma_actuator.base.signals import Quality
+from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock, Weight
+from sma_actuator.config import Config
+from sma_actuator.driver import Driver
+
+
+@pytest.fixture(scope="module")
+def outputs():
+    """A wire that is moved about, switched off in mid-stroke for a moment, and moved again."""
+    config = Config.load(shared_file("config/flexinol.yaml"))
+    bench = VirtualBench.from_name("flexinol", seed=7, load=Weight(0.98))
+    out = []
+    supply, daq, clock = InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench)
+    with Driver(config, supply, daq, clock, out.append) as driver:
+        driver.run_for(10.0)
+        for pause_s in (0.4, 30.0):
+            assert driver.enable(True)[0]
+            driver.run_for(2.0)
+            for position_m in (0.0010, 0.0028, 0.0015, 0.0022):
+                driver.offer_setpoint(position_m)
+                driver.run_for(6.0)
+            assert driver.enable(False)[0]
+            driver.run_for(pause_s)
+    return out
+
+
+def known(outputs):
+    return [o for o in outputs if o.estimate.quality is not Quality.INVALID]
+
+
+def test_where_nothing_is_measured_nothing_is_said(outputs):
+    assert all(isnan(o.estimate.uncertainty_m) for o in outputs if o.estimate.quality is Quality.INVALID)
+    assert all(o.estimate.uncertainty_m > 0.0 for o in known(outputs))
+    last = known(outputs)[-1]
+    assert last.status.values["uncertainty_m"] == last.estimate.uncertainty_m
+
+
+def test_it_covers_what_the_reference_sensor_shows(outputs):
+    inside = [
+        abs(o.estimate.displacement_m - o.signals.reference_displacement_m) <= o.estimate.uncertainty_m
+        for o in known(outputs)
+    ]
+    assert np.mean(inside) > 0.9
+
+
+def test_after_a_pause_it_is_as_wide_as_the_loop_and_shrinks_as_the_wire_moves(outputs):
+    """Switched on again in mid-stroke: the resistance alone does not say on which side of the loop the wire is."""
+    began = [i for i, o in enumerate(outputs) if "enabled" in o.events]
+    assert len(began) == 2
+    after = known(outputs[began[1] :])
+    model = Config.load(shared_file("config/flexinol.yaml"))
+    heating_m, cooling_m = model.model.build(model.wire).limits_m(
+        after[0].signals.resistance_Ohm, after[0].signals.stress_Pa
+    )
+    assert after[0].estimate.uncertainty_m >= 0.5 * abs(heating_m - cooling_m)
+    assert after[-1].estimate.uncertainty_m < 0.5 * after[0].estimate.uncertainty_m
+
+
+def test_without_a_calibration_nothing_is_said(make_rig):
+    rig = make_rig()
+    rig.enable()
+    assert isnan(rig.output.estimate.uncertainty_m)

@@ -1,0 +1,436 @@
+"""The page of a node: what it is asked over its WebSocket, and what a person does with it in a real browser."""
+
+import asyncio
+import math
+import time
+
+import numpy as np
+import pytest
+
+pytest.importorskip("aiohttp", reason="aiohttp is not installed (extra 'view')")
+pytest.importorskip("rclpy", reason="ROS 2 is not installed (extra 'ros')")
+import aiohttp
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import WrenchStamped
+from processes import SOON_s, wait_until
+from std_msgs.msg import Float64
+
+from benchmarks.chromium import Chromium, find_chromium
+from sma_actuator.base.parameters import walk
+from sma_actuator.base.share import shared_file
+from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
+from sma_actuator.characterise import Rig
+from sma_actuator.characterise.programs import Drive
+from sma_actuator.cli.main import main
+from sma_actuator.config import Config
+from sma_actuator.logs.bench_log import write_bench_log
+from sma_actuator.view.asymptotes import Asymptotes, asymptotes_of, config_of
+
+NAME = "/sma_actuator"
+STOP_s = 0.5  #: from the press of STOP to no current at the supply
+NO_CURRENT_A = 1e-3
+
+
+class Page:
+    """What a page is to the server: one WebSocket, and what came over it."""
+
+    def __init__(self, socket):
+        self.socket = socket
+        self.told = {}
+        self.rows = []
+        self.answers = {}
+        self._number = 0
+
+    async def take(self):
+        """The next message."""
+        message = await self.socket.receive_json(timeout=SOON_s)
+        for kind, content in message.items():
+            if kind == "rows":
+                self.rows += content
+            elif kind == "answer":
+                self.answers[content.get("id")] = content
+            else:
+                self.told[kind] = content
+
+    async def until(self, condition):
+        """Take messages until the condition holds; its value."""
+        deadline_s = time.monotonic() + SOON_s
+        while not (value := condition()):
+            assert time.monotonic() < deadline_s, self.told
+            await self.take()
+        return value
+
+    async def ask(self, what, **more):
+        """The answer to what is asked."""
+        self._number += 1
+        await self.socket.send_json({"id": self._number, "do": what, **more})
+        return await self.until(lambda: self.answers.get(self._number))
+
+    async def enabled(self):
+        """Enable the wire, once the node is there and has readings."""
+        await self.until(lambda: self.told.get("state", {}).get("present") and self.rows)
+        answer = await self.ask("enable")
+        assert answer["ok"], answer
+
+    def latest(self, name):
+        """The value of a column in the last row."""
+        return self.rows[-1][self.told["hello"]["columns"].index(name)]
+
+
+def _live(stand, **headers):
+    """Headers with which a page opens its WebSocket."""
+    return {"Origin": stand.url, "Sec-WebSocket-Protocol": f"sma-view, token.{stand.token}", **headers}
+
+
+def with_page(stand, work):
+    """Run ``work(page)`` with an open page."""
+
+    async def run():
+        async with (
+            aiohttp.ClientSession() as http,
+            http.ws_connect(f"{stand.url}/live", headers=_live(stand)) as socket,
+        ):
+            return await work(Page(socket))
+
+    return asyncio.run(run())
+
+
+def _seconds_to_no_current(stand):
+    began_s = time.monotonic()
+    wait_until(lambda: abs(stand.bench.current_A()) < NO_CURRENT_A, what="no current")
+    return time.monotonic() - began_s
+
+
+# --- who may -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("headers", "word"),
+    [
+        ({"Host": "attacker.example:8765"}, "Host"),
+        ({"Host": "127.0.0.1.attacker.example"}, "Host"),
+        ({"Origin": "http://attacker.example"}, "Origin"),
+        ({"Origin": "null"}, "Origin"),
+        ({"Origin": ""}, "Origin"),
+        ({"Sec-WebSocket-Protocol": "sma-view"}, "token"),
+        ({"Sec-WebSocket-Protocol": "sma-view, token.wrong"}, "token"),
+    ],
+)
+def test_only_a_page_of_this_server_with_its_token_is_answered(stand, headers, word):
+    async def refusals():
+        async with aiohttp.ClientSession() as http:
+            upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
+            upgrade["Sec-WebSocket-Key"] = "AAAAAAAAAAAAAAAAAAAAAA=="
+            async with http.get(f"{stand.url}/live", headers={**upgrade, **_live(stand, **headers)}) as response:
+                live = response.status, await response.text()
+            sent = {"Origin": stand.url, "Authorization": f"Bearer {stand.token}", **headers}
+            if word == "token":
+                sent["Authorization"] = "Bearer wrong"
+            async with http.post(f"{stand.url}/log?name=x.csv", data=b"x", headers=sent) as response:
+                return live, (response.status, await response.text())
+
+    for status, text in asyncio.run(refusals()):
+        assert status == 403
+        assert word in text
+
+
+def test_the_page_brings_nothing_from_elsewhere_and_nobody_may_frame_it(stand):
+    async def get():
+        async with aiohttp.ClientSession() as http:
+            for path in ("/", "/view.js", "/view.css", "/uPlot.js", "/uPlot.css"):
+                async with http.get(stand.url + path) as response:
+                    assert response.status == 200
+                    policy = response.headers["Content-Security-Policy"]
+                    assert "default-src 'none'" in policy
+                    assert "frame-ancestors 'none'" in policy
+                    assert stand.token not in await response.text()
+
+    asyncio.run(get())
+
+
+@pytest.mark.parametrize(
+    ("host", "word"), [("0.0.0.0", "every address"), ("::", "every address"), ("robot", "no address")]
+)
+def test_it_listens_on_one_address_that_is_named(host, word, capsys):
+    assert main(["view", "--host", host]) == 1
+    assert word in capsys.readouterr().err
+
+
+# --- what a page sees and asks ---------------------------------------------------------------------------
+
+
+def test_what_the_wire_does_arrives_and_a_refused_gain_is_answered_in_the_nodes_words(stand):
+    async def work(page):
+        await page.until(lambda: page.told.get("parameters", {}).get("live") and page.rows)
+        declared = page.told["parameters"]["live"]["controller.kp"]
+        assert declared["range"] == [0.0, 1e6]
+        assert "proportional gain" in declared["description"]
+        assert not any(name.startswith("model.") for name in page.told["parameters"]["live"])
+
+        for value in ("abc", -1.0, 1e9):
+            answer = await page.ask("parameter", name="controller.kp", value=value)
+            assert not answer["ok"]
+            assert "controller.kp" in answer["sentence"]
+        assert (await page.ask("parameter", name="controller.kp", value=810))["ok"]
+        await page.until(lambda: page.told["parameters"]["live"]["controller.kp"]["value"] == 810.0)
+
+        refused = await page.ask("trigger", name="no_such_thing")
+        assert not refused["ok"]
+        assert "does not offer" in refused["sentence"]
+        for odd in ("explode", "parameter", "setpoint"):
+            await page.socket.send_json({"id": odd, "do": odd})
+        await page.until(lambda: {"parameter", "setpoint"} <= set(page.answers))
+        assert not page.answers["setpoint"]["ok"]
+
+        await page.enabled()
+        assert {"self_test", "tare_load"} <= set(page.told["state"]["services"])
+        assert (await page.ask("setpoint", position_m=0.0025))["ok"]
+        await page.until(lambda: abs((page.latest("displacement_estimate_m") or 0.0) - 0.0025) < 2e-4)
+        assert stand.bench.truth()[0] == pytest.approx(0.0025, abs=5e-4)
+        assert page.latest("setpoint_m") == 0.0025
+        await page.until(lambda: page.told["state"]["status"]["mode"] == "tracking")
+        curves = page.told["curves"]
+        assert curves["stress_Pa"] == pytest.approx(page.latest("stress_Pa"), rel=0.1)
+        assert len(curves["heating_m"]) == len(curves["resistance_Ohm"])
+
+    with_page(stand, work)
+
+
+def test_stop_switches_the_output_off_at_the_supply_within_half_a_second(stand):
+    async def work(page):
+        took_s = []
+        for _ in range(3):  # a machine that is busy with other things may stand still once
+            await page.enabled()
+            await asyncio.to_thread(wait_until, lambda: stand.bench.current_A() > 0.01, what="current")
+            await page.socket.send_json({"id": 0, "do": "stop"})
+            took_s.append(await asyncio.to_thread(_seconds_to_no_current, stand))
+            assert (await page.until(lambda: page.answers.pop(0, None)))["ok"]
+            if took_s[-1] < STOP_s:
+                break
+        assert min(took_s) < STOP_s
+
+    with_page(stand, work)
+
+
+def test_a_closed_page_commands_nothing_and_costs_the_node_nothing(stand, client):
+    setpoints = client.listen(f"{NAME}/setpoint", Float64)
+
+    async def work(page):
+        await page.enabled()
+        await asyncio.to_thread(client.next, f"{NAME}/load", WrenchStamped)
+        assert (await page.ask("setpoint", position_m=0.003))["ok"]
+
+    with_page(stand, work)
+    client.spin_until(lambda: setpoints, what="the setpoint")
+    signals = f"{NAME}/signals"
+    client.spin_until(lambda: not client.node.get_subscriptions_info_by_topic(signals), what="the end of listening")
+    loads = client.listen(f"{NAME}/load", WrenchStamped)
+    loads.clear()
+    client.spin_until(lambda: len(loads) > 40, what="loads")
+    assert [message.data for message in setpoints] == [0.003]
+
+
+def test_whatever_diagnoses_the_wire_is_shown(stand, client):
+    said = DiagnosticStatus(level=DiagnosticStatus.WARN, name=f"{NAME}: model", message="calibration is due")
+    said.values.append(KeyValue(key="since", value="yesterday"))
+
+    async def work(page):
+        await asyncio.to_thread(client.publish, "/diagnostics", DiagnosticArray(status=[said]))
+        names = {said.name, f"{NAME}: model health"}  # the latter is the node's own
+        await page.until(lambda: names <= {d["name"] for d in page.told.get("state", {}).get("diagnostics", [])})
+        shown = next(d for d in page.told["state"]["diagnostics"] if d["name"] == said.name)
+        assert shown == {"level": 1, "name": said.name, "message": said.message, "values": {"since": "yesterday"}}
+
+    with_page(stand, work)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """A bench log of a quarter of a minute: three cycles, the fewest that can be traced."""
+    config = Config.load(shared_file("config/flexinol.yaml"))
+    bench = VirtualBench.from_name("flexinol", seed=3)
+    rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
+    path = tmp_path_factory.mktemp("log") / "pulses.csv"
+    with rig.opened():
+        write_bench_log(path, rig.record(Drive(float(a)) for a in np.tile(np.repeat([0.05, 0.32], [40, 60]), 3)))
+    return path
+
+
+def test_a_log_that_is_sent_is_replayed_and_traced_with_the_nodes_model(stand, log):
+    async def work(page):
+        await page.until(lambda: page.told.get("parameters", {}).get("range_m"))
+        headers = {"Origin": stand.url, "Authorization": f"Bearer {stand.token}"}
+        async with aiohttp.ClientSession() as http:
+            url = f"{stand.url}/log"
+            async with http.post(url, params={"name": "../../x.csv"}, data=b"no log", headers=headers) as response:
+                assert response.status == 202
+            await page.until(lambda: (page.told.get("log") or {}).get("words", "").startswith("not replayed"))
+            assert page.told["log"]["name"] == "x.csv"
+            async with http.post(url, params={"name": log.name}, data=log.read_bytes(), headers=headers) as response:
+                assert response.status == 202
+            await page.until(lambda: "columns" in (page.told.get("log") or {}))
+            columns = page.told["log"]["columns"]
+            assert len(columns["at_s"]) == 300
+            errors = [
+                abs(a - b)
+                for a, b in zip(columns["displacement_estimate_m"], columns["displacement_m"])
+                if a is not None
+            ]
+            assert np.mean(errors) < 2e-4
+            assert "mean absolute error" in page.told["log"]["words"]
+            await page.until(lambda: page.told["log"]["trace"] not in ("", "tracing …"))
+        verdict = page.told["log"]["trace"]
+        assert verdict.partition(":")[0] in ("none", "traced", "unexplained", "not traced"), verdict
+        if "report" in page.told["log"]:
+            async with aiohttp.ClientSession() as http, http.get(stand.url + page.told["log"]["report"]) as response:
+                assert response.status == 200
+                assert "sandbox" in response.headers["Content-Security-Policy"]
+        assert (await page.ask("forget_log"))["ok"]
+        await page.until(lambda: page.told["log"] is None)
+
+    with_page(stand, work)
+
+
+# --- the model -------------------------------------------------------------------------------------------
+
+
+def test_the_asymptotes_are_those_of_the_model_that_the_parameters_say():
+    config = Config.load(shared_file("config/flexinol.yaml"))
+    parameters = {name: value for name, value, *_ in walk(config) if value != ()}
+    assert repr(config_of({**parameters, "use_sim_time": False})) == repr(config)
+    found, why = asymptotes_of(parameters)
+    assert why == ""
+    curves = found.at(60e6)
+    heating_m, cooling_m = config.model.build(config.wire).limits_m(np.array(curves["resistance_Ohm"]), 60e6)
+    np.testing.assert_allclose(curves["heating_m"], heating_m, atol=1e-8)
+    np.testing.assert_allclose(curves["cooling_m"], cooling_m, atol=1e-8)
+    assert found.at(60.1e6) is None  # too little has changed to draw it again
+    assert found.at(80e6) is not None
+    assert found.at(math.nan) is None
+
+
+def test_a_model_that_cannot_be_built_here_is_said_so():
+    config = Config.load(shared_file("config/flexinol.yaml"))
+    parameters = {name: value for name, value, *_ in walk(config) if value != ()}
+    found, why = asymptotes_of({**parameters, "model.type": "of_another_package"})
+    assert found is None
+    assert "of_another_package" in why
+    assert isinstance(asymptotes_of(parameters)[0], Asymptotes)
+
+
+# --- in a browser ----------------------------------------------------------------------------------------
+
+
+class Browser:
+    """A browser with the page open, for tests that are no coroutines."""
+
+    def __init__(self, stand):
+        self._loop = asyncio.new_event_loop()
+        self._chromium = Chromium()
+        self._loop.run_until_complete(self._chromium.__aenter__())
+        self.open(stand.address)
+
+    def __getattr__(self, name):
+        method = getattr(self._chromium, name)
+        return lambda *arguments, **more: self._loop.run_until_complete(method(*arguments, **more))
+
+    def point(self):
+        """Resistance [Ω] and displacement [mm] of the moving point, or None."""
+        words = self.text("#point").split()
+        return (float(words[1]), float(words[4])) if words[:1] == ["R"] else None
+
+    def close(self):
+        self._loop.run_until_complete(self._chromium.__aexit__(None, None, None))
+        self._loop.close()
+
+
+@pytest.fixture(scope="module")
+def browser(stand):
+    if find_chromium() is None:
+        pytest.skip("no Chromium is installed (apt-get install chromium): the page was not tried in a browser")
+    browser = Browser(stand)
+    yield browser
+    browser.close()
+
+
+def _enabled_by_hand(browser, stand):
+    browser.wait_for("document.querySelector('#mode').textContent !== '–'")
+    deadline_s = time.monotonic() + SOON_s
+    while not stand.bench.current_A() > 0.01:
+        assert time.monotonic() < deadline_s, browser.text("#said")
+        browser.click("#enable")
+        browser.wait_for("document.querySelector('#said').children.length > 0")
+        time.sleep(0.1)
+
+
+def test_in_the_browser_the_point_moves_where_it_is_sent(browser, stand):
+    _enabled_by_hand(browser, stand)
+    assert browser.value("location.hash") == ""  # the token does not stay in the address
+    field = "document.querySelector('#setpoint-mm')"
+    for goal_mm in (2.8, 2.2):
+        browser.value(f"{field}.value = '{goal_mm}'; {field}.dispatchEvent(new Event('input'))")
+        browser.click("#setpoint-send")
+        wait_until(lambda g=goal_mm: (p := browser.point()) and abs(p[1] - g) < 0.2, what="the point")
+        assert stand.bench.truth()[0] * 1e3 == pytest.approx(goal_mm, abs=0.5)
+    assert browser.text("#quality").startswith("determinate")
+    assert browser.text("#mode") == "tracking"
+
+
+def test_in_the_browser_a_refused_gain_shows_the_nodes_sentence_and_its_value_again(browser, stand):
+    browser.wait_for("document.querySelector('[name=\"controller.kd\"]')")
+    field = "document.querySelector('[name=\"controller.kd\"]')"
+    before = browser.value(f"{field}.value")
+    browser.value(f"{field}.value = 'much'; {field}.dispatchEvent(new Event('change'))")
+    answer = f"{field}.parentElement.querySelector('.answer').textContent"
+    browser.wait_for(answer)
+    assert "controller.kd: 'much' is not a number" in browser.value(answer)
+    assert browser.value(f"{field}.value") == before
+
+
+def test_in_the_browser_stop_is_seen_at_the_supply_within_half_a_second(browser, stand):
+    took_s = []
+    for _ in range(3):
+        _enabled_by_hand(browser, stand)
+        browser.value("window.scrollTo(0, document.body.scrollHeight)")  # it is there wherever the page is
+        browser.click("#stop")
+        took_s.append(_seconds_to_no_current(stand))
+        if took_s[-1] < STOP_s:
+            break
+    assert min(took_s) < STOP_s
+
+
+def test_in_the_browser_a_log_that_is_dropped_is_drawn(browser, log):
+    text = log.read_text()
+    browser.value(
+        f"(() => {{ const d = new DataTransfer(); d.items.add(new File([{text!r}], 'pulses.csv')); "
+        "document.querySelector('#drop').dispatchEvent(new DragEvent('drop', {dataTransfer: d, bubbles: true})); })()"
+    )
+    browser.wait_for("document.querySelector('#log-words').textContent.includes('mean absolute error')")
+    browser.wait_for("document.querySelector('#point').textContent.startsWith('orange: measured')")
+    browser.click("#log-close")
+    browser.wait_for("document.querySelector('#log').hidden")
+
+
+# Last: it kills the node.
+def test_a_node_that_was_killed_is_found_again(stand, request):
+    browser = request.getfixturevalue("browser") if find_chromium() else None
+    not_there = "document.querySelector('#status').textContent.includes('not there')"
+
+    async def work(page):
+        await page.until(lambda: page.told.get("state", {}).get("present"))
+        stand.kill_node()
+        await page.until(lambda: not page.told["state"]["present"])
+        refused = await page.ask("enable")
+        assert not refused["ok"]
+        assert NAME in refused["sentence"]
+        if browser:
+            await asyncio.to_thread(browser.wait_for, not_there)
+        stand.start_node()
+        page.rows.clear()
+        await page.enabled()
+        if browser:
+            await asyncio.to_thread(browser.wait_for, f"!{not_there}")
+            await asyncio.to_thread(wait_until, browser.point, what="the point")
+        assert (await page.ask("stop"))["ok"]
+
+    with_page(stand, work)
