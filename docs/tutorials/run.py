@@ -3,8 +3,8 @@
     python docs/tutorials/run.py     (make tutorial)
 
 A command stands in a block ``console`` after ``$ ``; one that ends with ``&`` runs on until all are done.  One that is
-expected to end with another code than 0 says so in a comment.  ``cat FILE`` before a block is not needed: a block
-``yaml`` whose first line is a comment with a name is written to a file of that name.
+expected to end with another code than 0 says so in a comment.  A block ``yaml`` whose first line is a comment with a
+name is written to a file of that name.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -23,6 +24,7 @@ ROOT = PAGE.parents[2]
 BLOCK = re.compile(r"```(?P<kind>console|yaml)\n(?P<text>.*?)```", re.DOTALL)
 EXPECTED = re.compile(r"#\s*ends with (\d+)")
 LONGEST_s = 240
+STARTING_s = 60  #: for a command in the background to say something
 
 
 def run_page(folder: Path, change: Callable[[str], str] = lambda text: text) -> str:
@@ -63,21 +65,24 @@ def _ran(command: str, folder: Path, change: Callable[[str], str], running: list
     environment = {**os.environ, "COLUMNS": "110", "NO_COLOR": "1", "TERM": "dumb", "ROS_LOG_DIR": str(folder / "ros")}
     environment["PYTHONPATH"] = os.pathsep.join([str(ROOT), environment.get("PYTHONPATH", "")])
     if words.endswith("&"):
-        with (folder / "background.txt").open("ab") as log:
+        said = folder / f"background_{len(running)}.txt"
+        with said.open("wb") as log:
             # A command of its own, not a shell's: the signal must reach it.
             running.append(
                 subprocess.Popen(
                     words[:-1].split(), cwd=folder, env=environment, stdout=log, stderr=log, start_new_session=True
                 )
             )
+        deadline_s = time.monotonic() + STARTING_s
+        while not said.stat().st_size and running[-1].poll() is None and time.monotonic() < deadline_s:
+            time.sleep(0.1)  # a reader waits for its first line, too
         return f"$ {command}\n"
     done = subprocess.run(
         words, shell=True, cwd=folder, env=environment, capture_output=True, text=True, timeout=LONGEST_s, check=False
     )
     expected = int(found[1]) if (found := EXPECTED.search("#" + comment)) else 0
     if done.returncode != expected:
-        background = folder / "background.txt"
-        more = background.read_text(errors="replace")[-2000:] if background.exists() else ""
+        more = "\n".join(said.read_text(errors="replace")[-2000:] for said in sorted(folder.glob("background_*.txt")))
         raise RuntimeError(
             f"{command}: ended with {done.returncode}, not {expected}:\n{done.stdout}{done.stderr}\n{more}"
         )
