@@ -117,21 +117,23 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None
     hottest_C = given("thermal.max_temperature", _HOTTEST_C) - _TRIP_HEADROOM_K
 
     def steady_A(temperature_C: float) -> float:
-        return math.sqrt(loss_W_K * (temperature_C - ambient_C) / hottest_Ohm)
+        exact_A = math.sqrt(loss_W_K * (temperature_C - ambient_C) / hottest_Ohm)
+        unit_A = 10.0 ** (math.floor(math.log10(exact_A)) - 2)
+        return _digits(math.floor(exact_A / unit_A) * unit_A, 3)  # rounded down: it is a limit
 
     settle(
         "supply.bias_current",
-        _digits(steady_A(ambient_C + _BIAS_RISE_K), 2),
+        steady_A(ambient_C + _BIAS_RISE_K),
         f"warms the wire by {_BIAS_RISE_K:g} K",
     )
     most_A = settle(
         "supply.max_current",
-        _digits(steady_A(derate_C), 3),
+        steady_A(derate_C),
         f"for ever in still air of {ambient_C:g} °C: {derate_C:g} °C (derate_temperature), by I² · {hottest_Ohm:.3g} Ω / heat_loss",
     )
     settle(
         "supply.over_current_trip",
-        max(_digits(steady_A(hottest_C), 3), most_A),
+        max(steady_A(hottest_C), most_A),
         f"for ever in still air of {ambient_C:g} °C: {hottest_C:g} °C, {_TRIP_HEADROOM_K:g} K below max_temperature",
     )
     sense_Ohm, leads_Ohm = given("circuit.reference_resistance", 0.0), given("circuit.lead_resistance", 0.0)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
 from sma_actuator.config import bench_from_mapping, read_parameter_file
-from sma_actuator.console import add_output_arguments, refuse_to_overwrite, results, write_json
+from sma_actuator.console import add_output_arguments, notes, questions, refuse_to_overwrite, results, write_json
+from sma_actuator.console.asking import Asking, paused, read_answers
 from sma_actuator.plant.worlds import HOME, WORLDS
 
 from .operators import BenchOperator, Operator, ScpiBenchOperator, TerminalOperator
@@ -114,6 +114,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="EFFECT=STRENGTH",
         help="with --virtual: an undeclared effect in the bench, in SI units, for trying `trace`; may be repeated (see docs/tracing.md)",
     )
+    parser.add_argument(
+        "--answers",
+        type=Path,
+        metavar="ANSWERS.yaml",
+        help="answers to what a person would be asked, as 'hang_load: done' or 'place_probe: [1.0, 2.0]' (mm); the rest is asked",
+    )
     add_output_arguments(parser, "the manifest")
 
 
@@ -122,7 +128,16 @@ def run(args: argparse.Namespace) -> int:
     from .page import write_page
 
     refuse_to_overwrite(args)
-    console = Console(stderr=True)
+    console = notes(args)
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=args.quiet or not console.is_terminal,  # where nothing can be written over, lines say how far it is
+    )
     path = args.config or shared_file(
         f"config/{args.virtual}_bench.yaml" if args.virtual else "config/flexinol_bench.yaml"
     )
@@ -173,23 +188,24 @@ def run(args: argparse.Namespace) -> int:
         from sma_actuator.instruments import open_daq, open_supply
         from sma_actuator.instruments.clock import MonotonicClock
 
+        if args.config is None:
+            raise ConfigError("--config: a bench file is wanted, `sma-actuator init` asks for it and writes it")
         clock = MonotonicClock()
         rig = Rig(config, open_supply(config), open_daq(config, clock), clock)
         if args.unattended_bench:
             operator = ScpiBenchOperator(args.unattended_bench, largest_force_N)
         else:
-            operator = TerminalOperator(console)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:3.0f} %"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console, disable=args.quiet) as bar:
+            operator = TerminalOperator(Asking(questions(), read_answers(args.answers), lambda: paused(bar)), rig)
+    with bar:
         task = bar.add_task("characterise", total=sum(part.duration_s for part in plan))
         before_s = {part.name: sum(p.duration_s for p in plan[:i]) for i, part in enumerate(plan)}
 
+        begun: set[str] = set()
+
         def progress(part: Part, elapsed_s: float) -> None:
+            if bar.disable and part.name not in begun:
+                begun.add(part.name)
+                console.print(f"part {len(begun)} of {len(plan)}: {part.name}, about {part.duration_s:.0f} s")
             bar.update(task, completed=before_s[part.name] + min(elapsed_s, part.duration_s), description=part.name)
 
         manifest = characterise(mapping, plan, rig, operator, args.out, progress)

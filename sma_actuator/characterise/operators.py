@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 import re
+import time
 from typing import Any, Protocol
 
-from rich.console import Console
+from sma_actuator.base.parameters import ConfigError
+from sma_actuator.console.asking import Asking
+
+from .rig import Rig
+from .watching import LoadWatch
+
+_SETTLES_WITHIN_s = 20.0  #: after which it is gone on with whatever hangs there
+_LOOK_s = 0.1
 
 
 class Operator(Protocol):
@@ -31,38 +39,57 @@ class Operator(Protocol):
 
 
 class TerminalOperator:
-    """Asks a person, and waits for Enter."""
+    """Asks a person, or a file of answers, and waits; shows what the load cell reads where something is hung."""
 
-    def __init__(self, console: Console):
-        self._console = console
-
-    def _ask(self, text: str) -> str:
-        return self._console.input(f"[bold yellow]►[/] {text} ")
+    def __init__(self, asking: Asking, rig: Rig):
+        self._asking, self._rig = asking, rig
 
     def short_wire(self) -> None:
-        self._ask("Replace the wire by a short between its crimps, then press Enter.")
+        self._asking.ask("short_wire", "Replace the wire by a short between its crimps, then press Enter.")
 
     def fit_wire(self) -> None:
-        self._ask("Fit the wire again, then press Enter.")
+        self._asking.ask("fit_wire", "Fit the wire again, then press Enter.")
 
     def hang_mass(self, force_N: float) -> None:
-        self._ask(f"Hang {_in_grams(force_N)}, hook included, from the load cell; when it hangs still, press Enter.")
+        self._hang(
+            "hang_mass",
+            f"Hang {_in_grams(force_N)}, hook included, from the load cell; when it hangs still, press Enter.",
+            None,
+        )
 
     def hang_load(self, force_N: float) -> None:
-        self._ask(
-            f"Hang {_in_grams(force_N)}, probe and hook included, from the wire; when it hangs still, press Enter."
+        self._hang(
+            "hang_load",
+            f"Hang {_in_grams(force_N)}, probe and hook included, from the wire; when it hangs still, press Enter.",
+            force_N,
         )
 
     def fit_spring(self, stiffness_N_m: float, preload_N: float) -> None:
-        self._ask(f"Fit the spring of {stiffness_N_m:g} N/m with {preload_N:g} N at full extension, then press Enter.")
+        self._hang(
+            "fit_spring",
+            f"Fit the spring of {stiffness_N_m:g} N/m with {preload_N:g} N at full extension, then press Enter.",
+            preload_N,
+        )
+
+    def _hang(self, name: str, question: str, expected_N: float | None) -> None:
+        watch = LoadWatch(self._rig, expected_N)
+        self._asking.ask(name, question, watch.look)
+        end_s = time.monotonic() + _SETTLES_WITHIN_s
+        while (shown := watch.look()).state != "settled" and time.monotonic() < end_s:
+            time.sleep(_LOOK_s)
+        self._asking.say(f"  {shown.text}")
 
     def place_probe(self, number: int, count: int) -> float:
+        question = f"Move the sensor to place {number + 1} of {count}; micrometer reading in mm:"
         while True:
-            text = self._ask(f"Move the sensor to place {number + 1} of {count}; micrometer reading in mm:")
+            from_file = self._asking.answered("place_probe")
+            text = self._asking.ask("place_probe", question)
             try:
                 return float(text.replace(",", ".")) * 1e-3
             except ValueError:
-                self._console.print(f"'{text}' is not a number of millimetres")
+                if from_file:
+                    raise ConfigError(f"place_probe: '{text}' is not a number of millimetres") from None
+                self._asking.say(f"'{text}' is not a number of millimetres")
 
 
 class BenchOperator:

@@ -29,6 +29,7 @@ COMMANDS = {
     "stop": ("sma_actuator.cli.remote.stop", "a running node: every wire of its process off"),
     "status": ("sma_actuator.cli.remote.status", "a running node: what it says of its wire"),
     "watch": ("sma_actuator.cli.remote.watch", "a running node: position, load and current as they change"),
+    "init": ("sma_actuator.cli.init", "a few questions, and a complete bench file"),
     "characterise": ("sma_actuator.characterise", "run the bench experiments and write logs"),
     "check-log": ("sma_actuator.cli.check_log", "are logs fit to test the models on a real wire?"),
     "identify": ("sma_actuator.cli.identify", "logs to a calibrated model file"),

@@ -23,7 +23,16 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from sma_actuator.base.errors import UserError
 from sma_actuator.logs.files import write_atomically
 
-__all__ = ["add_output_arguments", "notes", "progress_bar", "refuse_to_overwrite", "results", "write_csv", "write_json"]
+__all__ = [
+    "add_output_arguments",
+    "notes",
+    "progress_bar",
+    "questions",
+    "refuse_to_overwrite",
+    "results",
+    "write_csv",
+    "write_json",
+]
 
 _STANDARD_OUTPUT = Path("-")
 _UNBROKEN = 100_000  #: columns of a pipe or a file: whoever reads it breaks the lines
@@ -46,6 +55,11 @@ def results(args: argparse.Namespace) -> Console:
 def notes(args: argparse.Namespace) -> Console:
     """Where progress and notes go: standard error, or nowhere with ``-q``."""
     return _console(sys.stderr, quiet=getattr(args, "quiet", False))
+
+
+def questions() -> Console:
+    """Where questions go: standard error, also with ``-q``, since somebody has to answer."""
+    return _console(sys.stderr)
 
 
 def progress_bar(args: argparse.Namespace) -> Progress:

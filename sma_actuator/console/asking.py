@@ -77,13 +77,18 @@ class Asking:
         answer = self._answers.get(name)
         return answer is not None and answer != []
 
+    def say(self, sentence: str) -> None:
+        """A sentence between two questions."""
+        with self._pause():
+            self._console.print(sentence, highlight=False, markup=False)
+
     def ask(self, name: str, question: str, meanwhile: Callable[[], Shown] | None = None) -> str:
         """The answer, without blanks around it; ``meanwhile``: looked at and shown until it comes.
 
         Raises UserError where nobody can answer.
         """
         with self._pause():
-            self._console.print(f"[bold yellow]►[/] {question}", highlight=False)
+            self._console.print(f"► {question}", style="bold yellow", highlight=False, markup=False)
             if self.answered(name):
                 answer = self._answers[name]
                 text = str(answer.pop(0) if isinstance(answer, list) else answer).strip()

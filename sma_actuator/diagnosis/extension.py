@@ -104,9 +104,10 @@ def extend(result: Identification, jobs: int = 2, progress: Progress = lambda fr
 
 
 def _thinned(result: Identification) -> list[BenchLog]:
-    """The logs that were fitted, with what they hold said, and no more samples than the race needs."""
+    """The logs that were fitted and hold a whole cycle, with their kind said, and no more samples than the race needs."""
     seldom = max(1, -(-sum(len(one.log) for one in result.experiments) // MOST_SAMPLES))
     thinned = [one.rows(np.arange(len(one.log)) % seldom == 0) for one in result.experiments]
+    thinned = [one for one in thinned if {-1, 1} <= set(np.diff(one.driven.astype(int)).tolist())]
     return [dataclasses.replace(one.log, metadata={**one.log.metadata, "kind": one.kind}) for one in thinned]
 
 

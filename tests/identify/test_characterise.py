@@ -17,7 +17,6 @@ from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
 from sma_actuator.characterise import PlanOptions, characterise, make_plan
 from sma_actuator.characterise.calibration import fit_line
-from sma_actuator.characterise.operators import TerminalOperator
 from sma_actuator.characterise.programs import every_ordered_pair, hold
 from sma_actuator.cli.main import main
 from sma_actuator.config import bench_from_mapping
@@ -193,29 +192,6 @@ def test_the_same_characterisation_over_tcp(tmp_path):
     log = read_bench_log(tmp_path / "out" / "pulses_0.600N.csv")
     assert log["reference_voltage_V"].max() > 0.25 and len(log) >= 20
     assert "data:image/png" in (tmp_path / "out" / "calibration.html").read_text()
-
-
-class Person:
-    """Answers the questions of a terminal."""
-
-    def __init__(self, answers=()):
-        self.questions, self._answers = [], list(answers)
-
-    def input(self, question):
-        self.questions.append(question)
-        return self._answers.pop(0) if self._answers else ""
-
-    def print(self, text):
-        self.questions.append(text)
-
-
-def test_a_person_is_told_what_to_hang_and_asked_again_after_a_typing_error():
-    person = Person(["", "two", "2,5"])
-    operator = TerminalOperator(person)
-    operator.hang_load(0.980665)
-    assert operator.place_probe(0, 8) == pytest.approx(2.5e-3)
-    assert "100.0 g (0.981 N)" in person.questions[0]
-    assert "'two' is not a number" in person.questions[2] and len(person.questions) == 4
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,229 @@
+"""``sma-actuator init``: a few questions, and a bench file that is complete.
+
+What follows from the answers (limits, trips, gains, thresholds) is derived, and the file says from what.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from sma_actuator.base.parameters import ConfigError, check, look_up
+from sma_actuator.base.yaml_text import parse_yaml
+from sma_actuator.config import (
+    BenchConfig,
+    Config,
+    bench_from_mapping,
+    read_parameter_file,
+    require_calibrated,
+    write_parameter_file,
+)
+from sma_actuator.console import add_output_arguments, notes, questions, refuse_to_overwrite, results, write_json
+from sma_actuator.console.asking import Asking, read_answers
+from sma_actuator.derived import derived
+from sma_actuator.instruments.dialect import FOLDER, Dialect
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """One parameter that nothing else tells."""
+
+    name: str  #: dotted
+    words: str
+    default: str | None = None  #: what an empty answer means; None: there must be one
+    when: Callable[[Mapping[str, Any]], bool] = lambda mapping: True
+
+
+def _dialects(kind: str) -> str:
+    return ", ".join(sorted(p.stem for p in FOLDER.glob("*.yaml") if f"kind: {kind}" in p.read_text(encoding="utf-8")))
+
+
+def _has_no_watchdog(mapping: Mapping[str, Any]) -> bool:
+    supply = mapping.get("instruments", {}).get("supply", {})
+    return "dialect" in supply and "arm_watchdog" not in Dialect.load(supply["dialect"], "supply").commands
+
+
+QUESTIONS = (
+    Question("wire.alloy", "Alloy of the wire: ni-ti or ni-ti-cu?"),
+    Question("wire.length", "Length of the wire between its crimps, in metres (100 mm is 0.1)?"),
+    Question("wire.diameter", "Diameter of the wire, in metres (0.15 mm is 0.15e-3)?"),
+    Question("circuit.reference_resistance", "Sense resistor in series with the wire, in ohms?"),
+    Question("load_cell.slope", "Load cell, newtons per volt (Enter: `characterise` will measure it)?", ""),
+    Question(
+        "load_cell.offset",
+        "Load at zero volts of the load cell, in newtons?",
+        "0.0",
+        lambda mapping: "slope" in mapping.get("load_cell", {}),
+    ),
+    Question("instruments.supply.resource", "Power supply, as TCPIP::192.168.0.5::5025::SOCKET?"),
+    Question(
+        "instruments.supply.dialect", f"Language of the power supply: {_dialects('supply')}, or the path of a file?"
+    ),
+    Question(
+        "supply.allow_no_watchdog",
+        "This supply has no watchdog, so a killed computer leaves the current on; true accepts that, wired against "
+        "(docs/safety.md); true or false?",
+        when=_has_no_watchdog,
+    ),
+    Question("instruments.daq.resource", "Data acquisition, as TCPIP::192.168.0.6::5025::SOCKET?"),
+    Question(
+        "instruments.daq.dialect", f"Language of the data acquisition: {_dialects('daq')}, or the path of a file?"
+    ),
+    Question("instruments.daq.lvdt_channel", "Channel of a displacement sensor beside the wire (Enter: none)?", "0"),
+    Question("thermal.ambient_temperature", "The warmest that the surroundings become, in °C (Enter: 24)?", "24.0"),
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``sma-actuator init``."""
+    parser.add_argument(
+        "--start", type=Path, metavar="FILE.yaml", help="parameters that stand already, as a model that identify wrote"
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="an answer, or any other parameter, as wire.length=0.1; may be repeated",
+    )
+    parser.add_argument(
+        "--answers", type=Path, metavar="ANSWERS.yaml", help="answers and parameters in a file, as 'wire.length: 0.1'"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("bench.yaml"), metavar="BENCH.yaml", help="file to write (default %(default)s)"
+    )
+    add_output_arguments(parser, "the parameters")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Ask, derive, check and write; 0 when the file was written."""
+    refuse_to_overwrite(args, args.out)
+    console = notes(args)
+    mapping = read_parameter_file(args.start) if args.start else {}
+    answers = read_answers(args.answers)
+    for word in args.set:
+        name, equals, text = word.partition("=")
+        if not equals or "." not in name:
+            raise ConfigError(f"--set {word}: SECTION.PARAMETER=VALUE is wanted, as wire.length=0.1")
+        answers[name] = text
+    asked = {question.name for question in QUESTIONS}
+    for name in [name for name in answers if name not in asked]:
+        _put(mapping, name, _value(name, answers.pop(name)))
+    asking = Asking(questions(), answers)
+    given = set()
+    for question in QUESTIONS:
+        if _get(mapping, question.name) is None and question.when(mapping):
+            answer = _answer(question, asking)
+            if answer is not None:
+                _put(mapping, question.name, answer)
+                given.add(question.name)
+    _without_watchdog(mapping)
+    comments = dict.fromkeys(given, "given")
+    found = derived(mapping)
+    for name, each in found.items():
+        if _get(mapping, name) is None:
+            _put(mapping, name, each.value)
+            comments[name] = each.why
+    mapping = _in_order(mapping)
+    bench = (Config.from_mapping if "model" in mapping else bench_from_mapping)(mapping)
+    write_parameter_file(
+        args.out, mapping, "Written by `sma-actuator init`: what was asked, and what follows from it.", comments
+    )
+    out = results(args)
+    table = Table(title="Derived", show_header=True)
+    for header in ("parameter", "value", "from"):
+        table.add_column(header)
+    for name in (name for name in found if name in comments):
+        unit = look_up(BenchConfig, name)[0].unit
+        table.add_row(name, f"{_get(mapping, name):g}{'' if unit == '1' else f' {unit}'}", comments[name])
+    out.print(table)
+    write_json(args, mapping)
+    console.print(f"wrote {args.out}; {_next(bench, args.out)}")
+    return 0
+
+
+def _answer(question: Question, asking: Asking) -> Any:
+    """A value that will do; asked again where a person's will not.  None: left open."""
+    while True:
+        from_file = asking.answered(question.name)
+        text = asking.ask(question.name, question.words)
+        if not text:
+            if question.default is None:
+                asking.say("an answer is wanted")
+                continue
+            if not question.default:
+                return None
+            text = question.default
+        try:
+            return _value(question.name, text)
+        except ConfigError as error:
+            if from_file:
+                raise
+            asking.say(str(error))
+
+
+def _value(name: str, text: Any) -> Any:
+    """The value of a parameter from text or YAML.  Raises ConfigError."""
+    declaration, kind = look_up(BenchConfig, name)
+    value = parse_yaml(text, name) if isinstance(text, str) and kind != "str" else text
+    if kind == "float" and isinstance(value, int) and not isinstance(value, bool):
+        value = float(value)
+    value, problem = check(name, value, declaration, kind)
+    if problem:
+        raise ConfigError(problem)
+    if name.endswith(".dialect"):
+        Dialect.load(value, name.split(".")[1])
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _get(mapping: Mapping[str, Any], name: str) -> Any:
+    place: Any = mapping
+    for part in name.split("."):
+        place = place.get(part) if isinstance(place, Mapping) else None
+    return place
+
+
+def _put(mapping: dict[str, Any], name: str, value: Any) -> None:
+    *sections, last = name.split(".")
+    for section in sections:
+        mapping = mapping.setdefault(section, {})
+    mapping[last] = value
+
+
+def _without_watchdog(mapping: dict[str, Any]) -> None:
+    """Say in the parameters what a supply without a watchdog, or with a slow one, can hold."""
+    if _get(mapping, "supply.watchdog_timeout") is not None:
+        return
+    dialect = Dialect.load(_get(mapping, "instruments.supply.dialect"), "supply")
+    if "arm_watchdog" not in dialect.commands:
+        _put(mapping, "supply.watchdog_timeout", 0.0)
+    elif dialect.watchdog_range_s is not None:
+        shortest_s, longest_s = dialect.watchdog_range_s
+        _put(mapping, "supply.watchdog_timeout", min(max(1.0, shortest_s), longest_s))
+
+
+def _in_order(mapping: Mapping[str, Any]) -> dict[str, Any]:
+    """The sections as the documentation has them; the model last."""
+    names = [f.name for f in dataclasses.fields(BenchConfig)]
+    known = {name: mapping[name] for name in names if name in mapping}
+    return {**known, **{name: value for name, value in mapping.items() if name not in known}}
+
+
+def _next(bench: BenchConfig, path: Path) -> str:
+    """What to do with the file."""
+    if isinstance(bench, Config):
+        try:
+            require_calibrated(bench)
+        except ConfigError as error:
+            return f"before a node drives the wire: {error}"
+        return f"drive the wire with sma_actuator_node --ros-args --params-file {path}"
+    if math.isfinite(bench.load_cell.slope) and not bench.instruments.daq.lvdt_channel:
+        return f"give it to identify with logs of the wire: sma-actuator identify LOG… --config {path}"
+    return f"measure the wire with it: sma-actuator characterise --config {path} --out out/wire"

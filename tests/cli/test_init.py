@@ -1,0 +1,115 @@
+"""A few answers make a bench file that is complete: limits and gains follow from them, and the file says how."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from rig import Rig
+
+from sma_actuator.base.share import shared_file
+from sma_actuator.cli.main import main
+from sma_actuator.config import Config, bench_from_mapping, read_parameter_file, write_parameter_file
+from sma_actuator.derived import LARGEST_RESISTIVITY_Ohm_m, derived
+
+ANSWERS = {
+    "wire.alloy": "ni-ti",
+    "wire.length": "0.1",
+    "wire.diameter": "0.1524e-3",
+    "circuit.reference_resistance": "1.0",
+    "load_cell.slope": "12.7297",
+    "load_cell.offset": "-0.0598",
+    "instruments.supply.resource": "TCPIP::127.0.0.1::5025::SOCKET",
+    "instruments.supply.dialect": "virtual_bench_supply",
+    "instruments.daq.resource": "TCPIP::127.0.0.1::5026::SOCKET",
+    "instruments.daq.dialect": "virtual_bench_daq",
+    "instruments.daq.lvdt_channel": "104",
+    "thermal.ambient_temperature": "30",
+}
+
+
+def asked(text, *words):
+    """The command in a process of its own, with these lines at its standard input (None: closed)."""
+    return subprocess.run(
+        [sys.executable, "-m", "sma_actuator", "init", *map(str, words)],
+        input=text,
+        stdin=subprocess.DEVNULL if text is None else None,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env=dict(os.environ),
+        check=False,
+    )
+
+
+def test_answers_at_a_pipe_make_a_file_that_says_where_every_limit_comes_from(tmp_path):
+    out = tmp_path / "bench.yaml"
+    lines = list(ANSWERS.values())
+    lines.insert(1, "100")  # millimetres: asked again, in a sentence
+    done = asked("\n".join(lines) + "\n", "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert "metres are wanted: 100 mm is 0.100" in done.stderr
+    mapping = read_parameter_file(out)
+    bench = bench_from_mapping(mapping)
+    hottest_Ohm = LARGEST_RESISTIVITY_Ohm_m * bench.wire.length / bench.wire.area_m2
+    for current_A, limit_C in (
+        (bench.supply.max_current, bench.thermal.derate_temperature),
+        (bench.supply.over_current_trip, bench.thermal.max_temperature),
+    ):
+        settled_C = 30.0 + current_A**2 * hottest_Ohm / bench.thermal.heat_loss
+        assert limit_C - 8.0 < settled_C <= limit_C
+    text = out.read_text()
+    for name in derived(mapping):
+        (line,) = [one for one in text.splitlines() if one.strip().startswith(f"{name.split('.')[1]}: ")]
+        assert "  # " in line, line
+
+
+def test_answers_may_stand_in_a_file_with_any_other_parameter(tmp_path, capsys):
+    answers = tmp_path / "answers.yaml"
+    answers.write_text("".join(f"{name}: {text}\n" for name, text in ANSWERS.items()) + "wire.max_stress: 150.0e6\n")
+    words = ["init", "--answers", str(answers), "--set", "controller.kp=500", "--out", str(tmp_path / "bench.yaml")]
+    assert main(words) == 0
+    mapping = read_parameter_file(tmp_path / "bench.yaml")
+    assert mapping["wire"]["max_stress"] == 150e6 and mapping["controller"]["kp"] == 500.0
+    assert mapping["controller"]["ki"] == pytest.approx(500.0 / (0.4 * 5.9), rel=0.05), "built upon what is given"
+    answers.write_text("wire.lenght: 0.1\n")
+    assert main([*words[:-1], str(tmp_path / "other.yaml")]) == 1
+    assert "did you mean length?" in capsys.readouterr().err
+
+
+def test_nobody_to_answer_is_a_sentence(tmp_path):
+    done = asked(None, "--set", "wire.alloy=ni-ti", "--out", tmp_path / "bench.yaml")
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert "'wire.length' was asked, and standard input is closed" in done.stderr
+    assert not (tmp_path / "bench.yaml").exists()
+
+
+def test_a_supply_without_a_watchdog_wants_a_word(tmp_path, capsys):
+    def with_answer(text):
+        said = {**ANSWERS, "instruments.supply.dialect": "rigol_dp800", "supply.allow_no_watchdog": text}
+        words = [word for name, answer in said.items() for word in ("--set", f"{name}={answer}")]
+        return main(["init", *words, "--out", str(tmp_path / "bench.yaml")])
+
+    assert with_answer("false") == 1
+    assert "supply.allow_no_watchdog" in capsys.readouterr().err
+    assert with_answer("true") == 0
+    assert read_parameter_file(tmp_path / "bench.yaml")["supply"]["watchdog_timeout"] == 0.0
+
+
+def test_limits_and_gains_that_were_derived_drive_the_wire(tmp_path):
+    known = read_parameter_file(shared_file("config/flexinol.yaml"))
+    kept = ("wire", "circuit", "load_cell", "reference_sensor", "estimator", "instruments", "model", "calibration")
+    write_parameter_file(tmp_path / "model.yaml", {name: known[name] for name in kept}, "without limits and gains")
+    out = tmp_path / "wire.yaml"
+    words = ["init", "--start", str(tmp_path / "model.yaml"), "--set", "thermal.ambient_temperature=24"]
+    assert main([*words, "--out", str(out)]) == 0
+    mapping = read_parameter_file(out)
+    assert Config.load(out).model_type == "flexinol"
+    rig = Rig(mapping)
+    rig.enable()
+    for position_m in (2.5e-3, 1.2e-3, 2.0e-3):
+        rig.track(position_m)
+        rig.run(8.0)
+        assert rig.status.fault == "", rig.status.message
+        away_m = rig.bench.truth.displacement_m - position_m
+        assert abs(away_m) < 0.03 * rig.config.wire.full_stroke_m

@@ -1,0 +1,132 @@
+"""Questions to the person at the bench: readable in a terminal and in a pipe, answered by either or by a file."""
+
+import contextlib
+import os
+import pty
+import re
+import select
+import subprocess
+import sys
+import time
+
+import pytest
+import yaml
+from characterised import bench_mapping
+
+from sma_actuator.bench import VirtualBench
+from sma_actuator.bench.server import background
+from sma_actuator.characterise.operators import ScpiBenchOperator
+
+GRAMS_N = 9.80665e-3
+DEADLINE_s = 90.0
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """The virtual bench behind its instruments, its bench file, and hands that hang what is asked for."""
+    mapping = bench_mapping("flexinol")
+    with background(VirtualBench.from_name("flexinol")) as server:
+        for name in ("supply", "daq"):
+            resource = f"TCPIP::127.0.0.1::{server.ports[0][name]}::SOCKET"
+            mapping["instruments"][name]["resource"] = resource
+        path = tmp_path_factory.mktemp("bench") / "bench.yaml"
+        path.write_text(yaml.safe_dump({"sma_actuator": {"ros__parameters": mapping}}))
+        hands = ScpiBenchOperator(mapping["instruments"]["daq"]["resource"], 3.0)
+        yield path, hands
+        hands._session.close()
+
+
+def words(bench, out, *more):
+    short = ["--loads", "0.6", "--pulses", "1", "--heat-time", "0.3", "--cool-time", "0.3", "--average", "0.2"]
+    skipped = [word for kind in ("partial", "training", "fatigue", "lvdt") for word in ("--skip", kind)]
+    program = [sys.executable, "-m", "sma_actuator", "characterise", "--config", str(bench[0]), "--out", str(out)]
+    return [*program, *short, "--masses", "20,100,200", *skipped, *more]
+
+
+class Person:
+    """Reads what the command shows, does what it says, and presses Enter."""
+
+    def __init__(self, command, terminal):
+        if terminal:
+            ours, theirs = pty.openpty()
+            streams = dict.fromkeys(("stdin", "stdout", "stderr"), theirs)
+            self.popen = subprocess.Popen(command, **streams, env={**os.environ, "TERM": "xterm", "COLUMNS": "200"})
+            os.close(theirs)
+            self._reads = self._writes = ours
+        else:
+            pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+            self.popen = subprocess.Popen(command, **pipes)
+            self._reads, self._writes = self.popen.stderr.fileno(), self.popen.stdin.fileno()
+        self.seen = ""
+        self.end_s = time.monotonic() + DEADLINE_s
+
+    def wait_for(self, pattern, start=0):
+        """What stands from ``start`` on once the pattern is there; fails where the command ends or says nothing."""
+        while not (found := re.search(pattern, self.seen[start:])):
+            assert time.monotonic() < self.end_s, f"never said {pattern!r}:\n{self.seen[start:][-500:]}"
+            if select.select([self._reads], [], [], 0.2)[0]:
+                try:
+                    more = os.read(self._reads, 65536)
+                except OSError:  # a terminal whose other end is gone
+                    more = b""
+                assert more, f"ended before {pattern!r}:\n{self.seen[-500:]}"
+                self.seen += more.decode(errors="replace")
+        return found
+
+    def press_enter(self):
+        os.write(self._writes, b"\n")
+
+    def ends(self):
+        """Exit code, once everything has been read."""
+        with contextlib.suppress(AssertionError):
+            self.wait_for("this is never said")
+        code = self.popen.wait(timeout=30)
+        if self.popen.stdin is None:
+            os.close(self._reads)
+        else:
+            self.popen.stdin.close()
+            self.popen.stderr.close()
+        return code
+
+
+@pytest.mark.parametrize("terminal", [True, False], ids=["terminal", "pipe"])
+def test_every_question_can_be_read_and_says_what_hangs_there(bench, tmp_path, terminal):
+    person = Person(words(bench, tmp_path / "out"), terminal)
+    hands = bench[1]
+    at = 0
+    for asked, done in (
+        ("Replace the wire by a short", hands.short_wire),
+        ("Fit the wire again", hands.fit_wire),
+        *((f"Hang {m:.1f} g", lambda m=m: hands.hang_mass(m * GRAMS_N)) for m in (20, 100, 200)),
+        ("Hang 61.2 g", lambda: hands.hang_load(0.6)),
+    ):
+        at += person.wait_for(f"► {asked}[^\r\n]*press Enter", at).end()
+        done()
+        if asked.startswith("Hang"):
+            person.wait_for(r"load cell: [-\d.]+ V, [-\d.]+ N[^\r\n]*: settled", at)
+        shown = person.seen[at:]
+        assert "━" not in shown and "\x1b[1A" not in shown, "no progress bar writes over a question that waits"
+        person.press_enter()
+    assert "0.600 N by its calibration" in person.seen[at:]
+    assert person.ends() == 0
+    assert (tmp_path / "out" / "pulses_0.600N.csv").exists()
+    assert "Traceback" not in person.seen
+
+
+def run(command):
+    return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120, check=False)
+
+
+def test_a_file_may_answer_and_nobody_at_the_input_is_a_sentence(bench, tmp_path):
+    bench[1].hang_load(0.6)
+    answers = tmp_path / "answers.yaml"
+    answers.write_text("hang_load: done\n")
+    skipped = ("--skip", "lead_resistance", "--skip", "load_cell", "-q")
+    answered = run(words(bench, tmp_path / "out", *skipped, "--answers", str(answers)))
+    assert answered.returncode == 0, answered.stderr
+    assert "► Hang 61.2 g" in answered.stderr and "done (from the file of answers)" in answered.stderr
+    assert re.search(r"0\.\d+ N of 0.600 N by its calibration: settled", answered.stderr)
+    nobody = run(words(bench, tmp_path / "other", *skipped))
+    assert nobody.returncode == 1 and "Traceback" not in nobody.stderr
+    assert "'hang_load' was asked, and standard input is closed" in nobody.stderr
+    assert not list((tmp_path / "other").glob("*.csv"))
