@@ -43,14 +43,17 @@ def main() -> int:
         finally:
             demo.send_signal(signal.SIGINT)
             demo.wait(60.0)
-    settled = [row for row in rows if row["time_s"] >= FILLING_s] or rows
+    settled = [row for row in rows if row["time_s"] >= FILLING_s]
+    if args.json:
+        args.json.write_text(json.dumps(rows, indent=1) + "\n")
+    if len(settled) < 2:
+        print(f"too short to judge the memory: more than {FILLING_s / 60.0 + 1.0:g} minutes are wanted")
+        return 0
     growth_kB = (settled[-1]["heap_B"] - settled[0]["heap_B"]) / 1e3
     minutes = (settled[-1]["time_s"] - settled[0]["time_s"]) / 60.0
     print(
         f"over {minutes:.1f} min after filling: JavaScript {growth_kB:+.0f} kB, elements {settled[-1]['nodes'] - settled[0]['nodes']:+d}"
     )
-    if args.json:
-        args.json.write_text(json.dumps(rows, indent=1) + "\n")
     return 0
 
 
@@ -71,7 +74,7 @@ async def _look(address: str, demo: int, args: argparse.Namespace) -> list[dict[
     alone_s = _cpu_s(node)
     await asyncio.sleep(ALONE_s)
     print(f"CPU of the node without a page {(_cpu_s(node) - alone_s) / ALONE_s:.1%}")
-    async with Chromium(1280, 1060) as browser:
+    async with Chromium() as browser:
         await browser.open(address)
         await browser.wait_for("document.querySelector('#point').textContent.startsWith('R ')")
         began_s, next_s = time.monotonic(), 0.0
