@@ -529,6 +529,11 @@ class Actuator:
     def _words_of(self, latched: Fault) -> str:
         return f"{latched.words} ({self._supervisor.detail})"
 
+    def _joint_command_words(self) -> str:
+        if self._joint_commands == "followed" and not self._commanding.armed:
+            return "not followed any more"
+        return self._joint_commands
+
     def _status(self, faults: dict[Fault, str], limits: set[Limit]) -> Status:
         supervisor = self._supervisor
         fault = supervisor.latched
@@ -561,7 +566,7 @@ class Actuator:
                 "limited_setpoint_m": self._controller.reference_m if self._commanding.is_driven else nan,
                 "branch": estimate.branch.name.lower(),
                 "quality": estimate.quality.name.lower(),
-                "joint_commands": self._joint_commands,
+                "joint_commands": self._joint_command_words(),
             },
         )
 
