@@ -49,10 +49,10 @@ def main() -> int:
     if len(settled) < 2:
         print(f"too short to judge the memory: more than {FILLING_s / 60.0 + 1.0:g} minutes are wanted")
         return 0
-    growth_kB = (settled[-1]["heap_B"] - settled[0]["heap_B"]) / 1e3
+    kB = [row["heap_B"] / 1e3 for row in settled]
     minutes = (settled[-1]["time_s"] - settled[0]["time_s"]) / 60.0
     print(
-        f"over {minutes:.1f} min after filling: JavaScript {growth_kB:+.0f} kB, elements {settled[-1]['nodes'] - settled[0]['nodes']:+d}"
+        f"over {minutes:.1f} min after filling: JavaScript {min(kB):.0f} to {max(kB):.0f} kB, at the end {kB[-1]:.0f} kB"
     )
     return 0
 
