@@ -68,10 +68,13 @@ class Page:
         return await self.until(lambda: self.answers.get(self._number))
 
     async def enabled(self):
-        """Enable the wire, once the node is there and has readings."""
+        """Enable the wire, once the node is there and has readings: a node that has just come may not be reached at first."""
         await self.until(lambda: self.told.get("state", {}).get("present") and self.rows)
-        answer = await self.ask("enable")
-        assert answer["ok"], answer
+        for _ in range(5):
+            answer = await self.ask("enable")
+            if answer["ok"]:
+                return
+        raise AssertionError(answer)
 
     async def send(self, position_m):
         """Send a setpoint, again where the first was lost: DDS drops what comes before a reader knows its writer."""
