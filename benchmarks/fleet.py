@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import io
 import logging
 import os
 import signal
@@ -43,13 +44,13 @@ from sma_actuator.logs.bench_log import BenchLog, write_bench_log
 BUCKET = "fleet"
 EFFECTS = (("voltage_offset", 0.004), ("load_cell_drift", 0.3), ("reference_gain", 0.05))
 EVERY = 10  #: one wire in so many drifts, from the middle of its days on
-LOG_S = 60.0
+LOG_S = 30.0
 TRACED_WIRES = 10
 AWS = {"AWS_ACCESS_KEY_ID": "fleet", "AWS_SECRET_ACCESS_KEY": "fleet", "AWS_DEFAULT_REGION": "us-east-1"}
 
 
 def one_log(wire: int, day: int, days: int, config: Config) -> BenchLog:
-    """A minute of full and partial cycles of a wire on a day."""
+    """Some full and partial cycles of a wire on a day."""
     name, size = EFFECTS[wire // EVERY % len(EFFECTS)]
     late = max(day - days // 2, 0) / max(days - days // 2 - 1, 1) if wire % EVERY == 0 else 0.0
     seed = 1000 * wire + day
@@ -138,9 +139,8 @@ def results_of(table: Path) -> list[str]:
 def judged(command: str, places: list[str], model: str, table: Path, *more: str) -> float:
     """Seconds that the command takes; raises RuntimeError where it fails."""
     begun = time.perf_counter()
-    code = sma_actuator(
-        [command, *places, "--config", model, "--table", str(table), "-q", "--json", os.devnull, "--force", *more]
-    )
+    with contextlib.redirect_stdout(io.StringIO()):
+        code = sma_actuator([command, *places, "--config", model, "--table", str(table), "-q", *more])
     if code != 0:
         raise RuntimeError(f"{command} ended with code {code}")
     return time.perf_counter() - begun
