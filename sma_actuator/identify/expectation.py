@@ -23,7 +23,7 @@ from sma_actuator.estimation.chain import Estimates
 from sma_actuator.estimation.models.whole_range import DIRECT, features_all
 
 from .experiments import Experiment
-from .ranges import SAME_LOAD
+from .kinds import SAME_LOAD
 from .whole_range import PLAYS_K, PLAYS_OF_RANGE, usual_heat_balance
 
 UNITS = 240  #: bends, of SEEN_TOGETHER of the features each
@@ -128,8 +128,16 @@ def _features(
 ) -> np.ndarray:
     """What the error may depend on, (n, FEATURES); not a number where a sample is not good."""
     out = np.full((len(found.time_s), FEATURES), np.nan)
-    columns = (found.time_s, found.signals.power_W, found.resistance_Ohm, found.signals.stress_Pa, found.model_m)
-    columns = tuple(np.broadcast_to(c, (len(out),)) for c in columns)
+    columns = [
+        np.broadcast_to(values, (len(out),))
+        for values in (
+            found.time_s,
+            found.signals.power_W,
+            found.resistance_Ohm,
+            found.signals.stress_Pa,
+            found.model_m,
+        )
+    ]
     good = np.isfinite(np.sum(columns, axis=0))
     time_s, power_W, resistance_Ohm, stress_Pa, model_m = (np.ascontiguousarray(c[good]) for c in columns)
     seen = np.empty((len(time_s), FEATURES - 2))
