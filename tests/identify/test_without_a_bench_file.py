@@ -7,6 +7,7 @@ import pytest
 
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
+from sma_actuator.identify import identify
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log, write_bench_log
 
 WIRE = ["--alloy", "ni-ti", "--length", "0.1", "--diameter", "0.1524e-3"]
@@ -123,3 +124,22 @@ def test_what_is_missing_of_the_wire_is_said(tmp_path, capsys):
 def test_a_node_that_has_no_calibration_of_its_load_cell_drives_nothing(make_rig):
     with pytest.raises(ValueError, match="load_cell.slope, load_cell.offset: missing"):
         make_rig(load_cell={"slope": float("nan"), "offset": float("nan")})
+
+
+def test_calibrations_may_be_given_one_by_one(flexinol, tmp_path, capsys):
+    log = str(flexinol.folder / "pulses_1.200N.csv")
+    given = [
+        f"{section}.{name}={value}"
+        for section in ("circuit", "load_cell", "reference_sensor")
+        for name, value in flexinol.mapping[section].items()
+    ]
+    words = [word for one in given for word in ("--set", one)]
+    assert main(["identify", log, *WIRE, *words, "--out", str(tmp_path / "m.yaml")]) == 1
+    assert "different loads" in capsys.readouterr().err, "all that is wrong is that one load is too few"
+
+
+def test_a_heat_loss_that_is_far_from_what_the_logs_show_is_said(flexinol):
+    mapping = {**flexinol.mapping, "thermal": {**flexinol.mapping["thermal"], "heat_loss": 2.0e-3}}
+    result = identify(flexinol.only("pulses", "partial"), mapping, "flexinol", order=2)
+    assert any("thermal.heat_loss is given as 0.002, where these logs say 0.006" in note for note in result.notes)
+    assert result.mapping["thermal"]["heat_loss"] == 2.0e-3, "what a person gives stands"
