@@ -12,7 +12,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: page attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range fleet forward health clean
+.PHONY: page attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds fleet forward health clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
@@ -79,6 +79,12 @@ own-baseline: $(VENV)/ready
 WHOLE ?=
 whole-range: $(VENV)/ready
 	$(BIN)/python benchmarks/whole_range.py $(WHOLE)
+
+# The control loop with models identified from each wire's own logs, per physics of the bench, law beside law (about half
+# an hour the first time; options in CONTROL).
+CONTROL ?=
+control-worlds: $(VENV)/ready
+	$(BIN)/python benchmarks/control_worlds.py $(CONTROL)
 
 # What the driver says of its model's health: false alarms in virtual hours on every physics, then drifts in growing strength.
 health: $(VENV)/ready

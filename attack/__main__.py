@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import datetime
+import json
 import math
 import os
 import subprocess
@@ -31,6 +32,7 @@ TITLES = {
     "lines": "lines between driver and instruments",
     "kills": "kills",
     "fuzz": "ROS fuzz",
+    "soak": "soak",
 }
 
 
@@ -42,11 +44,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         work += [(name, unit) for unit in _units(name, options)]
     VirtualBench.from_name("flexinol").advance(0.01)  # compiled once, before many want it at the same time
     began_s = time.monotonic()
-    writes = options.what == "all" or options.write
-    results: dict[str, Result] = {}
-    for results in _run(work, options.jobs, options.minutes):
+    writes = options.what == "all" or options.write or options.into is not None
+    before, before_s = _kept(options.into)
+    results: dict[str, Result] = before
+    for new in _run(work, options.jobs, options.minutes):
+        results, took_s = _together(before, new), before_s + time.monotonic() - began_s
+        if options.into is not None:
+            _keep(options.into, results, took_s)
         if writes:  # after every part, so that an attack that is interrupted has its page
-            PAGE.write_text(page(results, time.monotonic() - began_s), encoding="utf-8")
+            PAGE.write_text(page(results, took_s), encoding="utf-8")
     whole = Result()
     for name, result in results.items():
         print(f"{TITLES[name]}: {dict(result.counts)}\n  worst: {result.worst}\n{result.verdict()}", flush=True)
@@ -56,12 +62,37 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 1 if whole.violations else 0
 
 
+def _kept(path: Path | None) -> tuple[dict[str, Result], float]:
+    """What earlier runs have brought home, and how long they took [s]."""
+    if path is None or not path.exists():
+        return {}, 0.0
+    document = json.loads(path.read_text(encoding="utf-8"))
+    return {name: Result.from_mapping(kept) for name, kept in document["results"].items()}, document["took_s"]
+
+
+def _keep(path: Path, results: dict[str, Result], took_s: float) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    document = {"took_s": took_s, "results": {name: result.to_mapping() for name, result in results.items()}}
+    path.write_text(json.dumps(document, indent=1), encoding="utf-8")
+
+
+def _together(before: dict[str, Result], new: dict[str, Result]) -> dict[str, Result]:
+    whole: dict[str, Result] = {}
+    for name in TITLES:
+        for results in (before, new):
+            if name in results:
+                whole.setdefault(name, Result()).add(results[name])
+    return whole
+
+
 def _units(name: str, options: argparse.Namespace) -> list[tuple]:
     """The arguments of an attack's parts: small ones, so that there is something to show whenever the time is over."""
     if name == "lines":
         numbers = list(options.only) or list(range(len(ALL)))
         parts = [numbers[part::LINES_PARTS] for part in range(min(LINES_PARTS, len(numbers)))]
         return [(options.seed + number, part) for number in range(options.rounds) for part in parts]
+    if name == "soak":
+        return [(options.seed, options.hours)]
     first, whole, part = {
         "hours": (options.first, options.sessions, 2),
         "kills": (options.seed, options.count, 10),
@@ -144,15 +175,22 @@ def page(results: dict[str, Result], took_s: float) -> str:
 def _options() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m attack", description=__doc__)
     parser.add_argument("what", nargs="?", choices=(*TITLES, "all"), default="all")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the lines, kills and fuzz")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the lines, kills, fuzz and soak")
     parser.add_argument("--first", type=int, default=0, help="hours: seed of the first session")
     parser.add_argument("--sessions", type=int, default=600, help="hours: sessions of ten virtual minutes")
     parser.add_argument("--rounds", type=int, default=5, help="lines: how often every mischief is done")
     parser.add_argument("--only", type=int, nargs="*", default=(), help="lines: numbers of the mischief to do")
     parser.add_argument("--count", type=int, default=1000, help="kills")
     parser.add_argument("--messages", type=int, default=1_000_000, help="fuzz: messages")
+    parser.add_argument("--hours", type=float, default=24.0, help="soak: virtual hours")
     parser.add_argument("--jobs", type=int, default=max(1, os.cpu_count() or 1), help="attacks side by side")
     parser.add_argument("--minutes", type=float, default=math.inf, help="begin nothing more after so many minutes")
+    parser.add_argument(
+        "--into",
+        type=Path,
+        metavar="FILE",
+        help="add to what this file keeps of earlier runs, and write the page of all",
+    )
     parser.add_argument("--write", action="store_true", help="write docs/attack.md also from one attack alone")
     return parser
 

@@ -31,6 +31,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint  # isort: 
 NAME = "fuzzed"
 BURST = 500
 MEASURING_s = 0.1
+PUBLISHERS = 4  #: each a DDS participant of its own
 ODD = (math.nan, math.inf, -math.inf, 0.0, -0.0, -1.0, 1.0, 5e-324, 1e300, -1e300, 1e-9, 0.001, 0.002, 0.003, 0.0042)
 ODD_INTS = (0, 1, -1, 2**31 - 1, -(2**31), 2**63 - 1, -(2**63), 10)
 ODD_TEXTS = ("", "off", "nan", "ü" * 1000, "\x07", "; OUTP ON", "../../etc", "{}", "1e400", "true")
@@ -60,9 +61,10 @@ class Fuzzing:
         self.names = [*flat(self.config.to_mapping()), "use_sim_time", "no.such.parameter", ""]
         self.parameters = self.folder / "parameters.yaml"
         self.parameters.write_text(json.dumps({NAME: {"ros__parameters": parameters}}))
-        node = self.client.node
-        self._setpoints = node.create_publisher(Float64, f"/{NAME}/setpoint", 10)
-        self._trajectories = node.create_publisher(JointTrajectory, f"/{NAME}/joint_trajectory", 10)
+        self._others = [Client(number) for number in range(1, PUBLISHERS)]
+        nodes = [client.node for client in (self.client, *self._others)]
+        self._setpoints = [node.create_publisher(Float64, f"/{NAME}/setpoint", 10) for node in nodes]
+        self._trajectories = [node.create_publisher(JointTrajectory, f"/{NAME}/joint_trajectory", 10) for node in nodes]
         self._recent: list[str] = []
         self._node: Node | None = None
         self._starts = 0
@@ -71,7 +73,8 @@ class Fuzzing:
         """End everything."""
         if self._node is not None:
             self._node.end()
-        self.client.close()
+        for client in (self.client, *self._others):
+            client.close()
         self.nursery.close()
         self.stand.close()
         self._temporary.cleanup()
@@ -132,9 +135,9 @@ class Fuzzing:
         for _ in range(BURST):
             if self._chance.random() < 0.8:
                 value = self._odd_float()
-                self._setpoints.publish(Float64(data=value))
+                self._chance.choice(self._setpoints).publish(Float64(data=value))
             else:
-                self._trajectories.publish(self._odd_trajectory())
+                self._chance.choice(self._trajectories).publish(self._odd_trajectory())
             self.result.counts["messages"] += 1
         self.client.spin_until(lambda: True, 0.1)
 

@@ -19,6 +19,7 @@ from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply, Virtual
 from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.driver import Driver
 from sma_actuator.plant.loads import parse_load
+from sma_actuator.plant.worlds import WORLDS
 
 from .promises import Promises
 from .result import Result, Violation
@@ -35,6 +36,7 @@ LOADS = {
     "furukawa": ("weight:0.49", "weight:0.98", "weight:1.96", "spring:500,0.6", "schedule:0,0.5,120,1.6,300,0.9"),
 }
 WIRES = tuple(LOADS)
+PHYSICS = tuple(WORLDS)
 #: What the bench can be told to do wrong while the wire is driven.
 DRIVEN_FAULTS = tuple(FAULTS)
 #: Wrong ambient readings [°C]; None: what the bench says.
@@ -85,18 +87,20 @@ class Session:
         self.result = Result()
         self.chance = chance = random.Random(seed)
         wire = WIRES[seed % len(WIRES)]
-        load = LOADS[wire][seed // len(WIRES) % len(LOADS[wire])]
+        self.physics = PHYSICS[seed // len(WIRES) % len(PHYSICS)]
+        load = chance.choice(LOADS[wire])
         self.heat_loss = chance.choice((0.5, 0.5, 1.0, 1.0, 2.0))
         self.lead_error_Ohm = chance.choice((0.0, 0.0, 0.0, -0.2, 0.2))
         self.config = config_of(wire, self.lead_error_Ohm)
         self.promises = Promises(self.config.to_mapping())
         ambient_C = chance.uniform(5.0, 40.0)
-        arguments = {"seed": seed, "load": parse_load(load), "ambient_C": ambient_C, **(bench_arguments or {})}
+        arguments = {"seed": seed, "load": parse_load(load), "ambient_C": ambient_C, "physics": self.physics}
+        arguments |= bench_arguments or {}
         self.bench = WatchedBench.from_name(wire, **arguments)
         self.bench.inject("draught", self.heat_loss)
         self.ambient_lie_C = chance.choice(AMBIENT_LIES)
         self.scene = (
-            f"{wire}, {load}, heat loss × {self.heat_loss:g}, leads {self.lead_error_Ohm:+g} Ω, {ambient_C:.0f} °C"
+            f"{wire} in {self.physics}, {load}, heat loss × {self.heat_loss:g}, leads {self.lead_error_Ohm:+g} Ω, {ambient_C:.0f} °C"
             f"{'' if self.ambient_lie_C is None else f' read as {self.ambient_lie_C:g} °C'}"
         )
         self.outputs = 0
@@ -124,7 +128,7 @@ class Session:
     def look(self) -> None:
         """Judge the bench as it is now."""
         truth, result = self.bench.truth, self.result
-        result.see("wire [°C]", truth.temperature_C)
+        result.see(f"wire in {self.physics} [°C]", truth.temperature_C)
         limit_C = self.config.thermal.max_temperature
         if truth.temperature_C > limit_C and not self._overheated:
             self._overheated = True  # once in a session; it stays hot for many steps
@@ -184,6 +188,7 @@ class Session:
             self.chance.choices((self._misbehave, self._switch_off, self._restart), (0.88, 0.06, 0.06))[0]()
         self._stop()
         self.result.counts["virtual seconds"] += round(self.bench.time_s)
+        self.result.counts[f"virtual minutes in {self.physics}"] += round(self.bench.time_s / 60.0)
         self.result.counts["steps"] += self.outputs
         return self.result
 

@@ -46,6 +46,15 @@ _ENDS_THE_TALK = (
     Mischief("trickle"),
     Mischief("flood"),
 )
+#: The supply forgets what it was told, with its connection as it was: the row of the table that promises the current off.
+_FORGETS = {
+    Mischief("slip in", "questions", words="*RST"): "second_commander",
+    Mischief("slip in", "questions", words="CURR:PROT 9"): "limits_not_held",
+    Mischief("slip in", "questions", words="VOLT 30"): "limits_not_held",
+    Mischief("slip in", "questions", words="OUTP:PROT:WDOG OFF"): "watchdog_not_held",
+    Mischief("slip in", "questions", words="CURR 0.3"): "second_commander",
+    Mischief("forget", "questions"): "second_commander",
+}
 #: Mischief that a driver may see through or get over.
 _CONFUSES = (
     Mischief("late", delay_s=0.03),
@@ -56,7 +65,10 @@ _CONFUSES = (
     Mischief("extra"),
     Mischief("swap digits"),
 )
-ALL = tuple((role, mischief) for role in ("supply", "daq") for mischief in (*_ENDS_THE_TALK, *_CONFUSES))
+ALL = (
+    *((role, mischief) for role in ("supply", "daq") for mischief in (*_ENDS_THE_TALK, *_CONFUSES)),
+    *(("supply", mischief) for mischief in _FORGETS),
+)
 
 
 class Line:
@@ -110,7 +122,10 @@ class Line:
         began_s = time.monotonic()
         proxy.spoil(mischief)
         if mischief in _ENDS_THE_TALK:
-            self._must_go_off(role, mischief, began_s)
+            self._must_go_off(mischief, began_s, self._talk_ends_within_s(role))
+        elif mischief in _FORGETS:
+            self._driver.offer_setpoint(self._chance.choice((0.001, 0.003)))  # so that it is told something
+            self._must_go_off(mischief, began_s, self._forgotten_within_s(mischief))
         else:
             self._may_go_on()
         self._switch_off()
@@ -120,19 +135,30 @@ class Line:
         if self.stand.most_A > self.config.supply.max_current * 1.001:
             self.broken("more than supply.max_current flows", f"{self.stand.most_A:.4f} A")
 
-    def _must_go_off(self, role: str, mischief: Mischief, began_s: float) -> None:
+    def _talk_ends_within_s(self, role: str) -> float:
         within_s = self.promises.within_s(f"{role}_lost")
         if role == "supply":
             within_s = max(within_s, self.config.supply.watchdog_timeout)
-        within_s = min(within_s, OFF_AT_MOST_s) + MEASURING_s
+        return min(within_s, OFF_AT_MOST_s)
+
+    def _forgotten_within_s(self, mischief: Mischief) -> float:
+        within_s = self.promises.within_s(_FORGETS[mischief])
+        if mischief.kind == "forget":
+            # It does not hear "off" either: its watchdog counts from the last question, which asks whether it is off.
+            within_s += 2.0 * self.config.instruments.supply.timeout + self.config.supply.watchdog_timeout
+        return within_s
+
+    def _must_go_off(self, mischief: Mischief, began_s: float, within_s: float) -> None:
+        role, within_s = self.present[0], within_s + MEASURING_s
         if mischief.touches("questions"):
             within_s += mischief.delay_s  # "off" itself is on its way for so long
-        took_s = self.stand.off_within_s(began_s, 3.0)
+        took_s = self.stand.off_within_s(began_s, 4.0)
         if not took_s <= within_s:
-            took = "not within 3 s" if math.isnan(took_s) else f"after {took_s:.2f} s"
+            took = "not within 4 s" if math.isnan(took_s) else f"after {took_s:.2f} s"
             self.broken("the current is not off in time", f"{took}; {within_s:.2f} s are promised")
         else:
-            self.result.see(f"{role} spoilt, current off [s]", took_s)
+            what = "forgets" if mischief in _FORGETS else "spoilt"
+            self.result.see(f"{role} {what}, current off [s]", took_s)
         try:
             wait_until(lambda: self._says_fault(began_s), 2.0)
         except TimeoutError:

@@ -98,10 +98,10 @@ class Node:
 class Client:
     """What a ROS 2 program sees of a node."""
 
-    def __init__(self) -> None:
+    def __init__(self, number: int = 0) -> None:
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
-        self.node = rclpy.create_node(f"attacker_{os.getpid()}", context=self.context)
+        self.node = rclpy.create_node(f"attacker_{os.getpid()}_{number}", context=self.context)
         self._executor = SingleThreadedExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._clients: dict[str, Any] = {}

@@ -11,6 +11,7 @@ import random
 import socket
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 TRICKLE_s = 0.1  #: between two bytes of an answer without an end
@@ -24,13 +25,14 @@ class Mischief:
     kind: str
     direction: str = "answers"
     delay_s: float = 0.0  #: of "late"
+    words: str = ""  #: of "slip in"
 
     def touches(self, direction: str) -> bool:
         """Whether lines in ``direction`` are spoilt."""
         return self.direction in (direction, "both")
 
     def __str__(self) -> str:
-        return f"{self.kind}{f' {self.delay_s:g} s' if self.delay_s else ''}, {self.direction}"
+        return f"{self.kind}{f' {self.delay_s:g} s' if self.delay_s else ''}{f' {self.words}' if self.words else ''}, {self.direction}"
 
 
 HONEST = Mischief("honest", "none")
@@ -112,34 +114,38 @@ class Proxy:
                 self._sockets.discard(each)
 
     def _send_spoilt(self, sink: socket.socket, line: bytes, mischief: Mischief) -> None:
-        kind = mischief.kind
-        if kind == "late":
-            time.sleep(mischief.delay_s)
-            sink.sendall(line)
-        elif kind == "duplicate":
-            sink.sendall(line + line)
-        elif kind == "empty":
-            sink.sendall(b"\n")
-        elif kind == "extra":
-            # Once: from then on every answer is that to an older question.
-            sink.sendall(line * (EXTRA_LINES if self.spoilt == 1 else 1))
-        elif kind == "garble":
-            sink.sendall(self._garbled(line))
-        elif kind == "swap digits":
-            sink.sendall(bytes(self._digit() if 48 <= byte < 58 else byte for byte in line))
-        elif kind == "nan":
-            sink.sendall(b",".join(b"NAN" for _ in line.split(b",")) + b"\n")
-        elif kind == "half":
-            sink.sendall(line[: len(line) // 2].rstrip(b"\n") + b"\n")
-        elif kind == "unended":
-            sink.sendall(line.rstrip(b"\r\n"))
-        elif kind == "trickle":
+        if mischief.kind == "trickle":
             self._trickle(sink, mischief)
-        elif kind == "flood":
-            while self.mischief is mischief and not self._ending.is_set():
-                sink.sendall(b"9" * 65536)
-        elif kind != "drop":
-            raise ValueError(f"'{kind}' is no mischief of the proxy")
+            return
+        while mischief.kind == "flood" and self.mischief is mischief and not self._ending.is_set():
+            sink.sendall(b"9" * 65536)
+        time.sleep(mischief.delay_s)
+        sink.sendall(self._spoilt(line, mischief))
+
+    def _spoilt(self, line: bytes, mischief: Mischief) -> bytes:
+        """What is passed on in a line's place."""
+        first = self.spoilt == 1
+        kinds: dict[str, Callable[[], bytes]] = {
+            "late": lambda: line,
+            "drop": lambda: b"",
+            "flood": lambda: b"",
+            "duplicate": lambda: line + line,
+            "empty": lambda: b"\n",
+            # Once: from then on every answer is that to an older question.
+            "extra": lambda: line * (EXTRA_LINES if first else 1),
+            # Once: as where somebody turns a knob, or the instrument forgets by itself.
+            "slip in": lambda: (mischief.words.encode() + b"\n" if first else b"") + line,
+            # It answers, and does nothing of what it is told.
+            "forget": lambda: line if b"?" in line else b"",
+            "garble": lambda: self._garbled(line),
+            "swap digits": lambda: bytes(self._digit() if 48 <= byte < 58 else byte for byte in line),
+            "nan": lambda: b",".join(b"NAN" for _ in line.split(b",")) + b"\n",
+            "half": lambda: line[: len(line) // 2].rstrip(b"\n") + b"\n",
+            "unended": lambda: line.rstrip(b"\r\n"),
+        }
+        if mischief.kind not in kinds:
+            raise ValueError(f"'{mischief.kind}' is no mischief of the proxy")
+        return kinds[mischief.kind]()
 
     def _trickle(self, sink: socket.socket, mischief: Mischief) -> None:
         """Ten bytes a second without an end, until the mischief is over."""

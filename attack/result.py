@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +27,17 @@ class Result:
     counts: Counter[str] = field(default_factory=Counter)
     worst: dict[str, float] = field(default_factory=dict)  #: largest value seen, by name with its unit
     violations: list[Violation] = field(default_factory=list)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """As it is kept in a file."""
+        violations = [asdict(violation) for violation in self.violations]
+        return {"counts": dict(self.counts), "worst": self.worst, "violations": violations}
+
+    @classmethod
+    def from_mapping(cls, kept: Mapping[str, Any]) -> Result:
+        """What a file has kept of one."""
+        violations = [Violation(**violation) for violation in kept["violations"]]
+        return cls(Counter(kept["counts"]), dict(kept["worst"]), violations)
 
     def see(self, name: str, value: float) -> None:
         """Keep ``value`` where it is the largest of its name."""

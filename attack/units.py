@@ -38,9 +38,16 @@ def run_fuzz(seed: int, messages: int) -> Result:
     return attack(seed, messages)
 
 
+def run_soak(seed: int, hours: float) -> Result:
+    """One driver for virtual hours, and its memory."""
+    from .soak import attack
+
+    return attack(seed, 3600.0 * hours)
+
+
 def _own_domain(number: int) -> None:
     """A ROS domain of its own for each process that attacks; 1 to 99 are for those who work on this machine."""
     os.environ["ROS_DOMAIN_ID"] = str(100 + number % 100)
 
 
-RUNNERS = {"hours": run_hours, "lines": run_lines, "kills": run_kills, "fuzz": run_fuzz}
+RUNNERS = {"hours": run_hours, "lines": run_lines, "kills": run_kills, "fuzz": run_fuzz, "soak": run_soak}

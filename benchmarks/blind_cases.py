@@ -174,7 +174,7 @@ def make_logs(case: Case, folder: Path) -> list[Path]:
     with rig.opened():
         for number in range(2):
             bench.advance(number * (LOG_s + PAUSE_s))
-            log = rig.record(_open_loop(currents_A(config, number, case.seed)))
+            log = rig.record(_open_loop(currents_A(config, number, case.seed)), but=("load_spike",))
             columns = dict(log.columns)
             columns["time_s"] = columns["time_s"] + (bench.time_s - columns["time_s"][-1])
             if not case.ambient_logged:

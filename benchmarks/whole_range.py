@@ -65,7 +65,7 @@ def driven(wire: str, physics: str, seed: int, load, program_of) -> BenchLog:
     """A session of its own."""
     _, rig = bench_of(wire, physics, seed, load)
     with rig.opened():
-        return rig.record(program_of(rig.config))
+        return rig.record(program_of(rig.config), but=("load_spike",))
 
 
 def session(config) -> Program:

@@ -27,6 +27,7 @@ from sma_actuator.base.signals import (
 )
 from sma_actuator.config import Config, require_calibrated
 from sma_actuator.control.commanding import Commanding
+from sma_actuator.control.law import SensingLaw
 from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
 from sma_actuator.estimation.circuit import is_driven, signals_from_reading, without_undriven
@@ -36,8 +37,16 @@ from sma_actuator.safety.faults import FAULTS, gravest
 from sma_actuator.safety.guards.estimate import estimate_invalid
 from sma_actuator.safety.guards.program import unhandled_exception
 from sma_actuator.safety.guards.setpoints import Bucket, no_motion, setpoint_flood, setpoint_not_finite, setpoint_stale
-from sma_actuator.safety.limits import CURRENT_BIAS, CURRENT_MAX, LIMITS, SETPOINT_RANGE, SETPOINT_RATE, SETPOINT_REACH
-from sma_actuator.safety.reach import Reach
+from sma_actuator.safety.limits import (
+    CURRENT_BIAS,
+    CURRENT_MAX,
+    LIMITS,
+    SETPOINT_PACE,
+    SETPOINT_RANGE,
+    SETPOINT_RATE,
+    SETPOINT_REACH,
+)
+from sma_actuator.safety.reach import BEYOND_K, Reach
 from sma_actuator.safety.records import Fault, Limit, Step
 from sma_actuator.safety.supervisor import Supervisor
 
@@ -65,8 +74,9 @@ class Actuator:
         self._config = config
         self._chain = Chain(config)
         self._uncertainty = Uncertainty(config.model.build(config.wire), config.calibration)
+        self._controller = config.controller.build(config)
+        self._sensing = self._controller if isinstance(self._controller, SensingLaw) else None
         self._health = ModelHealth(config, config.supply.bias_current)
-        self._controller = config.controller.build(config.supply.bias_current)
         self._supervisor = Supervisor(config)
         self._reach = Reach(config.wire.full_stroke_m, config.thermal.heat_capacity / config.thermal.heat_loss)
         self._commanding = Commanding()
@@ -409,6 +419,8 @@ class Actuator:
         calibrated = without_undriven(signals_from_reading(reading, config, self._tare_N), config.supply.bias_current)
         self._signals, estimate = self._chain.step(calibrated)
         self._estimate = replace(estimate, uncertainty_m=self._uncertainty.step(self._signals, estimate))
+        if self._sensing is not None:
+            self._sensing.sense(self._signals, self._estimate)
         if self._health.step(self._signals, self._estimate):
             self._changes.append(f"model health: {self._health.verdict.words}")
         self._loads_N.append(self._signals.load_N + self._tare_N)
@@ -431,9 +443,10 @@ class Actuator:
             now_s,
             self._estimate.displacement_m,
             setpoint_m,
-            self._told.current_A >= ALL_THERE_IS * self._supervisor.limit_A(),
-            self._power_W,
-            self._signals.load_N,
+            at_max=self._told.current_A >= ALL_THERE_IS * self._supervisor.limit_A(),
+            hot=self._supervisor.heat.temperature_C > self._config.calibration.contracted_temperature + BEYOND_K,
+            power_W=self._power_W,
+            load_N=self._signals.load_N,
         )
         if self._reach.floor_m > setpoint_m:
             limits.add(SETPOINT_REACH)
@@ -453,6 +466,8 @@ class Actuator:
             wanted_A = controller.step(self._estimate.displacement_m, setpoint_m, dt_s, self._supervisor.limit_A())
         if controller.rate_limited:
             limits.add(SETPOINT_RATE)
+        if self._sensing is not None and self._sensing.paced:
+            limits.add(SETPOINT_PACE)
         if controller.at_max:
             limits.add(CURRENT_MAX)
         if controller.at_bias:
@@ -514,6 +529,11 @@ class Actuator:
     def _words_of(self, latched: Fault) -> str:
         return f"{latched.words} ({self._supervisor.detail})"
 
+    def _joint_command_words(self) -> str:
+        if self._joint_commands == "followed" and not self._commanding.armed:
+            return "not followed any more"
+        return self._joint_commands
+
     def _status(self, faults: dict[Fault, str], limits: set[Limit]) -> Status:
         supervisor = self._supervisor
         fault = supervisor.latched
@@ -546,7 +566,7 @@ class Actuator:
                 "limited_setpoint_m": self._controller.reference_m if self._commanding.is_driven else nan,
                 "branch": estimate.branch.name.lower(),
                 "quality": estimate.quality.name.lower(),
-                "joint_commands": self._joint_commands,
+                "joint_commands": self._joint_command_words(),
             },
         )
 

@@ -92,7 +92,9 @@ class Config(BenchConfig):
         config, found = from_mapping(cls, mapping)
         problems += found
         if config is not None:
-            problems += _cross_checks(config) + config.model.mismatches(config.wire)
+            problems += (
+                _cross_checks(config) + config.model.mismatches(config.wire) + config.controller.mismatches(config)
+            )
         _refuse(problems, source)
         return dataclasses.replace(config, effects=effects)
 

@@ -13,7 +13,8 @@ from sma_actuator.actuator import Actuator
 from sma_actuator.base.parameters import ConfigError, declaration_of
 from sma_actuator.base.signals import Command, Mode, Quality, Reading, SupplyState
 from sma_actuator.config import Config
-from sma_actuator.control.pid import PidParameters
+from sma_actuator.control import CONTROL_LAWS
+from sma_actuator.control.feed_forward import FeedForwardPidParameters
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.parameters import SafetyParameters
 
@@ -46,6 +47,19 @@ def live_values(section):
     return out
 
 
+#: What feed-forward wants to know of a wire.
+CALIBRATION = {
+    "contracted_stress": [20e6, 120e6],
+    "contracted_displacement": [0.1e-3, 0.2e-3],
+    "cold_stress": [20e6, 120e6],
+    "cold_displacement": [3.6e-3, 4.8e-3],
+    "transformation_heating": [64.0, 54.0],
+    "transformation_cooling": [39.0, 29.0],
+    "transformation_shift": [1.2e-7, 1.2e-7],
+    "latent_rise": 25.0,
+}
+
+
 class AnyUse(RuleBasedStateMachine):
     """An actuator in the hands of people, instruments and a clock that may all do anything."""
 
@@ -57,11 +71,13 @@ class AnyUse(RuleBasedStateMachine):
         rate_Hz=st.sampled_from([10.0, 20.0, 100.0]),
         loss=st.sampled_from(["hold", "bias", "off"]),
         timeout_s=st.sampled_from([0.0, 0.2, 3.0]),
-        controller=st.fixed_dictionaries(live_values(PidParameters)),
+        law=st.sampled_from(["pid", "feed_forward_pid"]),
+        controller=st.fixed_dictionaries(live_values(FeedForwardPidParameters)),
         max_stress_Pa=st.floats(1e6, 1e9) | st.just(175e6),
         derate_C=st.floats(40.0, 150.0) | st.just(160.0),
     )
-    def start(self, bias_A, span_A, rate_Hz, loss, timeout_s, controller, max_stress_Pa, derate_C):
+    def start(self, bias_A, span_A, rate_Hz, loss, timeout_s, law, controller, max_stress_Pa, derate_C):
+        self.law = law
         self.config = Config.from_mapping(self.base).replace(
             {
                 "loop.rate": rate_Hz,
@@ -69,7 +85,8 @@ class AnyUse(RuleBasedStateMachine):
                 "supply.bias_current": bias_A,
                 "supply.max_current": bias_A + span_A,
                 "supply.over_current_trip": 20.0,
-                **{f"controller.{name}": value for name, value in controller.items()},
+                "controller.type": law,
+                **self.known_to_the_law(controller),
                 "controller.on_setpoint_loss": loss,
                 "controller.setpoint_timeout": timeout_s,
                 "supply.max_voltage": 60.0,
@@ -83,6 +100,10 @@ class AnyUse(RuleBasedStateMachine):
         self.enabled = False  #: what the person believes: enabled, and no latched fault since
         self.latched = ""
         self.output = None
+
+    def known_to_the_law(self, controller):
+        known = live_values(CONTROL_LAWS[self.law])
+        return {f"controller.{name}": value for name, value in controller.items() if name in known}
 
     # --- what the world does ----------------------------------------------------------------------
 
@@ -252,11 +273,11 @@ class AnyUse(RuleBasedStateMachine):
         self.actuator.reset_estimator()
 
     @rule(
-        controller=st.fixed_dictionaries(live_values(PidParameters)),
+        controller=st.fixed_dictionaries(live_values(FeedForwardPidParameters)),
         safety=st.fixed_dictionaries(live_values(SafetyParameters)),
     )
     def anybody_changes_live_parameters(self, controller, safety):
-        changes = {f"controller.{k}": v for k, v in controller.items()} | {f"safety.{k}": v for k, v in safety.items()}
+        changes = self.known_to_the_law(controller) | {f"safety.{k}": v for k, v in safety.items()}
         try:
             self.config = self.config.replace(changes)
         except ConfigError:
@@ -282,7 +303,7 @@ class AnyUse(RuleBasedStateMachine):
 
 
 def test_no_use_whatsoever_commands_what_it_must_not(make_config):
-    AnyUse.base = make_config()
+    AnyUse.base = make_config(calibration=CALIBRATION)
     AnyUse.TestCase.settings = settings(
         max_examples=250,
         stateful_step_count=40,
@@ -303,7 +324,7 @@ def test_the_state_machine_does_reach_a_driven_wire(make_config):
             if self.output is not None and self.output.status.mode is Mode.TRACKING:
                 tracked.append(self.output.command.current_A > self.config.supply.bias_current)
 
-    Looking.base = make_config()
+    Looking.base = make_config(calibration=CALIBRATION)
     Looking.TestCase.settings = settings(
         max_examples=200,
         stateful_step_count=40,

@@ -142,12 +142,14 @@ class InProcessSupply(_InProcess):
         self._command(self._bench.supply.clear_trips)
 
     def switch_off(self) -> None:
-        """Output off and 0 A."""
+        """Output off and 0 A, read back.  Raises InstrumentLost, or InstrumentRefused where it stays on."""
         self._command(self._bench.supply.set_output, False)
         self._command(self._bench.supply.set_current, 0.0)
+        if self._bench.supply.output_on:
+            raise InstrumentRefused("virtual supply: was told to switch off and answers that its output is on")
 
     def shut_down(self) -> bool:
-        """Current to zero and output off; false where the supply cannot be reached any more.  Never raises."""
+        """Current to zero and output off; whether it read back as off.  Never raises."""
         supply = self._bench.supply
         try:
             self._reach(self._timeout_s)
@@ -155,7 +157,7 @@ class InProcessSupply(_InProcess):
             return False
         supply.set_current(0.0)
         supply.set_output(False)
-        return True
+        return not supply.output_on
 
     @property
     def _timeout_s(self) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,6 +20,8 @@ from .programs import Program, hold, partial_cycles, square_pulses
 from .rig import Rig
 
 Progress = Callable[[float], None]
+#: What a load cell that is not calibrated yet may seem to show.
+UNCALIBRATED = ("reading_implausible",)
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +39,8 @@ def lead_resistance(
     """R_lead with the wire shorted (3.4), at the bias current."""
     operator.short_wire()
     try:
-        log = _record(rig, part, hold(rig.config.supply.bias_current, part.parameters["average_s"]), progress)
+        program = hold(rig.config.supply.bias_current, part.parameters["average_s"])
+        log = _record(rig, part, program, progress, but=("short", *UNCALIBRATED))
     finally:
         operator.fit_wire()
     resistance_Ohm, _ = resistance_and_current(
@@ -136,7 +139,9 @@ def _apply_load(part: Part, operator: Operator) -> None:
         operator.hang_load(p["load_N"])
 
 
-def _record(rig: Rig, part: Part, program: Program, progress: Progress, **more: Any) -> BenchLog:
+def _record(
+    rig: Rig, part: Part, program: Program, progress: Progress, but: Collection[str] = (), **more: Any
+) -> BenchLog:
     wire = rig.config.wire
     metadata = {
         "kind": part.kind,
@@ -144,14 +149,15 @@ def _record(rig: Rig, part: Part, program: Program, progress: Progress, **more: 
         **part.parameters,
         **more,
     }
-    return dataclasses.replace(rig.record(program, progress), metadata=metadata)
+    return dataclasses.replace(rig.record(program, progress, but), metadata=metadata)
 
 
 def _point(rig: Rig, part: Part, number: int, progress: Progress, more: Mapping[str, float]) -> BenchLog:
     """One calibration point: some seconds at the bias current."""
     average_s = part.parameters["average_s"]
     program = hold(rig.config.supply.bias_current, average_s)
-    return _record(rig, part, program, lambda elapsed_s: progress(number * average_s + elapsed_s), **more)
+    but = UNCALIBRATED if part.kind == "load_cell" else ()
+    return _record(rig, part, program, lambda elapsed_s: progress(number * average_s + elapsed_s), but, **more)
 
 
 def _stroke_m(log: BenchLog, config) -> tuple[float, float]:

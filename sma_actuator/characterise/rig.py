@@ -3,20 +3,32 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
+from math import inf, isfinite, nan
 from typing import Any
 
 import numpy as np
 
-from sma_actuator.base.interrupts import noted_signals
+from sma_actuator.base.interrupts import Interrupts, noted_signals
+from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import Clock, Daq, InstrumentRefused, PowerSupply
 from sma_actuator.logs.bench_log import BenchLog
+from sma_actuator.safety.faults import gravest
+from sma_actuator.safety.records import Memory, Step
+from sma_actuator.safety.supervisor import Supervisor
 
 from .programs import Program
 
+#: The wire stays below max_temperature even where it loses this many times less heat than thermal.heat_loss, which
+#: at a new bench is a guess; not more, where thermal.heat_loss_margin says more: it hangs in the open, and is looked at.
+ATTENDED_MARGIN = 2.0
+#: Share of the way from the surroundings to max_temperature below which a wire is cool.
+COOL = 0.1
+_LOOK_s = 0.1
 _CHANNELS = (
     "supply_voltage_V",
     "reference_voltage_V",
@@ -27,12 +39,23 @@ _CHANNELS = (
 
 
 class Rig:
-    """Instruments in use.  ``config`` is a Config or what ``bench_from_mapping`` gives; it may be
-    replaced when a calibration has been measured."""
+    """Instruments in use, under the guards of the driver.  ``config`` is a Config or what ``bench_from_mapping`` gives;
+    it may be replaced when a calibration has been measured."""
 
     def __init__(self, config, supply: PowerSupply, daq: Daq, clock: Clock):
-        self.config = config
         self.supply, self.daq, self.clock = supply, daq, clock
+        self._config = config
+        self._watch = Watch(config, clock)
+
+    @property
+    def config(self):
+        """The parameters as they are now."""
+        return self._config
+
+    @config.setter
+    def config(self, config) -> None:
+        self._config = config
+        self._watch.update(config)
 
     @contextlib.contextmanager
     def opened(self) -> Iterator[Rig]:
@@ -67,55 +90,136 @@ class Rig:
         finally:
             self.supply.shut_down()
 
-    def record(self, program: Program, progress: Callable[[float], None] = lambda elapsed_s: None) -> BenchLog:
+    def record(
+        self,
+        program: Program,
+        progress: Callable[[float], None] = lambda elapsed_s: None,
+        but: Collection[str] = (),
+    ) -> BenchLog:
         """Run a program with the output on; return everything that was read.
 
-        While the output is on signals are noted, and end it after the row at hand with KeyboardInterrupt.
-        Raises InstrumentRefused where the stress exceeds ``wire.max_stress`` or the supply has
-        tripped, and whatever the instruments raise; the output is off by then.
+        The supervisor of the driver stands between: it lowers the current that is asked for where the wire would get too
+        hot or the stress too high, and every guard but those named in ``but`` looks at every row.  While the output is
+        on signals are noted, and end it after the row at hand with KeyboardInterrupt.
+        Raises InstrumentRefused where a guard finds something, and whatever the instruments raise; the output is
+        off by then.
         """
-        config, clock = self.config, self.clock
-        period_s = 1.0 / config.loop.rate
+        clock, watch = self.clock, self._watch
+        period_s = 1.0 / self.config.loop.rate
         rows: list[Any] = []
         drive = next(program)
-        with noted_signals() as interrupts, self._output():
-            start_s = deadline_s = clock.now_s()
-            while True:
-                interrupts.raise_noted()
-                current_A = float(np.clip(drive.current_A, 0.0, config.supply.max_current))
-                self.supply.set_current(current_A)
-                deadline_s = max(deadline_s + period_s, clock.now_s())
-                clock.sleep_until_s(deadline_s)
-                reading = self.daq.read_block()
-                signals = signals_from_reading(reading, config)
-                self._check(signals, len(rows))
-                rows.append(
-                    (reading.time_s, *(getattr(reading, name) for name in _CHANNELS), current_A, drive.setpoint_m)
-                )
-                progress(reading.time_s - start_s)
-                try:
-                    drive = program.send(signals)
-                except StopIteration:
-                    break
+        with noted_signals() as interrupts:
+            watch.let_cool(interrupts)
+            with self._output():
+                watch.begin()
+                start_s = deadline_s = clock.now_s()
+                while True:
+                    interrupts.raise_noted()
+                    current_A = watch.allowed_A(drive.current_A)
+                    self.supply.set_current(current_A)
+                    deadline_s = max(deadline_s + period_s, clock.now_s())
+                    clock.sleep_until_s(deadline_s)
+                    reading = self.daq.read_block()
+                    signals = signals_from_reading(reading, self.config)
+                    watch.look(reading, signals, self.supply.read_back(), but)
+                    rows.append(
+                        (reading.time_s, *(getattr(reading, name) for name in _CHANNELS), current_A, drive.setpoint_m)
+                    )
+                    progress(reading.time_s - start_s)
+                    try:
+                        drive = program.send(signals)
+                    except StopIteration:
+                        break
         names = ("time_s", *_CHANNELS, "current_command_A", "setpoint_m")
         columns = dict(zip(names, np.array(rows).T.copy(), strict=True))
         columns["time_s"] -= columns["time_s"][0]
         return BenchLog({n: v for n, v in columns.items() if not np.isnan(v).all()})
 
-    def _check(self, signals, count: int) -> None:
-        stress_Pa, limit_Pa = signals.stress_Pa, self.config.wire.max_stress
-        if self.config.load_cell.calibrated and not stress_Pa <= limit_Pa:  # until then the bias current flows alone
+
+class Watch:
+    """The driver's guards and limits over a wire that has no model yet: nothing is estimated, so nothing of an estimate
+    can be wrong."""
+
+    def __init__(self, config, clock: Clock):
+        self._clock = clock
+        self._supervisor = Supervisor(_attended(config))
+        self._seen_s = clock.now_s()
+        self._told = Command(0.0, False)
+
+    def update(self, config) -> None:
+        """Go on with other parameters; what is known of the wire's heat stays."""
+        self._supervisor.config = _attended(config)
+
+    def let_cool(self, interrupts: Interrupts) -> None:
+        """Wait, with the output off, until a wire would be cool whatever it was: of one at the beginning nothing is known."""
+        supervisor, heat = self._supervisor, self._supervisor.heat
+        while True:
+            now_s = self._clock.now_s()
+            supervisor.keep_heat(0.0, 0.0, now_s - self._seen_s, nan)
+            self._seen_s = now_s
+            hottest_C, ambient_C = supervisor.config.thermal.max_temperature, heat.ambient.temperature_C
+            if heat.at_most_C - ambient_C <= COOL * (hottest_C - ambient_C):
+                return
+            interrupts.raise_noted()
+            self._clock.sleep_until_s(now_s + _LOOK_s)
+
+    def begin(self) -> None:
+        """The output goes on, at the bias."""
+        supervisor = self._supervisor
+        supervisor.latched, supervisor.memory = None, Memory()
+        supervisor.enabled(self._clock.now_s())
+        self._seen_s = self._clock.now_s()
+        self._told = Command(supervisor.config.supply.bias_current, True)
+
+    def allowed_A(self, wanted_A: float) -> float:
+        """The current [A] that may flow of what is wanted."""
+        wanted_A = float(np.clip(wanted_A, 0.0, self._supervisor.config.supply.max_current))
+        self._told, _ = self._supervisor.gate(wanted_A, driven=True, faults={})
+        return self._told.current_A
+
+    def look(self, reading: Reading, signals: Signals, supply: SupplyState, but: Collection[str]) -> None:
+        """Look at a row.  Raises InstrumentRefused where something is wrong with it."""
+        supervisor, now_s = self._supervisor, self._clock.now_s()
+        config, dt_s = supervisor.config, now_s - self._seen_s
+        self._seen_s = now_s
+        usable = supervisor.usable(reading, -inf, now_s)
+        wire_V = max(reading.supply_voltage_V - reading.reference_voltage_V, 0.0)
+        supervisor.keep_heat(signals.current_A * wire_V, signals.current_A, dt_s, reading.ambient_temperature_C)
+        place_m = signals.reference_displacement_m
+        estimate = Estimate(
+            signals.time_s, place_m if isfinite(place_m) else 0.0, nan, 0.0, Branch.HEATING, Quality.DETERMINATE
+        )
+        found = supervisor.inspect(
+            Step(
+                config,
+                supervisor.memory,
+                now_s,
+                dt_s,
+                True,
+                supervisor.settled(now_s),
+                reading,
+                usable,
+                signals,
+                estimate,
+                supply,
+                self._told,
+                supervisor.heat,
+            ),
+            but,
+        )
+        supervisor.watch_stress(signals.stress_Pa, estimate.displacement_m, self._told.current_A)
+        wrong = [fault for fault in found if fault.prevents_enabling]
+        if wrong:
+            fault = gravest(wrong)
             raise InstrumentRefused(
-                f"the wire's stress reads {stress_Pa / 1e6:.0f} MPa, above wire.max_stress, {limit_Pa / 1e6:.0f} MPa; "
-                "hang less, or check load_cell.slope and load_cell.offset"
+                f"{fault.words} ({found[fault]}). {fault.remedy}; the part is repeated when resumed"
             )
-        if count % 20 == 10:
-            state = self.supply.read_back()
-            if state.tripped or not state.output_on:
-                raise InstrumentRefused(
-                    f"the supply's output is off ({state.tripped or 'switched by someone else'}); "
-                    "find out why before going on: the part is repeated when resumed"
-                )
+
+
+def _attended(config):
+    """The parameters, with the margin of heat loss of a wire in the open that a person stays beside."""
+    margin = min(config.thermal.heat_loss_margin, ATTENDED_MARGIN)
+    return dataclasses.replace(config, thermal=dataclasses.replace(config.thermal, heat_loss_margin=margin))
 
 
 @contextlib.contextmanager

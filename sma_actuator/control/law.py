@@ -3,10 +3,67 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from sma_actuator.base.parameters import parameter
 from sma_actuator.base.registry import Registry
+from sma_actuator.base.sections import SupplyParameters, ThermalParameters, Wire
+from sma_actuator.base.signals import Estimate, Signals
+
+
+class Transformation(Protocol):
+    """What the model's calibration says of how the wire transforms (``estimation.calibration`` describes each)."""
+
+    @property
+    def transformation_known(self) -> bool:
+        """Whether it says anything."""
+
+    @property
+    def transformation_heating(self) -> tuple[float, ...]:
+        """Temperatures of the heating wire [°C]."""
+
+    @property
+    def transformation_cooling(self) -> tuple[float, ...]:
+        """Temperatures of the cooling wire [°C]."""
+
+    @property
+    def transformation_shift(self) -> tuple[float, ...]:
+        """How much higher they are per stress, cooling and heating [K/Pa]."""
+
+    @property
+    def latent_rise(self) -> float:
+        """Latent heat of the whole stroke over the heat capacity [K]."""
+
+    @property
+    def contracted_displacement(self) -> tuple[float, ...]:
+        """Where the contracted wire is [m]."""
+
+    @property
+    def cold_displacement(self) -> tuple[float, ...]:
+        """Where the cold wire is [m]."""
+
+    def share_of_stroke(self, displacement_m: float, stress_Pa: float) -> float:
+        """How far between the two a displacement lies at a stress."""
+
+
+class LawSections(Protocol):
+    """The parameters that a control law is built from; a ``Config`` has them."""
+
+    @property
+    def wire(self) -> Wire:
+        """The wire."""
+
+    @property
+    def supply(self) -> SupplyParameters:
+        """The limits of the current."""
+
+    @property
+    def thermal(self) -> ThermalParameters:
+        """The heat balance."""
+
+    @property
+    def calibration(self) -> Transformation:
+        """What the model's own logs looked like."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +101,13 @@ class ControllerParameters:
         "hold", "what to do when the setpoint is lost", choices=("hold", "bias", "off"), live=True
     )
 
-    def build(self, bias_A: float) -> ControlLaw:
-        """The law with these parameters, whose output lies between ``bias_A`` and the limit of each step."""
+    def build(self, sections: LawSections) -> ControlLaw:
+        """The law with these parameters, whose output lies between ``supply.bias_current`` and the limit of each step."""
         raise NotImplementedError
+
+    def mismatches(self, sections: LawSections) -> list[str]:
+        """Why this law cannot drive that wire."""
+        return []
 
 
 class ControlLaw(Protocol):
@@ -69,6 +130,16 @@ class ControlLaw(Protocol):
 
         Arguments that are not finite give the bias current and change nothing.
         """
+
+
+@runtime_checkable
+class SensingLaw(Protocol):
+    """A control law that also looks at what is measured, whether the wire is driven or not."""
+
+    paced: bool  #: the wire cannot follow the setpoint so fast, and the law does not ask it to
+
+    def sense(self, signals: Signals, estimate: Estimate) -> None:
+        """Take note of a reading, before the step that it is used in."""
 
 
 def _refusal(_name: str, cls: type[ControllerParameters]) -> str:

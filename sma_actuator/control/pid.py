@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from sma_actuator.base.parameters import parameter
 
-from .law import CONTROL_LAWS, ControllerParameters
+from .law import CONTROL_LAWS, ControlLaw, ControllerParameters, LawSections
 
 #: Beyond these no position or setpoint of a wire lies; NaN and infinities fail the same comparison.
 POSITION_BOUND_m = 100.0
@@ -29,9 +29,9 @@ class PidParameters(ControllerParameters):
     kd: float = parameter(0.0, "derivative gain, on the estimate", "A·s/m", 0.0, 1e6, live=True)
     derivative_time_constant: float = parameter(0.1, "low-pass of the derivative", "s", 0.0, 10.0, live=True)
 
-    def build(self, bias_A: float) -> PidController:
+    def build(self, sections: LawSections) -> ControlLaw:
         """The PID with these gains."""
-        return PidController(self, bias_A)
+        return PidController(self, sections.supply.bias_current)
 
 
 class PidController:
@@ -44,6 +44,7 @@ class PidController:
     """
 
     __slots__ = (
+        "ahead_A",
         "at_bias",
         "at_max",
         "bias_A",
@@ -60,6 +61,7 @@ class PidController:
     def __init__(self, gains: PidParameters, bias_current_A: float):
         self.gains = gains
         self.bias_A = bias_current_A
+        self.ahead_A = 0.0  #: what is given ahead of the PID, by a law that is built on it
         self.reset(0.0, bias_current_A)
 
     def reset(self, position_m: float, output_A: float) -> None:
@@ -120,7 +122,7 @@ class PidController:
         self.position_m = position_m
         self.error_m = error_m
 
-        rest_A = gains.kp * error_m + gains.kd * self.velocity_m_s
+        rest_A = gains.kp * error_m + gains.kd * self.velocity_m_s + self.ahead_A
         integral_A = self.integral_A + gains.ki * error_m * dt_s
         output_A = rest_A + integral_A
         self.at_max = output_A > limit_A

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from math import nan
+from typing import Any
 
 import numpy as np
 
@@ -82,6 +83,38 @@ class Calibration:
         1e3,
         optional=True,
     )
+
+    transformation_heating: tuple[float, ...] = parameter(
+        (),
+        "temperatures of the heating wire, at no stress, at equally spaced shares of its stroke, contracted first",
+        "°C",
+        -1e3,
+        1e3,
+        optional=True,
+    )
+    transformation_cooling: tuple[float, ...] = parameter((), "the same, cooling", "°C", -1e3, 1e3, optional=True)
+    transformation_shift: tuple[float, ...] = parameter(
+        (), "how much higher they are per stress, cooling and heating", "K/Pa", -1e-3, 1e-3, optional=True
+    )
+    latent_rise: float = parameter(
+        nan, "latent heat of the whole stroke over thermal.heat_capacity", "K", -1e3, 1e3, optional=True
+    )
+
+    def share_of_stroke(self, displacement_m: Any, stress_Pa: Any) -> Any:
+        """How far a displacement lies between the contracted (0) and the cold wire (1) at a stress; of numbers or arrays."""
+        hot_m = np.interp(stress_Pa, self.contracted_stress, self.contracted_displacement)
+        cold_m = np.interp(stress_Pa, self.cold_stress, self.cold_displacement)
+        return (displacement_m - hot_m) / (cold_m - hot_m)
+
+    @property
+    def transformation_known(self) -> bool:
+        """Whether it says at which temperatures the wire transforms, and between which displacements."""
+        complete = min(len(self.transformation_heating), len(self.transformation_cooling)) > 1
+        complete = complete and len(self.transformation_shift) == 2 and math.isfinite(self.latent_rise)
+        if not (complete and self.contracted_stress and self.cold_stress):
+            return False
+        hot_m = np.interp(self.cold_stress, self.contracted_stress, self.contracted_displacement)
+        return bool(np.all(np.array(self.cold_displacement) > hot_m))
 
     def cooling_rise_K(self, stress_Pa: float) -> float:
         """The rise above ambient at which a cooling wire passes ``cooling_position``; NaN where that is not known."""

@@ -77,8 +77,8 @@ EFFECTS: dict[str, tuple[str, tuple[tuple[int, ...] | None, ...]]] = {
 }
 #: What moves the joint and leaves no trace in resistance and heat.
 BLIND = (
-    "a slip or creep in crimps and mount, play, a mechanism that yields, thermal expansion of the mount, "
-    "a load cell that is wrong in proportion, and anything smaller than the bounds"
+    "a slip or creep in crimps and mount, play, a mechanism that yields, thermal expansion of the mount, a resistivity that "
+    "rises more with temperature where the wire is never held contracted, and anything smaller than the bounds"
 )
 
 
@@ -192,7 +192,7 @@ class ModelHealth:
         self._usual_C, self._tolerance_K = thermal.ambient_temperature, thermal.ambient_tolerance
         self._range_m = config.model.build(config.wire).displacement_range_m
         ends = [
-            np.mean(values) if values else nan
+            float(np.mean(values)) if values else nan
             for values in (
                 calibration.cold_resistance,
                 calibration.hot_resistance,

@@ -17,6 +17,7 @@ from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.safety.thermal import HeatBalance
 
+from .balance import balance_of
 from .experiments import Experiment
 from .rests import find_rests
 
@@ -87,7 +88,7 @@ def calibration_of(experiments: Sequence[Experiment], config: Config, at_rest: b
     values.update(_cooling(experiments, config))
     values.update(_at_rest(experiments, config.thermal.heat_capacity / config.thermal.heat_loss))
     values.update(_contracted(experiments, config))
-    return Calibration(**values)
+    return Calibration(**values, **balance_of(experiments, config, Calibration(**values)))
 
 
 def _rounded(values: np.ndarray, digits: int) -> tuple[float, ...]:

@@ -14,9 +14,11 @@ from __future__ import annotations
 
 import argparse
 import collections
+import contextlib
 import dataclasses
 import gc
 import math
+import os
 import sys
 import threading
 import time
@@ -45,7 +47,7 @@ from trajectory_msgs.msg import JointTrajectory
 from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Health, Mode, Output, Quality, Status
-from sma_actuator.base.streams import keep_standard_streams
+from sma_actuator.base.streams import keep_standard_streams, unblockable_streams
 from sma_actuator.check.selftest import Level, SelfTest, passed
 from sma_actuator.config import NODE_NAME, Config
 from sma_actuator.driver import Driver, DriverStopped
@@ -67,6 +69,7 @@ from sma_msgs_py import (
 )
 
 from . import arguments as ros_arguments
+from .action import FollowJointTrajectoryServer
 from .guard import refuse_what_raises, spin
 from .named_signals import named_signals
 from .parameters import NO_SIM_TIME, ROS_PARAMETERS, NodeParameters
@@ -209,6 +212,9 @@ class SmaActuatorNode(LifecycleNode):
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
 
+        self._follow: FollowJointTrajectoryServer | None = None
+        with contextlib.suppress(ModuleNotFoundError):  # control_msgs comes with ros2_control
+            self._follow = FollowJointTrajectoryServer(self, self, self._monotonic.now_s)
         self._woken = self.create_guard_condition(self._publish)
         self._handoff = _Handoff(self.get_name(), self._woken.trigger)
         self._steady_timer(STATUS_PERIOD_s, self._publish_status)
@@ -230,6 +236,7 @@ class SmaActuatorNode(LifecycleNode):
         if not self._active or driver is None:
             self.report(f"a setpoint was ignored: {self._not_active()}")
             return
+        self._preempt("a setpoint has come")
         driver.offer_setpoint(position_from(message))
 
     def _on_trajectory(self, serialized: bytes) -> None:
@@ -249,8 +256,32 @@ class SmaActuatorNode(LifecycleNode):
         except ValueError as error:
             self.report(str(error))
             return
-        delay_s = start_from(message, self.get_clock().now().nanoseconds)
-        driver.offer_trajectory(times_s, positions_m, velocities_m_s, delay_s)
+        self._preempt("another trajectory has come")
+        self.offer(times_s, positions_m, velocities_m_s, start_from(message, self.get_clock().now().nanoseconds))
+
+    # --- what the action asks of its node ---------------------------------------------------------
+
+    def refuses_trajectories(self) -> str:
+        """Why no goal of the action can be taken now, or ""."""
+        output = self._handoff.latest
+        if not self._active or self._driver is None:
+            return self._not_active()
+        if output is None or not output.command.output_on:
+            return "the output is off; call ~/enable first"
+        return ""
+
+    def offer(
+        self, times_s: list[float], positions_m: list[float], velocities_m_s: list[float] | None, delay_s: float
+    ) -> None:
+        """Hand a trajectory to the loop; without points the motion ends."""
+        if self._driver is not None:
+            self._driver.offer_trajectory(times_s, positions_m, velocities_m_s, delay_s)
+
+    def _preempt(self, why: str) -> None:
+        if self._follow is not None:
+            self._follow.preempt(why)
+
+    # --- commands and services --------------------------------------------------------------------
 
     def _on_joint_command(self, serialized: bytes) -> None:
         driver = self._driver
@@ -422,6 +453,8 @@ class SmaActuatorNode(LifecycleNode):
             return
         for refusal in driver.refusals():
             self.report(refusal)
+        if self._follow is not None:
+            self._follow.watch(output)
         signals, estimate = output.signals, output.estimate
         if self._active and math.isfinite(signals.time_s):
             stamp = self._stamp(signals.time_s)
@@ -599,6 +632,7 @@ class SmaActuatorNode(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Output off; the loop goes on measuring."""
+        self._preempt("the node is deactivated")
         with self._arming:  # so that nothing goes on that was asked for before
             self._active = False
         driver = self._driver
@@ -673,7 +707,9 @@ def main(arguments: list[str] | None = None) -> int:
     nodes: list[SmaActuatorNode] = []
     threads: list[threading.Thread] = []
     switch: Switch | None = None
-    with noted_signals() as interrupts:
+    if os.isatty(sys.stderr.fileno()):
+        os.environ.setdefault("RCUTILS_COLORIZED_OUTPUT", "1")  # ROS 2 will see no terminal
+    with unblockable_streams(), noted_signals() as interrupts:
         try:
             ros, names = _names(sys.argv[1:] if arguments is None else arguments)
             _begin_ros(ros.rclpy)
@@ -691,8 +727,8 @@ def main(arguments: list[str] | None = None) -> int:
         finally:
             sentences = tuple(fatal)  # what comes after this is a consequence of ending
             _stop(nodes, threads, switch)
-    for sentence in sentences:
-        print(f"sma_actuator_node: {sentence}", file=sys.stderr)
+        for sentence in sentences:
+            print(f"sma_actuator_node: {sentence}", file=sys.stderr)
     return 1 if sentences else 0
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .formula import longest, parameter_value, seconds
-from .reach import BACK_OFF, MOTION, PATIENCE_TIMES, WARM, PATIENCE_s
+from .reach import BACK_OFF, BEYOND_K, MOTION, PATIENCE_TIMES, WARM, PATIENCE_s
 from .records import Limit
 from .timing import ONE_STEP, TWO_STEPS
 
@@ -19,6 +19,13 @@ SETPOINT_RATE = Limit(
     "setpoint rate limited",
     "The wire follows as fast as controller.setpoint_rate_limit allows",
     "setpoint changes faster than controller.setpoint_rate_limit",
+    ONE_STEP,
+)
+SETPOINT_PACE = Limit(
+    "setpoint_pace",
+    "setpoint shaped to what the wire can follow",
+    "Ask for slower motion; a wire cools no faster than its surroundings let it",
+    "controller.type feed_forward_pid: the setpoint moves faster than the wire can heat with the current there is, or cool",
     ONE_STEP,
 )
 CURRENT_MAX = Limit(
@@ -57,7 +64,8 @@ SETPOINT_REACH = Limit(
     "setpoint_reach",
     "no further contraction: all the current there is does not move the wire",
     "Ask for positions that the wire can hold under this load, where its resistance tells where it is",
-    f"all the current there is, a wire that is warm from it ({100 * WARM:g} % of what it will be), and for the longer of "
+    f"all the current there is, a wire that is warm from it ({100 * WARM:g} % of what it will be, or {BEYOND_K:g} K more "
+    "than a contracted wire was at its calibration), and for the longer of "
     f"{PATIENCE_s:g} s and {PATIENCE_TIMES:g} of its time constants not {100 * MOTION:g} % of the full stroke of motion towards "
     f"the setpoint; the shortest setpoint is then {100 * BACK_OFF:g} % longer than the wire seems to be, until a longer one "
     "is asked for or the load changes",

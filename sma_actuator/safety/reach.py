@@ -18,6 +18,8 @@ MOTION = 0.01
 BACK_OFF = 0.02
 #: Share of its final temperature above which a wire counts as warm as its power makes it; below, motion may still come.
 WARM = 0.9
+#: So much hotter than a contracted wire was at its calibration, by the heat balance, and no motion will come any more.
+BEYOND_K = 10.0
 #: Times running that backing off may be in vain.
 TRIES = 5
 #: Share by which a load may differ from the one it was tried with, before it is tried again.
@@ -43,9 +45,10 @@ class Reach:
         self._since_s = self._from_m = self._load_N = self._there_s = nan
 
     def step(
-        self, now_s: float, position_m: float, wanted_m: float, at_max: bool, power_W: float, load_N: float
+        self, now_s: float, position_m: float, wanted_m: float, at_max: bool, hot: bool, power_W: float, load_N: float
     ) -> None:
-        """Take note of one step: where the wire is, where it should be, and whether all current there is flows."""
+        """Take note of one step: where the wire is, where it should be, whether all current there is flows, and
+        whether it is hotter than it need be to be contracted."""
         if now_s > self._now_s:
             self._held_W -= expm1((self._now_s - now_s) / self._time_constant_s) * (power_W - self._held_W)
         self._now_s = now_s
@@ -59,9 +62,9 @@ class Reach:
             self.tries = 0
         stuck = (
             at_max
-            and position_m > aim_m + self._motion_m
+            and position_m > aim_m
             and position_m > self._from_m - self._motion_m
-            and self._held_W > WARM * power_W
+            and (hot or self._held_W > WARM * power_W)
         )
         if not stuck:
             self._since_s, self._from_m = now_s, position_m

@@ -6,6 +6,7 @@ what follows from a fault stands beside its guard.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from math import inf, nan, sqrt
 
 from sma_actuator.base.signals import Command, Reading
@@ -68,8 +69,8 @@ class Supervisor:
             self._resistance_Ohm = power_W / current_A**2
         self.heat.step(power_W, dt_s, ambient_C, self.config.thermal)
 
-    def inspect(self, step: Step) -> dict[Fault, str]:
-        """The faults of this step and why; those that latch are latched.
+    def inspect(self, step: Step, but: Collection[str] = ()) -> dict[Fault, str]:
+        """The faults of this step and why, but for those of these names; those that latch are latched.
 
         While the output is off, most only prevent it from going on (``present``).
         """
@@ -77,7 +78,9 @@ class Supervisor:
             self._good_readings += 1
         self.present = {}
         for fault in FAULTS.values():
-            if isinstance(fault, Guard) and fault.each_step and (detail := fault.look(step)):
+            if fault.name in but or not (isinstance(fault, Guard) and fault.each_step):
+                continue
+            if detail := fault.look(step):
                 self.present[fault] = detail
         found = {f: d for f, d in self.present.items() if step.driven or f.while_off or not f.latches}
         for fault, detail in found.items():  # in the order of FAULTS: the gravest first

@@ -1,5 +1,6 @@
-"""A program that is started without standard streams."""
+"""A program that is started without standard streams, or whose words nobody reads."""
 
+import os
 import subprocess
 import sys
 
@@ -32,3 +33,42 @@ def test_what_it_says_does_not_go_where_it_is_connected_to(tmp_path, closed):
     assert run.returncode == 7, run.stderr
     assert connection.read_text() == ""
     assert run.stdout == ("" if ">&-" in closed.replace("2>&-", "") else "results\n")
+
+
+_WORDY = """
+import contextlib, os, sys
+from sma_actuator.base.streams import unblockable_streams
+with unblockable_streams():
+    for _ in range(100):
+        with contextlib.suppress(BlockingIOError):
+            os.write(2, 65536 * b"x")
+    print("said all", flush=True)
+sys.exit(7)
+"""
+
+
+def test_words_that_nobody_reads_hold_nothing_up():
+    reader, writer = os.pipe()  # and nobody reads
+    try:
+        run = subprocess.run(
+            [sys.executable, "-c", _WORDY], stdout=subprocess.PIPE, stderr=writer, timeout=60, check=False
+        )
+        assert (run.returncode, run.stdout) == (7, b"said all\n")
+    finally:
+        os.close(reader)
+        os.close(writer)
+
+
+def test_words_that_are_read_arrive_in_order_and_whole():
+    program = """
+import os, sys
+from sma_actuator.base.streams import unblockable_streams
+with unblockable_streams():
+    for number in range(1000):
+        print(number, file=sys.stderr, flush=True)
+    os.write(1, b"and a library\\n")
+print("afterwards")
+"""
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    assert run.stderr.split() == [str(number) for number in range(1000)]
+    assert run.stdout == "and a library\nafterwards\n"

@@ -321,3 +321,23 @@ def test_a_node_that_is_gone_is_named_within_the_published_time(make_config, rat
     while not (one.status.fault == "node_lost" and not one.bench.supply.output_on):
         one.driver.run_for(1e-3)
         assert one.bench.time_s - start_s <= FAULTS["node_lost"].within(one.config) + 1e-6
+
+
+@pytest.mark.parametrize("rate_Hz", [5.0, 20.0])
+def test_an_output_that_stays_on_is_named_within_the_published_time(rig, rate_Hz):
+    """The supply answers, and does nothing of what it is told: it is told to be off when another fault is there."""
+    rig = rig(**{"loop.rate": rate_Hz, "loop.samples_per_block": 10, "safety.reading_timeout": 0.4 + 1.0 / rate_Hz})
+    rig.enable()
+    rig.bench.supply.set_output = lambda on: None
+    rig.bench.inject("load_spike", 20.0)
+    while not rig.status.fault:
+        rig.driver.run_for(1e-3)
+    start_s = rig.bench.time_s
+    within_s = FAULTS["output_not_confirmed"].within(rig.config)
+    while not rig.driver.output_words.endswith("not confirmed"):
+        rig.driver.run_for(1e-3)
+        assert rig.bench.time_s - start_s <= within_s + 1e-6
+    done, words = rig.driver.enable(False)
+    assert (done, "told to be off, not confirmed" in words) == (False, True)
+    rig.driver.run_for(1.0 / rate_Hz)
+    assert rig.status.values["output"] == "told to be off, not confirmed"

@@ -7,19 +7,26 @@ from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Branch, Estimate, Health, Quality, Signals
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualClock, Weight
 from sma_actuator.bench.hidden import HiddenBench
+from sma_actuator.cli.main import main
 from sma_actuator.config import Config
 from sma_actuator.driver import Driver
 from sma_actuator.estimation.chain import Estimates
 from sma_actuator.estimation.health import ModelHealth
+from sma_actuator.logs.bench_log import read_bench_log
+from sma_actuator.logs.recorder import BenchLogRecorder
 
 
-def used(hidden, mornings=4, config=None):
-    """The outputs of a wire that is switched on in the morning, moved about, and left alone."""
-    config = config or Config.load(shared_file("config/flexinol.yaml"))
+def used(hidden, mornings=4, folder=None):
+    """The outputs of a wire that is switched on in the morning, moved about, and left alone; recorded in ``folder``."""
+    config = Config.load(shared_file("config/flexinol.yaml"))
+    recorder = None
+    if folder is not None:
+        config = config.replace({"recorder.folder": str(folder)})
+        recorder = BenchLogRecorder(config, "wire")
     bench = HiddenBench.from_name("flexinol", seed=5, load=Weight(0.98), hidden=hidden)
     outputs = []
-    clock = VirtualClock(bench)
-    with Driver(config, InProcessSupply(bench, config), InProcessDaq(bench, config), clock, outputs.append) as driver:
+    supply, daq, clock = InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench)
+    with Driver(config, supply, daq, clock, outputs.append, recorder) as driver:
         driver.run_for(20.0)
         for _ in range(mornings):
             assert driver.enable(True)[0]
@@ -29,6 +36,8 @@ def used(hidden, mornings=4, config=None):
                 driver.run_for(4.0)
             assert driver.enable(False)[0]
             driver.run_for(20.0)
+    if recorder is not None:
+        recorder.close()
     return outputs
 
 
@@ -38,8 +47,13 @@ def as_calibrated():
 
 
 @pytest.fixture(scope="module")
-def with_longer_leads():
-    return used({"lead_resistance": 0.05})
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("recorded")
+
+
+@pytest.fixture(scope="module")
+def with_longer_leads(folder):
+    return used({"lead_resistance": 0.05}, folder=folder)
 
 
 def words(outputs):
@@ -92,6 +106,14 @@ def test_of_a_log_it_says_what_it_said_live(with_longer_leads):
     assert when_s == next(o.signals.time_s for o in outputs if o.health.state is Health.DUE)
     assert verdict.state is Health.DUE
     assert judge.verdict == outputs[-1].health
+
+
+def test_the_recording_holds_the_verdict_and_replay_comes_to_it_too(with_longer_leads, folder, capsys):
+    (path,) = folder.glob("*.csv")
+    (recorded,) = [event for _, event in read_bench_log(path).events if "model health" in event]
+    assert recorded == words(with_longer_leads)[0]
+    assert main(["replay", str(path), "--config", str(shared_file("config/flexinol.yaml")), "--health", "-q"]) == 0
+    assert with_longer_leads[-1].health.words in capsys.readouterr().out
 
 
 def test_without_a_calibration_it_says_that_it_does_not_know(make_config):

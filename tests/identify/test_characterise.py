@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import itertools
 import json
+import math
 import os
 import signal
 
@@ -17,11 +18,12 @@ from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
 from sma_actuator.characterise import PlanOptions, characterise, make_plan
 from sma_actuator.characterise.calibration import fit_line
-from sma_actuator.characterise.programs import every_ordered_pair, hold
+from sma_actuator.characterise.programs import every_ordered_pair, hold, square_pulses
 from sma_actuator.cli.main import main
 from sma_actuator.config import bench_from_mapping
 from sma_actuator.instruments import InstrumentLost, InstrumentRefused
 from sma_actuator.logs.bench_log import read_bench_log
+from sma_actuator.plant.worlds import WORLDS
 
 
 @pytest.mark.parametrize("n", [2, 3, 5, 8])
@@ -127,9 +129,15 @@ def test_the_current_is_off_when_the_daq_is_lost(tmp_path):
 def test_too_much_stress_stops_the_experiment_with_the_current_off():
     bench, rig, operator = virtual_rig("flexinol")
     operator.hang_load(4.0)
-    with pytest.raises(InstrumentRefused, match="above wire.max_stress"), rig.opened():
+    with pytest.raises(InstrumentRefused, match="stress above its limit .*wire.max_stress is 175 MPa"), rig.opened():
         rig.record(hold(0.3, 5.0))
     assert not bench.supply.output_on
+
+
+def test_a_hand_that_switches_the_output_off_ends_the_experiment():
+    bench, rig, _ = virtual_rig("flexinol")
+    with pytest.raises(InstrumentRefused, match="somebody else commands the supply"), rig.opened():
+        rig.record(hold(0.2, 5.0), lambda _: bench.supply.set_output(False))
 
 
 def test_a_tripped_supply_is_noticed():
@@ -138,6 +146,48 @@ def test_a_tripped_supply_is_noticed():
     with pytest.raises(InstrumentRefused, match="OCP"), rig.opened():
         rig.record(hold(0.3, 5.0))
     assert not bench.supply.output_on
+
+
+@pytest.mark.parametrize(
+    ("fault", "value", "words"),
+    [
+        ("open_wire", math.nan, "the wire is open"),
+        ("short_wire", 0.0, "the wire is shorted"),
+        ("channel_stuck", 103, "a channel is stuck"),
+        ("channel_nan", 103, "a reading is not finite"),
+        ("channel_saturated", 103, "a DAQ channel is saturated"),
+        ("load_spike", 2.0, "the load jumped"),
+        ("current_disagrees", 0.5, "the supply does not do what it was told"),
+    ],
+)
+def test_every_guard_of_the_driver_looks_at_an_experiment_too(fault, value, words):
+    bench, rig, _ = virtual_rig("flexinol")
+
+    def provoke(elapsed_s):
+        if elapsed_s > 0.5 and fault not in provoked:
+            provoked.append(fault)
+            bench.inject(fault, value)
+
+    provoked = []
+    with rig.opened():
+        with pytest.raises(InstrumentRefused, match=words):
+            rig.record(hold(0.2, 5.0), provoke)
+        assert not bench.supply.output_on
+
+
+@pytest.mark.parametrize("wire", ["flexinol", "furukawa"])
+@pytest.mark.parametrize("physics", WORLDS)
+def test_a_wire_that_loses_half_of_the_heat_it_should_is_not_overheated_whatever_is_asked_for(wire, physics):
+    bench, rig, _ = virtual_rig(wire, physics=physics)
+    bench.inject("draught", 0.5 / WORLDS[physics].heat_transfer)
+    hottest_C = []
+    with rig.opened():
+        most_A, cycle = rig.config.supply.max_current, square_pulses(3, rig.config.supply.max_current, 0.05, 12.0, 2.0)
+        log = rig.record(cycle, lambda _: hottest_C.append(bench.truth.temperature_C))
+    assert 100.0 < max(hottest_C) < rig.config.thermal.max_temperature
+    assert log["current_command_A"].max() == most_A
+    bent = log["current_command_A"] < most_A
+    assert (bent & (log["reference_voltage_V"] > 0.06)).any(), "the limit was reached"
 
 
 def test_a_watchdog_that_cut_an_idle_supply_while_the_person_was_busy_stops_nothing():

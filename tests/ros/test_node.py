@@ -1,7 +1,12 @@
 """The node in its own process, on a bench in another, seen over ROS 2 from a third."""
 
+import fcntl
 import math
+import os
+import select
 import signal
+import subprocess
+import sys
 import time
 
 import pytest
@@ -11,7 +16,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from processes import wait_until
+from processes import parameter_file, wait_until
 from rcl_interfaces.msg import Parameter, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 from rclpy.duration import Duration
@@ -400,6 +405,29 @@ class TestEnd:
         node.popen.send_signal(signal.SIGQUIT)
         wait_until(lambda: bench.current_A() == 0.0, 1.0, "end of the current")
         assert node.ends() == 0
+
+    def test_words_that_nobody_reads_hold_up_neither_the_wire_nor_its_end(self, bench, parameters, client, folder):
+        reader, writer = os.pipe()  # as of a pager that waits for its reader
+        fcntl.fcntl(writer, fcntl.F_SETPIPE_SZ, 4096)
+        path = parameter_file(folder, {"sma_actuator": parameters(**{"supply.watchdog_timeout": 60.0})})
+        arguments = ["-m", "sma_actuator.ros.node", "--ros-args", "--params-file", str(path), "--log-level", "debug"]
+        node = subprocess.Popen([sys.executable, *arguments], stdout=writer, stderr=writer)
+        try:
+            _enabled(client)
+            wait_until(lambda: bench.current_A() > 0.04)
+            wait_until(lambda: not select.select([], [writer], [], 0.0)[1], what="a full pipe")
+            for _ in range(3):
+                assert client.call(f"{NAME}/enable", SetBool, SetBool.Request(data=False)).success
+                client.spin_until(lambda: _enable(client).success, what="enabling")
+            wait_until(lambda: bench.current_A() > 0.04)
+            node.send_signal(signal.SIGTERM)
+            wait_until(lambda: bench.current_A() == 0.0, 5.0, "end of the current")
+            assert node.wait(30.0) == 0
+        finally:
+            node.kill()
+            node.wait()
+            os.close(reader)
+            os.close(writer)
 
     def test_after_kill_9_the_supplys_watchdog_switches_off(self, bench, parameters, start_node, client):
         node = start_node(parameters(**{"supply.watchdog_timeout": 0.5}))

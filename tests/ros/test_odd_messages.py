@@ -204,13 +204,13 @@ sys.exit(node.main())
         program = f"""
 import os, sys
 from sma_actuator.ros import node
-health = node.SmaActuatorNode._health
+health = node.SmaActuatorNode._key_values
 def broken(self):
     if os.path.exists({str(now)!r}):
         os.remove({str(now)!r})
         raise ZeroDivisionError("provoked")
     return health(self)
-node.SmaActuatorNode._health = broken
+node.SmaActuatorNode._key_values = broken
 sys.exit(node.main())
 """
         node = start_node(make_config(instruments=bench.instruments()), program=("-c", program))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from sma_actuator.base.parameters import parameter
 from sma_actuator.control import CONTROL_LAWS, ControllerParameters
+from sma_actuator.control.law import LawSections
 
 
 @CONTROL_LAWS.register("on_off")
@@ -17,9 +18,9 @@ class OnOffParameters(ControllerParameters):
         1e-4, "distance from the setpoint within which nothing is switched", "m", 0.0, 1.0, live=True
     )
 
-    def build(self, bias_A: float) -> OnOff:
+    def build(self, sections: LawSections) -> OnOff:
         """The law with this band."""
-        return OnOff(self, bias_A)
+        return OnOff(self, sections.supply.bias_current)
 
 
 class OnOff:

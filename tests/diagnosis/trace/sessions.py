@@ -57,7 +57,8 @@ def session(bench_mapping, hidden=None, load=STEPS, seed=5, logs=2):
     with rig.opened():
         for number in range(logs):
             bench.advance(number * (LOG_s + PAUSE_s))
-            log = rig.record(Drive(float(current_A)) for current_A in _currents_A(config, seed + number))
+            currents_A = _currents_A(config, seed + number)
+            log = rig.record((Drive(float(current_A)) for current_A in currents_A), but=("load_spike",))
             columns = dict(log.columns)
             columns["time_s"] = columns["time_s"] + (bench.time_s - columns["time_s"][-1])
             out.append(BenchLog(columns, {}, f"session_{number + 1}.csv"))

@@ -1,0 +1,50 @@
+"""A trajectory that somebody waits for the end of: how far the wire is from it, and what became of it."""
+
+from __future__ import annotations
+
+import enum
+from math import inf
+
+from .setpoints import Trajectory
+
+
+class Outcome(enum.Enum):
+    """What became of it."""
+
+    REACHED = "reached"
+    PATH_VIOLATED = "path violated"  #: too far from the trajectory on the way
+    END_MISSED = "end missed"  #: not near its end in time
+
+
+class Pursuit:
+    """One trajectory, from ``begins_s``, with tolerances: positions [m], infinite where any will do, and the time [s] that
+    the wire may come late."""
+
+    def __init__(self, trajectory: Trajectory, begins_s: float, path_m: float, end_m: float, late_s: float):
+        self._trajectory, self._begins_s = trajectory, begins_s
+        self._path_m, self._end_m, self._late_s = path_m, end_m, late_s
+
+    def setpoint_m(self, now_s: float) -> float:
+        """Where the wire should be."""
+        return self._trajectory(now_s - self._begins_s)
+
+    def begun(self, now_s: float) -> bool:
+        """Whether the trajectory runs, or has run."""
+        return now_s >= self._begins_s
+
+    def look(self, now_s: float, position_m: float) -> Outcome | None:
+        """What has become of it with the wire at ``position_m``; None while that is open.  NaN is near nothing."""
+        if not self.begun(now_s):
+            return None
+        error_m = abs(position_m - self.setpoint_m(now_s))
+        late_s = now_s - self._begins_s - self._trajectory.duration_s
+        if late_s < 0.0:
+            return None if self._path_m == inf or error_m <= self._path_m else Outcome.PATH_VIOLATED
+        if error_m <= self._end_m:
+            return Outcome.REACHED
+        return Outcome.END_MISSED if late_s > self._late_s else None
+
+
+def tolerance(asked: float, usual: float) -> float:
+    """A tolerance as ROS messages ask for it: 0 is the usual one, a negative one is none at all."""
+    return usual if asked == 0.0 else inf if asked < 0.0 else asked

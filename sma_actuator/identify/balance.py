@@ -1,0 +1,114 @@
+"""At which temperature the wire transforms, seen through its heat balance: what feed-forward needs to know.
+
+With the share X of the stroke (0 contracted, 1 cold) and λ the latent heat over the heat capacity, the balance
+``C dT/dt = P − h (T − T_ambient) + λ C dX/dt`` has the solution ``T = u + λ (X − X̄)``, where u and X̄ are
+``P/h + T_ambient`` and X through the wire's thermal lag.  On either branch the temperature is a curve of X, shifted in
+proportion to the stress, so that the curves, the shifts and λ come out of one linear fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sma_actuator.base.jit import jit
+from sma_actuator.config import Config
+from sma_actuator.estimation.calibration import Calibration
+
+from .experiments import Experiment
+
+SHARES = np.linspace(0.0, 1.0, 11)  #: where the curves have a value, between them they are straight
+#: What is known of such wires before: latent over specific heat [K], shift with stress [K/Pa]; and how well.
+LATENT_K, LATENT_WITHIN_K = 25.0, 4.0
+SHIFT_K_Pa, SHIFT_WITHIN_K_Pa = 1.0 / 8e6, 0.3 / 8e6
+_MOVES_1_s = 0.01  #: share of the stroke per second that counts as motion
+_BEND_K = 3.0  #: what two neighbouring pieces of a curve may well differ by in slope, per distance of two values
+_SCATTER_K = 1.5  #: of a sample about its curve
+_FEWEST = 30  #: samples of a branch
+
+
+def balance_of(experiments: Sequence[Experiment], config: Config, calibration: Calibration) -> dict:
+    """What ``calibration`` says of the transformation's temperatures; nothing where the logs do not."""
+    if not (calibration.contracted_stress and calibration.cold_stress):
+        return {}
+    thermal = config.thermal
+    rows, wanted = [], []
+    for experiment in experiments:
+        if experiment.kind != "pulses" or not experiment.constant_load:
+            continue
+        signals = experiment.signals
+        share = calibration.share_of_stroke(experiment.displacement_m, experiment.stress_Pa)
+        read_C = np.broadcast_to(signals.ambient_temperature_C, share.shape)
+        settled_C = np.where(np.isfinite(read_C), read_C, thermal.ambient_temperature)
+        settled_C = settled_C + np.nan_to_num(signals.power_W) / thermal.heat_loss
+        lag_s = thermal.heat_capacity / thermal.heat_loss
+        warm_C, slow = (_lagged(signals.time_s, v, lag_s) for v in (settled_C, share))
+        rate_1_s = np.gradient(share, signals.time_s)
+        inside = (share > 0.03) & (share < 0.97) & np.isfinite(experiment.stress_Pa + warm_C + share)
+        for branch, moving in enumerate((rate_1_s > _MOVES_1_s, rate_1_s < -_MOVES_1_s)):
+            here = inside & moving & (experiment.driven if branch else ~experiment.driven)
+            rows.append(_rows(branch, share[here], experiment.stress_Pa[here], (share - slow)[here]))
+            wanted.append(warm_C[here])
+    matrix, value_C = np.concatenate(rows), np.concatenate(wanted)
+    n = len(SHARES)
+    if min(np.count_nonzero(matrix[:, :n].any(axis=1)), np.count_nonzero(matrix[:, n : 2 * n].any(axis=1))) < _FEWEST:
+        return {}
+    before, expected_K = _known_before(n)
+    weight = 1.0 / (_SCATTER_K * np.sqrt(len(value_C) / (4 * n)))  # samples of one passage repeat each other
+    found = np.linalg.lstsq(
+        np.concatenate((matrix * weight, before)), np.concatenate((value_C * weight, expected_K)), rcond=None
+    )[0]
+    return {
+        "transformation_cooling": tuple(round(float(v), 2) for v in found[:n]),
+        "transformation_heating": tuple(round(float(v), 2) for v in found[n : 2 * n]),
+        "transformation_shift": (float(found[2 * n] * 1e-6), float(found[2 * n + 1] * 1e-6)),
+        "latent_rise": round(float(found[-1]), 2),
+    }
+
+
+def _rows(branch: int, share: np.ndarray, stress_Pa: np.ndarray, latent: np.ndarray) -> np.ndarray:
+    """What u is made of: the curves' values, cooling and heating, their shifts [K/MPa], and λ."""
+    n = len(SHARES)
+    out = np.zeros((len(share), 2 * n + 3))
+    place = np.clip(share, 0.0, 1.0) * (n - 1)
+    below = np.minimum(place.astype(int), n - 2)
+    each = np.arange(len(share))
+    out[each, branch * n + below] = 1.0 - (place - below)
+    out[each, branch * n + below + 1] = place - below
+    out[:, 2 * n + branch] = stress_Pa * 1e-6
+    out[:, -1] = -latent
+    return out
+
+
+def _known_before(n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Smooth curves, a shift and a latent heat as such wires have them; as rows of the fit."""
+    rows, values = [], []
+    for branch in range(2):
+        for i in range(1, n - 1):
+            row = np.zeros(2 * n + 3)
+            row[branch * n + i - 1 : branch * n + i + 2] = 1.0, -2.0, 1.0
+            rows.append(row / _BEND_K)
+            values.append(0.0)
+        row = np.zeros(2 * n + 3)
+        row[2 * n + branch] = 1e-6 / SHIFT_WITHIN_K_Pa
+        rows.append(row)
+        values.append(SHIFT_K_Pa / SHIFT_WITHIN_K_Pa)
+    row = np.zeros(2 * n + 3)
+    row[-1] = 1.0 / LATENT_WITHIN_K
+    return np.array([*rows, row]), np.array([*values, LATENT_K / LATENT_WITHIN_K])
+
+
+@jit
+def _lag(time: np.ndarray, value: np.ndarray, time_constant: float, out: np.ndarray) -> None:
+    out[0] = value[0]
+    for i in range(1, len(time)):
+        step = max(time[i] - time[i - 1], 0.0)
+        out[i] = value[i] + (out[i - 1] - value[i]) * np.exp(-step / time_constant)
+
+
+def _lagged(time_s: np.ndarray, value: np.ndarray, time_constant_s: float) -> np.ndarray:
+    """A quantity through a first-order lag that begins settled."""
+    out = np.empty(len(value))
+    _lag(np.ascontiguousarray(time_s), np.ascontiguousarray(value), time_constant_s, out)
+    return out

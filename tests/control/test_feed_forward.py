@@ -1,0 +1,146 @@
+"""Feed-forward: what the wire's heat asks for, given ahead of the PID; without it the PID, bit for bit."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from rig import Rig
+
+from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.share import shared_file
+from sma_actuator.base.signals import Branch, Estimate, Quality, Signals
+from sma_actuator.config import Config, read_parameter_file
+from sma_actuator.control.feed_forward import FeedForwardPid, Wanted
+from sma_actuator.control.pid import PidController
+from sma_actuator.control.setpoints import sine
+from sma_actuator.plant.loads import Weight
+from sma_actuator.safety.limits import SETPOINT_PACE
+
+#: The Ni-Ti wire of the bench, as `identify` finds it.
+TRANSFORMATION = {
+    "transformation_heating": [63.9, 62.6, 61.4, 60.5, 59.6, 58.7, 57.8, 56.9, 55.9, 54.8, 53.6],
+    "transformation_cooling": [39.1, 35.5, 34.1, 33.6, 33.2, 32.7, 32.1, 31.6, 31.0, 30.1, 29.1],
+    "transformation_shift": [1.14e-7, 1.2e-7],
+    "latent_rise": 25.9,
+}
+
+
+def mapping(**controller):
+    found = read_parameter_file(shared_file("config/flexinol.yaml"))
+    law = {**found["controller"], "type": "feed_forward_pid", **controller}
+    return {**found, "controller": law, "calibration": {**found["calibration"], **TRANSFORMATION}}
+
+
+@pytest.fixture(scope="module")
+def config():
+    return Config.from_mapping(mapping())
+
+
+def driven(**controller):
+    rig = Rig(mapping(**controller), load=Weight(0.98))
+    rig.run(6.0)
+    rig.enable()
+    return rig
+
+
+def follow(rig, setpoint, seconds):
+    """Mean distance from the setpoint, of the wire itself, % of full stroke."""
+    start_s, errors = rig.bench.time_s, []
+    while (elapsed_s := rig.bench.time_s - start_s) < seconds:
+        assert rig.actuator.offer_setpoint(rig.now_s, setpoint(elapsed_s)) == ""
+        rig.step()
+        errors.append(abs(rig.bench.truth.displacement_m - setpoint(elapsed_s)))
+    return 100.0 * sum(errors) / len(errors) / rig.config.wire.full_stroke_m
+
+
+def test_alone_it_takes_the_wire_nearly_there():
+    """Without any gain of the PID nothing comes from the position; one kelvin is a tenth of the stroke."""
+    alone = {"kp": 0.0, "ki": 0.0, "kd": 0.0}
+    motion = sine(0.0019, 0.0010, 60.0)
+    assert follow(driven(**alone), motion, 60.0) < 30.0
+    assert follow(driven(**alone, feed_forward=0.0), motion, 60.0) > 50.0
+
+
+def test_with_it_the_wire_follows_more_closely():
+    motion = sine(0.0019, 0.0010, 30.0)
+    with_it, without = driven(ki=100.0), driven(ki=100.0, feed_forward=0.0)
+    for rig in (with_it, without):
+        follow(rig, motion, 15.0)
+    assert follow(with_it, lambda t: motion(t + 15.0), 30.0) < follow(without, lambda t: motion(t + 15.0), 30.0)
+
+
+def sensed(law, time_s, power_W=0.2):
+    law.sense(
+        Signals(time_s, 4.8, 0.2, power_W, 0.98, 53.7e6, math.nan, 22.0),
+        Estimate(time_s, 0.002, 0.02, 0.0, Branch.HEATING, Quality.DETERMINATE),
+    )
+
+
+def test_at_a_gain_of_zero_it_is_the_pid_bit_for_bit(config):
+    gains = replace(config.controller, feed_forward=0.0)
+    law, pid = FeedForwardPid(gains, config), PidController(gains, config.supply.bias_current)
+    for each in (law, pid):
+        each.reset(0.002, 0.2)
+    for k in range(200):
+        sensed(law, 0.05 * k)
+        position_m, setpoint_m = 0.002 + 1e-5 * math.sin(0.3 * k), 0.0025 if k > 100 else 0.002
+        wanted_A = pid.step(position_m, setpoint_m, 0.05, 0.4)
+        assert law.step(position_m, setpoint_m, 0.05, 0.4) == wanted_A
+        assert not law.paced
+
+
+def test_taking_over_and_changing_its_gain_make_no_jump(config):
+    law = FeedForwardPid(config.controller, config)
+    sensed(law, 0.0)
+    law.reset(0.002, 0.15)
+    assert law.step(0.002, 0.002, 1e-3, 0.4) == pytest.approx(0.15, abs=2e-3)
+    before_A = law.step(0.002, 0.002, 1e-3, 0.4)
+    law.set_gains(replace(config.controller, feed_forward=0.2))
+    assert law.step(0.002, 0.002, 1e-3, 0.4) == pytest.approx(before_A, abs=2e-3)
+
+
+def test_the_way_back_wants_another_temperature_and_a_closed_loop_is_forgotten(config):
+    wanted = Wanted(config)
+    wanted.forget(0.9)
+
+    def at(*shares):
+        for share in shares:
+            wanted.move(share)
+        return wanted.temperature_C(shares[-1], 0.0)
+
+    heating_C = at(0.8, 0.5)
+    assert heating_C > at(0.51) + 15.0
+    assert at(0.5) == pytest.approx(heating_C)
+    loop_C = at(0.3)
+    wanted.forget(0.9)
+    assert at(0.8, 0.5, 0.3) == pytest.approx(loop_C)
+
+
+def test_a_setpoint_that_the_wire_cannot_follow_is_shaped_and_the_status_says_so():
+    rig = driven()
+    rig.track(0.0010)
+    rig.run(4.0)
+    assert SETPOINT_PACE.name not in rig.status.limits
+    rig.track(0.0032)
+    assert SETPOINT_PACE.name in rig.status.limits
+    assert SETPOINT_PACE.words in rig.status.message
+    assert rig.status.values["limited_setpoint_m"] < 0.0031
+    rig.run(10.0)
+    assert SETPOINT_PACE.name not in rig.status.limits
+
+
+def test_what_is_not_finite_changes_nothing(config):
+    law = FeedForwardPid(config.controller, config)
+    sensed(law, 0.0)
+    law.reset(0.002, 0.15)
+    expected = FeedForwardPid(config.controller, config)
+    sensed(expected, 0.0)
+    expected.reset(0.002, 0.15)
+    for bad in ((math.nan, 0.002, 0.05, 0.4), (0.002, math.inf, 0.05, 0.4), (0.002, 0.002, math.nan, 0.4)):
+        assert law.step(*bad) == config.supply.bias_current
+    assert law.step(0.002, 0.0021, 0.05, 0.4) == expected.step(0.002, 0.0021, 0.05, 0.4)
+
+
+def test_without_the_temperatures_of_the_wire_it_is_refused_in_a_sentence():
+    with pytest.raises(ConfigError, match="transformation_heating.*identify the model"):
+        Config.from_mapping({**mapping(), "calibration": {}})
