@@ -7,7 +7,6 @@ import pytest
 
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
-from sma_actuator.identify import identify
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log, write_bench_log
 
 WIRE = ["--alloy", "ni-ti", "--length", "0.1", "--diameter", "0.1524e-3"]
@@ -136,10 +135,3 @@ def test_calibrations_may_be_given_one_by_one(flexinol, tmp_path, capsys):
     words = [word for one in given for word in ("--set", one)]
     assert main(["identify", log, *WIRE, *words, "--out", str(tmp_path / "m.yaml")]) == 1
     assert "different loads" in capsys.readouterr().err, "all that is wrong is that one load is too few"
-
-
-def test_a_heat_loss_that_is_far_from_what_the_logs_show_is_said(flexinol):
-    mapping = {**flexinol.mapping, "thermal": {**flexinol.mapping["thermal"], "heat_loss": 2.0e-3}}
-    result = identify(flexinol.only("pulses", "partial"), mapping, "flexinol", order=2)
-    assert any("thermal.heat_loss is given as 0.002, where these logs say 0.006" in note for note in result.notes)
-    assert result.mapping["thermal"]["heat_loss"] == 2.0e-3, "what a person gives stands"
