@@ -12,7 +12,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: page attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds fleet forward health clean
+.PHONY: page attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds fleet foreign-speed tutorial forward health clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
@@ -91,9 +91,19 @@ health: $(VENV)/ready
 	$(BIN)/python benchmarks/health.py
 	$(BIN)/python benchmarks/health.py --drifts
 
-# Trace many wires at once: one after the other, on this machine's cores, on a local Dask cluster.
+# Judge the logs of a fleet over a Dask cluster and an S3-compatible server, a worker killed on the way (options in FLEET).
+FLEET ?=
 fleet: $(VENV)/ready
-	$(BIN)/python benchmarks/fleet.py
+	$(BIN)/python benchmarks/fleet.py $(FLEET)
+
+# Run the commands of the tutorial again, and put what they print into its page.
+tutorial: $(VENV)/ready
+	$(BIN)/python docs/tutorials/run.py
+
+# Time to identify and to trace logs of a foreign physics, and how it grows with their samples (options in SPEED).
+SPEED ?=
+foreign-speed: $(VENV)/ready
+	$(BIN)/python benchmarks/foreign_speed.py $(SPEED)
 
 # Fit the forward model to measurements of a real bench, and name what it lacks.
 FORWARD_DATA ?= ../shared/data/flexinol_050_bench

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import base64
 import contextlib
+import io
 import os
 import shutil
 import tempfile
@@ -129,6 +130,10 @@ class Chromium:
         return (await self.command("Memory.getDOMCounters"))["nodes"]
 
     async def picture(self, path: Path) -> None:
-        """Write what is seen as a PNG."""
-        answer = await self.command("Page.captureScreenshot", format="png")
-        path.write_bytes(base64.b64decode(answer["data"]))
+        """Write the whole page as a PNG of few colours."""
+        from PIL import Image
+
+        size = (await self.command("Page.getLayoutMetrics"))["cssContentSize"]
+        clip = {"x": 0, "y": 0, "width": size["width"], "height": size["height"], "scale": 1}
+        answer = await self.command("Page.captureScreenshot", format="png", captureBeyondViewport=True, clip=clip)
+        Image.open(io.BytesIO(base64.b64decode(answer["data"]))).convert("RGB").quantize(64).save(path, optimize=True)

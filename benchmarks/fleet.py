@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import io
 import logging
 import os
 import signal
@@ -43,19 +44,19 @@ from sma_actuator.logs.bench_log import BenchLog, write_bench_log
 BUCKET = "fleet"
 EFFECTS = (("voltage_offset", 0.004), ("load_cell_drift", 0.3), ("reference_gain", 0.05))
 EVERY = 10  #: one wire in so many drifts, from the middle of its days on
-LOG_S = 60.0
+LOG_s = 30.0
 TRACED_WIRES = 10
 AWS = {"AWS_ACCESS_KEY_ID": "fleet", "AWS_SECRET_ACCESS_KEY": "fleet", "AWS_DEFAULT_REGION": "us-east-1"}
 
 
 def one_log(wire: int, day: int, days: int, config: Config) -> BenchLog:
-    """A minute of full and partial cycles of a wire on a day."""
+    """Some full and partial cycles of a wire on a day."""
     name, size = EFFECTS[wire // EVERY % len(EFFECTS)]
     late = max(day - days // 2, 0) / max(days - days // 2 - 1, 1) if wire % EVERY == 0 else 0.0
     seed = 1000 * wire + day
     hidden = {name: size * late} if late > 0.0 else {}
     load = Weight((0.6, 0.98, 1.5)[wire % 3])
-    bench = HiddenBench.from_name("flexinol", seed=seed, load=load, hidden=hidden, session_s=LOG_S)
+    bench = HiddenBench.from_name("flexinol", seed=seed, load=load, hidden=hidden, session_s=LOG_s)
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     rng = np.random.default_rng(seed)
     low_A, high_A = config.supply.bias_current, default_heat_current_A(config)
@@ -71,7 +72,7 @@ def one_log(wire: int, day: int, days: int, config: Config) -> BenchLog:
     ]
     drive = np.concatenate([np.full(round(s * config.loop.rate), level) for level, s in steps])
     with rig.opened():
-        log = rig.record(Drive(float(current_A)) for current_A in drive[: round(LOG_S * config.loop.rate)])
+        log = rig.record(Drive(float(current_A)) for current_A in drive[: round(LOG_s * config.loop.rate)])
     started = f"2026-{1 + day // 28:02d}-{1 + day % 28:02d}T08:00:00+00:00"
     return BenchLog(log.columns, {"kind": "session", "started": started})
 
@@ -138,9 +139,8 @@ def results_of(table: Path) -> list[str]:
 def judged(command: str, places: list[str], model: str, table: Path, *more: str) -> float:
     """Seconds that the command takes; raises RuntimeError where it fails."""
     begun = time.perf_counter()
-    code = sma_actuator(
-        [command, *places, "--config", model, "--table", str(table), "-q", "--json", os.devnull, "--force", *more]
-    )
+    with contextlib.redirect_stdout(io.StringIO()):
+        code = sma_actuator([command, *places, "--config", model, "--table", str(table), "-q", *more])
     if code != 0:
         raise RuntimeError(f"{command} ended with code {code}")
     return time.perf_counter() - begun

@@ -25,7 +25,7 @@ from typing import Any
 from rich.table import Table
 
 from sma_actuator.base.errors import UserError
-from sma_actuator.console import notes, progress_bar, results
+from sma_actuator.console import notes, progress_bar, refuse_to_overwrite, results, write_json
 from sma_actuator.logs.files import write_atomically
 
 from .places import Fetched, Place, fetch, find, text_of
@@ -91,6 +91,7 @@ def run_fleet(
     {wire} in it.  Raises UserError.
     """
     console = notes(args)
+    refuse_to_overwrite(args)
     if models and "{wire}" not in models:
         raise UserError(f"{models}: {{wire}} must stand in it where every wire has a file of its own")
     if args.jobs < 1:
@@ -110,6 +111,7 @@ def run_fleet(
                 unread += [outcome.unread] if outcome.unread else []
                 bar.advance(task)
     _report(args, rows, len(found), unread)
+    write_json(args, [{**row, "date": row["date"].isoformat()} for row in rows])
     if models:
         _write_models(args, models, rows)
     console.print(

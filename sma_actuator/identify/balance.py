@@ -50,6 +50,8 @@ def balance_of(experiments: Sequence[Experiment], config: Config, calibration: C
             here = inside & moving & (experiment.driven if branch else ~experiment.driven)
             rows.append(_rows(branch, share[here], experiment.stress_Pa[here], (share - slow)[here]))
             wanted.append(warm_C[here])
+    if not rows:
+        return {}
     matrix, value_C = np.concatenate(rows), np.concatenate(wanted)
     n = len(SHARES)
     if min(np.count_nonzero(matrix[:, :n].any(axis=1)), np.count_nonzero(matrix[:, n : 2 * n].any(axis=1))) < _FEWEST:

@@ -115,10 +115,9 @@ def _coefficients(page: Page, result: Identification) -> None:
     for name, intervals in result.intervals.items():
         value = result.mapping["model"].get(name)
         for i, (low, high) in enumerate(intervals):
+            named = f"{name.replace('_', ' ')} ({declared[name].description.split(',')[0]})"
             unit = declared[name].unit + (f"/Pa{'' if i == 1 else '²³'[i - 2]}" if i else "")
-            rows.append(
-                (declared[name].description, i, f"{np.atleast_1d(value)[i]:.6g}", f"{low:.6g}", f"{high:.6g}", unit)
-            )
+            rows.append((named, i, f"{np.atleast_1d(value)[i]:.6g}", f"{low:.6g}", f"{high:.6g}", unit))
     if rows:
         page.table(
             ("coefficient", "power of the stress", "value", "low", "high", "unit"),

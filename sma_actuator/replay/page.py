@@ -66,6 +66,7 @@ def _bars(page: Page, replays: Sequence[Replay], names: Sequence[str]) -> None:
     ):
         bars = ax.barh(places + up, [_means(replays, n, which)[0] for n in names], 0.38, label=label, color=colour)
         ax.bar_label(bars, fmt="%.2f", padding=3, fontsize=8)
+    ax.margins(x=0.12)
     ax.set(yticks=places, yticklabels=names, xlabel="mean absolute error [% of full stroke], mean over the logs")
     ax.legend()
     page.figure(drawing, "Every model's error; shorter is better.")

@@ -150,6 +150,7 @@ def _lines_of(drawing: Figure) -> dict[str, Any]:
                 "x": ax.get_xlabel(),
                 "y": ax.get_ylabel(),
                 "lines": lines,
+                "view": {"x": [*map(float, ax.get_xlim())], "y": [*map(float, ax.get_ylim())]},
             }
         )
     return {"columns": columns, "panels": panels, "arrays": [base64.b64encode(a).decode() for a in arrays]}

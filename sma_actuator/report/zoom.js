@@ -21,19 +21,6 @@ function label(value, step) {
   return value.toFixed(digits);
 }
 
-function whole(panel) {
-  const view = { x: [Infinity, -Infinity], y: [Infinity, -Infinity] };
-  for (const line of panel.lines)
-    for (const axis of ["x", "y"])
-      for (const v of line[axis])
-        if (Number.isFinite(v)) view[axis] = [Math.min(view[axis][0], v), Math.max(view[axis][1], v)];
-  for (const axis of ["x", "y"]) {
-    const [low, high] = view[axis], more = high > low ? 0.03 * (high - low) : Math.abs(low) || 1;
-    view[axis] = [low - more, high + more];
-  }
-  return view;
-}
-
 function zoomed([low, high], at, factor) {
   return [at + (low - at) * factor, at + (high - at) * factor];
 }
@@ -99,7 +86,7 @@ function draw(context, panel, view, width, height, drag) {
 }
 
 function place(panel, canvas) {
-  let view = whole(panel), drag = null;
+  let view = panel.view, drag = null;
   const at = event => { const box = canvas.getBoundingClientRect(); return [event.clientX - box.left, event.clientY - box.top]; };
   const again = () => {
     const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
@@ -128,7 +115,7 @@ function place(panel, canvas) {
     }
     again();
   });
-  canvas.addEventListener("dblclick", () => { view = whole(panel); again(); });
+  canvas.addEventListener("dblclick", () => { view = panel.view; again(); });
   window.addEventListener("resize", again);
   again();
 }
@@ -156,4 +143,4 @@ if (typeof document !== "undefined")
       button.replaceWith("The wheel zooms (with shift: sideways alone), dragging selects, a double click shows all again.");
     });
   });
-else module.exports = { numbers, ticks, label, whole, zoomed, scale, draw };
+else module.exports = { numbers, ticks, label, zoomed, scale, draw };

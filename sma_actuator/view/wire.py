@@ -60,6 +60,9 @@ ROWS_WAITING = 200  #: rows kept where nobody takes them
 LOOK_PERIOD_s = 1.0  #: how often is looked whether the node is there, and still the same
 SILENCE_s = 3.5  #: a node says its status once a second
 ANSWER_TIMEOUT_s = 3.0
+#: Off is asked for again where no answer comes, since a node that has just come may not be reached yet.  On never is: it
+#: could arrive after a stop.
+OFF_AGAIN_s = 0.4
 #: For what is done with the wire before it is answered: a self-test, a relay test.
 LONG_TIMEOUT_s = 900.0
 MOST_DIAGNOSTICS = 50
@@ -126,11 +129,11 @@ class Wire:
 
     async def stop(self) -> str:
         """Every wire of the node's process off; the node's sentence.  Raises Refused."""
-        return _done(await self._ask("stop", Trigger.Request()))
+        return _done(await self._ask("stop", Trigger.Request(), again_s=OFF_AGAIN_s))
 
     async def enable(self, on: bool) -> str:
         """The output on or off; the node's sentence.  Raises Refused."""
-        return _done(await self._ask("enable", SetBool.Request(data=on)))
+        return _done(await self._ask("enable", SetBool.Request(data=on), again_s=math.inf if on else OFF_AGAIN_s))
 
     async def send_setpoint(self, position_m: float) -> str:
         """Publish one setpoint, once.  Raises Refused where nobody would hear it."""
@@ -232,27 +235,36 @@ class Wire:
         self._executor.create_task(run)
         return await asyncio.wait_for(done, ANSWER_TIMEOUT_s)
 
-    async def _ask(self, name: str, request: Any, timeout_s: float = ANSWER_TIMEOUT_s) -> Any:
-        """The response of one of the node's services.  Raises Refused where there is none."""
+    async def _ask(
+        self, name: str, request: Any, timeout_s: float = ANSWER_TIMEOUT_s, again_s: float = math.inf
+    ) -> Any:
+        """The response of one of the node's services, asked again every ``again_s``.  Raises Refused where there is none."""
         loop = asyncio.get_running_loop()
         answer = loop.create_future()
+        client = self._clients[name]
+        asked: list[Any] = []
 
-        def send() -> Any:
-            client = self._clients[name]
+        def send() -> None:
             if not client.service_is_ready():
                 raise Refused(f"{self.node} does not offer ~/{name} now; is the node running?")
-            future = client.call_async(request)
-            future.add_done_callback(lambda f: loop.call_soon_threadsafe(_settle, answer, f.result(), f.exception()))
-            return client, future
+            asked.append(client.call_async(request))
+            asked[-1].add_done_callback(lambda f: loop.call_soon_threadsafe(_settle, answer, f.result(), f.exception()))
 
-        client, future = await self._in_ros(send)
+        def forget() -> None:
+            for future in asked:
+                if not future.done():
+                    client.remove_pending_request(future)
+
+        deadline_s = loop.time() + timeout_s
         try:
-            return await asyncio.wait_for(answer, timeout_s)
-        except TimeoutError:
-            raise Refused(f"~/{name} of {self.node} did not answer within {timeout_s:g} s") from None
+            while (left_s := deadline_s - loop.time()) > 0.0:
+                await self._in_ros(send)
+                await asyncio.wait([answer], timeout=min(left_s, again_s))
+                if answer.done():
+                    return answer.result()
         finally:
-            if not future.done():
-                await self._in_ros(lambda: client.remove_pending_request(future))
+            await self._in_ros(forget)
+        raise Refused(f"~/{name} of {self.node} did not answer within {timeout_s:g} s")
 
     def _client(self, name: str, kind: Any) -> None:
         self._kinds[name] = kind

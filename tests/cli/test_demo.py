@@ -1,5 +1,6 @@
 """The main job as a user runs it: three processes, a picture, errors at the end, and the output off."""
 
+import importlib.util
 import json
 import os
 import signal
@@ -98,11 +99,13 @@ def alive(pid):
 
 @pytest.mark.parametrize("wire", ("flexinol", "furukawa"))
 def test_it_ends_by_itself_with_the_three_errors_and_the_output_off(demo, tmp_path, wire):
-    started = demo("--wire", wire, "--duration", "6", "--json", str(tmp_path / "errors.json"))
+    page = ["--view"] if wire == "flexinol" and importlib.util.find_spec("aiohttp") else []
+    started = demo("--wire", wire, "--duration", "6", "--json", str(tmp_path / "errors.json"), *page)
     code = started.process.wait(WAIT_s)
     output = started.words
     assert code == 0, output
     assert "supply output off; node and bench have ended" in output
+    assert ("open http://127.0.0.1:" in output) == bool(page)
     for word in ("setpoint", "estimate", "true displacement (LVDT)", "load", "current", "status"):
         assert word in output
     errors = json.loads((tmp_path / "errors.json").read_text())

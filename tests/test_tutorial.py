@@ -1,0 +1,30 @@
+"""The tutorial's commands, run as its reader would run them."""
+
+import importlib.util
+import re
+import socket
+from pathlib import Path
+
+TUTORIAL = Path(__file__).parents[1] / "docs" / "tutorials"
+
+
+def _free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return str(probe.getsockname()[1])
+
+
+def test_a_strangers_log_comes_to_a_driven_wire(tmp_path, monkeypatch):
+    spec = importlib.util.spec_from_file_location("tutorial_run", TUTORIAL / "run.py")
+    tutorial = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(tutorial)
+    monkeypatch.setenv("ROS_DOMAIN_ID", "87")
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    ports = {"5425": _free_port(), "5426": _free_port()}
+    page = tutorial.run_page(tmp_path, lambda text: re.sub("|".join(ports), lambda m: ports[m[0]], text))
+    assert page.count("there after") == 2  # the wire came to both places
+    assert (tmp_path / "wire.html").exists() and (tmp_path / "replay.html").exists()
+    written = (TUTORIAL / "a_strangers_log.md").read_text()
+    shown = [line for line in written.splitlines() if line.startswith("$ ")]
+    assert [line for line in page.splitlines() if line.startswith("$ ")] == shown
+    assert "there after" in written and "asked" in written  # the page holds what its commands printed
