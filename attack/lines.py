@@ -49,7 +49,7 @@ _ENDS_THE_TALK = (
 #: The supply forgets what it was told, with its connection as it was: the row of the table that promises the current off.
 _FORGETS = {
     Mischief("slip in", "questions", words="*RST"): "second_commander",
-    Mischief("slip in", "questions", words="CURR:PROT 9"): "limits_not_held",
+    Mischief("slip in", "questions", words="CURR:PROT 1"): "limits_not_held",
     Mischief("slip in", "questions", words="VOLT 30"): "limits_not_held",
     Mischief("slip in", "questions", words="OUTP:PROT:WDOG OFF"): "watchdog_not_held",
     Mischief("slip in", "questions", words="CURR 0.3"): "second_commander",

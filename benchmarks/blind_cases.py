@@ -2,8 +2,9 @@
 
     python benchmarks/blind_cases.py --survey [--jobs 2] [--json FILE]
 
-A case is one session of two logs, driven open loop: full pulses that settle at both ends, partial
-cycles, and a slow triangle of current.  Nothing in the logs tells what is hidden in the bench.  The
+A case is one session of two logs, driven open loop, on a bench of one physics: full pulses that settle at
+both ends, partial cycles, and a slow triangle of current; without effects there are also sessions of one of
+these alone.  Nothing in the logs tells what is hidden in the bench.  The
 survey shows how far each effect raises the replay error of a model that was identified on the same
 kind of wire without it: strength 1 of :data:`UNITS` is chosen so that it is 2 to 3 times, or where
 no plausible value does that, the largest plausible one.
@@ -23,6 +24,7 @@ from pathlib import Path
 from zlib import crc32
 
 import numpy as np
+from kept import BENCH, MODEL, kept
 from replay_tables import CALIBRATION, logs_of
 from rich.console import Console
 from rich.table import Table
@@ -36,10 +38,12 @@ from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.identify import identify
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log, write_bench_log
 from sma_actuator.logs.files import write_atomically
+from sma_actuator.plant.worlds import HOME
 from sma_actuator.replay import replay
 
 ALLOYS = ("flexinol", "furukawa")
 LOADS = ("weight", "spring", "steps")
+PROGRAMS = ("session", "pulses", "partial")  #: of the current; the first has all
 LOAD_EFFECTS = ("load_cell_drift", "load_cell_gain", "elastic_compliance", "creep", "load_cell_nonlinearity")
 LOG_s, PAUSE_s = 230.0, 60.0
 SESSION_s = 2 * LOG_s + PAUSE_s
@@ -100,19 +104,22 @@ class Case:
     seed: int
     ambient_logged: bool
     kind: str  #: "none", "single", "pair" or "foreign"
+    physics: str = HOME
+    program: str = PROGRAMS[0]
 
 
 @functools.cache
-def calibration(alloy: str) -> tuple[list[BenchLog], dict]:
+def calibration(alloy: str, physics: str = HOME) -> tuple[list[BenchLog], dict]:
     """Calibration logs of the wire without hidden effects, and its calibrated parameters."""
-    return logs_of(alloy, CALIBRATION, seed=1)
+    return kept(f"calibration {alloy} {physics}", BENCH, lambda: logs_of(alloy, CALIBRATION, seed=1, physics=physics))
 
 
 @functools.cache
-def identified(alloy: str) -> Config:
+def identified(alloy: str, physics: str = HOME) -> Config:
     """The model identified on the calibration logs."""
-    logs, mapping = calibration(alloy)
-    return identify(logs, mapping, alloy).config
+    logs, mapping = calibration(alloy, physics)
+    found = kept(f"identified {alloy} {physics}", MODEL, lambda: identify(logs, mapping, alloy).mapping)
+    return Config.from_mapping(found)
 
 
 def load_of(case: Case):
@@ -130,7 +137,7 @@ def load_of(case: Case):
     return Schedule(sorted(steps, key=lambda step: step[0]))
 
 
-def currents_A(config, number: int, seed: int) -> np.ndarray:
+def currents_A(config, number: int, seed: int, program: str = PROGRAMS[0]) -> np.ndarray:
     """The current of log ``number`` at every reading: pulses, partial cycles and a triangle, never twice alike."""
     rng = np.random.default_rng((seed, number, 11))
     rate, low = config.loop.rate, config.supply.bias_current
@@ -142,15 +149,25 @@ def currents_A(config, number: int, seed: int) -> np.ndarray:
         for _ in range(count):
             parts.extend(((high * rng.uniform(0.92, 1.0), 5.0 * slow), (low, 8.0 * slow)))
 
-    pulses(3)
-    for _ in range(7):
-        parts.extend(
-            ((high * rng.uniform(0.9, 1.0), rng.uniform(0.6, 1.8) * slow), (low, rng.uniform(0.6, 2.2) * slow))
-        )
-    parts.append((low, 6.0 * slow))
-    pulses(1)
+    def partial(count):
+        for _ in range(count):
+            parts.extend(
+                ((high * rng.uniform(0.9, 1.0), rng.uniform(0.6, 1.8) * slow), (low, rng.uniform(0.6, 2.2) * slow))
+            )
+        parts.append((low, 6.0 * slow))
+
+    if program == "pulses":
+        pulses(int(LOG_s / (13.0 * slow)))
+    elif program == "partial":
+        partial(int(0.8 * LOG_s / (2.6 * slow)))
+    else:
+        pulses(3)
+        partial(7)
+        pulses(1)
     current = np.concatenate([np.full(round(s * rate), level) for level, s in parts])
     left = round(LOG_s * rate) - len(current)
+    if program != "session":
+        return np.concatenate((current, np.full(max(left, 0), low)))[: round(LOG_s * rate)]
     tail = round(8.0 * rate)
     # The triangle turns at different heights: some of its cycles are complete, some not.
     t = np.arange(max(left - tail, 0)) / rate
@@ -164,25 +181,36 @@ def currents_A(config, number: int, seed: int) -> np.ndarray:
 
 def make_logs(case: Case, folder: Path) -> list[Path]:
     """Run the session; returns the paths of its two logs, whose times belong to one clock."""
-    config = bench_from_mapping(calibration(case.alloy)[1])
+    paths = []
+    for number, log in enumerate(kept(f"session {case}", BENCH, lambda: _session(case)), 1):
+        paths.append(Path(folder) / f"{case.name}_{number}.csv")
+        write_bench_log(paths[-1], log)
+    return paths
+
+
+def _session(case: Case) -> list[BenchLog]:
+    config = bench_from_mapping(calibration(case.alloy, case.physics)[1])
     bench = HiddenBench.from_name(
-        case.alloy, seed=case.seed, load=load_of(case), hidden=case.hidden, session_s=SESSION_s
+        case.alloy,
+        seed=case.seed,
+        load=load_of(case),
+        physics=case.physics,
+        hidden=case.hidden,
+        session_s=SESSION_s,
     )
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     wire = {"alloy": config.wire.alloy, "length_m": config.wire.length, "diameter_m": config.wire.diameter}
-    paths = []
+    logs = []
     with rig.opened():
         for number in range(2):
             bench.advance(number * (LOG_s + PAUSE_s))
-            log = rig.record(_open_loop(currents_A(config, number, case.seed)), but=("load_spike",))
+            log = rig.record(_open_loop(currents_A(config, number, case.seed, case.program)), but=("load_spike",))
             columns = dict(log.columns)
             columns["time_s"] = columns["time_s"] + (bench.time_s - columns["time_s"][-1])
             if not case.ambient_logged:
                 columns.pop("ambient_temperature_C", None)
-            path = Path(folder) / f"{case.name}_{number + 1}.csv"
-            write_bench_log(path, BenchLog(columns, {"kind": "session", "wire": wire}))
-            paths.append(path)
-    return paths
+            logs.append(BenchLog(columns, {"kind": "session", "wire": wire}))
+    return logs
 
 
 def _open_loop(currents):
@@ -190,10 +218,32 @@ def _open_loop(currents):
         yield Drive(float(current_A))
 
 
-def _case(kind: str, alloy: str, hidden: dict[str, float], load: str, seed: int, ambient_logged: bool = True) -> Case:
+def without_effects(
+    alloy: str, load: str, seed: int, ambient_logged: bool = True, program: str = PROGRAMS[0], physics: str = HOME
+) -> Case:
+    """A case in which nothing is hidden."""
+    return _case("none", alloy, {}, load, seed, ambient_logged, physics, program)
+
+
+def undisturbed(case: Case) -> Case:
+    """The same session without effects."""
+    return without_effects(case.alloy, case.load, case.seed, case.ambient_logged, case.program, case.physics)
+
+
+def _case(
+    kind: str,
+    alloy: str,
+    hidden: dict[str, float],
+    load: str,
+    seed: int,
+    ambient_logged: bool,
+    physics: str,
+    program: str = PROGRAMS[0],
+) -> Case:
     # The name must not tell what is hidden: it becomes the logs' name.
-    word = crc32(repr((kind, alloy, sorted(hidden.items()), load, seed, ambient_logged)).encode())
-    return Case(f"case_{alloy}_{word:08x}", alloy, hidden, load, seed, ambient_logged, kind)
+    word = crc32(repr((kind, alloy, sorted(hidden.items()), load, seed, ambient_logged, physics, program)).encode())
+    name = f"case_{alloy}_{word:08x}"
+    return Case(name, alloy, hidden, load, seed, ambient_logged, kind, physics, program)
 
 
 def _signs(name: str, number: int) -> float:
@@ -213,14 +263,22 @@ def _signs(name: str, number: int) -> float:
 
 
 def single(
-    name: str, alloy: str, strength: float, load: str, seed: int, sign: float = 1.0, ambient_logged=True
+    name: str,
+    alloy: str,
+    strength: float,
+    load: str,
+    seed: int,
+    sign: float = 1.0,
+    ambient_logged: bool = True,
+    physics: str = HOME,
 ) -> Case:
     """A case with one effect, ``strength`` in multiples of :data:`UNITS`."""
     value = sign * strength * UNITS[name][ALLOYS.index(alloy)]
-    return _case("single" if name in TWINS else "foreign", alloy, {name: value}, load, seed, ambient_logged)
+    kind = "single" if name in TWINS else "foreign"
+    return _case(kind, alloy, {name: value}, load, seed, ambient_logged, physics)
 
 
-def cases(n_seeds: int = 1, strengths: tuple[float, ...] = (0.5, 1, 2)) -> list[Case]:
+def cases(n_seeds: int = 1, strengths: tuple[float, ...] = (0.5, 1, 2), physics: str = HOME) -> list[Case]:
     """The whole list: every effect alone, none, pairs and what no model has a name for; the same on every call."""
     out, number = [], 0
     for turn in range(n_seeds):
@@ -230,19 +288,25 @@ def cases(n_seeds: int = 1, strengths: tuple[float, ...] = (0.5, 1, 2)) -> list[
                     load = _load_for(name, position + level + which + turn)
                     sign = _signs(name, position + level + turn)
                     logged = crc32(f"{name} {strength:g} {alloy} {turn}".encode()) % 3 > 0
-                    out.append(single(name, alloy, strength, load, 1000 + number, sign, logged))
+                    out.append(single(name, alloy, strength, load, 1000 + number, sign, logged, physics))
                     number += 1
         for position, (alloy, load, again) in enumerate(itertools.product(ALLOYS, LOADS, range(3))):
             if position % 9 != 8:
-                out.append(_case("none", alloy, {}, load, 3000 + 100 * turn + position, again != 1))
+                seed = 3000 + 100 * turn + position
+                out.append(without_effects(alloy, load, seed, again != 1, PROGRAMS[0], physics))
+        for position, (program, alloy, load) in enumerate(
+            itertools.product(PROGRAMS[1:], ALLOYS, ("weight", "spring"))
+        ):
+            out.append(without_effects(alloy, load, 3050 + 100 * turn + position, True, program, physics))
         for position, (pair, alloy) in enumerate(itertools.product(PAIRS, ALLOYS)):
             hidden = {n: _signs(n, position // 2) * UNITS[n][ALLOYS.index(alloy)] * 1.5 for n in pair}
             load = _load_for(next((n for n in pair if n in LOAD_EFFECTS), pair[0]), position + turn)
-            out.append(_case("pair", alloy, hidden, load, 4000 + 100 * turn + position, position % 4 < 3))
+            out.append(_case("pair", alloy, hidden, load, 4000 + 100 * turn + position, position % 4 < 3, physics))
         for position, (name, alloy) in enumerate(itertools.product(FOREIGN, ALLOYS)):
             load = _load_for(name, position + position // 2 + turn)
             strength = 2.0 if position % 4 < 2 else 1.0
-            out.append(single(name, alloy, strength, load, 5000 + 100 * turn + position, _signs(name, position // 2)))
+            seed, sign = 5000 + 100 * turn + position, _signs(name, position // 2)
+            out.append(single(name, alloy, strength, load, seed, sign, physics=physics))
     return out
 
 
@@ -253,7 +317,7 @@ def _load_for(name: str, number: int) -> str:
 
 def error_percent(case: Case) -> float:
     """Mean |estimate − measurement| of the session, in % of the full stroke, over the full range."""
-    config = identified(case.alloy)
+    config = identified(case.alloy, case.physics)
     with tempfile.TemporaryDirectory(prefix="sma_blind_") as folder:
         logs = [read_bench_log(path) for path in make_logs(case, Path(folder))]
     errors = [r.errors["model"].full_percent for r in replay(logs, {"model": config})]
@@ -269,7 +333,7 @@ def survey(
         sign = -1.0 if name == "ambient_temperature" else 1.0  # warmth is no trouble, cold is
         loads = [load for load in loads_asked if load != "weight" or name not in LOAD_EFFECTS]
         asked += [single(name, alloy, strength, load, 9000, sign) for load in loads]
-    none = [_case("none", alloy, {}, load, 9000) for alloy in ALLOYS for load in loads_asked]
+    none = [without_effects(alloy, load, 9000) for alloy in ALLOYS for load in loads_asked]
     todo = none + asked
     with ProcessPoolExecutor(jobs) as pool:
         errors = list(pool.map(error_percent, todo, chunksize=4))

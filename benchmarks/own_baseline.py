@@ -16,7 +16,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from blind_cases import LOADS, _case, identified, make_logs
+from blind_cases import LOADS, identified, make_logs, without_effects
 from rich.console import Console
 from rich.table import Table
 
@@ -33,7 +33,7 @@ def sessions(wire: str, seed: int):
     out = []
     for i, load in enumerate(LOADS):
         with tempfile.TemporaryDirectory(prefix="sma_baseline_") as folder:
-            case = _case("none", wire, {}, load, seed + i, True)
+            case = without_effects(wire, load, seed + i)
             out.append((load, [read_bench_log(path) for path in make_logs(case, Path(folder))]))
     return out
 

@@ -32,6 +32,7 @@ from sma_actuator.identify.errors import log_error
 from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log
 from sma_actuator.logs.files import write_atomically
+from sma_actuator.plant.worlds import HOME
 from sma_actuator.replay import estimate_m, replay
 
 ASSUMED_LOAD_N = 0.49
@@ -52,11 +53,11 @@ JUDGED = PlanOptions(
 )
 
 
-def logs_of(wire: str, options: PlanOptions, seed: int) -> tuple[list[BenchLog], dict]:
+def logs_of(wire: str, options: PlanOptions, seed: int, physics: str = HOME) -> tuple[list[BenchLog], dict]:
     """Characterise the virtual bench; returns pulses and partial logs, and the calibrated parameters."""
     mapping = read_parameter_file(shared_file(f"config/{wire}_bench.yaml"))
     config = bench_from_mapping(mapping)
-    bench = VirtualBench.from_name(wire, seed=seed)
+    bench = VirtualBench.from_name(wire, seed=seed, physics=physics)
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
     with tempfile.TemporaryDirectory(prefix="sma_tables_") as folder:

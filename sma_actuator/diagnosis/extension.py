@@ -40,6 +40,7 @@ LEAST_GAIN = 0.05  #: share of the error that an effect must take off logs it wa
 SIGNIFICANT = 2.0  #: standard errors over logs that must be left of that gain
 WORST_RISE_percent = 0.3  #: of full stroke, by which no log may become worse
 FEWEST_LOGS = 4
+_SHORTEST = 40  #: samples of a log that the race sees; the end of one that was cut holds no whole cycle
 
 Progress = Callable[[float], None]
 
@@ -57,7 +58,7 @@ class Extended:
 
 def extend(result: Identification, jobs: int = 2, progress: Progress = lambda fraction: None) -> Extended:
     """Look for what the model lacks on its own logs, and add what helps logs it was not fitted on."""
-    logs = [dataclasses.replace(one.log, metadata={**one.log.metadata, "kind": one.kind}) for one in result.experiments]
+    logs = _thinned(result)
     if len(logs) < FEWEST_LOGS:
         return _nothing(
             result, f"nothing was added: {FEWEST_LOGS} logs at least are wanted to hold some out, these are {len(logs)}"
@@ -104,10 +105,10 @@ def extend(result: Identification, jobs: int = 2, progress: Progress = lambda fr
 
 
 def _thinned(result: Identification) -> list[BenchLog]:
-    """The logs that were fitted and hold a whole cycle, with their kind said, and no more samples than the race needs."""
+    """The logs that were fitted and are no mere rest of one, with their kind said, and no more samples than the race needs."""
     seldom = max(1, -(-sum(len(one.log) for one in result.experiments) // MOST_SAMPLES))
     thinned = [one.rows(np.arange(len(one.log)) % seldom == 0) for one in result.experiments]
-    thinned = [one for one in thinned if {-1, 1} <= set(np.diff(one.driven.astype(int)).tolist())]
+    thinned = [one for one in thinned if len(one.log) >= _SHORTEST and one.cycle[-1] > 0]
     return [dataclasses.replace(one.log, metadata={**one.log.metadata, "kind": one.kind}) for one in thinned]
 
 

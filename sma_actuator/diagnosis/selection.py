@@ -97,6 +97,9 @@ class Rules:
     significant: float  #: so many standard errors must be left of a gain …
     margin: float = 0.0  #: … above this
     least_gain: Callable[[float], float] = lambda mean_loss: 0.0  #: of what is lost so far; less is not worth a name
+    #: So much less lost in all units but the best one together is sure too: where few of them hold a change (what came
+    #: late, or once), their scatter says little.  In units of a logarithm of likelihood.
+    decisive: float = inf
     worst_rise: float = inf  #: no unit may lose so much more: what is really there is there in all of them
     alike: float = 0.0  #: share of a gain within which two count as alike, even where their units tell them apart
     tie: float = 0.0  #: the simplest of those alike wins, if it has this share of the best's gain
@@ -111,7 +114,8 @@ class Rules:
         gain, error = paired(losses, trial.losses)
         if not gain > self.margin:
             return f"too small a gain on {self.unit}s it has not seen"
-        if not gain - self.significant * error > self.margin:
+        falls = np.sort(losses - trial.losses)
+        if not (gain - self.significant * error > self.margin or falls[:-1].sum() > self.decisive):
             return f"its gain on {self.unit}s it has not seen is not beyond {self.significant:g} standard errors"
         rise = float(np.max(trial.losses - losses))
         return f"makes one {self.unit} worse that it has not seen" if rise > self.worst_rise else ""

@@ -34,6 +34,17 @@ class Calibration:
         1e3,
         optional=True,
     )
+    floor: float = parameter(
+        nan,
+        "what is left of it beside what is expected below, where that was not fitted",
+        "% of full stroke",
+        0.0,
+        1e3,
+        optional=True,
+    )
+    independent_time: float = parameter(
+        nan, "how far apart two readings are whose errors are independent", "s", 0.0, 1e6, optional=True
+    )
     ambient_temperature: float = parameter(nan, "mean ambient temperature", "°C", -60.0, 100.0, optional=True)
     cold_stress: tuple[float, ...] = parameter((), "stresses at cold rest", "Pa", -1e9, 1e9, optional=True)
     cold_resistance: tuple[float, ...] = parameter((), "resistance at cold rest", "Ω", 0.0, 1e6, optional=True)
@@ -59,6 +70,24 @@ class Calibration:
         (), "rms about them at each position, heating", "m", 0.0, 10.0, optional=True
     )
     scatter_cooling: tuple[float, ...] = parameter((), "the same, cooling", "m", 0.0, 10.0, optional=True)
+
+    expected_stroke: tuple[float, ...] = parameter(
+        (), "the stroke that what is expected was learned on", "m", -10.0, 10.0, optional=True
+    )
+    expected_centre: tuple[float, ...] = parameter(
+        (), "mean of each feature that an error may depend on", optional=True
+    )
+    expected_scale: tuple[float, ...] = parameter((), "its standard deviation", lo=0.0, optional=True)
+    expected_least: tuple[float, ...] = parameter((), "the least of it that was seen, in that unit", optional=True)
+    expected_most: tuple[float, ...] = parameter((), "and the most", optional=True)
+    expected_weights: tuple[float, ...] = parameter(
+        (), "of the regression that says what residual to expect", "m", optional=True
+    )
+    expected_white: tuple[float, ...] = parameter(
+        (),
+        "lower triangle, row by row, that makes those features white: the floor rises with how strange they are",
+        optional=True,
+    )
 
     contracted_stress: tuple[float, ...] = parameter(
         (), "stresses of a wire that is contracted as far as it goes", "Pa", -1e9, 1e9, optional=True

@@ -6,6 +6,7 @@ that was not has a cause.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,6 +19,7 @@ from sma_actuator.estimation.chain import Chain
 from sma_actuator.safety.thermal import HeatBalance
 
 from .balance import balance_of
+from .expectation import learn
 from .experiments import Experiment
 from .rests import find_rests
 
@@ -33,6 +35,8 @@ def calibration_of(experiments: Sequence[Experiment], config: Config, at_rest: b
 
     ``at_rest``: with what a resting wire shows; left out for models of wires of any size.
     """
+    known = _of_the_wire(experiments, config) if at_rest else Calibration()
+    config = dataclasses.replace(config, calibration=known)  # the hot end that the node will know decides errors too
     found = [Chain(config).run(t.signals) for t in experiments]
     experiments = [t.through(estimate) for t, estimate in zip(experiments, found, strict=True)]
     estimates = [estimate.displacement_m for estimate in found]
@@ -67,8 +71,6 @@ def calibration_of(experiments: Sequence[Experiment], config: Config, at_rest: b
     )
     scatter_heating, scatter_cooling = (np.sqrt(m[0]) for m in _means(squares))
     heating, cooling = _means(total)
-    measured_C = [np.atleast_1d(t.signals.ambient_temperature_C) for t in experiments]
-    ambient = np.concatenate([a[np.isfinite(a)] for a in measured_C])
     values: dict = {
         "error": float(np.mean(errors)),
         "largest_error": max(errors),
@@ -79,16 +81,25 @@ def calibration_of(experiments: Sequence[Experiment], config: Config, at_rest: b
         "residual_cooling": _rounded(cooling.ravel(), 8),
         "scatter_heating": _rounded(scatter_heating, 8),
         "scatter_cooling": _rounded(scatter_cooling, 8),
-        "resistance_range": float(
-            np.subtract(*np.nanpercentile(np.concatenate([t.resistance_Ohm for t in experiments]), (99.5, 0.5)))
-        ),
     }
-    if len(ambient):
-        values["ambient_temperature"] = float(ambient.mean())
-    values.update(_cooling(experiments, config))
-    values.update(_at_rest(experiments, config.thermal.heat_capacity / config.thermal.heat_loss))
-    values.update(_contracted(experiments, config))
-    return Calibration(**values, **balance_of(experiments, config, Calibration(**values)))
+    return dataclasses.replace(known, **values, **learn(experiments, found, config))
+
+
+def _of_the_wire(experiments: Sequence[Experiment], config: Config) -> Calibration:
+    """What the wire shows whatever the model makes of it."""
+    config = dataclasses.replace(config, calibration=Calibration())
+    experiments = [t.through(Chain(config).run(t.signals)) for t in experiments]
+    measured_C = [np.atleast_1d(t.signals.ambient_temperature_C) for t in experiments]
+    ambient = np.concatenate([a[np.isfinite(a)] for a in measured_C])
+    resistance_Ohm = np.concatenate([t.resistance_Ohm for t in experiments])
+    known = Calibration(
+        resistance_range=float(np.subtract(*np.nanpercentile(resistance_Ohm, (99.5, 0.5)))),
+        ambient_temperature=float(ambient.mean()) if len(ambient) else np.nan,
+        **_cooling(experiments, config),
+        **_at_rest(experiments, config.thermal.heat_capacity / config.thermal.heat_loss),
+        **_contracted(experiments, config),
+    )
+    return dataclasses.replace(known, **balance_of(experiments, config, known))
 
 
 def _rounded(values: np.ndarray, digits: int) -> tuple[float, ...]:

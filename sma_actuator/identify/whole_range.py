@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.estimation.models.whole_range import (
     CURVE_TERMS,
     DIRECT,
@@ -198,19 +199,7 @@ class _Data:
 
     def thermal_numbers(self, known: np.ndarray) -> np.ndarray:
         """The heat balance for the kernels, from numbers in units of what is known."""
-        out = np.empty(THERMAL)
-        lag_s = self.thermal.heat_capacity / self.thermal.heat_loss
-        out[:] = (
-            known[0] * lag_s,
-            known[1],
-            self.thermal.heat_loss,
-            known[2] / self.span_Ohm,
-            known[3],
-            known[4] / self.span_Ohm,
-            known[5] * 1e-6,
-            known[6] * 1e-6,
-        )
-        return out
+        return _thermal_numbers(known, self.thermal, self.span_Ohm)
 
     @property
     def plays_Ohm(self) -> np.ndarray:
@@ -235,6 +224,27 @@ class _Data:
             out=out,
         )
         return out
+
+
+def _thermal_numbers(known: np.ndarray, thermal: ThermalParameters, span_Ohm: float) -> np.ndarray:
+    """The heat balance for the kernels, from numbers in units of what is known; ``span_Ohm``: range of the resistance."""
+    out = np.empty(THERMAL)
+    out[:] = (
+        known[0] * thermal.heat_capacity / thermal.heat_loss,
+        known[1],
+        thermal.heat_loss,
+        known[2] / span_Ohm,
+        known[3],
+        known[4] / span_Ohm,
+        known[5] * 1e-6,
+        known[6] * 1e-6,
+    )
+    return out
+
+
+def usual_heat_balance(thermal: ThermalParameters, span_Ohm: float) -> np.ndarray:
+    """The heat balance as far as it is known of such wires before a log is seen."""
+    return _thermal_numbers(_KNOWN, thermal, span_Ohm)
 
 
 def _thinned(experiment: Experiment, ambient_C: float) -> tuple[np.ndarray, ...]:

@@ -174,7 +174,7 @@ LASTING = {
     "slip": {"length": 3e-4, "time": 5.0},
     "creep": {"compliance": 3e-4, "time_constant": 20.0},
     "contact_drift": {"resistance": 0.3, "time_constant": 20.0},
-    "fatigue": {"displacement_per_ln_cycle": 2e-4},
+    "fatigue": {"displacement": 2e-4, "cold_share": 1.0},  # where it is does not matter then
     "load_cell_drift": {"rate": 0.005},
 }
 

@@ -8,8 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sma_actuator.config import Config, bench_from_mapping
+from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
 from sma_actuator.identify.calibration import calibration_of, expected_residual_m
+from sma_actuator.identify.expectation import Expectation, correlation_time_s, learn
 from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.identify.kinds import make_experiments
 from sma_actuator.identify.rests import WINDOW_s, find_rests
@@ -23,10 +25,17 @@ def identified(furukawa):
 
 def test_the_model_file_says_how_good_the_model_was(identified):
     logs, result = identified
-    calibration = Config.from_mapping(result.mapping).calibration
+    config = Config.from_mapping(result.mapping)
+    calibration = config.calibration
     assert calibration.known
-    assert calibration.error == pytest.approx(np.mean([e.full_percent for e in result.errors]), rel=0.1)
-    assert calibration.largest_error >= calibration.error >= calibration.scatter > 0.0
+    as_the_node = [
+        Chain(config).run(t.signals).displacement_m - t.displacement_m for t in make_experiments(logs, config)
+    ]
+    errors = [np.nanmean(np.abs(e)) / config.wire.full_stroke_m * 100 for e in as_the_node]
+    assert calibration.error == pytest.approx(np.mean(errors), rel=1e-6)
+    assert calibration.error < np.mean([e.full_percent for e in result.errors])  # there without the known hot end
+    assert calibration.largest_error >= calibration.error >= calibration.floor > 0.0
+    assert calibration.independent_time > 0.0
     loads = (
         len({round(log.metadata["load"]["force_N"], 2) for log in logs if "force_N" in log.metadata.get("load", {})})
         or 4
@@ -106,3 +115,55 @@ class TestExpectedResidual:
         )
         want = truth(np.clip(estimate_m, 0.0, 4e-3), np.clip(stress_Pa, 10e6, 40e6))
         assert found[0] == pytest.approx(want if heating else -want, rel=1e-9, abs=1e-12)
+
+
+class TestExpectation:
+    def found(self, logs, config):
+        traces = make_experiments(logs, config)
+        return traces, [Chain(config).run(t.signals) for t in traces]
+
+    def test_what_the_model_leaves_is_mostly_no_news(self, identified):
+        """Also where it was not fitted: the floor stands far below the error, and what is expected follows the residual."""
+        logs, result = identified
+        calibration = result.config.calibration
+        assert calibration.floor < 0.7 * calibration.error
+        expectation = Expectation(result.config)
+        traces, found = self.found(logs, result.config)
+        news_m = [
+            t.displacement_m - e.displacement_m - expectation.residual_m(e, slice(None))
+            for t, e in zip(traces, found, strict=True)
+        ]
+        news = np.nanmean(np.abs(np.concatenate(news_m))) / result.config.wire.full_stroke_m * 100
+        assert news < 1.1 * calibration.floor
+        floor_m = np.concatenate([expectation.floor_m(e, slice(None)) for e in found])
+        assert np.nanmean(floor_m) == pytest.approx(calibration.floor / 100 * result.config.wire.full_stroke_m, rel=0.2)
+        assert np.nanmin(floor_m) < 0.9 * np.nanmean(floor_m)  # some places and histories are surer than others
+
+    def test_a_wire_with_two_logs_is_judged_too(self, identified):
+        """No log can be left out where there are so few: then stretches of each are."""
+        logs, result = identified
+        traces, found = self.found(logs[:2], result.config)
+        few = learn(traces, found, result.config)
+        assert 0.0 < few["floor"] < result.config.calibration.error
+
+    def test_a_fault_is_news(self, identified):
+        """Nothing of a displacement that is measured wrong is expected: the reference is not asked."""
+        logs, result = identified
+        expectation = Expectation(result.config)
+        traces, found = self.found(logs[:1], result.config)
+        before_m = expectation.residual_m(found[0], slice(None))
+        moved = dataclasses.replace(
+            traces[0].signals, reference_displacement_m=traces[0].signals.reference_displacement_m + 1e-3
+        )
+        after_m = expectation.residual_m(Chain(result.config).run(moved), slice(None))
+        np.testing.assert_array_equal(before_m, after_m)
+
+    @pytest.mark.parametrize("memory", [0.0, 0.9])
+    def test_how_long_a_residual_remembers_itself(self, memory):
+        """Of a first-order lag with noise: (1 + ρ) / (1 − ρ) steps."""
+        rng = np.random.default_rng(0)
+        values = np.zeros(20_000)
+        for i in range(1, len(values)):
+            values[i] = memory * values[i - 1] + rng.standard_normal()
+        found_s = correlation_time_s(np.arange(20_000) * 0.1, values, np.zeros(20_000, dtype=int))
+        assert found_s == pytest.approx(0.1 * (1.0 + memory) / (1.0 - memory), rel=0.25)

@@ -25,9 +25,11 @@ class Anatomy:
 
 
 def quantities(evidence: Evidence, predictions: Sequence[Prediction]) -> dict[str, np.ndarray]:
-    """What a residual may depend on, all logs together, arrays of shape (N,), with the unit in the name."""
+    """What a residual may depend on, all logs together, of the samples compared, with the unit in the name."""
     out: dict[str, list[np.ndarray]] = {}
-    for experiment, unit, p in zip(evidence.experiments, evidence.unit, predictions, strict=True):
+    for experiment, unit, rows, p in zip(
+        evidence.experiments, evidence.unit, evidence.compared, predictions, strict=True
+    ):
         s = experiment.signals
         period_s = float(np.median(np.diff(s.time_s)))
         power_W, resistance_Ohm = p.power_W, p.resistance_Ohm
@@ -49,20 +51,20 @@ def quantities(evidence: Evidence, predictions: Sequence[Prediction]) -> dict[st
             "ambient_temperature_C": np.broadcast_to(s.ambient_temperature_C, np.shape(power_W)),
         }
         for name, v in values.items():
-            out.setdefault(name, []).append(np.asarray(v, dtype=float))
+            out.setdefault(name, []).append(np.asarray(v, dtype=float)[rows])
     together = {name: np.concatenate(parts) for name, parts in out.items()}
     return {name: v for name, v in together.items() if np.isfinite(v).all() and np.ptp(v) > 0.0}
 
 
 def residual_m(evidence: Evidence, predictions: Sequence[Prediction]) -> np.ndarray:
-    """Measured less shown displacement beyond what was there at the calibration, all logs together, shape (N,)."""
-    return np.concatenate([m - p.shown_m - p.expected_m for m, p in zip(evidence.measured_m, predictions, strict=True)])
+    """Measured less shown displacement beyond what the calibration lets expect, all logs together, of the samples compared."""
+    return np.concatenate(evidence.news_m(predictions))
 
 
 def anatomy(evidence: Evidence, predictions: Sequence[Prediction]) -> Anatomy:
     """Take a residual apart."""
     error_m = residual_m(evidence, predictions)
-    unit = np.concatenate(evidence.unit)
+    unit = evidence.unit_of_row[: evidence.rows_of_samples]
     seen = unit % 2 == 0
     values = quantities(evidence, predictions)
     depends = {name: _share(error_m, _bins(v), seen, blocked=name in ("time_s", "cycle")) for name, v in values.items()}

@@ -62,7 +62,6 @@ def scales_of(evidence: Evidence) -> Scales:
         loads_differ=_spread(load_N) > LOADS_DIFFER * middle_N,
         model_feels_stress=_model_feels_stress(evidence),
         partial_cycles=_partial_cycles(evidence),
-        cold_rests=sum(not rest.hot for rests in evidence.rests for rest in rests),
         calibration_counts=evidence.beyond_floor,
     )
 

@@ -169,8 +169,8 @@ def _print(console: Console, report: dict) -> None:
     console.print(
         f"error {report['error_before_pct_stroke']:.2f} % of full stroke ({before[0]:.2f}–{before[1]:.2f}) before, "
         f"{report['error_after_pct_stroke']:.2f} % ({after[0]:.2f}–{after[1]:.2f}) after; "
-        f"mean over cycles {report['cycle_mean_before_pct_stroke']:.2f} % before, {report['cycle_mean_after_pct_stroke']:.2f} % after, "
-        f"the model's own floor for it {report['floor_pct_stroke']:.2f} %"
+        f"beyond what the calibration lets expect {report['news_before_pct_stroke']:.2f} % before, "
+        f"{report['news_after_pct_stroke']:.2f} % after; up to {report['gate_pct_stroke']:.2f} % is usual"
     )
     if report["effects"]:
         table = Table()

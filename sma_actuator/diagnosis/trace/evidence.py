@@ -10,32 +10,35 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
 
 from sma_actuator.base.signals import Quality, Signals
 from sma_actuator.config import Config
 from sma_actuator.estimation.calibration import Calibration
-from sma_actuator.estimation.chain import Chain, place_of
+from sma_actuator.estimation.chain import Chain, Judged, place_of
 from sma_actuator.estimation.effects import Effect, Effects
-from sma_actuator.identify.calibration import expected_residual_m
+from sma_actuator.identify.expectation import Expectation
 from sma_actuator.identify.experiments import Experiment, make_experiment, sessions
 from sma_actuator.identify.rests import find_rests
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
 
-INDEPENDENT = 8.0  #: samples of one cycle that say something new, all others are correlated with them
+INDEPENDENT = (
+    8.0  #: samples of one unit that say something new, where the calibration does not say how long errors last
+)
+UNIT_TIMES = 4.0  #: a unit lasts at least so many times as long as errors remember themselves
 LIMIT = 3.0  #: residual, in standard deviations, above which it counts linearly (Huber)
 WORST = 30.0  #: and the largest that counts at all
 FLOOR_percent = 1.5  #: of full stroke, where the model does not say how good it was
-SCATTER_FLOOR = 0.6  #: of the mean scatter, which is added to that of every position
+SPREAD = 1.25  #: standard deviation over mean absolute error
 FEWEST_CYCLES = 3  #: in all logs together
 FEWEST_UNITS = 8
 HOPELESS_percent = 50.0  #: of full stroke: an error of a model that is not of this wire
-LARGEST = 60_000  #: samples; longer logs are thinned
+LARGEST = 60_000  #: samples that the chain sees; longer logs are thinned …
+COMPARED = 4_000  #: … and so many of them at the most are compared with the measured displacement
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +47,7 @@ class Prediction:
 
     shown_m: np.ndarray  #: displacement that the reference sensor should show
     model_m: np.ndarray  #: displacement of the strain model alone
-    expected_m: np.ndarray  #: residual that was there at the calibration too
-    scatter_m: np.ndarray  #: its standard deviation there
+    expected_m: np.ndarray  #: residual that is no news, of the samples that are compared (:attr:`Evidence.compared`)
     heating: np.ndarray
     resistance_Ohm: np.ndarray  #: as the strain model sees it
     power_W: np.ndarray
@@ -98,7 +100,17 @@ class Evidence:
         ends = [t.signals.time_s[-1] for t in self.experiments]
         #: One session where the logs follow each other on one clock; else each log is one.
         self.one_session = all(end < start for end, start in zip(ends, starts[1:], strict=False))
-        self._scale_m = self._typical_m() if beyond_floor else math.nan
+        every = max(1, math.ceil(sum(map(len, self._measured_m)) / COMPARED))
+        #: Samples of every log that a residual is made of: neighbours say the same.
+        self.compared = [np.arange(every // 2, len(m), every) for m in self._measured_m]
+        known = bool(self.calibration.expected_weights) and not beyond_floor
+        self._expectation = Expectation(config) if known else None
+        if beyond_floor:
+            self._floor_m = [np.ones(len(rows)) for rows in self.compared]
+            typical_m = np.sqrt(np.mean(np.concatenate(self.news_m(self.predict({}))) ** 2)) / SPREAD
+            self._floor_m = [np.full(len(rows), typical_m) for rows in self.compared]
+        else:
+            self._floor_m = self._floors()
         self.unit, self.units = self._cut()
         self._rows()
         error = float(np.mean(self.errors_percent(self.predict({}))))
@@ -114,13 +126,15 @@ class Evidence:
         return (quality != Quality.INVALID) & np.isfinite(experiment.displacement_m)
 
     def _cut(self) -> tuple[list[np.ndarray], int]:
-        """Number of the cycle of every sample, over all logs; blocks of time where there are too few cycles."""
+        """Number of the unit of every sample, over all logs: a cycle, or as many as it takes to say something new.
+
+        Blocks of time where there are too few of these.
+        """
         parts, number = [], 0
         for experiment in self.experiments:
-            cycle = np.maximum(experiment.cycle, min(1, int(experiment.cycle.max())))
-            found, index = np.unique(cycle, return_inverse=True)
-            parts.append(index + number)
-            number += len(found)
+            unit = _lasting(experiment, UNIT_TIMES * self.independent_s)
+            parts.append(unit + number)
+            number += int(unit[-1]) + 1
         if number >= FEWEST_UNITS:
             return parts, number
         total = sum(len(t.log) for t in self.experiments)
@@ -128,14 +142,31 @@ class Evidence:
         bounds = np.cumsum([0, *(len(t.log) for t in self.experiments)])
         return [block[a:b] for a, b in itertools.pairwise(bounds)], FEWEST_UNITS
 
+    @property
+    def independent_s(self) -> float:
+        """How far apart two samples are whose errors are independent, as the calibration has it; 0 where it is not known."""
+        known = self.calibration.independent_time
+        return known if math.isfinite(known) else 0.0
+
     def _rows(self) -> None:
         """Which unit each row of the residual belongs to, and its weight."""
-        samples = np.concatenate(self.unit)
-        per_unit = np.bincount(samples, minlength=self.units)
-        self.sample_weight = np.sqrt(INDEPENDENT / per_unit[samples])
+        samples = np.concatenate([unit[rows] for unit, rows in zip(self.unit, self.compared, strict=True)])
+        per_unit = np.maximum(np.bincount(samples, minlength=self.units), 1)
+        #: Samples of every unit that say something new, shape (units,).
+        self.independent = np.minimum(self._independent(), per_unit)
+        self.sample_weight = np.sqrt(self.independent / per_unit)[samples]
         rests = [int(self.unit[i][r.start]) for i, rests in enumerate(self.rests) for r in rests]
         self.unit_of_row = np.concatenate((samples, np.repeat(rests, 2).astype(int)))
         self.rows_of_samples = len(samples)
+
+    def _independent(self) -> np.ndarray:
+        if not self.independent_s > 0.0:
+            return np.full(self.units, INDEPENDENT)
+        lasts_s = np.zeros(self.units)
+        for experiment, unit in zip(self.experiments, self.unit, strict=True):
+            step_s = np.diff(experiment.signals.time_s, prepend=experiment.signals.time_s[0])
+            lasts_s += np.bincount(unit, step_s, minlength=self.units)
+        return np.maximum(lasts_s / self.independent_s, 1.0)
 
     @property
     def start_s(self) -> float:
@@ -166,54 +197,43 @@ class Evidence:
     def through(self, chain: Chain) -> list[Prediction]:
         """Every log through a chain.  Between two logs of a session nobody saw the wire: only its position is forgotten."""
         out = []
-        for signals, kept in self._seen:
-            chain.reset() if self.one_session else chain.begin_session()
-            p = chain.judge(signals)
-            heating = p.branch[kept].astype(bool)
-            model_m, stress_Pa = p.model_m[kept], p.signals.stress_Pa[kept]
-            expected_m, scatter_m = self._floor(model_m, stress_Pa, heating)
+        for (p, kept), rows in zip(self._judgements(chain), self.compared, strict=True):
+            expected_m = np.zeros(len(rows))
+            if self._expectation is not None:
+                expected_m = self._expectation.residual_m(p, np.arange(len(p.time_s))[kept][rows])
             out.append(
                 Prediction(
                     shown_m=p.shown_m[kept],
-                    model_m=model_m,
+                    model_m=p.model_m[kept],
                     expected_m=expected_m,
-                    scatter_m=scatter_m,
-                    heating=heating,
+                    heating=p.branch[kept].astype(bool),
                     resistance_Ohm=p.resistance_Ohm[kept],
                     power_W=p.signals.power_W[kept],
-                    stress_Pa=stress_Pa,
+                    stress_Pa=p.signals.stress_Pa[kept],
                     elapsed_s=p.elapsed_s[kept],
                 )
             )
         return out
 
-    def _floor(self, model_m: np.ndarray, stress_Pa: np.ndarray, heating: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residual expected from the calibration and its standard deviation."""
-        c = self.calibration
-        if self._scale_m > 0.0:
-            return np.zeros(len(model_m)), np.full(len(model_m), self._scale_m)
-        if not c.residual_position:
-            percent = c.scatter if math.isfinite(c.scatter) else c.error if c.known else FLOOR_percent
-            return np.zeros(len(model_m)), np.full(len(model_m), 1.25 * percent / 100 * self.full_stroke_m)
-        expected_m = expected_residual_m(
-            c.residual_position, c.residual_stress, c.residual_heating, c.residual_cooling, model_m, stress_Pa, heating
-        )
-        scatter_m = expected_residual_m(
-            c.residual_position, (0.0,), c.scatter_heating, c.scatter_cooling, model_m, stress_Pa, heating
-        )
-        return expected_m, np.hypot(scatter_m, SCATTER_FLOOR * c.scatter / 100 * self.full_stroke_m)
+    def _judgements(self, chain: Chain) -> Iterator[tuple[Judged, np.ndarray | slice]]:
+        """What a chain makes of every log, and which samples of it count."""
+        for signals, kept in self._seen:
+            chain.reset() if self.one_session else chain.begin_session()
+            yield chain.judge(signals), kept
 
-    def _typical_m(self) -> float:
-        """Size of the residual itself: without a floor it is its own measure."""
-        self._scale_m = 1.0
-        return float(
-            np.sqrt(
-                np.mean(
-                    np.concatenate([m - p.shown_m for m, p in zip(self._measured_m, self.predict({}), strict=True)])
-                    ** 2
-                )
-            )
-        )
+    def _floors(self) -> list[np.ndarray]:
+        """Mean absolute size of what is left of a residual beside what is expected [m], of every sample compared.
+
+        That of the model as it is, whatever effect is looked for: all candidates are held against the same measure.
+        """
+        c = self.calibration
+        if self._expectation is None:
+            percent = max(c.error, c.largest_error) if c.known else FLOOR_percent
+            return [np.full(len(rows), percent / 100 * self.full_stroke_m) for rows in self.compared]
+        return [
+            self._expectation.floor_m(p, np.arange(len(p.time_s))[kept][rows])
+            for (p, kept), rows in zip(self._judgements(self.chain({})), self.compared, strict=True)
+        ]
 
     def residual(self, effects: Mapping[str, Effect]) -> np.ndarray:
         """Rows to be made small by a fit of ``effects`` (see :meth:`rows`)."""
@@ -226,12 +246,18 @@ class Evidence:
         calibration, Huber-limited.
         """
         samples = [
-            (measured - p.shown_m - p.expected_m) / p.scatter_m
-            for measured, p in zip(self._measured_m, predictions, strict=True)
+            news_m / (SPREAD * floor_m) for news_m, floor_m in zip(self.news_m(predictions), self._floor_m, strict=True)
         ]
         return np.concatenate(
             (limited(np.concatenate(samples)) * self.sample_weight, limited(self.at_rest(predictions)))
         )
+
+    def news_m(self, predictions: Sequence[Prediction]) -> list[np.ndarray]:
+        """Measured less shown displacement beyond what the calibration lets expect, of the samples compared, log by log."""
+        return [
+            (measured_m - p.shown_m)[rows] - p.expected_m
+            for measured_m, p, rows in zip(self._measured_m, predictions, self.compared, strict=True)
+        ]
 
     def at_rest(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """R and δ of every rest against the calibration's, in its standard deviations, shape (2 · rests,)."""
@@ -303,25 +329,21 @@ class Evidence:
         number = np.bincount(unit[good], minlength=self.units)
         return np.bincount(unit[good], values[good], minlength=self.units) / np.maximum(number, 1)
 
-    def floor_percent(self, predictions: Sequence[Prediction]) -> float:
-        """Mean absolute error, cycle by cycle, that a log like these would have had at the calibration, % of full stroke.
+    def news_percent(self, predictions: Sequence[Prediction]) -> np.ndarray:
+        """Mean absolute size of the news of every unit, % of full stroke, shape (units,)."""
+        return self._per_unit_compared(np.abs(np.concatenate(self.news_m(predictions)))) / self.full_stroke_m * 100
 
-        It is that of the places on the loop where these samples lie, not the mean of the calibration's
-        logs: a log that rests at the ends all the time has another error than one that never does.
-        """
-        c = self.calibration
+    @property
+    def floor_percent(self) -> float:
+        """What that is in the mean where there are none, at these places and with these histories, % of full stroke."""
         if self.beyond_floor:
             return 0.0
-        if not c.residual_position:
-            return max(c.error, c.largest_error) if c.known else FLOOR_percent
-        added_m = SCATTER_FLOOR * c.scatter / 100 * self.full_stroke_m
-        means = []
-        for p in predictions:
-            sd = np.sqrt(np.maximum(p.scatter_m**2 - added_m**2, 1e-18))
-            z = p.expected_m / sd  # mean of the absolute value of a normal deviate
-            means.append(sd * np.sqrt(2.0 / np.pi) * np.exp(-0.5 * z**2) + p.expected_m * (2.0 * ndtr(z) - 1.0))
-        here = float(np.mean(self._per_unit(np.concatenate(means)))) / self.full_stroke_m * 100
-        return max(here, min(c.error, 1.2 * here))  # few calibration logs know some places badly
+        return float(self._per_unit_compared(np.concatenate(self._floor_m)).mean()) / self.full_stroke_m * 100
+
+    def _per_unit_compared(self, values: np.ndarray) -> np.ndarray:
+        unit = self.unit_of_row[: self.rows_of_samples]
+        number = np.bincount(unit, minlength=self.units)
+        return np.bincount(unit, np.nan_to_num(values), minlength=self.units) / np.maximum(number, 1)
 
     @property
     def samples_of_unit(self) -> np.ndarray:
@@ -342,6 +364,18 @@ def _thinned(experiment: Experiment, good: np.ndarray, thin: int) -> tuple[Signa
         return experiment.signals, slice(None)
     fed = ~good | ((np.cumsum(good) - 1) % thin == 0)
     return experiment.rows(fed).signals, good[fed]
+
+
+def _lasting(experiment: Experiment, least_s: float) -> np.ndarray:
+    """Number of the unit of every sample: cycles, as many together as last at least ``least_s``."""
+    cycle = np.maximum(experiment.cycle, min(1, int(experiment.cycle.max())))
+    starts = np.concatenate(([0], np.flatnonzero(np.diff(cycle)) + 1))
+    time_s = experiment.signals.time_s
+    kept = [0]
+    for start in starts[1:]:
+        if time_s[start] - time_s[kept[-1]] >= least_s and time_s[-1] - time_s[start] >= 0.5 * least_s:
+            kept.append(int(start))
+    return np.searchsorted(kept, np.arange(len(cycle)), side="right") - 1
 
 
 def _moving(experiment: Experiment) -> Experiment:

@@ -29,6 +29,7 @@ class Fit:
     losses: np.ndarray  #: of every unit, by the fit to all of them, shape (units,)
     held_out: np.ndarray  #: of every unit, by a fit that has not seen it, shape (units,)
     held_out_percent: np.ndarray  #: mean absolute error of every unit by the same fits, % of full stroke
+    held_out_news_percent: np.ndarray  #: and what of it the calibration does not let expect
     at_bound: tuple[str, ...] = ()  #: parameters at the end of what is physically possible, or essential and nothing
 
     @property
@@ -145,7 +146,7 @@ def fit(
         for c in candidates
         if c.essential and intervals[c.name][c.essential][0] <= 0.0 <= intervals[c.name][c.essential][1]
     ]
-    held_out, held_out_percent = _held_out(problem, u, J, at_u, train, folds)
+    held_out, held_out_percent, held_out_news_percent = _held_out(problem, u, J, at_u, train, folds)
     return Fit(
         candidates=problem.candidates,
         values=problem.values(u),
@@ -153,6 +154,7 @@ def fit(
         losses=losses,
         held_out=held_out,
         held_out_percent=held_out_percent,
+        held_out_news_percent=held_out_news_percent,
         at_bound=(*_at_bound(problem, u), *nothing),
     )
 
@@ -208,7 +210,8 @@ def _scan(problem: _Problem, candidate: Candidate, u: np.ndarray, rows: np.ndarr
     at = problem.residual(_with(u, sizes[0], 0.0))
     n = evidence.rows_of_samples
     weight, rows = evidence.sample_weight, rows[:n]
-    elapsed_s = np.concatenate([p.elapsed_s for p in evidence.predict({})])
+    predictions = evidence.predict({})
+    elapsed_s = np.concatenate([p.elapsed_s[rows] for p, rows in zip(predictions, evidence.compared, strict=True)])
     order = np.argsort(elapsed_s, kind="stable")
     order = order[rows[order]]
     w2, wr = np.cumsum(weight[order] ** 2), np.cumsum((weight * at[:n])[order])
@@ -225,7 +228,8 @@ def _held_out(problem: _Problem, u: np.ndarray, J: np.ndarray, at_u: np.ndarray,
     """Losses and errors by fits that have not seen each unit: one Gauss–Newton step from the joint fit is as good as a new one."""
     evidence = problem.evidence
     losses = evidence.losses(at_u)
-    percent = evidence.errors_percent(evidence.predict(problem.effects(u)))
+    at = evidence.predict(problem.effects(u))
+    percent, news_percent = evidence.errors_percent(at), evidence.news_percent(at)
     numbered = np.flatnonzero(train)
     for k in range(folds):
         left_out = numbered[k::folds]
@@ -243,7 +247,8 @@ def _held_out(problem: _Problem, u: np.ndarray, J: np.ndarray, at_u: np.ndarray,
             there = evidence.rows(predictions)
         losses[left_out] = evidence.losses(there)[left_out]
         percent[left_out] = evidence.errors_percent(predictions)[left_out]
-    return losses, percent
+        news_percent[left_out] = evidence.news_percent(predictions)[left_out]
+    return losses, percent, news_percent
 
 
 def _intervals(problem: _Problem, u: np.ndarray, J: np.ndarray, at_u: np.ndarray, rows: np.ndarray) -> dict:

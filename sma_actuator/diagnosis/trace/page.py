@@ -73,8 +73,8 @@ def _numbers(page: Page, report: dict[str, Any]) -> None:
                 "share that repeats every cycle",
                 *(report[f"residual_{w}"]["share_repeating_every_cycle"] for w in ("before", "after")),
             ),
-            ("mean over cycles", report["cycle_mean_before_pct_stroke"], report["cycle_mean_after_pct_stroke"]),
-            ("the model's own floor for it", report["floor_pct_stroke"], report["floor_pct_stroke"]),
+            ("beyond what is expected", report["news_before_pct_stroke"], report["news_after_pct_stroke"]),
+            ("of which so much is usual", report["gate_pct_stroke"], report["gate_pct_stroke"]),
         ],
     )
     rows = [

@@ -26,19 +26,18 @@ from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL
 from sma_actuator.logs.errors import BenchLogError
 
 from .candidates import Candidate, candidate, require_twins, scales_of, untestable
-from .evidence import INDEPENDENT, Evidence, Prediction
+from .evidence import Evidence, Prediction
 from .fitting import Fit, fit
 
 LAST_BLOCK = 0.15  #: share of the cycles, the latest, that is looked at once, when all is chosen
-WORTH = 0.1  #: share of what is in excess that an effect must at least explain
-#: An error within this of what the calibration had at the same places is the model's own …
-NONE_ERROR = 1.25
-#: … and one beyond this is real: between the two only an effect that leaves it clean is named, and else nothing is said.
-REAL_ERROR = 1.5
-#: Clean: mean loss, over that of a log like the calibration's, up to which nothing more is to be found …
-CLEAN_LOSS = 1.8
-#: … or the share of the excess loss that is explained, together with an error within the floor.
-CLEAN_SHARE = 0.93
+DECISIVE = 30.0  #: fall of the loss in all cycles but the best together that needs no standard error
+WORTH = 0.1  #: share of what is still in excess that an effect must at least explain …
+WORTH_OF_ALL = 0.03  #: … and of what was at first
+#: What the calibration does not let expect may be at most so many times what that was off where it was not fitted: a
+#: fresh log is another log.  Beyond it the error is real.
+GATE = 1.75
+#: Clean: news within the gate, or this share of what there is beyond the floor gone.
+CLEAN_SHARE = 0.9
 
 
 @dataclass(slots=True)
@@ -55,8 +54,9 @@ class Tracing:
     )  #: bool, shape (units,): cycles some of which were held out in turn; the others are the last block
     losses: dict[str, np.ndarray]  #: held-out loss of every unit, before and after
     errors_percent: dict[str, np.ndarray]  #: mean absolute error of every unit, % of full stroke, before and after
+    news_percent: dict[str, np.ndarray]  #: what of that the calibration does not let expect, likewise
     predictions: dict[str, list[Prediction]]  #: before and after
-    floor_percent: float
+    gate_percent: float  #: how much of these there may be
     expected_loss: float
     share: float  #: of the excess loss that is explained
 
@@ -82,6 +82,7 @@ class Judge:
     evidence: Evidence
     losses: np.ndarray  #: of the model as it is, of the cycles that are held out in turn
     expected: float  #: mean loss of a cycle that is like those of the calibration
+    news_percent: float  #: what of the error the calibration does not let expect
 
     def excess(self, mean_loss: float) -> float:
         """What is lost beyond that."""
@@ -93,19 +94,21 @@ class Judge:
         return min((float(self.losses.mean()) - float(trial.losses.mean())) / before, 1.0) if before > 0.0 else 0.0
 
     def clean(self, trial: Trial) -> bool:
-        """Whether what remains is like the calibration: the error no larger, and nothing that shows in the loss."""
-        if float(trial.losses.mean()) > CLEAN_LOSS * self.expected and self.share(trial) < CLEAN_SHARE:
-            return False
-        predictions = self.evidence.predict(trial.fit.effects)
-        errors = self.evidence.errors_percent(predictions)
-        return float(errors.mean()) <= REAL_ERROR * self.evidence.floor_percent(predictions)
+        """Whether what remains is like the calibration: there are no news in the error any more, or next to none."""
+        floor, left = self.evidence.floor_percent, float(trial.fit.held_out_news_percent.mean())
+        return left <= max(GATE * floor, floor + (1.0 - CLEAN_SHARE) * (self.news_percent - floor))
+
+    def _worth(self, mean_loss: float) -> float:
+        """What an effect must at least take off."""
+        return max(WORTH * self.excess(mean_loss), WORTH_OF_ALL * self.excess(float(self.losses.mean())), 1e-9)
 
     @property
     def rules(self) -> Rules:
         """What it takes to be named."""
         return Rules(
             significant=2.5,
-            least_gain=lambda mean_loss: WORTH * max(self.excess(mean_loss), 1e-9),
+            decisive=DECISIVE,
+            least_gain=self._worth,
             alike=0.05,
             tie=0.99,
             leaders=3,
@@ -129,9 +132,11 @@ def trace(
     field_, reasons = _field(evidence, only, without)
     last = max(1, round(LAST_BLOCK * evidence.units))
     train = np.arange(evidence.units) < evidence.units - last
-    judge = Judge(evidence, evidence.losses(evidence.residual({}))[train], _expected_loss(evidence))
+    predictions = evidence.predict({})
+    losses, news = evidence.losses(evidence.rows(predictions))[train], evidence.news_percent(predictions)
+    judge = Judge(evidence, losses, _expected_loss(evidence), float(news.mean()))
     result = _nothing(evidence, reasons, train, judge)
-    if float(result.errors_percent["before"].mean()) <= result.floor_percent and not only:
+    if float(result.news_percent["before"].mean()) <= result.gate_percent and not only:
         return result
     work = Work(evidence, train)
     if only:
@@ -161,7 +166,7 @@ def _nothing(evidence: Evidence, reasons: dict[str, str], train: np.ndarray, jud
     """The result before anything is found."""
     predictions = evidence.predict({})
     losses = evidence.losses(evidence.residual({}))
-    errors = evidence.errors_percent(predictions)
+    errors, news = evidence.errors_percent(predictions), evidence.news_percent(predictions)
     return Tracing(
         verdict="none",
         fit=None,
@@ -171,8 +176,9 @@ def _nothing(evidence: Evidence, reasons: dict[str, str], train: np.ndarray, jud
         train=train,
         losses={"before": losses, "after": losses},
         errors_percent={"before": errors, "after": errors},
+        news_percent={"before": news, "after": news},
         predictions={"before": predictions, "after": predictions},
-        floor_percent=NONE_ERROR * evidence.floor_percent(predictions),
+        gate_percent=GATE * evidence.floor_percent,
         expected_loss=judge.expected,
         share=0.0,
     )
@@ -198,6 +204,7 @@ def _conclude(result: Tracing, evidence: Evidence, selection: Selection, judge: 
     result.predictions["after"] = evidence.predict(found.effects)
     result.losses["after"] = found.held_out
     result.errors_percent["after"] = found.held_out_percent
+    result.news_percent["after"] = found.held_out_news_percent
     result.share = judge.share(selection.chosen)
     result.alternatives = _alternatives(result.rounds, found)
 
@@ -208,7 +215,7 @@ def _verdict(result: Tracing, selection: Selection, judge: Judge, asked: bool) -
         return "traced" if found else "none"
     if selection.chosen is not None and judge.clean(selection.chosen):
         return "traced"
-    real = float(result.errors_percent["before"].mean()) > REAL_ERROR / NONE_ERROR * result.floor_percent
+    real = float(result.news_percent["before"].mean()) > result.gate_percent
     return "unexplained" if real or asked else "none"
 
 
@@ -217,7 +224,7 @@ def _expected_loss(evidence: Evidence) -> float:
     if evidence.beyond_floor:
         return 0.0
     rests = sum(map(len, evidence.rests))
-    return 0.5 * (INDEPENDENT + 2.0 * rests / evidence.units)
+    return 0.5 * (float(evidence.independent.mean()) + 2.0 * rests / evidence.units)
 
 
 def _alternatives(rounds: list[Round], current: Fit) -> dict[str, Trial]:

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from sma_actuator.base.parameters import declaration_of
+from sma_actuator.config import Config
+from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL, QUANTITIES
+from sma_actuator.identify.expectation import learn
 
 from .analysis import anatomy
 from .evidence import Evidence
@@ -44,11 +48,10 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
             "error_before_pct_stroke": _mean(before[last], weight[last]),
             "error_after_pct_stroke": _mean(after[last], weight[last]),
         },
-        "cycle_mean_before_pct_stroke": float(
-            before.mean()
-        ),  # what the floor is compared with: every cycle weighs the same
-        "cycle_mean_after_pct_stroke": float(after.mean()),
-        "floor_pct_stroke": tracing.floor_percent,
+        # What the gate is held against: every unit weighs the same.
+        "news_before_pct_stroke": float(tracing.news_percent["before"].mean()),
+        "news_after_pct_stroke": float(tracing.news_percent["after"].mean()),
+        "gate_pct_stroke": tracing.gate_percent,
         "excess_explained": tracing.share,
         "loss_after_over_calibration": _ratio(
             float(tracing.losses["after"][tracing.train].mean()), tracing.expected_loss
@@ -90,28 +93,16 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
 
 def sentence(tracing: Tracing, depends: dict[str, float]) -> str:
     """The verdict in words."""
-    if tracing.verdict == "none" and tracing.floor_percent == 0.0:
+    if tracing.verdict == "none" and tracing.gate_percent == 0.0:
         return "No candidate takes anything off this error on cycles that it has not seen."
     if tracing.verdict == "none":
         return (
-            f"Nothing is missing: cycle by cycle the error is {tracing.errors_percent['before'].mean():.2f} % of full stroke, "
-            f"and the model's own floor here {tracing.floor_percent:.2f} %."
+            f"Nothing is missing: of the error {tracing.news_percent['before'].mean():.2f} % of full stroke is not what the "
+            f"calibration lets expect, and up to {tracing.gate_percent:.2f} % is usual for these logs."
         )
     names = list(tracing.fit.names) if tracing.fit else []
     if tracing.verdict == "traced":
-        outside = [n for n in names if EFFECTS[n].PART in NOT_THE_MODEL]
-        inside = [n for n in names if n not in outside]
-        text = (
-            f"The model lacks {' and '.join(inside)}." if inside else f"The error is that of {' and '.join(outside)}."
-        )
-        if outside:
-            what = "the reference sensor" if EFFECTS[outside[0]].PART == "reference" else "the mechanism"
-            text += (
-                f" {' and '.join(outside)}: the fault lies in {what}, not in the model, which is left alone in this."
-            )
-        if tracing.alternatives:
-            text += f" This log cannot tell it from {', '.join(tracing.alternatives)}."
-        return text
+        return _said(tracing, names)
     most = [name for name, share in depends.items() if share >= DEPENDS][:3]
     text = "There is an error that no candidate explains"
     text += (
@@ -124,6 +115,26 @@ def sentence(tracing: Tracing, depends: dict[str, float]) -> str:
             f" {' and '.join(names)} would take off part of it (that is the error after), and may be the wrong name."
         )
     return text
+
+
+#: What to do next, by the part in which the fault lies.
+NEXT = {
+    "circuit": "Look at leads, contacts and channels; meanwhile the extended model allows for it.",
+    "load cell": "Calibrate the load cell again; meanwhile the extended model allows for it.",
+    "wire": "The extended model allows for it.",
+    "mechanism": "Look at the crimps and the joint; the model is left alone.",
+    "reference": "Check the displacement sensor; the wire and its model are left alone.",
+}
+
+
+def _said(tracing: Tracing, names: Sequence[str]) -> str:
+    """What a colleague would say of effects that were found: what it is, how sure, what to do next."""
+    before, after = (float(tracing.news_percent[w].mean()) for w in ("before", "after"))
+    what = "; and ".join(f"{EFFECTS[n].WORDS} ({n})" for n in names)
+    text = f"{what[0].upper()}{what[1:]}: that explains {1.0 - after / before:.0%} of what is unusual in these logs."
+    if tracing.alternatives:
+        text += f" It could as well be {' or '.join(tracing.alternatives)}; the experiment beside each would tell."
+    return f"{text} {' '.join(dict.fromkeys(NEXT[EFFECTS[n].PART] for n in names))}"
 
 
 def _effects(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
@@ -284,4 +295,25 @@ def extended(
         for name in names
     ]
     out["effects"] = effects
+    if "calibration" in out:
+        out["calibration"] = {**out["calibration"], **_anew(out, evidence, tracing)}
     return out
+
+
+def _anew(mapping: dict[str, Any], evidence: Evidence, tracing: Tracing) -> dict[str, Any]:
+    """What a model with new effects leaves, for its calibration.
+
+    An effect that has come since the calibration changes how large the errors are, and not what residual to expect beside
+    it; one that was there already was part of that, which is learned anew from these logs.
+    """
+    full_m = evidence.full_stroke_m
+    errors = [
+        float(np.mean(np.abs(measured_m - p.shown_m))) / full_m * 100
+        for measured_m, p in zip(evidence.measured_m, tracing.predictions["after"], strict=True)
+    ]
+    fields: dict[str, Any] = {"error": float(np.mean(errors)), "largest_error": max(errors)}
+    config = Config.from_mapping(mapping)
+    if evidence.beyond_floor and config.calibration.expected_weights:
+        found = [Chain(config).run(t.signals) for t in evidence.experiments]
+        fields |= learn(evidence.experiments, found, config)
+    return {name: list(v) if isinstance(v, tuple) else v for name, v in fields.items()}

@@ -65,15 +65,6 @@ class ContactDrift(Effect):
             shape("time_constant", 0.05 * slow_s, 5.0 * slow_s, 0.15 * slow_s, 0.6 * slow_s, 4.0 * slow_s),
         ]
 
-    @classmethod
-    def untestable(cls, scales: Scales) -> str:
-        """Why logs could not show it."""
-        if not scales.cold_rests:
-            return (
-                "no rest in the cold, where a drifting contact shows in the resistance and hardly in the displacement"
-            )
-        return ""
-
 
 @EFFECTS.register("voltage_offset")
 @dataclass(frozen=True, slots=True)

@@ -38,7 +38,6 @@ class Scales:
     loads_differ: bool
     model_feels_stress: bool
     partial_cycles: bool
-    cold_rests: int
     calibration_counts: bool  #: what was there at the calibration is looked for too
 
 

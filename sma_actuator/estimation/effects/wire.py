@@ -12,7 +12,7 @@ from .effect import EFFECTS, Effect
 from .frame import Frame, Place, count_cycles, incompleteness
 from .free import Free, Scales, shape, size
 
-FEWEST_CYCLES = 6  #: that show a drift with the logarithm of their number
+FEWEST_CYCLES = 6  #: that show a drift with their number
 RATE_WINDOW_s = 0.3  #: a rate is the slope over this lag, so that noise of single samples does not show
 
 
@@ -200,38 +200,51 @@ class ElasticCompliance(Effect):
 @EFFECTS.register("fatigue")
 @dataclass(frozen=True, slots=True)
 class Fatigue(Effect):
-    """Ends of the stroke and of the resistance move with the logarithm of the cycle number (thesis, eq. 4.1)."""
+    """The wire wears with its cycles: the hot end of the stroke moves with ``g(N)``, the cold one by a share of that.
+
+    ``g = (N^p − 1) / p``, which is the logarithm (thesis, eq. 4.1) at ``p = 0`` and a square root at one half.  What
+    is left in place is less while it is martensite, so the stroke shrinks; defects raise the resistivity.
+    """
 
     PART = "wire"
     WORDS = "the wire wears with the number of its cycles"
     REMEDY = "The wire ages: use less stress or less stroke, calibrate again, and plan to replace it."
     TELL_TALE = "cycle"
-    ESSENTIAL = "displacement_per_ln_cycle"  # where the resistance alone drifts, it is the contact
+    ESSENTIAL = "displacement"  # where the resistance alone drifts, it is the contact
     STATES = 2
-    displacement_per_ln_cycle: float = parameter(0.0, "g_1 of the displacement", "m", -1.0, 1.0)
-    resistance_per_ln_cycle: float = parameter(0.0, "g_1 of the resistance", "Ω", -10.0, 10.0)
+    displacement: float = parameter(0.0, "how far the hot end has moved when g is one", "m", -1.0, 1.0)
+    cold_share: float = parameter(0.4, "the same of the cold end, over that of the hot one", "1", -10.0, 10.0)
+    resistance: float = parameter(0.0, "relative rise of the resistance when g is one", "1", -1.0, 1.0)
+    exponent: float = parameter(0.5, "p: 0 is the logarithm of the cycle number", "1", 0.0, 2.0)
     cycle_power: float = parameter(0.2, "power above which a heating cycle begins", "W", 1e-6, 1e3)
     first_cycle: float = parameter(1.0, "number of the first cycle of the session", "1", 1.0, 1e9)
 
     def at_resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
-        """Take the drift of the resistance off."""
+        """Take the rise of the resistance off."""
         frame.cycles = np.empty(len(frame.power_W))
         count_cycles(np.ascontiguousarray(frame.power_W), state, self.cycle_power, frame.cycles)
-        frame.resistance_Ohm = frame.resistance_Ohm - self.resistance_per_ln_cycle * self._ln(frame)
+        frame.resistance_Ohm = frame.resistance_Ohm / (1.0 + self.resistance * self._worn(frame))
 
     def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
-        """Add the drift of the displacement."""
-        frame.displacement_m = frame.displacement_m + self.displacement_per_ln_cycle * self._ln(frame)
+        """Add what is left in place."""
+        hot_m, cold_m = place.working_range_m
+        cold = np.clip((frame.displacement_m - hot_m) / (cold_m - hot_m), 0.0, 1.0)
+        share = 1.0 - (1.0 - self.cold_share) * cold
+        frame.displacement_m = frame.displacement_m + self.displacement * share * self._worn(frame)
 
-    def _ln(self, frame: Frame) -> np.ndarray:
-        return np.log(1.0 + (frame.cycles - 1.0) / self.first_cycle)
+    def _worn(self, frame: Frame) -> np.ndarray:
+        ratio = 1.0 + (frame.cycles - 1.0) / self.first_cycle
+        return (ratio**self.exponent - 1.0) / self.exponent if self.exponent > 0.0 else np.log(ratio)
 
     @classmethod
     def free(cls, scales: Scales) -> list[Free]:
         """What a fit may vary."""
         return [
-            size("displacement_per_ln_cycle", 0.2 * scales.stroke_m, 0.01 * scales.stroke_m),
-            size("resistance_per_ln_cycle", 0.2 * scales.resistance_range_Ohm, 0.01 * scales.resistance_range_Ohm),
+            size("displacement", 0.1 * scales.stroke_m, 0.005 * scales.stroke_m),
+            size("resistance", 0.1, 0.001),
+            # How far from a logarithm, and whether the stroke shrinks: between what was seen of wires.
+            Free("exponent", 0.05, 1.0, 1.0, (0.5, 0.1), False),
+            Free("cold_share", 0.0, 1.2, 1.0, (0.4, 1.0), False),
         ]
 
     @classmethod
@@ -243,7 +256,7 @@ class Fatigue(Effect):
     def untestable(cls, scales: Scales) -> str:
         """Why logs could not show it."""
         if scales.cycles < FEWEST_CYCLES:
-            return f"{scales.cycles} cycles are too few for a drift with the logarithm of their number"
+            return f"{scales.cycles} cycles are too few for a drift with their number"
         return ""
 
 

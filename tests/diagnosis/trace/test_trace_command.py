@@ -42,6 +42,9 @@ def test_the_report_says_what_was_found_and_how_sure_it_is(report):
     assert offset["unit"] == "V"
     assert offset["interval"][0] <= 0.004 <= offset["interval"][1] or offset["value"] == pytest.approx(0.004, rel=0.05)
     assert effect["share"] > 0.9
+    assert report["sentence"].startswith("A voltage channel has a zero error (voltage_offset): that explains 9")
+    assert "Look at leads, contacts and channels" in report["sentence"]
+    assert report["news_after_pct_stroke"] <= report["gate_pct_stroke"] < report["news_before_pct_stroke"]
     low, high = report["error_before_interval"]
     assert low < report["error_before_pct_stroke"] < high
     low, high = report["error_after_interval"]
@@ -67,11 +70,15 @@ def test_the_extended_model_runs_in_every_tool_and_has_the_error_that_was_report
     assert list(config.effects.active) == ["voltage_offset"]
     (history,) = config.effects.history
     assert "voltage_offset" in history and "session_1.csv" in history and "% of full stroke" in history
-    error, n = 0.0, 0
+    error, n, means = 0.0, 0, []
     for path in logs:
         trace_ = make_experiment(read_bench_log(path), config)
-        error += np.nansum(np.abs(estimate_m(trace_, config) - trace_.displacement_m))
+        errors_m = np.abs(estimate_m(trace_, config) - trace_.displacement_m)
+        error += np.nansum(errors_m)
         n += len(trace_.log)
+        means.append(np.nanmean(errors_m) / config.wire.full_stroke_m * 100)
+    assert config.calibration.error == pytest.approx(np.mean(means), rel=0.05)  # of the model as it is now
+    assert config.calibration.largest_error == pytest.approx(max(means), rel=0.05)
     assert error / n / config.wire.full_stroke_m * 100 == pytest.approx(report["error_after_pct_stroke"], rel=0.1)
     assert main(["replay", *logs, "--config", str(model), "--report", str(folder / "replay.html")]) == 0
 
@@ -100,7 +107,7 @@ def test_a_model_that_does_not_say_how_good_it_was_takes_its_calibration_logs(wi
     words = ["--config", bare, "--out", str(out), "--jobs", "1"]
     assert main(["trace", *logs, *words]) == 0
     without = json.loads((out / "report.json").read_text())
-    assert without["floor_pct_stroke"] == pytest.approx(1.25 * 1.5) and not without["floor_from_calibration"]
+    assert without["gate_pct_stroke"] == pytest.approx(1.75 * 1.5) and not without["floor_from_calibration"]
     assert without["effects"][0]["name"] == "voltage_offset"
     assert main(["trace", *logs, *words, "--force", "--calibration", *clean]) == 0
     with_ = json.loads((out / "report.json").read_text())

@@ -28,7 +28,7 @@ STRONG = {
     "ambient_temperature": {"temperature_coefficient": 1e-3, "fading": 50.0},
     "thermal_expansion": {"coefficient": 2e-5},
     "elastic_compliance": {"compliance": 2e-4},
-    "fatigue": {"displacement_per_ln_cycle": 2e-4, "resistance_per_ln_cycle": 0.02},
+    "fatigue": {"displacement": 2e-4, "cold_share": 0.5, "resistance": 0.004, "exponent": 0.5},
     "creep": {"compliance": 3e-4, "time_constant": 5.0},
     "minor_loop_memory": {"after_heating": 5e-4, "after_cooling": 4e-4},
     "rate": {"displacement_per_rate": 1e-3, "relaxation_time": 0.2},
@@ -262,17 +262,22 @@ def test_creep_is_a_spring_and_a_damper_in_series_with_the_wire():
     np.testing.assert_allclose(displacement - 2e-3, 3e-4 * 2.0 * (1.0 - np.exp(-time_s / 5.0)), atol=1e-15)
 
 
-def test_fatigue_goes_with_the_logarithm_of_the_cycle():
-    """Eq. 4.1: cycles are counted where the power comes on; the first one is number one."""
+def test_fatigue_wears_the_hot_end_more_than_the_cold_one():
+    """Cycles are counted where the power comes on; the first one is number one."""
     power = np.tile(np.repeat([0.01, 0.6], 5), 4)
     n = len(power)
     arrays = Signals(
         np.arange(n) * 1.0, np.full(n, 5.0), np.full(n, 0.3), power, np.ones(n), np.ones(n), np.ones(n), np.ones(n)
     )
-    _, resistance, displacement = through("fatigue", arrays)
     cycle = np.array([1] * 5 + [2] * 10 + [3] * 10 + [4] * 10 + [5] * 5)
-    np.testing.assert_allclose(displacement - 2e-3, 2e-4 * np.log(cycle), atol=1e-15)
-    np.testing.assert_allclose(5.0 - resistance, 0.02 * np.log(cycle), atol=1e-12)
+    worn = 2.0 * (np.sqrt(cycle) - 1.0)
+    hot_m, cold_m = PLACE.working_range_m
+    for place_m, share in ((hot_m, 1.0), (0.5 * (hot_m + cold_m), 0.75), (cold_m, 0.5), (cold_m + 1e-3, 0.5)):
+        _, resistance, displacement = through("fatigue", arrays, np.full(n, place_m))
+        np.testing.assert_allclose(displacement - place_m, 2e-4 * share * worn, atol=1e-15)
+    np.testing.assert_allclose(5.0 / resistance, 1.0 + 0.004 * worn, rtol=1e-12)
+    logarithm = Stages(build("fatigue", exponent=0.0, cold_share=1.0)).through(arrays, np.full(n, 2e-3))[1]
+    np.testing.assert_allclose(logarithm.displacement_m - 2e-3, 2e-4 * np.log(cycle), atol=1e-15)
 
 
 def test_what_turned_back_early_shifts_the_next_branch():

@@ -1,0 +1,252 @@
+"""What a model's error is expected to be at a place of the loop *and with the history that led there*.
+
+A model errs in the same way again and again: its error depends on where the wire is, how it came there and how warm
+it is.  On the model's own logs that is learned once, by ridge regression on many simple bends of what is seen: the
+model's displacement, resistance, stress, branch, the temperature that a heat balance keeps beside them, and how far
+temperature and resistance have come from their last turns (:mod:`sma_actuator.estimation.models.whole_range`).
+What is expected so is not news to anybody who traces a later log.
+
+It is judged where it was not fitted: by loads left out, or, where these are too few for that, by stretches of time
+left out of each log.  That is the floor; it stands higher the stranger a place and its history are to the logs, as the
+error of a regression does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sma_actuator.base.jit import jit
+from sma_actuator.config import Config
+from sma_actuator.estimation.chain import Estimates
+from sma_actuator.estimation.models.whole_range import DIRECT, features_all
+
+from .experiments import Experiment
+from .ranges import SAME_LOAD
+from .whole_range import PLAYS_K, PLAYS_OF_RANGE, usual_heat_balance
+
+UNITS = 240  #: bends, of SEEN_TOGETHER of the features each
+SEEN_TOGETHER = 3
+FEATURES = DIRECT + len(PLAYS_K) + len(PLAYS_OF_RANGE) + 2  #: with the model's displacement and the branch
+RIDGE = 1e-3  #: per row
+FLOOR_BETWEEN = (0.5, 5.0)  #: of its mean
+MOST_ROWS = 8000  #: that the regression sees; logs of more are thinned
+FOLDS = 4
+BLOCK_s = 20.0  #: left out together: longer than what a residual remembers; less of short logs
+FEWEST_LOADS = 3  #: from which all logs of a load are left out together
+LONGEST_s = 30.0  #: lag up to which a residual is held against itself
+
+
+class Expectation:
+    """What the calibration of a model expects of the residual.  Raises ValueError where it has learned nothing."""
+
+    def __init__(self, config: Config):
+        c = config.calibration
+        if not c.expected_weights:
+            raise ValueError("the calibration says nothing of its residual")
+        self._low_m, self._high_m = c.expected_stroke
+        self._ambient_C = _usual_C(config)
+        self._thermal = usual_heat_balance(config.thermal, c.resistance_range)
+        self._widths_Ohm = np.array(PLAYS_OF_RANGE) * c.resistance_range
+        self._centre, self._scale = np.array(c.expected_centre), np.array(c.expected_scale)
+        self._least, self._most = np.array(c.expected_least), np.array(c.expected_most)
+        self._weights_m = np.array(c.expected_weights)
+        self._white = np.zeros((FEATURES, FEATURES))
+        self._white[np.tril_indices(FEATURES)] = c.expected_white
+        self._floor_m = c.floor / 100 * config.wire.full_stroke_m
+
+    def residual_m(self, found: Estimates, rows: np.ndarray | slice) -> np.ndarray:
+        """Measured less estimated displacement that is no news, of some of n samples."""
+        return _evaluate(self._seen(found, rows), self._weights_m)
+
+    def floor_m(self, found: Estimates, rows: np.ndarray | slice) -> np.ndarray:
+        """How far off that is in the mean where it was not fitted, of some of n samples."""
+        square = np.sum((self._seen(found, rows) @ self._white.T) ** 2, axis=1)
+        return self._floor_m * np.clip(np.sqrt((1.0 + square) / (1.0 + FEATURES)), *FLOOR_BETWEEN)
+
+    def _seen(self, found: Estimates, rows: np.ndarray | slice) -> np.ndarray:
+        stroke_m = (self._low_m, self._high_m)
+        seen = _features(found, self._thermal, self._widths_Ohm, stroke_m, self._ambient_C)[rows]
+        return np.clip((seen - self._centre) / self._scale, self._least, self._most)
+
+
+def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config: Config) -> dict:
+    """Learn what to expect; fields of a calibration.
+
+    ``found``: what the model's chain makes of each log; ``config`` knows the range of the resistance at the calibration.
+    """
+    full_m = config.wire.full_stroke_m
+    range_Ohm = config.calibration.resistance_range
+    places_m = np.concatenate([t.displacement_m for t in experiments])
+    low_m, high_m = (float(v) for v in np.nanpercentile(places_m, (0.5, 99.5)))
+    ambient_C = _usual_C(config)
+    thermal = usual_heat_balance(config.thermal, range_Ohm)
+    widths_Ohm = np.array(PLAYS_OF_RANGE) * range_Ohm
+    stride = max(1, -(-len(places_m) // MOST_ROWS))
+    rows = []
+    for number, (experiment, estimates) in enumerate(zip(experiments, found, strict=True)):
+        seen = _features(estimates, thermal, widths_Ohm, (low_m, high_m), ambient_C)
+        residual_m = experiment.displacement_m - estimates.displacement_m
+        good = np.isfinite(seen).all(axis=1) & np.isfinite(residual_m)
+        time_s = estimates.time_s - estimates.time_s[0]
+        block = time_s // min(BLOCK_s, max(time_s[-1], 1e-9) / (2 * FOLDS)) + number
+        columns = (seen, residual_m, np.full(len(good), number), block, time_s)
+        rows.append(tuple(c[good][::stride] for c in columns))
+    seen, residual_m, log, block, time_s = (np.concatenate(c) for c in zip(*rows, strict=True))
+    centre, scale = seen.mean(axis=0), seen.std(axis=0) + 1e-12
+    z = (seen - centre) / scale
+    basis = _basis(z)
+    weights_m = _ridge(basis, residual_m)
+    news_m = _left_out(z, residual_m, _folds(experiments, log, block))
+    white = np.linalg.inv(np.linalg.cholesky(z.T @ z / len(z) + RIDGE * np.eye(FEATURES)))
+    return {
+        "expected_stroke": (low_m, high_m),
+        "expected_centre": _rounded(centre),
+        "expected_scale": _rounded(scale),
+        "expected_least": _rounded(z.min(axis=0)),
+        "expected_most": _rounded(z.max(axis=0)),
+        "expected_weights": _rounded(weights_m),
+        "expected_white": _rounded(white[np.tril_indices(FEATURES)]),
+        "floor": float(np.abs(news_m).mean()) / full_m * 100,
+        "independent_time": correlation_time_s(time_s, news_m, log),
+    }
+
+
+def _usual_C(config: Config) -> float:
+    """Temperature of the surroundings at the calibration."""
+    known_C = config.calibration.ambient_temperature
+    return known_C if np.isfinite(known_C) else config.thermal.ambient_temperature
+
+
+def _features(
+    found: Estimates,
+    thermal: np.ndarray,
+    widths_Ohm: np.ndarray,
+    stroke_m: tuple[float, float],
+    ambient_C: float,
+) -> np.ndarray:
+    """What the error may depend on, (n, FEATURES); not a number where a sample is not good."""
+    out = np.full((len(found.time_s), FEATURES), np.nan)
+    columns = (found.time_s, found.signals.power_W, found.resistance_Ohm, found.signals.stress_Pa, found.model_m)
+    columns = tuple(np.broadcast_to(c, (len(out),)) for c in columns)
+    good = np.isfinite(np.sum(columns, axis=0))
+    time_s, power_W, resistance_Ohm, stress_Pa, model_m = (np.ascontiguousarray(c[good]) for c in columns)
+    seen = np.empty((len(time_s), FEATURES - 2))
+    first = np.zeros(len(time_s), dtype=np.bool_)
+    first[:1] = True
+    features_all(
+        time=time_s,
+        power=power_W,
+        ambient=np.full(len(time_s), ambient_C),
+        resistance=resistance_Ohm,
+        stress=stress_Pa,
+        share=np.clip((model_m - stroke_m[0]) / (stroke_m[1] - stroke_m[0]), 0.0, 1.0),
+        first=first,
+        thermal=thermal,
+        widths_K=np.array(PLAYS_K),
+        widths_Ohm=widths_Ohm,
+        state=np.zeros(4 + FEATURES - 2 - DIRECT),
+        out=seen,
+    )
+    out[good, :-2], out[good, -2] = seen, model_m
+    out[good, -1] = np.where(np.broadcast_to(found.branch, good.shape)[good] == 1, 1.0, -1.0)
+    return out
+
+
+def _units() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The bends: which features each sees (UNITS, SEEN_TOGETHER), how steeply, and where it lies (UNITS,).
+
+    Drawn by a generator whose numbers never change, so that a file of weights says all.
+    """
+    rng = np.random.RandomState(1)
+    which = np.array([rng.permutation(FEATURES)[:SEEN_TOGETHER] for _ in range(UNITS)])
+    return which, rng.normal(size=(UNITS, SEEN_TOGETHER)), rng.uniform(-2.0, 2.0, UNITS)
+
+
+_UNITS = _units()
+
+
+def _evaluate(z: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """The regression at ``z`` (n, FEATURES)."""
+    out = np.empty(len(z))
+    _sum(np.ascontiguousarray(z), *_UNITS, weights, out)
+    return out
+
+
+@jit
+def _sum(
+    z: np.ndarray, which: np.ndarray, steep: np.ndarray, shift: np.ndarray, weights: np.ndarray, out: np.ndarray
+) -> None:
+    features = z.shape[1]
+    for i in range(len(z)):
+        value = weights[0]
+        for j in range(features):
+            value += weights[1 + j] * z[i, j]
+        for k in range(len(which)):
+            inner = shift[k]
+            for j in range(which.shape[1]):
+                inner += steep[k, j] * z[i, which[k, j]]
+            value += weights[1 + features + k] * inner / (1.0 + abs(inner))
+        out[i] = value
+
+
+def _basis(z: np.ndarray) -> np.ndarray:
+    """What is weighed, (n, 1 + FEATURES + UNITS)."""
+    which, steep, shift = _UNITS
+    inner = np.einsum("nkj,kj->nk", z[:, which], steep) + shift
+    return np.column_stack((np.ones(len(z)), z, inner / (1.0 + np.abs(inner))))
+
+
+def _ridge(basis: np.ndarray, target: np.ndarray) -> np.ndarray:
+    shrink = np.full(basis.shape[1], RIDGE * len(basis))
+    shrink[0] = 1e-9
+    return np.linalg.solve(basis.T @ basis + np.diag(shrink), basis.T @ target)
+
+
+def _folds(experiments: Sequence[Experiment], log: np.ndarray, block: np.ndarray) -> np.ndarray:
+    """A fold for every row: all logs of a load together, neighbouring loads in different folds; where there are too few
+    loads, stretches of each log."""
+    stress_Pa = np.array([t.mean_stress_Pa for t in experiments])
+    ordered = np.sort(stress_Pa)
+    edges_Pa = ordered[1:][np.diff(ordered) > SAME_LOAD * np.abs(ordered[:-1])]
+    if len(edges_Pa) + 1 < FEWEST_LOADS:
+        return block.astype(int) % FOLDS
+    return np.searchsorted(edges_Pa, stress_Pa, side="right")[log] % FOLDS
+
+
+def _left_out(z: np.ndarray, target: np.ndarray, fold: np.ndarray) -> np.ndarray:
+    """Target less what is expected by a regression that has not seen it."""
+    out = target.copy()
+    for number in range(FOLDS):
+        hidden = fold == number
+        if hidden.any() and not hidden.all():
+            seen = z[~hidden]
+            weights = _ridge(_basis(seen), target[~hidden])
+            out[hidden] -= _basis(np.clip(z[hidden], seen.min(axis=0), seen.max(axis=0))) @ weights
+    return out
+
+
+def correlation_time_s(time_s: np.ndarray, values: np.ndarray, log: np.ndarray) -> float:
+    """How long a residual remembers itself: two of its samples so far apart say two things.
+
+    Twice the integral of its autocorrelation up to where that first is nothing, over all logs; what a whole log has in
+    common is not counted.
+    """
+    steps = [np.median(np.diff(time_s[log == k])) for k in np.unique(log) if np.sum(log == k) > 2]
+    step_s = float(np.median(steps))
+    most = max(2, round(LONGEST_s / step_s))
+    total, power = np.zeros(most), 0.0
+    for k in np.unique(log):
+        x = values[log == k] - values[log == k].mean()
+        power += float(x @ x)
+        for lag in range(1, min(most, len(x))):
+            total[lag] += float(x[lag:] @ x[:-lag])
+    correlation = total / max(power, 1e-300)
+    gone = np.flatnonzero(correlation[1:] <= 0.0)
+    last = int(gone[0]) + 1 if len(gone) else most
+    return float(step_s * (1.0 + 2.0 * correlation[1:last].sum()))
+
+
+def _rounded(values: np.ndarray) -> tuple[float, ...]:
+    return tuple(float(f"{v:.6g}") for v in values)
