@@ -44,7 +44,7 @@ from sma_actuator.logs.bench_log import BenchLog, write_bench_log
 BUCKET = "fleet"
 EFFECTS = (("voltage_offset", 0.004), ("load_cell_drift", 0.3), ("reference_gain", 0.05))
 EVERY = 10  #: one wire in so many drifts, from the middle of its days on
-LOG_S = 30.0
+LOG_s = 30.0
 TRACED_WIRES = 10
 AWS = {"AWS_ACCESS_KEY_ID": "fleet", "AWS_SECRET_ACCESS_KEY": "fleet", "AWS_DEFAULT_REGION": "us-east-1"}
 
@@ -56,7 +56,7 @@ def one_log(wire: int, day: int, days: int, config: Config) -> BenchLog:
     seed = 1000 * wire + day
     hidden = {name: size * late} if late > 0.0 else {}
     load = Weight((0.6, 0.98, 1.5)[wire % 3])
-    bench = HiddenBench.from_name("flexinol", seed=seed, load=load, hidden=hidden, session_s=LOG_S)
+    bench = HiddenBench.from_name("flexinol", seed=seed, load=load, hidden=hidden, session_s=LOG_s)
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     rng = np.random.default_rng(seed)
     low_A, high_A = config.supply.bias_current, default_heat_current_A(config)
@@ -72,7 +72,7 @@ def one_log(wire: int, day: int, days: int, config: Config) -> BenchLog:
     ]
     drive = np.concatenate([np.full(round(s * config.loop.rate), level) for level, s in steps])
     with rig.opened():
-        log = rig.record(Drive(float(current_A)) for current_A in drive[: round(LOG_S * config.loop.rate)])
+        log = rig.record(Drive(float(current_A)) for current_A in drive[: round(LOG_s * config.loop.rate)])
     started = f"2026-{1 + day // 28:02d}-{1 + day % 28:02d}T08:00:00+00:00"
     return BenchLog(log.columns, {"kind": "session", "started": started})
 

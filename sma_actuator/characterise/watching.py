@@ -34,22 +34,22 @@ class LoadWatch:
         except InstrumentError as error:
             self._seen.clear()
             return Shown(f"load cell: no reading ({error})", "none")
-        volts = float(np.mean(reading.load_cell_voltage_V))
+        voltage_V = float(np.mean(reading.load_cell_voltage_V))
         load_N = float(np.mean(signals_from_reading(reading, self._rig.config).load_N))
         now_s = time.monotonic()
-        self._seen.append((now_s, volts, load_N))
+        self._seen.append((now_s, voltage_V, load_N))
         while len(self._seen) > _FEWEST and self._seen[1][0] < now_s - WINDOW_s:
             self._seen.popleft()
         state = "settled" if self._settled(now_s) else "moving"
-        text = f"load cell: {volts:.4f} V"
+        text = f"load cell: {voltage_V:.4f} V"
         if self._rig.config.load_cell.calibrated:
             wanted = "" if self._expected_N is None else f" of {self._expected_N:.3f} N"
             text += f", {load_N:.3f} N{wanted} by its calibration"
         return Shown(f"{text}: {state}", state)
 
     def _settled(self, now_s: float) -> bool:
-        times, volts, loads_N = zip(*self._seen, strict=True)
+        times, voltage_V, loads_N = zip(*self._seen, strict=True)
         if now_s - times[0] < WINDOW_s or len(times) < _FEWEST:
             return False
-        values, still = (loads_N, _STILL_N) if self._rig.config.load_cell.calibrated else (volts, _STILL_V)
+        values, still = (loads_N, _STILL_N) if self._rig.config.load_cell.calibrated else (voltage_V, _STILL_V)
         return float(np.ptp(values)) <= max(still, _STILL_SHARE * abs(float(np.mean(values))))

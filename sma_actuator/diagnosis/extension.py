@@ -36,10 +36,12 @@ from .trace.race import trace
 NEVER = ("fatigue", "creep", "rate")
 MOST_SAMPLES = 15_000  #: of all logs together that the race sees; those of more are thinned
 FOLDS = 3  #: of logs
-LEAST_GAIN = 0.05  #: share of the error that an effect must take off logs it was not fitted on
+LEAST_GAIN = 0.05  #: share of its error that an effect must take off a log it was not fitted on, in the mean
 SIGNIFICANT = 2.0  #: standard errors over logs that must be left of that gain
+SMALLEST_percent = 0.2  #: of full stroke: an error of a log that is smaller counts as this
 WORST_RISE_percent = 0.3  #: of full stroke, by which no log may become worse
 FEWEST_LOGS = 4
+_SHORTEST = 40  #: samples of a log that the race sees; the end of one that was cut holds no whole cycle
 
 Progress = Callable[[float], None]
 
@@ -57,7 +59,7 @@ class Extended:
 
 def extend(result: Identification, jobs: int = 2, progress: Progress = lambda fraction: None) -> Extended:
     """Look for what the model lacks on its own logs, and add what helps logs it was not fitted on."""
-    logs = [dataclasses.replace(one.log, metadata={**one.log.metadata, "kind": one.kind}) for one in result.experiments]
+    logs = _thinned(result)
     if len(logs) < FEWEST_LOGS:
         return _nothing(
             result, f"nothing was added: {FEWEST_LOGS} logs at least are wanted to hold some out, these are {len(logs)}"
@@ -104,10 +106,10 @@ def extend(result: Identification, jobs: int = 2, progress: Progress = lambda fr
 
 
 def _thinned(result: Identification) -> list[BenchLog]:
-    """The logs that were fitted and hold a whole cycle, with their kind said, and no more samples than the race needs."""
+    """The logs that were fitted and are no mere rest of one, with their kind said, and no more samples than the race needs."""
     seldom = max(1, -(-sum(len(one.log) for one in result.experiments) // MOST_SAMPLES))
     thinned = [one.rows(np.arange(len(one.log)) % seldom == 0) for one in result.experiments]
-    thinned = [one for one in thinned if {-1, 1} <= set(np.diff(one.driven.astype(int)).tolist())]
+    thinned = [one for one in thinned if len(one.log) >= _SHORTEST and one.cycle[-1] > 0]
     return [dataclasses.replace(one.log, metadata={**one.log.metadata, "kind": one.kind}) for one in thinned]
 
 
@@ -147,20 +149,17 @@ def _that_help_other_logs(evidence: Evidence, found: Fit) -> tuple[list[Candidat
     best = _OtherLogs(before, before, plain)
     for candidate in found.candidates:
         tried = _on_other_logs(evidence, [*kept, candidate], found, before)
-        gain, error = paired(best.after, tried.after)
+        fall = (best.after - tried.after) / np.maximum(best.after, SMALLEST_percent)
+        share, error = paired(fall, np.zeros(len(fall)))
         rise = float(np.max(tried.after - best.after))
-        if (
-            gain - SIGNIFICANT * error > 0.0
-            and gain >= LEAST_GAIN * float(best.after.mean())
-            and rise <= WORST_RISE_percent
-        ):
+        if share - SIGNIFICANT * error > 0.0 and share >= LEAST_GAIN and rise <= WORST_RISE_percent:
             kept.append(candidate)
             best = tried
             continue
         why = (
             f"makes one log worse by {rise:.2f} %"
             if rise > WORST_RISE_percent
-            else f"takes {gain:.2f} ± {SIGNIFICANT * error:.2f} % off logs that it was not fitted on"
+            else f"takes {share:.0%} ± {SIGNIFICANT * error:.0%} of the error off logs that it was not fitted on"
         )
         sentences.append(f"{candidate.name} was left out: it pays within the logs, but {why}")
     return kept, sentences, best

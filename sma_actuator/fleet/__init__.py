@@ -7,7 +7,7 @@ keeps the table; ``sma-actuator fleet`` says which wires drift, by what and sinc
 from .arguments import add_fleet_arguments
 from .command import add_arguments, run
 from .running import Finding, Work, run_fleet
-from .spread import Call, cluster, spread
+from .spreading import Call, cluster, spread
 
 __all__ = [
     "Call",

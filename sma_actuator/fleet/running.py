@@ -29,7 +29,7 @@ from sma_actuator.console import notes, progress_bar, refuse_to_overwrite, resul
 from sma_actuator.logs.files import write_atomically
 
 from .places import Fetched, Place, fetch, find, text_of
-from .spread import cluster, spread
+from .spreading import cluster, spread
 from .table import append, key_of, read_table
 
 FLUSH_s = 2.0  #: rows wait so long at the most before they are in the table

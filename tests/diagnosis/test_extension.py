@@ -5,38 +5,24 @@ import json
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from sma_actuator.cli.main import main
-from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
+from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.diagnosis.extension import NEVER, extend
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
-from sma_actuator.logs.bench_log import signals_from_log, write_bench_log
-
-SLOPE_1_K = 0.6e-3  #: of the resistance with temperature, beyond what the wire of the bench has
 
 
 @pytest.fixture(scope="module")
-def warm(flexinol, tmp_path_factory):
-    """Every other reading of the wire's logs, had its resistance risen more with its temperature."""
-    folder = tmp_path_factory.mktemp("warm")
-    config = bench_from_mapping(flexinol.mapping)
-    thermal = config.thermal
-    for log in flexinol.only("_0.300N", "_0.600N", "_1.200N"):
-        s = signals_from_log(log, config)
-        share = 1.0 - np.exp(-log.period_s * thermal.heat_loss / thermal.heat_capacity)
-        rise_K = lfilter([share], [1.0, share - 1.0], s.power_W) / thermal.heat_loss
-        columns = {
-            "time_s": s.time_s,
-            "resistance_Ohm": s.resistance_Ohm * (1.0 + SLOPE_1_K * rise_K),
-            "current_A": s.current_A,
-            "load_N": s.load_N,
-            "displacement_m": s.reference_displacement_m,
-        }
-        thinned = {name: values[::2] for name, values in columns.items()}
-        write_bench_log(folder / log.name, dataclasses.replace(log, columns=thinned))
-    return folder
+def foreign(tmp_path_factory):
+    """Logs of a wire of other physics than those that the models come from, and its bench file among them."""
+    out = tmp_path_factory.mktemp("foreign") / "spool"
+    words = ["characterise", "--virtual", "flexinol", "--physics", "foreign", "--out", str(out), "-q"]
+    words += ["--loads", "0.3,0.6,1.0,2.0", "--pulses", "2", "--set-points", "3"]
+    for part in ("lead_resistance", "load_cell", "lvdt", "training", "fatigue"):
+        words += ["--skip", part]
+    assert main(words) == 0
+    return out
 
 
 def identified(folder, bench, out, *more):
@@ -46,9 +32,9 @@ def identified(folder, bench, out, *more):
     return code, json.loads(out.with_suffix(".json").read_text())
 
 
-def test_what_helps_other_logs_is_added_said_and_part_of_the_calibration(warm, flexinol, tmp_path, capsys):
-    bench = flexinol.folder / "bench.yaml"
-    code, found = identified(warm, bench, tmp_path / "with.yaml")
+def test_what_helps_other_logs_is_added_said_and_part_of_the_calibration(foreign, tmp_path, capsys):
+    bench = foreign / "bench.yaml"
+    code, found = identified(foreign, bench, tmp_path / "with.yaml")
     assert code == 0
     said = capsys.readouterr().out
     assert "extension: added self_heating" in said and "logs that the effects were not fitted on" in said
@@ -58,7 +44,7 @@ def test_what_helps_other_logs_is_added_said_and_part_of_the_calibration(warm, f
     config = Config.load(tmp_path / "with.yaml")
     assert config.effects.active["self_heating"] is not None
     assert "identify added self_heating" in read_parameter_file(tmp_path / "with.yaml")["effects"]["history"][0]
-    _, plain = identified(warm, bench, tmp_path / "without.yaml", "--no-extension")
+    _, plain = identified(foreign, bench, tmp_path / "without.yaml", "--no-extension")
     without = Config.load(tmp_path / "without.yaml")
     assert "extension" not in plain and not without.effects.active
     assert config.calibration.error < without.calibration.error, "the calibration is that of the extended model"

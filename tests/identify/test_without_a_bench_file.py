@@ -123,3 +123,15 @@ def test_what_is_missing_of_the_wire_is_said(tmp_path, capsys):
 def test_a_node_that_has_no_calibration_of_its_load_cell_drives_nothing(make_rig):
     with pytest.raises(ValueError, match="load_cell.slope, load_cell.offset: missing"):
         make_rig(load_cell={"slope": float("nan"), "offset": float("nan")})
+
+
+def test_calibrations_may_be_given_one_by_one(flexinol, tmp_path, capsys):
+    log = str(flexinol.folder / "pulses_1.200N.csv")
+    given = [
+        f"{section}.{name}={value}"
+        for section in ("circuit", "load_cell", "reference_sensor")
+        for name, value in flexinol.mapping[section].items()
+    ]
+    words = [word for one in given for word in ("--set", one)]
+    assert main(["identify", log, *WIRE, *words, "--out", str(tmp_path / "m.yaml")]) == 1
+    assert "different loads" in capsys.readouterr().err, "all that is wrong is that one load is too few"

@@ -312,7 +312,7 @@ def _anew(mapping: dict[str, Any], evidence: Evidence, tracing: Tracing) -> dict
         for measured_m, p in zip(evidence.measured_m, tracing.predictions["after"], strict=True)
     ]
     fields: dict[str, Any] = {"error": float(np.mean(errors)), "largest_error": max(errors)}
-    config = Config.from_mapping(mapping)
+    config = Config.for_tools(mapping)
     if evidence.beyond_floor and config.calibration.expected_weights:
         found = [Chain(config).run(t.signals) for t in evidence.experiments]
         fields |= learn(evidence.experiments, found, config)
