@@ -17,9 +17,9 @@ EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completio
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
 
-# Most tests wait for processes: a third beside the two cores costs nothing.  A class, or a file's functions, stay together.
+# Most tests wait for processes: two beside the two cores cost nothing.  A class, or a file's functions, stay together.
 test: $(VENV)/ready
-	$(BIN)/python -m pytest -n 3 --dist loadscope --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 4 --dist loadscope --no-loadscope-reorder
 
 check: $(VENV)/ready
 	$(BIN)/ruff format --check .

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import itertools
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -55,14 +56,27 @@ def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
     return out
 
 
-#: Tests that start processes or fit models take longest: they begin first, so that no worker is left alone with them.
-_FIRST = ("tests/ros", "tests/attack", "tests/identify", "tests/diagnosis", "tests/cli", "tests/replay", "tests/driver")
+#: Tests that mostly wait for processes, and tests that mostly reckon: together they fill a machine, and they take longest.
+_WAITING = ("tests/ros", "tests/view", "tests/cli", "tests/attack", "tests/check", "tests/driver", "tests/bench")
+_RECKONING = (
+    "tests/identify",
+    "tests/diagnosis",
+    "tests/fleet",
+    "tests/test_tutorial",
+    "tests/replay",
+    "tests/estimation",
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The rooms of ``_FIRST`` before the others; within a room the order stays."""
-    ranks = {room: rank for rank, room in enumerate(_FIRST)}
-    items.sort(key=lambda item: ranks.get("/".join(item.nodeid.split("/")[:2]), len(ranks)))
+    """Classes and files that wait and that reckon in turn, then all others: so no worker is left alone with the longest."""
+    scopes: dict[str, list[pytest.Item]] = {}
+    for item in items:
+        scopes.setdefault(item.nodeid.rpartition("::")[0], []).append(item)
+    waiting, reckoning = ([name for name in scopes if name.startswith(rooms)] for rooms in (_WAITING, _RECKONING))
+    mixed = [name for pair in itertools.zip_longest(waiting, reckoning) for name in pair if name is not None]
+    others = [name for name in scopes if name not in set(mixed)]
+    items[:] = [item for name in mixed + others for item in scopes[name]]
 
 
 @pytest.fixture(scope="session")
