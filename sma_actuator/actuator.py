@@ -439,12 +439,13 @@ class Actuator:
                 limits.add(SETPOINT_RANGE)
                 setpoint_m = min(max(setpoint_m, lo_m), hi_m)
         setpoint_m = max(setpoint_m, self._supervisor.stress_floor_m)
+        contracted_C, thermal = self._config.calibration.contracted_temperature, self._config.thermal
         self._reach.step(
             now_s,
             self._estimate.displacement_m,
             setpoint_m,
             at_max=self._told.current_A >= ALL_THERE_IS * self._supervisor.limit_A(),
-            hot=self._supervisor.heat.temperature_C > self._config.calibration.contracted_temperature + BEYOND_K,
+            ample_W=thermal.heat_loss * (contracted_C + BEYOND_K - self._supervisor.heat.ambient.temperature_C),
             power_W=self._power_W,
             load_N=self._signals.load_N,
         )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import itertools
+import subprocess
+import sys
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -66,6 +68,13 @@ _RECKONING = (
     "tests/replay",
     "tests/estimation",
 )
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile the bench once before many want it: on a fresh machine that takes a minute, and longer where four do it at once."""
+    if getattr(session.config.option, "numprocesses", None):
+        bench = "from sma_actuator.bench import VirtualBench; VirtualBench.from_name('flexinol').advance(0.01)"
+        subprocess.run([sys.executable, "-c", bench], check=True, timeout=600)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -45,10 +45,19 @@ class Reach:
         self._since_s = self._from_m = self._load_N = self._there_s = nan
 
     def step(
-        self, now_s: float, position_m: float, wanted_m: float, at_max: bool, hot: bool, power_W: float, load_N: float
+        self,
+        now_s: float,
+        position_m: float,
+        wanted_m: float,
+        at_max: bool,
+        ample_W: float,
+        power_W: float,
+        load_N: float,
     ) -> None:
-        """Take note of one step: where the wire is, where it should be, whether all current there is flows, and
-        whether it is hotter than it need be to be contracted."""
+        """Take note of one step: where the wire is, where it should be, and whether all current there is flows.
+
+        ``ample_W`` would hold a wire hotter than it need be to be contracted; NaN where nobody knows.
+        """
         if now_s > self._now_s:
             self._held_W -= expm1((self._now_s - now_s) / self._time_constant_s) * (power_W - self._held_W)
         self._now_s = now_s
@@ -64,7 +73,7 @@ class Reach:
             at_max
             and position_m > aim_m
             and position_m > self._from_m - self._motion_m
-            and (hot or self._held_W > WARM * power_W)
+            and (self._held_W > ample_W or self._held_W > WARM * power_W)
         )
         if not stuck:
             self._since_s, self._from_m = now_s, position_m
