@@ -1,5 +1,5 @@
 # make demo   the node holds a wire of the virtual bench at setpoints, live in the terminal (VIEW=1: in the browser too)
-# make test   every test
+# make test   the tests; make long-tests those that take half a minute each
 # make check  format, lint, types and the floors of the house
 # make docs   the documentation with the API reference, warnings are errors
 # make tables, make benchmarks, make coefficients   the figures and the models, made again
@@ -12,14 +12,17 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: page attack mutants demo test check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds fleet foreign-speed tutorial forward health clean
+.PHONY: page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds fleet foreign-speed tutorial forward health clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
 
 # Most tests wait for processes: two beside the two cores cost nothing.  A class, or a file's functions, stay together.
 test: $(VENV)/ready
-	$(BIN)/python -m pytest -n 4 --dist loadscope --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 4 --dist loadscope --no-loadscope-reorder -m "not long"
+
+long-tests: $(VENV)/ready
+	$(BIN)/python -m pytest -n 2 -m long
 
 check: $(VENV)/ready
 	$(BIN)/ruff format --check .

@@ -5,6 +5,8 @@ import re
 import socket
 from pathlib import Path
 
+import pytest
+
 TUTORIAL = Path(__file__).parents[1] / "docs" / "tutorials"
 
 
@@ -14,6 +16,7 @@ def _free_port():
         return str(probe.getsockname()[1])
 
 
+@pytest.mark.long
 def test_a_strangers_log_comes_to_a_driven_wire(tmp_path, monkeypatch):
     spec = importlib.util.spec_from_file_location("tutorial_run", TUTORIAL / "run.py")
     tutorial = importlib.util.module_from_spec(spec)

@@ -121,6 +121,7 @@ def test_the_estimate_hardly_depends_on_the_rate_of_sampling(whole, unseen):
     assert np.abs(half_m - whole_m[1:n:2]).mean() < 0.003 * whole.config.wire.full_stroke_m
 
 
+@pytest.mark.long
 def test_the_same_logs_give_the_same_numbers_and_a_file_keeps_them(whole, flexinol, unseen):
     again = identify(flexinol.logs, flexinol.mapping, "whole_range")
     assert again.mapping["model"] == whole.mapping["model"]

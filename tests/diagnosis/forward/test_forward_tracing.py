@@ -35,6 +35,7 @@ def test_without_an_effect_none_is_named():
     assert "Nothing is missing" in report["sentence"]
 
 
+@pytest.mark.long
 def test_an_error_that_is_no_candidates_is_not_given_a_name():
     found = trace(makers(), synthetic({}, drift_m=5e-5, ambient_K=0.7, bend=0.005, seed=1)[:3], candidates=FEW)
     assert found.verdict == "unexplained", sentences(found)
@@ -47,8 +48,8 @@ def test_an_error_that_is_no_candidates_is_not_given_a_name():
 @pytest.mark.parametrize(
     "effects, name",
     (
-        ({"backlash_m": 4e-4}, "backlash"),
-        ({"dead_time_s": 0.4}, "dead time"),
+        pytest.param({"backlash_m": 4e-4}, "backlash", marks=pytest.mark.long),
+        pytest.param({"dead_time_s": 0.4}, "dead time", marks=pytest.mark.long),
         ({"spread_K": 6.0}, "spread"),
     ),
 )
@@ -68,6 +69,7 @@ def test_an_effect_that_was_switched_on_is_named_on_a_run_that_had_no_part_in_it
     assert report["runs"][0]["chosen_and_fitted_on"] == ["ramp", "step", "low"]
 
 
+@pytest.mark.long
 def test_an_effect_is_named_through_errors_that_are_no_candidates():
     found = trace(
         makers(), synthetic({"dead_time_s": 0.4}, drift_m=5e-5, ambient_K=0.3, bend=0.005, seed=5), candidates=FEW[:2]
@@ -78,6 +80,7 @@ def test_an_effect_is_named_through_errors_that_are_no_candidates():
     assert sum(found.after_m) < 0.8 * sum(found.before_m)
 
 
+@pytest.mark.long
 def test_each_run_is_judged_by_a_choice_that_it_had_no_part_in():
     runs = synthetic({"dead_time_s": 0.4})[:3]
     found = trace(makers(), runs, candidates=FEW[1:2])

@@ -60,13 +60,18 @@ def test_what_is_hidden_is_named_first_and_its_size_found(wire, config, hidden, 
     assert found.errors_percent["after"].mean() < 0.6 * found.errors_percent["before"].mean()
 
 
+@pytest.mark.long
 def test_two_effects_are_both_found(wire, config):
     found = traced(wire, config, {"slip": 2e-4, "voltage_offset": 0.004})
     assert found.verdict == "traced"
     assert set(found.fit.names) == {"slip", "voltage_offset"}
 
 
-@pytest.mark.parametrize("hidden", [{"hum": 1.5e-4}, {"contact_bounce": 0.06}], ids=lambda h: next(iter(h)))
+@pytest.mark.parametrize(
+    "hidden",
+    [{"hum": 1.5e-4}, pytest.param({"contact_bounce": 0.06}, marks=pytest.mark.long)],
+    ids=lambda h: next(iter(h)),
+)
 def test_what_has_no_name_stays_without(wire, config, hidden):
     assert traced(wire, config, hidden).verdict == "unexplained"
 
