@@ -16,6 +16,10 @@ from .ranges import determinate_interval_m, distinct_stresses, full_cycles
 
 LOSS_SCALE = 0.01  #: residual, as a share of the full stroke, above which it counts linearly
 FOLDS = 3
+LOG_RATE = (
+    np.log(0.1),
+    np.log(1000.0),
+)  #: of a transition rate [1/Ω]; a transition narrower than a milliohm drowns in noise
 #: Samples of all experiments together that a fit sees at the most; of more, those between two changes of the branch are thinned.
 MOST_SAMPLES = 20_000
 BOOTSTRAP_SAMPLES = 300
@@ -176,6 +180,18 @@ def at_bound(name: str, value: float, low: float, high: float, unit: str, means:
             "interval says nothing"
         )
     ]
+
+
+def transition_rate(log_rate: float) -> float:
+    """The rate [1/Ω] that a fit's logarithm of it stands for, inside what a fit may take."""
+    return float(np.exp(np.clip(log_rate, *LOG_RATE)))
+
+
+def transition_rate_bounds(rate: float) -> list[str]:
+    """A sentence where a fitted transition rate [1/Ω] stands at the end of what a fit may take."""
+    low, high = np.exp(LOG_RATE)
+    means = "the transition from one curve to the other is sharper or flatter than these logs can show"
+    return at_bound("transition_rate", rate, float(low), float(high), "1/Ω", means)
 
 
 def _robust(residual: np.ndarray) -> float:

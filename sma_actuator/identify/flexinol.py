@@ -21,7 +21,6 @@ from .unseen import Unseen, unseen_of
 
 STRESS_UNIT_Pa = 100e6  #: polynomials are fitted in units of this, so that their coefficients are of one size
 HIGHEST_ORDER = 3
-_LOG_RATE = (np.log(0.1), np.log(1000.0))  #: of τ [1/Ω]; a transition narrower than a milliohm drowns in noise
 _NAMES = ("heating_slope", "heating_intercept", "cooling_slope", "cooling_intercept")
 
 
@@ -41,15 +40,7 @@ class FlexinolFit:
     @property
     def bounds(self) -> list[str]:
         """A sentence for every bound that binds."""
-        low, high = np.exp(_LOG_RATE)
-        return fitting.at_bound(
-            "transition_rate",
-            self.coefficients.transition_rate,
-            float(low),
-            float(high),
-            "1/Ω",
-            "the transition from one curve to the other is sharper or flatter than these logs can show",
-        )
+        return fitting.transition_rate_bounds(self.coefficients.transition_rate)
 
 
 def fit_appendix_c(experiments: Sequence[Experiment], wire, order: int = 2) -> FlexinolFit:
@@ -141,7 +132,7 @@ class _Joint:
             self._wire,
             *self._ranges,
             initial_slope=float(theta[-2]) * 1e-3,
-            transition_rate=float(np.exp(np.clip(theta[-1], *_LOG_RATE))),
+            transition_rate=fitting.transition_rate(theta[-1]),
         )
 
     def builder(self, orders: tuple[int, int]):

@@ -20,7 +20,6 @@ from .ranges import distinct_stresses, full_cycles, working_range_m
 from .unseen import Unseen, unseen_of
 
 ORDER_R = 2  #: G_2 R² + G_1 R + G_0 (5.55, 5.56)
-_LOG_RATE = (np.log(0.1), np.log(1000.0))  #: of η [1/Ω]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,15 +35,7 @@ class FurukawaFit:
     @property
     def bounds(self) -> list[str]:
         """A sentence for every bound that binds."""
-        low, high = np.exp(_LOG_RATE)
-        return fitting.at_bound(
-            "transition_rate",
-            self.coefficients.transition_rate,
-            float(low),
-            float(high),
-            "1/Ω",
-            "the transition from one curve to the other is sharper or flatter than these logs can show",
-        )
+        return fitting.transition_rate_bounds(self.coefficients.transition_rate)
 
 
 def fit_furukawa(
@@ -115,7 +106,7 @@ class _Curves:
             calibrated_length=self._wire.length,
             calibrated_diameter=self._wire.diameter,
             variant=variant,
-            transition_rate=float(np.exp(np.clip(theta[-1], *_LOG_RATE))),
+            transition_rate=fitting.transition_rate(theta[-1]),
             stress_range=self._stress_range_Pa,
             displacement_range=self._range_m,
             **values,
