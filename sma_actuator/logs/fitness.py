@@ -6,6 +6,7 @@ Each requirement is a function that looks at all logs together and says what it 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -62,6 +63,9 @@ def judge(logs: Sequence[BenchLog], length_m: float = math.nan) -> list[Finding]
     if not findings[0].met:
         return findings
     cycles = [cycle for log in logs for cycle in cycles_of(log)]
+    if not cycles:  # nothing else could be asked of such logs
+        remedy = "switch the current on and off, so that the wire moves, and record that"
+        return [*findings, Finding("the wire is heated and cools", "no cycle in any log", False, remedy)]
     requirements: tuple[Callable[[Sequence[BenchLog], Sequence[Cycle]], Finding], ...] = (
         _rate,
         _measured,
@@ -95,10 +99,12 @@ def cycles_of(log: BenchLog) -> list[Cycle]:
     low_A, high_A = np.nanpercentile(current_A, (5.0, 95.0))
     on = current_A > 0.5 * (low_A + high_A)
     starts = np.flatnonzero(on[1:] & ~on[:-1]) + 1
+    if not len(starts):
+        return []
     still_m = STILL * float(np.nanmax(moved_m) - np.nanmin(moved_m))
     window = max(2, round(REST_s / log.period_s))
     out = []
-    for start, stop in zip(starts, [*starts[1:], len(on)], strict=True):
+    for start, stop in itertools.pairwise((*starts, len(on))):
         if time_s[stop - 1] - time_s[start] < REST_s:
             continue
         off = start + int(np.argmin(on[start:stop])) if not on[start:stop].all() else stop
@@ -218,7 +224,8 @@ def _stroke_m(logs: Sequence[BenchLog]) -> float:
 def _resolution(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
     steps = []
     for log in logs:
-        changes = np.abs(np.diff(np.sort(displacement_m(log))))
+        moved_m = displacement_m(log)
+        changes = np.diff(np.sort(moved_m[np.isfinite(moved_m)]))
         changes = changes[changes > 0.0]
         # Of many readings the sorted values lie as close as the converter lets them.
         steps.append(float(np.median(changes)) if len(changes) < 0.2 * len(log) and len(changes) else 0.0)
@@ -250,6 +257,9 @@ def _noise(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
     for log in logs:
         resistance_Ohm, _ = uncalibrated_resistance_and_current(log)
         known_Ohm = resistance_Ohm[np.isfinite(resistance_Ohm)]
+        if len(known_Ohm) < 3:
+            shares.append(math.inf)
+            continue
         span_Ohm = float(np.subtract(*np.percentile(known_Ohm, (99.0, 1.0))))
         second = known_Ohm[2:] - 2.0 * known_Ohm[1:-1] + known_Ohm[:-2]  # a straight line has none
         noise_Ohm = float(np.median(np.abs(second))) / (0.6745 * math.sqrt(6.0))

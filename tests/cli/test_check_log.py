@@ -112,3 +112,13 @@ def test_without_a_witness_nothing_else_is_asked(logs):
     ]
     (finding,) = judge(alone)
     assert not finding.met and "LVDT" in finding.remedy
+
+
+@pytest.mark.parametrize("rows", [1, 2, 40], ids=lambda n: f"{n} rows")
+def test_a_log_in_which_nothing_happens_is_told_so(rows, tmp_path, capsys):
+    log = tmp_path / "still.csv"
+    steady = "".join(f"{0.05 * i:.2f},{'nan' if i == 1 else 5.0},0.2,1.0,0.002\n" for i in range(rows))
+    log.write_text("time_s,resistance_Ohm,current_A,load_N,displacement_m\n" + steady)
+    assert main(["check-log", str(log)]) == 1
+    said = capsys.readouterr()
+    assert "switch the current on and off" in said.out or "still.csv" in said.err
