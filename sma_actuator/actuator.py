@@ -548,14 +548,17 @@ class Actuator:
         if fault is None and shown:
             words = f"{words}: {', '.join(limit.words for limit in shown)}"
         signals, estimate = self._signals, self._estimate
+        # With the mode "off" no position is said, though the last reading may be of before the output went off:
+        # this status stands for a while, and the wire moves.
+        known = self._commanding.is_driven and estimate.quality is not Quality.INVALID
         return Status(
             mode=self._commanding.mode,
             fault=fault.name if fault is not None else "",
             limits=tuple(limit.name for limit in shown),
             message=words,
             values={
-                "displacement_m": estimate.displacement_m if estimate.quality is not Quality.INVALID else nan,
-                "uncertainty_m": estimate.uncertainty_m,
+                "displacement_m": estimate.displacement_m if known else nan,
+                "uncertainty_m": estimate.uncertainty_m if known else nan,
                 "resistance_Ohm": signals.resistance_Ohm,
                 "current_A": signals.current_A,
                 "power_W": signals.power_W,

@@ -81,6 +81,15 @@ class TestEnable:
         rig.enable()
         assert rig.status.mode is Mode.HOLD
 
+    def test_from_the_first_step_off_the_status_says_no_position(self, rig):
+        """The reading of that step is of before the output went off, and its status stands while the wire moves."""
+        rig.enable()
+        assert rig.status.values["displacement_m"] == rig.output.estimate.displacement_m
+        rig.actuator.enable(rig.now_s, False)
+        rig.step()
+        assert rig.status.mode is Mode.OFF
+        assert math.isnan(rig.status.values["displacement_m"]) and math.isnan(rig.status.values["uncertainty_m"])
+
 
 def test_a_setpoint_is_reached(rig):
     rig.enable()

@@ -49,6 +49,7 @@ class PluginDouble:
         self._period_s = 1.0 / rate_Hz
         self._trajectory = None  #: start [s], position there [m], duration [s], goal [m]; a hold has no duration
         self.path_error_m = 0.0
+        self.sent_m: list[float] = []  #: every command since the goal
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -61,6 +62,7 @@ class PluginDouble:
     def go(self, goal_m: float, duration_s: float) -> None:
         """A goal of the trajectory controller: from the state, in a straight line."""
         self.path_error_m = 0.0
+        self.sent_m = []
         self._trajectory = (time.monotonic(), self.position_m, duration_s, goal_m)
 
     def hold(self, position_m: float) -> None:
@@ -107,4 +109,5 @@ class PluginDouble:
             return
         message = JointState(name=self.joints, position=[self.command[f"{j}/position"] for j in self.joints])
         message.header.stamp = self._node.get_clock().now().to_msg()
+        self.sent_m.extend(message.position)
         self._publisher.publish(message)
