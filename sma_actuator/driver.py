@@ -23,6 +23,7 @@ import logging
 import math
 import signal
 import threading
+import time
 import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -298,6 +299,11 @@ class Driver:
     def feed(self) -> None:
         """Say that the commander is alive."""
         self._fed_at_s = self._clock.now_s()
+
+    @property
+    def has_refusals(self) -> bool:
+        """Whether :meth:`refusals` has any."""
+        return bool(self._refusals)
 
     def refusals(self) -> list[str]:
         """Sentences of the setpoints refused since the last call."""
@@ -628,7 +634,8 @@ class Driver:
 
     def _watch(self) -> None:
         """In a thread of its own: shut the supply down beside a control thread that shows no life."""
-        while not self._ended and not self._stopping.wait(_WATCH_PERIOD_s):
+        while not self._ended and not self._stopping.is_set():
+            time.sleep(_WATCH_PERIOD_s)  # half of what waiting for an event takes; nobody waits for this thread
             silent_s = self._clock.now_s() - self._alive_s
             if self._hung or silent_s <= self._config.safety.reading_timeout:
                 continue
