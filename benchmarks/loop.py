@@ -7,8 +7,8 @@ Three measurements, each against virtual benches in a process of their own, toge
 * ``periods``: period of the control loop at 20 Hz, 100 Hz and 1 kHz, and of a bare loop (deadline, DAQ block,
   supply read-back, one current setting) in turn with it;
 * ``delay``: from publishing a setpoint to the new current on ``~/command_current``, over real ROS 2;
-* ``cpu``: CPU time of the process of a node whose wires are driven, one at 100 Hz and sixteen at 20 Hz, and of bare
-  loops in its place; with nobody listening, and with one subscriber of ``~/joint_states`` for each wire.  With
+* ``cpu``: CPU time that a step of a wire takes in a node whose wires are driven, one at 100 Hz and sixteen at 20 Hz,
+  beside that of bare loops; with nobody listening, and with one subscriber of ``~/joint_states`` for each wire.  With
   ``--against``, the node of another checkout of this repository in turn with this one's.
 
 These machines are shared: compare what stands in one run, do not take the microseconds for more.
@@ -40,7 +40,7 @@ from sma_actuator.instruments.clock import MonotonicClock
 
 ROOT = Path(__file__).resolve().parents[1]
 WAIT_s = 60.0  #: longest wait for a process, a service or a reading
-SETTLING_s = 1.0  #: between the last wire that went on and the first CPU time that counts
+SETTLING_s = 3.0  #: between the last wire that went on, or is listened to, and the first CPU time that counts
 SETPOINTS, PAUSE_s = 12, 0.8  #: of the delay
 
 
@@ -199,7 +199,6 @@ class Commander:
         self.client = rclpy.create_node("loop_benchmark")
         self.executor = SingleThreadedExecutor()
         self.executor.add_node(self.client)
-        self.received = 0
         self._enable = [(SetBool, self.client.create_client(SetBool, f"/{name}/enable")) for name in names]
         self._names = names
 
@@ -220,10 +219,24 @@ class Commander:
         from sensor_msgs.msg import JointState
 
         for name in self._names:
-            self.client.create_subscription(JointState, f"/{name}/joint_states", self._count, 10)
+            self.client.create_subscription(JointState, f"/{name}/joint_states", lambda _: None, 10)
 
-    def _count(self, _: object) -> None:
-        self.received += 1
+    def steps_a_second(self) -> float:
+        """Of each wire, as the nodes say themselves; their mean."""
+        from diagnostic_msgs.msg import DiagnosticStatus
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        periods_s: dict[str, float] = {}
+
+        def note(message: DiagnosticStatus) -> None:
+            values = {each.key: each.value for each in message.values}
+            periods_s[message.name] = float(values["period_mean_s"])
+
+        for name in self._names:
+            self.client.create_subscription(DiagnosticStatus, f"/{name}/status", note, latched)
+        _wait(lambda: self.spin(0.1) or len(periods_s) == len(self._names), "the status of every wire")
+        return float(np.mean([1.0 / period_s for period_s in periods_s.values()]))
 
     def spin(self, seconds: float) -> None:
         """Take what arrives, for a time."""
@@ -275,7 +288,7 @@ def setpoint_to_current(_: argparse.Namespace) -> dict[str, float]:
 
 
 def bare_cpu(sections: dict[str, dict], seconds: float) -> tuple[float, float]:
-    """Share of a core that bare loops take, a thread each, in this process, and the rate that they keep [Hz]."""
+    """Share of a core that bare loops take, a thread each, in this process, and the steps that each makes a second."""
     configs = [Config.from_mapping(p) for p in sections.values()]
     whole_s = SETTLING_s + seconds + 1.0
     with ThreadPoolExecutor(len(configs)) as pool:
@@ -289,7 +302,7 @@ def bare_cpu(sections: dict[str, dict], seconds: float) -> tuple[float, float]:
 def node_cpu(sections: dict[str, dict], seconds: float, checkout: Path) -> tuple[float, float, float]:
     """Share of a core that a node takes whose wires are on: nobody listens, and joint states are listened to.
 
-    Then the rate at which those come [Hz].
+    Then the steps that each wire makes a second.
     """
     with node(sections, checkout) as process:
         commander = Commander(list(sections))
@@ -298,11 +311,10 @@ def node_cpu(sections: dict[str, dict], seconds: float, checkout: Path) -> tuple
         alone = _cpu_share(process.pid, seconds, commander.spin)
         commander.listen()
         commander.spin(SETTLING_s)
-        before = commander.received
         heard = _cpu_share(process.pid, seconds, commander.spin)
-        rate_Hz = (commander.received - before) / seconds / len(sections)
+        steps_s = commander.steps_a_second()
         commander.close()
-    return alone, heard, rate_Hz
+    return alone, heard, steps_s
 
 
 def cpu_per_wire(args: argparse.Namespace) -> list[dict]:
@@ -313,16 +325,18 @@ def cpu_per_wire(args: argparse.Namespace) -> list[dict]:
         with benches(count) as ports:
             names = [f"wire_{i}" for i in range(count)]
             sections = {name: parameters(p, rate_Hz) for name, p in zip(names, ports, strict=True)}
-            bare, kept_Hz = bare_cpu(sections, args.seconds)
             of = f"{count:3d} × {rate_Hz:3g} Hz"
-            print(f"{of}  {'bare loops':20s} {100 * bare:6.1f} % of a core   ({kept_Hz:.1f} Hz kept)", flush=True)
+            bare, steps_s = bare_cpu(sections, args.seconds)
+            bare_us = 1e6 * bare / steps_s / count
+            print(f"{of}  {'bare loops':22s} {bare_us:5.0f} µs a step   ({100 * bare:.1f} % of a core)", flush=True)
             for name, checkout in checkouts.items():
-                alone, heard, kept_Hz = node_cpu(sections, args.seconds, checkout)
-                row = {"wires": count, "rate_Hz": rate_Hz, "of": name, "bare": bare, "alone": alone, "heard": heard}
-                rows.append(row)
+                alone, heard, steps_s = node_cpu(sections, args.seconds, checkout)
+                alone_us, heard_us = (1e6 * used / steps_s / count for used in (alone, heard))
+                row = {"wires": count, "rate_Hz": rate_Hz, "of": name}
+                rows.append({**row, "bare_us": bare_us, "alone_us": alone_us, "heard_us": heard_us})
                 print(
-                    f"{of}  {name:20s} {100 * alone:6.1f} %  {alone / bare:5.2f} × bare   "
-                    f"with listeners {100 * heard:6.1f} %  {heard / bare:5.2f} × bare   ({kept_Hz:.1f} Hz kept)",
+                    f"{of}  {name:22s} {alone_us:5.0f} µs, {alone_us / bare_us:.2f} × bare   ({100 * alone:.1f} %)"
+                    f"   with listeners {heard_us:5.0f} µs, {heard_us / bare_us:.2f} × bare   ({100 * heard:.1f} %)",
                     flush=True,
                 )
     return rows
