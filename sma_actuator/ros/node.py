@@ -81,7 +81,7 @@ CALL_TIMEOUT_s = 0.6  #: a service waits no longer for the control thread
 SELF_TEST_END_s = 2.0  #: a self-test that is to end has done so by then, instruments that answer given
 FEED_PERIOD_s = 0.25
 FEED_TIMEOUT_s = 0.9  #: silence of the ROS thread after which the driver switches the wire off
-STATUS_FEEDS = 4  #: the status is published with every fourth of them: one timer wakes the executor less often than two
+STATUS_PERIOD_s = 1.0
 RETRY_PERIOD_s = 1.0
 #: The interpreter passes the GIL on at least this often; its default, 5 ms, would show in the loop's period.
 GIL_INTERVAL_s = 0.1e-3
@@ -126,7 +126,7 @@ class SmaActuatorNode(LifecycleNode):
         self._published: tuple[Any, ...] = ()  #: what the last status said
         self._told: tuple[Any, ...] = ()  #: what the executor was last woken for
         self._listened = False  #: somebody subscribes to what comes with every step
-        self._feeds = 0
+        self._looked_s = self._status_s = -math.inf  #: when it was last looked for listeners; when the status was due
         self._events, self._refusals = Events(), Refusals()
         self._health_said = Health.UNKNOWN
         self._happened: list[str] = []  #: what no message of ~/signals has told yet
@@ -182,7 +182,6 @@ class SmaActuatorNode(LifecycleNode):
             self._follow = FollowJointTrajectoryServer(self, self, self._monotonic.now_s)
         self._woken = self.create_guard_condition(self._take_news)
         self._handoff = Handoff(self.get_name(), self._publish, self.callback_failed)
-        self._steady_timer(FEED_PERIOD_s, self._feed)
 
     def _steady_timer(self, period_s: float, callback: Callable[[], None], once: bool = False) -> None:
         """A timer that does not follow the system's clock when that is set."""
@@ -529,13 +528,20 @@ class SmaActuatorNode(LifecycleNode):
     def _hardware_id(self) -> str:
         return self._driver.hardware_id if self._driver is not None else ""
 
-    def _feed(self) -> None:
+    def turn(self) -> None:
+        """What the ROS thread does between callbacks, at the latest after ``FEED_PERIOD_s``.
+
+        Timers would have the executor look through all that the node has, twice for each.
+        """
         if self._driver is not None and self._handoff.moves():
             self._driver.feed()
-        flowing = (self._joint_states, self._load, self._reference, self._command_current, self._signals)
-        self._listened = any(publisher is not None and is_heard(publisher) for publisher in flowing)
-        self._feeds += 1
-        if self._feeds % STATUS_FEEDS == 0:
+        now_s = self._monotonic.now_s()
+        if now_s - self._looked_s >= FEED_PERIOD_s:
+            self._looked_s = now_s
+            flowing = (self._joint_states, self._load, self._reference, self._command_current, self._signals)
+            self._listened = any(publisher is not None and is_heard(publisher) for publisher in flowing)
+        if now_s - self._status_s >= STATUS_PERIOD_s - 0.5 * FEED_PERIOD_s:
+            self._status_s = now_s
             self._take_news()  # what goes on without being new is noted as well, so that it is not said again
             self._publish_status()
 
@@ -714,7 +720,8 @@ def main(arguments: list[str] | None = None) -> int:
             switch = Switch(nodes, ros.rclpy)
             gc.collect()
             for node in nodes:
-                threads.append(threading.Thread(target=spin, args=(node, node.callback_failed), daemon=True))
+                how = (node, node.callback_failed, node.turn, FEED_PERIOD_s)
+                threads.append(threading.Thread(target=spin, args=how, daemon=True))
                 threads[-1].name = f"{node.get_name()} ROS"
                 threads[-1].start()
             while not fatal and not interrupts:
