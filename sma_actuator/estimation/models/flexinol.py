@@ -36,6 +36,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp, expm1, log, log1p
+from typing import ClassVar
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
@@ -214,6 +215,8 @@ class FlexinolModel:
 class FlexinolCoefficients:
     """Asymptotes of one particular wire (exclusive model, eq. 5.1–5.6, 5.22, 5.23)."""
 
+    ALLOY: ClassVar[str] = "ni-ti"
+
     calibrated_length: float = parameter(
         description="length of the wire the coefficients were fitted on", unit="m", lo=0.005, hi=20.0
     )
@@ -234,7 +237,7 @@ class FlexinolCoefficients:
     def mismatches(self, wire: Wire) -> list[str]:
         """Why these coefficients do not suit ``wire``."""
         return [
-            *wrong_alloy("flexinol", "ni-ti", wire),
+            *wrong_alloy("flexinol", self.ALLOY, wire),
             *wrong_size(self.calibrated_length, self.calibrated_diameter, wire),
             *wrong_ranges(stress_range=self.stress_range, displacement_range=self.displacement_range),
         ]
@@ -263,6 +266,8 @@ class FlexinolNormalisedCoefficients:
     the strain at λ = 0, not at R = 0.
     """
 
+    ALLOY: ClassVar[str] = "ni-ti"
+
     martensite_resistivity: float = parameter(
         description="ρ_M, which gives R_0 = ρ_M L_0/A_0", unit="Ω·m", lo=1e-8, hi=1e-4
     )
@@ -280,7 +285,7 @@ class FlexinolNormalisedCoefficients:
     def mismatches(self, wire: Wire) -> list[str]:
         """Why these coefficients do not suit ``wire``."""
         return [
-            *wrong_alloy("flexinol_normalised", "ni-ti", wire),
+            *wrong_alloy("flexinol_normalised", self.ALLOY, wire),
             *wrong_ranges(stress_range=self.stress_range, strain_range=self.strain_range),
         ]
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval2d
@@ -223,6 +223,8 @@ class FurukawaNormalisedModel:
 class FurukawaCoefficients:
     """Heating and cooling curve of one particular wire (exclusive model, eq. 5.55–5.58, 5.72–5.74)."""
 
+    ALLOY: ClassVar[str] = "ni-ti-cu"
+
     calibrated_length: float = parameter(
         description="length of the wire the coefficients were fitted on", unit="m", lo=0.005, hi=20.0
     )
@@ -245,7 +247,7 @@ class FurukawaCoefficients:
     def mismatches(self, wire: Wire) -> list[str]:
         """Why these coefficients do not suit ``wire``."""
         return [
-            *wrong_alloy("furukawa", "ni-ti-cu", wire),
+            *wrong_alloy("furukawa", self.ALLOY, wire),
             *wrong_size(self.calibrated_length, self.calibrated_diameter, wire),
             *wrong_ranges(stress_range=self.stress_range, displacement_range=self.displacement_range),
         ]
@@ -267,6 +269,8 @@ class FurukawaCoefficients:
 class FurukawaNormalisedCoefficients:
     """One activation curve for any wire of the alloy (eq. 5.75–5.87)."""
 
+    ALLOY: ClassVar[str] = "ni-ti-cu"
+
     austenite_resistivity: float = parameter(
         description="ρ_A, which gives R_min = ρ_A L_0/A_0", unit="Ω·m", lo=1e-8, hi=1e-4
     )
@@ -284,7 +288,7 @@ class FurukawaNormalisedCoefficients:
     def mismatches(self, wire: Wire) -> list[str]:
         """Why these coefficients do not suit ``wire``."""
         return [
-            *wrong_alloy("furukawa_normalised", "ni-ti-cu", wire),
+            *wrong_alloy("furukawa_normalised", self.ALLOY, wire),
             *wrong_ranges(stress_range=self.stress_range, strain_range=self.strain_range),
         ]
 
