@@ -5,7 +5,7 @@
 Three measurements, each against virtual benches in a process of their own, together about two minutes:
 
 * ``periods``: period of the control loop at 20 Hz, 100 Hz and 1 kHz, and of a bare loop (deadline, DAQ block,
-  supply read-back, one current setting) in turn with it;
+  supply read-back, one current setting, a limit looked at twice a second) in turn with it;
 * ``delay``: from publishing a setpoint to the new current on ``~/command_current``, over real ROS 2;
 * ``cpu``: CPU time that a step of a wire takes in a node whose wires are driven, one at 100 Hz and sixteen at 20 Hz,
   beside that of bare loops; with nobody listening, and with one subscriber of ``~/joint_states`` for each wire.  With
@@ -34,7 +34,7 @@ import yaml
 
 from sma_actuator.base.share import shared_file
 from sma_actuator.config import NODE_NAME, Config, read_parameter_file
-from sma_actuator.driver import Driver
+from sma_actuator.driver import CHECK_PERIOD_s, Driver
 from sma_actuator.instruments import open_daq, open_supply
 from sma_actuator.instruments.clock import MonotonicClock
 
@@ -42,6 +42,7 @@ ROOT = Path(__file__).resolve().parents[1]
 WAIT_s = 60.0  #: longest wait for a process, a service or a reading
 SETTLING_s = 3.0  #: between the last wire that went on, or is listened to, and the first CPU time that counts
 SETPOINTS, PAUSE_s = 12, 0.8  #: of the delay
+MIDDLE_m = 2e-3  #: of the wire's range
 
 
 @contextlib.contextmanager
@@ -115,13 +116,16 @@ def bare_loop(config: Config, seconds: float) -> list[float]:
     try:
         supply.set_current(config.supply.bias_current)
         supply.set_output(True)
-        begin_s, k = clock.now_s(), 0
+        begin_s, k, checked_s = clock.now_s(), 0, -np.inf
         while clock.now_s() < begin_s + seconds:
             clock.sleep_until_s(begin_s + k * period_s)
             starts_s.append(clock.now_s())
             daq.read_block()
             supply.read_back()
             supply.set_current(config.supply.bias_current + 1e-5 * (k % 2))
+            if starts_s[-1] - checked_s >= CHECK_PERIOD_s:
+                checked_s = starts_s[-1]
+                supply.check_next_setting()
             k = max(k + 1, int((clock.now_s() - begin_s) / period_s) + 1)
     finally:
         supply.shut_down()
@@ -214,6 +218,15 @@ class Commander:
         self.executor.spin_until_future_complete(future, timeout_sec=5.0)
         return future.done() and future.result().success
 
+    def move(self) -> None:
+        """Send all of them to the middle of the range, so that their currents change with every step."""
+        from std_msgs.msg import Float64
+
+        for name in self._names:
+            publisher = self.client.create_publisher(Float64, f"/{name}/setpoint", 1)
+            _wait(lambda publisher=publisher: publisher.get_subscription_count() > 0, f"the subscription of {name}")
+            publisher.publish(Float64(data=MIDDLE_m))
+
     def listen(self) -> None:
         """Subscribe to ``~/joint_states`` of all of them."""
         from sensor_msgs.msg import JointState
@@ -221,22 +234,23 @@ class Commander:
         for name in self._names:
             self.client.create_subscription(JointState, f"/{name}/joint_states", lambda _: None, 10)
 
-    def steps_a_second(self) -> float:
-        """Of each wire, as the nodes say themselves; their mean."""
+    def periods_s(self) -> tuple[float, float]:
+        """Mean of the period and its 99th percentile, as the nodes say themselves, over all wires."""
         from diagnostic_msgs.msg import DiagnosticStatus
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        periods_s: dict[str, float] = {}
+        periods_s: dict[str, tuple[float, float]] = {}
 
         def note(message: DiagnosticStatus) -> None:
             values = {each.key: each.value for each in message.values}
-            periods_s[message.name] = float(values["period_mean_s"])
+            periods_s[message.name] = float(values["period_mean_s"]), float(values["period_p99_s"])
 
         for name in self._names:
             self.client.create_subscription(DiagnosticStatus, f"/{name}/status", note, latched)
         _wait(lambda: self.spin(0.1) or len(periods_s) == len(self._names), "the status of every wire")
-        return float(np.mean([1.0 / period_s for period_s in periods_s.values()]))
+        mean_s, p99_s = np.mean(list(periods_s.values()), axis=0).tolist()
+        return mean_s, p99_s
 
     def spin(self, seconds: float) -> None:
         """Take what arrives, for a time."""
@@ -299,22 +313,23 @@ def bare_cpu(sections: dict[str, dict], seconds: float) -> tuple[float, float]:
     return used, steps / whole_s / len(configs)
 
 
-def node_cpu(sections: dict[str, dict], seconds: float, checkout: Path) -> tuple[float, float, float]:
+def node_cpu(sections: dict[str, dict], seconds: float, checkout: Path) -> tuple[float, float, float, float]:
     """Share of a core that a node takes whose wires are on: nobody listens, and joint states are listened to.
 
-    Then the steps that each wire makes a second.
+    Then the mean period of its loops and its 99th percentile [s].
     """
     with node(sections, checkout) as process:
         commander = Commander(list(sections))
         commander.enable()
+        commander.move()
         commander.spin(SETTLING_s)
         alone = _cpu_share(process.pid, seconds, commander.spin)
         commander.listen()
         commander.spin(SETTLING_s)
         heard = _cpu_share(process.pid, seconds, commander.spin)
-        steps_s = commander.steps_a_second()
+        mean_s, p99_s = commander.periods_s()
         commander.close()
-    return alone, heard, steps_s
+    return alone, heard, mean_s, p99_s
 
 
 def cpu_per_wire(args: argparse.Namespace) -> list[dict]:
@@ -328,15 +343,15 @@ def cpu_per_wire(args: argparse.Namespace) -> list[dict]:
             of = f"{count:3d} × {rate_Hz:3g} Hz"
             bare, steps_s = bare_cpu(sections, args.seconds)
             bare_us = 1e6 * bare / steps_s / count
-            print(f"{of}  {'bare loops':22s} {bare_us:5.0f} µs a step   ({100 * bare:.1f} % of a core)", flush=True)
+            print(f"{of}  {'bare loops':22s} {bare_us:5.0f} µs a step", flush=True)
             for name, checkout in checkouts.items():
-                alone, heard, steps_s = node_cpu(sections, args.seconds, checkout)
-                alone_us, heard_us = (1e6 * used / steps_s / count for used in (alone, heard))
+                alone, heard, mean_s, p99_s = node_cpu(sections, args.seconds, checkout)
+                alone_us, heard_us = (1e6 * used * mean_s / count for used in (alone, heard))
                 row = {"wires": count, "rate_Hz": rate_Hz, "of": name}
-                rows.append({**row, "bare_us": bare_us, "alone_us": alone_us, "heard_us": heard_us})
+                rows.append({**row, "bare_us": bare_us, "alone_us": alone_us, "heard_us": heard_us, "p99_s": p99_s})
                 print(
-                    f"{of}  {name:22s} {alone_us:5.0f} µs, {alone_us / bare_us:.2f} × bare   ({100 * alone:.1f} %)"
-                    f"   with listeners {heard_us:5.0f} µs, {heard_us / bare_us:.2f} × bare   ({100 * heard:.1f} %)",
+                    f"{of}  {name:22s} {alone_us:5.0f} µs, {alone_us / bare_us:.2f} × bare   with listeners "
+                    f"{heard_us:5.0f} µs, {heard_us / bare_us:.2f} × bare   period p99 {1e3 * p99_s:.1f} ms",
                     flush=True,
                 )
     return rows
