@@ -32,7 +32,6 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from sma_actuator.base.share import shared_file
 from sma_actuator.config import NODE_NAME, Config, read_parameter_file
 from sma_actuator.driver import CHECK_PERIOD_s, Driver
 from sma_actuator.instruments import open_daq, open_supply
@@ -80,9 +79,9 @@ def _wait(condition, what: str) -> None:
         time.sleep(0.01)
 
 
-def parameters(ports: dict, rate_Hz: float = 20.0) -> dict:
-    """Parameters of a Flexinol wire at one of the benches."""
-    out = read_parameter_file(shared_file("config/flexinol.yaml"))
+def parameters(ports: dict, rate_Hz: float = 20.0, checkout: Path = ROOT) -> dict:
+    """Parameters of a Flexinol wire at one of the benches, as a checkout names them."""
+    out = read_parameter_file(checkout / "config" / "flexinol.yaml")
     for instrument in ("supply", "daq"):
         out["instruments"][instrument]["resource"] = f"TCPIP::127.0.0.1::{ports[instrument]}::SOCKET"
     out["loop"] = {"rate": rate_Hz, "samples_per_block": max(1, int(1000 / rate_Hz))}
@@ -301,9 +300,9 @@ def setpoint_to_current(_: argparse.Namespace) -> dict[str, float]:
     return row
 
 
-def bare_cpu(sections: dict[str, dict], seconds: float) -> tuple[float, float]:
+def bare_cpu(wires: list[dict], seconds: float) -> tuple[float, float]:
     """Share of a core that bare loops take, a thread each, in this process, and the steps that each makes a second."""
-    configs = [Config.from_mapping(p) for p in sections.values()]
+    configs = [Config.from_mapping(p) for p in wires]
     whole_s = SETTLING_s + seconds + 1.0
     with ThreadPoolExecutor(len(configs)) as pool:
         loops = [pool.submit(bare_loop, config, whole_s) for config in configs]
@@ -339,18 +338,18 @@ def cpu_per_wire(args: argparse.Namespace) -> list[dict]:
     for count, rate_Hz in ((1, 100.0), (16, 20.0)):
         with benches(count) as ports:
             names = [f"wire_{i}" for i in range(count)]
-            sections = {name: parameters(p, rate_Hz) for name, p in zip(names, ports, strict=True)}
             of = f"{count:3d} × {rate_Hz:3g} Hz"
-            bare, steps_s = bare_cpu(sections, args.seconds)
+            bare, steps_s = bare_cpu([parameters(p, rate_Hz) for p in ports], args.seconds)
             bare_us = 1e6 * bare / steps_s / count
             print(f"{of}  {'bare loops':22s} {bare_us:5.0f} µs a step", flush=True)
-            for name, checkout in checkouts.items():
+            for of_which, checkout in checkouts.items():
+                sections = {name: parameters(p, rate_Hz, checkout) for name, p in zip(names, ports, strict=True)}
                 alone, heard, mean_s, p99_s = node_cpu(sections, args.seconds, checkout)
                 alone_us, heard_us = (1e6 * used * mean_s / count for used in (alone, heard))
-                row = {"wires": count, "rate_Hz": rate_Hz, "of": name}
+                row = {"wires": count, "rate_Hz": rate_Hz, "of": of_which}
                 rows.append({**row, "bare_us": bare_us, "alone_us": alone_us, "heard_us": heard_us, "p99_s": p99_s})
                 print(
-                    f"{of}  {name:22s} {alone_us:5.0f} µs, {alone_us / bare_us:.2f} × bare   with listeners "
+                    f"{of}  {of_which:22s} {alone_us:5.0f} µs, {alone_us / bare_us:.2f} × bare   with listeners "
                     f"{heard_us:5.0f} µs, {heard_us / bare_us:.2f} × bare   period p99 {1e3 * p99_s:.1f} ms",
                     flush=True,
                 )
