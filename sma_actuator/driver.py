@@ -333,6 +333,10 @@ class Driver:
         """Forget the past of the estimate."""
         return self.call(lambda actuator, _: actuator.reset_estimator(), timeout_s)
 
+    def tune(self, timeout_s: float = 5.0) -> tuple[bool, str]:
+        """Begin to tune the gains; the wire must be driven."""
+        return self.call(lambda actuator, now_s: actuator.tune(now_s), timeout_s)
+
     def tare_load(self, timeout_s: float = 5.0) -> tuple[bool, str]:
         """Take the present load for zero."""
         return self.call(lambda actuator, _: actuator.tare_load(), timeout_s)
