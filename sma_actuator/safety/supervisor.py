@@ -79,9 +79,9 @@ class Supervisor:
         if step.reading is not None and step.driven:
             self._good_readings += 1
         self.present = {}
-        for fault in _LOOKING:
-            if fault.name not in but and (detail := fault.look(step)):
-                self.present[fault] = detail
+        for guard in _LOOKING:
+            if guard.name not in but and (detail := guard.look(step)):
+                self.present[guard] = detail
         found = {f: d for f, d in self.present.items() if step.driven or f.while_off or not f.latches}
         for fault, detail in found.items():  # in the order of FAULTS: the gravest first
             if fault.latches:

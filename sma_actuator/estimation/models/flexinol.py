@@ -186,10 +186,12 @@ class FlexinolModel:
         displacement_range_m: tuple[float, float],
     ):
         self.stress_range_Pa, self.displacement_range_m = stress_range_Pa, displacement_range_m
-        asymptotes = [np.asarray(p, dtype=float) for p in (a_h, b_h, a_c, b_c)]
-        self._asymptotes = [p.tolist() for p in asymptotes]
+        heating_a, heating_b, cooling_a, cooling_b = (np.asarray(p, dtype=float) for p in (a_h, b_h, a_c, b_c))
+        self._asymptotes: tuple[list[float], ...] = tuple(
+            p.tolist() for p in (heating_a, heating_b, cooling_a, cooling_b)
+        )
         slack_m = LOOP_SLACK * float(np.ptp(self.displacement_range_m))
-        self._coefficients = (*asymptotes, float(a_0), float(tau), slack_m)
+        self._coefficients = (heating_a, heating_b, cooling_a, cooling_b, float(a_0), float(tau), slack_m)
         self._state = np.zeros(2)
 
     def reset(self, resistance_Ohm: float, stress_Pa: float, heating: bool = False) -> float:
