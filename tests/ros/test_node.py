@@ -546,7 +546,7 @@ class TestSeveralWires:
         state = client.next("/left/joint_states", JointState, lambda m: abs(m.position[0] - 0.0025) < 2e-4)
         assert list(state.name) == ["left"]
         bench.tell("BENC:FAUL open_wire", 0)
-        assert _status(client, lambda s: s.fault, "/left").mode.value == "off"
+        assert _status(client, lambda s: s.fault and s.mode.value == "off", "/left")
         client.next("/right/joint_states", JointState)
         assert _status(client, name="/right").mode.value == "hold"
         assert bench.current_A(1) > 0.04
