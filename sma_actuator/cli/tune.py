@@ -1,4 +1,7 @@
-"""``sma-actuator tune``: gains for a wire from the wire itself, written to its parameter file."""
+"""``sma-actuator tune``: gains for a wire from the wire itself, written to its parameter file.
+
+With the instruments of that file, or by a running node, whose gains they then are as well.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +24,9 @@ from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.loads import parse_load
 from sma_actuator.plant.worlds import HOME, WORLDS
 
+from .remote.client import add_node_arguments
+from .remote.tune import by_node
+
 #: A wire of which nothing is known counts as cool after this time; and an output comes at least this often.
 COOLING_s, SILENCE_s = 180.0, 5.0
 
@@ -28,6 +34,9 @@ COOLING_s, SILENCE_s = 180.0, 5.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``sma-actuator tune``."""
     parser.add_argument("--config", type=Path, required=True, metavar="FILE", help="parameter file of the wire")
+    parser.add_argument(
+        "--running", action="store_true", help="have the running node tune its wire, which must be enabled"
+    )
     parser.add_argument(
         "--out", type=Path, metavar="NEW.yaml", help="write here (default: FILE, where the old gains stay as a comment)"
     )
@@ -39,13 +48,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--load", default="weight:0.98", metavar="LOAD", help="with --virtual: weight:N or spring:N/m,N"
     )
+    add_node_arguments(parser)
     add_output_arguments(parser, "what was found")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Tune with the instruments of the file, and write the gains; 0 when they are written."""
+    """Tune, and write the gains; 0 when they are written."""
     refuse_to_overwrite(args, args.out)
     config = Config.load(args.config)
+    if args.running and (args.virtual or args.current is not None):
+        raise UserError("--running: the node has its instruments and its bound (controller.tuning_current) already")
+    found = by_node(args) if args.running else _by_instruments(config, args)
+    out = args.out or args.config
+    write_gains(args.config, out, found)
+    results(args).print(
+        f"{words_of(found.gains)} after {found.duration_s:.0f} s (before: {words_of(found.before)}); written to {out}",
+        markup=False,
+    )
+    write_json(args, dataclasses.asdict(found))
+    return 0
+
+
+def _by_instruments(config: Config, args: argparse.Namespace) -> Tuned:
+    """Tune with the instruments of the file; the output is off afterwards."""
     if args.current is not None:
         config = config.replace({"controller.tuning_current": args.current / config.supply.max_current})
     console = notes(args)
@@ -60,14 +85,7 @@ def run(args: argparse.Namespace) -> int:
                 lambda words: console.print(words, markup=False),
             )
         interrupts.raise_noted()
-    out = args.out or args.config
-    write_gains(args.config, out, found)
-    results(args).print(
-        f"{words_of(found.gains)} after {found.duration_s:.0f} s (before: {words_of(found.before)}); written to {out}",
-        markup=False,
-    )
-    write_json(args, dataclasses.asdict(found))
-    return 0
+    return found
 
 
 def tune(driver: Driver, outputs: Iterator[Output], tell: Callable[[str], None]) -> Tuned:
