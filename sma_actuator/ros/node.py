@@ -128,9 +128,8 @@ class SmaActuatorNode(LifecycleNode):
         self._published: tuple[Any, ...] = ()  #: what the last status said
         self._told: tuple[Any, ...] = ()  #: what the executor was last woken for
         self._listened = False  #: somebody subscribes to what comes with every step
-        self._looked_s = (
-            self._status_due_s
-        ) = -math.inf  #: when it was last looked for listeners; when the status is due
+        self._looked_s = -math.inf  #: when it was last looked for listeners
+        self._status_due_s = -math.inf
         self._events, self._refusals = Events(), Refusals()
         self._tuned: Tuned | None = None  #: gains that a tuning has found and the parameters do not have yet
         self._health_said = Health.UNKNOWN
