@@ -84,6 +84,7 @@ def _by_instruments(config: Config, args: argparse.Namespace) -> Tuned:
     """Tune with the instruments of the file; the output is off afterwards."""
     if args.current is not None:
         config = config.replace({"controller.tuning_current": args.current / config.supply.max_current})
+    config = bounded(config)
     console = notes(args)
     with noted_signals() as interrupts:
         console.print("current will flow for some minutes; Ctrl-C ends it with the output off")
@@ -102,6 +103,13 @@ def _by_instruments(config: Config, args: argparse.Namespace) -> Tuned:
     if found is None:
         raise UserError("the loop ended before there were gains")
     return found
+
+
+def bounded(config: Config) -> Config:
+    """Parameters with which no more than the bound flows before the tuning either, while the wire is held."""
+    share = getattr(config.controller, "tuning_current", 1.0)
+    changes = {"supply.max_current": share * config.supply.max_current}
+    return config.replace({**changes, "controller.tuning_current": 1.0} if share < 1.0 else {})
 
 
 def tune(driver: Driver, outputs: Iterator[Output], tell: Callable[[str], None]) -> Tuned | None:
