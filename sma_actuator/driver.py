@@ -23,6 +23,7 @@ import logging
 import math
 import signal
 import threading
+import time
 import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -305,6 +306,11 @@ class Driver:
         """Say that the commander is alive."""
         self._fed_at_s = self._clock.now_s()
 
+    @property
+    def has_refusals(self) -> bool:
+        """Whether :meth:`refusals` has any."""
+        return bool(self._refusals)
+
     def refusals(self) -> list[str]:
         """Sentences of the setpoints refused since the last call."""
         out = []
@@ -327,6 +333,10 @@ class Driver:
     def reset_estimator(self, timeout_s: float = 5.0) -> tuple[bool, str]:
         """Forget the past of the estimate."""
         return self.call(lambda actuator, _: actuator.reset_estimator(), timeout_s)
+
+    def tune(self, timeout_s: float = 5.0) -> tuple[bool, str]:
+        """Begin to tune the gains; the wire must be driven."""
+        return self.call(lambda actuator, now_s: actuator.tune(now_s), timeout_s)
 
     def tare_load(self, timeout_s: float = 5.0) -> tuple[bool, str]:
         """Take the present load for zero."""
@@ -634,7 +644,8 @@ class Driver:
 
     def _watch(self) -> None:
         """In a thread of its own: shut the supply down beside a control thread that shows no life."""
-        while not self._ended and not self._stopping.wait(_WATCH_PERIOD_s):
+        while not self._ended and not self._stopping.is_set():
+            time.sleep(_WATCH_PERIOD_s)  # half of what waiting for an event takes; nobody waits for this thread
             silent_s = self._clock.now_s() - self._alive_s
             if self._hung or silent_s <= self._config.safety.reading_timeout:
                 continue
