@@ -52,7 +52,7 @@ _WATCH_PERIOD_s = 0.05  #: how often the watchman looks
 #: also a question, feeds a watchdog, and one that is fed never cuts.
 _QUIET_WATCHDOGS = 1.25
 _SHORTEST_WAIT_s = 0.1
-_CHECK_PERIOD_s = 0.5  #: how often one of the supply's settings is read back while driving
+CHECK_PERIOD_s = 0.5  #: how often one of the supply's settings is read back while driving
 _OFF = Command(0.0, False)
 _SETPOINT_QUEUE = 1024
 _STATISTICS_WINDOW = 2048
@@ -485,7 +485,7 @@ class Driver:
 
     def _check_a_setting(self, now_s: float) -> None:
         """While driving, look now and then whether limits and watchdog still stand, one of them at a time."""
-        if now_s - self._checked_s >= _CHECK_PERIOD_s and self._written is not None and self._written.output_on:
+        if now_s - self._checked_s >= CHECK_PERIOD_s and self._written is not None and self._written.output_on:
             self._checked_s = now_s
             self._supply.ask(self._supply_instrument.check_next_setting)
 
