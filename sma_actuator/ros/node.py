@@ -81,7 +81,7 @@ from .words import ERROR, INFO, WARNING, Events, Refusals
 
 CALL_TIMEOUT_s = 0.6  #: a service waits no longer for the control thread
 SELF_TEST_END_s = 2.0  #: a self-test that is to end has done so by then, instruments that answer given
-FEED_PERIOD_s = 0.25
+FEED_PERIOD_s = 0.3
 FEED_TIMEOUT_s = 0.9  #: silence of the ROS thread after which the driver switches the wire off
 STATUS_PERIOD_s = 1.0
 RETRY_PERIOD_s = 1.0
@@ -128,7 +128,8 @@ class SmaActuatorNode(LifecycleNode):
         self._published: tuple[Any, ...] = ()  #: what the last status said
         self._told: tuple[Any, ...] = ()  #: what the executor was last woken for
         self._listened = False  #: somebody subscribes to what comes with every step
-        self._looked_s = self._status_s = -math.inf  #: when it was last looked for listeners; when the status was due
+        self._looked_s = -math.inf  #: when it was last looked for listeners
+        self._status_due_s = -math.inf
         self._events, self._refusals = Events(), Refusals()
         self._tuned: Tuned | None = None  #: gains that a tuning has found and the parameters do not have yet
         self._health_said = Health.UNKNOWN
@@ -532,6 +533,8 @@ class SmaActuatorNode(LifecycleNode):
         if lost:
             message.message = "; ".join(f"the {name} does not answer: {detail}" for name, detail in lost.items())
         self._status.publish(message)
+        if not is_heard(self._diagnostics):
+            return
         array = DiagnosticArray(status=[message])
         if output is not None:
             name = f"{self.get_fully_qualified_name()}: model health"
@@ -568,8 +571,8 @@ class SmaActuatorNode(LifecycleNode):
             self._looked_s = now_s
             flowing = (self._joint_states, self._load, self._reference, self._command_current, self._signals)
             self._listened = any(publisher is not None and is_heard(publisher) for publisher in flowing)
-        if now_s - self._status_s >= STATUS_PERIOD_s - 0.5 * FEED_PERIOD_s:
-            self._status_s = now_s
+        if now_s >= self._status_due_s - 0.5 * FEED_PERIOD_s:  # the next turn may be further from it
+            self._status_due_s = max(self._status_due_s + STATUS_PERIOD_s, now_s)
             self._take_news()  # what goes on without being new is noted as well, so that it is not said again
             self._publish_status()
 
