@@ -57,6 +57,8 @@ UNREST = 0.1
 #: Unrest, as share of the bound, from which a trial counts as one that swings; and how many times less than what swings
 #: the gains are at the most.
 RESTLESS, MARGIN = 0.06, 4.0
+#: An integral time so many times the quickest is slow.
+SLOWEST = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,7 +287,11 @@ class Tuning:
                     if tried[key].worth > (1.0 - BETTER) * tried[tuple(gains.values())].worth:
                         break
                     gains, helped = other, True
-        return {name: value * min(1.0, restless_A_m / (MARGIN * gains["kp"])) for name, value in gains.items()}
+        less = min(1.0, restless_A_m / (MARGIN * gains["kp"]))
+        # A slow integral stays what it is: it takes little of that distance, and without it no ramp is followed.
+        slowest_s = SLOWEST * integral_time_s(OWN_PERIODS * self._around.period_s)
+        ki = max(less * gains["ki"], min(gains["ki"], less * gains["kp"] / slowest_s))
+        return {**gains, "kp": less * gains["kp"], "ki": ki}
 
     def _times(self, gains: dict[str, float], names: tuple[str, ...], factor: float) -> dict[str, float]:
         """Gains of which some are multiplied; the integral no quicker than the rules have it without any dead time of the wire."""
