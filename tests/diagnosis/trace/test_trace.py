@@ -76,6 +76,19 @@ def test_what_has_no_name_stays_without(wire, config, hidden):
     assert traced(wire, config, hidden).verdict == "unexplained"
 
 
+def test_a_name_that_mends_the_loop_needs_its_signature_at_rest_too(wire, config):
+    """The hot wire's resistance has moved; that a thermal expansion mends the loop as well does not make it one."""
+    evidence = Evidence(session(wire[0], {"self_heating": 4e-4}), config)
+    right, wrong = (trace(evidence, only=[name], jobs=1) for name in ("self_heating", "thermal_expansion"))
+    assert right.verdict == "traced" and not right.unusual
+    assert wrong.news_percent["after"].mean() <= wrong.gate_percent  # the loop it mends
+    assert wrong.verdict == "unexplained"
+    assert {"resistance at hot rest", "displacement at hot rest"} <= set(wrong.unusual)
+    assert (
+        wrong.witnesses["before"]["resistance at hot rest"] > 2.0 * right.witnesses["after"]["resistance at hot rest"]
+    )
+
+
 def test_a_fault_of_the_reference_is_not_put_into_the_model(wire, config):
     """A gain of the sensor: the set that fits alike holds it, and it lies outside the model."""
     found = traced(wire, config, {"reference_drift": 2.5e-4})

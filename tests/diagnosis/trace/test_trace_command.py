@@ -44,6 +44,9 @@ def test_the_report_says_what_was_found_and_how_sure_it_is(report):
     assert effect["share"] > 0.9
     assert report["sentence"].startswith("A voltage channel has a zero error (voltage_offset): that explains 9")
     assert "Look at leads, contacts and channels" in report["sentence"]
+    assert "resistance at cold rest are as at the calibration with it" in report["sentence"]
+    (at_rest,) = (w for w in report["witnesses"] if w["name"] == "resistance at cold rest")
+    assert at_rest["off_before"] > at_rest["usual"] > at_rest["off_after"] and at_rest["explained"] > 0.9
     assert report["news_after_pct_stroke"] <= report["gate_pct_stroke"] < report["news_before_pct_stroke"]
     low, high = report["error_before_interval"]
     assert low < report["error_before_pct_stroke"] < high
