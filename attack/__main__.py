@@ -20,6 +20,7 @@ from pathlib import Path
 
 from sma_actuator.bench.bench import VirtualBench
 
+from .heat import UNITS
 from .lines import ALL
 from .result import Result, Violation
 from .units import RUNNERS
@@ -28,6 +29,7 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "attack.md"
 #: The mischief of `lines` is done in so many parts.
 LINES_PARTS = 4
 TITLES = {
+    "heat": "heat, with half the heat loss",
     "hours": "virtual hours",
     "lines": "lines between driver and instruments",
     "kills": "kills",
@@ -91,6 +93,8 @@ def _units(name: str, options: argparse.Namespace) -> list[tuple]:
         numbers = list(options.only) or list(range(len(ALL)))
         parts = [numbers[part::LINES_PARTS] for part in range(min(LINES_PARTS, len(numbers)))]
         return [(options.seed + number, part) for number in range(options.rounds) for part in parts]
+    if name == "heat":
+        return [(number,) for number in options.only or range(len(UNITS))]
     if name == "soak":
         return [(options.seed, options.hours)]
     first, whole, part = {
@@ -179,7 +183,9 @@ def _options() -> argparse.ArgumentParser:
     parser.add_argument("--first", type=int, default=0, help="hours: seed of the first session")
     parser.add_argument("--sessions", type=int, default=600, help="hours: sessions of ten virtual minutes")
     parser.add_argument("--rounds", type=int, default=5, help="lines: how often every mischief is done")
-    parser.add_argument("--only", type=int, nargs="*", default=(), help="lines: numbers of the mischief to do")
+    parser.add_argument(
+        "--only", type=int, nargs="*", default=(), help="lines, heat: numbers of the mischief, or of the wires, to take"
+    )
     parser.add_argument("--count", type=int, default=1000, help="kills")
     parser.add_argument("--messages", type=int, default=1_000_000, help="fuzz: messages")
     parser.add_argument("--hours", type=float, default=24.0, help="soak: virtual hours")

@@ -128,13 +128,11 @@ class Session:
     def look(self) -> None:
         """Judge the bench as it is now."""
         truth, result = self.bench.truth, self.result
-        result.see(f"wire in {self.physics} [°C]", truth.temperature_C)
-        limit_C = self.config.thermal.max_temperature
-        if truth.temperature_C > limit_C and not self._overheated:
+        hottest_C, limit_C = self.bench.hottest_C, self.config.thermal.max_temperature
+        result.see(f"wire in {self.physics} [°C]", hottest_C)
+        if hottest_C > limit_C and not self._overheated:
             self._overheated = True  # once in a session; it stays hot for many steps
-            self.broken(
-                "the wire is above its limit of temperature", f"{truth.temperature_C:.0f} °C, limit {limit_C:g}"
-            )
+            self.broken("the wire is above its limit of temperature", f"{hottest_C:.0f} °C, limit {limit_C:g}")
         if truth.current_A <= NO_CURRENT_A and not self.bench.supply.output_on:
             if math.isnan(self._off_since_s):
                 self._off_since_s = truth.time_s

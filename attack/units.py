@@ -45,9 +45,23 @@ def run_soak(seed: int, hours: float) -> Result:
     return attack(seed, 3600.0 * hours)
 
 
+def run_heat(*units: int) -> Result:
+    """Wires that lose half the heat that is believed."""
+    from .heat import attack
+
+    return attack(units)
+
+
 def _own_domain(number: int) -> None:
     """A ROS domain of its own for each process that attacks; 1 to 99 are for those who work on this machine."""
     os.environ["ROS_DOMAIN_ID"] = str(100 + number % 100)
 
 
-RUNNERS = {"hours": run_hours, "lines": run_lines, "kills": run_kills, "fuzz": run_fuzz, "soak": run_soak}
+RUNNERS = {
+    "hours": run_hours,
+    "lines": run_lines,
+    "kills": run_kills,
+    "fuzz": run_fuzz,
+    "soak": run_soak,
+    "heat": run_heat,
+}

@@ -10,7 +10,7 @@ import collections
 import logging
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from math import inf, isfinite, nan
+from math import inf, isfinite, isnan, nan
 
 from sma_actuator.base.parameters import ConfigError, walk
 from sma_actuator.base.signals import (
@@ -24,11 +24,14 @@ from sma_actuator.base.signals import (
     Signals,
     Status,
     SupplyState,
+    Tuned,
 )
 from sma_actuator.config import Config, require_calibrated
 from sma_actuator.control.commanding import Commanding
 from sma_actuator.control.law import SensingLaw
+from sma_actuator.control.pid import PidParameters
 from sma_actuator.control.setpoints import Trajectory
+from sma_actuator.control.tuning import Sample, Surroundings, Tuning, words_of
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
 from sma_actuator.estimation.circuit import is_driven, signals_from_reading, without_undriven
 from sma_actuator.estimation.health import ModelHealth
@@ -62,6 +65,7 @@ FEWEST_READINGS = 3
 ALL_THERE_IS = 0.95
 #: Share of the load at wire.max_stress that may be tared away: drift of a load cell, not a load.
 MOST_TARE = 0.1
+_WORDS_OF_MODE = {Mode.OFF: "off", Mode.HOLD: "holding", Mode.TRACKING: "tracking", Mode.TUNING: "tuning"}
 _NOTHING = Signals(nan, nan, nan, nan, nan, nan)
 _NO_ESTIMATE = Estimate(nan, nan, nan, 0.0, Branch.COOLING, Quality.INVALID)
 
@@ -80,6 +84,10 @@ class Actuator:
         self._supervisor = Supervisor(config)
         self._reach = Reach(config.wire.full_stroke_m, config.thermal.heat_capacity / config.thermal.heat_loss)
         self._commanding = Commanding()
+        self._tuning: Tuning | None = None  #: that runs now
+        self._tuning_words = "not run"  #: what became of the last
+        self._tuned: Tuned | None = None  #: what one has found that no output has told yet
+        self._resting_A = nan  #: what holds the wire where a tuning has left it
         self._now_s = nan
         self._reading_s = -inf  #: time stamp of the last usable reading
         self._controlled_s = nan  #: when the controller was last stepped
@@ -106,6 +114,7 @@ class Actuator:
             if self._commanding.is_driven:
                 self._changes.append("disabled")
             self._commanding.switch_off()
+            self._end_tuning("the output was switched off")
             return True, "the output is off"
         latched = self._supervisor.latched
         if latched is not None:
@@ -236,6 +245,64 @@ class Actuator:
         self._commanding.follow(now_s, trajectory, delay_s)
         return ""
 
+    def tune(self, now_s: float) -> tuple[bool, str]:
+        """Begin to tune the gains; whether that was done, and a sentence.
+
+        What else is wanted of the wire ends it, with the gains of before.  So does its own end: what it has found is in
+        that step's output, to be taken over by who keeps the parameters (``update``).
+        """
+        refusal = self._refuses_tuning(now_s)
+        if refusal:
+            return False, f"not tuned: {refusal}"
+        config, gains = self._config, self._config.controller
+        assert isinstance(gains, PidParameters)
+        surroundings = Surroundings(
+            range_m=self._chain.displacement_range_m,
+            full_stroke_m=config.wire.full_stroke_m,
+            bias_A=config.supply.bias_current,
+            bound_A=gains.tuning_current * config.supply.max_current,
+            hottest_C=config.thermal.derate_temperature,
+            period_s=1.0 / config.loop.rate,
+        )
+        self._tuning = Tuning(self._controller, gains, surroundings, self._told.current_A)
+        self._commanding.tune()
+        self._changes.append("tuning")
+        return True, f"the gains are tuned, with up to {surroundings.bound_A:.4g} A; any setpoint, or off, ends it"
+
+    def _refuses_tuning(self, now_s: float) -> str:
+        gains, bias_A = self._config.controller, self._config.supply.bias_current
+        if not isinstance(gains, PidParameters):
+            return "controller.type is no law with the gains of a PID"
+        if not self._commanding.is_driven:
+            return "the output is off; call ~/enable first"
+        if self._tuning is not None:
+            return "the gains are being tuned already"
+        if self._commanding.anew or self._estimate.quality is Quality.INVALID or not self._supervisor.settled(now_s):
+            return "where the wire is is not known yet"
+        bound_A, limit_A = gains.tuning_current * self._config.supply.max_current, self._supervisor.limit_A()
+        if not bound_A > 2.0 * bias_A:
+            return f"controller.tuning_current allows {bound_A:.4g} A, more than twice supply.bias_current is wanted"
+        if limit_A < bound_A:
+            return (
+                f"heat and stress leave {limit_A:.4g} A, {bound_A:.4g} A are wanted (controller.tuning_current): "
+                "let the wire cool, take load off"
+            )
+        return ""
+
+    def _end_tuning(self, why: str) -> None:
+        """The gains of before are the law's again; ``why`` counts where it has not ended by itself."""
+        tuning, self._tuning = self._tuning, None
+        if tuning is None:
+            return
+        tuning.end(why)
+        self._resting_A = tuning.resting_A
+        if tuning.found is not None:
+            self._tuned = tuning.found
+            self._tuning_words = f"done: {words_of(tuning.found.gains)}"
+        else:
+            self._tuning_words = f"given up: {tuning.given_up}"
+        self._changes.append(f"tuning {self._tuning_words}")
+
     def reset_estimator(self) -> tuple[bool, str]:
         """Forget where on its loop the wire is: the next reading is taken for a wire at rest on its cooling curve.
 
@@ -315,8 +382,12 @@ class Actuator:
         if changed:
             raise ConfigError([f"{name}: cannot be changed while the actuator runs; start it anew" for name in changed])
         self._changes += [f"{name} {before[name]} -> {wanted[name][0]}" for name in differing]
+        if config.controller != self._config.controller:
+            if self._tuning is not None:
+                self._commanding.stop()
+                self._end_tuning("the parameters of the controller were changed")
+            self._controller.set_gains(config.controller)
         self._config = self._supervisor.config = config
-        self._controller.set_gains(config.controller)
         self._chain.update(config)
         self._health.update(config)
 
@@ -376,16 +447,22 @@ class Actuator:
         if settled and supervisor.latched is None:
             self._commanding.advance(now_s)
             self._lose_setpoint(now_s)
+        if self._tuning is not None and not self._commanding.is_tuned:
+            self._end_tuning("something else was wanted of the wire")
         if settled and supervisor.latched is None and estimate_invalid not in faults:
             if self._commanding.anew:
                 self._start_controller()
             if self._commanding.wants_position:
                 setpoint_m = self._setpoint(now_s, limits)
                 wanted_A = self._control(setpoint_m, reading is not None, limits)
+        if self._tuning is not None and self._tuning.ended:
+            self._commanding.stop()
+            self._end_tuning("")
         command, bent = supervisor.gate(wanted_A, driven, faults)
         limits |= bent
         if supervisor.latched is not None:
             self._commanding.switch_off()
+            self._end_tuning(f"fault {supervisor.latched.name}: {supervisor.detail}")
         self._told = command
         self._show_events(now_s, faults)
         return self._output(faults, limits, setpoint_m, raw)
@@ -399,6 +476,7 @@ class Actuator:
             self._changes.append(f"fault {latched.name}: {self._supervisor.detail}")
         self._latched_told = latched
         changes, self._changes = tuple(self._changes), []
+        tuned, self._tuned = self._tuned, None
         status = self._status(faults, limits)
         return Output(
             self._signals,
@@ -410,6 +488,7 @@ class Actuator:
             changes,
             reading,
             self._health.verdict,
+            tuned,
         )
 
     def _sense(self, reading: Reading) -> None:
@@ -432,7 +511,7 @@ class Actuator:
 
     def _setpoint(self, now_s: float, limits: set[Limit]) -> float:
         """What the controller is to reach [m], inside the working range."""
-        setpoint_m = self._commanding.position_m(now_s)
+        setpoint_m = self._commanding.position_m(now_s) if self._tuning is None else self._tuning.setpoint_m
         if self._commanding.mode is Mode.TRACKING:
             lo_m, hi_m = self._chain.displacement_range_m
             if not lo_m <= setpoint_m <= hi_m:
@@ -464,7 +543,12 @@ class Actuator:
             # After a gap the integral must not leap.
             dt_s = min(self._now_s - self._controlled_s, self._config.safety.reading_timeout)
             self._controlled_s = self._now_s
-            wanted_A = controller.step(self._estimate.displacement_m, setpoint_m, dt_s, self._supervisor.limit_A())
+            position_m, limit_A = self._estimate.displacement_m, self._supervisor.limit_A()
+            if self._tuning is None:
+                wanted_A = controller.step(position_m, setpoint_m, dt_s, limit_A)
+            else:
+                sample = Sample(self._now_s, position_m, self._told.current_A, self._supervisor.heat.temperature_C)
+                wanted_A = self._tuning.step(sample, setpoint_m, dt_s, limit_A)
         if controller.rate_limited:
             limits.add(SETPOINT_RATE)
         if self._sensing is not None and self._sensing.paced:
@@ -494,13 +578,17 @@ class Actuator:
         self._controlled_s = self._now_s
         position_m = self._estimate.displacement_m
         self._commanding.begun(position_m)
-        self._controller.reset(position_m, max(self._told.current_A, self._config.supply.bias_current))
+        current_A = max(self._told.current_A, self._config.supply.bias_current)
+        # What flows in a relay test holds the wire nowhere.
+        self._controller.reset(position_m, current_A if isnan(self._resting_A) else min(current_A, self._resting_A))
+        self._resting_A = nan
 
     # --- small print --------------------------------------------------------------------------------
 
     def _latch(self, fault: Fault, detail: str) -> None:
         self._supervisor.latch(fault, detail)
         self._commanding.switch_off()
+        self._end_tuning(f"fault {fault.name}: {detail}")
 
     def _refuses_setpoints(self, now_s: float) -> str:
         """Why no setpoint is taken now, or ""."""
@@ -538,7 +626,9 @@ class Actuator:
     def _status(self, faults: dict[Fault, str], limits: set[Limit]) -> Status:
         supervisor = self._supervisor
         fault = supervisor.latched
-        words = {Mode.OFF: "off", Mode.HOLD: "holding", Mode.TRACKING: "tracking"}[self._commanding.mode]
+        words = _WORDS_OF_MODE[self._commanding.mode]
+        if self._tuning is not None:
+            words += f" ({self._tuning.words})"
         if fault is not None:
             words = f"off: {self._words_of(fault)}; ~/clear_fault, then ~/enable"
         elif faults:
@@ -571,6 +661,7 @@ class Actuator:
                 "branch": estimate.branch.name.lower(),
                 "quality": estimate.quality.name.lower(),
                 "joint_commands": self._joint_command_words(),
+                "tuning": self._tuning.words if self._tuning is not None else self._tuning_words,
             },
         )
 

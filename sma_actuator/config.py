@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from sma_actuator.base.packed import packed, unpacked
 from sma_actuator.base.parameters import (
     ConfigError,
     declaration_of,
@@ -87,7 +88,7 @@ class Config(BenchConfig):
 
         Raises ConfigError with one sentence for every problem, each naming the parameter.
         """
-        mapping = dict(mapping) if isinstance(mapping, Mapping) else {}
+        mapping = _with_tables(mapping, source) if isinstance(mapping, Mapping) else {}
         effects, problems = effects_from_mapping(mapping.pop("effects", None))
         config, found = from_mapping(cls, mapping)
         problems += found
@@ -134,6 +135,7 @@ def bench_from_mapping(mapping: Mapping[str, Any], source: str = "") -> BenchCon
 
     Raises ConfigError as :meth:`Config.from_mapping` does.
     """
+    mapping = _with_tables(mapping, source)
     bench, problems = from_mapping(BenchConfig, {k: v for k, v in mapping.items() if k not in ("model", "effects")})
     if bench is not None:
         problems += _cross_checks(bench)
@@ -155,6 +157,17 @@ def require_calibrated(config: BenchConfig) -> None:
             "(`sma-actuator characterise` measures it), without it the wire's stress is not known"
         )
     _refuse(problems, "")
+
+
+def _with_tables(mapping: Mapping[str, Any], source: str) -> dict[str, Any]:
+    """A copy in which the calibration's tables, one word in a file, are lists."""
+    out = dict(mapping)
+    if isinstance(out.get("calibration"), Mapping):
+        try:
+            out["calibration"] = unpacked(out["calibration"], "calibration")
+        except ConfigError as error:
+            _refuse(error.problems, source)
+    return out
 
 
 def _refuse(problems: list[str], source: str) -> None:
@@ -188,10 +201,13 @@ def write_parameter_file(
 
 
 def parameter_text(mapping: Mapping[str, Any], header: str, comments: Mapping[str, str] | None = None) -> str:
-    """What stands in a parameter file."""
+    """What stands in a parameter file; the lists of its calibration, which nobody reads, in one word."""
+    mapping = dict(mapping)
+    if isinstance(mapping.get("calibration"), Mapping):
+        mapping["calibration"] = packed(mapping["calibration"])
     inside = {f"{NODE_NAME}.ros__parameters.{name}": text for name, text in (comments or {}).items()}
     text = "".join(f"# {line}\n" for line in header.splitlines())
-    return text + yaml_of({NODE_NAME: {"ros__parameters": dict(mapping)}}, inside)
+    return text + yaml_of({NODE_NAME: {"ros__parameters": mapping}}, inside)
 
 
 def _cross_checks(common: BenchConfig) -> list[str]:
@@ -250,6 +266,8 @@ def markdown() -> str:
         "",
         "One YAML file serves the node and every tool. A wrong or unknown parameter is refused before any current flows, in a",
         "sentence that names it and its range. **Live** ones can be changed while the wire is driven (`ros2 param set`).",
+        "The lists of `calibration.`, which `identify` measures, stand in a file as one compressed word, `calibration.tables`,",
+        "with its own check sum; one that stands there by its name counts before it.",
     ]
     sections: list[tuple[str, type]] = [("", Config)]
     effects: list[tuple[str, type]] = [("effects.", Effects)]

@@ -23,6 +23,7 @@ import logging
 import math
 import signal
 import threading
+import time
 import weakref
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
@@ -34,7 +35,7 @@ import numpy as np
 from sma_actuator.actuator import Actuator
 from sma_actuator.base.signals import Command, Mode, Output, Reading, SupplyState
 from sma_actuator.config import Config
-from sma_actuator.instruments import Clock, Daq, InstrumentError, InstrumentUnreachable, PowerSupply
+from sma_actuator.instruments import Clock, Daq, InstrumentError, InstrumentUnreachable, OutputStaysOn, PowerSupply
 from sma_actuator.safety.guards.program import loop_hung
 from sma_actuator.safety.timing import SETTLING_TIME_s
 
@@ -92,6 +93,7 @@ class _Link:
         self._longest_wait_s = longest_wait_s
         self._wait_s = 0.0
         self._next_attempt_s = -math.inf
+        self._obeys = True  #: as far as is known
 
     def ask(self, question: Callable[[], Any]) -> Any:
         """Answer of the instrument, or None where it has none; then ``answers`` is false."""
@@ -108,6 +110,7 @@ class _Link:
         self._note(error)
         self._wait_s = 0.0
         self._next_attempt_s = -math.inf  # the first attempt is made at once: opening switches the output off
+        self._obeys = not isinstance(error, OutputStaysOn)
 
     def _note(self, error: InstrumentError) -> None:
         self.detail, self.fault = str(error), error.fault or f"{self.name}_lost"
@@ -115,8 +118,11 @@ class _Link:
     def reconnect(self, now_s: Callable[[], float], quiet_s: float) -> bool:
         """Try to open it again, not more often than the back-off allows; whether that was done.
 
-        An attempt that was heard and failed is followed by ``quiet_s`` without a word.
+        An attempt that was heard and failed is followed by ``quiet_s`` without a word, and so is a word that was heard
+        and not obeyed.
         """
+        if not self._obeys:
+            self._obeys, self._next_attempt_s = True, now_s() + quiet_s
         if now_s() < self._next_attempt_s:
             return False
         try:
@@ -299,6 +305,11 @@ class Driver:
         """Say that the commander is alive."""
         self._fed_at_s = self._clock.now_s()
 
+    @property
+    def has_refusals(self) -> bool:
+        """Whether :meth:`refusals` has any."""
+        return bool(self._refusals)
+
     def refusals(self) -> list[str]:
         """Sentences of the setpoints refused since the last call."""
         out = []
@@ -321,6 +332,10 @@ class Driver:
     def reset_estimator(self, timeout_s: float = 5.0) -> tuple[bool, str]:
         """Forget the past of the estimate."""
         return self.call(lambda actuator, _: actuator.reset_estimator(), timeout_s)
+
+    def tune(self, timeout_s: float = 5.0) -> tuple[bool, str]:
+        """Begin to tune the gains; the wire must be driven."""
+        return self.call(lambda actuator, now_s: actuator.tune(now_s), timeout_s)
 
     def tare_load(self, timeout_s: float = 5.0) -> tuple[bool, str]:
         """Take the present load for zero."""
@@ -628,7 +643,8 @@ class Driver:
 
     def _watch(self) -> None:
         """In a thread of its own: shut the supply down beside a control thread that shows no life."""
-        while not self._ended and not self._stopping.wait(_WATCH_PERIOD_s):
+        while not self._ended and not self._stopping.is_set():
+            time.sleep(_WATCH_PERIOD_s)  # half of what waiting for an event takes; nobody waits for this thread
             silent_s = self._clock.now_s() - self._alive_s
             if self._hung or silent_s <= self._config.safety.reading_timeout:
                 continue

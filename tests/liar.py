@@ -17,7 +17,8 @@ class Liar:
 
     ``manner`` says what becomes of the answers: ``honest``; ``mute`` (none), ``empty`` (a line with
     nothing), ``garbage``, ``endless`` (a byte now and then, never the end of the line), ``flood`` (as
-    many bytes as go), ``twice`` (each line twice).  ``deaf`` reads nothing more from its clients.
+    many bytes as go), ``twice`` (each line twice).  ``deaf`` reads nothing more from its clients; ``stubborn`` answers
+    what it is asked and does nothing of what it is told.
     """
 
     def __init__(self, port: int):
@@ -87,12 +88,16 @@ class Liar:
                     if not data:
                         return
                     self.heard += [(time.monotonic(), line) for line in data.decode().splitlines()]
-                    target.sendall(data)
+                    target.sendall(self._obeyed(data))
                 if target in ready:
                     data = target.recv(65536)
                     if not data:
                         return
                     self._answer(client, data)
+
+    def _obeyed(self, data: bytes) -> bytes:
+        lines = data.splitlines(keepends=True)
+        return data if self.manner != "stubborn" else b"".join(line for line in lines if b"?" in line)
 
     def _push(self, client: socket.socket) -> None:
         if self.manner == "endless":
@@ -106,6 +111,7 @@ class Liar:
     def _answer(self, client: socket.socket, data: bytes) -> None:
         said = {
             "honest": data,
+            "stubborn": data,
             "empty": b"\n" * data.count(b"\n"),
             "garbage": b"\xff\x00what?\n" * data.count(b"\n"),
             "twice": b"".join(2 * line for line in data.splitlines(keepends=True)),

@@ -130,6 +130,12 @@ def is_commanded_for_a_while(rig: Rig) -> None:
     rig.run(1.0)
 
 
+def is_tuned(rig: Rig) -> None:
+    done, sentence = rig.actuator.tune(rig.now_s)
+    assert done, sentence
+    rig.run(1.0)
+
+
 def is_commanded_from_afar(rig: Rig) -> None:
     position_m = rig.output.estimate.displacement_m - 0.5e-3
     for _ in range(10):
@@ -177,6 +183,7 @@ SITUATIONS = [
     Situation("controller.ki", 100.0),
     Situation("controller.kd", 10.0),
     Situation("controller.derivative_time_constant", 0.5),
+    Situation("controller.tuning_current", 0.5, is_tuned),
     Situation("thermal.heat_loss_margin", 1.5),
     Situation("thermal.ambient_temperature", 40.0, has_no_ambient_sensor),
     Situation("thermal.ambient_tolerance", 0.5),

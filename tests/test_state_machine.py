@@ -267,6 +267,31 @@ class AnyUse(RuleBasedStateMachine):
             self.latched = self.latched or fault
 
     @rule()
+    def anybody_tunes(self):
+        ok, sentence = self.actuator.tune(self.now_s)
+        assert sentence
+        assert not (ok and not self.enabled), "tuned with the output off"
+
+    @rule(
+        steps=st.integers(5, 60),
+        resistances_Ohm=st.lists(st.floats(4.0, 6.0), min_size=1, max_size=4),
+        load_N=st.floats(0.1, 1.0),
+        noise=st.randoms(),
+    )
+    def somebody_tunes_as_one_should(self, steps, resistances_Ohm, load_N, noise):
+        self.anybody_clears()
+        self.step(3600.0, *self.plausible(5.0, 0.5, 0.5))  # by then the wire is cool
+        self.go_well(2, resistances_Ohm[0], load_N, noise)
+        self.anybody_switches(True)
+        self.go_well(math.ceil(0.5 * self.config.loop.rate), resistances_Ohm[0], load_N, noise)
+        self.anybody_tunes()
+        bound_A = self.config.controller.tuning_current * self.config.supply.max_current
+        for number in range(steps):
+            self.go_well(1, resistances_Ohm[number // 5 % len(resistances_Ohm)], load_N, noise)
+            if self.output.status.mode is Mode.TUNING:
+                assert self.output.command.current_A <= bound_A, "more current than the bound of the tuning"
+
+    @rule()
     def anybody_calls_the_services(self):
         self.actuator.tare_load()
         self.actuator.measure_lead_resistance()
@@ -316,11 +341,13 @@ def test_no_use_whatsoever_commands_what_it_must_not(make_config):
 
 def test_the_state_machine_does_reach_a_driven_wire(make_config):
     """Else the test above would prove nothing."""
-    tracked = []
+    tracked, tuned = [], []
 
     class Looking(AnyUse):
         @invariant()
         def look(self):
+            if self.output is not None and self.output.status.mode is Mode.TUNING:
+                tuned.append(self.output.command.current_A > self.config.supply.bias_current)
             if self.output is not None and self.output.status.mode is Mode.TRACKING:
                 tracked.append(self.output.command.current_A > self.config.supply.bias_current)
 
@@ -335,3 +362,4 @@ def test_the_state_machine_does_reach_a_driven_wire(make_config):
     Looking.TestCase("runTest").runTest()
     assert len(tracked) > 50
     assert sum(tracked) > 10
+    assert sum(tuned) > 10

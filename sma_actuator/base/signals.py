@@ -98,6 +98,7 @@ class Mode(enum.Enum):
     OFF = "off"  #: supply output off, no current at all
     HOLD = "hold"  #: holding the position it had when it was enabled or lost its setpoint
     TRACKING = "tracking"  #: following setpoints
+    TUNING = "tuning"  #: moved about by a tuning of the gains
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,6 +153,16 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True)
+class Tuned:
+    """Gains of the control law that a tuning has found."""
+
+    gains: dict[str, float]
+    before: dict[str, float]
+    by_rules: dict[str, float]  #: what followed from the relay test alone
+    duration_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class Output:
     """Everything one step has to say."""
 
@@ -164,3 +175,4 @@ class Output:
     events: tuple[str, ...] = ()  #: what was asked, changed or went wrong since the step before
     reading: Reading | None = None  #: as it came from the DAQ, None where nothing came
     health: Verdict = field(default_factory=Verdict)  #: of the model
+    tuned: Tuned | None = None  #: what a tuning has found that has ended with this step

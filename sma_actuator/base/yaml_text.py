@@ -8,7 +8,7 @@ that names the line.
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +96,37 @@ def yaml_of(mapping: Mapping[str, Any], comments: Mapping[str, str] | None = Non
             comment = comments.get(".".join(name for _, name in inside), "")
         lines.append(f"{line}  # {comment}" if comment else line)
     return "\n".join(lines) + "\n"
+
+
+def with_values(text: str, source: str, section: Sequence[str], values: Mapping[str, float], comment: str) -> str:
+    """``text`` with other numbers in one section, and a comment above it; everything else stays as it was written.
+
+    Raises ConfigError where the section is not there.
+    """
+    parse_yaml(text, source)
+    key, place = None, yaml.compose(text, Loader=_Loader)
+    for name in section:
+        inside = place.value if isinstance(place, yaml.MappingNode) else ()
+        found = [(k, v) for k, v in inside if k.value == name]
+        if not found or not isinstance(found[0][1], yaml.MappingNode):
+            raise ConfigError(f"{source}: has no section {'.'.join(section)}")
+        key, place = found[0]
+    assert key is not None
+    standing = {k.value: v for k, v in place.value}
+    edits = []
+    for name, value in values.items():
+        if name in standing:
+            edits.append((standing[name].start_mark.index, standing[name].end_mark.index, repr(value)))
+        elif place.flow_style:
+            edits.append((place.start_mark.index + 1, place.start_mark.index + 1, f"{name}: {value!r}, "))
+        else:
+            first = place.start_mark.index
+            edits.append((first, first, f"{name}: {value!r}\n{' ' * place.start_mark.column}"))
+    line = key.start_mark.index - key.start_mark.column
+    edits.append((line, line, f"{' ' * key.start_mark.column}# {comment}\n"))
+    for begin, end, new in sorted(edits, key=lambda edit: edit[0], reverse=True):
+        text = text[:begin] + new + text[end:]
+    return text
 
 
 def parse_yaml(text: str, source: str) -> Any:

@@ -118,6 +118,11 @@ class VirtualBench:
         )
 
     @property
+    def hottest_C(self) -> float:
+        """Temperature of the wire's hottest place [°C]; where its clamps are cold, its mean is less."""
+        return float(np.max(self._wire.cells[:, physics.CELL_TEMPERATURE]))
+
+    @property
     def voltage_V(self) -> float:
         """Voltage at the supply's terminals [V]."""
         return float(self._state[physics.VOLTAGE])

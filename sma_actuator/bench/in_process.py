@@ -14,6 +14,7 @@ from sma_actuator.instruments import (
     InstrumentRefused,
     InstrumentUnreachable,
     LimitsNotHeld,
+    OutputStaysOn,
     WatchdogNotHeld,
 )
 
@@ -142,11 +143,11 @@ class InProcessSupply(_InProcess):
         self._command(self._bench.supply.clear_trips)
 
     def switch_off(self) -> None:
-        """Output off and 0 A, read back.  Raises InstrumentLost, or InstrumentRefused where it stays on."""
+        """Output off and 0 A, read back.  Raises InstrumentLost, or OutputStaysOn."""
         self._command(self._bench.supply.set_output, False)
         self._command(self._bench.supply.set_current, 0.0)
         if self._bench.supply.output_on:
-            raise InstrumentRefused("virtual supply: was told to switch off and answers that its output is on")
+            raise OutputStaysOn("virtual supply")
 
     def shut_down(self) -> bool:
         """Current to zero and output off; whether it read back as off.  Never raises."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -213,7 +214,9 @@ def write_model(path: Path, result: Identification, page: Path | None = None) ->
 def _header(result: Identification, page: Path | None, path: Path) -> str:
     header = "Written by `sma-actuator identify`"
     if page is not None:
-        where = f"{page.name} beside it" if page.parent == path.parent else str(page)
+        # Seen from the file, so that it holds wherever the two are taken together.
+        seen = os.path.relpath(page, path.parent)
+        where = f"{page.name} beside it" if seen == page.name else seen
         header += f"; 95 % intervals and pictures are in {where}"
     try:
         require_calibrated(Config.from_mapping(result.mapping))

@@ -10,7 +10,8 @@
                           └────────────────── setpoint, trajectory ─────────────┘
 
 A setpoint or trajectory takes the place of the one before; ``stop`` leads from every driven state to
-HOLDING, and ``off`` to OFF.
+HOLDING, and ``off`` to OFF.  ``tune`` leads from every driven state to TUNING, where the setpoints are the tuning's
+own; its end is a ``stop``, and whatever else is wanted of the wire ends it.
 
 Joint commands come as a stream, from a program that may never have asked where the wire is.  One that counts is a
 setpoint; the first that counts is one near the wire (``armed``), and after anything else was wanted of the wire so is the next.
@@ -38,6 +39,7 @@ class State(enum.Enum):
     TRACKING = "tracking"  #: the last setpoint
     FOLLOWING = "following"  #: a trajectory, and after its end its last point
     LOST_HOLDING = "lost, holding"  #: the setpoint is lost: where the wire was then
+    TUNING = "tuning"  #: setpoints of its own
     LOST_AT_BIAS = "lost, at bias"  #: the setpoint is lost: no position, only the bias current
 
 
@@ -49,6 +51,7 @@ class Event(enum.Enum):
     SETPOINT = "setpoint"
     TRAJECTORY = "trajectory"  #: one that begins now
     STOP = "stop"  #: the motion ends where the wire is: asked for, or the estimator begins anew
+    TUNE = "tune"
     TIMEOUT_HOLD = "timeout: hold"
     TIMEOUT_BIAS = "timeout: bias"
 
@@ -60,9 +63,10 @@ _MOVING = (State.TRACKING, State.FOLLOWING)
 TRANSITIONS: tuple[tuple[Event, tuple[State, ...], State, tuple[State, ...]], ...] = (
     (Event.ENABLE, (State.OFF,), State.HOLDING, (State.OFF,)),
     (Event.OFF, _DRIVEN, State.OFF, ()),
-    (Event.SETPOINT, _DRIVEN, State.TRACKING, (State.LOST_AT_BIAS,)),
-    (Event.TRAJECTORY, _DRIVEN, State.FOLLOWING, (State.LOST_AT_BIAS,)),
+    (Event.SETPOINT, _DRIVEN, State.TRACKING, (State.LOST_AT_BIAS, State.TUNING)),
+    (Event.TRAJECTORY, _DRIVEN, State.FOLLOWING, (State.LOST_AT_BIAS, State.TUNING)),
     (Event.STOP, _DRIVEN, State.HOLDING, _DRIVEN),
+    (Event.TUNE, _DRIVEN, State.TUNING, ()),
     (Event.TIMEOUT_HOLD, _MOVING, State.LOST_HOLDING, _MOVING),
     (Event.TIMEOUT_BIAS, _MOVING, State.LOST_AT_BIAS, _MOVING),
 )
@@ -107,6 +111,11 @@ class Commanding:
     def stop(self) -> None:
         """The motion ends where the wire is."""
         if self._take(Event.STOP):
+            self._forget()
+
+    def tune(self) -> None:
+        """A tuning begins, which says from step to step where the wire should be."""
+        if self._take(Event.TUNE):
             self._forget()
 
     def track(self, now_s: float, position_m: float) -> None:
@@ -168,7 +177,14 @@ class Commanding:
         """The state as the status tells it."""
         if self.state is State.OFF:
             return Mode.OFF
+        if self.state is State.TUNING:
+            return Mode.TUNING
         return Mode.TRACKING if self.state in _MOVING else Mode.HOLD
+
+    @property
+    def is_tuned(self) -> bool:
+        """Whether a tuning has the wire."""
+        return self.state is State.TUNING
 
     @property
     def is_driven(self) -> bool:

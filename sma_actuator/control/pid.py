@@ -28,6 +28,14 @@ class PidParameters(ControllerParameters):
     ki: float = parameter(0.0, "integral gain", "A/(m·s)", 0.0, 1e6, live=True)
     kd: float = parameter(0.0, "derivative gain, on the estimate", "A·s/m", 0.0, 1e6, live=True)
     derivative_time_constant: float = parameter(0.1, "low-pass of the derivative", "s", 0.0, 10.0, live=True)
+    tuning_current: float = parameter(
+        0.9,
+        "share of supply.max_current that flows at the most while the gains are tuned",
+        "1",
+        0.1,
+        1.0,
+        live=True,
+    )
 
     def build(self, sections: LawSections) -> ControlLaw:
         """The PID with these gains."""

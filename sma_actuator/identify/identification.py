@@ -13,6 +13,7 @@ import numpy as np
 from sma_actuator.base.parameters import ConfigError, to_mapping
 from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.derived import Derived, with_derived
+from sma_actuator.estimation.models.thesis import wrong_alloy
 from sma_actuator.logs.bench_log import BenchLog
 
 from .calibration import calibration_of
@@ -70,6 +71,9 @@ def identify(
     for stale in ("effects", "calibration", "model"):
         mapping.pop(stale, None)
     bench = bench_from_mapping(with_derived(mapping))
+    # Before the fit: a model of another alloy would be found after minutes, or fit badly first.
+    if wrong := wrong_alloy(model_type, bench.wire):
+        raise ConfigError(wrong)
     if "bias_current" not in mapping.get("supply", {}) and math.isfinite(lowest_A := lowest_current_A(logs, bench)):
         mapping.setdefault("supply", {})["bias_current"] = lowest_A
         bench = bench_from_mapping(with_derived(mapping))

@@ -45,6 +45,13 @@ class WatchdogNotHeld(InstrumentRefused):
     fault = "watchdog_not_held"
 
 
+class OutputStaysOn(InstrumentRefused):
+    """It hears, and does not switch off.  More words help nothing, and feed its watchdog."""
+
+    def __init__(self, name: str):
+        super().__init__(f"{name}: was told to switch off and answers that its output is on")
+
+
 class PowerSupply(Protocol):
     """A current-controlled supply.  Every method but ``shut_down`` and ``close`` may raise InstrumentError.
 
@@ -80,7 +87,7 @@ class PowerSupply(Protocol):
         """Clear a tripped protection; the output stays off."""
 
     def switch_off(self) -> None:
-        """Output off and current to zero, read back; raises InstrumentRefused where it stays on."""
+        """Output off and current to zero, read back; raises OutputStaysOn where it does."""
 
     def shut_down(self) -> bool:
         """Output off and current to zero, whatever else fails; whether the output was read back as off.

@@ -19,7 +19,7 @@ except ImportError:  # the extra is not installed: said when the class is looked
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import SupplyState
 
-from . import InstrumentLost, InstrumentRefused, LimitsNotHeld
+from . import InstrumentLost, InstrumentRefused, LimitsNotHeld, OutputStaysOn
 from .parameters import InstrumentSections
 from .session import Session
 from .supply import Abilities, SessionSupply
@@ -98,7 +98,7 @@ class PymeasureSupply(SessionSupply):
         self._checks = [self._voltage_holds]
         self.check_settings()
         if self._output_is_on(self._session):
-            raise InstrumentRefused(f"{self.identity}: was told to switch off and answers that its output is on")
+            raise OutputStaysOn(self.identity)
 
     def _off_on_paper(self) -> tuple[str, ...]:
         """The lines that switch the output off and set 0 A, to be said blind, as this class of pymeasure says them."""

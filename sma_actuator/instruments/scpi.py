@@ -11,7 +11,7 @@ import numpy as np
 
 from sma_actuator.base.signals import Reading, SupplyState
 
-from . import Clock, InstrumentRefused, LimitsNotHeld, WatchdogNotHeld
+from . import Clock, InstrumentRefused, LimitsNotHeld, OutputStaysOn, WatchdogNotHeld
 from .dialect import Dialect, yes
 from .parameters import InstrumentSections
 from .session import OPENING_ANSWERS, Session
@@ -140,7 +140,7 @@ class ScpiSupply(SessionSupply):
         self._arm_watchdog()
         _no_errors(session, self._dialect)
         if self._output_is_on(session):
-            raise InstrumentRefused(f"{session.name}: was told to switch off and answers that its output is on")
+            raise OutputStaysOn(session.name)
         wanted = {
             "voltage_setting": (limits.max_voltage, f"supply.max_voltage, {limits.max_voltage:g} V"),
             "over_voltage_setting": (over_voltage_V, f"an over-voltage trip of {over_voltage_V:g} V"),

@@ -8,7 +8,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from . import InstrumentError, InstrumentRefused
+from . import InstrumentError, InstrumentRefused, OutputStaysOn
 from .parameters import InstrumentSections
 from .session import OPENING_ANSWERS, Claim, Session
 
@@ -140,7 +140,7 @@ class SessionSupply(ABC):
         self._tell_current(current_A)
 
     def switch_off(self) -> None:
-        """Output off and 0 A, read back.  Raises InstrumentLost, or InstrumentRefused where it stays on."""
+        """Output off and 0 A, read back.  Raises InstrumentLost, or OutputStaysOn."""
         with self._session.within():
             self._off(self._session)
 
@@ -220,10 +220,10 @@ class SessionSupply(ABC):
             beside.close()
 
     def _off(self, session: Session) -> None:
-        """Output off and 0 A.  The answer proves that both were heard, and obeyed; else InstrumentRefused."""
+        """Output off and 0 A.  The answer proves that both were heard, and obeyed; else OutputStaysOn."""
         for _ in range(_OFF_ATTEMPTS):
             session.tell(*session.off_lines)
             if not self._output_is_on(session):
                 return
             time.sleep(_OFF_PAUSE_s)
-        raise InstrumentRefused(f"{session.name}: was told to switch off and answers that its output is on")
+        raise OutputStaysOn(session.name)

@@ -63,6 +63,11 @@ class FollowJointTrajectoryServer:
         )
 
     @property
+    def pursues(self) -> bool:
+        """Whether there is a goal to be watched; may be asked from any thread."""
+        return self._handle is not None
+
+    @property
     def usual_end_m(self) -> float:
         """How near the end the wire must come where a goal does not say [m]."""
         config = self._node.config

@@ -64,13 +64,22 @@ def _refusal(response: Any, request: Any, sentence: str) -> Any:
     return response
 
 
-def spin(node: Node, on_error: Callable[[Exception], None]) -> None:
-    """Run the callbacks of one node until its context is shut down; ``on_error`` gets what raises in between."""
+def spin(
+    node: Node,
+    on_error: Callable[[Exception], None],
+    turn: Callable[[], None] = lambda: None,
+    longest_wait_s: float | None = None,
+) -> None:
+    """Run the callbacks of one node until its context is shut down; ``on_error`` gets what raises in between.
+
+    ``turn`` is called after each of them, and after ``longest_wait_s`` without any.
+    """
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
     while node.context.ok():
         try:
-            executor.spin()
+            executor.spin_once(longest_wait_s)
+            turn()
         except ExternalShutdownException:
             return
         except Exception as error:  # noqa: BLE001 - reported; the other callbacks are as good as ever

@@ -2,9 +2,10 @@
 
 Every node has its control thread (``driver.py``) and its ROS thread (a single-threaded executor);
 one more ROS thread serves ``~/enable`` and ``~/stop`` of all (``switch.py``), and the main thread
-only waits for signals.  The control thread never calls ROS: outputs are handed over by a slot in
-which the latest wins, and published by the ROS thread.  Switching the output off never needs ROS,
-and no message ends the node (``guard.py``).
+only waits for signals.  The control thread never calls ROS: outputs are handed over to a third
+thread, which publishes them itself and wakes the executor only where there is something to say
+(``publishing.py``).  Switching the output off never needs ROS, and no message ends the node
+(``guard.py``).
 
 ``sma_actuator_node --ros-args --params-file FILE``; several wires in one process:
 ``sma_actuator_node --nodes left right --ros-args --params-file FILE``, a section of the file each.
@@ -13,7 +14,6 @@ and no message ends the node (``guard.py``).
 from __future__ import annotations
 
 import argparse
-import collections
 import contextlib
 import dataclasses
 import gc
@@ -23,7 +23,7 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -73,17 +73,16 @@ from .action import FollowJointTrajectoryServer
 from .guard import refuse_what_raises, spin
 from .named_signals import named_signals
 from .parameters import NO_SIM_TIME, ROS_PARAMETERS, NodeParameters
+from .publishing import OUTPUTS_WAITING, Handoff, is_heard
 from .switch import Switch
 from .words import ERROR, INFO, WARNING, Events, Refusals
 
 CALL_TIMEOUT_s = 0.6  #: a service waits no longer for the control thread
 SELF_TEST_END_s = 2.0  #: a self-test that is to end has done so by then, instruments that answer given
-FEED_PERIOD_s = 0.2
+FEED_PERIOD_s = 0.25
 FEED_TIMEOUT_s = 0.9  #: silence of the ROS thread after which the driver switches the wire off
 STATUS_PERIOD_s = 1.0
 RETRY_PERIOD_s = 1.0
-#: Outputs are published at the loop's rate, but not faster than this: at 1 kHz it would take the loop's own time.
-LEAST_PUBLISH_PERIOD_s = 5e-3
 #: The interpreter passes the GIL on at least this often; its default, 5 ms, would show in the loop's period.
 GIL_INTERVAL_s = 0.1e-3
 #: How often the main thread looks whether a signal was noted.
@@ -99,46 +98,9 @@ _LEVELS = {
 }
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _DEPTH = 10
-#: Some seconds' worth at the usual rates, for who records them; and what waits for a ROS thread that is held up.
-_SIGNALS_DEPTH = _OUTPUTS_WAITING = 500
+#: Some seconds' worth at the usual rates, for who records them.
+_SIGNALS_DEPTH = OUTPUTS_WAITING
 _MOST_HAPPENED = 50  #: events kept while nobody listens
-
-
-class _Handoff:
-    """Outputs, from the control thread to the ROS thread; the control thread never waits.
-
-    Most of what is published is of the ``latest``; ``waiting`` holds every one that has not been taken yet.
-
-    A thread of its own stands between, because waking an executor is a call into ROS.
-    """
-
-    def __init__(self, name: str, wake: Callable[[], None]):
-        self.latest: Output | None = None
-        self.waiting: collections.deque[Output] = collections.deque(maxlen=_OUTPUTS_WAITING)
-        self._fresh = threading.Event()
-        self._wake = wake
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, name=f"{name} hand-off", daemon=True)
-        self._thread.start()
-
-    def put(self, output: Output) -> None:
-        """Hand over an output."""
-        self.latest = output
-        self.waiting.append(output)
-        self._fresh.set()
-
-    def close(self) -> None:
-        """End the thread; afterwards nobody is woken."""
-        self._ended.set()
-        self._fresh.set()
-        self._thread.join()
-
-    def _run(self) -> None:
-        while not self._ended.wait(LEAST_PUBLISH_PERIOD_s):
-            self._fresh.wait()
-            self._fresh.clear()
-            if not self._ended.is_set():
-                self._wake()
 
 
 class SmaActuatorNode(LifecycleNode):
@@ -162,6 +124,9 @@ class SmaActuatorNode(LifecycleNode):
         self._refusal = ""
         self._monotonic = MonotonicClock()
         self._published: tuple[Any, ...] = ()  #: what the last status said
+        self._told: tuple[Any, ...] = ()  #: what the executor was last woken for
+        self._listened = False  #: somebody subscribes to what comes with every step
+        self._looked_s = self._status_s = -math.inf  #: when it was last looked for listeners; when the status was due
         self._events, self._refusals = Events(), Refusals()
         self._health_said = Health.UNKNOWN
         self._happened: list[str] = []  #: what no message of ~/signals has told yet
@@ -215,10 +180,8 @@ class SmaActuatorNode(LifecycleNode):
         self._follow: FollowJointTrajectoryServer | None = None
         with contextlib.suppress(ModuleNotFoundError):  # control_msgs comes with ros2_control
             self._follow = FollowJointTrajectoryServer(self, self, self._monotonic.now_s)
-        self._woken = self.create_guard_condition(self._publish)
-        self._handoff = _Handoff(self.get_name(), self._woken.trigger)
-        self._steady_timer(STATUS_PERIOD_s, self._publish_status)
-        self._steady_timer(FEED_PERIOD_s, self._feed)
+        self._woken = self.create_guard_condition(self._take_news)
+        self._handoff = Handoff(self.get_name(), self._publish, self.callback_failed)
 
     def _steady_timer(self, period_s: float, callback: Callable[[], None], once: bool = False) -> None:
         """A timer that does not follow the system's clock when that is set."""
@@ -445,9 +408,59 @@ class SmaActuatorNode(LifecycleNode):
         if self._driver is not None:
             self._driver.submit(lambda actuator, now_s: actuator.raise_fault(now_s, "unhandled_exception", words))
 
-    # --- publishing, in the ROS thread ------------------------------------------------------------
+    # --- publishing: what flows in the thread of the hand-over, what is said in the ROS thread ------
 
-    def _publish(self) -> None:
+    def _take_output(self, output: Output) -> None:
+        """Hand an output over, in the control thread: to be published where anybody listens, or where it is news."""
+        self._handoff.put(output, self._listened or bool(output.events) or self._is_news(output))
+
+    def _in_short(self, output: Output) -> tuple[Any, ...]:
+        """What of an output is said in words."""
+        status, driver = output.status, self._driver
+        lost = driver.lost_instruments if driver is not None else ()
+        return (status.mode, status.fault, status.limits, output.health.state, *lost)
+
+    def _is_news(self, output: Output) -> bool:
+        """Whether the ROS thread has something to do for it."""
+        driver, follow = self._driver, self._follow
+        asked = (driver is not None and driver.has_refusals) or (follow is not None and follow.pursues)
+        return asked or self._in_short(output) != self._told
+
+    def _publish(self, output: Output, waiting: Sequence[Output]) -> None:
+        """Publish the latest output, and of all that have come the signals; have said what is new in it."""
+        driver = self._driver
+        if driver is None:
+            return
+        signals, estimate = output.signals, output.estimate
+        if self._active and math.isfinite(signals.time_s):
+            stamp, name = self._stamp(signals.time_s), self.config.joint_name
+            known = estimate.quality is not Quality.INVALID  # silence rather than a position that nobody knows
+            if known and is_heard(self._joint_states):
+                self._joint_states.publish(joint_state_message(name, estimate, signals, stamp))
+            if is_heard(self._load):
+                self._load.publish(load_message(self.config.frame_id, signals, stamp))
+            if self._reference is not None and is_heard(self._reference):
+                self._reference.publish(reference_message(name, signals, stamp))
+            if is_heard(self._command_current):
+                self._command_current.publish(command_current_message(output.command))
+        self._publish_signals(waiting)
+        if self._is_news(output):
+            self._told = self._in_short(output)
+            self._woken.trigger()
+
+    def _publish_signals(self, waiting: Sequence[Output]) -> None:
+        """Every output that waits, once; nothing is lost where this thread was held up for a while."""
+        wanted = self._active and is_heard(self._signals)
+        for output in waiting:
+            self._happened += output.events
+            if wanted and output.reading is not None and math.isfinite(output.reading.time_s):
+                happened, self._happened = "; ".join(self._happened), []
+                stamp = self._stamp(output.reading.time_s)
+                self._signals.publish(signals_message(named_signals(output), happened, stamp))
+        del self._happened[:-_MOST_HAPPENED]
+
+    def _take_news(self) -> None:
+        """Say what is new in the latest output."""
         output, driver = self._handoff.latest, self._driver
         if output is None or driver is None:
             return
@@ -455,16 +468,6 @@ class SmaActuatorNode(LifecycleNode):
             self.report(refusal)
         if self._follow is not None:
             self._follow.watch(output)
-        signals, estimate = output.signals, output.estimate
-        if self._active and math.isfinite(signals.time_s):
-            stamp = self._stamp(signals.time_s)
-            if estimate.quality is not Quality.INVALID:  # silence rather than a position that nobody knows
-                self._joint_states.publish(joint_state_message(self.config.joint_name, estimate, signals, stamp))
-            self._load.publish(load_message(self.config.frame_id, signals, stamp))
-            if self._reference is not None:
-                self._reference.publish(reference_message(self.config.joint_name, signals, stamp))
-            self._command_current.publish(command_current_message(output.command))
-        self._publish_signals()
         status = output.status
         now_s = self._monotonic.now_s()
         for level, sentence in self._events.of_status(status, now_s):
@@ -476,19 +479,6 @@ class SmaActuatorNode(LifecycleNode):
             self._say(WARNING if self._health_said is Health.DUE else INFO, f"model health: {output.health.words}")
         if (status.mode, status.fault, status.limits) != self._published:
             self._publish_status()
-
-    def _publish_signals(self) -> None:
-        """Every output that waits, once; nothing is lost where the ROS thread was held up for a while."""
-        waiting = self._handoff.waiting
-        wanted = self._active and self._signals.get_subscription_count() > 0
-        for _ in range(len(waiting)):
-            output = waiting.popleft()
-            self._happened += output.events
-            if wanted and output.reading is not None and math.isfinite(output.reading.time_s):
-                happened, self._happened = "; ".join(self._happened), []
-                stamp = self._stamp(output.reading.time_s)
-                self._signals.publish(signals_message(named_signals(output), happened, stamp))
-        del self._happened[:-_MOST_HAPPENED]
 
     def _stamp(self, time_s: float) -> Any:
         """ROS time at which the monotonic clock of the loop was at ``time_s``."""
@@ -538,9 +528,22 @@ class SmaActuatorNode(LifecycleNode):
     def _hardware_id(self) -> str:
         return self._driver.hardware_id if self._driver is not None else ""
 
-    def _feed(self) -> None:
-        if self._driver is not None:
+    def turn(self) -> None:
+        """What the ROS thread does between callbacks, at the latest after ``FEED_PERIOD_s``.
+
+        Timers would have the executor look through all that the node has, twice for each.
+        """
+        if self._driver is not None and self._handoff.moves():
             self._driver.feed()
+        now_s = self._monotonic.now_s()
+        if now_s - self._looked_s >= FEED_PERIOD_s:
+            self._looked_s = now_s
+            flowing = (self._joint_states, self._load, self._reference, self._command_current, self._signals)
+            self._listened = any(publisher is not None and is_heard(publisher) for publisher in flowing)
+        if now_s - self._status_s >= STATUS_PERIOD_s - 0.5 * FEED_PERIOD_s:
+            self._status_s = now_s
+            self._take_news()  # what goes on without being new is noted as well, so that it is not said again
+            self._publish_status()
 
     # --- life -------------------------------------------------------------------------------------
 
@@ -605,7 +608,7 @@ class SmaActuatorNode(LifecycleNode):
                 open_supply(config),
                 open_daq(config, clock),
                 clock,
-                on_output=self._handoff.put,
+                on_output=self._take_output,
                 recorder=self._recorder,
                 on_failure=self._loop_failed,
                 feed_timeout_s=FEED_TIMEOUT_s,
@@ -717,7 +720,8 @@ def main(arguments: list[str] | None = None) -> int:
             switch = Switch(nodes, ros.rclpy)
             gc.collect()
             for node in nodes:
-                threads.append(threading.Thread(target=spin, args=(node, node.callback_failed), daemon=True))
+                how = (node, node.callback_failed, node.turn, FEED_PERIOD_s)
+                threads.append(threading.Thread(target=spin, args=how, daemon=True))
                 threads[-1].name = f"{node.get_name()} ROS"
                 threads[-1].start()
             while not fatal and not interrupts:

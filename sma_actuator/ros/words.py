@@ -107,8 +107,11 @@ def _read(limit: str, status: Status) -> str:
     return f" ({value * factor:.4g} {unit})" if isinstance(value, float) else ""
 
 
+_WORDS_OF_MODE = {Mode.TRACKING: "following setpoints", Mode.TUNING: "tuning the gains"}
+
+
 def _words_of_mode(before: Mode, now: Mode) -> str:
     if now is Mode.OFF:
         return "the output is off"
-    words = "following setpoints" if now is Mode.TRACKING else "holding the wire where it is"
+    words = _WORDS_OF_MODE.get(now, "holding the wire where it is")
     return f"the output is on; {words}" if before is Mode.OFF else words

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from attack import hours, lines
+from attack import heat, hours, lines
 from attack.promises import Promises, read_table
 from attack.proxy import Mischief
 from attack.result import Result
@@ -62,6 +62,29 @@ def _let_current_flow(bench, current_A):
     bench.supply.set_ocp(1.0)
     bench.supply.set_current(current_A)
     bench.supply.set_output(True)
+
+
+class TestHalfTheHeatLoss:
+    """In the physics that loses least; ``python -m attack heat`` takes all of them."""
+
+    WORST = heat.UNITS.index(("flexinol", "vertical"))
+
+    def test_no_wire_gets_too_hot_by_the_driver(self):
+        heating = heat.Heating(self.WORST)
+        heating.judge("held", heating.driven(heat.LOADS[0], 20.0, "held"))
+        assert heating.result.worst["flexinol in vertical, at all the current there is [°C]"] > 120.0
+        _unbroken(heating.result)
+
+    def test_nor_by_characterise(self):
+        heating = heat.Heating(self.WORST)
+        heating.judge("characterise", heating.characterised())
+        assert heating.result.worst["flexinol in vertical, characterise [°C]"] > 150.0
+        _unbroken(heating.result)
+
+    def test_nor_would_the_judge_miss_it(self):
+        heating = heat.Heating(self.WORST, heat_loss=0.1)
+        heating.judge("held", heating.driven(heat.LOADS[0], 20.0, "held"))
+        assert len(heating.result.violations) == 1
 
 
 @pytest.mark.parametrize("seed", range(4))

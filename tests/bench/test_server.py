@@ -70,20 +70,23 @@ def test_both_instruments_see_the_same_wire(served):
 
 def test_time_is_real_time(served):
     daq = served("daq")
-    real_0_s, bench_0_s = time.monotonic(), bench_time_s(daq)
+    asked_s, bench_0_s, answered_s = time.monotonic(), bench_time_s(daq), time.monotonic()
     daq.tell("SAMP:COUN 500")
     daq.ask("READ:AVER?")
-    assert bench_time_s(daq) - bench_0_s == pytest.approx(time.monotonic() - real_0_s, abs=0.1)
-    assert time.monotonic() - real_0_s > 0.45
+    between_s = time.monotonic() - answered_s
+    bench_s = bench_time_s(daq) - bench_0_s
+    # Between the two answers lies at least what passed between them here, and at most what passed around them.
+    assert between_s - 0.1 <= bench_s <= time.monotonic() - asked_s + 0.1
+    assert between_s > 0.45
 
 
 def test_speed_multiplies_time():
     with background(VirtualBench.from_name("flexinol"), speed=50.0) as server:
         daq = Connection(server.ports[0]["daq"])
         daq.tell("SAMP:COUN 5000")
-        real_0_s = time.monotonic()
+        real_0_s, bench_0_s = time.monotonic(), bench_time_s(daq)
         daq.ask("READ:AVER?")
-        assert time.monotonic() - real_0_s < 2.5
+        assert bench_time_s(daq) - bench_0_s > 5.0 * (time.monotonic() - real_0_s)
         daq.close()
 
 
@@ -132,7 +135,7 @@ def test_fault_slow_answers(served):
     supply.tell("BENC:FAUL slow_answers,0.3")
     began_s = time.monotonic()
     assert supply.ask("*OPC?") == "1"
-    assert 0.29 < time.monotonic() - began_s < 2.0
+    assert time.monotonic() - began_s > 0.29
 
 
 def test_a_line_without_end_is_an_error_and_not_the_end(served):

@@ -22,6 +22,7 @@ EVENTS = {
     "trajectory": lambda machine: machine.follow(1.0, RAMP, 0.0),
     "later": lambda machine: machine.follow(1.0, RAMP, 5.0),
     "stop": lambda machine: machine.stop(),
+    "tune": lambda machine: machine.tune(),
     "hold": lambda machine: machine.lose("silence", at_bias=False),
     "bias": lambda machine: machine.lose("silence", at_bias=True),
 }
@@ -32,17 +33,19 @@ WAYS = {
     State.TRACKING: ["enable", "setpoint"],
     State.FOLLOWING: ["enable", "trajectory"],
     State.LOST_HOLDING: ["enable", "setpoint", "hold"],
+    State.TUNING: ["enable", "tune"],
     State.LOST_AT_BIAS: ["enable", "setpoint", "bias"],
 }
 #: What each event makes of each state; * : and the controller begins anew; . : nothing happens.
 TABLE = """
-               enable    off  setpoint   near       far  trajectory  later  stop      hold           bias
-OFF            HOLDING*  .    .          .          .    .           .      .         .              .
-HOLDING        .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  .              .
-TRACKING       .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  LOST_HOLDING*  LOST_AT_BIAS*
-FOLLOWING      .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  LOST_HOLDING*  LOST_AT_BIAS*
-LOST_HOLDING   .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  .              .
-LOST_AT_BIAS   .         OFF  TRACKING*  TRACKING*  .    FOLLOWING*  .      HOLDING*  .              .
+               enable    off  setpoint   near       far  trajectory  later  stop      tune    hold           bias
+OFF            HOLDING*  .    .          .          .    .           .      .         .       .              .
+HOLDING        .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  TUNING  .              .
+TRACKING       .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  TUNING  LOST_HOLDING*  LOST_AT_BIAS*
+FOLLOWING      .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  TUNING  LOST_HOLDING*  LOST_AT_BIAS*
+LOST_HOLDING   .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  TUNING  .              .
+TUNING         .         OFF  TRACKING*  TRACKING*  .    FOLLOWING*  .      HOLDING*  TUNING  .              .
+LOST_AT_BIAS   .         OFF  TRACKING*  TRACKING*  .    FOLLOWING*  .      HOLDING*  TUNING  .              .
 """
 HEAD, *ROWS = (line.split() for line in TABLE.strip().splitlines())
 
@@ -76,7 +79,12 @@ def test_every_transition(state, event, after):
 @pytest.mark.parametrize("state", State, ids=lambda state: state.name)
 def test_each_state_says_what_is_wanted(state):
     machine = machine_in(state)
-    modes = {State.OFF: Mode.OFF, State.TRACKING: Mode.TRACKING, State.FOLLOWING: Mode.TRACKING}
+    modes = {
+        State.OFF: Mode.OFF,
+        State.TRACKING: Mode.TRACKING,
+        State.FOLLOWING: Mode.TRACKING,
+        State.TUNING: Mode.TUNING,
+    }
     assert machine.mode is modes.get(state, Mode.HOLD)
     assert machine.is_driven == (state is not State.OFF)
     assert machine.wants_position == (state not in (State.OFF, State.LOST_AT_BIAS))
@@ -191,6 +199,10 @@ class AnyOrder(RuleBasedStateMachine):
     def stop(self):
         self.machine.stop()
 
+    @rule()
+    def tune(self):
+        self.machine.tune()
+
     @rule(at_bias=st.booleans())
     def lose(self, at_bias):
         self.machine.lose("silence", at_bias)
@@ -213,7 +225,7 @@ class AnyOrder(RuleBasedStateMachine):
 
     @invariant()
     def once_the_controller_has_begun_there_is_a_position_to_reach(self):
-        if self.machine.wants_position and not self.machine.anew:
+        if self.machine.wants_position and not self.machine.anew and not self.machine.is_tuned:
             assert math.isfinite(self.machine.position_m(self.now_s))
 
     @invariant()

@@ -20,6 +20,12 @@ from sma_actuator.instruments import InstrumentLost
 SOON_s = 10.0  #: bound of every wait; none is expected to take long
 
 
+def seconds_of(call):
+    start_s = time.monotonic()
+    call()
+    return time.monotonic() - start_s
+
+
 @pytest.fixture
 def make_driver(make_config):
     drivers = []
@@ -90,10 +96,8 @@ def test_a_call_brings_back_its_exception_and_the_loop_goes_on(make_driver):
 def test_a_call_does_not_wait_for_a_slow_loops_deadline(make_driver):
     driver = make_driver(changes={"loop.rate": 1.0, "supply.watchdog_timeout": 3.0, "safety.reading_timeout": 3.0})
     driver.start()
-    driver.call(lambda actuator, now_s: None)
-    start_s = time.monotonic()
-    driver.call(lambda actuator, now_s: None)
-    assert time.monotonic() - start_s < 0.5
+    # One that waited would take the period of a second, each time; a machine that stalls does not stall each time.
+    assert min(seconds_of(lambda: driver.call(lambda actuator, now_s: None)) for _ in range(4)) < 0.5
 
 
 def test_a_call_that_times_out_is_not_executed_later(make_driver):
@@ -133,15 +137,16 @@ def test_stop_ends_with_the_supply_shut_down(make_driver):
 
 
 def test_stop_does_not_wait_for_a_daq_that_hangs(make_driver):
-    driver = make_driver()
-    supply, daq = driver.stand_ins
-    driver.start()
-    daq.hang = True
-    assert daq.hanging.wait(SOON_s)
-    start_s = time.monotonic()
-    driver.stop()
-    assert time.monotonic() - start_s < 1.0
-    assert supply.shut_downs == 1
+    took_s = []
+    for _ in range(2):
+        driver = make_driver()
+        supply, daq = driver.stand_ins
+        driver.start()
+        daq.hang = True
+        assert daq.hanging.wait(SOON_s)
+        took_s.append(seconds_of(driver.stop))
+        assert supply.shut_downs == 1
+    assert min(took_s) < 1.0
 
 
 def test_a_new_reading_timeout_reaches_the_watchman(make_driver):
@@ -158,14 +163,15 @@ def test_a_new_reading_timeout_reaches_the_watchman(make_driver):
 
 
 def test_stop_does_not_wait_for_a_slow_loop(make_driver):
-    driver = make_driver(changes={"loop.rate": 1.0, "supply.watchdog_timeout": 3.0, "safety.reading_timeout": 3.0})
-    supply, _ = driver.stand_ins
-    driver.start()
-    driver.call(lambda actuator, now_s: None)
-    start_s = time.monotonic()
-    driver.stop()
-    assert time.monotonic() - start_s < 0.5
-    assert supply.shut_downs == 1
+    took_s = []
+    for _ in range(3):
+        driver = make_driver(changes={"loop.rate": 1.0, "supply.watchdog_timeout": 3.0, "safety.reading_timeout": 3.0})
+        supply, _ = driver.stand_ins
+        driver.start()
+        driver.call(lambda actuator, now_s: None)
+        took_s.append(seconds_of(driver.stop))
+        assert supply.shut_downs == 1
+    assert min(took_s) < 0.5
 
 
 @pytest.mark.parametrize("where", ["on_output", "recorder", "daq"])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from characterised import bench_mapping, virtual_rig
 
+from sma_actuator.base.parameters import ConfigError
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
 from sma_actuator.bench.bench import Setup
 from sma_actuator.characterise import Rig
@@ -286,6 +287,14 @@ def in_other_ohms(log):
 def test_logs_that_cannot_determine_the_answer_are_refused(flexinol, logs, options, sentence):
     with pytest.raises(BenchLogError, match=sentence):
         identify(logs(flexinol), flexinol.mapping, "flexinol", **options)
+
+
+def test_a_model_of_another_alloy_is_refused_before_anything_is_fitted(flexinol, monkeypatch):
+    looked_at = []
+    monkeypatch.setattr("sma_actuator.identify.identification.make_experiments", lambda *_: looked_at.append(1))
+    with pytest.raises(ConfigError, match="model.type: furukawa is a model of ni-ti-cu, but wire.alloy is ni-ti"):
+        identify(flexinol.logs, flexinol.mapping, "furukawa")
+    assert not looked_at
 
 
 def test_too_few_cycles_for_fatigue_are_refused():

@@ -7,13 +7,6 @@ from sma_actuator.base.sections import Wire
 SIZE_TOLERANCE = 0.02
 
 
-def wrong_alloy(model_type: str, alloy: str, wire: Wire) -> list[str]:
-    """A sentence when the model is of another alloy than the wire."""
-    if wire.alloy == alloy:
-        return []
-    return [f"model.type: {model_type} is a model of {alloy}, but wire.alloy is {wire.alloy}"]
-
-
 def wrong_size(length_m: float, diameter_m: float, wire: Wire) -> list[str]:
     """Sentences when coefficients of one wire are used for a wire of another size."""
     problems = []

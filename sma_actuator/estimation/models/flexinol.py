@@ -36,6 +36,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp, expm1, log, log1p
+from typing import ClassVar
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
@@ -45,8 +46,9 @@ from sma_actuator.base.parameters import parameter
 from sma_actuator.base.sections import Wire
 from sma_actuator.base.signals import Value
 
-from .checks import as_range, wrong_alloy, wrong_ranges, wrong_size
+from .checks import as_range
 from .model import COEFFICIENTS
+from .thesis import ExclusiveCoefficients, NormalisedCoefficients
 
 Polynomial = Sequence[float] | np.ndarray  #: in stress, lowest order first
 _POLYNOMIAL = "polynomial in stress [Pa], lowest order first"
@@ -211,33 +213,17 @@ class FlexinolModel:
 
 @COEFFICIENTS.register("flexinol")
 @dataclass(frozen=True, slots=True)
-class FlexinolCoefficients:
+class FlexinolCoefficients(ExclusiveCoefficients):
     """Asymptotes of one particular wire (exclusive model, eq. 5.1–5.6, 5.22, 5.23)."""
 
-    calibrated_length: float = parameter(
-        description="length of the wire the coefficients were fitted on", unit="m", lo=0.005, hi=20.0
-    )
-    calibrated_diameter: float = parameter(description="its diameter", unit="m", lo=10e-6, hi=2e-3)
+    ALLOY: ClassVar[str] = "ni-ti"
+
     heating_slope: tuple[float, ...] = parameter(description=f"a_H, {_POLYNOMIAL}", unit="m/Ω")
     heating_intercept: tuple[float, ...] = parameter(description=f"b_H, {_POLYNOMIAL}", unit="m")
     cooling_slope: tuple[float, ...] = parameter(description=f"a_C, {_POLYNOMIAL}", unit="m/Ω")
     cooling_intercept: tuple[float, ...] = parameter(description=f"b_C, {_POLYNOMIAL}", unit="m")
     initial_slope: float = parameter(description="a_0, slope far from the asymptote", unit="m/Ω")
     transition_rate: float = parameter(description="τ of the transition", unit="1/Ω", lo=1e-6, hi=1e9)
-    stress_range: tuple[float, ...] = parameter(
-        description="lowest and highest stress of the calibration", unit="Pa", lo=-1e9, hi=1e9
-    )
-    displacement_range: tuple[float, ...] = parameter(
-        description="determinate part of the stroke", unit="m", lo=-10.0, hi=10.0
-    )
-
-    def mismatches(self, wire: Wire) -> list[str]:
-        """Why these coefficients do not suit ``wire``."""
-        return [
-            *wrong_alloy("flexinol", "ni-ti", wire),
-            *wrong_size(self.calibrated_length, self.calibrated_diameter, wire),
-            *wrong_ranges(stress_range=self.stress_range, displacement_range=self.displacement_range),
-        ]
 
     def build(self, wire: Wire) -> FlexinolModel:
         """The model of the wire the coefficients were fitted on."""
@@ -255,13 +241,15 @@ class FlexinolCoefficients:
 
 @COEFFICIENTS.register("flexinol_normalised")
 @dataclass(frozen=True, slots=True)
-class FlexinolNormalisedCoefficients:
+class FlexinolNormalisedCoefficients(NormalisedCoefficients):
     """Asymptotes of any wire of the alloy, in λ = (R − R_0)/R_0 and ε (eq. 5.26–5.40).
 
     R = R_0 (1 + λ) put into 5.1 and divided by L_0 gives ε = (a R_0/L_0) λ + (a R_0 + b)/L_0: the
     normalised slope is â = a R_0/L_0 (5.30, 5.31) and the intercept b̂ = (b + a R_0)/L_0, since it is
     the strain at λ = 0, not at R = 0.
     """
+
+    ALLOY: ClassVar[str] = "ni-ti"
 
     martensite_resistivity: float = parameter(
         description="ρ_M, which gives R_0 = ρ_M L_0/A_0", unit="Ω·m", lo=1e-8, hi=1e-4
@@ -272,17 +260,6 @@ class FlexinolNormalisedCoefficients:
     cooling_intercept: tuple[float, ...] = parameter(description=f"b̂_C, {_POLYNOMIAL}", unit="1")
     initial_slope: float = parameter(description="â_0, slope far from the asymptote", unit="1")
     transition_rate: float = parameter(description="τ̂ of the transition", unit="1", lo=1e-6, hi=1e9)
-    stress_range: tuple[float, ...] = parameter(
-        description="lowest and highest stress of the calibration", unit="Pa", lo=-1e9, hi=1e9
-    )
-    strain_range: tuple[float, ...] = parameter(description="determinate part of the stroke", unit="1", lo=-1.0, hi=1.0)
-
-    def mismatches(self, wire: Wire) -> list[str]:
-        """Why these coefficients do not suit ``wire``."""
-        return [
-            *wrong_alloy("flexinol_normalised", "ni-ti", wire),
-            *wrong_ranges(stress_range=self.stress_range, strain_range=self.strain_range),
-        ]
 
     def build(self, wire: Wire) -> FlexinolModel:
         """The model of ``wire``, in its own resistance and displacement."""

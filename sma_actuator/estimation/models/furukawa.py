@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import exp
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval2d
@@ -21,8 +21,9 @@ from sma_actuator.base.parameters import parameter
 from sma_actuator.base.sections import Wire
 from sma_actuator.base.signals import Value
 
-from .checks import as_range, wrong_alloy, wrong_ranges, wrong_size
+from .checks import as_range
 from .model import COEFFICIENTS
+from .thesis import ExclusiveCoefficients, NormalisedCoefficients
 
 VARIANTS = ("average", "direct_switching", "transition")
 _AVERAGE, _DIRECT, _TRANSITION = range(3)
@@ -220,13 +221,11 @@ class FurukawaNormalisedModel:
 
 @COEFFICIENTS.register("furukawa")
 @dataclass(frozen=True, slots=True)
-class FurukawaCoefficients:
+class FurukawaCoefficients(ExclusiveCoefficients):
     """Heating and cooling curve of one particular wire (exclusive model, eq. 5.55–5.58, 5.72–5.74)."""
 
-    calibrated_length: float = parameter(
-        description="length of the wire the coefficients were fitted on", unit="m", lo=0.005, hi=20.0
-    )
-    calibrated_diameter: float = parameter(description="its diameter", unit="m", lo=10e-6, hi=2e-3)
+    ALLOY: ClassVar[str] = "ni-ti-cu"
+
     variant: str = parameter("average", "how the two curves are used", choices=VARIANTS)
     heating_G0: tuple[float, ...] = parameter(description=f"G_H0, {_POLYNOMIAL}", unit="m")
     heating_G1: tuple[float, ...] = parameter(description=f"G_H1, {_POLYNOMIAL}", unit="m/Ω")
@@ -235,20 +234,6 @@ class FurukawaCoefficients:
     cooling_G1: tuple[float, ...] = parameter(description=f"G_C1, {_POLYNOMIAL}", unit="m/Ω")
     cooling_G2: tuple[float, ...] = parameter(description=f"G_C2, {_POLYNOMIAL}", unit="m/Ω²")
     transition_rate: float = parameter(10.0, "η of the transition curves", "1/Ω", 1e-6, 1e9)
-    stress_range: tuple[float, ...] = parameter(
-        description="lowest and highest stress of the calibration", unit="Pa", lo=-1e9, hi=1e9
-    )
-    displacement_range: tuple[float, ...] = parameter(
-        description="determinate part of the stroke", unit="m", lo=-10.0, hi=10.0
-    )
-
-    def mismatches(self, wire: Wire) -> list[str]:
-        """Why these coefficients do not suit ``wire``."""
-        return [
-            *wrong_alloy("furukawa", "ni-ti-cu", wire),
-            *wrong_size(self.calibrated_length, self.calibrated_diameter, wire),
-            *wrong_ranges(stress_range=self.stress_range, displacement_range=self.displacement_range),
-        ]
 
     def build(self, wire: Wire) -> FurukawaModel:
         """The model of the wire the coefficients were fitted on."""
@@ -264,8 +249,10 @@ class FurukawaCoefficients:
 
 @COEFFICIENTS.register("furukawa_normalised")
 @dataclass(frozen=True, slots=True)
-class FurukawaNormalisedCoefficients:
+class FurukawaNormalisedCoefficients(NormalisedCoefficients):
     """One activation curve for any wire of the alloy (eq. 5.75–5.87)."""
+
+    ALLOY: ClassVar[str] = "ni-ti-cu"
 
     austenite_resistivity: float = parameter(
         description="ρ_A, which gives R_min = ρ_A L_0/A_0", unit="Ω·m", lo=1e-8, hi=1e-4
@@ -276,17 +263,6 @@ class FurukawaNormalisedCoefficients:
     activation: tuple[float, ...] = parameter(description="C, polynomial in λ, lowest order first", unit="1")
     mechanical_strain: tuple[float, ...] = parameter(description=f"ε_M, {_POLYNOMIAL}", unit="1")
     stroke_strain: tuple[float, ...] = parameter(description=f"ε_L, {_POLYNOMIAL}", unit="1")
-    stress_range: tuple[float, ...] = parameter(
-        description="lowest and highest stress of the calibration", unit="Pa", lo=-1e9, hi=1e9
-    )
-    strain_range: tuple[float, ...] = parameter(description="determinate part of the stroke", unit="1", lo=-1.0, hi=1.0)
-
-    def mismatches(self, wire: Wire) -> list[str]:
-        """Why these coefficients do not suit ``wire``."""
-        return [
-            *wrong_alloy("furukawa_normalised", "ni-ti-cu", wire),
-            *wrong_ranges(stress_range=self.stress_range, strain_range=self.strain_range),
-        ]
 
     def build(self, wire: Wire) -> FurukawaNormalisedModel:
         """The model of ``wire``, in its own resistance and displacement."""

@@ -1,0 +1,215 @@
+"""Gains from the wire itself: what is read in a relay test, a whole tuning on the bench, and every way out of one."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from rig import Rig
+
+from sma_actuator.base.share import shared_file
+from sma_actuator.base.signals import Mode
+from sma_actuator.base.yaml_text import with_values
+from sma_actuator.cli.main import main
+from sma_actuator.config import Config
+from sma_actuator.control.tuning import GAINS, GivenUp, gains_of, swings_of
+from sma_actuator.plant.loads import Weight
+
+SHIPPED = Config.load(shared_file("config/flexinol.yaml"))
+OFF = {f"controller.{name}": getattr(SHIPPED.controller, name) for name in GAINS}
+
+
+def relay_test(dead_time_s=(0.2, 0.4), slope_m_sA2=(0.02, 0.01), holding_A=0.2, step_s=0.01):
+    """What an integrating wire does that answers late, heated (first) and cooled."""
+    time_s, place_m, current_A = [0.0], [0.002], [0.4]
+    heats, changed_s = True, 0.0
+    while time_s[-1] < 40.0:
+        place = place_m[-1]
+        if heats != (place > 0.00195 if heats else place > 0.00205):
+            heats, changed_s = not heats, time_s[-1]
+        flows_A = 0.4 if heats else 0.05
+        late = time_s[-1] - changed_s < dead_time_s[not heats]
+        acts_A = (0.05 if heats else 0.4) if late else flows_A
+        warms = acts_A > holding_A
+        place_m.append(place - slope_m_sA2[not warms] * (acts_A**2 - holding_A**2) * step_s)
+        time_s.append(time_s[-1] + step_s)
+        current_A.append(flows_A)
+    return np.array(time_s), np.array(place_m), np.array(current_A)
+
+
+def test_a_relay_test_tells_heating_from_cooling():
+    swings = swings_of(*relay_test())
+    assert swings.heating.dead_time_s == pytest.approx(0.2, abs=0.03)
+    assert swings.cooling.dead_time_s == pytest.approx(0.4, abs=0.03)
+    # The current that holds the wire is that of the mean heat, which is shared out by how long each way takes.
+    way_A2 = 0.4**2 - swings.holding_A**2
+    assert swings.heating.slope_m_sA2 * way_A2 == pytest.approx(0.02 * (0.4**2 - 0.2**2), rel=0.05)
+
+
+def test_the_rules_are_those_of_an_integrating_process():
+    swings = swings_of(*relay_test(dead_time_s=(0.3, 0.3), slope_m_sA2=(0.01, 0.01)))
+    gains = gains_of(swings, period_s=0.0)
+    slope_m_sA = 2.0 * swings.holding_A * swings.heating.slope_m_sA2
+    assert gains["kp"] == pytest.approx(1.0 / (slope_m_sA * 2.0 * 0.3), rel=0.1)
+    assert gains["kp"] / gains["ki"] == pytest.approx(8.0 * 0.3, rel=0.1)
+    assert gains["kd"] == 0.0
+
+
+def test_a_wire_that_does_not_swing_is_given_up():
+    time_s, place_m, current_A = relay_test()
+    with pytest.raises(GivenUp, match=r"the wire swung \d times .* is the load one that it lifts"):
+        swings_of(time_s[:300], place_m[:300], current_A[:300])
+
+
+def rig_of(**changes):
+    """A cool wire that is held."""
+    rig = Rig(
+        SHIPPED.replace({name.replace("__", "."): value for name, value in changes.items()}).to_mapping(),
+        load=Weight(0.98),
+    )
+    rig.skew_s += 3600.0
+    rig.run(0.2)
+    rig.enable()
+    return rig
+
+
+def tune(rig):
+    done, sentence = rig.actuator.tune(rig.now_s)
+    assert done, sentence
+    rig.step()
+    assert rig.status.mode is Mode.TUNING
+
+
+@pytest.fixture(scope="module")
+def tuned():
+    """A wire tuned from gains ten times too high; outputs from then on."""
+    rig = rig_of(**{name.replace(".", "__"): 10.0 * value for name, value in OFF.items()})
+    rig.outputs.clear()
+    tune(rig)
+    begun_s = rig.now_s
+    while rig.status.mode is Mode.TUNING and rig.now_s - begun_s < 400.0:
+        rig.step()
+    return rig
+
+
+def test_in_less_than_five_minutes_without_a_fault_and_never_above_the_bound(tuned):
+    found = tuned.output.tuned
+    assert found is not None, tuned.status.values["tuning"]
+    assert found.duration_s < 280.0
+    assert [o.status.fault for o in tuned.outputs if o.status.fault] == []
+    most_A = max(o.command.current_A for o in tuned.outputs)
+    assert most_A <= SHIPPED.controller.tuning_current * SHIPPED.supply.max_current
+    assert most_A > 0.8 * SHIPPED.supply.max_current
+    assert found.before == pytest.approx({name: 10.0 * OFF[f"controller.{name}"] for name in GAINS})
+    assert tuned.status.values["tuning"].startswith("done: kp ")
+
+
+def test_the_gains_are_taken_over_without_a_jump(tuned):
+    before_A = tuned.output.command.current_A
+    taken = tuned.config.replace({f"controller.{name}": value for name, value in tuned.outputs[-1].tuned.gains.items()})
+    tuned.actuator.update(taken)
+    tuned.step()
+    assert tuned.status.mode is Mode.HOLD
+    assert tuned.output.command.current_A == pytest.approx(before_A, abs=0.02)
+    held_m = tuned.output.setpoint_m
+    tuned.run(5.0)
+    assert tuned.output.estimate.displacement_m == pytest.approx(held_m, abs=0.02 * SHIPPED.wire.full_stroke_m)
+
+
+def mean_error_m(config):
+    """Of steps over the middle of the range."""
+    rig = Rig(config.to_mapping(), load=Weight(0.98))
+    rig.skew_s += 3600.0
+    rig.run(0.2)
+    rig.enable()
+    low_m, high_m = config.model.build(config.wire).displacement_range_m
+    errors_m = []
+    for part in (0.7, 0.3, 0.5):
+        setpoint_m = low_m + part * (high_m - low_m)
+        rig.actuator.offer_setpoint(rig.now_s, setpoint_m)
+        rig.outputs.clear()
+        rig.run(10.0)
+        errors_m += [abs(setpoint_m - output.estimate.displacement_m) for output in rig.outputs]
+    return float(np.mean(errors_m))
+
+
+def test_the_command_writes_gains_as_good_as_the_shipped_ones_and_keeps_those_of_before(tmp_path, capsys):
+    path = tmp_path / "wire.yaml"
+    text = shared_file("config/flexinol.yaml").read_text(encoding="utf-8")
+    path.write_text(
+        text.replace("kp: 800.0", "kp: 80.0").replace("ki: 400.0", "ki: 40.0").replace("kd: 100.0", "kd: 10.0")
+    )
+    assert main(["tune", "--config", str(path), "--virtual", "flexinol", "-q"]) == 0
+    assert "(before: kp 80 A/m, ki 40 A/(m·s), kd 10 A·s/m)" in capsys.readouterr().out
+    assert "    # Tuned; before: kp 80 A/m, ki 40 A/(m·s), kd 10 A·s/m\n    controller:\n" in path.read_text()
+    found = Config.load(path)
+    assert dataclasses.replace(found.controller, **{k: OFF[f"controller.{k}"] for k in GAINS}) == SHIPPED.controller
+    assert mean_error_m(found) < 1.1 * mean_error_m(SHIPPED)
+
+
+WAYS_OUT = {
+    "a setpoint": (lambda rig: rig.actuator.offer_setpoint(rig.now_s, 0.0025), Mode.TRACKING, "something else was wanted"),
+    "a stop of the motion": (lambda rig: rig.actuator.offer_trajectory(rig.now_s, [], []), Mode.HOLD, "something else"),
+    "off": (lambda rig: rig.actuator.enable(rig.now_s, False), Mode.OFF, "the output was switched off"),
+    "a fault": (
+        lambda rig: rig.actuator.raise_fault(rig.now_s, "node_lost", "provoked"),
+        Mode.OFF,
+        "fault node_lost: provoked",
+    ),
+    "other gains": (
+        lambda rig: rig.actuator.update(rig.config.replace({"controller.kp": 700.0})),
+        Mode.HOLD,
+        "the parameters of the controller were changed",
+    ),
+    "heat": (
+        lambda rig: rig.actuator.update(rig.config.replace({"thermal.derate_temperature": 40.0})),
+        Mode.HOLD,
+        "thermal.derate_temperature is 40 °C: allow less current",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("happens", "mode", "why"), WAYS_OUT.values(), ids=WAYS_OUT)
+def test_every_way_out_leaves_the_gains_of_before(happens, mode, why):
+    rig = rig_of()
+    if "derate" in why:
+        happens(rig)
+    tune(rig)
+    rig.run(2.0)
+    happens(rig)
+    rig.run(0.2)
+    assert rig.status.mode is mode
+    assert rig.status.values["tuning"].startswith("given up: ")
+    assert why in rig.status.values["tuning"]
+    assert all(output.tuned is None for output in rig.outputs)
+    assert rig.actuator._controller.gains == rig.actuator._config.controller
+    if mode is Mode.OFF:
+        assert not rig.bench.supply.output_on
+    else:  # what flows then holds the wire, it is not that of the relay
+        rig.run(5.0)
+        assert abs(rig.output.estimate.displacement_m - rig.output.setpoint_m) < 0.05 * SHIPPED.wire.full_stroke_m
+
+
+def test_refusals_say_why():
+    rig = rig_of()
+    rig.actuator.enable(rig.now_s, False)
+    assert rig.actuator.tune(rig.now_s) == (False, "not tuned: the output is off; call ~/enable first")
+    rig.step()
+    rig.actuator.enable(rig.now_s, True)
+    assert "where the wire is is not known yet" in rig.actuator.tune(rig.now_s)[1]
+    rig.run(0.5)
+    tune(rig)
+    assert "being tuned already" in rig.actuator.tune(rig.now_s)[1]
+    hot = Rig(SHIPPED.to_mapping(), load=Weight(0.98))
+    hot.enable()
+    assert "let the wire cool, take load off" in hot.actuator.tune(hot.now_s)[1]
+
+
+@pytest.mark.parametrize(
+    ("text", "after"),
+    [
+        ("a:\n  controller: {kp: 1.0, ki: 2} # mine\n", "a:\n  # old\n  controller: {kd: 0.5, kp: 9.0, ki: 2} # mine\n"),
+        ("a:\n  controller:\n    ki: 3.0 # mine\n    kp: 1\n", "a:\n  # old\n  controller:\n    kd: 0.5\n    ki: 3.0 # mine\n    kp: 9.0\n"),
+    ],
+)  # fmt: skip
+def test_numbers_are_put_into_a_file_that_else_stays_as_it_is(text, after):
+    assert with_values(text, "x.yaml", ("a", "controller"), {"kp": 9.0, "kd": 0.5}, "old") == after

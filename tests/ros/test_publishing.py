@@ -1,0 +1,112 @@
+"""From the loop to ROS: everything arrives, in order, in a thread of its own; an executor is woken only for news."""
+
+import signal
+import threading
+
+import pytest
+from geometry_msgs.msg import WrenchStamped
+from processes import wait_until
+from std_srvs.srv import SetBool
+
+from sma_actuator.ros.publishing import OUTPUTS_WAITING, Handoff
+
+NAME = "/sma_actuator"
+
+
+@pytest.fixture
+def handoff():
+    """A hand-over of numbers in place of outputs; it publishes once ``go`` is set."""
+    published, errors, go = [], [], threading.Event()
+
+    def publish(latest, waiting):
+        go.wait()
+        published.append((latest, list(waiting)))
+        if latest == "bad":
+            raise ZeroDivisionError("provoked")
+
+    made = Handoff("wire", publish, errors.append)
+    made.published, made.errors, made.go = published, errors, go
+    yield made
+    go.set()
+    made.close()
+
+
+def test_every_output_is_handed_over_once_in_order_and_the_last_is_the_latest(handoff):
+    handoff.go.set()
+    for number in range(100):
+        handoff.put(number, True)
+    wait_until(lambda: handoff.published and handoff.published[-1][0] == 99)
+    assert [each for _, waiting in handoff.published for each in waiting] == list(range(100))
+    assert all(latest == waiting[-1] for latest, waiting in handoff.published)
+
+
+def test_what_raises_is_told_and_the_next_is_as_good_as_any(handoff):
+    handoff.go.set()
+    handoff.put("bad", True)
+    wait_until(lambda: handoff.errors)
+    handoff.put("good", True)
+    wait_until(lambda: handoff.published[-1][0] == "good")
+    assert [str(error) for error in handoff.errors] == ["provoked"]
+
+
+def test_a_thread_that_hangs_is_seen_and_costs_the_loop_neither_time_nor_memory(handoff):
+    assert handoff.moves()
+    handoff.put("stuck", True)
+    wait_until(lambda: not handoff.moves())
+    for number in range(3 * OUTPUTS_WAITING):
+        handoff.put(number, True)
+    assert not handoff.moves()
+    assert handoff.latest == 3 * OUTPUTS_WAITING - 1
+    handoff.go.set()
+    wait_until(lambda: len(handoff.published) >= 2)
+    assert len(handoff.published[1][1]) <= OUTPUTS_WAITING
+    wait_until(handoff.moves)
+
+
+def test_what_need_not_be_published_is_the_latest_all_the_same(handoff):
+    handoff.go.set()
+    handoff.put("quiet", False)
+    assert handoff.latest == "quiet"
+    handoff.put("loud", True)
+    wait_until(lambda: handoff.published)
+    assert handoff.published == [("loud", ["loud"])]
+
+
+def test_after_the_end_nothing_is_published(handoff):
+    handoff.go.set()
+    handoff.close()
+    handoff.put("late", True)
+    handoff.close()
+    assert handoff.published == []
+
+
+_COUNTING = """
+import atexit, sys
+from sma_actuator.ros import node
+calls = {"_publish": 0, "_take_news": 0}
+def counted(name, inner):
+    def call(self, *arguments):
+        calls[name] += 1
+        return inner(self, *arguments)
+    setattr(node.SmaActuatorNode, name, call)
+for name in calls:
+    counted(name, getattr(node.SmaActuatorNode, name))
+code = node.main()
+print(f"woken for {calls['_take_news']} of {calls['_publish']} outputs", file=sys.stderr)
+sys.exit(code)
+"""
+
+
+def test_the_executor_sleeps_while_nothing_is_new(start_bench, make_config, start_node, client):
+    """A node whose executor is woken for each output takes several times what its loop takes."""
+    bench = start_bench("--load", "weight:0.98")
+    parameters = make_config(**{"instruments": bench.instruments(), "loop.rate": 50.0, "loop.samples_per_block": 20})
+    node = start_node(parameters, program=("-c", _COUNTING))
+    client.spin_until(lambda: client.call(f"{NAME}/enable", SetBool, SetBool.Request(data=True)).success)
+    loads = client.listen(f"{NAME}/load", WrenchStamped)
+    client.spin_until(lambda: len(loads) >= 100)
+    node.popen.send_signal(signal.SIGTERM)
+    assert node.ends() == 0
+    woken, outputs = (int(word) for word in node.words.split("woken for ")[1].split()[:3:2])
+    assert outputs >= 100
+    assert woken <= outputs / 4, f"the executor was woken for {woken} of {outputs} outputs"
