@@ -9,7 +9,7 @@ from sessions import session
 from sma_actuator.base.signals import Signals
 from sma_actuator.bench import Weight
 from sma_actuator.config import Config
-from sma_actuator.diagnosis.trace import Evidence, trace
+from sma_actuator.diagnosis.trace import Evidence, race, trace
 from sma_actuator.diagnosis.trace.analysis import quantities
 from sma_actuator.diagnosis.trace.candidates import candidate, scales_of
 from sma_actuator.diagnosis.trace.evidence import LIMIT, limited
@@ -76,17 +76,20 @@ def test_what_has_no_name_stays_without(wire, config, hidden):
     assert traced(wire, config, hidden).verdict == "unexplained"
 
 
-def test_a_name_that_mends_the_loop_needs_its_signature_at_rest_too(wire, config):
-    """The hot wire's resistance has moved; that a thermal expansion mends the loop as well does not make it one."""
-    evidence = Evidence(session(wire[0], {"self_heating": 4e-4}), config)
-    right, wrong = (trace(evidence, only=[name], jobs=1) for name in ("self_heating", "thermal_expansion"))
+def test_a_name_needs_its_signature_however_well_it_fits(wire, config, monkeypatch):
+    """A lead moves R at rest, cold and hot, and not δ; a slip does the opposite, so it is not the name, whatever it mends."""
+    evidence = Evidence(session(wire[0], {"lead_resistance": 0.03}), config)
+    monkeypatch.setattr(race, "GATE", 100.0)  # no residual is news
+    right, wrong = (trace(evidence, only=[name], jobs=1) for name in ("lead_resistance", "slip"))
     assert right.verdict == "traced" and not right.unusual
-    assert wrong.news_percent["after"].mean() <= wrong.gate_percent  # the loop it mends
-    assert wrong.verdict == "unexplained"
-    assert {"resistance at hot rest", "displacement at hot rest"} <= set(wrong.unusual)
     assert (
-        wrong.witnesses["before"]["resistance at hot rest"] > 2.0 * right.witnesses["after"]["resistance at hot rest"]
+        right.witnesses["before"]["resistance at cold rest"]
+        > 4.0
+        > 2.0
+        > right.witnesses["after"]["resistance at cold rest"]
     )
+    assert wrong.verdict == "unexplained"
+    assert {"resistance at cold rest", "displacement at cold rest"} <= set(wrong.unusual)
 
 
 def test_a_fault_of_the_reference_is_not_put_into_the_model(wire, config):
