@@ -33,9 +33,8 @@ UNIT_TIMES = 4.0  #: a unit lasts at least so many times as long as errors remem
 LIMIT = 3.0  #: residual, in standard deviations, above which it counts linearly (Huber)
 WORST = 30.0  #: and the largest that counts at all
 FLOOR_percent = 1.5  #: of full stroke, where the model does not say how good it was
-#: Who says whether an effect is there: the displacement all along, and what a wire at rest shows.
+#: Who says, beside the displacement all along, whether an effect is there: what a wire at rest shows.
 WITNESSES = (
-    "displacement",
     "resistance at cold rest",
     "displacement at cold rest",
     "resistance at hot rest",
@@ -166,11 +165,8 @@ class Evidence:
         rests = [int(self.unit[i][r.start]) for i, rests in enumerate(self.rests) for r in rests]
         self.unit_of_row = np.concatenate((samples, np.repeat(rests, 2).astype(int)))
         self.rows_of_samples = len(samples)
-        hot = np.array([r.hot for rests in self.rests for r in rests], dtype=bool)
-        #: What each row is a witness of, an index into WITNESSES.
-        self.witness_of_row = np.concatenate(
-            (np.zeros(len(samples), dtype=int), (1 + 2 * np.repeat(hot, 2) + np.tile((0, 1), len(hot))).astype(int))
-        )
+        hot = np.array([r.hot for rests in self.rests for r in rests], dtype=int)
+        self._witness = np.repeat(2 * hot, 2) + np.tile((0, 1), len(hot))  # of each row of the rests, into WITNESSES
 
     def _independent(self) -> np.ndarray:
         if not self.independent_s > 0.0:
@@ -341,16 +337,11 @@ class Evidence:
 
         Without those of which there is nothing.
         """
-        weight = np.ones(len(rows))
-        weight[: self.rows_of_samples] = self.sample_weight
-        chosen = units[self.unit_of_row]
-        squares, weights = (
-            np.bincount(self.witness_of_row[chosen], values[chosen] ** 2, minlength=len(WITNESSES))
-            for values in (rows, weight)
-        )
-        return {
-            name: math.sqrt(square / of) for name, square, of in zip(WITNESSES, squares, weights, strict=True) if of > 0
-        }
+        chosen = units[self.unit_of_row[self.rows_of_samples :]]
+        witness, off = self._witness[chosen], rows[self.rows_of_samples :][chosen]
+        number = np.bincount(witness, minlength=len(WITNESSES))
+        squares = np.bincount(witness, off**2, minlength=len(WITNESSES))
+        return {name: math.sqrt(s / n) for name, s, n in zip(WITNESSES, squares, number, strict=True) if n}
 
     def errors_percent(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """Mean absolute error of every unit, % of full stroke, shape (units,)."""

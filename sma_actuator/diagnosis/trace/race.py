@@ -26,7 +26,7 @@ from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL
 from sma_actuator.logs.errors import BenchLogError
 
 from .candidates import Candidate, candidate, require_twins, scales_of, untestable
-from .evidence import WITNESSES, Evidence, Prediction
+from .evidence import Evidence, Prediction
 from .fitting import Fit, fit
 
 LAST_BLOCK = 0.15  #: share of the cycles, the latest, that is looked at once, when all is chosen
@@ -36,24 +36,19 @@ WORTH_OF_ALL = 0.03  #: … and of what was at first
 #: What the calibration does not let expect may be at most so many times what that was off where it was not fitted: a
 #: fresh log is another log.  Beyond it the error is real.
 GATE = 1.75
-#: Clean: news within the gate, or this share of what there is beyond the floor gone.
-CLEAN_SHARE = 0.9
-#: A name needs its signature: with it every witness is off by no more than is usual (rms, in standard deviations of the
-#: calibration), or by no more than this share of what it was before; along the way, and at rest.
-USUAL = {False: GATE, True: 2.25}  #: between the stresses of the calibration a rest is known less well …
-LEFT_SHARE = {False: 0.4, True: 0.5}
-WELL, WORSE = (
-    1.25,
-    1.3,
-)  #: … but a rest that was well stays so: within the first, or off by at most so many times as before
+#: A name leaves no more news than this times the floor, or this share of what there is beyond the floor is gone …
+CLEAN, CLEAN_SHARE = 1.45, 0.9
+#: … and has its signature: with it every witness at rest is off by no more than is usual (rms, in standard deviations of the
+#: calibration; less well known between its loads), or by no more than this share of what it was before; and one that was
+#: well stays so: within WELL, or off by at most so many times as before.
+USUAL, LEFT_SHARE = 2.25, 0.5
+WELL, WORSE = 1.25, 1.3
 MOST_NAMES = 3  #: that one effect may have: a longer list says nothing
 
 
-def usual(witness: str, before: float) -> float:
+def usual(before: float) -> float:
     """How far off a witness may be that was so far off before."""
-    at_rest = witness != WITNESSES[0]
-    limit = min(USUAL[True], max(WELL, WORSE * before)) if at_rest else USUAL[False]
-    return max(limit, LEFT_SHARE[at_rest] * before)
+    return max(min(USUAL, max(WELL, WORSE * before)), LEFT_SHARE * before)
 
 
 @dataclass(slots=True)
@@ -116,7 +111,7 @@ class Judge:
     def clean(self, trial: Trial) -> bool:
         """Whether what remains is like the calibration, in all that it shows: the signature of a name that is right."""
         floor, left = self.evidence.floor_percent, float(trial.fit.held_out_news_percent.mean())
-        gone = left <= max(GATE * floor, floor + (1.0 - CLEAN_SHARE) * (self.news_percent - floor))
+        gone = left <= max(CLEAN * floor, floor + (1.0 - CLEAN_SHARE) * (self.news_percent - floor))
         return gone and not self.unusual(trial)
 
     def unusual(self, trial: Trial) -> list[str]:
@@ -126,7 +121,7 @@ class Judge:
         return [
             name
             for name, off in self.evidence.witnesses(trial.fit.held_out_rows, self.train).items()
-            if off > usual(name, self.witnesses[name])
+            if off > usual(self.witnesses[name])
         ]
 
     def _worth(self, mean_loss: float) -> float:

@@ -17,7 +17,7 @@ from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL, QUANTITIES
 from sma_actuator.identify.expectation import learn
 
 from .analysis import anatomy
-from .evidence import WITNESSES, Evidence
+from .evidence import Evidence
 from .experiments import best_experiment
 from .fitting import Fit, fit
 from .race import USUAL, Tracing, of_the_model, usual
@@ -143,7 +143,7 @@ def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[st
     before, after = (float(tracing.news_percent[w].mean()) for w in ("before", "after"))
     what = "; and ".join(f"{EFFECTS[n].WORDS} ({n})" for n in names)
     text = f"{what[0].upper()}{what[1:]}: that explains {1.0 - after / before:.0%} of what is unusual in these logs"
-    mended = [name for name, off in tracing.witnesses["before"].items() if off > USUAL[name != WITNESSES[0]]]
+    mended = [name for name, off in tracing.witnesses["before"].items() if off > USUAL]
     text += (
         f", and {_listed(mended)} {'is' if len(mended) == 1 else 'are'} as at the calibration with it."
         if mended
@@ -162,14 +162,13 @@ def _witnesses(tracing: Tracing) -> list[dict[str, Any]]:
     out = []
     for name, before in tracing.witnesses["before"].items():
         after = tracing.witnesses["after"].get(name, before)
-        was_unusual = before > USUAL[name != WITNESSES[0]]
         out.append(
             {
                 "name": name,
                 "off_before": before,
                 "off_after": after,
-                "usual": usual(name, before),
-                "explained": 1.0 - (after / before) ** 2 if was_unusual else None,
+                "usual": usual(before),
+                "explained": 1.0 - (after / before) ** 2 if before > USUAL else None,
             }
         )
     return out

@@ -79,7 +79,7 @@ def test_what_has_no_name_stays_without(wire, config, hidden):
 def test_a_name_needs_its_signature_however_well_it_fits(wire, config, monkeypatch):
     """A lead moves R at rest, cold and hot, and not δ; a slip does the opposite, so it is not the name, whatever it mends."""
     evidence = Evidence(session(wire[0], {"lead_resistance": 0.03}), config)
-    monkeypatch.setattr(race, "GATE", 100.0)  # no residual is news
+    monkeypatch.setattr(race, "CLEAN", 100.0)  # any residual will do
     right, wrong = (trace(evidence, only=[name], jobs=1) for name in ("lead_resistance", "slip"))
     assert right.verdict == "traced" and not right.unusual
     assert (
