@@ -33,7 +33,7 @@ import yaml
 from control_tables import STEPS, PERIOD_s
 from rich.console import Console
 from rich.table import Table
-from whole_range import CALIBRATION, WIRES, bench_of
+from whole_range import WIRES, WITH_HELD, bench_of
 
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Mode
@@ -90,9 +90,9 @@ def characterised(wire: str, physics: str, folder: Path) -> list[Path]:
         bench, rig = bench_of(wire, physics, seed=1)
         operator = BenchOperator(bench, rig.config.wire.max_stress * rig.config.wire.area_m2)
         mapping = read_parameter_file(shared_file(f"config/{wire}_bench.yaml"))
-        characterise(mapping, make_plan(rig.config, CALIBRATION), rig, operator, folder)
+        characterise(mapping, make_plan(rig.config, WITH_HELD), rig, operator, folder)
         (folder / "complete").touch()
-    return sorted(folder.glob("p*.csv"))
+    return sorted(folder.glob("*.csv"))
 
 
 @CONTROL_LAWS.register("fastest")

@@ -5,11 +5,11 @@
 Three measurements, each against virtual benches in a process of their own, together about two minutes:
 
 * ``periods``: period of the control loop at 20 Hz, 100 Hz and 1 kHz, and of a bare loop (deadline, DAQ block,
-  supply read-back, one current setting) in turn with it;
+  supply read-back, one current setting, a limit looked at twice a second) in turn with it;
 * ``delay``: from publishing a setpoint to the new current on ``~/command_current``, over real ROS 2;
 * ``cpu``: CPU time that a step of a wire takes in a node whose wires are driven, one at 100 Hz and sixteen at 20 Hz,
-  beside that of bare loops; with nobody listening, and with one subscriber of ``~/joint_states`` for each wire.  With
-  ``--against``, the node of another checkout of this repository in turn with this one's.
+  beside that of as many bare loops in a process at the same time; with nobody listening, and with one subscriber of
+  ``~/joint_states`` for each wire.  With ``--against``, the same of the node of another checkout of this repository.
 
 These machines are shared: compare what stands in one run, do not take the microseconds for more.
 """
@@ -24,17 +24,18 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 import yaml
 
-from sma_actuator.base.share import shared_file
 from sma_actuator.config import NODE_NAME, Config, read_parameter_file
-from sma_actuator.driver import Driver
+from sma_actuator.driver import CHECK_PERIOD_s, Driver
 from sma_actuator.instruments import open_daq, open_supply
 from sma_actuator.instruments.clock import MonotonicClock
 
@@ -42,13 +43,16 @@ ROOT = Path(__file__).resolve().parents[1]
 WAIT_s = 60.0  #: longest wait for a process, a service or a reading
 SETTLING_s = 3.0  #: between the last wire that went on, or is listened to, and the first CPU time that counts
 SETPOINTS, PAUSE_s = 12, 0.8  #: of the delay
+MIDDLE_m = 2e-3  #: of the wire's range
 
 
 @contextlib.contextmanager
-def a_process(words: list[str], checkout: Path = ROOT) -> Iterator[subprocess.Popen]:
+def a_process(
+    words: list[str], checkout: Path = ROOT, stdout: int | IO = subprocess.DEVNULL
+) -> Iterator[subprocess.Popen]:
     """A process of Python in a checkout; it is ended afterwards, in bounded time."""
     environment = {**os.environ, "PYTHONPATH": str(checkout)}
-    process = subprocess.Popen([sys.executable, *words], cwd=checkout, env=environment, stdout=subprocess.DEVNULL)
+    process = subprocess.Popen([sys.executable, *words], cwd=checkout, env=environment, stdout=stdout)
     try:
         yield process
     finally:
@@ -79,9 +83,9 @@ def _wait(condition, what: str) -> None:
         time.sleep(0.01)
 
 
-def parameters(ports: dict, rate_Hz: float = 20.0) -> dict:
-    """Parameters of a Flexinol wire at one of the benches."""
-    out = read_parameter_file(shared_file("config/flexinol.yaml"))
+def parameters(ports: dict, rate_Hz: float = 20.0, checkout: Path = ROOT) -> dict:
+    """Parameters of a Flexinol wire at one of the benches, as a checkout names them."""
+    out = read_parameter_file(checkout / "config" / "flexinol.yaml")
     for instrument in ("supply", "daq"):
         out["instruments"][instrument]["resource"] = f"TCPIP::127.0.0.1::{ports[instrument]}::SOCKET"
     out["loop"] = {"rate": rate_Hz, "samples_per_block": max(1, int(1000 / rate_Hz))}
@@ -105,8 +109,8 @@ def of_periods(starts_s: list[float], period_s: float) -> dict[str, float]:
     }
 
 
-def bare_loop(config: Config, seconds: float) -> list[float]:
-    """Start times of a loop that makes the driver's queries and nothing else."""
+def bare_loop(config: Config, seconds: float, ended: threading.Event | None = None) -> list[float]:
+    """Start times of a loop that makes the driver's queries and nothing else, for a time or until it is ended."""
     clock = MonotonicClock()
     supply, daq = open_supply(config), open_daq(config, clock)
     supply.open()
@@ -115,13 +119,16 @@ def bare_loop(config: Config, seconds: float) -> list[float]:
     try:
         supply.set_current(config.supply.bias_current)
         supply.set_output(True)
-        begin_s, k = clock.now_s(), 0
-        while clock.now_s() < begin_s + seconds:
+        begin_s, k, checked_s = clock.now_s(), 0, -np.inf
+        while clock.now_s() < begin_s + seconds and not (ended and ended.is_set()):
             clock.sleep_until_s(begin_s + k * period_s)
             starts_s.append(clock.now_s())
             daq.read_block()
             supply.read_back()
             supply.set_current(config.supply.bias_current + 1e-5 * (k % 2))
+            if starts_s[-1] - checked_s >= CHECK_PERIOD_s:
+                checked_s = starts_s[-1]
+                supply.check_next_setting()
             k = max(k + 1, int((clock.now_s() - begin_s) / period_s) + 1)
     finally:
         supply.shut_down()
@@ -214,6 +221,15 @@ class Commander:
         self.executor.spin_until_future_complete(future, timeout_sec=5.0)
         return future.done() and future.result().success
 
+    def move(self) -> None:
+        """Send all of them to the middle of the range, so that their currents change with every step."""
+        from std_msgs.msg import Float64
+
+        for name in self._names:
+            publisher = self.client.create_publisher(Float64, f"/{name}/setpoint", 1)
+            _wait(lambda publisher=publisher: publisher.get_subscription_count() > 0, f"the subscription of {name}")
+            publisher.publish(Float64(data=MIDDLE_m))
+
     def listen(self) -> None:
         """Subscribe to ``~/joint_states`` of all of them."""
         from sensor_msgs.msg import JointState
@@ -221,22 +237,23 @@ class Commander:
         for name in self._names:
             self.client.create_subscription(JointState, f"/{name}/joint_states", lambda _: None, 10)
 
-    def steps_a_second(self) -> float:
-        """Of each wire, as the nodes say themselves; their mean."""
+    def periods_s(self) -> tuple[float, float]:
+        """Mean of the period and its 99th percentile, as the nodes say themselves, over all wires."""
         from diagnostic_msgs.msg import DiagnosticStatus
         from rclpy.qos import DurabilityPolicy, QoSProfile
 
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        periods_s: dict[str, float] = {}
+        periods_s: dict[str, tuple[float, float]] = {}
 
         def note(message: DiagnosticStatus) -> None:
             values = {each.key: each.value for each in message.values}
-            periods_s[message.name] = float(values["period_mean_s"])
+            periods_s[message.name] = float(values["period_mean_s"]), float(values["period_p99_s"])
 
         for name in self._names:
             self.client.create_subscription(DiagnosticStatus, f"/{name}/status", note, latched)
         _wait(lambda: self.spin(0.1) or len(periods_s) == len(self._names), "the status of every wire")
-        return float(np.mean([1.0 / period_s for period_s in periods_s.values()]))
+        mean_s, p99_s = np.mean(list(periods_s.values()), axis=0).tolist()
+        return mean_s, p99_s
 
     def spin(self, seconds: float) -> None:
         """Take what arrives, for a time."""
@@ -287,66 +304,84 @@ def setpoint_to_current(_: argparse.Namespace) -> dict[str, float]:
     return row
 
 
-def bare_cpu(sections: dict[str, dict], seconds: float) -> tuple[float, float]:
-    """Share of a core that bare loops take, a thread each, in this process, and the steps that each makes a second."""
-    configs = [Config.from_mapping(p) for p in sections.values()]
-    whole_s = SETTLING_s + seconds + 1.0
+def run_bare_loops(file: Path) -> None:
+    """Run a bare loop for each wire of a file, a thread each, until SIGINT; then say the mean of their periods [s]."""
+    ended = threading.Event()
+    signal.signal(signal.SIGINT, lambda *_: ended.set())
+    configs = [Config.from_mapping(p) for p in json.loads(file.read_text())]
     with ThreadPoolExecutor(len(configs)) as pool:
-        loops = [pool.submit(bare_loop, config, whole_s) for config in configs]
-        time.sleep(SETTLING_s)
-        used = _cpu_share(os.getpid(), seconds, time.sleep)
-        steps = sum(len(loop.result()) for loop in loops)
-    return used, steps / whole_s / len(configs)
+        loops = [pool.submit(bare_loop, config, np.inf, ended) for config in configs]
+        while not ended.is_set():
+            time.sleep(0.1)
+    print(np.mean([np.diff(loop.result()).mean() for loop in loops]))
 
 
-def node_cpu(sections: dict[str, dict], seconds: float, checkout: Path) -> tuple[float, float, float]:
-    """Share of a core that a node takes whose wires are on: nobody listens, and joint states are listened to.
+@contextlib.contextmanager
+def bare_loops(wires: list[dict], periods_s: list[float]) -> Iterator[subprocess.Popen]:
+    """The same as a process; the mean period goes into ``periods_s`` in the end."""
+    with tempfile.TemporaryDirectory() as folder:
+        file, said = Path(folder) / "wires.json", Path(folder) / "said"
+        file.write_text(json.dumps(wires))
+        with said.open("w") as out, a_process([__file__, "--bare", str(file)], stdout=out) as process:
+            yield process
+        periods_s.append(float(said.read_text()))
 
-    Then the steps that each wire makes a second.
+
+def cpu_beside(count: int, rate_Hz: float, seconds: float, checkout: Path) -> dict[str, float]:
+    """CPU time [µs] of a step of a wire in a node and in bare loops, at the same time.
+
+    While nobody listens, and while joint states are listened to; with the 99th percentile of the node's periods [s].
     """
-    with node(sections, checkout) as process:
-        commander = Commander(list(sections))
-        commander.enable()
-        commander.spin(SETTLING_s)
-        alone = _cpu_share(process.pid, seconds, commander.spin)
-        commander.listen()
-        commander.spin(SETTLING_s)
-        heard = _cpu_share(process.pid, seconds, commander.spin)
-        steps_s = commander.steps_a_second()
-        commander.close()
-    return alone, heard, steps_s
+    bare_s: list[float] = []
+    with benches(2 * count) as ports:
+        beside = [parameters(p, rate_Hz) for p in ports[count:]]
+        sections = {f"wire_{i}": parameters(p, rate_Hz, checkout) for i, p in enumerate(ports[:count])}
+        with bare_loops(beside, bare_s) as bare, node(sections, checkout) as driven:
+            commander, pids = Commander(list(sections)), (bare.pid, driven.pid)
+            commander.enable()
+            commander.move()
+            commander.spin(SETTLING_s)
+            alone = _cpu_shares(pids, seconds, commander.spin)
+            commander.listen()
+            commander.spin(SETTLING_s)
+            heard = _cpu_shares(pids, seconds, commander.spin)
+            mean_s, p99_s = commander.periods_s()
+            commander.close()
+    a_step_us = 1e6 * np.array([bare_s[0], mean_s]) / count
+    (bare_alone, node_alone), (bare_heard, node_heard) = (np.array(used) * a_step_us for used in (alone, heard))
+    return {
+        "bare_us": float(bare_alone + bare_heard) / 2.0,
+        "alone_us": float(node_alone),
+        "alone_ratio": float(node_alone / bare_alone),
+        "heard_us": float(node_heard),
+        "heard_ratio": float(node_heard / bare_heard),
+        "p99_s": p99_s,
+    }
 
 
 def cpu_per_wire(args: argparse.Namespace) -> list[dict]:
-    """CPU time of a node's process beside that of bare loops."""
+    """CPU time of a step in a node beside that in bare loops, of this checkout and of another."""
     checkouts = {"node": ROOT} | ({f"node of {args.against.name}": args.against.resolve()} if args.against else {})
     rows = []
     for count, rate_Hz in ((1, 100.0), (16, 20.0)):
-        with benches(count) as ports:
-            names = [f"wire_{i}" for i in range(count)]
-            sections = {name: parameters(p, rate_Hz) for name, p in zip(names, ports, strict=True)}
-            of = f"{count:3d} × {rate_Hz:3g} Hz"
-            bare, steps_s = bare_cpu(sections, args.seconds)
-            bare_us = 1e6 * bare / steps_s / count
-            print(f"{of}  {'bare loops':22s} {bare_us:5.0f} µs a step   ({100 * bare:.1f} % of a core)", flush=True)
-            for name, checkout in checkouts.items():
-                alone, heard, steps_s = node_cpu(sections, args.seconds, checkout)
-                alone_us, heard_us = (1e6 * used / steps_s / count for used in (alone, heard))
-                row = {"wires": count, "rate_Hz": rate_Hz, "of": name}
-                rows.append({**row, "bare_us": bare_us, "alone_us": alone_us, "heard_us": heard_us})
-                print(
-                    f"{of}  {name:22s} {alone_us:5.0f} µs, {alone_us / bare_us:.2f} × bare   ({100 * alone:.1f} %)"
-                    f"   with listeners {heard_us:5.0f} µs, {heard_us / bare_us:.2f} × bare   ({100 * heard:.1f} %)",
-                    flush=True,
-                )
+        for name, checkout in checkouts.items():
+            row = cpu_beside(count, rate_Hz, args.seconds, checkout)
+            rows.append({"wires": count, "rate_Hz": rate_Hz, "of": name, **row})
+            print(
+                f"{count:3d} × {rate_Hz:3g} Hz  {name:22s} {row['alone_us']:5.0f} µs a step, {row['alone_ratio']:.2f} × "
+                f"bare   with listeners {row['heard_us']:5.0f} µs, {row['heard_ratio']:.2f} × bare   "
+                f"(bare {row['bare_us']:.0f} µs; period p99 {1e3 * row['p99_s']:.1f} ms)",
+                flush=True,
+            )
     return rows
 
 
-def _cpu_share(pid: int, seconds: float, wait: Callable[[float], object]) -> float:
-    """CPU time of a process over wall time, while ``wait(seconds)`` lasts."""
-    before_s, began_s = _cpu_s(pid), time.monotonic()
+def _cpu_shares(pids: tuple[int, ...], seconds: float, wait: Callable[[float], object]) -> list[float]:
+    """CPU time of each process over wall time, while ``wait(seconds)`` lasts."""
+    before_s, began_s = [_cpu_s(pid) for pid in pids], time.monotonic()
     wait(seconds)
-    return (_cpu_s(pid) - before_s) / (time.monotonic() - began_s)
+    lasted_s = time.monotonic() - began_s
+    return [(_cpu_s(pid) - used_s) / lasted_s for pid, used_s in zip(pids, before_s, strict=True)]
 
 
 def _cpu_s(pid: int) -> float:
@@ -366,7 +401,11 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=4.0, help="length of each measurement (default %(default)s)")
     parser.add_argument("--against", type=Path, metavar="CHECKOUT", help="measure the CPU of this one's node as well")
     parser.add_argument("--json", type=Path, metavar="FILE")
+    parser.add_argument("--bare", type=Path, help=argparse.SUPPRESS)
     args = parser.parse_args()
+    if args.bare:
+        run_bare_loops(args.bare)
+        return 0
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     os.environ.setdefault("ROS_DOMAIN_ID", str(10 + os.getpid() % 80))
     rclpy.init(args=[])

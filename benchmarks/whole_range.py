@@ -1,8 +1,9 @@
 """The model of the whole range beside the thesis's, on every physics of the virtual bench, on logs that were not fitted.
 
-    python benchmarks/whole_range.py [--physics NAME …] [--wire flexinol furukawa] [--json FILE]     (make whole-range)
+    python benchmarks/whole_range.py [--physics NAME …] [--wire flexinol furukawa] [--on-off] [--json FILE]
+                                                                                          (make whole-range)
 
-Both are identified from the same ten calibration logs (pulses and partial cycles at five weights).  They are judged
+Both are identified from the same fifteen calibration logs (pulses, partial cycles and held currents at five weights).  They are judged
 on other seeds, other weights, a spring and load steps: pulses, partial cycles, triangles of current, and a position
 held and moved by a PID.  Errors are mean absolute, in % of the full stroke, over the whole range with both ends.
 """
@@ -37,7 +38,8 @@ from sma_actuator.plant.worlds import WORLDS
 
 WIRES = ("flexinol", "furukawa")
 _SKIP = ("training", "fatigue", "lead_resistance", "load_cell", "lvdt")
-CALIBRATION = PlanOptions(loads_N=(0.35, 0.6, 0.98, 1.5, 2.1), skip=_SKIP)
+CALIBRATION = PlanOptions(loads_N=(0.35, 0.6, 0.98, 1.5, 2.1), skip=_SKIP)  #: on/off moves alone, ten logs
+WITH_HELD = replace(CALIBRATION, levels=6)  #: and currents held at each load, five logs more
 JUDGED = PlanOptions(loads_N=(0.49, 1.96), springs_N_m=((300.0, 0.5),), pulses=2, set_points=4, skip=_SKIP)
 PID_s = 120.0
 HELD = (Weight(0.8), Spring(250.0, 0.6))
@@ -58,7 +60,7 @@ def characterised(wire: str, physics: str, options: PlanOptions, seed: int) -> l
     mapping = read_parameter_file(shared_file(f"config/{wire}_bench.yaml"))
     with tempfile.TemporaryDirectory(prefix="sma_whole_range_") as folder:
         characterise(mapping, make_plan(rig.config, options), rig, operator, Path(folder))
-        return [read_bench_log(path) for path in sorted(Path(folder).glob("p*.csv"))]
+        return [read_bench_log(path) for path in sorted(Path(folder).glob("*.csv"))]
 
 
 def driven(wire: str, physics: str, seed: int, load, program_of) -> BenchLog:
@@ -105,10 +107,10 @@ def judged_logs(wire: str, physics: str, low_m: float, high_m: float) -> list[tu
     return [(kind, replace(log, source=f"{kind}.csv")) for kind, log in logs]
 
 
-def judge(wire: str, physics: str) -> dict:
+def judge(wire: str, physics: str, options: PlanOptions = WITH_HELD) -> dict:
     """Every number of one wire in one physics."""
     mapping = read_parameter_file(shared_file(f"config/{wire}_bench.yaml"))
-    calibration = characterised(wire, physics, CALIBRATION, 1)
+    calibration = characterised(wire, physics, options, 1)
     thesis = identify(calibration, mapping, wire)
     begin_s, begin_cpu_s = time.perf_counter(), time.process_time()
     whole = identify(calibration, mapping, "whole_range")
@@ -166,6 +168,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--physics", nargs="*", choices=tuple(WORLDS), default=tuple(WORLDS))
     parser.add_argument("--wire", nargs="*", choices=WIRES, default=WIRES)
+    parser.add_argument("--on-off", action="store_true", help="without the logs of held currents")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every number here")
     args = parser.parse_args()
     console = Console(width=150)
@@ -178,7 +181,7 @@ def main() -> int:
     numbers = {}
     for physics in args.physics:
         for wire in args.wire:
-            found = numbers[f"{physics} {wire}"] = judge(wire, physics)
+            found = numbers[f"{physics} {wire}"] = judge(wire, physics, CALIBRATION if args.on_off else WITH_HELD)
             cells = [f"{found['thesis'][c]:.2f} → {found['whole'][c]:.2f}" for c in columns]
             table.add_row(physics, wire, *cells, f"{found['coverage']:.1%}")
             console.print(f"{physics} {wire}: {found['thesis']['all']:.2f} → {found['whole']['all']:.2f} %")

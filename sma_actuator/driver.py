@@ -33,6 +33,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from sma_actuator.actuator import Actuator
+from sma_actuator.base.interrupts import ending_signals
 from sma_actuator.base.signals import Command, Mode, Output, Reading, SupplyState
 from sma_actuator.config import Config
 from sma_actuator.instruments import Clock, Daq, InstrumentError, InstrumentUnreachable, OutputStaysOn, PowerSupply
@@ -51,7 +52,7 @@ _WATCH_PERIOD_s = 0.05  #: how often the watchman looks
 #: also a question, feeds a watchdog, and one that is fed never cuts.
 _QUIET_WATCHDOGS = 1.25
 _SHORTEST_WAIT_s = 0.1
-_CHECK_PERIOD_s = 0.5  #: how often one of the supply's settings is read back while driving
+CHECK_PERIOD_s = 0.5  #: how often one of the supply's settings is read back while driving
 _OFF = Command(0.0, False)
 _SETPOINT_QUEUE = 1024
 _STATISTICS_WINDOW = 2048
@@ -484,7 +485,7 @@ class Driver:
 
     def _check_a_setting(self, now_s: float) -> None:
         """While driving, look now and then whether limits and watchdog still stand, one of them at a time."""
-        if now_s - self._checked_s >= _CHECK_PERIOD_s and self._written is not None and self._written.output_on:
+        if now_s - self._checked_s >= CHECK_PERIOD_s and self._written is not None and self._written.output_on:
             self._checked_s = now_s
             self._supply.ask(self._supply_instrument.check_next_setting)
 
@@ -725,13 +726,13 @@ def _stop_at_exit(driver: Driver) -> None:
 
 @contextlib.contextmanager
 def signals_end_the_program() -> Iterator[None]:
-    """SIGTERM, SIGQUIT and SIGHUP raise SystemExit, as SIGINT raises KeyboardInterrupt: every ``finally`` and
+    """What asks a program to end raises SystemExit, as SIGINT raises KeyboardInterrupt: every ``finally`` and
     atexit function runs, so every driver is stopped.  For tools; in the main thread."""
 
     def leave(number: int, _frame: object) -> None:
         raise SystemExit(128 + number)
 
-    before = {number: signal.signal(number, leave) for number in (signal.SIGTERM, signal.SIGQUIT, signal.SIGHUP)}
+    before = {number: signal.signal(number, leave) for number in ending_signals()}
     try:
         yield
     finally:

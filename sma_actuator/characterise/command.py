@@ -89,6 +89,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--set-points", type=int, default=5, help="set points of the partial cycles (default %(default)s)"
     )
     parser.add_argument(
+        "--levels",
+        type=_levels,
+        default=0,
+        metavar="N",
+        help="also N currents held one after the other at each load, for `--model whole_range`; 6 is a good number",
+    )
+    parser.add_argument(
         "--training-cycles",
         type=int,
         default=40,
@@ -152,6 +159,7 @@ def run(args: argparse.Namespace) -> int:
         cool_s=args.cool_time,
         pulses=args.pulses,
         set_points=args.set_points,
+        levels=args.levels,
         training_cycles=args.training_cycles,
         fatigue_cycles=args.fatigue_cycles,
         average_s=args.average,
@@ -225,6 +233,12 @@ def _effect(text: str) -> tuple[str, float]:
         raise argparse.ArgumentTypeError(
             f"'{text}' is no effect; EFFECT=STRENGTH is wanted, as voltage_offset=0.004"
         ) from None
+
+
+def _levels(text: str) -> int:
+    if not text.isdecimal() or not 2 <= int(text) <= 20:
+        raise argparse.ArgumentTypeError(f"'{text}' is no number of currents; a whole number from 2 to 20 is wanted")
+    return int(text)
 
 
 def _numbers(text: str) -> tuple[float, ...]:

@@ -16,7 +16,7 @@ from sma_actuator.logs.bench_log import BenchLog, signals_from_log
 from .calibration import Line, fit_line
 from .operators import Operator
 from .plan import Part
-from .programs import Program, hold, partial_cycles, square_pulses
+from .programs import Program, held_currents, hold, partial_cycles, square_pulses
 from .rig import Rig
 
 Progress = Callable[[float], None]
@@ -120,6 +120,16 @@ def partial(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLo
     )
 
 
+def levels(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
+    """Currents held one after the other, every step between two of them, at equal distances in power."""
+    p = part.parameters
+    bias_A = rig.config.supply.bias_current
+    currents_A = [float(a) for a in np.sqrt(np.linspace(bias_A**2, p["heat_current_A"] ** 2, p["levels"]))]
+    _apply_load(part, operator)
+    log = _record(rig, part, held_currents(currents_A, p["heat_s"], p["cool_s"]), progress)
+    return Outcome({part.name: log}, {"currents_A": currents_A})
+
+
 RUN: dict[str, Callable[[Part, Rig, Operator, Mapping[str, BenchLog], Progress], Outcome]] = {
     "lead_resistance": lead_resistance,
     "load_cell": load_cell,
@@ -127,6 +137,7 @@ RUN: dict[str, Callable[[Part, Rig, Operator, Mapping[str, BenchLog], Progress],
     "training": pulses,
     "pulses": pulses,
     "partial": partial,
+    "levels": levels,
     "fatigue": pulses,
 }
 

@@ -45,6 +45,7 @@ class PlanOptions:
     cool_s: float = 0.0
     pulses: int = 3
     set_points: int = 5
+    levels: int = 0  #: currents that are held one after the other; without them no log shows a wire that is held
     training_cycles: int = 40
     fatigue_cycles: int = 100
     probe_places: int = 8
@@ -117,6 +118,15 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
                 moves * 2.0 + cool_s,
             )
         )
+        if options.levels:
+            parts.append(
+                Part(
+                    f"levels_{label}",
+                    "levels",
+                    {**load, "levels": options.levels, **pulse},
+                    0.75 * heat_s * len(every_ordered_pair(options.levels)) + cool_s,
+                )
+            )
     parts += _cycled("fatigue", options.fatigue_cycles, 25, {"load_N": loads_N[len(loads_N) // 2], **pulse}, cycle_s)
     return [part for part in parts if part.kind not in options.skip]
 

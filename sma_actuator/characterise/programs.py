@@ -58,6 +58,18 @@ def partial_cycles(
     yield from hold(bias_current_A, cool_s)
 
 
+def held_currents(currents_A: Sequence[float], hold_s: float, cool_s: float) -> Program:
+    """Every step from one of the currents to another, each held for some time and every second one for half of it.
+
+    So the wire is seen at temperatures where on/off moves only pass, and on the way to them with every power.  The
+    first current is the one it rests with.
+    """
+    yield from hold(currents_A[0], 1.0)
+    for move, place in enumerate(every_ordered_pair(len(currents_A))):
+        yield from hold(currents_A[place], hold_s if move % 2 else 0.5 * hold_s)
+    yield from hold(currents_A[0], cool_s)
+
+
 def every_ordered_pair(n: int) -> list[int]:
     """A closed walk over 0 … n−1 that takes each step from one number to another exactly once."""
     walk = [0]

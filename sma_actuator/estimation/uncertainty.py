@@ -8,6 +8,8 @@ it moves, the loop forgets where it began, and so does this.
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from collections.abc import Sequence
 from math import exp, hypot, isfinite, nan
 
 import numpy as np
@@ -31,18 +33,18 @@ class Uncertainty:
         self._forgotten_m = FORGOTTEN_SHARE * (high_m - low_m)
         self._unknown_share = 1.0  #: of the loop's width
         self._before_m = nan  #: the displacement of the sample before, NaN after a gap
-        self._position_m = np.array(calibration.residual_position)
+        self._position_m = tuple(calibration.residual_position)
         stresses = len(calibration.residual_stress)
-        self._stress_Pa = np.array(calibration.residual_stress)
+        self._stress_Pa = tuple(calibration.residual_stress)
         self._tables_m = (
             {
                 Branch.HEATING: (
-                    np.reshape(calibration.residual_heating, (stresses, -1)),
-                    np.array(calibration.scatter_heating),
+                    np.reshape(calibration.residual_heating, (stresses, -1)).tolist(),
+                    tuple(calibration.scatter_heating),
                 ),
                 Branch.COOLING: (
-                    np.reshape(calibration.residual_cooling, (stresses, -1)),
-                    np.array(calibration.scatter_cooling),
+                    np.reshape(calibration.residual_cooling, (stresses, -1)).tolist(),
+                    tuple(calibration.scatter_cooling),
                 ),
             }
             if len(self._position_m)
@@ -69,6 +71,15 @@ class Uncertainty:
     def _of_calibration(self, estimate: Estimate, stress_Pa: float) -> float:
         residual_m, scatter_m = self._tables_m[estimate.branch]
         position_m = estimate.displacement_m
-        nearest = int(np.argmin(np.abs(self._stress_Pa - stress_Pa)))
-        mean_m = abs(float(np.interp(position_m, self._position_m, residual_m[nearest])))
-        return mean_m + 2.0 * float(np.interp(position_m, self._position_m, scatter_m))
+        nearest = min(range(len(residual_m)), key=lambda row: abs(self._stress_Pa[row] - stress_Pa))
+        mean_m = abs(_interpolated(position_m, self._position_m, residual_m[nearest]))
+        return mean_m + 2.0 * _interpolated(position_m, self._position_m, scatter_m)
+
+
+def _interpolated(x: float, known: Sequence[float], values: Sequence[float]) -> float:
+    """Between the known places linear, beyond them as at the last; for one float faster than numpy's."""
+    right = bisect_right(known, x)
+    if right == 0 or right == len(known):
+        return values[max(right - 1, 0)]
+    share = (x - known[right - 1]) / (known[right] - known[right - 1])
+    return values[right - 1] + share * (values[right] - values[right - 1])

@@ -18,6 +18,9 @@ from sma_actuator.logs.bench_log import BenchLog, uncalibrated_resistance_and_cu
 from .experiments import NOT_FITTED, Experiment, IdentificationError, cycles_of, judged_rows, make_experiment, sessions
 
 FULL, PARTIAL, MANY = "pulses", "partial", "fatigue"
+HELD = (
+    "levels"  #: currents held one after the other: partial cycles that are never cut, since each stands on those before
+)
 LEFT_OUT = "cycles_left_out"  #: in the metadata of an experiment: how many full cycles its log has beside those that are fitted
 SAME_LOAD = 0.05  #: relative difference of stress below which two loads count as one
 _WINDOW_s = 1.0  #: over which a load is steady or not
@@ -39,8 +42,8 @@ def with_kinds(experiments: Sequence[Experiment]) -> list[Experiment]:
     seen = [_cycles_of(stretch) for stretch in stretches]
     out: list[Experiment] = []
     for stretch, cycles in zip(stretches, seen, strict=True):
-        if stretch.kind == MANY:
-            out.append(stretch)
+        if stretch.kind in (MANY, HELD):
+            out.append(stretch if stretch.kind == MANY else dataclasses.replace(stretch, kind=PARTIAL))
             continue
         widest_m = max(
             (

@@ -31,7 +31,7 @@ from .ranges import distinct_stresses
 from .unseen import Unseen
 
 LEARNERS = 3
-UNITS = 10  #: tanh units of each
+UNITS = 16  #: tanh units of each
 PLAYS_K = (1.5, 3.0, 5.0, 8.0, 12.0)  #: half-widths; loops of Ni-Ti and Ni-Ti-Cu are 4 to 25 K wide
 PLAYS_OF_RANGE = (0.03, 0.10, 0.25)  #: half-widths of the plays in resistance, as shares of its range
 PLACES = 6  #: at which the interval is stated, on either branch

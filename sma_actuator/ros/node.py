@@ -36,6 +36,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
@@ -46,10 +47,11 @@ from trajectory_msgs.msg import JointTrajectory
 
 from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.base.signals import Health, Mode, Output, Quality, Status
+from sma_actuator.base.signals import Health, Mode, Output, Quality, Status, Tuned
 from sma_actuator.base.streams import keep_standard_streams, unblockable_streams
 from sma_actuator.check.selftest import Level, SelfTest, passed
 from sma_actuator.config import NODE_NAME, Config
+from sma_actuator.control.tuning import words_of
 from sma_actuator.driver import Driver, DriverStopped
 from sma_actuator.instruments import InstrumentError, open_daq, open_supply
 from sma_actuator.instruments.clock import MonotonicClock
@@ -79,7 +81,7 @@ from .words import ERROR, INFO, WARNING, Events, Refusals
 
 CALL_TIMEOUT_s = 0.6  #: a service waits no longer for the control thread
 SELF_TEST_END_s = 2.0  #: a self-test that is to end has done so by then, instruments that answer given
-FEED_PERIOD_s = 0.25
+FEED_PERIOD_s = 0.3
 FEED_TIMEOUT_s = 0.9  #: silence of the ROS thread after which the driver switches the wire off
 STATUS_PERIOD_s = 1.0
 RETRY_PERIOD_s = 1.0
@@ -126,8 +128,10 @@ class SmaActuatorNode(LifecycleNode):
         self._published: tuple[Any, ...] = ()  #: what the last status said
         self._told: tuple[Any, ...] = ()  #: what the executor was last woken for
         self._listened = False  #: somebody subscribes to what comes with every step
-        self._looked_s = self._status_s = -math.inf  #: when it was last looked for listeners; when the status was due
+        self._looked_s = -math.inf  #: when it was last looked for listeners
+        self._status_due_s = -math.inf
         self._events, self._refusals = Events(), Refusals()
+        self._tuned: Tuned | None = None  #: gains that a tuning has found and the parameters do not have yet
         self._health_said = Health.UNKNOWN
         self._happened: list[str] = []  #: what no message of ~/signals has told yet
         values = arguments.parameters_of(self.get_fully_qualified_name())
@@ -173,6 +177,7 @@ class SmaActuatorNode(LifecycleNode):
         self.create_subscription(JointState, "~/joint_command", self._on_joint_command, _DEPTH, raw=True)
         for name in ("clear_fault", "reset_estimator", "tare_load", "measure_lead_resistance"):
             self.create_service(Trigger, f"~/{name}", self._trigger(name))
+        self.create_service(Trigger, "~/tune", self._on_tune)
         self.create_service(SelfTestService, "~/self_test", self._on_self_test)
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
@@ -355,6 +360,27 @@ class SmaActuatorNode(LifecycleNode):
         words = "the output is off" if self_test.off_confirmed else "the output is told to be off, not confirmed"
         return self_test.off_confirmed, f"{words}; the self-test was ended"
 
+    def _on_tune(self, _: Trigger.Request, response: Trigger.Response) -> Any:
+        """Begin to tune the gains; the answer is that it has begun, the status says how far it is."""
+        self._answer(response, lambda driver: driver.tune(timeout_s=CALL_TIMEOUT_s))
+        if response.success:
+            self._preempt("the gains are tuned")
+            self._say(INFO, response.message)
+        return response
+
+    def _take_tuned(self) -> None:
+        """Make gains that a tuning has found those of the node, as if somebody had set them."""
+        tuned, self._tuned = self._tuned, None
+        if tuned is None:
+            return
+        found = [Parameter(f"controller.{name}", value=value) for name, value in tuned.gains.items()]
+        result = self.set_parameters_atomically(found)
+        if result.successful:
+            words = f"tuned: {words_of(tuned.gains)}, before: {words_of(tuned.before)}"
+            self._say(INFO, f"{words}; they hold until the node ends, unless they are written to its parameter file")
+        else:
+            self._say(ERROR, f"tuned, and the gains were not taken over: {result.reason}")
+
     def _trigger(self, name: str) -> Callable[[Trigger.Request, Trigger.Response], Any]:
         def answer(_: Trigger.Request, response: Trigger.Response) -> Any:
             self._answer(response, lambda driver: getattr(driver, name)(timeout_s=CALL_TIMEOUT_s))
@@ -412,6 +438,8 @@ class SmaActuatorNode(LifecycleNode):
 
     def _take_output(self, output: Output) -> None:
         """Hand an output over, in the control thread: to be published where anybody listens, or where it is news."""
+        if output.tuned is not None:
+            self._tuned = output.tuned
         self._handoff.put(output, self._listened or bool(output.events) or self._is_news(output))
 
     def _in_short(self, output: Output) -> tuple[Any, ...]:
@@ -486,6 +514,7 @@ class SmaActuatorNode(LifecycleNode):
         return (self.get_clock().now() - age).to_msg()
 
     def _publish_status(self) -> None:
+        self._take_tuned()  # who reads that the tuning is done finds its gains
         driver = self._driver
         output = self._handoff.latest if driver is not None else None
         if output is not None:
@@ -504,6 +533,8 @@ class SmaActuatorNode(LifecycleNode):
         if lost:
             message.message = "; ".join(f"the {name} does not answer: {detail}" for name, detail in lost.items())
         self._status.publish(message)
+        if not is_heard(self._diagnostics):
+            return
         array = DiagnosticArray(status=[message])
         if output is not None:
             name = f"{self.get_fully_qualified_name()}: model health"
@@ -540,8 +571,8 @@ class SmaActuatorNode(LifecycleNode):
             self._looked_s = now_s
             flowing = (self._joint_states, self._load, self._reference, self._command_current, self._signals)
             self._listened = any(publisher is not None and is_heard(publisher) for publisher in flowing)
-        if now_s - self._status_s >= STATUS_PERIOD_s - 0.5 * FEED_PERIOD_s:
-            self._status_s = now_s
+        if now_s >= self._status_due_s - 0.5 * FEED_PERIOD_s:  # the next turn may be further from it
+            self._status_due_s = max(self._status_due_s + STATUS_PERIOD_s, now_s)
             self._take_news()  # what goes on without being new is noted as well, so that it is not said again
             self._publish_status()
 

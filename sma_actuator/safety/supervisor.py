@@ -21,6 +21,8 @@ from .thermal import WireHeat, derated_limit_A
 from .timing import SETTLING_READINGS, SETTLING_TIME_s
 
 _OFF = Command(0.0, False)
+#: The gravest first.
+_LOOKING = tuple(fault for fault in FAULTS.values() if isinstance(fault, Guard) and fault.each_step)
 
 
 class Supervisor:
@@ -77,11 +79,9 @@ class Supervisor:
         if step.reading is not None and step.driven:
             self._good_readings += 1
         self.present = {}
-        for fault in FAULTS.values():
-            if fault.name in but or not (isinstance(fault, Guard) and fault.each_step):
-                continue
-            if detail := fault.look(step):
-                self.present[fault] = detail
+        for guard in _LOOKING:
+            if guard.name not in but and (detail := guard.look(step)):
+                self.present[guard] = detail
         found = {f: d for f, d in self.present.items() if step.driven or f.while_off or not f.latches}
         for fault, detail in found.items():  # in the order of FAULTS: the gravest first
             if fault.latches:
@@ -125,10 +125,10 @@ class Supervisor:
         if invalid:
             self.latch(command_invalid, invalid)
             return _OFF, limits
-        max_A, limit_A = self.config.supply.max_current, self.limit_A()
+        max_A, derated_A = self.config.supply.max_current, self._derated_A()
+        limit_A = min(derated_A, self._stress_cap_A)
         if any(fault.action is Action.BIAS for fault in faults):
             limit_A = min(limit_A, self.config.supply.bias_current)
-        derated_A = self._derated_A()
         if wanted_A >= derated_A < max_A:
             limits.add(TEMPERATURE_DERATING)
         if self._stress_cap_A < inf:

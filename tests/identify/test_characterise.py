@@ -7,6 +7,7 @@ import json
 import math
 import os
 import signal
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
 from sma_actuator.characterise import PlanOptions, characterise, make_plan
 from sma_actuator.characterise.calibration import fit_line
-from sma_actuator.characterise.programs import every_ordered_pair, hold, square_pulses
+from sma_actuator.characterise.programs import every_ordered_pair, held_currents, hold, square_pulses
 from sma_actuator.cli.main import main
 from sma_actuator.config import bench_from_mapping
 from sma_actuator.instruments import InstrumentLost, InstrumentRefused
@@ -31,6 +32,20 @@ def test_the_walk_takes_every_ordered_pair_of_set_points_once(n):
     walk = every_ordered_pair(n)
     steps = list(itertools.pairwise(walk))
     assert sorted(steps) == sorted((i, j) for i in range(n) for j in range(n) if i != j)
+
+
+def test_held_currents_take_every_step_between_two_of_them_and_stand_long_and_short():
+    program, time_s, driven = held_currents((0.05, 0.2, 0.3), hold_s=4.0, cool_s=6.0), 0.0, []
+    drive = next(program)
+    with contextlib.suppress(StopIteration):
+        while True:
+            driven.append(drive.current_A)
+            time_s += 0.5
+            drive = program.send(SimpleNamespace(time_s=time_s))
+    held = [(current_A, 0.5 * len(list(run))) for current_A, run in itertools.groupby(driven)]
+    steps = list(itertools.pairwise(current_A for current_A, _ in held))
+    assert sorted(set(steps)) == sorted(itertools.permutations((0.05, 0.2, 0.3), 2)) and len(steps) == 6
+    assert {round(seconds) for _, seconds in held[1:-1]} == {2, 4}
 
 
 def test_the_calibrations_of_the_bench_are_found(flexinol):
@@ -90,8 +105,42 @@ def test_an_interrupted_characterisation_keeps_what_is_finished_and_resumes_ther
     assert len(read_bench_log(tmp_path / "pulses_0.500N.csv")) > 100
 
 
+@pytest.fixture
+def minded():
+    """Signals that are ignored where these tests run under nohup or in the background are not, here."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGHUP)}
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def test_under_nohup_the_end_of_the_terminal_ends_nothing(tmp_path, minded):
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    _, rig, operator = virtual_rig("flexinol")
+    short_wire = operator.short_wire
+
+    def hang_up_and_short_the_wire():
+        os.kill(os.getpid(), signal.SIGHUP)
+        short_wire()
+
+    operator.short_wire = hang_up_and_short_the_wire
+    manifest = characterise(bench_mapping("flexinol"), make_plan(rig.config, QUICK), rig, operator, tmp_path)
+    assert set(manifest.data["parts"]) == {"lead_resistance", "pulses_0.500N"}
+
+
+def test_in_the_background_ctrl_c_ends_it_also_while_a_person_is_asked(tmp_path, minded):
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    bench, rig, operator = virtual_rig("flexinol")
+    operator.short_wire = lambda: os.kill(os.getpid(), signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        characterise(bench_mapping("flexinol"), make_plan(rig.config, QUICK), rig, operator, tmp_path)
+    assert not bench.supply.output_on
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda n: n.name)
-def test_a_signal_that_a_library_would_swallow_still_ends_it_with_the_output_off(tmp_path, number):
+def test_a_signal_that_a_library_would_swallow_still_ends_it_with_the_output_off(tmp_path, number, minded):
     bench, rig, operator = virtual_rig("flexinol")
     read_block = rig.daq.read_block
 

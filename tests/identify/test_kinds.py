@@ -7,11 +7,15 @@ import shutil
 import numpy as np
 import pytest
 import yaml
+from characterised import virtual_rig
 
+from sma_actuator.characterise.plan import default_heat_current_A
+from sma_actuator.characterise.programs import held_currents
 from sma_actuator.cli.main import main
 from sma_actuator.config import bench_from_mapping
 from sma_actuator.identify.kinds import FULL, PARTIAL, make_experiments
 from sma_actuator.logs.bench_log import write_bench_log
+from sma_actuator.plant.loads import Weight
 
 LOADS = ("0.300N", "0.600N", "1.200N", "2.000N")
 
@@ -111,3 +115,14 @@ def test_weights_one_after_the_other_are_stretches_of_their_own(flexinol):
     loads_N = [float(np.mean(experiment.signals.load_N)) for experiment in experiments]
     np.testing.assert_allclose(loads_N, [0.3, 0.6, 1.2, 2.0], atol=0.02)
     assert all(experiment.kind == FULL for experiment in experiments)
+
+
+def test_held_currents_are_never_cut_since_each_stands_on_those_before_it(flexinol):
+    _, rig, _ = virtual_rig("flexinol", load=Weight(2.1))
+    bias_A, heat_A = rig.config.supply.bias_current, default_heat_current_A(rig.config)
+    with rig.opened():
+        log = rig.record(held_currents(np.sqrt(np.linspace(bias_A**2, heat_A**2, 6)), hold_s=5.0, cool_s=7.0))
+    config = bench_from_mapping(flexinol.mapping)
+    assert len(make_experiments([log], config)) > 1  # some of the steps look like full cycles
+    (whole,) = make_experiments([dataclasses.replace(log, metadata={**log.metadata, "kind": "levels"})], config)
+    assert whole.kind == PARTIAL and len(whole.signals.time_s) > 0.95 * len(log)

@@ -530,7 +530,9 @@ class TestLifecycle:
 
 
 class TestSeveralWires:
-    def test_two_nodes_in_one_process_are_two_wires(self, start_bench, make_config, start_node, client):
+    def test_two_nodes_in_one_process_are_two_wires_and_a_fault_is_one_wires_alone(
+        self, start_bench, make_config, start_node, client
+    ):
         bench = start_bench("--count", "2")
         sections = {
             name: make_config(instruments=bench.instruments(i), joint_name=name)
@@ -543,6 +545,15 @@ class TestSeveralWires:
         client.publish("/left/setpoint", setpoint_message(0.0025))
         state = client.next("/left/joint_states", JointState, lambda m: abs(m.position[0] - 0.0025) < 2e-4)
         assert list(state.name) == ["left"]
+        bench.tell("BENC:FAUL open_wire", 0)
+        assert _status(client, lambda s: s.fault and s.mode.value == "off", "/left")
+        client.next("/right/joint_states", JointState)
+        assert _status(client, name="/right").mode.value == "hold"
+        assert bench.current_A(1) > 0.04
+        bench.tell("BENC:FAUL:CLE", 0)
+        client.spin_until(lambda: client.call("/left/clear_fault", Trigger).success, what="clearing")
+        _enabled(client, "/left")
+        wait_until(lambda: bench.current_A(0) > 0.04)
         node.popen.send_signal(signal.SIGTERM)
         wait_until(lambda: bench.current_A(0) == bench.current_A(1) == 0.0, OFF_s)
         assert node.ends() == 0

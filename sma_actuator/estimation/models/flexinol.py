@@ -39,7 +39,6 @@ from math import exp, expm1, log, log1p
 from typing import ClassVar
 
 import numpy as np
-from numpy.polynomial.polynomial import polyval
 
 from sma_actuator.base.jit import jit
 from sma_actuator.base.parameters import parameter
@@ -63,6 +62,14 @@ def _polynomial(coefficients: np.ndarray, x: float) -> float:
     value = 0.0
     for i in range(len(coefficients) - 1, -1, -1):
         value = value * x + coefficients[i]
+    return value
+
+
+def _at(x: Value, coefficients: Sequence[float]) -> Value:
+    """The polynomial at x, a float or an array; for a float some ten times faster than numpy's."""
+    value = 0.0 * x
+    for coefficient in reversed(coefficients):
+        value = value * x + coefficient
     return value
 
 
@@ -179,9 +186,12 @@ class FlexinolModel:
         displacement_range_m: tuple[float, float],
     ):
         self.stress_range_Pa, self.displacement_range_m = stress_range_Pa, displacement_range_m
-        self._a_h, self._b_h, self._a_c, self._b_c = (np.asarray(p, dtype=float) for p in (a_h, b_h, a_c, b_c))
+        heating_a, heating_b, cooling_a, cooling_b = (np.asarray(p, dtype=float) for p in (a_h, b_h, a_c, b_c))
+        self._asymptotes: tuple[list[float], ...] = tuple(
+            p.tolist() for p in (heating_a, heating_b, cooling_a, cooling_b)
+        )
         slack_m = LOOP_SLACK * float(np.ptp(self.displacement_range_m))
-        self._coefficients = (self._a_h, self._b_h, self._a_c, self._b_c, float(a_0), float(tau), slack_m)
+        self._coefficients = (heating_a, heating_b, cooling_a, cooling_b, float(a_0), float(tau), slack_m)
         self._state = np.zeros(2)
 
     def reset(self, resistance_Ohm: float, stress_Pa: float, heating: bool = False) -> float:
@@ -205,9 +215,10 @@ class FlexinolModel:
 
     def limits_m(self, resistance_Ohm: Value, stress_Pa: Value) -> tuple[Value, Value]:
         """Heating and cooling asymptote at R and σ, (δ_H, δ_C) [m]; floats or arrays."""
+        a_h, b_h, a_c, b_c = self._asymptotes
         return (
-            polyval(stress_Pa, self._a_h) * resistance_Ohm + polyval(stress_Pa, self._b_h),
-            polyval(stress_Pa, self._a_c) * resistance_Ohm + polyval(stress_Pa, self._b_c),
+            _at(stress_Pa, a_h) * resistance_Ohm + _at(stress_Pa, b_h),
+            _at(stress_Pa, a_c) * resistance_Ohm + _at(stress_Pa, b_c),
         )
 
 
