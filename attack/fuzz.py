@@ -24,6 +24,7 @@ from lifecycle_msgs.msg import Transition  # isort: skip
 from lifecycle_msgs.srv import ChangeState  # isort: skip
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue  # isort: skip
 from rcl_interfaces.srv import SetParameters  # isort: skip
+from sensor_msgs.msg import JointState  # isort: skip
 from std_msgs.msg import Float64  # isort: skip
 from std_srvs.srv import SetBool, Trigger  # isort: skip
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint  # isort: skip
@@ -65,6 +66,7 @@ class Fuzzing:
         nodes = [client.node for client in (self.client, *self._others)]
         self._setpoints = [node.create_publisher(Float64, f"/{NAME}/setpoint", 10) for node in nodes]
         self._trajectories = [node.create_publisher(JointTrajectory, f"/{NAME}/joint_trajectory", 10) for node in nodes]
+        self._commands = [node.create_publisher(JointState, f"/{NAME}/joint_command", 10) for node in nodes]
         self._recent: list[str] = []
         self._node: Node | None = None
         self._starts = 0
@@ -133,13 +135,21 @@ class Fuzzing:
 
     def _burst(self) -> None:
         for _ in range(BURST):
-            if self._chance.random() < 0.8:
-                value = self._odd_float()
-                self._chance.choice(self._setpoints).publish(Float64(data=value))
+            kind = self._chance.random()
+            if kind < 0.5:
+                self._chance.choice(self._setpoints).publish(Float64(data=self._odd_float()))
+            elif kind < 0.8:
+                self._chance.choice(self._commands).publish(self._odd_joint_command())
             else:
                 self._chance.choice(self._trajectories).publish(self._odd_trajectory())
             self.result.counts["messages"] += 1
         self.client.spin_until(lambda: True, 0.1)
+
+    def _odd_joint_command(self) -> JointState:
+        chance = self._chance
+        names = chance.choice((["sma_joint"], ["sma_joint"], [], ["elbow"], ["elbow", "sma_joint"], ["sma_joint"] * 2))
+        many = chance.choice((len(names), len(names), 0, 1, 3))
+        return JointState(name=names, position=[self._odd_float() for _ in range(many)])
 
     def _odd_float(self) -> float:
         kind = self._chance.random()

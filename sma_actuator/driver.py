@@ -33,6 +33,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from sma_actuator.actuator import Actuator
+from sma_actuator.base.interrupts import ending_signals
 from sma_actuator.base.signals import Command, Mode, Output, Reading, SupplyState
 from sma_actuator.config import Config
 from sma_actuator.instruments import Clock, Daq, InstrumentError, InstrumentUnreachable, OutputStaysOn, PowerSupply
@@ -725,13 +726,13 @@ def _stop_at_exit(driver: Driver) -> None:
 
 @contextlib.contextmanager
 def signals_end_the_program() -> Iterator[None]:
-    """SIGTERM, SIGQUIT and SIGHUP raise SystemExit, as SIGINT raises KeyboardInterrupt: every ``finally`` and
+    """What asks a program to end raises SystemExit, as SIGINT raises KeyboardInterrupt: every ``finally`` and
     atexit function runs, so every driver is stopped.  For tools; in the main thread."""
 
     def leave(number: int, _frame: object) -> None:
         raise SystemExit(128 + number)
 
-    before = {number: signal.signal(number, leave) for number in (signal.SIGTERM, signal.SIGQUIT, signal.SIGHUP)}
+    before = {number: signal.signal(number, leave) for number in ending_signals()}
     try:
         yield
     finally:

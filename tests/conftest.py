@@ -10,12 +10,17 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from hypothesis import HealthCheck, settings
 from rig import Rig
 
 from sma_actuator.config import Config
 
 if TYPE_CHECKING:
     from characterised import Characterised
+
+# A machine may stand still at any instant: an example that takes long, or is drawn slowly, has not failed.
+settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("patient")
 
 #: A 0.1524 mm × 100 mm Ni-Ti wire; every required parameter, the calibrations, and no other.
 _NI_TI: dict[str, Any] = {

@@ -31,21 +31,24 @@ class Interrupts:
             raise KeyboardInterrupt
 
 
+def ending_signals() -> list[signal.Signals]:
+    """What asks a program to end, besides Ctrl-C; a SIGHUP that is ignored (``nohup``) stays ignored."""
+    hang_up = [] if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else [signal.SIGHUP]
+    return [signal.SIGTERM, signal.SIGQUIT, *hang_up]
+
+
 @contextlib.contextmanager
 def noted_signals() -> Iterator[Interrupts]:
-    """Note SIGINT, SIGTERM, SIGQUIT and SIGHUP while the block runs; afterwards they do what they did before.
+    """Note SIGINT, also where it was ignored, and :func:`ending_signals` while the block runs; afterwards they do what
+    they did before.
 
-    A SIGHUP that is ignored (``nohup``) stays ignored.  In a thread other than the main one nothing is noted, since
-    Python lets only the main thread have handlers.
+    In a thread other than the main one nothing is noted, since Python lets only the main thread have handlers.
     """
     interrupts = Interrupts()
     if threading.current_thread() is not threading.main_thread():
         yield interrupts
         return
-    numbers = [signal.SIGINT, signal.SIGTERM, signal.SIGQUIT]
-    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-        numbers.append(signal.SIGHUP)
-    before = {number: signal.signal(number, interrupts.note) for number in numbers}
+    before = {number: signal.signal(number, interrupts.note) for number in (signal.SIGINT, *ending_signals())}
     try:
         yield interrupts
     finally:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from sma_actuator.base.interrupts import Interrupts, noted_signals
+from sma_actuator.base.interrupts import Interrupts, ending_signals, noted_signals
 from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import Clock, Daq, InstrumentRefused, PowerSupply
@@ -225,7 +225,8 @@ def _attended(config):
 
 @contextlib.contextmanager
 def _terminate_as_interrupt() -> Iterator[None]:
-    """Let SIGTERM, SIGQUIT and SIGHUP unwind the stack as Ctrl-C does, so that the output is switched off."""
+    """Let what asks a program to end unwind the stack as Ctrl-C does, so that the output is switched off; Ctrl-C too
+    where it was ignored (a job in the background)."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -233,7 +234,7 @@ def _terminate_as_interrupt() -> Iterator[None]:
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    before = {number: signal.signal(number, interrupt) for number in (signal.SIGTERM, signal.SIGQUIT, signal.SIGHUP)}
+    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, *ending_signals())}
     try:
         yield
     finally:

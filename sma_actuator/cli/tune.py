@@ -8,7 +8,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import queue
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from sma_actuator.base.errors import UserError
@@ -18,8 +18,8 @@ from sma_actuator.base.signals import Mode, Output, Tuned
 from sma_actuator.base.yaml_text import with_values
 from sma_actuator.config import NODE_NAME, Config, read_sections
 from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, write_json
-from sma_actuator.control.tuning import words_of
-from sma_actuator.driver import Driver
+from sma_actuator.control.tuning import GAINS, words_of
+from sma_actuator.driver import Driver, DriverStopped
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.loads import parse_load
 from sma_actuator.plant.worlds import HOME, WORLDS
@@ -27,8 +27,9 @@ from sma_actuator.plant.worlds import HOME, WORLDS
 from .remote.client import add_node_arguments
 from .remote.tune import by_node
 
-#: A wire of which nothing is known counts as cool after this time; and an output comes at least this often.
-COOLING_s, SILENCE_s = 180.0, 5.0
+#: What is refused for so long is refused for good: a wire of which nothing is known counts as cool by then.
+PATIENCE_s = 180.0
+SILENCE_s = 5.0  #: an output comes more often than this
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -58,9 +59,19 @@ def run(args: argparse.Namespace) -> int:
     config = Config.load(args.config)
     if args.running and (args.virtual or args.current is not None):
         raise UserError("--running: the node has its instruments and its bound (controller.tuning_current) already")
-    found = by_node(args) if args.running else _by_instruments(config, args)
     out = args.out or args.config
-    write_gains(args.config, out, found)
+    gains_of_before = {name: getattr(config.controller, name, 0.0) for name in GAINS}
+    _with_gains(
+        args.config, gains_of_before, gains_of_before
+    )  # else a file that cannot take them is found out too late
+    found = by_node(args) if args.running else _by_instruments(config, args)
+    text = _with_gains(args.config, found.gains, found.before)
+    try:
+        write_atomically(out, lambda stream: stream.write(text.encode()))
+    except OSError as error:
+        raise UserError(
+            f"{out}: not written ({error.strerror or error}); the gains are {words_of(found.gains)}"
+        ) from error
     results(args).print(
         f"{words_of(found.gains)} after {found.duration_s:.0f} s (before: {words_of(found.before)}); written to {out}",
         markup=False,
@@ -78,62 +89,60 @@ def _by_instruments(config: Config, args: argparse.Namespace) -> Tuned:
         console.print("current will flow for some minutes; Ctrl-C ends it with the output off")
         outputs: queue.SimpleQueue[Output] = queue.SimpleQueue()
         driver, step = _driver(config, args, outputs.put)
-        with driver:
-            found = tune(
-                driver,
-                _steps(step, outputs, lambda: bool(interrupts)),
-                lambda words: console.print(words, markup=False),
-            )
+        try:
+            with driver:
+                steps = _steps(step, outputs, lambda: bool(interrupts))
+                found = tune(driver, steps, lambda words: console.print(words, markup=False))
+        except (DriverStopped, TimeoutError) as error:
+            raise UserError(f"{error}; {driver.output_words}") from error
+        finally:
+            if not driver.output_is_off:
+                console.print(f"{driver.output_words}: look at the supply, switch it off by hand", markup=False)
         interrupts.raise_noted()
+    if found is None:
+        raise UserError("the loop ended before there were gains")
     return found
 
 
-def tune(driver: Driver, outputs: Iterator[Output], tell: Callable[[str], None]) -> Tuned:
-    """Have the wire of a driver tuned, from off to off.  Raises UserError where it came to nothing."""
-    begun_s, words, refused = None, "", False
+def tune(driver: Driver, outputs: Iterator[Output], tell: Callable[[str], None]) -> Tuned | None:
+    """Have the wire of a driver tuned, from off to off; None where the outputs end.  Raises UserError where it is given up."""
+    driven, told = False, ""
+    refused_s: float | None = None
     for output in outputs:
-        time_s = output.signals.time_s
-        if begun_s is None and time_s == time_s:
-            begun_s = time_s
-        if output.tuned is not None:
+        status, tuning = output.status, str(output.status.values["tuning"])
+        if output.tuned is not None or tuning.startswith("given up"):
             driver.enable(False)
+            if output.tuned is None:
+                raise UserError(tuning)
             return output.tuned
-        tuning = str(output.status.values["tuning"])
-        if output.status.mode is Mode.TUNING and tuning != words:
-            words = tuning
+        if status.mode is Mode.TUNING:
+            if tuning != told:
+                tell(tuning)
+            told = tuning
+            continue
+        if status.mode is Mode.OFF and driven:
+            raise UserError(status.message)
+        if output.reading is None:
+            continue
+        driven = driven or status.mode is not Mode.OFF
+        done, words = driver.tune() if driven else driver.enable(True)
+        if done:
+            refused_s = None
+        elif refused_s is None:
+            refused_s = output.reading.time_s
             tell(words)
-        if tuning.startswith("given up"):
-            driver.enable(False)
-            raise UserError(tuning)
-        if output.status.fault:
-            raise UserError(output.status.message)
-        if output.status.mode is Mode.OFF and output.reading is not None:
-            driver.enable(True)
-        elif output.status.mode is Mode.HOLD:
-            done, refusal = driver.tune()
-            if not done and begun_s is not None and time_s - begun_s > COOLING_s:
-                raise UserError(refusal)
-            if not done and not refused:
-                refused = True
-                tell(refusal)
-    raise UserError("interrupted")
+        elif output.reading.time_s - refused_s > PATIENCE_s:
+            raise UserError(words)
+    return None
 
 
-def write_gains(path: Path, out: Path, found: Tuned) -> None:
-    """The parameter file at ``path`` with the gains that were found, at ``out``; those of before as a comment."""
+def _with_gains(path: Path, gains: Mapping[str, float], before: Mapping[str, float]) -> str:
+    """The parameter file at ``path`` with other gains, and those of before as a comment.  Raises ConfigError."""
     sections = read_sections(path)
     node = next((name for name in (NODE_NAME, f"/{NODE_NAME}", "/**") if name in sections), NODE_NAME)
-    text = with_values(
-        path.read_text(encoding="utf-8-sig"),
-        str(path),
-        (node, "ros__parameters", "controller"),
-        found.gains,
-        f"Tuned; before: {words_of(found.before)}",
-    )
-    write_atomically(out, lambda stream: stream.write(text.encode()))
-    written = Config.load(out).controller
-    if any(getattr(written, name) != value for name, value in found.gains.items()):
-        raise ConfigError(f"{out}: the gains were not written as they should be: {words_of(found.gains)}")
+    place = (node, "ros__parameters", "controller")
+    text = path.read_text(encoding="utf-8-sig")
+    return with_values(text, str(path), place, gains, f"Tuned; before: {words_of(before)}")
 
 
 def _steps(

@@ -15,7 +15,7 @@ are taken.  No gains that stood before enter.
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import inf, isfinite, sqrt
@@ -350,7 +350,7 @@ class Tuning:
         return self._low_m + part * self._span_m
 
 
-def words_of(gains: dict[str, float]) -> str:
+def words_of(gains: Mapping[str, float]) -> str:
     """The gains, to be read."""
     return f"kp {gains['kp']:.4g} A/m, ki {gains['ki']:.4g} A/(m·s), kd {gains['kd']:.4g} A·s/m"
 

@@ -1,14 +1,17 @@
 """Gains from the wire itself: what is read in a relay test, a whole tuning on the bench, and every way out of one."""
 
+import contextlib
 import dataclasses
 
 import numpy as np
 import pytest
 from rig import Rig
 
+from sma_actuator.base.interrupts import Interrupts
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Mode
 from sma_actuator.base.yaml_text import with_values
+from sma_actuator.cli import tune as tune_command
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config
 from sma_actuator.control.tuning import GAINS, GivenUp, gains_of, swings_of
@@ -144,6 +147,48 @@ def test_the_command_writes_gains_as_good_as_the_shipped_ones_and_keeps_those_of
     found = Config.load(path)
     assert dataclasses.replace(found.controller, **{k: OFF[f"controller.{k}"] for k in GAINS}) == SHIPPED.controller
     assert mean_error_m(found) < 1.1 * mean_error_m(SHIPPED)
+
+
+def test_asked_to_end_it_ends_with_the_output_off_and_nothing_written(tmp_path, capsys, monkeypatch):
+    path = tmp_path / "wire.yaml"
+    text = shared_file("config/flexinol.yaml").read_text(encoding="utf-8")
+    path.write_text(text)
+    drivers = []
+
+    @contextlib.contextmanager
+    def signals():
+        """A signal comes when the wire has been tuned for a moment."""
+        interrupts, driver_of = Interrupts(), tune_command._driver
+
+        def driver_with_a_signal(config, args, put):
+            def noting(output):
+                put(output)
+                if output.status.values["tuning"].startswith("relay test, 3"):
+                    interrupts.note(2)
+
+            drivers.append(driver_of(config, args, noting))
+            return drivers[-1]
+
+        monkeypatch.setattr(tune_command, "_driver", driver_with_a_signal)
+        yield interrupts
+
+    monkeypatch.setattr(tune_command, "noted_signals", signals)
+    assert main(["tune", "--config", str(path), "--virtual", "flexinol"]) == 130
+    assert "relay test, 2 of 12 turns" in capsys.readouterr().err
+    assert path.read_text() == text
+    assert drivers[0][0].output_is_off
+
+
+def test_what_cannot_be_done_is_refused_before_current_flows(tmp_path, capsys):
+    path = tmp_path / "wire.yaml"
+    text = shared_file("config/flexinol.yaml").read_text(encoding="utf-8")
+    path.write_text(text)
+    assert main(["tune", "--config", str(path), "--virtual", "flexinol", "--out", str(path)]) == 1
+    assert "exists already; --force overwrites it" in capsys.readouterr().err
+    low = ["tune", "--config", str(path), "--virtual", "flexinol", "--current", "0.02"]
+    assert main(low) == 1
+    assert "controller.tuning_current: 0.05 is outside its range" in capsys.readouterr().err
+    assert path.read_text() == text
 
 
 WAYS_OUT = {

@@ -105,8 +105,42 @@ def test_an_interrupted_characterisation_keeps_what_is_finished_and_resumes_ther
     assert len(read_bench_log(tmp_path / "pulses_0.500N.csv")) > 100
 
 
+@pytest.fixture
+def minded():
+    """Signals that are ignored where these tests run under nohup or in the background are not, here."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGHUP)}
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def test_under_nohup_the_end_of_the_terminal_ends_nothing(tmp_path, minded):
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    _, rig, operator = virtual_rig("flexinol")
+    short_wire = operator.short_wire
+
+    def hang_up_and_short_the_wire():
+        os.kill(os.getpid(), signal.SIGHUP)
+        short_wire()
+
+    operator.short_wire = hang_up_and_short_the_wire
+    manifest = characterise(bench_mapping("flexinol"), make_plan(rig.config, QUICK), rig, operator, tmp_path)
+    assert set(manifest.data["parts"]) == {"lead_resistance", "pulses_0.500N"}
+
+
+def test_in_the_background_ctrl_c_ends_it_also_while_a_person_is_asked(tmp_path, minded):
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    bench, rig, operator = virtual_rig("flexinol")
+    operator.short_wire = lambda: os.kill(os.getpid(), signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        characterise(bench_mapping("flexinol"), make_plan(rig.config, QUICK), rig, operator, tmp_path)
+    assert not bench.supply.output_on
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda n: n.name)
-def test_a_signal_that_a_library_would_swallow_still_ends_it_with_the_output_off(tmp_path, number):
+def test_a_signal_that_a_library_would_swallow_still_ends_it_with_the_output_off(tmp_path, number, minded):
     bench, rig, operator = virtual_rig("flexinol")
     read_block = rig.daq.read_block
 

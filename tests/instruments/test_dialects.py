@@ -188,8 +188,9 @@ def test_a_supply_hears_its_manuals_commands_and_no_other(make_config, name):
         supply.set_output(True)
         state = supply.read_back()
         supply.shut_down()
-        supply._session.close()
-        assert server.lines == expected
+        heard = list(server.lines)
+        supply.close()
+        assert heard == expected
         assert state.current_setting_A == pytest.approx(0.123)
         assert state.output_on
         assert state.tripped == ""

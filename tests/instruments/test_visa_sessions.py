@@ -302,7 +302,10 @@ def stand_in():
             ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?": "0.1;1;0.65;0.1;NONE",
         }
     )
+    server.users = []
     yield server
+    for user in server.users:
+        user.close()
     server.close()
 
 
@@ -310,6 +313,7 @@ def opened(server, make_config):
     supply = open_supply(
         Config.from_mapping(make_config(instruments={"supply": {"resource": server.resource, "timeout": 0.2}}))
     )
+    server.users.append(supply)
     supply.open()
     return supply
 
@@ -421,11 +425,10 @@ class TestBystander:
                 supply.set_current(0.1)
                 supply.set_output(True)
                 assert supply.read_back().output_on
-                stream = stack.enter_context(
-                    socket.create_connection(("127.0.0.1", server.ports[0]["supply"]), 10.0).makefile(
-                        "rw", newline="\n"
-                    )
+                bystander = stack.enter_context(
+                    socket.create_connection(("127.0.0.1", server.ports[0]["supply"]), 10.0)
                 )
+                stream = stack.enter_context(bystander.makefile("rw", newline="\n"))
 
                 def ask():
                     while not ended.wait(0.05):

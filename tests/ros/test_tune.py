@@ -4,11 +4,14 @@ What a tuning finds, and how long it takes, is tested in tests/control in the be
 """
 
 import json
+import signal
+import subprocess
+import sys
 
 import pytest
 
 pytest.importorskip("rclpy")
-from processes import Bench, NodeProcess, parameter_file, wait_until
+from processes import Bench, NodeProcess, SOON_s, parameter_file, wait_until
 
 from sma_actuator.base.share import shared_file
 from sma_actuator.cli.main import main
@@ -75,3 +78,19 @@ def test_the_node_takes_the_gains_over_and_the_command_writes_them(node, wire_fi
     assert status["mode"] == "hold" and status["fault"] == ""
     assert status["values"]["tuning"].startswith(f"done: kp {found.kp:.4g} A/m")
     assert "# Tuned; before: kp 800 A/m" in wire_file.read_text()
+
+
+def test_with_instruments_of_its_own_a_signal_ends_it_with_the_output_off(folder, start_bench, make_config):
+    bench = start_bench("--load", "weight:0.98")
+    path = parameter_file(folder, {"sma_actuator": make_config(instruments=bench.instruments())})
+    text = path.read_text()
+    tuning = subprocess.Popen([sys.executable, "-m", "sma_actuator", "tune", "--config", str(path)])
+    try:
+        wait_until(lambda: bench.current_A() > 0.04, what="current")
+        tuning.send_signal(signal.SIGINT)
+        assert tuning.wait(SOON_s) == 130
+    finally:
+        tuning.kill()
+        tuning.wait()
+    assert bench.current_A() == 0.0
+    assert path.read_text() == text

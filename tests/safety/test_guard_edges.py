@@ -293,6 +293,16 @@ def test_a_wire_is_open_at_the_compliance_voltage_with_little_current_in_two_ste
     assert said(open_wire, step(**both)) == ""  # two running, counted anew
 
 
+def test_an_open_wire_is_no_implausible_one(step):
+    """Whatever the last of the current makes of its resistance, it is named for what it is, one reading later."""
+    open_V, dying_A = 0.99 * step().config.supply.max_voltage, 2e-5
+    signals = replace(SIGNALS, resistance_Ohm=open_V / dying_A, current_A=dying_A)
+    reading = replace(READING, supply_voltage_V=open_V)
+    assert said(reading_implausible, step(raw=reading, reading=reading, signals=signals)) == ""
+    reading = replace(READING, supply_voltage_V=0.5 * open_V)
+    assert "safety.resistance_max" in said(reading_implausible, step(raw=reading, reading=reading, signals=signals))
+
+
 def test_too_hot_is_what_it_may_be_at_most(step, config):
     heat = WireHeat(config.thermal)  # of which nothing is known: as hot as it may be
     assert heat.at_most_C == config.thermal.max_temperature
@@ -422,7 +432,7 @@ class TestGate:
 
         def command(wanted_A, limit_A, driven=True, faults=()):
             supervisor = Supervisor(config)
-            monkeypatch.setattr(supervisor, "limit_A", lambda: limit_A)
+            monkeypatch.setattr(supervisor, "_derated_A", lambda: limit_A)
             return supervisor.gate(wanted_A, driven, dict.fromkeys(faults, "as a test says"))[0]
 
         return command

@@ -9,6 +9,8 @@ from sma_actuator.safety.formula import parameter_value
 from sma_actuator.safety.records import Action, Step, guard
 from sma_actuator.safety.timing import ONE_STEP, READING_TIMEOUT, TWO_STEPS
 
+from .wire import seems_open
+
 
 def voltages(reading: Reading) -> dict[str, float]:
     """The channels that a reading must have."""
@@ -96,7 +98,7 @@ def reading_stale(step: Step) -> str:
 @guard(
     words="a reading is implausible",
     remedy="Check the taps, the sense resistor and the load cell",
-    detector="resistance above safety.resistance_max, load below safety.load_min, or current flowing backwards",
+    detector="resistance above safety.resistance_max (of a wire that is not open), load below safety.load_min, or current flowing backwards",
     within=TWO_STEPS,
     action=Action.OFF,
     latches=True,
@@ -106,7 +108,7 @@ def reading_implausible(step: Step) -> str:
     if step.reading is None:
         return ""
     safety, signals = step.config.safety, step.signals
-    if signals.resistance_Ohm > safety.resistance_max:
+    if signals.resistance_Ohm > safety.resistance_max and not seems_open(step):
         return f"resistance {signals.resistance_Ohm:.3g} Ω; safety.resistance_max is {safety.resistance_max:g} Ω"
     if not signals.load_N >= safety.load_min:
         return f"load {signals.load_N:.3g} N; safety.load_min is {safety.load_min:g} N"

@@ -16,6 +16,16 @@ COOLING_TIMES = 1.5
 LEAST_RISE = 0.5
 
 
+def seems_open(step: Step) -> bool:
+    """Whether this one reading looks like that of an open wire."""
+    return (
+        step.told.output_on
+        and step.reading is not None
+        and step.reading.supply_voltage_V >= COMPLIANCE * step.config.supply.max_voltage
+        and not step.signals.current_A >= step.config.safety.open_wire_current_fraction * step.told.current_A
+    )
+
+
 @guard(
     words="the wire is open",
     remedy="Check the crimps and clamps of the wire, and supply.max_voltage against its resistance",
@@ -28,14 +38,7 @@ LEAST_RISE = 0.5
 def open_wire(step: Step) -> str:
     """The supply is at its compliance voltage, and less current flows than was commanded."""
     reading = step.reading
-    least_A = step.config.safety.open_wire_current_fraction * step.told.current_A
-    is_open = (
-        step.told.output_on
-        and reading is not None
-        and reading.supply_voltage_V >= COMPLIANCE * step.config.supply.max_voltage
-        and not step.signals.current_A >= least_A
-    )
-    if reading is None or step.memory.running("open_wire", is_open) < 2:
+    if reading is None or step.memory.running("open_wire", seems_open(step)) < 2:
         return ""
     return f"{step.signals.current_A:.3g} A flow of {step.told.current_A:.3g} A at {reading.supply_voltage_V:.3g} V"
 
