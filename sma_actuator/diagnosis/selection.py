@@ -189,12 +189,13 @@ def _decide(
 def _simplest(good: Sequence[Trial], rules: Rules, clean: Callable[[Trial], bool]) -> tuple[Trial, list[Trial]]:
     """Of the trials that earn it, best first: the simplest of those as good as the best, and the others of those.
 
-    Where some leave nothing to be looked for, these alone are in it.
+    Where some leave nothing to be looked for, one of these wins.
     """
-    good = [t for t in good if clean(t)] or good
-    best = good[0]
+    whole = [t for t in good if clean(t)] or good
+    best = whole[0]
     alike = [t for t in good if is_alike(t, best, rules)]
-    winner = min((t for t in alike if t.gain >= rules.tie * best.gain), key=lambda t: (t.parameters, -t.gain))
+    as_good = [t for t in alike if any(t is x for x in whole) and t.gain >= rules.tie * best.gain]
+    winner = min(as_good, key=lambda t: (t.parameters, -t.gain))
     return winner, [t for t in alike if t is not winner]
 
 

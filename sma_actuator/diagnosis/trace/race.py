@@ -5,7 +5,7 @@ The competition is that of :mod:`sma_actuator.diagnosis.selection`; a unit is a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -243,7 +243,7 @@ def _conclude(result: Tracing, evidence: Evidence, selection: Selection, judge: 
     result.share = judge.share(selection.chosen)
     result.witnesses["after"] = evidence.witnesses(found.held_out_rows, result.train)
     result.unusual = judge.unusual(selection.chosen)
-    result.alternatives = _alternatives(result.rounds, found, judge.clean)
+    result.alternatives = _alternatives(result.rounds, found)
 
 
 def _verdict(result: Tracing, selection: Selection, judge: Judge, asked: bool) -> str:
@@ -264,13 +264,13 @@ def _expected_loss(evidence: Evidence) -> float:
     return 0.5 * (float(evidence.independent.mean()) + 2.0 * rests / evidence.units)
 
 
-def _alternatives(rounds: list[Round], current: Fit, clean: Callable[[Trial], bool]) -> dict[str, Trial]:
-    """Names that would do as well for one of the effects found, and have their signature too; the best of them."""
+def _alternatives(rounds: list[Round], current: Fit) -> dict[str, Trial]:
+    """Names that would do as well for one of the effects found; the best of them."""
     out: dict[str, Trial] = {}
     for r in rounds:
         for t in r.alternatives:
             others = [n for n in t.names if n not in current.names]
-            if len(others) == 1 and clean(t):
+            if len(others) == 1:
                 out.setdefault(others[0], t)
     best = sorted(out, key=lambda name: out[name].losses.mean())[: MOST_NAMES - 1]
     return {name: out[name] for name in out if name in best}
