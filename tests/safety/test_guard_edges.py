@@ -293,6 +293,13 @@ def test_a_wire_is_open_at_the_compliance_voltage_with_little_current_in_two_ste
     assert said(open_wire, step(**both)) == ""  # two running, counted anew
 
 
+def test_a_load_that_grows_bit_by_bit_has_not_jumped(step, config):
+    memory = Memory(**MEMORY)
+    for number in range(1, 6):
+        heavier = replace(SIGNALS, load_N=SIGNALS.load_N + 0.9 * number * config.safety.load_spike)
+        assert said(load_spike, step(signals=heavier, memory=memory)) == ""
+
+
 def test_an_open_wire_is_no_implausible_one(step):
     """Whatever the last of the current makes of its resistance, it is named for what it is, one reading later."""
     open_V, dying_A = 0.99 * step().config.supply.max_voltage, 2e-5
