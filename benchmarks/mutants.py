@@ -425,21 +425,24 @@ class Findings:
     def __init__(self, path: Path):
         self._path = path
         self._all: dict[str, dict[str, Any]] = json.loads(path.read_text()) if path.exists() else {}
+        #: By target: all mutants, and those that are explained.
+        self.count: dict[str, tuple[int, int]] = {target: kept["count"] for target, kept in self._all.items()}
 
-    def of(self, target: str) -> dict[str, bool]:
-        """Whether it lives, by mutant.  Those that lived are tried again where the tests have changed."""
+    def of(self, target: str) -> dict[str, str]:
+        """What it changes where it lives, else nothing, by mutant.  Those that lived are tried again where the tests have changed."""
         kept, source, tests = self._all.get(target), _digest([path_of(target)]), _digest(_tests_of(target))
         if kept is None or kept["source"] != source:
             kept = {"lives": {}}
         elif kept["tests"] != tests:
-            kept = {"lives": {key: False for key, lives in kept["lives"].items() if not lives}}
+            kept = {"lives": {key: words for key, words in kept["lives"].items() if not words}}
         self._all[target] = {"source": source, "tests": tests, "lives": kept["lives"]}
         return self._all[target]["lives"]
 
     def save(self) -> None:
         """Write the file."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
-        self._path.write_text(json.dumps(self._all, indent=1))
+        kept = {target: {**found, "count": self.count.get(target, (0, 0))} for target, found in self._all.items()}
+        self._path.write_text(json.dumps(kept, indent=1))
 
 
 def _tests_of(target: str) -> list[Path]:
@@ -455,34 +458,28 @@ def _key(mutant: Mutant) -> str:
     return f"{mutant.line} {mutant.operator} {mutant.occurrence}"
 
 
-def _page(findings: Findings, known: dict[str, set[str]]) -> str:
+def _page(findings: Findings) -> str:
     lines = [
         "# Mutants",
         "",
         "Written by `make mutants` (`python benchmarks/mutants.py`), which changes one place of what guards the wire and runs the",
         "tests of that line on it. A mutant that no test notices is listed, or stands with its reason in",
-        "`benchmarks/mutants_equivalent.yaml` because it changes nothing that anybody could see. Where fewer are tried than there are,",
-        "they were taken evenly from the whole file (`--every`).",
+        "`benchmarks/mutants_equivalent.yaml` because it changes nothing that anybody could see. Those that were tried were drawn at",
+        "random from the whole file; a source that is not in the table has not been tried.",
         "",
         "| source | mutants | equivalent | tried | not noticed |",
         "|---|---|---|---|---|",
     ]
     alive: list[str] = []
     sums = [0, 0, 0, 0]
-    for target in TARGETS:
-        everything, lives = mutants_of(target), findings.of(target)
-        found = _without(everything, known)
-        left = [mutant for mutant in found if lives.get(_key(mutant))]
-        row = (
-            len(everything),
-            len(everything) - len(found),
-            sum(_key(mutant) in lives for mutant in found),
-            len(left),
-        )
+    for target in (target for target in TARGETS if findings.of(target)):
+        lives, (everything, explained) = findings.of(target), findings.count[target]
+        left = [words for words in lives.values() if words]
+        row = (everything, explained, len(lives), len(left))
         sums = [a + b for a, b in zip(sums, row, strict=True)]
         lines.append(f"| `{target}.py` | " + " | ".join(map(str, row)) + " |")
-        alive += [f"- `{target}.py`, line {m.line}: `{m.before}` → `{m.after}`" for m in left]
-    lines.append("| **all** | " + " | ".join(map(str, sums)) + " |")
+        alive += [f"- `{target}.py`: {words}" for words in left]
+    lines.append("| **all of these** | " + " | ".join(map(str, sums)) + " |")
     lines += ["", "## Not noticed", "", *(alive or ["None."])]
     return "\n".join(lines) + "\n"
 
@@ -502,7 +499,10 @@ def main() -> int:
     known, findings = equivalent(), Findings(KEPT)
     living = 0
     for target in options.targets:
-        found = _without(mutants_of(target), known)[:: options.every]
+        everything = mutants_of(target)
+        found = _without(everything, known)
+        findings.count[target] = (len(everything), len(everything) - len(found))
+        found = found[:: options.every]
         if options.lines:
             first, _, last = options.lines.partition("-")
             found = [m for m in found if int(first) <= m.line <= int(last or first)]
@@ -516,11 +516,12 @@ def main() -> int:
         print(f"{target}: {tried} of {len(found)} mutants, {len(left)} not noticed", flush=True)
         for mutant in left:
             print(f"  {target}.py:{mutant.line} [{mutant.operator}] {mutant.words}", flush=True)
-    PAGE.write_text(_page(findings, known), encoding="utf-8")
+    findings.save()
+    PAGE.write_text(_page(findings), encoding="utf-8")
     return 1 if living else 0
 
 
-def _try(target: str, found: list[Mutant], lives: dict[str, bool], jobs: int, ends_s: float) -> None:
+def _try(target: str, found: list[Mutant], lives: dict[str, str], jobs: int, ends_s: float) -> None:
     """Run the tests on mutants until the time is over; what came out goes into ``lives``."""
     lines, times = covering(target)
     everything = sorted(times, key=times.__getitem__)
@@ -532,7 +533,7 @@ def _try(target: str, found: list[Mutant], lives: dict[str, bool], jobs: int, en
             return
         tests = sorted(lines.get(mutant.line) or everything, key=lambda test: times.get(test, 0.0))
         longest_s = LEAST_s + TIMES * sum(times.get(test, 0.0) for test in tests)
-        lives[_key(mutant)] = survives(mutant, tests, longest_s)
+        lives[_key(mutant)] = f"line {mutant.line}, `{mutant.words}`" if survives(mutant, tests, longest_s) else ""
 
     # In an order that leaves an even sample where the time does not suffice.
     order = random.Random(0).sample(found, len(found))
