@@ -18,6 +18,7 @@ from sma_actuator.base.signals import Mode, Output, Tuned
 from sma_actuator.base.yaml_text import with_values
 from sma_actuator.config import NODE_NAME, Config, read_sections
 from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, write_json
+from sma_actuator.control.pid import PidParameters
 from sma_actuator.control.tuning import GAINS, words_of
 from sma_actuator.driver import Driver, DriverStopped
 from sma_actuator.logs.files import write_atomically
@@ -84,6 +85,7 @@ def _by_instruments(config: Config, args: argparse.Namespace) -> Tuned:
     """Tune with the instruments of the file; the output is off afterwards."""
     if args.current is not None:
         config = config.replace({"controller.tuning_current": args.current / config.supply.max_current})
+    config = bounded(config)
     console = notes(args)
     with noted_signals() as interrupts:
         console.print("current will flow for some minutes; Ctrl-C ends it with the output off")
@@ -102,6 +104,14 @@ def _by_instruments(config: Config, args: argparse.Namespace) -> Tuned:
     if found is None:
         raise UserError("the loop ended before there were gains")
     return found
+
+
+def bounded(config: Config) -> Config:
+    """Parameters with which no more than the bound flows before the tuning either, while the wire is held."""
+    if not isinstance(config.controller, PidParameters):
+        return config  # it will be refused
+    bound_A = config.controller.tuning_current * config.supply.max_current
+    return config.replace({"supply.max_current": bound_A, "controller.tuning_current": 1.0})
 
 
 def tune(driver: Driver, outputs: Iterator[Output], tell: Callable[[str], None]) -> Tuned | None:

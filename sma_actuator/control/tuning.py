@@ -56,7 +56,7 @@ BETTER = 0.03
 UNREST = 0.1
 #: Unrest, as share of the bound, from which a trial counts as one that swings; and how many times less than what swings
 #: the gains are at the most.
-RESTLESS, MARGIN = 0.08, 3.0
+RESTLESS, MARGIN = 0.06, 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,13 +226,18 @@ class Tuning:
             self._law.reset(sample.position_m, self.output_A)
         else:
             self.output_A = self._law.step(sample.position_m, setpoint_m, dt_s, limit_A)
-        self._go_on(sample)
+        self._go_on(sample, setpoint_m)
         return self.output_A
 
-    def _go_on(self, sample: Sample) -> None:
+    def _go_on(self, sample: Sample, setpoint_m: float) -> None:
         if self.ended:
             return
         try:
+            if self._relay and setpoint_m != self.setpoint_m:
+                raise GivenUp(
+                    f"the wire is kept from the middle of its working range, {self.setpoint_m * 1e3:.3g} mm (what keeps it "
+                    "is among the limits): take load off, or identify the model anew"
+                )
             if not sample.temperature_C <= self._around.hottest_C:
                 raise GivenUp(
                     f"the wire is at {sample.temperature_C:.0f} °C by its heat balance, thermal.derate_temperature is "
@@ -297,7 +302,7 @@ class Tuning:
             sample = yield from self._next()
             if begun_s != begun_s:
                 begun_s = sample.time_s
-            if sample.time_s - begun_s > (RELAY_s if changes else COMING_s):
+            if sample.time_s - begun_s > (RELAY_s if changes > 1 else COMING_s):
                 break
             if self._heats != heated:
                 heated = self._heats

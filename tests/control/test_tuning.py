@@ -234,6 +234,27 @@ def test_every_way_out_leaves_the_gains_of_before(happens, mode, why):
         assert abs(rig.output.estimate.displacement_m - rig.output.setpoint_m) < 0.05 * SHIPPED.wire.full_stroke_m
 
 
+def test_a_wire_that_the_current_does_not_move_is_given_up():
+    rig = rig_of(controller__tuning_current=0.35)
+    tune(rig)
+    rig.run(32.0)
+    assert rig.status.mode is Mode.HOLD
+    assert "the wire swung 0 times" in rig.status.values["tuning"]
+
+
+def test_a_wire_that_stress_keeps_from_the_middle_is_given_up():
+    rig = rig_of(wire__max_stress=60e6, safety__stress_limit_fraction=0.5)
+    done, sentence = rig.actuator.tune(rig.now_s)
+    assert not done
+    assert "heat and stress leave" in sentence
+    rig = rig_of()
+    tune(rig)
+    rig.actuator.update(rig.config.replace({"safety.stress_limit_fraction": 0.2}))
+    rig.run(2.0)
+    assert "the wire is kept from the middle of its working range" in rig.status.values["tuning"]
+    assert "stress_near_limit" in {limit for output in rig.outputs for limit in output.status.limits}
+
+
 def test_refusals_say_why():
     rig = rig_of()
     rig.actuator.enable(rig.now_s, False)
