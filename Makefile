@@ -126,7 +126,7 @@ ATTACK ?=
 attack: $(VENV)/ready
 	nice -n 5 $(BIN)/python -m attack $(ATTACK)
 
-# Change what guards the wire, one place at a time, and see that a test notices (hours; MUTANTS names targets: safety/thermal driver).
+# Change what guards the wire, one place at a time, and see that a test notices (hours; MUTANTS: targets, or --minutes 8; it goes on where it was).
 MUTANTS ?=
 mutants: $(VENV)/ready
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[mutants]'

@@ -50,7 +50,7 @@ _ENDS_THE_TALK = (
 _FORGETS = {
     Mischief("slip in", "questions", words="*RST"): "second_commander",
     Mischief("slip in", "questions", words="CURR:PROT 1"): "limits_not_held",
-    Mischief("slip in", "questions", words="VOLT 30"): "limits_not_held",
+    Mischief("slip in", "questions", words="VOLT 19"): "limits_not_held",
     Mischief("slip in", "questions", words="OUTP:PROT:WDOG OFF"): "watchdog_not_held",
     Mischief("slip in", "questions", words="CURR 0.3"): "second_commander",
     Mischief("forget", "questions"): "second_commander",
@@ -122,7 +122,7 @@ class Line:
         began_s = time.monotonic()
         proxy.spoil(mischief)
         if mischief in _ENDS_THE_TALK:
-            self._must_go_off(mischief, began_s, self._talk_ends_within_s(role))
+            self._must_go_off(mischief, began_s, self._talk_ends_within_s(role, mischief))
         elif mischief in _FORGETS:
             self._driver.offer_setpoint(self._chance.choice((0.001, 0.003)))  # so that it is told something
             self._must_go_off(mischief, began_s, self._forgotten_within_s(mischief))
@@ -135,10 +135,13 @@ class Line:
         if self.stand.most_A > self.config.supply.max_current * 1.001:
             self.broken("more than supply.max_current flows", f"{self.stand.most_A:.4f} A")
 
-    def _talk_ends_within_s(self, role: str) -> float:
+    def _talk_ends_within_s(self, role: str, mischief: Mischief) -> float:
         within_s = self.promises.within_s(f"{role}_lost")
         if role == "supply":
             within_s = max(within_s, self.config.supply.watchdog_timeout)
+            if mischief.kind == "garble" and mischief.touches("questions"):
+                # It hears no "off" either, only words, and its watchdog counts from the last: the off that gives the line up.
+                return self.config.instruments.supply.timeout + self.config.supply.watchdog_timeout
         return min(within_s, OFF_AT_MOST_s)
 
     def _forgotten_within_s(self, mischief: Mischief) -> float:

@@ -26,6 +26,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 from blind_cases import Case, cases, error_percent, identified, make_logs, undisturbed
+from kept import MODEL, kept
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
@@ -64,7 +65,11 @@ def _traced(logs: Sequence[str], model: str, out: Path, *words: str) -> dict:
 
 
 def judge(case: Case, only_blind: bool) -> dict:
-    """Run the command on one case; what it said, and what knowing the truth would have given."""
+    """What the command says of one case, and what knowing the truth would give; kept, so that a trial may be run in parts."""
+    return kept(f"judged {case} {only_blind}", (*MODEL, "diagnosis"), lambda: _judge(case, only_blind))
+
+
+def _judge(case: Case, only_blind: bool) -> dict:
     with tempfile.TemporaryDirectory(prefix="sma_blind_") as name:
         folder = Path(name)
         logs = [str(p) for p in make_logs(case, folder)]

@@ -1,12 +1,16 @@
 """Mutation: change the guards one place at a time, and see that a test notices.
 
-    python benchmarks/mutants.py                    every target, as ``make mutants``
-    python benchmarks/mutants.py safety/thermal     one of them
+    python benchmarks/mutants.py                            every target, as ``make mutants``
+    python benchmarks/mutants.py safety/thermal             one of them
+    python benchmarks/mutants.py --every 5 --minutes 8      a sample, as far as one gets; called again, it goes on
 
 The places and the changes are those of cosmic-ray, and one more, that of leaving a statement out.  Which tests run a line is
 measured once; a mutant of that line gets these tests and no other, the quickest first, in a process of its own whose copy
 of the package is the mutated one (also for the processes that a test starts).  A mutant that no test notices and that
 ``mutants_equivalent.yaml`` does not explain makes the command fail.
+
+What was found is kept in ``out/mutants.json`` and not tried again until the source changes, or a test where a mutant lived;
+``docs/mutants.md`` is written from it.
 """
 
 from __future__ import annotations
@@ -14,8 +18,11 @@ from __future__ import annotations
 import argparse
 import ast
 import contextlib
+import hashlib
 import json
+import math
 import os
+import random
 import shutil
 import signal
 import sys
@@ -37,6 +44,8 @@ from cosmic_ray.plugins import get_operator
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "sma_actuator"
 EQUIVALENT = Path(__file__).with_name("mutants_equivalent.yaml")
+KEPT = ROOT / "out" / "mutants.json"
+PAGE = ROOT / "docs" / "mutants.md"
 #: A mutated source, and the tests that are there to judge it.
 _GUARDS = ("tests/safety/test_guard_edges.py", "tests/test_docs.py")
 TARGETS = {
@@ -157,7 +166,10 @@ def mutants_of(target: str) -> list[Mutant]:
         operator = LeaveOut() if name == "LeaveOut" else get_operator(f"core/{name}")()
         places = [place for node in ast_nodes(whole) for place in operator.mutation_positions(node)]
         for occurrence in range(len(places)):
-            mutated = mutate_code(source, operator, occurrence)
+            try:
+                mutated = mutate_code(source, operator, occurrence)
+            except AttributeError:  # cosmic-ray's ExceptionReplacer does not know a dotted name
+                continue
             if mutated is None:
                 continue
             try:
@@ -404,6 +416,74 @@ def equivalent() -> dict[str, set[str]]:
     return known
 
 
+# --- what was found ------------------------------------------------------------------------------------
+
+
+class Findings:
+    """Which mutants were noticed, in a file, as long as their source is what it was."""
+
+    def __init__(self, path: Path):
+        self._path = path
+        self._all: dict[str, dict[str, Any]] = json.loads(path.read_text()) if path.exists() else {}
+        #: By target: all mutants, and those that are explained.
+        self.count: dict[str, tuple[int, int]] = {target: kept["count"] for target, kept in self._all.items()}
+
+    def of(self, target: str) -> dict[str, str]:
+        """What it changes where it lives, else nothing, by mutant.  Those that lived are tried again where the tests have changed."""
+        kept, source, tests = self._all.get(target), _digest([path_of(target)]), _digest(_tests_of(target))
+        if kept is None or kept["source"] != source:
+            kept = {"lives": {}}
+        elif kept["tests"] != tests:
+            kept = {"lives": {key: words for key, words in kept["lives"].items() if not words}}
+        self._all[target] = {"source": source, "tests": tests, "lives": kept["lives"]}
+        return self._all[target]["lives"]
+
+    def save(self) -> None:
+        """Write the file."""
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        kept = {target: {**found, "count": self.count.get(target, (0, 0))} for target, found in self._all.items()}
+        self._path.write_text(json.dumps(kept, indent=1))
+
+
+def _tests_of(target: str) -> list[Path]:
+    places = [ROOT / each for each in TARGETS[target]]
+    return [path for place in places for path in (sorted(place.rglob("*.py")) if place.is_dir() else [place])]
+
+
+def _digest(paths: list[Path]) -> str:
+    return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()
+
+
+def _key(mutant: Mutant) -> str:
+    return f"{mutant.line} {mutant.operator} {mutant.occurrence}"
+
+
+def _page(findings: Findings) -> str:
+    lines = [
+        "# Mutants",
+        "",
+        "Written by `make mutants` (`python benchmarks/mutants.py`), which changes one place of what guards the wire and runs the",
+        "tests of that line on it. A mutant that no test notices is listed, or stands with its reason in",
+        "`benchmarks/mutants_equivalent.yaml` because it changes nothing that anybody could see. Those that were tried were drawn at",
+        "random from the whole file; a source that is not in the table has not been tried.",
+        "",
+        "| source | mutants | equivalent | tried | not noticed |",
+        "|---|---|---|---|---|",
+    ]
+    alive: list[str] = []
+    sums = [0, 0, 0, 0]
+    for target in (target for target in TARGETS if findings.of(target)):
+        lives, (everything, explained) = findings.of(target), findings.count[target]
+        left = [words for words in lives.values() if words]
+        row = (everything, explained, len(lives), len(left))
+        sums = [a + b for a, b in zip(sums, row, strict=True)]
+        lines.append(f"| `{target}.py` | " + " | ".join(map(str, row)) + " |")
+        alive += [f"- `{target}.py`: {words}" for words in left]
+    lines.append("| **all of these** | " + " | ".join(map(str, sums)) + " |")
+    lines += ["", "## Not noticed", "", *(alive or ["None."])]
+    return "\n".join(lines) + "\n"
+
+
 def main() -> int:
     """Mutate the targets; 0 where no mutant survives that is not explained."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -411,43 +491,54 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--every", type=int, default=1, help="take one of so many mutants, for a quick look")
     parser.add_argument("--lines", default="", metavar="FROM-TO", help="mutants of these lines alone")
-    parser.add_argument("--out", type=Path, help="write the survivors here, as JSON")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="try no more mutants after so many minutes")
     options = parser.parse_args()
     sys.path.insert(0, str(ROOT))
+    ends_s = time.monotonic() + 60.0 * options.minutes
     _warm_up()
-    known = equivalent()
-    survivors: list[Mutant] = []
+    known, findings = equivalent(), Findings(KEPT)
+    living = 0
     for target in options.targets:
-        lines, times = covering(target)
-        found = _without(mutants_of(target), known)[:: options.every]
+        everything = mutants_of(target)
+        found = _without(everything, known)
+        findings.count[target] = (len(everything), len(everything) - len(found))
+        found = found[:: options.every]
         if options.lines:
             first, _, last = options.lines.partition("-")
             found = [m for m in found if int(first) <= m.line <= int(last or first)]
-        everything = sorted(times, key=times.__getitem__)
-
-        def live(mutant: Mutant, lines=lines, times=times, everything=everything) -> bool:
-            tests = sorted(lines.get(mutant.line) or everything, key=lambda test: times.get(test, 0.0))
-            return survives(mutant, tests, LEAST_s + TIMES * sum(times.get(test, 0.0) for test in tests))
-
-        broken = Mutant(target, "", 0, 0, "", "", "raise RuntimeError\n")
-        assert not survives(broken, everything[:5], 120.0), f"{target}: the tests do not run the mutants"
-        began_s = time.monotonic()
-        with ThreadPoolExecutor(options.jobs) as pool:
-            alive = list(pool.map(live, found))
-        left = [mutant for mutant, lives in zip(found, alive) if lives]
-        survivors += left
-        print(
-            f"{target}: {len(found)} mutants, {len(left)} not noticed, {time.monotonic() - began_s:.0f} s", flush=True
-        )
+        lives = findings.of(target)
+        if time.monotonic() < ends_s and any(_key(mutant) not in lives for mutant in found):
+            _try(target, [mutant for mutant in found if _key(mutant) not in lives], lives, options.jobs, ends_s)
+            findings.save()
+        left = [mutant for mutant in found if lives.get(_key(mutant))]
+        living += len(left)
+        tried = sum(_key(mutant) in lives for mutant in found)
+        print(f"{target}: {tried} of {len(found)} mutants, {len(left)} not noticed", flush=True)
         for mutant in left:
             print(f"  {target}.py:{mutant.line} [{mutant.operator}] {mutant.words}", flush=True)
-    if options.out:
-        options.out.write_text(
-            json.dumps(
-                [[m.target, m.line, m.operator, m.before, m.after] for m in survivors], indent=1, ensure_ascii=False
-            )
-        )
-    return 1 if survivors else 0
+    findings.save()
+    PAGE.write_text(_page(findings), encoding="utf-8")
+    return 1 if living else 0
+
+
+def _try(target: str, found: list[Mutant], lives: dict[str, str], jobs: int, ends_s: float) -> None:
+    """Run the tests on mutants until the time is over; what came out goes into ``lives``."""
+    lines, times = covering(target)
+    everything = sorted(times, key=times.__getitem__)
+    broken = Mutant(target, "", 0, 0, "", "", "raise RuntimeError\n")
+    assert not survives(broken, everything[:5], 120.0), f"{target}: the tests do not run the mutants"
+
+    def live(mutant: Mutant) -> None:
+        if time.monotonic() > ends_s:
+            return
+        tests = sorted(lines.get(mutant.line) or everything, key=lambda test: times.get(test, 0.0))
+        longest_s = LEAST_s + TIMES * sum(times.get(test, 0.0) for test in tests)
+        lives[_key(mutant)] = f"line {mutant.line}, `{mutant.words}`" if survives(mutant, tests, longest_s) else ""
+
+    # In an order that leaves an even sample where the time does not suffice.
+    order = random.Random(0).sample(found, len(found))
+    with ThreadPoolExecutor(jobs) as pool:
+        list(pool.map(live, order))
 
 
 if __name__ == "__main__":

@@ -52,6 +52,9 @@ _WATCH_PERIOD_s = 0.05  #: how often the watchman looks
 #: also a question, feeds a watchdog, and one that is fed never cuts.
 _QUIET_WATCHDOGS = 1.25
 _SHORTEST_WAIT_s = 0.1
+#: How long at the most a new connection waits for the watchdog of a supply that says it stays on: a slower watchdog
+#: is too slow to be waited for before anything else is tried.
+_LONGEST_TRUST_s = 2.0
 CHECK_PERIOD_s = 0.5  #: how often one of the supply's settings is read back while driving
 _OFF = Command(0.0, False)
 _SETPOINT_QUEUE = 1024
@@ -120,10 +123,10 @@ class _Link:
         """Try to open it again, not more often than the back-off allows; whether that was done.
 
         An attempt that was heard and failed is followed by ``quiet_s`` without a word, and so is a word that was heard
-        and not obeyed.
+        and not obeyed; but no longer than ``_LONGEST_TRUST_s``, for answers that are out of step may have said so.
         """
         if not self._obeys:
-            self._obeys, self._next_attempt_s = True, now_s() + quiet_s
+            self._obeys, self._next_attempt_s = True, now_s() + min(quiet_s, _LONGEST_TRUST_s)
         if now_s() < self._next_attempt_s:
             return False
         try:

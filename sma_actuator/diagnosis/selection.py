@@ -149,7 +149,7 @@ def select(
         chosen = current.candidates if current else ()
         rest = [c for c in field_ if c.name not in {x.name for x in chosen} and together((*chosen, c))]
         trials = yield [Entry((*chosen, c), current) for c in rest]
-        round_ = _decide(tuple(c.name for c in chosen), trials, held, rules)
+        round_ = _decide(tuple(c.name for c in chosen), trials, held, rules, clean)
         rounds.append(round_)
         if round_.winner is None:
             break
@@ -157,7 +157,7 @@ def select(
         if not chosen and rules.most > 1 and rules.leaders and not clean(round_.winner):
             more = yield list(_pairs(round_.trials[: rules.leaders], field_, together))
             stuck = not _take_a_pair(
-                round_, round_.winner, more, held, rules
+                round_, round_.winner, more, held, rules, clean
             )  # then no other pair holds the winner either
         current, held = round_.winner, round_.winner.losses
         if stuck or clean(current):
@@ -165,7 +165,13 @@ def select(
     return Selection(rounds, current)
 
 
-def _decide(before: tuple[str, ...], trials: Iterable[Trial], held: np.ndarray, rules: Rules) -> Round:
+def _decide(
+    before: tuple[str, ...],
+    trials: Iterable[Trial],
+    held: np.ndarray,
+    rules: Rules,
+    clean: Callable[[Trial], bool],
+) -> Round:
     """The winner, if there is one, and those that do as well."""
     least = rules.least_gain(float(held.mean()))
     judged = []
@@ -177,14 +183,19 @@ def _decide(before: tuple[str, ...], trials: Iterable[Trial], held: np.ndarray, 
     good = [t for t in judged if not t.refusal]
     if not good:
         return Round(before, judged, None)
-    return Round(before, judged, *_simplest(good, rules))
+    return Round(before, judged, *_simplest(good, rules, clean))
 
 
-def _simplest(good: Sequence[Trial], rules: Rules) -> tuple[Trial, list[Trial]]:
-    """Of the trials that earn it, best first: the simplest of those as good as the best, and the others of those."""
-    best = good[0]
+def _simplest(good: Sequence[Trial], rules: Rules, clean: Callable[[Trial], bool]) -> tuple[Trial, list[Trial]]:
+    """Of the trials that earn it, best first: the simplest of those as good as the best, and the others of those.
+
+    Where some leave nothing to be looked for, one of these wins.
+    """
+    whole = [t for t in good if clean(t)] or good
+    best = whole[0]
     alike = [t for t in good if is_alike(t, best, rules)]
-    winner = min((t for t in alike if t.gain >= rules.tie * best.gain), key=lambda t: (t.parameters, -t.gain))
+    as_good = [t for t in alike if any(t is x for x in whole) and t.gain >= rules.tie * best.gain]
+    winner = min(as_good, key=lambda t: (t.parameters, -t.gain))
     return winner, [t for t in alike if t is not winner]
 
 
@@ -207,7 +218,14 @@ def _pairs(
                 yield Entry((first, other), leader)
 
 
-def _take_a_pair(round_: Round, winner: Trial, pairs: Iterable[Trial], held: np.ndarray, rules: Rules) -> bool:
+def _take_a_pair(
+    round_: Round,
+    winner: Trial,
+    pairs: Iterable[Trial],
+    held: np.ndarray,
+    rules: Rules,
+    clean: Callable[[Trial], bool],
+) -> bool:
     """Let a pair win where each of its two earns its place over the other alone, and over the winner so far."""
     single = {t.names[0]: t for t in round_.trials}
     judged = []
@@ -221,7 +239,7 @@ def _take_a_pair(round_: Round, winner: Trial, pairs: Iterable[Trial], held: np.
     good = sorted((t for t in judged if not t.refusal), key=lambda t: -t.gain)
     if not good:
         return False
-    round_.winner, round_.alternatives = _simplest(good, rules)
+    round_.winner, round_.alternatives = _simplest(good, rules, clean)
     return True
 
 

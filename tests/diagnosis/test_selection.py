@@ -61,6 +61,13 @@ def test_what_gains_too_little_to_be_worth_a_name_is_not_chosen():
     assert chosen(World({"slip": 4.0}), ["slip"], rules).chosen.names == ("slip",)
 
 
+def test_one_that_leaves_nothing_wins_over_one_that_gains_more_and_leaves_something():
+    world = World({"slip": 4.0, "creep": 4.5})
+    selection = chosen(world, ["creep", "slip"], clean=lambda trial: trial.names == ("slip",))
+    assert selection.chosen.names == ("slip",)
+    assert [t.names for t in selection.rounds[0].alternatives] == [("creep",)]  # which could yet be it
+
+
 def test_an_objection_stands_whatever_is_gained():
     selection = chosen(World({"slip": 4.0, "creep": 3.0}, objections=("slip",)), ["creep", "slip"])
     assert selection.chosen.names == ("creep",)

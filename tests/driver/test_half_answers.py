@@ -262,7 +262,8 @@ def test_no_answer_holds_up_the_loop(driving, instrument, manner):
 
 @pytest.mark.parametrize("instrument", ["supply", "daq"])
 def test_an_answer_too_many_is_noticed_and_the_connection_made_anew(driving, instrument):
-    rig = driving()
+    # The watchdog is no slower than usual: after an opening that failed it is left in silence for so long.
+    rig = driving(**{"supply.watchdog_timeout": 1.0})
     liar = rig.liars[instrument]
     opened = liar.opened
     liar.manner = "twice"

@@ -10,6 +10,7 @@ from sma_actuator.base.signals import Mode, Quality
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock, Weight
 from sma_actuator.config import Config
 from sma_actuator.driver import Driver
+from sma_actuator.estimation.uncertainty import _interpolated
 
 
 @pytest.fixture(scope="module")
@@ -68,3 +69,10 @@ def test_without_a_calibration_nothing_is_said(make_rig):
     rig = make_rig()
     rig.enable()
     assert isnan(rig.output.estimate.uncertainty_m)
+
+
+@pytest.mark.parametrize("places", [(1e-3,), (1e-3, 2e-3), (1e-3, 1.5e-3, 4e-3)])
+def test_one_sample_is_interpolated_as_numpy_does(places):
+    values = [(7.0 * place) ** 2 for place in places]
+    for x in (0.0, 1e-3, 1.2e-3, 1.5e-3, 3.999e-3, 4e-3, 5e-3):
+        assert _interpolated(x, places, values) == pytest.approx(np.interp(x, places, values), rel=1e-12)

@@ -20,7 +20,15 @@ from sma_actuator.safety.guards.readings import (
 )
 from sma_actuator.safety.guards.setpoints import Bucket, setpoint_flood, setpoint_not_finite, setpoint_stale
 from sma_actuator.safety.guards.supply import second_commander, supply_disagrees, supply_lost, supply_tripped
-from sma_actuator.safety.guards.wire import load_spike, open_wire, short, stress_above_limit, too_hot
+from sma_actuator.safety.guards.wire import (
+    COMPLIANCE,
+    load_spike,
+    open_wire,
+    seems_open,
+    short,
+    stress_above_limit,
+    too_hot,
+)
 from sma_actuator.safety.records import Action, Memory, Step
 from sma_actuator.safety.supervisor import Supervisor
 from sma_actuator.safety.thermal import WireHeat
@@ -291,6 +299,20 @@ def test_a_wire_is_open_at_the_compliance_voltage_with_little_current_in_two_ste
     assert bool(said(open_wire, step(**both))) is is_open
     assert said(open_wire, step(memory=memory)) == ""
     assert said(open_wire, step(**both)) == ""  # two running, counted anew
+
+
+def test_a_load_that_grows_bit_by_bit_has_not_jumped(step, config):
+    memory = Memory(**MEMORY)
+    for number in range(1, 6):
+        heavier = replace(SIGNALS, load_N=SIGNALS.load_N + 0.9 * number * config.safety.load_spike)
+        assert said(load_spike, step(signals=heavier, memory=memory)) == ""
+
+
+def test_the_compliance_voltage_begins_at_its_share_of_the_limit(step):
+    share_V = COMPLIANCE * step().config.supply.max_voltage
+    for voltage_V, is_open in ((share_V, True), (math.nextafter(share_V, 0.0), False)):
+        changes = {"reading": replace(READING, supply_voltage_V=voltage_V), "signals__current_A": 0.0}
+        assert seems_open(step(**changes)) is is_open
 
 
 def test_an_open_wire_is_no_implausible_one(step):

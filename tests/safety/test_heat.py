@@ -153,6 +153,9 @@ def test_an_enclosed_wire_that_is_moved_to_and_fro_is_seen_and_named(wire):
                 rig.actuator.offer_setpoint(rig.now_s, position_m)
                 rig.run(15.0)
         assert (rig.status.fault == "heat_loss_wrong") == seen, (divisor, rig.status)
+        if seen:
+            shown_mm = float(re.search(r"contracted to (\S+) mm", rig.status.message)[1])
+            assert shown_mm < 1e3 * rig.config.calibration.cooling_position < 50.0 * shown_mm
 
 
 def still_air_C(wire, current_A):

@@ -33,6 +33,13 @@ UNIT_TIMES = 4.0  #: a unit lasts at least so many times as long as errors remem
 LIMIT = 3.0  #: residual, in standard deviations, above which it counts linearly (Huber)
 WORST = 30.0  #: and the largest that counts at all
 FLOOR_percent = 1.5  #: of full stroke, where the model does not say how good it was
+#: Who says, beside the displacement all along, whether an effect is there: what a wire at rest shows.
+WITNESSES = (
+    "resistance at cold rest",
+    "displacement at cold rest",
+    "resistance at hot rest",
+    "displacement at hot rest",
+)
 SPREAD = 1.25  #: standard deviation over mean absolute error
 FEWEST_CYCLES = 3  #: in all logs together
 FEWEST_UNITS = 8
@@ -158,6 +165,8 @@ class Evidence:
         rests = [int(self.unit[i][r.start]) for i, rests in enumerate(self.rests) for r in rests]
         self.unit_of_row = np.concatenate((samples, np.repeat(rests, 2).astype(int)))
         self.rows_of_samples = len(samples)
+        hot = np.array([r.hot for rests in self.rests for r in rests], dtype=int)
+        self._witness = np.repeat(2 * hot, 2) + np.tile((0, 1), len(hot))  # of each row of the rests, into WITNESSES
 
     def _independent(self) -> np.ndarray:
         if not self.independent_s > 0.0:
@@ -167,6 +176,11 @@ class Evidence:
             step_s = np.diff(experiment.signals.time_s, prepend=experiment.signals.time_s[0])
             lasts_s += np.bincount(unit, step_s, minlength=self.units)
         return np.maximum(lasts_s / self.independent_s, 1.0)
+
+    @property
+    def knows_its_scatter(self) -> bool:
+        """Whether the calibration says how far off every witness usually is, and so what is unusual."""
+        return self._expectation is not None
 
     @property
     def start_s(self) -> float:
@@ -317,6 +331,17 @@ class Evidence:
     def losses(self, rows: np.ndarray) -> np.ndarray:
         """Loss of every unit, shape (units,)."""
         return 0.5 * np.bincount(self.unit_of_row, rows**2, minlength=self.units)
+
+    def witnesses(self, rows: np.ndarray, units: np.ndarray) -> dict[str, float]:
+        """How far each of WITNESSES is off in some units (bool), rms in standard deviations of the calibration.
+
+        Without those of which there is nothing.
+        """
+        chosen = units[self.unit_of_row[self.rows_of_samples :]]
+        witness, off = self._witness[chosen], rows[self.rows_of_samples :][chosen]
+        number = np.bincount(witness, minlength=len(WITNESSES))
+        squares = np.bincount(witness, off**2, minlength=len(WITNESSES))
+        return {name: math.sqrt(s / n) for name, s, n in zip(WITNESSES, squares, number, strict=True) if n}
 
     def errors_percent(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """Mean absolute error of every unit, % of full stroke, shape (units,)."""

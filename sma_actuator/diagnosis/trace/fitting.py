@@ -28,6 +28,7 @@ class Fit:
     intervals: dict[str, dict[str, tuple[float, float]]]  #: 95 %, cycles taken as independent, samples not
     losses: np.ndarray  #: of every unit, by the fit to all of them, shape (units,)
     held_out: np.ndarray  #: of every unit, by a fit that has not seen it, shape (units,)
+    held_out_rows: np.ndarray  #: rows of the evidence by the same fits
     held_out_percent: np.ndarray  #: mean absolute error of every unit by the same fits, % of full stroke
     held_out_news_percent: np.ndarray  #: and what of it the calibration does not let expect
     at_bound: tuple[str, ...] = ()  #: parameters at the end of what is physically possible, or essential and nothing
@@ -146,13 +147,14 @@ def fit(
         for c in candidates
         if c.essential and intervals[c.name][c.essential][0] <= 0.0 <= intervals[c.name][c.essential][1]
     ]
-    held_out, held_out_percent, held_out_news_percent = _held_out(problem, u, J, at_u, train, folds)
+    held_out_rows, held_out_percent, held_out_news_percent = _held_out(problem, u, J, at_u, train, folds)
     return Fit(
         candidates=problem.candidates,
         values=problem.values(u),
         intervals=intervals,
         losses=losses,
-        held_out=held_out,
+        held_out=evidence.losses(held_out_rows),
+        held_out_rows=held_out_rows,
         held_out_percent=held_out_percent,
         held_out_news_percent=held_out_news_percent,
         at_bound=(*_at_bound(problem, u), *nothing),
@@ -225,9 +227,9 @@ def _scan(problem: _Problem, candidate: Candidate, u: np.ndarray, rows: np.ndarr
 
 
 def _held_out(problem: _Problem, u: np.ndarray, J: np.ndarray, at_u: np.ndarray, train: np.ndarray, folds: int):
-    """Losses and errors by fits that have not seen each unit: one Gauss–Newton step from the joint fit is as good as a new one."""
+    """Rows and errors by fits that have not seen each unit: one Gauss–Newton step from the joint fit is as good as a new one."""
     evidence = problem.evidence
-    losses = evidence.losses(at_u)
+    held_out_rows = at_u.copy()
     at = evidence.predict(problem.effects(u))
     percent, news_percent = evidence.errors_percent(at), evidence.news_percent(at)
     numbered = np.flatnonzero(train)
@@ -245,10 +247,11 @@ def _held_out(problem: _Problem, u: np.ndarray, J: np.ndarray, at_u: np.ndarray,
             moved = np.clip(u + 0.3 * np.clip(step, -2.0, 2.0), problem.low, problem.high)
             predictions = evidence.predict(problem.effects(moved))
             there = evidence.rows(predictions)
-        losses[left_out] = evidence.losses(there)[left_out]
+        hidden = np.isin(evidence.unit_of_row, left_out)
+        held_out_rows[hidden] = there[hidden]
         percent[left_out] = evidence.errors_percent(predictions)[left_out]
         news_percent[left_out] = evidence.news_percent(predictions)[left_out]
-    return losses, percent, news_percent
+    return held_out_rows, percent, news_percent
 
 
 def _intervals(problem: _Problem, u: np.ndarray, J: np.ndarray, at_u: np.ndarray, rows: np.ndarray) -> dict:

@@ -31,7 +31,7 @@ def write_page(path: Path, evidence: Evidence, tracing: Tracing, report: dict[st
         _race(page, tracing)
     if tracing.fit is not None:
         _tell_tale(page, evidence, tracing, tracing.fit.names)
-    _rests(page, evidence, tracing)
+    _rests(page, evidence, tracing, report)
     _dependence(page, report)
     _the_rest(page, report)
     page.write(path)
@@ -192,10 +192,24 @@ def _tell_tale(page: Page, evidence: Evidence, tracing: Tracing, names: Sequence
     page.figure(drawing, "The residual against the quantity that gives each effect away.")
 
 
-def _rests(page: Page, evidence: Evidence, tracing: Tracing) -> None:
+def _rests(page: Page, evidence: Evidence, tracing: Tracing, report: dict[str, Any]) -> None:
+    page.heading("The signature")
+    page.table(
+        ("witness", "off before", "off after", "usual up to", "of that explained"),
+        [
+            (
+                w["name"],
+                f"{w['off_before']:.1f}",
+                f"{w['off_after']:.1f}",
+                f"{w['usual']:.1f}",
+                "it was not unusual" if w["explained"] is None else f"{w['explained']:.0%}",
+            )
+            for w in report["witnesses"]
+        ],
+        caption="In standard deviations of the calibration (rms), on cycles that the fit had not seen.",
+    )
     if not any(evidence.rests):
         return
-    page.heading("At rest")
     drawing, axes = figure(2, 1)
     when = np.array(
         [

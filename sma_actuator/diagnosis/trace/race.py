@@ -36,8 +36,19 @@ WORTH_OF_ALL = 0.03  #: … and of what was at first
 #: What the calibration does not let expect may be at most so many times what that was off where it was not fitted: a
 #: fresh log is another log.  Beyond it the error is real.
 GATE = 1.75
-#: Clean: news within the gate, or this share of what there is beyond the floor gone.
-CLEAN_SHARE = 0.9
+#: A name leaves no more news than this times the floor, or this share of what there is beyond the floor is gone …
+CLEAN, CLEAN_SHARE = 1.45, 0.9
+#: … and has its signature: with it every witness at rest is off by no more than is usual (rms, in standard deviations of the
+#: calibration; less well known between its loads), or by no more than this share of what it was before; and one that was
+#: well stays so: within WELL, or off by at most so many times as before.
+USUAL, LEFT_SHARE = 2.25, 0.5
+WELL, WORSE = 1.25, 1.3
+MOST_NAMES = 3  #: that one effect may have: a longer list says nothing
+
+
+def usual(before: float) -> float:
+    """How far off a witness may be that was so far off before."""
+    return max(min(USUAL, max(WELL, WORSE * before)), LEFT_SHARE * before)
 
 
 @dataclass(slots=True)
@@ -59,6 +70,8 @@ class Tracing:
     gate_percent: float  #: how much of these there may be
     expected_loss: float
     share: float  #: of the excess loss that is explained
+    witnesses: dict[str, dict[str, float]]  #: how far each is off, before and after (:meth:`Evidence.witnesses`)
+    unusual: list[str]  #: those that are not as usual after
 
 
 @dataclass(frozen=True)
@@ -83,6 +96,8 @@ class Judge:
     losses: np.ndarray  #: of the model as it is, of the cycles that are held out in turn
     expected: float  #: mean loss of a cycle that is like those of the calibration
     news_percent: float  #: what of the error the calibration does not let expect
+    train: np.ndarray  #: bool, shape (units,): those cycles
+    witnesses: dict[str, float]  #: how far each is off there with the model as it is
 
     def excess(self, mean_loss: float) -> float:
         """What is lost beyond that."""
@@ -94,9 +109,20 @@ class Judge:
         return min((float(self.losses.mean()) - float(trial.losses.mean())) / before, 1.0) if before > 0.0 else 0.0
 
     def clean(self, trial: Trial) -> bool:
-        """Whether what remains is like the calibration: there are no news in the error any more, or next to none."""
+        """Whether what remains is like the calibration, in all that it shows: the signature of a name that is right."""
         floor, left = self.evidence.floor_percent, float(trial.fit.held_out_news_percent.mean())
-        return left <= max(GATE * floor, floor + (1.0 - CLEAN_SHARE) * (self.news_percent - floor))
+        gone = left <= max(CLEAN * floor, floor + (1.0 - CLEAN_SHARE) * (self.news_percent - floor))
+        return gone and not self.unusual(trial)
+
+    def unusual(self, trial: Trial) -> list[str]:
+        """Witnesses that are off by more than is usual with a trial's effects, on cycles its fits have not seen."""
+        if not self.evidence.knows_its_scatter:
+            return []
+        return [
+            name
+            for name, off in self.evidence.witnesses(trial.fit.held_out_rows, self.train).items()
+            if off > usual(self.witnesses[name])
+        ]
 
     def _worth(self, mean_loss: float) -> float:
         """What an effect must at least take off."""
@@ -133,8 +159,15 @@ def trace(
     last = max(1, round(LAST_BLOCK * evidence.units))
     train = np.arange(evidence.units) < evidence.units - last
     predictions = evidence.predict({})
-    losses, news = evidence.losses(evidence.rows(predictions))[train], evidence.news_percent(predictions)
-    judge = Judge(evidence, losses, _expected_loss(evidence), float(news.mean()))
+    rows, news = evidence.rows(predictions), evidence.news_percent(predictions)
+    judge = Judge(
+        evidence,
+        evidence.losses(rows)[train],
+        _expected_loss(evidence),
+        float(news.mean()),
+        train,
+        evidence.witnesses(rows, train),
+    )
     result = _nothing(evidence, reasons, train, judge)
     if float(result.news_percent["before"].mean()) <= result.gate_percent and not only:
         return result
@@ -181,6 +214,8 @@ def _nothing(evidence: Evidence, reasons: dict[str, str], train: np.ndarray, jud
         gate_percent=GATE * evidence.floor_percent,
         expected_loss=judge.expected,
         share=0.0,
+        witnesses={"before": judge.witnesses, "after": judge.witnesses},
+        unusual=[],
     )
 
 
@@ -206,6 +241,8 @@ def _conclude(result: Tracing, evidence: Evidence, selection: Selection, judge: 
     result.errors_percent["after"] = found.held_out_percent
     result.news_percent["after"] = found.held_out_news_percent
     result.share = judge.share(selection.chosen)
+    result.witnesses["after"] = evidence.witnesses(found.held_out_rows, result.train)
+    result.unusual = judge.unusual(selection.chosen)
     result.alternatives = _alternatives(result.rounds, found)
 
 
@@ -228,14 +265,15 @@ def _expected_loss(evidence: Evidence) -> float:
 
 
 def _alternatives(rounds: list[Round], current: Fit) -> dict[str, Trial]:
-    """Names that would do as well for one of the effects found."""
+    """Names that would do as well for one of the effects found; the best of them."""
     out: dict[str, Trial] = {}
     for r in rounds:
         for t in r.alternatives:
             others = [n for n in t.names if n not in current.names]
             if len(others) == 1:
                 out.setdefault(others[0], t)
-    return out
+    best = sorted(out, key=lambda name: out[name].losses.mean())[: MOST_NAMES - 1]
+    return {name: out[name] for name in out if name in best}
 
 
 def of_the_model(names: Sequence[str]) -> list[str]:

@@ -20,7 +20,7 @@ from .analysis import anatomy
 from .evidence import Evidence
 from .experiments import best_experiment
 from .fitting import Fit, fit
-from .race import Tracing, of_the_model
+from .race import USUAL, Tracing, of_the_model, usual
 
 DRAWS = 1000
 DEPENDS = 0.1  #: share of the residual's mean square from which a dependence is worth naming
@@ -33,11 +33,13 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
     last = ~tracing.train
     left = anatomy(evidence, tracing.predictions["after"])
     at_first = anatomy(evidence, tracing.predictions["before"])
+    alternatives = _alternatives(evidence, tracing)
     out: dict[str, Any] = {
         "verdict": tracing.verdict,
-        "sentence": sentence(tracing, left.depends),
+        "sentence": sentence(tracing, left.depends, alternatives),
         "effects": _effects(evidence, tracing),
-        "alternatives": _alternatives(evidence, tracing),
+        "alternatives": alternatives,
+        "witnesses": _witnesses(tracing),
         "untestable": [{"name": name, "reason": why} for name, why in tracing.untestable.items()],
         "error_before_pct_stroke": _mean(before, weight),
         "error_before_interval": _interval(before, weight),
@@ -91,8 +93,8 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
     return _plain(out)
 
 
-def sentence(tracing: Tracing, depends: dict[str, float]) -> str:
-    """The verdict in words."""
+def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence[dict[str, Any]]) -> str:
+    """The verdict as a colleague would say it: what it is, how sure that is, what to do next."""
     if tracing.verdict == "none" and tracing.gate_percent == 0.0:
         return "No candidate takes anything off this error on cycles that it has not seen."
     if tracing.verdict == "none":
@@ -102,7 +104,7 @@ def sentence(tracing: Tracing, depends: dict[str, float]) -> str:
         )
     names = list(tracing.fit.names) if tracing.fit else []
     if tracing.verdict == "traced":
-        return _said(tracing, names)
+        return _said(tracing, names, alternatives)
     most = [name for name, share in depends.items() if share >= DEPENDS][:3]
     text = "There is an error that no candidate explains"
     text += (
@@ -111,10 +113,20 @@ def sentence(tracing: Tracing, depends: dict[str, float]) -> str:
         else "; it depends on nothing that was looked at."
     )
     if names:
+        text += f" {' and '.join(names)} would take off part of it (that is the error after), and may be the wrong name"
         text += (
-            f" {' and '.join(names)} would take off part of it (that is the error after), and may be the wrong name."
+            f": with it {_listed(tracing.unusual)} would be off as never at the calibration."
+            if tracing.unusual
+            else "."
         )
+    if tracing.untestable:
+        lacking = "; ".join(f"{name} ({why})" for name, why in tracing.untestable.items())
+        text += f" It may be what these logs could not have shown: {lacking}."
     return text
+
+
+def _listed(words: Sequence[str]) -> str:
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 #: What to do next, by the part in which the fault lies.
@@ -127,14 +139,39 @@ NEXT = {
 }
 
 
-def _said(tracing: Tracing, names: Sequence[str]) -> str:
-    """What a colleague would say of effects that were found: what it is, how sure, what to do next."""
+def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[str, Any]]) -> str:
     before, after = (float(tracing.news_percent[w].mean()) for w in ("before", "after"))
     what = "; and ".join(f"{EFFECTS[n].WORDS} ({n})" for n in names)
-    text = f"{what[0].upper()}{what[1:]}: that explains {1.0 - after / before:.0%} of what is unusual in these logs."
-    if tracing.alternatives:
-        text += f" It could as well be {' or '.join(tracing.alternatives)}; the experiment beside each would tell."
+    text = f"{what[0].upper()}{what[1:]}: that explains {1.0 - after / before:.0%} of what is unusual in these logs"
+    mended = [name for name, off in tracing.witnesses["before"].items() if off > USUAL]
+    text += (
+        f", and {_listed(mended)} {'is' if len(mended) == 1 else 'are'} as at the calibration with it."
+        if mended
+        else "."
+    )
+    if alternatives:
+        text += f" It could as well be {' or '.join(a['name'] for a in alternatives)}. To tell: "
+        text += "; or ".join(dict.fromkeys(a["experiment"]["what"] for a in alternatives)) + "."
+    elif tracing.rounds:
+        text += " Nothing else that was tried does that."
     return f"{text} {' '.join(dict.fromkeys(NEXT[EFFECTS[n].PART] for n in names))}"
+
+
+def _witnesses(tracing: Tracing) -> list[dict[str, Any]]:
+    """How close what was found comes to its signature: each witness, with the share of what was unusual that is gone."""
+    out = []
+    for name, before in tracing.witnesses["before"].items():
+        after = tracing.witnesses["after"].get(name, before)
+        out.append(
+            {
+                "name": name,
+                "off_before": before,
+                "off_after": after,
+                "usual": usual(before),
+                "explained": 1.0 - (after / before) ** 2 if before > USUAL else None,
+            }
+        )
+    return out
 
 
 def _effects(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:

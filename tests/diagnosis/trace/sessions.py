@@ -13,6 +13,7 @@ from sma_actuator.bench import InProcessDaq, InProcessSupply, Schedule, VirtualB
 from sma_actuator.bench.hidden import HiddenBench
 from sma_actuator.characterise import PlanOptions, Rig, characterise, make_plan
 from sma_actuator.characterise.operators import BenchOperator
+from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import Drive
 from sma_actuator.config import NODE_NAME, bench_from_mapping, read_parameter_file
 from sma_actuator.identify import identify
@@ -81,7 +82,7 @@ def write_model(mapping, path):
 
 def _currents_A(config, seed):
     rng = np.random.default_rng(seed)
-    low, high, rate = config.supply.bias_current, 0.48, config.loop.rate
+    low, high, rate = config.supply.bias_current, default_heat_current_A(config), config.loop.rate
     slow_s = config.thermal.heat_capacity / config.thermal.heat_loss
     parts = [(low, 2.0)]
     for _ in range(2):

@@ -9,7 +9,7 @@ from sessions import session
 from sma_actuator.base.signals import Signals
 from sma_actuator.bench import Weight
 from sma_actuator.config import Config
-from sma_actuator.diagnosis.trace import Evidence, trace
+from sma_actuator.diagnosis.trace import Evidence, race, trace
 from sma_actuator.diagnosis.trace.analysis import quantities
 from sma_actuator.diagnosis.trace.candidates import candidate, scales_of
 from sma_actuator.diagnosis.trace.evidence import LIMIT, limited
@@ -44,7 +44,7 @@ def test_where_nothing_is_hidden_nothing_is_found(clean):
     ("hidden", "parameter", "value"),
     [
         ({"voltage_offset": 0.004}, "offset", 0.004),
-        ({"slip": 2e-4}, "length", 2e-4),
+        ({"slip": 4e-4}, "length", 4e-4),
         ({"backlash": 2.5e-4}, "width", 2.5e-4),
         ({"elastic_compliance": 1e-4}, "compliance", 1e-4),
         ({"load_cell_gain": 0.3}, "gain", 0.3),
@@ -74,6 +74,22 @@ def test_two_effects_are_both_found(wire, config):
 )
 def test_what_has_no_name_stays_without(wire, config, hidden):
     assert traced(wire, config, hidden).verdict == "unexplained"
+
+
+def test_a_name_needs_its_signature_however_well_it_fits(wire, config, monkeypatch):
+    """A lead moves R at rest, cold and hot, and not δ; a slip does the opposite, so it is not the name, whatever it mends."""
+    evidence = Evidence(session(wire[0], {"lead_resistance": 0.03}), config)
+    monkeypatch.setattr(race, "CLEAN", 100.0)  # any residual will do
+    right, wrong = (trace(evidence, only=[name], jobs=1) for name in ("lead_resistance", "slip"))
+    assert right.verdict == "traced" and not right.unusual
+    assert (
+        right.witnesses["before"]["resistance at cold rest"]
+        > 4.0
+        > 2.0
+        > right.witnesses["after"]["resistance at cold rest"]
+    )
+    assert wrong.verdict == "unexplained"
+    assert {"resistance at cold rest", "displacement at cold rest"} <= set(wrong.unusual)
 
 
 def test_a_fault_of_the_reference_is_not_put_into_the_model(wire, config):
