@@ -24,9 +24,9 @@ from sma_actuator.safety.supervisor import Supervisor
 from .programs import Program
 
 #: The wire stays below max_temperature even where it loses this many times less heat than thermal.heat_loss: that is a
-#: guess at a new bench, wrong by two perhaps, and a wire that hangs vertically loses a fifth less.  Not more, where
-#: thermal.heat_loss_margin says more: it hangs in the open, and is looked at.
-ATTENDED_MARGIN = 2.5
+#: guess at a new bench, wrong by two perhaps.  Not more, where thermal.heat_loss_margin says more: it hangs in the open,
+#: and is looked at; and a wire that gets no warmer would not contract wholly, which is what is to be measured.
+ATTENDED_MARGIN = 2.0
 #: Share of the way from the surroundings to max_temperature below which a wire is cool.
 COOL = 0.1
 _LOOK_s = 0.1

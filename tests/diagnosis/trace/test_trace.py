@@ -44,7 +44,7 @@ def test_where_nothing_is_hidden_nothing_is_found(clean):
     ("hidden", "parameter", "value"),
     [
         ({"voltage_offset": 0.004}, "offset", 0.004),
-        ({"slip": 4e-4}, "length", 4e-4),
+        ({"slip": 2e-4}, "length", 2e-4),
         ({"backlash": 2.5e-4}, "width", 2.5e-4),
         ({"elastic_compliance": 1e-4}, "compliance", 1e-4),
         ({"load_cell_gain": 0.3}, "gain", 0.3),
