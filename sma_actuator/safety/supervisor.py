@@ -21,8 +21,6 @@ from .thermal import WireHeat, derated_limit_A
 from .timing import SETTLING_READINGS, SETTLING_TIME_s
 
 _OFF = Command(0.0, False)
-#: The gravest first.
-_LOOKING = tuple(fault for fault in FAULTS.values() if isinstance(fault, Guard) and fault.each_step)
 
 
 class Supervisor:
@@ -36,6 +34,8 @@ class Supervisor:
         self.heat = WireHeat(config.thermal)
         self._resistance_Ohm = nan  #: of wire and leads
         self.memory = Memory()  #: of the guards
+        #: Those that look at every step, the gravest first.
+        self._looking = [fault for fault in FAULTS.values() if isinstance(fault, Guard) and fault.each_step]
         self._enabled_s = nan
         self._good_readings = 0
         self._stress_cap_A = inf
@@ -79,7 +79,7 @@ class Supervisor:
         if step.reading is not None and step.driven:
             self._good_readings += 1
         self.present = {}
-        for guard in _LOOKING:
+        for guard in self._looking:
             if guard.name not in but and (detail := guard.look(step)):
                 self.present[guard] = detail
         found = {f: d for f, d in self.present.items() if step.driven or f.while_off or not f.latches}
@@ -125,8 +125,7 @@ class Supervisor:
         if invalid:
             self.latch(command_invalid, invalid)
             return _OFF, limits
-        max_A, derated_A = self.config.supply.max_current, self._derated_A()
-        limit_A = min(derated_A, self._stress_cap_A)
+        max_A, limit_A, derated_A = self.config.supply.max_current, self.limit_A(), self._derated_A()
         if any(fault.action is Action.BIAS for fault in faults):
             limit_A = min(limit_A, self.config.supply.bias_current)
         if wanted_A >= derated_A < max_A:
