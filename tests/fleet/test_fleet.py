@@ -9,6 +9,7 @@ import dying
 import pandas
 import pytest
 import yaml
+from joblib.externals.loky import get_reusable_executor
 
 from sma_actuator.cli.main import main
 from sma_actuator.config import NODE_NAME
@@ -102,6 +103,7 @@ def test_a_worker_that_is_killed_loses_nothing_and_changes_no_result(where, buck
     monkeypatch.setenv(dying.MARK, str(tmp_path / "died"))
     table = tmp_path / "table.parquet"
     if where == "processes":
+        get_reusable_executor().shutdown(wait=True)  # those of an earlier test have the environment of then
         assert replay(bucket, table, "--jobs", "2") == 0
     else:
         distributed = pytest.importorskip("distributed")
