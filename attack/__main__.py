@@ -45,16 +45,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in TITLES if options.what == "all" else (options.what,):
         work += [(name, unit) for unit in _units(name, options)]
     VirtualBench.from_name("flexinol").advance(0.01)  # compiled once, before many want it at the same time
-    began_s = time.monotonic()
     writes = options.what == "all" or options.write or options.into is not None
-    before, before_s = _kept(options.into)
+    before = _kept(options.into)
     results: dict[str, Result] = before
     for new in _run(work, options.jobs, options.minutes):
-        results, took_s = _together(before, new), before_s + time.monotonic() - began_s
+        results = _together(before, new)
         if options.into is not None:
-            _keep(options.into, results, took_s)
+            _keep(options.into, results)
         if writes:  # after every part, so that an attack that is interrupted has its page
-            PAGE.write_text(page(results, took_s), encoding="utf-8")
+            PAGE.write_text(page(results), encoding="utf-8")
     whole = Result()
     for name, result in results.items():
         print(f"{TITLES[name]}: {dict(result.counts)}\n  worst: {result.worst}\n{result.verdict()}", flush=True)
@@ -64,17 +63,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 1 if whole.violations else 0
 
 
-def _kept(path: Path | None) -> tuple[dict[str, Result], float]:
-    """What earlier runs have brought home, and how long they took [s]."""
+def _kept(path: Path | None) -> dict[str, Result]:
+    """What earlier runs have brought home."""
     if path is None or not path.exists():
-        return {}, 0.0
+        return {}
     document = json.loads(path.read_text(encoding="utf-8"))
-    return {name: Result.from_mapping(kept) for name, kept in document["results"].items()}, document["took_s"]
+    return {name: Result.from_mapping(kept) for name, kept in document.items()}
 
 
-def _keep(path: Path, results: dict[str, Result], took_s: float) -> None:
+def _keep(path: Path, results: dict[str, Result]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    document = {"took_s": took_s, "results": {name: result.to_mapping() for name, result in results.items()}}
+    document = {name: result.to_mapping() for name, result in results.items()}
     path.write_text(json.dumps(document, indent=1), encoding="utf-8")
 
 
@@ -138,7 +137,7 @@ def _run(work: list[tuple[str, tuple]], jobs: int, minutes: float) -> Iterator[d
             yield results
 
 
-def page(results: dict[str, Result], took_s: float) -> str:
+def page(results: dict[str, Result]) -> str:
     """docs/attack.md."""
     commit = subprocess.run(
         ["git", "rev-parse", "--short", "HEAD"], cwd=PAGE.parent, capture_output=True, text=True, check=False
@@ -146,7 +145,8 @@ def page(results: dict[str, Result], took_s: float) -> str:
     lines = [
         "# The attack",
         "",
-        f"Written by `make attack` on {datetime.date.today().isoformat()}, at commit {commit or 'unknown'}, in {took_s / 60:.0f} minutes.",
+        "Written by `make attack`, or in stretches that are kept (`python -m attack WHAT --into FILE`).",
+        f"The last was on {datetime.date.today().isoformat()} at commit {commit or 'unknown'}.",
         "",
         "An attacker that does everything which instruments, operating systems and ROS 2 can do, at random, and a judge that",
         "knows only [docs/faults.md](faults.md), the parameter file and what is true on the virtual bench: its temperature,",
