@@ -137,7 +137,7 @@ def test_a_full_queue_drops_rows_counts_them_and_never_waits(config, monkeypatch
     assert 100 - 6 <= recorder.dropped_rows <= 100 - 5  # one row may already be with the writer
     release.set()
     recorder.close()
-    assert len(read_bench_log(_files(config)[0].path)) == 100 - recorder.dropped_rows
+    assert len(read_bench_log(_files(config)[0].path, allow_gaps=True)) == 100 - recorder.dropped_rows
 
 
 def test_numbers_come_back_to_the_bit(config):
