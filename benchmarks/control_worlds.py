@@ -22,7 +22,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -337,6 +337,17 @@ def table_of(found: Iterable[Found]) -> Table:
     return table
 
 
+def prepared(pairs: Sequence[Any], run_one: Callable[[Any], Any], cases: Sequence[Any], jobs: int) -> list[Any]:
+    """What each case comes to, once the models of all pairs are there; in so many processes."""
+    if jobs == 1:
+        for pair in pairs:
+            prepare(pair)
+        return [run_one(case) for case in cases]
+    with ProcessPoolExecutor(jobs) as pool:
+        list(pool.map(prepare, pairs))
+        return list(pool.map(run_one, cases))
+
+
 def main() -> int:
     """Print the table; returns 0."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -353,14 +364,7 @@ def main() -> int:
     args = parser.parse_args()
     pairs = [(physics, wire, " ".join(args.model)) for physics in args.physics for wire in args.wire]
     wanted = cases(args)
-    if args.jobs == 1:
-        for pair in pairs:
-            prepare(pair)
-        results = [run(case) for case in wanted]
-    else:
-        with ProcessPoolExecutor(args.jobs) as pool:
-            list(pool.map(prepare, pairs))
-            results = list(pool.map(run, wanted))
+    results = prepared(pairs, run, wanted, args.jobs)
     Console().print(table_of(results))
     if args.json:
         rows = [{**asdict(replace(f, series={})), "case": asdict(f.case)} for f in results]

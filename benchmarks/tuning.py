@@ -16,11 +16,10 @@ from __future__ import annotations
 
 import argparse
 import json
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from control_worlds import LOADS, Case, identified, prepare
+from control_worlds import LOADS, Case, identified, prepared
 from control_worlds import run as run_case
 from rich.console import Console
 from rich.table import Table
@@ -150,14 +149,7 @@ def main() -> int:
     args = parser.parse_args()
     pairs = [(physics, wire, MODEL) for physics in args.physics for wire in args.wire]
     jobs = [(physics, wire, load) for physics, wire, _ in pairs for load in args.load]
-    if args.jobs == 1:
-        for pair in pairs:
-            prepare(pair)
-        found = [run(job) for job in jobs]
-    else:
-        with ProcessPoolExecutor(args.jobs) as pool:
-            list(pool.map(prepare, pairs))
-            found = list(pool.map(run, jobs))
+    found = prepared(pairs, run, jobs, args.jobs)
     Console().print(table_of(found))
     worst = max(found, key=lambda f: max(f.steps, f.sine))
     print(

@@ -16,10 +16,8 @@ from .ranges import determinate_interval_m, distinct_stresses, full_cycles
 
 LOSS_SCALE = 0.01  #: residual, as a share of the full stroke, above which it counts linearly
 FOLDS = 3
-LOG_RATE = (
-    np.log(0.1),
-    np.log(1000.0),
-)  #: of a transition rate [1/Ω]; a transition narrower than a milliohm drowns in noise
+#: Of a transition rate [1/Ω]; a transition narrower than a milliohm drowns in noise.
+LOG_RATE = (np.log(0.1), np.log(1000.0))
 #: Samples of all experiments together that a fit sees at the most; of more, those between two changes of the branch are thinned.
 MOST_SAMPLES = 20_000
 BOOTSTRAP_SAMPLES = 300

@@ -18,9 +18,8 @@ from sma_actuator.logs.bench_log import BenchLog, uncalibrated_resistance_and_cu
 from .experiments import NOT_FITTED, Experiment, IdentificationError, cycles_of, judged_rows, make_experiment, sessions
 
 FULL, PARTIAL, MANY = "pulses", "partial", "fatigue"
-HELD = (
-    "levels"  #: currents held one after the other: partial cycles that are never cut, since each stands on those before
-)
+#: Currents held one after the other: partial cycles that are never cut, since each stands on those before.
+HELD = "levels"
 LEFT_OUT = "cycles_left_out"  #: in the metadata of an experiment: how many full cycles its log has beside those that are fitted
 SAME_LOAD = 0.05  #: relative difference of stress below which two loads count as one
 _WINDOW_s = 1.0  #: over which a load is steady or not

@@ -30,8 +30,7 @@ class _Coefficients:
 
     def mismatches(self, wire: Wire) -> list[str]:
         """Why these coefficients do not suit ``wire``."""
-        name = next(name for name, cls in COEFFICIENTS.items() if cls is type(self))
-        return [*wrong_alloy(name, wire), *wrong_ranges(stress_range=self.stress_range)]
+        return [*wrong_alloy(COEFFICIENTS.name_of(type(self)), wire), *wrong_ranges(stress_range=self.stress_range)]
 
 
 @dataclass(frozen=True, slots=True)
