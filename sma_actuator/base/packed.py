@@ -51,7 +51,7 @@ def unpacked(section: Mapping[str, Any], name: str) -> dict[str, Any]:
         content = zlib.decompressobj()
         text = content.decompress(base64.b64decode("".join(word.split()), validate=True), MOST_BYTES)
         lists = json.loads(text) if content.eof else None
-    except (binascii.Error, zlib.error, ValueError) as error:
+    except (binascii.Error, zlib.error, ValueError, RecursionError) as error:
         raise damaged from error
     if not isinstance(lists, dict):
         raise damaged

@@ -1,5 +1,8 @@
 """The tables of a calibration as one word in a parameter file."""
 
+import base64
+import zlib
+
 import pytest
 import yaml
 from hypothesis import given
@@ -37,8 +40,9 @@ def test_a_table_that_stands_there_by_its_name_counts_first():
         lambda word: "",
         lambda word: 12,
         lambda word: [word],
+        lambda word: base64.b64encode(zlib.compress(b"[" * 100_000)).decode(),
     ],
-    ids=["cut", "one letter", "no base64", "empty", "a number", "a list"],
+    ids=["cut", "one letter", "no base64", "empty", "a number", "a list", "nested without end"],
 )
 def test_a_damaged_word_is_refused_in_a_sentence(make_config, damage):
     mapping = make_config()
