@@ -618,6 +618,12 @@ class Actuator:
     def _words_of(self, latched: Fault) -> str:
         return f"{latched.words} ({self._supervisor.detail})"
 
+    def _limited_setpoint_m(self) -> float:
+        """How far the setpoint is followed by now; NaN before the controller has begun, and where it has no position."""
+        if self._commanding.anew or not self._commanding.wants_position:
+            return nan
+        return self._controller.reference_m if self._tuning is None else self._tuning.setpoint_m
+
     def _joint_command_words(self) -> str:
         if self._joint_commands == "followed" and not self._commanding.armed:
             return "not followed any more"
@@ -657,7 +663,7 @@ class Actuator:
                 "temperature_C": supervisor.heat.temperature_C,
                 "temperature_at_most_C": supervisor.heat.at_most_C,
                 "current_limit_A": supervisor.limit_A(),
-                "limited_setpoint_m": self._controller.reference_m if self._commanding.is_driven else nan,
+                "limited_setpoint_m": self._limited_setpoint_m(),
                 "branch": estimate.branch.name.lower(),
                 "quality": estimate.quality.name.lower(),
                 "joint_commands": self._joint_command_words(),

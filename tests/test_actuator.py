@@ -91,6 +91,18 @@ class TestEnable:
         assert math.isnan(rig.status.values["displacement_m"]) and math.isnan(rig.status.values["uncertainty_m"])
 
 
+def test_until_the_controller_has_begun_nobody_is_told_where_the_wire_is_sent(rig):
+    for _ in range(2):  # the second time there is one of the time before
+        assert rig.actuator.enable(rig.now_s, True)[0]
+        rig.step()
+        assert rig.status.mode is Mode.HOLD
+        assert math.isnan(rig.status.values["limited_setpoint_m"])
+        rig.run(1.0)
+        assert rig.status.values["limited_setpoint_m"] == rig.output.setpoint_m
+        rig.actuator.enable(rig.now_s, False)
+        rig.run(1.0)
+
+
 def test_a_setpoint_is_reached(rig):
     rig.enable()
     rig.track(0.0025)

@@ -47,7 +47,9 @@ class PluginDouble:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._period_s = 1.0 / rate_Hz
-        self._trajectory = None  #: start [s], position there [m], duration [s], goal [m]; a hold has no duration
+        #: Updates of it so far, position at its start [m], duration [s], goal [m]; a hold has no duration.  It advances
+        #: with the updates, not with the clock: a machine that pauses makes it later, and no command of it leaps.
+        self._trajectory = None
         self.path_error_m = 0.0
         self.sent_m: list[float] = []  #: every command since the goal
         self._ended = threading.Event()
@@ -63,11 +65,11 @@ class PluginDouble:
         """A goal of the trajectory controller: from the state, in a straight line."""
         self.path_error_m = 0.0
         self.sent_m = []
-        self._trajectory = (time.monotonic(), self.position_m, duration_s, goal_m)
+        self._trajectory = (0, self.position_m, duration_s, goal_m)
 
     def hold(self, position_m: float) -> None:
         """A controller that commands one position."""
-        self._trajectory = (time.monotonic(), position_m, 0.0, position_m)
+        self._trajectory = (0, position_m, 0.0, position_m)
 
     def close(self) -> None:
         """As a killed controller manager: silence."""
@@ -98,8 +100,9 @@ class PluginDouble:
     def _update(self):
         if self._trajectory is None:
             return
-        start_s, from_m, duration_s, goal_m = self._trajectory
-        share = min((time.monotonic() - start_s) / duration_s, 1.0) if duration_s else 1.0
+        updates, from_m, duration_s, goal_m = self._trajectory
+        self._trajectory = (updates + 1, from_m, duration_s, goal_m)
+        share = min(updates * self._period_s / duration_s, 1.0) if duration_s else 1.0
         wanted_m = self.command[f"{self.joints[0]}/position"] = from_m + share * (goal_m - from_m)
         self.path_error_m = max(self.path_error_m, abs(wanted_m - self.position_m))
 

@@ -38,6 +38,12 @@ def _says(client, words, **wanted):
     )
 
 
+def _followed_m(client, signals):
+    """Wait for a signal that says where the wire is sent, and say where."""
+    client.spin_until(lambda: math.isfinite(signals_from(signals[-1])["limited_setpoint_m"]), what="a followed setpoint")
+    return signals_from(signals[-1])["limited_setpoint_m"]
+
+
 def test_a_controller_manager_drives_the_wire_without_a_jump_and_its_death_is_seen(
     start_bench, make_config, start_node, client, plugin
 ):
@@ -60,7 +66,7 @@ def test_a_controller_manager_drives_the_wire_without_a_jump_and_its_death_is_se
     assert bench.truth()[0] == pytest.approx(start_m, abs=2e-4)
 
     # A goal begins at the state: it is followed, with the first command near the wire.
-    held_m = signals_from(signals[-1])["limited_setpoint_m"]
+    held_m = _followed_m(client, signals)
     signals.clear()
     plugin.go(0.0025, duration_s=3.0)
     _says(client, "followed", mode=Mode.TRACKING)
@@ -68,7 +74,8 @@ def test_a_controller_manager_drives_the_wire_without_a_jump_and_its_death_is_se
     assert bench.truth()[0] == pytest.approx(0.0025, abs=4e-4)
     # The wire was sent along what this goal commanded, never towards what stood there before.  (How far two setpoints
     # lie apart in time says what the machine was doing, not the driver.)
-    followed_m = [m for message in signals if math.isfinite(m := signals_from(message)["limited_setpoint_m"])]
+    followed_m = [signals_from(message)["limited_setpoint_m"] for message in signals]
+    assert all(map(math.isfinite, followed_m))
     assert abs(plugin.sent_m[0] - held_m) < 2e-4
     assert min(plugin.sent_m) - 1e-6 <= min(followed_m) < held_m - 1e-4
     assert max(followed_m) < max(held_m, *plugin.sent_m) + 1e-6
