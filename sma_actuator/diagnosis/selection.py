@@ -65,6 +65,7 @@ class Entry:
 
     candidates: tuple[Any, ...]
     start: Trial | None  #: of some of them, to begin from
+    sketch: bool = False  #: whether it is enough to know about how well they do
 
 
 @dataclass
@@ -103,7 +104,8 @@ class Rules:
     worst_rise: float = inf  #: no unit may lose so much more: what is really there is there in all of them
     alike: float = 0.0  #: share of a gain within which two count as alike, even where their units tell them apart
     tie: float = 0.0  #: the simplest of those alike wins, if it has this share of the best's gain
-    leaders: int = 0  #: so many of the best single ones are tried with every other
+    leaders: int = 0  #: so many of the best single ones are tried with every other …
+    sketched: int = 0  #: … and, where this is not 0, so many of these pairs in earnest: those that do best in a sketch
     most: int = 1  #: candidates chosen at the most
     unit: str = "cycle"  #: what a unit is called
 
@@ -155,7 +157,12 @@ def select(
             break
         stuck = False
         if not chosen and rules.most > 1 and rules.leaders and not clean(round_.winner):
-            more = yield list(_pairs(round_.trials[: rules.leaders], field_, together))
+            pairs = list(_pairs(round_.trials[: rules.leaders], field_, together))
+            if 0 < rules.sketched < len(pairs):
+                sketches = yield [replace(pair, sketch=True) for pair in pairs]
+                order = np.argsort([sketch.losses.mean() for sketch in sketches], kind="stable")
+                pairs = [pairs[i] for i in order[: rules.sketched]]
+            more = yield pairs
             stuck = not _take_a_pair(
                 round_, round_.winner, more, held, rules, clean
             )  # then no other pair holds the winner either

@@ -218,6 +218,11 @@ class Chain:
         return tuple((getattr(effect, stage), state) for effect, state in self._effects if hasattr(effect, stage))
 
     @property
+    def effects(self) -> tuple[Effect, ...]:
+        """The effects that act in it, in their order."""
+        return tuple(effect for effect, _ in self._effects)
+
+    @property
     def displacement_range_m(self) -> tuple[float, float]:
         """The model's working range [m]."""
         return self._model.displacement_range_m

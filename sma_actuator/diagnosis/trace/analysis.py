@@ -13,6 +13,7 @@ from .evidence import Evidence, Prediction
 BINS = 10
 POWER_LAGS_s = (1.0, 10.0, 100.0)
 WINDOW_s = 0.3
+BLOCKED = ("time_s", "cycle")  #: quantities that go with the cycle itself
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,13 +68,31 @@ def anatomy(evidence: Evidence, predictions: Sequence[Prediction]) -> Anatomy:
     unit = evidence.unit_of_row[: evidence.rows_of_samples]
     seen = unit % 2 == 0
     values = quantities(evidence, predictions)
-    depends = {name: _share(error_m, _bins(v), seen, blocked=name in ("time_s", "cycle")) for name, v in values.items()}
+    depends = {name: _share(error_m, _bins(v), seen, blocked=name in BLOCKED) for name, v in values.items()}
     place = _bins(values["displacement_m"]) * 2 + (values.get("branch", np.zeros(len(unit))) > 0.5)
     return Anatomy(
         noise_percent(evidence, predictions),
         _share(error_m, place, seen),
         dict(sorted(depends.items(), key=lambda item: -item[1])),
     )
+
+
+def size(evidence: Evidence, rows: np.ndarray, units: np.ndarray) -> float:
+    """Mean square of a residual in some units (bool), in the calibration's variances; ``rows`` as of :meth:`Evidence.rows`."""
+    return float(np.mean(_errors(evidence, rows, units) ** 2))
+
+
+def _errors(evidence: Evidence, rows: np.ndarray, units: np.ndarray) -> np.ndarray:
+    chosen = units[evidence.unit_of_row[: evidence.rows_of_samples]]
+    return (rows[: evidence.rows_of_samples] / evidence.sample_weight)[chosen]
+
+
+def bend(evidence: Evidence, rows: np.ndarray, values: np.ndarray, units: np.ndarray, blocked: bool) -> float:
+    """How much of :func:`size` goes with a quantity, whose ``values`` are those of the samples compared."""
+    unit = evidence.unit_of_row[: evidence.rows_of_samples]
+    chosen = units[unit]
+    error = _errors(evidence, rows, units)
+    return _share(error, _bins(values[chosen]), unit[chosen] % 2 == 0, blocked) * float(np.mean(error**2))
 
 
 def noise_percent(evidence: Evidence, predictions: Sequence[Prediction]) -> float:

@@ -14,9 +14,8 @@ from sma_actuator.estimation.effects import EFFECTS, Effect
 from sma_actuator.estimation.effects.free import Free, Scales
 from sma_actuator.estimation.effects.load_cell import LoadCellGain
 
-from .evidence import Evidence
+from .evidence import LOADS_DIFFER, Evidence
 
-LOADS_DIFFER = 0.1  #: spread of the load, over the load
 FEELS_STRESS = 1e-3  #: of full stroke: what a tenth more load must move the model by
 PARTIAL = 0.85  #: of the largest cycle's stroke, below which a cycle is partial …
 PARTIAL_SHARE = 0.05  #: … and the share of such cycles from which the logs count as having them
@@ -104,11 +103,6 @@ class Candidate:
     def effect(self) -> type[Effect]:
         """What it says of itself."""
         return EFFECTS[self.name]
-
-    @property
-    def essential(self) -> str:
-        """Name of a size parameter without which it is not this effect."""
-        return self.effect.ESSENTIAL
 
     @property
     def scanned(self) -> str:

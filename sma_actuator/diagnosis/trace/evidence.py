@@ -1,8 +1,9 @@
 """What logs with a true displacement say about a model with some effects in it.
 
-Two kinds of witness: the residual of the displacement through the whole chain, and R and δ where
-the wire stands still.  Both are measured against what the model left at its calibration, which is
-frozen, and both are weighted by how well they repeated there.
+Three kinds of witness: the residual of the displacement through the whole chain, R and δ where the wire
+stands still, and, where the wire pulls a spring, the load against the displacement.  The first two are measured
+against what the model left at its calibration, which is frozen, and are weighted by how well they repeated there;
+the third needs no model: a spring is straight.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from sma_actuator.config import Config
 from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain, Judged, place_of
 from sma_actuator.estimation.effects import Effect, Effects
+from sma_actuator.estimation.effects.frame import Frame, Place
 from sma_actuator.identify.expectation import Expectation
 from sma_actuator.identify.experiments import Experiment, make_experiment, sessions
 from sma_actuator.identify.rests import find_rests
@@ -33,13 +35,18 @@ UNIT_TIMES = 4.0  #: a unit lasts at least so many times as long as errors remem
 LIMIT = 3.0  #: residual, in standard deviations, above which it counts linearly (Huber)
 WORST = 30.0  #: and the largest that counts at all
 FLOOR_percent = 1.5  #: of full stroke, where the model does not say how good it was
-#: Who says, beside the displacement all along, whether an effect is there: what a wire at rest shows.
+#: Who says, beside the displacement all along, whether an effect is there: what a wire at rest shows, and a spring.
 WITNESSES = (
     "resistance at cold rest",
     "displacement at cold rest",
     "resistance at hot rest",
     "displacement at hot rest",
+    "load against displacement",
 )
+LINE = WITNESSES.index("load against displacement")
+LOADS_DIFFER = 0.1  #: spread of the load, over the load, from which it counts as changing
+SPRING = 0.9  #: correlation squared of load and displacement from which the load is that of a spring
+STRAIGHT = 0.003  #: of full stroke: how straight a spring's line is, in the mean over a unit's heating or cooling
 SPREAD = 1.25  #: standard deviation over mean absolute error
 FEWEST_CYCLES = 3  #: in all logs together
 FEWEST_UNITS = 8
@@ -54,6 +61,7 @@ class Prediction:
 
     shown_m: np.ndarray  #: displacement that the reference sensor should show
     model_m: np.ndarray  #: displacement of the strain model alone
+    sensor_m: np.ndarray  #: what it should show beyond what the load pulls at
     expected_m: np.ndarray  #: residual that is no news, of the samples that are compared (:attr:`Evidence.compared`)
     heating: np.ndarray
     resistance_Ohm: np.ndarray  #: as the strain model sees it
@@ -163,10 +171,49 @@ class Evidence:
         self.independent = np.minimum(self._independent(), per_unit)
         self.sample_weight = np.sqrt(self.independent / per_unit)[samples]
         rests = [int(self.unit[i][r.start]) for i, rests in enumerate(self.rests) for r in rests]
-        self.unit_of_row = np.concatenate((samples, np.repeat(rests, 2).astype(int)))
-        self.rows_of_samples = len(samples)
         hot = np.array([r.hot for rests in self.rests for r in rests], dtype=int)
-        self._witness = np.repeat(2 * hot, 2) + np.tile((0, 1), len(hot))  # of each row of the rests, into WITNESSES
+        self._springs = self._find_springs()
+        #: Of each sample on a spring, which half of a unit it lies in: cooling or heating.
+        halves = [2 * np.concatenate([self.unit[i] for i in logs]) + self._driven(logs) for logs in self._springs]
+        self._half = [np.unique(half, return_inverse=True) for half in halves]
+        straight = np.concatenate([half // 2 for half, _ in self._half] or [np.empty(0, dtype=int)])
+        self.unit_of_row = np.concatenate((samples, np.repeat(rests, 2).astype(int), straight))
+        self.rows_of_samples = len(samples)
+        # Of each row after those of the samples, into WITNESSES.
+        self._witness = np.concatenate(
+            (np.repeat(2 * hot, 2) + np.tile((0, 1), len(hot)), np.full(len(straight), LINE))
+        )
+
+    def _driven(self, logs: Sequence[int]) -> np.ndarray:
+        return np.concatenate([self.experiments[i].driven for i in logs])
+
+    def _find_springs(self) -> list[list[int]]:
+        """Numbers of the logs in which the wire pulls a spring; those of one session together."""
+        every = list(range(len(self.experiments)))
+        found = []
+        for logs in [every] if self.one_session else [[i] for i in every]:
+            load_N = np.concatenate([self.experiments[i].signals.load_N for i in logs])
+            measured_m = np.concatenate([self._measured_m[i] for i in logs])
+            changes = np.subtract(*np.percentile(load_N, (99.0, 1.0))) > LOADS_DIFFER * abs(np.median(load_N))
+            if changes and np.corrcoef(load_N, measured_m)[0, 1] ** 2 >= SPRING:
+                found.append(logs)
+        return found
+
+    def off_the_line(self, predictions: Sequence[Prediction]) -> np.ndarray:
+        """How far displacement and load lie off a straight line, in STRAIGHT: the mean of every heating and cooling.
+
+        What drifts or lags in sensor or load cell bends the line of a spring; what the wire does, does not.
+        """
+        out = [np.empty(0)]
+        for logs, (half, which) in zip(self._springs, self._half, strict=True):
+            true_m = np.concatenate([self._measured_m[i] - predictions[i].sensor_m for i in logs])
+            stress_Pa = np.concatenate([predictions[i].stress_Pa for i in logs])
+            good = np.isfinite(true_m + stress_Pa)
+            x, y = stress_Pa - stress_Pa[good].mean(), true_m - true_m[good].mean()
+            off_m = np.where(good, y - x * (x[good] @ y[good]) / (x[good] @ x[good]), 0.0)
+            mean_m = np.bincount(which, off_m, minlength=len(half)) / np.bincount(which, minlength=len(half))
+            out.append(mean_m / (STRAIGHT * self.full_stroke_m))
+        return np.concatenate(out)
 
     def _independent(self) -> np.ndarray:
         if not self.independent_s > 0.0:
@@ -219,6 +266,7 @@ class Evidence:
                 Prediction(
                     shown_m=p.shown_m[kept],
                     model_m=p.model_m[kept],
+                    sensor_m=(p.shown_m - p.displacement_m + _behind_the_load_m(chain, self.place, p))[kept],
                     expected_m=expected_m,
                     heating=p.branch[kept].astype(bool),
                     resistance_Ohm=p.resistance_Ohm[kept],
@@ -256,15 +304,14 @@ class Evidence:
     def rows(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """Rows of which half the squares, summed over a cycle, are that cycle's loss.
 
-        Samples first, log after log, then R and δ of every rest; each in standard deviations of the
-        calibration, Huber-limited.
+        Samples first, log after log, then R and δ of every rest, then how straight a spring is; each in standard
+        deviations, Huber-limited.
         """
         samples = [
             news_m / (SPREAD * floor_m) for news_m, floor_m in zip(self.news_m(predictions), self._floor_m, strict=True)
         ]
-        return np.concatenate(
-            (limited(np.concatenate(samples)) * self.sample_weight, limited(self.at_rest(predictions)))
-        )
+        others = np.concatenate((self.at_rest(predictions), self.off_the_line(predictions)))
+        return np.concatenate((limited(np.concatenate(samples)) * self.sample_weight, limited(others)))
 
     def news_m(self, predictions: Sequence[Prediction]) -> list[np.ndarray]:
         """Measured less shown displacement beyond what the calibration lets expect, of the samples compared, log by log."""
@@ -374,6 +421,18 @@ class Evidence:
     def samples_of_unit(self) -> np.ndarray:
         """Number of samples of every unit, shape (units,)."""
         return np.bincount(np.concatenate(self.unit), minlength=self.units)
+
+
+def _behind_the_load_m(chain: Chain, place: Place, found: Judged) -> np.ndarray:
+    """How much further the joint is, at the sensor, than what the load pulls at."""
+    behind = [effect for effect in chain.effects if effect.BEHIND_THE_LOAD]
+    if not behind:
+        return np.zeros(len(found.model_m))
+    frame = Frame.of(found.signals, float(found.time_s[0]))
+    frame.heating, frame.displacement_m = found.branch.astype(bool), found.model_m.copy()
+    for effect in behind:
+        effect.at_displacement(frame, np.full(effect.STATES, np.nan), place)  # type: ignore[attr-defined]
+    return frame.displacement_m - found.model_m
 
 
 def limited(z: np.ndarray) -> np.ndarray:

@@ -112,21 +112,7 @@ def fit(
     ``known``: a fit of some of them, to start from.  Units in ``train`` are predicted by fits to the
     other folds of ``train``; units outside it by the fit to all of ``train``.
     """
-    problem = _Problem(evidence, candidates)
-    rows = train[evidence.unit_of_row]
-    u = np.zeros(len(problem.slots))
-    new = []
-    for i, (c, f) in enumerate(problem.slots):
-        if known is not None and c.name in known.values:
-            u[i] = f.to_unit(known.values[c.name][f.name])
-        else:
-            u[i] = f.to_unit(f.starts[0]) if f.starts else 0.0
-            new.append(i)
-    for c in candidates:
-        if c.scanned and known is not None and c.name in known.values:
-            problem.scanned[c.name] = {c.scanned: known.values[c.name][c.scanned]}
-        elif c.scanned:
-            problem.scanned[c.name] = {c.scanned: _scan(problem, c, u, rows)}
+    problem, u, new, rows = _begun(evidence, candidates, train, known)
     u = _start(problem, u, new, rows)
     u = problem.solve(u, rows).x
     for c in candidates:
@@ -143,9 +129,10 @@ def fit(
     losses = evidence.losses(at_u)
     intervals = _intervals(problem, u, J, at_u, rows)
     nothing = [
-        f"{c.name}.{c.essential}"
+        f"{c.name}.{name}"
         for c in candidates
-        if c.essential and intervals[c.name][c.essential][0] <= 0.0 <= intervals[c.name][c.essential][1]
+        for name in c.effect.ESSENTIAL
+        if intervals[c.name][name][0] <= 0.0 <= intervals[c.name][name][1]
     ]
     held_out_rows, held_out_percent, held_out_news_percent = _held_out(problem, u, J, at_u, train, folds)
     return Fit(
@@ -159,6 +146,37 @@ def fit(
         held_out_news_percent=held_out_news_percent,
         at_bound=(*_at_bound(problem, u), *nothing),
     )
+
+
+def sketch(
+    evidence: Evidence, candidates: Sequence[Candidate], train: np.ndarray, known: Fit | None = None
+) -> np.ndarray:
+    """About how much ``candidates`` together would lose on each unit of ``train``: by one linear step of their sizes."""
+    problem, u, new, rows = _begun(evidence, candidates, train, known)
+    everything = [i for i, (_, f) in enumerate(problem.slots) if f.is_size or i in new]
+    return evidence.losses(problem.residual(_start(problem, u, everything, rows)))[train]
+
+
+def _begun(
+    evidence: Evidence, candidates: Sequence[Candidate], train: np.ndarray, known: Fit | None
+) -> tuple[_Problem, np.ndarray, list[int], np.ndarray]:
+    """The problem, where ``known`` lets it begin, which of its parameters are new, and its rows in ``train``."""
+    problem = _Problem(evidence, candidates)
+    rows = train[evidence.unit_of_row]
+    u = np.zeros(len(problem.slots))
+    new = []
+    for i, (c, f) in enumerate(problem.slots):
+        if known is not None and c.name in known.values:
+            u[i] = f.to_unit(known.values[c.name][f.name])
+        else:
+            u[i] = f.to_unit(f.starts[0]) if f.starts else 0.0
+            new.append(i)
+    for c in candidates:
+        if c.scanned and known is not None and c.name in known.values:
+            problem.scanned[c.name] = {c.scanned: known.values[c.name][c.scanned]}
+        elif c.scanned:
+            problem.scanned[c.name] = {c.scanned: _scan(problem, c, u, rows)}
+    return problem, u, new, rows
 
 
 def _start(problem: _Problem, u: np.ndarray, new: list[int], rows: np.ndarray) -> np.ndarray:
@@ -275,11 +293,11 @@ def _intervals(problem: _Problem, u: np.ndarray, J: np.ndarray, at_u: np.ndarray
 
 
 def _at_bound(problem: _Problem, u: np.ndarray) -> tuple[str, ...]:
+    """Parameters at an end at which the effect is not possible, or is another."""
     found = []
-    for i, (c, f) in enumerate(problem.slots):
-        span = problem.high[i] - problem.low[i]
-        if f.is_size and (
-            problem.high[i] - u[i] < 0.01 * span or (u[i] - problem.low[i] < 0.01 * span and f.low < 0.0)
-        ):
+    for (c, f), x, low, high in zip(problem.slots, u, problem.low, problem.high, strict=True):
+        near = 0.01 * (high - low)
+        ends = (("high", "low") if f.low < 0.0 else ("high",)) if f.is_size else f.other_at
+        if ("high" in ends and high - x < near) or ("low" in ends and x - low < near):
             found.append(f"{c.name}.{f.name}")
     return tuple(found)

@@ -22,12 +22,13 @@ from sma_actuator.diagnosis.selection import (
     run,
     select,
 )
-from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL
+from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL, QUANTITIES
 from sma_actuator.logs.errors import BenchLogError
 
+from .analysis import BLOCKED, bend, quantities, size
 from .candidates import Candidate, candidate, require_twins, scales_of, untestable
 from .evidence import Evidence, Prediction
-from .fitting import Fit, fit
+from .fitting import Fit, fit, sketch
 
 LAST_BLOCK = 0.15  #: share of the cycles, the latest, that is looked at once, when all is chosen
 DECISIVE = 30.0  #: fall of the loss in all cycles but the best together that needs no standard error
@@ -38,17 +39,23 @@ WORTH_OF_ALL = 0.03  #: … and of what was at first
 GATE = 1.75
 #: A name leaves no more news than this times the floor, or this share of what there is beyond the floor is gone …
 CLEAN, CLEAN_SHARE = 1.45, 0.9
-#: … and has its signature: with it every witness at rest is off by no more than is usual (rms, in standard deviations of the
-#: calibration; less well known between its loads), or by no more than this share of what it was before; and one that was
-#: well stays so: within WELL, or off by at most so many times as before.
-USUAL, LEFT_SHARE = 2.25, 0.5
-WELL, WORSE = 1.25, 1.3
+#: … and has its signature.  A witness that was usual (within USUAL, rms, in standard deviations of the calibration; less well
+#: known between its loads) stays as well as it was: within WELL, or off by at most so many times as before.  One that was not is
+#: mended: off by no more than MENDED, or than this share of what it was.
+USUAL, WELL, WORSE = 2.25, 1.25, 1.3
+MENDED, LEFT_SHARE = 1.6, 0.45
+#: And what is left goes no more with time, nor with the quantity that gives the effect away: with a mean square of this many
+#: variances of the calibration at the most; with the latter, which the effect moves most, or of this share of what there was.
+BENT, BENT_SHARE = 0.25, 0.025
 MOST_NAMES = 3  #: that one effect may have: a longer list says nothing
+#: So many effects are looked for: a model may lack more than happens to a wire at once, and many together imitate anything.
+MOST_MISSING, MOST_NEW = 3, 2
+SKETCHED = 8  #: pairs that are fitted in earnest
 
 
 def usual(before: float) -> float:
     """How far off a witness may be that was so far off before."""
-    return max(min(USUAL, max(WELL, WORSE * before)), LEFT_SHARE * before)
+    return min(USUAL, max(WELL, WORSE * before)) if before <= USUAL else max(MENDED, LEFT_SHARE * before)
 
 
 @dataclass(slots=True)
@@ -83,7 +90,10 @@ class Work:
 
     def __call__(self, entry: Entry) -> Trial:
         """The trial of some effects."""
-        fitted = fit(self.evidence, entry.candidates, self.train, entry.start.fit if entry.start else None)
+        known = entry.start.fit if entry.start else None
+        if entry.sketch:
+            return Trial(entry.candidates, sketch(self.evidence, entry.candidates, self.train, known), None)
+        fitted = fit(self.evidence, entry.candidates, self.train, known)
         objection = f"{', '.join(fitted.at_bound)}: at the end of what is possible, or nothing" * bool(fitted.at_bound)
         return Trial(entry.candidates, fitted.held_out[self.train], fitted, objection)
 
@@ -93,11 +103,13 @@ class Judge:
     """What is in excess of a log like the calibration's, and when it is gone."""
 
     evidence: Evidence
-    losses: np.ndarray  #: of the model as it is, of the cycles that are held out in turn
+    rows: np.ndarray  #: of the model as it is
+    losses: np.ndarray  #: its losses, of the cycles that are held out in turn
     expected: float  #: mean loss of a cycle that is like those of the calibration
     news_percent: float  #: what of the error the calibration does not let expect
     train: np.ndarray  #: bool, shape (units,): those cycles
     witnesses: dict[str, float]  #: how far each is off there with the model as it is
+    quantities: dict[str, np.ndarray]  #: what a residual may depend on, of every sample compared
 
     def excess(self, mean_loss: float) -> float:
         """What is lost beyond that."""
@@ -115,14 +127,21 @@ class Judge:
         return gone and not self.unusual(trial)
 
     def unusual(self, trial: Trial) -> list[str]:
-        """Witnesses that are off by more than is usual with a trial's effects, on cycles its fits have not seen."""
+        """What is off by more than is usual with a trial's effects, on cycles its fits have not seen."""
         if not self.evidence.knows_its_scatter:
             return []
-        return [
-            name
-            for name, off in self.evidence.witnesses(trial.fit.held_out_rows, self.train).items()
-            if off > usual(self.witnesses[name])
+        rows = trial.fit.held_out_rows
+        witnesses = self.evidence.witnesses(rows, self.train)
+        off = [name for name, found in witnesses.items() if found > usual(self.witnesses[name])]
+        asked = dict.fromkeys(("time_s", *(c.effect.TELL_TALE for c in trial.candidates)))
+        return off + [
+            f"what is left over {QUANTITIES[n]}" for n in asked if n in self.quantities and self._bent(n, rows)
         ]
+
+    def _bent(self, name: str, rows: np.ndarray) -> bool:
+        """Whether what is left still goes with a quantity."""
+        left = bend(self.evidence, rows, self.quantities[name], self.train, name in BLOCKED)
+        return left > (BENT if name in BLOCKED else max(BENT, BENT_SHARE * size(self.evidence, self.rows, self.train)))
 
     def _worth(self, mean_loss: float) -> float:
         """What an effect must at least take off."""
@@ -138,7 +157,8 @@ class Judge:
             alike=0.05,
             tie=0.99,
             leaders=3,
-            most=3,
+            sketched=SKETCHED,
+            most=MOST_MISSING if self.evidence.beyond_floor else MOST_NEW,
         )
 
 
@@ -162,11 +182,13 @@ def trace(
     rows, news = evidence.rows(predictions), evidence.news_percent(predictions)
     judge = Judge(
         evidence,
+        rows,
         evidence.losses(rows)[train],
         _expected_loss(evidence),
         float(news.mean()),
         train,
         evidence.witnesses(rows, train),
+        quantities(evidence, predictions),
     )
     result = _nothing(evidence, reasons, train, judge)
     if float(result.news_percent["before"].mean()) <= result.gate_percent and not only:
@@ -260,8 +282,8 @@ def _expected_loss(evidence: Evidence) -> float:
     """Mean loss of a cycle that is like those of the calibration."""
     if evidence.beyond_floor:
         return 0.0
-    rests = sum(map(len, evidence.rests))
-    return 0.5 * (float(evidence.independent.mean()) + 2.0 * rests / evidence.units)
+    others = len(evidence.unit_of_row) - evidence.rows_of_samples
+    return 0.5 * (float(evidence.independent.mean()) + others / evidence.units)
 
 
 def _alternatives(rounds: list[Round], current: Fit) -> dict[str, Trial]:

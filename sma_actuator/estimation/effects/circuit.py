@@ -62,7 +62,15 @@ class ContactDrift(Effect):
         slow_s = scales.duration_s
         return [
             size("resistance", 0.5 * scales.resistance_Ohm, 0.02 * scales.resistance_Ohm),
-            shape("time_constant", 0.05 * slow_s, 5.0 * slow_s, 0.15 * slow_s, 0.6 * slow_s, 4.0 * slow_s),
+            shape(
+                "time_constant",
+                0.05 * slow_s,
+                5.0 * slow_s,
+                0.15 * slow_s,
+                0.6 * slow_s,
+                4.0 * slow_s,
+                other_at=("low",),
+            ),
         ]
 
 
@@ -114,9 +122,10 @@ class ReferenceSelfHeating(Effect):
         """What a fit may vary."""
         dissipated_W = scales.current_A**2 * scales.sense_Ohm
         return [
-            size("coefficient", 0.3 / dissipated_W, 0.02 / dissipated_W),
+            # A metal's resistance rises as it warms; that of the alloys for which it falls does so by too little to show.
+            size("coefficient", 0.3 / dissipated_W, 0.02 / dissipated_W, 0.0),
             # A resistor has more mass than a wire.
-            shape("time_constant", max(3.0, 2.0 * scales.thermal_s), 100.0, 5.0, 20.0, 60.0),
+            shape("time_constant", max(3.0, 2.0 * scales.thermal_s), 100.0, 5.0, 20.0, 60.0, other_at=("low", "high")),
         ]
 
 

@@ -52,7 +52,10 @@ class Effect:
     REMEDY: ClassVar[str]  #: what a person can do about it, in sentences
     TELL_TALE: ClassVar[str]  #: the quantity that gives it away, one of QUANTITIES
     STATES: ClassVar[int] = 0  #: numbers it remembers; NaN before the first sample
-    ESSENTIAL: ClassVar[str] = ""  #: name of a size parameter without which it is not this effect
+    ESSENTIAL: ClassVar[tuple[str, ...]] = ()  #: names of size parameters without any of which it is not this effect
+    #: Whether it acts at the displacement between what the load pulls at and the reference sensor, so that a spring's load
+    #: knows nothing of it.
+    BEHIND_THE_LOAD: ClassVar[bool] = False
     SCANNED: ClassVar[str] = ""  #: name of a parameter in which the loss is not smooth: a time that is searched for
 
     @classmethod
@@ -89,7 +92,9 @@ def _refusal(_name: str, cls: type[Effect]) -> str:
         "free is missing: what a fit may vary": cls.free.__func__ is Effect.free.__func__,
         f"it acts nowhere; a method {', '.join(STAGES)} is wanted": not acts,
         "a fault of the reference acts at 'shown', and nothing else does": ("shown" in acts) != (part == "reference"),
-        f"ESSENTIAL '{cls.ESSENTIAL}' is none of its parameters": bool(cls.ESSENTIAL) and cls.ESSENTIAL not in names,
+        "it is BEHIND_THE_LOAD, which is at the displacement, and does not act there": cls.BEHIND_THE_LOAD
+        and "at_displacement" not in acts,
+        f"ESSENTIAL {', '.join(cls.ESSENTIAL)}: not all are parameters of it": not set(cls.ESSENTIAL) <= set(names),
         f"SCANNED '{cls.SCANNED}' is none of its parameters": bool(cls.SCANNED) and cls.SCANNED not in names,
     }
     return "; ".join(text for text, is_so in complaints.items() if is_so)

@@ -51,6 +51,8 @@ class Free:
     typical: float  #: a size parameter is varied in units of it
     starts: tuple[float, ...] = ()  #: of a shape parameter (time constant …), which alone changes nothing
     logarithmic: bool = True  #: whether a shape parameter is varied as its logarithm
+    #: Ends, "low" or "high", at which the effect is another one: a contact that has drifted at once is a lead.
+    other_at: tuple[str, ...] = ()
 
     @property
     def is_size(self) -> bool:
@@ -72,6 +74,6 @@ def size(name: str, limit: float, typical: float, low: float | None = None) -> F
     return Free(name, -limit if low is None else low, limit, typical)
 
 
-def shape(name: str, low: float, high: float, *starts: float) -> Free:
+def shape(name: str, low: float, high: float, *starts: float, other_at: tuple[str, ...] = ()) -> Free:
     """A parameter that alone changes nothing, with the values from which a fit starts."""
-    return Free(name, low, high, 1.0, tuple(min(max(start, low), high) for start in starts))
+    return Free(name, low, high, 1.0, tuple(min(max(start, low), high) for start in starts), other_at=other_at)

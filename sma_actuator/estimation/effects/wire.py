@@ -159,7 +159,7 @@ class ThermalExpansion(Effect):
         """What a fit may vary."""
         return [
             size("coefficient", 2e-4, 1e-5),
-            shape("time_constant", 0.3, max(0.5 * scales.duration_s, 2.0), 1.5, 15.0, 100.0),
+            shape("time_constant", 0.3, max(0.5 * scales.duration_s, 2.0), 1.5, 15.0, 100.0, other_at=("high",)),
         ]
 
     @classmethod
@@ -187,7 +187,8 @@ class ElasticCompliance(Effect):
     def free(cls, scales: Scales) -> list[Free]:
         """What a fit may vary."""
         soft = scales.stroke_m / scales.load_N
-        return [size("compliance", 0.6 * soft, 0.02 * soft)]
+        # Nothing pushes back; beside what the calibration holds it may seem so.
+        return [size("compliance", 0.6 * soft, 0.02 * soft, None if scales.calibration_counts else 0.0)]
 
     @classmethod
     def untestable(cls, scales: Scales) -> str:
@@ -210,7 +211,7 @@ class Fatigue(Effect):
     WORDS = "the wire wears with the number of its cycles"
     REMEDY = "The wire ages: use less stress or less stroke, calibrate again, and plan to replace it."
     TELL_TALE = "cycle"
-    ESSENTIAL = "displacement"  # where the resistance alone drifts, it is the contact
+    ESSENTIAL = ("displacement", "resistance")  # where one of them alone drifts, it is a contact or a sensor
     STATES = 2
     displacement: float = parameter(0.0, "how far the hot end has moved when g is one", "m", -1.0, 1.0)
     cold_share: float = parameter(0.4, "the same of the cold end, over that of the hot one", "1", -10.0, 10.0)
@@ -239,9 +240,11 @@ class Fatigue(Effect):
     @classmethod
     def free(cls, scales: Scales) -> list[Free]:
         """What a fit may vary."""
+        # A wire that wears grows longer, and its resistivity with it; beside what the calibration holds it may seem otherwise.
+        least = None if scales.calibration_counts else 0.0
         return [
-            size("displacement", 0.1 * scales.stroke_m, 0.005 * scales.stroke_m),
-            size("resistance", 0.1, 0.001),
+            size("displacement", 0.1 * scales.stroke_m, 0.005 * scales.stroke_m, least),
+            size("resistance", 0.1, 0.001, least),
             # How far from a logarithm, and whether the stroke shrinks: between what was seen of wires.
             Free("exponent", 0.05, 1.0, 1.0, (0.5, 0.1), False),
             Free("cold_share", 0.0, 1.2, 1.0, (0.4, 1.0), False),
@@ -283,8 +286,9 @@ class Creep(Effect):
         """What a fit may vary."""
         soft, slow_s = scales.stroke_m / scales.load_N, scales.duration_s
         return [
-            size("compliance", 0.6 * soft, 0.02 * soft),
-            shape("time_constant", 3.0, 3.0 * slow_s, 10.0, 0.15 * slow_s, 0.8 * slow_s),
+            size("compliance", 0.6 * soft, 0.02 * soft, None if scales.calibration_counts else 0.0),
+            # At once it is a compliance, and in no time at all a drift.
+            shape("time_constant", 3.0, 3.0 * slow_s, 10.0, 0.15 * slow_s, 0.8 * slow_s, other_at=("low", "high")),
         ]
 
 
