@@ -51,6 +51,21 @@ def test_the_one_that_explains_most_is_chosen():
     assert selection.rounds[0].trials[-1].refusal
 
 
+def test_only_the_pairs_that_do_best_in_a_sketch_are_fitted():
+    world = World({"slip": 4.0, "slip+creep": 7.0})
+    asked = []
+
+    def noted(entry):
+        asked.append((entry.sketch, frozenset(c.name for c in entry.candidates)))
+        return world(entry)
+
+    names = ["creep", "slip", "rate", "shunt"]
+    selection = chosen(noted, names, replace(RULES, sketched=1, most=2))
+    assert set(selection.chosen.names) == {"slip", "creep"}
+    fitted = [names for sketch, names in asked if len(names) == 2 and not sketch]
+    assert fitted == [{"slip", "creep"}] and len([1 for sketch, _ in asked if sketch]) > 3
+
+
 def test_what_gains_nothing_beyond_its_scatter_is_not_chosen():
     assert chosen(World({}), ["creep", "slip", "rate"]).chosen is None
 

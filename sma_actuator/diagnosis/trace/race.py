@@ -134,9 +134,7 @@ class Judge:
         witnesses = self.evidence.witnesses(rows, self.train)
         off = [name for name, found in witnesses.items() if found > usual(self.witnesses[name])]
         asked = dict.fromkeys(("time_s", *(c.effect.TELL_TALE for c in trial.candidates)))
-        return off + [
-            f"what is left over {QUANTITIES[n]}" for n in asked if n in self.quantities and self._bent(n, rows)
-        ]
+        return off + [f"the trend over {QUANTITIES[n]}" for n in asked if n in self.quantities and self._bent(n, rows)]
 
     def _bent(self, name: str, rows: np.ndarray) -> bool:
         """Whether what is left still goes with a quantity."""

@@ -7,7 +7,7 @@ import pytest
 from sessions import session
 
 from sma_actuator.base.signals import Signals
-from sma_actuator.bench import Weight
+from sma_actuator.bench import Spring, Weight
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace import Evidence, race, trace
 from sma_actuator.diagnosis.trace.analysis import quantities
@@ -90,6 +90,31 @@ def test_a_name_needs_its_signature_however_well_it_fits(wire, config, monkeypat
     )
     assert wrong.verdict == "unexplained"
     assert {"resistance at cold rest", "displacement at cold rest"} <= set(wrong.unusual)
+
+
+def test_a_spring_tells_a_drifting_sensor_from_a_creeping_wire(wire, config):
+    """Its load follows the wire; so a line that bends is the sensor's, and one that is straight is not."""
+    hidden = {"reference_drift": 2.5e-4}
+    evidence = Evidence(session(wire[0], hidden, load=Spring(300.0, 0.5)), config)
+    right, wrong = (trace(evidence, only=[name], jobs=1) for name in ("reference_drift", "creep"))
+    line = "load against displacement"
+    assert right.witnesses["before"][line] > 3.0 > 0.5 > right.witnesses["after"][line]
+    assert line in wrong.unusual and line not in right.unusual
+
+
+def test_a_slip_is_no_drift_however_much_a_drift_mends(wire, config):
+    evidence = Evidence(session(wire[0], {"slip": 4e-4}), config)
+    right, wrong = (trace(evidence, only=[name], jobs=1) for name in ("slip", "reference_drift"))
+    assert "the trend over time [s]" in wrong.unusual and "the trend over time [s]" not in right.unusual
+
+
+def test_an_effect_at_the_end_where_it_is_another_has_no_name(wire, config):
+    """A contact that has drifted at once is a lead, and a creep that comes at once is a compliance."""
+    for hidden, imitator in (({"lead_resistance": 0.03}, "contact_drift"), ({"elastic_compliance": 1e-4}, "creep")):
+        evidence = Evidence(session(wire[0], hidden), config)
+        train = np.ones(evidence.units, dtype=bool)
+        found = fit(evidence, [candidate(imitator, scales_of(evidence))], train)
+        assert found.at_bound == (f"{imitator}.time_constant",)
 
 
 def test_a_fault_of_the_reference_is_not_put_into_the_model(wire, config):
