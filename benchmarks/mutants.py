@@ -19,6 +19,8 @@ from __future__ import annotations
 import argparse
 import ast
 import contextlib
+import functools
+import gc
 import hashlib
 import json
 import math
@@ -383,7 +385,8 @@ def _judge(folder: Path, target: str, tests: list[str], times: dict[str, float])
                 signal.setitimer(signal.ITIMER_REAL, _longest_s(item.nodeid, times))
                 return (yield)
 
-        code = int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", "-p", "no:timeout", *tests], plugins=[Watch()]))
+        quick = ("--assert=plain", "-o", "timeout=0", "-p", "no:cacheprovider")
+        code = int(pytest.main(["-q", "-x", *quick, *tests], plugins=[Watch()]))
     except BaseException:  # noqa: BLE001 - an import that fails is a mutant noticed
         code = 1
     finally:
@@ -406,7 +409,8 @@ def _forget(folder: Path, target: str) -> None:
             module.__path__ = [str(folder.joinpath(*each.split(".")))]
 
 
-def _imports(name: str) -> set[str]:
+@functools.cache
+def _imports(name: str) -> frozenset[str]:
     """Modules of the package that a loaded module of it imports."""
     module = sys.modules[name]
     package = name if hasattr(module, "__path__") else name.rpartition(".")[0]
@@ -419,16 +423,17 @@ def _imports(name: str) -> set[str]:
             base = ".".join((*parts, *([node.module] if node.module else [])))
             used |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
     # Whoever imports a.b.c has imported a and a.b as well.
-    return {
+    return frozenset(
         ".".join(each.split(".")[:n])
         for each in used
         if each.startswith(PACKAGE)
         for n in range(2, each.count(".") + 2)
-    }
+    )
 
 
 def _warm_up() -> None:
     """Import and compile what no mutant changes, once; forks then have it."""
+    import hypothesis.strategies  # noqa: F401
     import numpy  # noqa: F401
     import pytest  # noqa: F401
     import pyvisa  # noqa: F401
@@ -445,6 +450,9 @@ def _warm_up() -> None:
     driver.enable(True)
     driver.run_for(0.5)
     driver.stop()
+    for each in [each for each in sys.modules if each.startswith(PACKAGE)]:
+        _imports(each)
+    gc.freeze()  # no fork looks through what is here for rubbish
 
 
 def _without(found: list[Mutant], known: dict[str, set[str]]) -> list[Mutant]:
@@ -578,9 +586,9 @@ def _try(
     """Run the tests on mutants until the time is over; what came out goes into ``lives``, and is saved."""
     lines, times = covering(target)
     everything = sorted(times, key=times.__getitem__)
-    assert not survives(target, "raise RuntimeError\n", everything[:5], times), (
-        f"{target}: the tests do not run the mutants"
-    )
+    few, sound = everything[:5], path_of(target).read_text(encoding="utf-8")
+    assert survives(target, sound, few, times), f"{target}: tests fail on the source as it is"
+    assert not survives(target, "raise RuntimeError\n", few, times), f"{target}: the tests do not run the mutants"
 
     def live(mutant: Mutant) -> None:
         if time.monotonic() > ends_s:
