@@ -105,6 +105,8 @@ OPERATORS = (
 )
 #: Words for the log are not looked at: leaving one out harms no wire.
 UNWATCHED = ("_log.",)
+#: Nobody reads what pytest says; a test that hangs is ended here.
+QUICKLY = ("-q", "--assert=plain", "-o", "timeout=0", "-p", "no:cacheprovider")
 #: A mutant may hang where the code did not: a test has so long, and as many times its own time.
 LEAST_s, TIMES = 20.0, 6.0
 
@@ -293,7 +295,7 @@ def _measure(target: str) -> tuple[dict[int, list[str]], dict[str, float]]:
     _quiet()
     os.chdir(ROOT)
     measure.start()
-    code = pytest.main(["-q", "-p", "no:cacheprovider", *TARGETS[target]], plugins=[Watch()])
+    code = pytest.main([*QUICKLY, *TARGETS[target]], plugins=[Watch()])
     measure.stop()
     if code:
         os._exit(int(code))
@@ -385,8 +387,7 @@ def _judge(folder: Path, target: str, tests: list[str], times: dict[str, float])
                 signal.setitimer(signal.ITIMER_REAL, _longest_s(item.nodeid, times))
                 return (yield)
 
-        quick = ("--assert=plain", "-o", "timeout=0", "-p", "no:cacheprovider")
-        code = int(pytest.main(["-q", "-x", *quick, *tests], plugins=[Watch()]))
+        code = int(pytest.main(["-x", *QUICKLY, *tests], plugins=[Watch()]))
     except BaseException:  # noqa: BLE001 - an import that fails is a mutant noticed
         code = 1
     finally:

@@ -19,7 +19,14 @@ from sma_actuator.safety.guards.readings import (
     sensor_stuck,
 )
 from sma_actuator.safety.guards.setpoints import Bucket, setpoint_flood, setpoint_not_finite, setpoint_stale
-from sma_actuator.safety.guards.supply import second_commander, supply_disagrees, supply_lost, supply_tripped
+from sma_actuator.safety.guards.supply import (
+    SETTING_TOLERANCE_A,
+    measurements_disagree,
+    second_commander,
+    supply_disagrees,
+    supply_lost,
+    supply_tripped,
+)
 from sma_actuator.safety.guards.wire import (
     COMPLIANCE,
     load_spike,
@@ -29,7 +36,7 @@ from sma_actuator.safety.guards.wire import (
     stress_above_limit,
     too_hot,
 )
-from sma_actuator.safety.records import Action, Memory, Step
+from sma_actuator.safety.records import Action, Guard, Memory, Step
 from sma_actuator.safety.supervisor import Supervisor
 from sma_actuator.safety.thermal import WireHeat
 
@@ -98,6 +105,7 @@ ALL = (
     second_commander,
     supply_lost,
     supply_disagrees,
+    measurements_disagree,
     estimator_outside,
     estimate_invalid,
 )
@@ -120,6 +128,7 @@ def test_a_step_in_which_nothing_is_wrong_has_no_fault(guard, step):
         stress_above_limit,
         load_spike,
         supply_disagrees,
+        measurements_disagree,
     ],
     ids=lambda guard: guard.name,
 )
@@ -279,6 +288,71 @@ def test_current_that_flows_while_the_output_is_off_is_one_too(step, config):
     assert said(supply_disagrees, step(**off, signals__current_A=0.0, now_s=NOW_s + 0.6)) == ""
 
 
+def test_a_setting_may_be_as_coarse_as_the_tolerance(step):
+    told = Command(0.0, True)
+    assert said(second_commander, step(told=told, supply__current_setting_A=SETTING_TOLERANCE_A)) == ""
+    assert said(second_commander, step(told=told, supply__current_setting_A=math.nextafter(SETTING_TOLERANCE_A, 1.0)))
+
+
+@pytest.mark.parametrize(
+    ("told", "output_on", "words"),
+    [
+        (OFF, True, "the supply says 0.2 A, output on; it was told 0 A, output off"),
+        (TOLD, False, "the supply says 0.2 A, output off; it was told 0.2 A, output on"),
+    ],
+)
+def test_it_is_said_what_the_supply_was_told_and_what_it_says(told, output_on, words, step):
+    assert said(second_commander, step(told=told, supply__output_on=output_on)) == words
+
+
+class TestMeasurementsDisagree:
+    """What the supply measures beside what the DAQ measures, of one circuit."""
+
+    @pytest.mark.parametrize(
+        ("measured", "what"),
+        [
+            (
+                {"supply__current_A": CURRENT_A + 0.021},
+                "current: the supply measures 0.221 A, the DAQ 0.2 A, for 0.5 s; ",
+            ),
+            (
+                {"supply__current_A": CURRENT_A - 0.021},
+                "current: the supply measures 0.179 A, the DAQ 0.2 A, for 0.5 s; ",
+            ),
+            ({"supply__current_A": NAN}, "current: the supply measures nan A, the DAQ 0.2 A, for 0.5 s; "),
+            ({"supply__voltage_V": 1.81}, "voltage: the supply measures 1.81 V, the DAQ 1.3 V, for 0.5 s; "),
+            ({"supply__voltage_V": 0.79}, "voltage: the supply measures 0.79 V, the DAQ 1.3 V, for 0.5 s; "),
+            ({"supply__current_A": 1.0, "supply__voltage_V": 9.0}, "current: the supply measures 1 A, "),
+        ],
+    )
+    def test_is_a_fault_once_it_lasts(self, measured, what, step, config):
+        memory = Memory(**MEMORY)
+        lasts_s = config.safety.disagreement_time
+        assert said(measurements_disagree, step(memory=memory, **measured)) == ""
+        assert said(measurements_disagree, step(memory=memory, **measured, now_s=NOW_s + lasts_s - 0.01)) == ""
+        assert said(measurements_disagree, step(memory=memory, **measured, now_s=NOW_s + lasts_s)).startswith(what)
+        assert said(measurements_disagree, step(memory=memory, now_s=NOW_s + lasts_s)) == ""
+        assert memory.since_s == {}
+
+    @pytest.mark.parametrize(
+        "measured",
+        [
+            {"supply__current_A": CURRENT_A + 0.019},
+            {"supply__current_A": CURRENT_A - 0.019},
+            {"supply__voltage_V": 1.79},
+            {"supply__voltage_V": 0.81},
+            {"supply__voltage_V": 9.0, "told": OFF},
+            {"supply": None},
+            {"reading": None, "supply__voltage_V": 9.0},
+        ],
+    )
+    def test_is_none_within_the_tolerance_nor_where_there_is_nothing_to_compare(self, measured, step, config):
+        memory = Memory(**MEMORY)
+        assert said(measurements_disagree, step(memory=memory, **measured)) == ""
+        assert memory.since_s == {}
+        assert said(measurements_disagree, step(memory=memory, **measured, now_s=NOW_s + 9.0)) == ""
+
+
 OPEN = {"reading__supply_voltage_V": 5.7, "signals__current_A": 0.09}
 
 
@@ -433,18 +507,26 @@ class TestBucket:
 
 
 def test_what_latches_while_the_output_is_off_is_what_must_be_known_before_it_goes_on():
-    assert {
+    assert {fault.name for fault in FAULTS.values() if fault.while_off} == {
         "unhandled_exception",
         "node_lost",
+        "loop_hung",
+        "output_not_confirmed",
         "supply_tripped",
         "watchdog_not_held",
+        "limits_not_held",
         "second_commander",
         "supply_disagrees",
         "too_hot",
-    } <= {fault.name for fault in FAULTS.values() if fault.while_off}
+    }
     for fault in FAULTS.values():
         assert fault.latches or not fault.while_off
         assert fault.latches is (fault.action is Action.OFF)
+
+
+def test_what_is_not_looked_for_in_each_step_is_what_somebody_else_looks_for():
+    not_each = {name for name, fault in FAULTS.items() if isinstance(fault, Guard) and not fault.each_step}
+    assert not_each == {"command_invalid", "setpoint_not_finite", "setpoint_flood", "setpoint_stale", "no_motion"}
 
 
 class TestGate:
