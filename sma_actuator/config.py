@@ -189,7 +189,9 @@ def read_parameter_file(path: str | Path, node: str = NODE_NAME) -> dict[str, An
     for name in (node, f"/{node}", "/**"):
         if isinstance(document.get(name), Mapping) and "ros__parameters" in document[name]:
             return dict(document[name]["ros__parameters"] or {})
-    raise ConfigError(f"{path}: has no section '{node}: ros__parameters:'; found {', '.join(map(str, document))}")
+    found = ", ".join(map(str, document))
+    found = found if len(found) <= 200 else f"{found[:180]}… ({len(document)} in all)"
+    raise ConfigError(f"{path}: has no section '{node}: ros__parameters:'; found {found}")
 
 
 def write_parameter_file(

@@ -18,7 +18,14 @@ from sma_actuator.safety.guards.readings import (
     reading_stale,
     sensor_stuck,
 )
-from sma_actuator.safety.guards.setpoints import Bucket, setpoint_flood, setpoint_not_finite, setpoint_stale
+from sma_actuator.safety.guards.setpoints import (
+    TRIES,
+    Bucket,
+    no_motion,
+    setpoint_flood,
+    setpoint_not_finite,
+    setpoint_stale,
+)
 from sma_actuator.safety.guards.supply import (
     SETTING_TOLERANCE_A,
     measurements_disagree,
@@ -305,6 +312,23 @@ def test_it_is_said_what_the_supply_was_told_and_what_it_says(told, output_on, w
     assert said(second_commander, step(told=told, supply__output_on=output_on)) == words
 
 
+def test_current_and_voltage_may_differ_by_the_tolerance(step, config):
+    """Beside zero, where the difference is the number itself."""
+    tolerance_A, tolerance_V = config.safety.current_disagreement, config.safety.voltage_disagreement
+    none = {"told": Command(0.0, True), "signals__current_A": 0.0, "supply__current_A": 0.0}
+    none |= {"reading": replace(READING, supply_voltage_V=0.0), "supply__voltage_V": 0.0}
+    for guard, name, tolerance in (
+        (supply_disagrees, "signals__current_A", tolerance_A),
+        (measurements_disagree, "supply__current_A", tolerance_A),
+        (measurements_disagree, "supply__voltage_V", tolerance_V),
+    ):
+        memory = Memory(**MEMORY)
+        said(guard, step(memory=memory, **{**none, name: tolerance}))
+        assert memory.since_s == {}
+        said(guard, step(memory=memory, **{**none, name: math.nextafter(tolerance, 1.0)}))
+        assert memory.since_s == {guard.name: NOW_s}
+
+
 class TestMeasurementsDisagree:
     """What the supply measures beside what the DAQ measures, of one circuit."""
 
@@ -476,6 +500,19 @@ def test_joint_commands_are_lost_after_a_time_of_their_own(age_s, is_lost, make_
     assert bool(setpoint_stale.look(age_s, True, config)) is is_lost
 
 
+@pytest.mark.parametrize("by_joint_command", [False, True])
+def test_it_is_said_which_of_the_two_was_lost_and_what_its_time_is(by_joint_command, make_config):
+    changes = {"controller.joint_command_timeout": 0.4, "controller.setpoint_timeout": 2.0}
+    words = setpoint_stale.look(3.0, by_joint_command, Config.from_mapping(make_config(**changes)))
+    name = "controller.joint_command_timeout is 0.4 s" if by_joint_command else "controller.setpoint_timeout is 2 s"
+    assert words == f"none for 3 s; {name}"
+
+
+@pytest.mark.parametrize(("tries", "is_fault"), [(0, False), (TRIES - 1, False), (TRIES, True), (TRIES + 1, True)])
+def test_backing_off_in_vain_is_a_fault_after_as_many_times_as_are_promised(tries, is_fault):
+    assert bool(no_motion.look(tries)) is is_fault
+
+
 class TestBucket:
     def test_a_burst_is_a_tenth_of_a_second_worth_and_then_one_comes_for_each_period(self):
         bucket = Bucket()
@@ -495,6 +532,10 @@ class TestBucket:
         assert not bucket.take(NAN, 1.0)
         assert not bucket.take(4.9, 1.0)
         assert bucket.take(5.9, 1.0)
+
+    def test_a_clock_that_runs_back_takes_nothing_away(self):
+        bucket = Bucket()
+        assert [bucket.take(now_s, 1.0) for now_s in (5.0, 4.5, *[4.5] * 8, 4.5)] == [True] * 10 + [False]
 
     def test_the_guard_says_which_rate_was_exceeded(self, config):
         bucket = Bucket()
