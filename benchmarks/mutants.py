@@ -53,8 +53,7 @@ PAGE = ROOT / "docs" / "mutants.md"
 #: A mutated source, and the tests that are there to judge it.
 _GUARDS = ("tests/safety/test_guard_edges.py", "tests/test_docs.py")
 TARGETS = {
-    **{f"safety/guards/{name}": _GUARDS for name in ("program", "supply", "readings", "estimate", "setpoints")},
-    "safety/guards/wire": (*_GUARDS, "tests/safety/test_heat.py"),
+    **{f"safety/guards/{name}": _GUARDS for name in ("program", "supply", "readings", "estimate", "setpoints", "wire")},
     "safety/records": (*_GUARDS, "tests/safety/test_faults.py"),
     "safety/formula": ("tests/safety/test_formula.py", "tests/test_docs.py"),
     "safety/timing": _GUARDS,
@@ -479,11 +478,13 @@ class Findings:
     def __init__(self, path: Path):
         self._path = path
         self._all: dict[str, dict[str, Any]] = json.loads(path.read_text()) if path.exists() else {}
+        self._looked_at: set[str] = set()
         #: By target: all mutants, and those that are explained.
         self.count: dict[str, tuple[int, int]] = {target: kept["count"] for target, kept in self._all.items()}
 
     def of(self, target: str) -> dict[str, str]:
         """What it changes where it lives, else nothing, by mutant.  Those that lived are tried again where the tests have changed."""
+        self._looked_at.add(target)
         kept, source, tests = self._all.get(target), _digest([path_of(target)]), _digest(_tests_of(target))
         if kept is None or kept["source"] != source:
             kept = {"lives": {}}
@@ -495,7 +496,8 @@ class Findings:
     def save(self) -> None:
         """Write the file."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
-        kept = {target: {**found, "count": self.count.get(target, (0, 0))} for target, found in self._all.items()}
+        kept = json.loads(self._path.read_text()) if self._path.exists() else {}  # of another run beside this one
+        kept |= {target: {**self._all[target], "count": self.count[target]} for target in self._looked_at}
         self._path.write_text(json.dumps(kept, indent=1))
 
 
@@ -526,7 +528,7 @@ def _page(findings: Findings) -> str:
     ]
     alive: list[str] = []
     sums = [0, 0, 0, 0]
-    for target in (target for target in TARGETS if findings.of(target)):
+    for target in (target for target in TARGETS if target in findings.count and findings.of(target)):
         lives, (everything, explained) = findings.of(target), findings.count[target]
         left = [words for words in lives.values() if words]
         row = (everything, explained, len(lives), len(left))
@@ -556,11 +558,13 @@ def main() -> int:
         everything = mutants_of(target)
         found = _without(everything, known)
         findings.count[target] = (len(everything), len(everything) - len(found))
+        lives = findings.of(target)
+        for key in lives.keys() - {_key(mutant) for mutant in found}:  # explained since
+            del lives[key]
         found = found[:: options.every]
         if options.lines:
             first, _, last = options.lines.partition("-")
             found = [m for m in found if int(first) <= m.line <= int(last or first)]
-        lives = findings.of(target)
         if time.monotonic() < ends_s and any(_key(mutant) not in lives for mutant in found):
             _try(
                 target,
@@ -577,7 +581,7 @@ def main() -> int:
         for mutant in left:
             print(f"  {target}.py:{mutant.line} [{mutant.operator}] {mutant.words}", flush=True)
     findings.save()
-    PAGE.write_text(_page(findings), encoding="utf-8")
+    PAGE.write_text(_page(Findings(KEPT)), encoding="utf-8")
     return 1 if living else 0
 
 

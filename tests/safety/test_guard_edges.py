@@ -36,6 +36,8 @@ from sma_actuator.safety.guards.supply import (
 )
 from sma_actuator.safety.guards.wire import (
     COMPLIANCE,
+    COOLING_TIMES,
+    heat_loss_wrong,
     load_spike,
     open_wire,
     seems_open,
@@ -430,6 +432,65 @@ def test_too_hot_is_what_it_may_be_at_most(step, config):
     heat.step(1.0, 0.01, config.thermal.ambient_temperature, config.thermal)
     assert heat.at_most_C > config.thermal.max_temperature
     assert "thermal.max_temperature is 200 °C" in said(too_hot, step(heat=heat))
+
+
+def test_too_much_stress_is_said_in_megapascals(step):
+    assert said(stress_above_limit, step(signals__stress_Pa=176.5e6)) == "176.5 MPa; wire.max_stress is 175 MPa"
+
+
+class TestHeatLossWrong:
+    """A wire that the balance calls cold, and that stays contracted."""
+
+    RISE_K, POSITION_m = 60.0, 1e-3
+
+    @pytest.fixture
+    def look(self, step, make_config):
+        """``look(memory, later_s, rise_K, position_m, **changes)``: what the guard says."""
+        calibration = {"cooling_position": self.POSITION_m, "cooling_stress": [54e6], "cooling_rise": [self.RISE_K]}
+        config = Config.from_mapping(make_config(calibration=calibration))
+
+        def look(memory, later_s=0.0, rise_K=10.0, position_m=0.5e-3, **changes):
+            heat = WireHeat(config.thermal)
+            heat.step(rise_K * config.thermal.heat_loss, 1e6, config.thermal.ambient_temperature, config.thermal)
+            estimate = replace(ESTIMATE, displacement_m=position_m)
+            now = {"config": config, "heat": heat, "estimate": estimate, "memory": memory, "now_s": NOW_s + later_s}
+            return said(heat_loss_wrong, step(**{**now, **changes}))
+
+        return look
+
+    def test_is_a_fault_after_some_of_the_wires_time_constants(self, look, config):
+        memory = Memory(**MEMORY)
+        lasts_s = COOLING_TIMES * config.thermal.heat_capacity / config.thermal.heat_loss
+        assert look(memory) == look(memory, lasts_s - 1e-3) == ""
+        ambient_C = config.thermal.ambient_temperature
+        assert look(memory, lasts_s + 1e-3).startswith(
+            f"for {lasts_s:.3g} s the wire is contracted to 0.5 mm and the balance says {ambient_C + 10.0:.0f} °C; "
+        )
+        assert f"warmer than {ambient_C:.0f} °C" in look(memory, lasts_s + 1e-3)
+
+    @pytest.mark.parametrize(
+        ("changes", "is_one"),
+        [
+            ({}, True),
+            ({"rise_K": 0.49 * RISE_K}, True),
+            ({"rise_K": 0.51 * RISE_K}, False),
+            ({"position_m": math.nextafter(POSITION_m, 0.0)}, True),
+            ({"position_m": POSITION_m}, False),
+            ({"position_m": NAN}, False),
+            ({"settled": False}, False),
+            ({"estimate": replace(ESTIMATE, displacement_m=0.5e-3, quality=Quality.INDETERMINATE_HOT)}, True),
+            ({"estimate": replace(ESTIMATE, displacement_m=0.5e-3, quality=Quality.OUTSIDE_CALIBRATION)}, False),
+        ],
+    )
+    def test_looks_at_a_wire_whose_place_is_known_and_that_should_be_cold(self, changes, is_one, look):
+        memory = Memory(**MEMORY)
+        look(memory, **changes)
+        assert bool(memory.since_s) is is_one
+
+    def test_is_not_looked_for_where_the_calibration_does_not_say_what_a_cooling_wire_shows(self, step):
+        memory = Memory(**MEMORY)
+        said(heat_loss_wrong, step(memory=memory))
+        assert memory.since_s == {}
 
 
 def test_steps_that_come_late_are_a_fault_after_as_many_running_as_the_parameter_says(step, config):
