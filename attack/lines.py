@@ -81,6 +81,7 @@ _MEANS_OTHERWISE = {
 #: It starts anew with the current on and without what it was told, and is not to be reached meanwhile.
 _REBOOT = Mischief("reboot", "none")
 REBOOTS_WITHIN_s = 1.0
+QUIET_WATCHDOGS = 1.25  #: so long the driver promises to be silent, in delays of the watchdog
 #: Mischief that a driver may see through or get over.
 _CONFUSES = (
     Mischief("late", delay_s=0.03),
@@ -196,8 +197,10 @@ class Line:
         return time.monotonic()
 
     def _reconnects_within_s(self) -> float:
-        """The longest pause between two attempts, then off is the first word."""
-        return self.config.instruments.reconnect_backoff_max + self.config.instruments.supply.timeout
+        """The longest pause between two attempts, then off is the first word: an attempt that may have been heard, as a
+        connection that is closed at once, is followed by silence until the watchdog would have cut (docs/safety.md)."""
+        silence_s = QUIET_WATCHDOGS * self.config.supply.watchdog_timeout
+        return max(self.config.instruments.reconnect_backoff_max, silence_s) + self.config.instruments.supply.timeout
 
     def _must_go_off(self, mischief: Mischief, began_s: float, within_s: float) -> None:
         role, within_s = self.present[0], within_s + MEASURING_s
