@@ -222,9 +222,11 @@ def _mutants_of(target: str) -> list[tuple[str, int, int, str, str]]:
 
 
 def _lines_without_behaviour(source: str) -> set[int]:
-    """Lines of annotations alone, of log calls, of ``__all__`` and of what only type checkers read."""
+    """Lines of log calls, of what only type checkers read, and of how a record is kept in memory (``@dataclass``)."""
     quiet: set[int] = set()
     for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ClassDef):
+            quiet |= {each.lineno for each in node.decorator_list if ast.unparse(each).startswith("dataclass")}
         if (
             isinstance(node, ast.Expr)
             and isinstance(node.value, ast.Call)

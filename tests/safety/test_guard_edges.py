@@ -8,6 +8,7 @@ import pytest
 from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
 from sma_actuator.config import Config
 from sma_actuator.safety.faults import FAULTS
+from sma_actuator.safety.formula import seconds
 from sma_actuator.safety.guards.estimate import estimate_invalid, estimator_outside
 from sma_actuator.safety.guards.program import clock_jump, command_invalid, loop_overrun
 from sma_actuator.safety.guards.readings import (
@@ -45,7 +46,7 @@ from sma_actuator.safety.guards.wire import (
     stress_above_limit,
     too_hot,
 )
-from sma_actuator.safety.records import Action, Guard, Memory, Step
+from sma_actuator.safety.records import Action, Fault, Guard, Memory, Step
 from sma_actuator.safety.supervisor import Supervisor
 from sma_actuator.safety.thermal import WireHeat
 
@@ -624,6 +625,13 @@ def test_what_latches_while_the_output_is_off_is_what_must_be_known_before_it_go
     for fault in FAULTS.values():
         assert fault.latches or not fault.while_off
         assert fault.latches is (fault.action is Action.OFF)
+
+
+def test_a_fault_latches_only_where_it_says_so_and_only_then_has_to_be_cleared():
+    mild = Fault("mild", words="it is mild", remedy="Wait", detector="a test", within=seconds(1.0), action=Action.BIAS)
+    assert (mild.latches, mild.while_off, mild.action_by) == (False, False, "")
+    assert mild.advice == "Wait."
+    assert replace(mild, latches=True).advice == "Wait. Then ~/clear_fault and ~/enable."
 
 
 def test_what_is_not_looked_for_in_each_step_is_what_somebody_else_looks_for():
