@@ -214,6 +214,16 @@ def test_what_the_wire_does_arrives_and_a_refused_gain_is_answered_in_the_nodes_
     with_page(stand, work)
 
 
+@pytest.mark.parametrize("text", ["", "{", "null", '{"id": 1}', '{"id": 1, "do": []}', "[" * 5000, '{"a":' * 1500])
+def test_what_a_page_cannot_mean_is_answered_and_the_page_stays(stand, text):
+    async def work(page):
+        await page.socket.send_str(text)
+        assert "not understood" in (await page.until(lambda: page.answers.get(None)))["sentence"]
+        assert (await page.ask("forget_log"))["ok"]
+
+    with_page(stand, work)
+
+
 def test_stop_switches_the_output_off_at_the_supply_within_half_a_second(stand):
     async def work(page):
         took_s = []
