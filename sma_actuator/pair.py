@@ -15,9 +15,9 @@ from math import isfinite, nan
 from typing import Protocol, Self
 
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.base.signals import Mode, Output, Quality, Status
+from sma_actuator.base.signals import JointEstimate, Mode, Output, Quality, Status
 from sma_actuator.config import Config
-from sma_actuator.control.pair import LIMITS, JointEstimate, Pair, PairParameters, WireState
+from sma_actuator.control.pair import LIMITS, Pair, PairParameters, WireState
 from sma_actuator.driver import Driver
 from sma_actuator.instruments import Clock, Daq, PowerSupply
 from sma_actuator.safety.guards.program import partner_off

@@ -22,13 +22,16 @@ from math import copysign, inf, isfinite, nan
 from typing import Any
 
 from sma_actuator.base.parameters import ConfigError, from_mapping, parameter, to_mapping
+from sma_actuator.base.signals import JointEstimate
 
 #: Tension below which a wire counts as slack, and its displacement says nothing of the joint: some times a load cell's noise.
 SLACK_N = 0.05
 #: The integral part of the common shortening: as a share of what a working range has of displacement.
 LARGEST_INTEGRAL = 0.2
+#: No wire is asked for more than this share of the tension limit; the rest is for what overshoots.
+MOST_ASKED = 0.9
 #: Both wires are asked to be longer by up to this, as a share of a working range, from half of the way between the
-#: co-contraction and the tension limit on: enough to cut what their integrals still ask for.
+#: tension that is wanted of the wire that pulls more and the limit on: enough to cut what their integrals still ask for.
 LARGEST_EASE = 0.3
 #: Tension is taken for what it will be so much later, where it rises: a wire goes on pulling while it is still hot.
 LOOK_AHEAD_s = 0.2
@@ -66,7 +69,6 @@ class PairParameters:
         unit="N",
         lo=1e-3,
         hi=1e4,
-        live=True,
     )
     cocontraction: float = parameter(
         description="tension of the wire that pulls less, until another is asked for",
@@ -80,7 +82,6 @@ class PairParameters:
         unit="N",
         lo=1e-3,
         hi=1e4,
-        live=True,
     )
     tension_gain: float = parameter(
         5e-4, "by how much both wires are asked to be shorter for each newton that lacks", "m/N", 0.0, 0.1, live=True
@@ -130,16 +131,6 @@ class WireState:
     displacement_m: float
     uncertainty_m: float
     load_N: float
-
-
-@dataclass(frozen=True, slots=True)
-class JointEstimate:
-    """What is known of the joint."""
-
-    angle_rad: float = nan  #: NaN where both wires are slack
-    uncertainty_rad: float = nan  #: half of the 95 % interval
-    cocontraction_N: float = nan  #: tension of the wire that pulls less
-    torque_Nm: float = nan  #: of both wires together, against the world's
 
 
 class Pair:
@@ -245,7 +236,7 @@ class Pair:
     def shared_N(self, torque_Nm: float) -> float:
         """The co-contraction that is asked for, as far as the limit and the torque on the joint leave room for it."""
         p = self.parameters
-        room_N = p.tension_limit - abs(torque_Nm) / p.pulley_radius
+        room_N = MOST_ASKED * p.tension_limit - abs(torque_Nm) / p.pulley_radius
         return max(min(max(self.asked_N, p.least_cocontraction), room_N), 0.0)
 
     def step(self, wires: Sequence[WireState], dt_s: float) -> tuple[float, float]:
@@ -257,7 +248,8 @@ class Pair:
         wanted_N = self.shared_N(seen.torque_Nm)
         limits = {"cocontraction"} if wanted_N != self.asked_N else set()
         lacking_N = wanted_N - seen.cocontraction_N
-        ease_m = self._ease_m(max(wire.load_N for wire in wires), wanted_N, dt_s)
+        pull_N = wanted_N + abs(seen.torque_Nm) / p.pulley_radius
+        ease_m = self._ease_m(max(wire.load_N for wire in wires), pull_N, dt_s)
         if ease_m > 0.0:
             limits.add("tension")
         reference_rad = self._refer(wires, wanted_N, dt_s, limits)
@@ -267,12 +259,12 @@ class Pair:
         first_m, second_m = self.displacements_m(reference_rad, [wire.load_N for wire in wires])
         return first_m - shorter_m, second_m - shorter_m
 
-    def _ease_m(self, tension_N: float, wanted_N: float, dt_s: float) -> float:
+    def _ease_m(self, tension_N: float, pull_N: float, dt_s: float) -> float:
         """By how much both wires are asked to be longer so that neither comes to the tension limit."""
         p = self.parameters
         rise_N = max(tension_N - self._tension_N, 0.0) / dt_s * LOOK_AHEAD_s if dt_s > 0.0 else 0.0
         self._tension_N = tension_N
-        room_N = max(p.tension_limit - wanted_N, 0.0) / 2.0
+        room_N = max(p.tension_limit - pull_N, 0.0) / 2.0
         over_N = tension_N + rise_N - (p.tension_limit - room_N)
         if not over_N > 0.0:
             return 0.0
