@@ -11,8 +11,10 @@ import time
 import pytest
 
 from sma_actuator.bench import VirtualBench
+from sma_actuator.bench.joint import JointBench
 from sma_actuator.bench.server import Pacer, background
 from sma_actuator.instruments import InstrumentError
+from sma_actuator.plant.joint import parse_joint
 
 
 class Connection:
@@ -269,3 +271,24 @@ def test_the_process_serves_the_physics_that_was_asked_for(tmp_path):
             process.kill()
             process.communicate()
     assert shares["liang_rogers"] == 1.0 and 0.8 < shares["measured"] < 0.99
+
+
+def test_two_benches_of_a_joint_have_one_time_and_say_its_angle():
+    stand = JointBench.from_name("flexinol", parse_joint("0.004,0.0019"), seed=1)
+    with background(stand.benches, speed=20.0) as server:
+        first, second = (Connection(ports["supply"]) for ports in server.ports)
+        for connection, current_A in ((first, 0.28), (second, 0.1)):
+            connection.tell(f"VOLT 6;:CURR {current_A};:OUTP ON")
+        poll(lambda: float(second.ask("BENC:JOIN:ANGL?")) > 0.3, within_s=60.0)
+        before_s, other_s, after_s = bench_time_s(first), bench_time_s(second), bench_time_s(first)
+        assert before_s <= other_s <= after_s
+        first.tell("BENC:LOAD:WEIG 1;:BENC:JOIN:TORQ -0.002")
+        assert first.ask("SYST:ERR?").startswith("-221") and float(second.ask("BENC:JOIN:TORQ?")) == -0.002
+        first.close()
+        second.close()
+
+
+def test_a_wire_without_a_joint_has_no_angle(served):
+    supply = served("supply")
+    supply.tell("BENC:JOIN:ANGL?")
+    assert supply.ask("SYST:ERR?").startswith("-221")
