@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from math import isfinite, nan
 from typing import Protocol, Self
 
+from sma_actuator.actuator import AFTER_A_FAULT
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import JointEstimate, Mode, Output, Quality, Status
 from sma_actuator.config import Config
@@ -148,7 +149,7 @@ class PairDriver:
 
     def _let_go(self, number: int, status: Status) -> None:
         """A wire has gone off: have the other off with its next step."""
-        why = f"{self._pair.parameters.wires[number]}: {status.message}"
+        why = f"{self._pair.parameters.wires[number]}: {status.message.removesuffix(AFTER_A_FAULT)}"
         self._fault, self._why_off = status.fault, why
         driver = self._wires[1 - number].driver
         if driver is None:
@@ -181,6 +182,7 @@ class PairDriver:
         pair, limits = self._pair, self._pair.limits
         if not self._driven:
             mode, words, limits = Mode.OFF, f"off: {self._why_off}" if self._why_off else "off", ()
+            words += AFTER_A_FAULT if self._fault else ""
         elif not isfinite(estimate.angle_rad):
             mode, words = Mode.HOLD, "taking up the slack"
         elif pair.commanded:

@@ -153,7 +153,7 @@ class JointNode(Node):
         if (status.mode, status.fault) != self._said:
             self._said = status.mode, status.fault
             if status.fault:
-                self.get_logger().error(f"{status.message}. ~/clear_fault clears both wires")
+                self.get_logger().error(status.message)
             else:
                 self.get_logger().info(f"the joint: {status.message}")
         self._published = _in_short(status)
