@@ -21,7 +21,7 @@ from sma_actuator.driver import Driver
 from sma_actuator.instruments import open_daq, open_supply
 from sma_actuator.safety.faults import FAULTS
 
-SOON_s = 10.0  #: bound of every wait; none is expected to take long
+SOON_s = 60.0  #: bound of every wait; none is expected to take long
 STALL_LOOK_s = 0.005
 #: What the bench's tick and the oracle's question add to a time, and a busy machine to every switch of threads.
 MEASURING_s = 0.15

@@ -13,7 +13,7 @@ import sys
 import time
 from pathlib import Path
 
-SOON_s = 60.0  #: bound of waits that normally take under a second; a busy machine starts a process in half a minute
+SOON_s = 150.0  #: bound of waits that normally take under a second; a busy machine starts a process in half a minute
 
 
 def wait_until(condition, timeout_s=SOON_s, what="it"):
