@@ -13,6 +13,7 @@ import time
 import pytest
 from liar import Liar
 from stand_ins import RealClock
+from waiting import Elapsed
 
 from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
@@ -116,11 +117,11 @@ class Rig:
 
     def until(self, condition, within_s=SOON_s):
         """Seconds until it holds."""
-        start_s = time.monotonic()
+        elapsed = Elapsed()
         while not condition():
-            assert time.monotonic() - start_s < within_s, self.status
+            assert elapsed.look() < within_s, self.status
             time.sleep(0.005)
-        return time.monotonic() - start_s
+        return elapsed.look()
 
     def close(self):
         self.driver.stop()
