@@ -27,6 +27,7 @@ from sma_actuator.base.sections import Loop, SupplyParameters, ThermalParameters
 from sma_actuator.base.yaml_text import read_yaml, yaml_of
 from sma_actuator.control import CONTROL_LAWS
 from sma_actuator.control.law import ControllerParameters
+from sma_actuator.control.pair import PairParameters
 from sma_actuator.derived import with_derived
 from sma_actuator.estimation.branch import EstimatorParameters
 from sma_actuator.estimation.calibration import Calibration
@@ -274,6 +275,7 @@ def markdown() -> str:
     sections: list[tuple[str, type]] = [("", Config)]
     effects: list[tuple[str, type]] = [("effects.", Effects)]
     effects += [(f"effects.{name}.", cls) for name, cls in EFFECTS.items() if cls.PART != "reference"]
+    effects.append(("(the node of a joint)", PairParameters))
     while sections:
         title, cls = sections.pop(0)
         rows, nested = [], []

@@ -15,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import WrenchStamped
 from processes import SOON_s, wait_until
 from std_msgs.msg import Float64
+from waiting import Elapsed
 
 from benchmarks.chromium import Chromium, find_chromium
 from sma_actuator.base.parameters import walk
@@ -114,9 +115,14 @@ def with_page(stand, work):
 
 
 def _seconds_to_no_current(stand):
-    began_s = time.monotonic()
-    wait_until(lambda: abs(stand.bench.current_A()) < NO_CURRENT_A, what="no current")
-    return time.monotonic() - began_s
+    elapsed = Elapsed()
+
+    def is_off():
+        elapsed.look()
+        return abs(stand.bench.current_A()) < NO_CURRENT_A
+
+    wait_until(is_off, what="no current")
+    return elapsed.look()
 
 
 # --- who may -------------------------------------------------------------------------------------------
