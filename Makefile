@@ -12,7 +12,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds tuning fleet foreign-speed tutorial forward health clean
+.PHONY: page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds tuning pair fleet foreign-speed tutorial forward health clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
@@ -93,6 +93,11 @@ control-worlds: $(VENV)/ready
 TUNING ?=
 tuning: $(VENV)/ready
 	$(BIN)/python benchmarks/tuning.py $(TUNING)
+
+# Angle and co-contraction of a joint that two wires turn (a minute; other physics in PAIR).
+PAIR ?=
+pair: $(VENV)/ready
+	$(BIN)/python benchmarks/pair.py $(PAIR)
 
 # What the driver says of its model's health: false alarms in virtual hours on every physics, then drifts in growing strength.
 health: $(VENV)/ready

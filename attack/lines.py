@@ -18,7 +18,7 @@ from .hours import CONFIG, OFF_AT_MOST_s
 from .promises import Promises
 from .proxy import HONEST, Mischief, Proxy
 from .result import Result, Violation
-from .stand import SOON_s, Stand, wait_until
+from .stand import NO_CURRENT_A, SOON_s, Stand, wait_until
 
 #: What the bench's tick, its answers and the judge's look add to a time.
 MEASURING_s = 0.06
@@ -55,6 +55,33 @@ _FORGETS = {
     Mischief("slip in", "questions", words="CURR 0.3"): "second_commander",
     Mischief("forget", "questions"): "second_commander",
 }
+#: Answers whose form is right and whose meaning is wrong, by instrument: the row of the table that promises the current off.
+_MEANS_OTHERWISE = {
+    "daq": {
+        Mischief("times thousand"): "reading_saturated",
+        Mischief("by thousand"): "supply_disagrees",
+        Mischief("negated"): "reading_implausible",
+        Mischief("constant"): "sensor_stuck",
+        Mischief("another channel"): "supply_disagrees",
+        Mischief("decimal comma"): "daq_lost",
+        Mischief("nul"): "daq_lost",
+    },
+    "supply": {
+        Mischief("times thousand"): "second_commander",
+        Mischief("by thousand"): "supply_lost",
+        Mischief("negated"): "second_commander",
+        # Noticed when one of its settings is asked for.
+        Mischief("constant"): "limits_not_held",
+        Mischief("the one before"): "limits_not_held",
+        Mischief("another channel"): "supply_lost",
+        Mischief("decimal comma"): "supply_lost",
+        Mischief("nul"): "supply_lost",
+    },
+}
+#: It starts anew with the current on and without what it was told, and is not to be reached meanwhile.
+_REBOOT = Mischief("reboot", "none")
+REBOOTS_WITHIN_s = 1.0
+QUIET_WATCHDOGS = 1.25  #: so long the driver promises to be silent, in delays of the watchdog
 #: Mischief that a driver may see through or get over.
 _CONFUSES = (
     Mischief("late", delay_s=0.03),
@@ -68,6 +95,10 @@ _CONFUSES = (
 ALL = (
     *((role, mischief) for role in ("supply", "daq") for mischief in (*_ENDS_THE_TALK, *_CONFUSES)),
     *(("supply", mischief) for mischief in _FORGETS),
+    *((role, mischief) for role, rows in _MEANS_OTHERWISE.items() for mischief in rows),
+    ("daq", Mischief("the one before")),
+    *((role, Mischief("padded")) for role in _MEANS_OTHERWISE),
+    ("supply", _REBOOT),
 )
 
 
@@ -126,6 +157,11 @@ class Line:
         elif mischief in _FORGETS:
             self._driver.offer_setpoint(self._chance.choice((0.001, 0.003)))  # so that it is told something
             self._must_go_off(mischief, began_s, self._forgotten_within_s(mischief))
+        elif mischief in _MEANS_OTHERWISE[role]:
+            self._driver.offer_setpoint(self._chance.choice((0.001, 0.003)))
+            self._must_go_off(mischief, began_s, self.promises.within_s(_MEANS_OTHERWISE[role][mischief]))
+        elif mischief == _REBOOT:
+            self._must_go_off(mischief, self._reboot(), self._reconnects_within_s())
         else:
             self._may_go_on()
         self._switch_off()
@@ -151,6 +187,21 @@ class Line:
             within_s += 2.0 * self.config.instruments.supply.timeout + self.config.supply.watchdog_timeout
         return within_s
 
+    def _reboot(self) -> float:
+        """A supply that comes back with its output on and no watchdog; when it can be reached again."""
+        wait_until(lambda: self.stand.tell_supply("SYST:LOCK:OWN?") == "NONE", SOON_s, "the end of the lock")
+        time.sleep(self._chance.uniform(0.1, REBOOTS_WITHIN_s))
+        self.stand.tell_supply("OUTP:PROT:WDOG OFF;:OUTP:PROT:CLE;:VOLT 4;:CURR 0.2;:OUTP ON;*OPC?")
+        wait_until(lambda: self.stand.now.current_A > NO_CURRENT_A, SOON_s, "current after the reboot")
+        self.proxies["supply"].spoil(HONEST)
+        return time.monotonic()
+
+    def _reconnects_within_s(self) -> float:
+        """The longest pause between two attempts, then off is the first word: an attempt that may have been heard, as a
+        connection that is closed at once, is followed by silence until the watchdog would have cut (docs/safety.md)."""
+        silence_s = QUIET_WATCHDOGS * self.config.supply.watchdog_timeout
+        return max(self.config.instruments.reconnect_backoff_max, silence_s) + self.config.instruments.supply.timeout
+
     def _must_go_off(self, mischief: Mischief, began_s: float, within_s: float) -> None:
         role, within_s = self.present[0], within_s + MEASURING_s
         if mischief.touches("questions"):
@@ -160,7 +211,7 @@ class Line:
             took = "not within 4 s" if math.isnan(took_s) else f"after {took_s:.2f} s"
             self.broken("the current is not off in time", f"{took}; {within_s:.2f} s are promised")
         else:
-            what = "forgets" if mischief in _FORGETS else "spoilt"
+            what = self._in_words(mischief)
             self.result.see(f"{role} {what}, current off [s]", took_s)
         try:
             wait_until(lambda: self._says_fault(began_s), 2.0)
@@ -168,6 +219,13 @@ class Line:
             self.broken(
                 "the driver does not say that something is wrong", "two seconds after the current should be off"
             )
+
+    def _in_words(self, mischief: Mischief) -> str:
+        if mischief in _FORGETS:
+            return "forgets"
+        if mischief in _MEANS_OTHERWISE[self.present[0]]:
+            return "means something else"
+        return "is there again" if mischief == _REBOOT else "spoilt"
 
     def _says_fault(self, since_s: float) -> bool:
         driver = self._driver

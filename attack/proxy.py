@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import random
+import re
 import socket
 import threading
 import time
@@ -16,6 +17,8 @@ from dataclasses import dataclass
 
 TRICKLE_s = 0.1  #: between two bytes of an answer without an end
 EXTRA_LINES = 25
+_NUMBER = re.compile(rb"[+-]?\d+\.?\d*(?:E[+-]?\d+)?")
+_FIELD = re.compile(rb"[^;,\r\n]+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +47,7 @@ class Proxy:
     def __init__(self, target_port: int, seed: int):
         self.mischief = HONEST
         self.spoilt = 0  #: lines
+        self._first = self._before = b""  #: line since the mischief began, and the one before
         self._target_port = target_port
         self._chance = random.Random(seed)
         self._ending = threading.Event()
@@ -57,7 +61,7 @@ class Proxy:
         """Behave so from now on."""
         self.spoilt = 0
         self.mischief = mischief
-        if mischief.kind in ("cut", "refuse"):
+        if mischief.kind in ("cut", "refuse", "reboot"):
             self._hang_up()
 
     def close(self) -> None:
@@ -80,7 +84,7 @@ class Proxy:
                 near, _ = self._listener.accept()
             except OSError:
                 return
-            if self.mischief.kind == "refuse":
+            if self.mischief.kind in ("refuse", "reboot"):
                 near.close()
                 continue
             try:
@@ -142,10 +146,32 @@ class Proxy:
             "nan": lambda: b",".join(b"NAN" for _ in line.split(b",")) + b"\n",
             "half": lambda: line[: len(line) // 2].rstrip(b"\n") + b"\n",
             "unended": lambda: line.rstrip(b"\r\n"),
+            # From here on the form is right and the meaning wrong.
+            "times thousand": lambda: self._scaled(line, 1e3),
+            "by thousand": lambda: self._scaled(line, 1e-3),
+            "negated": lambda: self._scaled(line, -1.0),
+            "constant": lambda: self._first,
+            "the one before": lambda: line if first else self._before,
+            "another channel": lambda: self._rotated(line),
+            "decimal comma": lambda: line.replace(b".", b","),
+            "padded": lambda: b"  " + line.rstrip(b"\r\n") + b" \t\r\n",
+            "nul": lambda: line.rstrip(b"\r\n") + b"\0\n",
         }
         if mischief.kind not in kinds:
             raise ValueError(f"'{mischief.kind}' is no mischief of the proxy")
-        return kinds[mischief.kind]()
+        self._first = line if first else self._first
+        spoilt, self._before = kinds[mischief.kind](), line
+        return spoilt
+
+    @staticmethod
+    def _scaled(line: bytes, factor: float) -> bytes:
+        return _NUMBER.sub(lambda found: b"%.8E" % (factor * float(found[0])), line)
+
+    @staticmethod
+    def _rotated(line: bytes) -> bytes:
+        fields = _FIELD.findall(line)
+        others = iter(fields[1:] + fields[:1])
+        return _FIELD.sub(lambda _: next(others), line)
 
     def _trickle(self, sink: socket.socket, mischief: Mischief) -> None:
         """Ten bytes a second without an end, until the mischief is over."""

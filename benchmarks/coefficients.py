@@ -15,6 +15,7 @@ from pathlib import Path
 
 import yaml
 
+from sma_actuator.base.yaml_text import yaml_of
 from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import NODE_NAME, read_parameter_file
 
@@ -22,6 +23,17 @@ ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "out" / "coefficients"
 #: Length and diameter as parts of those of the bench's wire; the LVDT's 5 mm leave no room for longer ones.
 OTHER_SIZES = ((0.6, 1.0), (0.8, 0.85), (0.9, 1.15))
+#: On the bench of `sma-actuator bench --load joint:0.004,0.0019`.
+JOINT = {
+    "joint_name": "joint",
+    "wires": ["left", "right"],
+    "pulley_radius": 0.004,
+    "displacement_at_zero": [0.0019, 0.0019],
+    "series_stiffness": 2.0e4,
+    "tension_limit": 2.2,
+    "cocontraction": 0.8,
+    "least_cocontraction": 0.3,
+}
 
 
 def resized(parameters: dict, length: float, diameter: float) -> dict:
@@ -67,8 +79,21 @@ def _run(*words: str) -> None:
         sys.exit(code)
 
 
+def write_pair(wire: Path, out: Path) -> None:
+    """Write the parameter file of a joint that two wires like the one of a file turn, on the virtual bench."""
+    sections = {}
+    for number, name in enumerate(("left", "right")):
+        mapping = read_parameter_file(wire) | {"joint_name": name}
+        for each, port in (("supply", 5025), ("daq", 5026)):
+            mapping["instruments"][each]["resource"] = f"TCPIP::127.0.0.1::{port + 2 * number}::SOCKET"
+        sections[name] = {"ros__parameters": mapping}
+    sections["joint"] = {"ros__parameters": JOINT}
+    header = f"# Written by `python benchmarks/coefficients.py`: the wire of {wire.name} twice, and the joint.\n"
+    out.write_text(header + yaml_of(sections), encoding="utf-8")
+
+
 def main() -> None:
-    """Write the four parameter files."""
+    """Write the four parameter files of wires, and that of a joint."""
     for name in ("flexinol", "furukawa"):
         bench = ROOT / "config" / f"{name}_bench.yaml"
         parameters = read_parameter_file(bench)
@@ -107,6 +132,7 @@ def main() -> None:
             "--no-extension",
             "--force",
         )
+    write_pair(ROOT / "config" / "flexinol.yaml", ROOT / "config" / "pair.yaml")
 
 
 if __name__ == "__main__":

@@ -6,11 +6,12 @@
 
 The places and the changes are those of cosmic-ray, and one more, that of leaving a statement out.  Which tests run a line is
 measured once; a mutant of that line gets these tests and no other, the quickest first, in a process of its own whose copy
-of the package is the mutated one (also for the processes that a test starts).  A mutant that no test notices and that
-``mutants_equivalent.yaml`` does not explain makes the command fail.
+of the package is the mutated one (also for the processes that a test starts).  A test that hangs on a mutant has noticed it.
+A mutant that no test notices and that ``mutants_equivalent.yaml`` does not explain makes the command fail.
 
 What was found is kept in ``out/mutants.json`` and not tried again until the source changes, or a test where a mutant lived;
-``docs/mutants.md`` is written from it.
+which mutants there are, and which tests run which line, in ``out/mutants_known.json``.  ``docs/mutants.md`` is written from
+the former.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from __future__ import annotations
 import argparse
 import ast
 import contextlib
+import functools
+import gc
 import hashlib
 import json
 import math
@@ -28,7 +31,7 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,12 +48,12 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "sma_actuator"
 EQUIVALENT = Path(__file__).with_name("mutants_equivalent.yaml")
 KEPT = ROOT / "out" / "mutants.json"
+KNOWN = ROOT / "out" / "mutants_known.json"
 PAGE = ROOT / "docs" / "mutants.md"
 #: A mutated source, and the tests that are there to judge it.
 _GUARDS = ("tests/safety/test_guard_edges.py", "tests/test_docs.py")
 TARGETS = {
-    **{f"safety/guards/{name}": _GUARDS for name in ("program", "supply", "readings", "estimate", "setpoints")},
-    "safety/guards/wire": (*_GUARDS, "tests/safety/test_heat.py"),
+    **{f"safety/guards/{name}": _GUARDS for name in ("program", "supply", "readings", "estimate", "setpoints", "wire")},
     "safety/records": (*_GUARDS, "tests/safety/test_faults.py"),
     "safety/formula": ("tests/safety/test_formula.py", "tests/test_docs.py"),
     "safety/timing": _GUARDS,
@@ -101,8 +104,10 @@ OPERATORS = (
 )
 #: Words for the log are not looked at: leaving one out harms no wire.
 UNWATCHED = ("_log.",)
-#: A mutant may hang where the code did not; so long, and as many times its tests' own time.
-LEAST_s, TIMES = 30.0, 6.0
+#: Nobody reads what pytest says; a test that hangs is ended here.
+QUICKLY = ("-q", "--assert=plain", "-o", "timeout=0", "-p", "no:cacheprovider")
+#: A mutant may hang where the code did not: a test has so long, and as many times its own time.
+LEAST_s, TIMES = 20.0, 6.0
 
 
 class LeaveOut(Operator):
@@ -146,24 +151,48 @@ class Mutant:
     line: int
     before: str
     after: str
-    source: str
 
     @property
     def words(self) -> str:
         """As it stands in the list of equivalent mutants."""
         return f"{self.before} → {self.after}"
 
+    @property
+    def source(self) -> str:
+        """The whole file with that one place changed."""
+        return mutate_code(path_of(self.target).read_text(encoding="utf-8"), _operator(self.operator), self.occurrence)
+
+
+def _operator(name: str) -> Operator:
+    return LeaveOut() if name == "LeaveOut" else get_operator(f"core/{name}")()
+
+
+def _known(what: str, target: str, of: str, find: Callable[[], Any]) -> Any:
+    """What was found out about a target before, as long as what it was found ``of`` stands; else what is found now."""
+    known = json.loads(KNOWN.read_text()) if KNOWN.exists() else {}
+    place = f"{what} {target}"
+    if known.get(place, {}).get("of") != of:
+        known[place] = {"of": of, "found": find()}
+        KNOWN.parent.mkdir(parents=True, exist_ok=True)
+        KNOWN.write_text(json.dumps(known))
+    return known[place]["found"]
+
 
 def mutants_of(target: str) -> list[Mutant]:
     """Every mutant of a source file that still is Python and differs in more than words or annotations."""
+    of = _digest([path_of(target), Path(__file__)])
+    return [Mutant(target, *each) for each in _known("mutants of", target, of, lambda: _mutants_of(target))]
+
+
+def _mutants_of(target: str) -> list[tuple[str, int, int, str, str]]:
     source = path_of(target).read_text(encoding="utf-8")
     whole = get_ast(source)
     lines = source.splitlines()
     quiet = _lines_without_behaviour(source)
     dump = ast.dump(ast.parse(source))
-    found = []
+    found = {}
     for name in (*OPERATORS, "LeaveOut"):
-        operator = LeaveOut() if name == "LeaveOut" else get_operator(f"core/{name}")()
+        operator = _operator(name)
         places = [place for node in ast_nodes(whole) for place in operator.mutation_positions(node)]
         for occurrence in range(len(places)):
             try:
@@ -188,14 +217,16 @@ def mutants_of(target: str) -> list[Mutant]:
             if first + 1 in quiet:
                 continue
             shown = after[first].strip() if first < len(after) else ""
-            found.append(Mutant(target, name, occurrence, first + 1, lines[first].strip(), shown, mutated))
-    return list({(m.line, m.source): m for m in found}.values())
+            found[mutated] = (name, occurrence, first + 1, lines[first].strip(), shown)
+    return list(found.values())
 
 
 def _lines_without_behaviour(source: str) -> set[int]:
-    """Lines of annotations alone, of log calls, of ``__all__`` and of what only type checkers read."""
+    """Lines of log calls, of what only type checkers read, and of how a record is kept in memory (``@dataclass``)."""
     quiet: set[int] = set()
     for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ClassDef):
+            quiet |= {each.lineno for each in node.decorator_list if ast.unparse(each).startswith("dataclass")}
         if (
             isinstance(node, ast.Expr)
             and isinstance(node.value, ast.Call)
@@ -216,7 +247,14 @@ def path_of(target: str) -> Path:
 
 
 def covering(target: str) -> tuple[dict[int, list[str]], dict[str, float]]:
-    """Tests by the line of the target that they run, and how long each takes [s]."""
+    """Tests by the line of the target that they run, and how long each takes [s]; measured where it is not known yet."""
+    of = _digest([path_of(target), *_tests_of(target)])
+    lines, times = _known("lines of", target, of, lambda: _covering(target))
+    return {int(line): tests for line, tests in lines.items()}, times
+
+
+def _covering(target: str) -> tuple[dict[str, list[str]], dict[str, float]]:
+    """The same, measured in a process of its own."""
     reader, writer = os.pipe()
     pid = os.fork()
     if pid == 0:
@@ -236,7 +274,7 @@ def covering(target: str) -> tuple[dict[int, list[str]], dict[str, float]]:
     if not text:
         raise SystemExit(f"{target}: its tests fail without a mutant; run pytest {' '.join(TARGETS[target])}")
     lines, times = json.loads(text)
-    return {int(line): tests for line, tests in lines.items()}, times
+    return lines, times
 
 
 def _measure(target: str) -> tuple[dict[int, list[str]], dict[str, float]]:
@@ -258,7 +296,7 @@ def _measure(target: str) -> tuple[dict[int, list[str]], dict[str, float]]:
     _quiet()
     os.chdir(ROOT)
     measure.start()
-    code = pytest.main(["-q", "-p", "no:cacheprovider", *TARGETS[target]], plugins=[Watch()])
+    code = pytest.main([*QUICKLY, *TARGETS[target]], plugins=[Watch()])
     measure.stop()
     if code:
         os._exit(int(code))
@@ -276,14 +314,15 @@ def _quiet() -> None:
 # --- one mutant ---------------------------------------------------------------------------------------
 
 
-def survives(mutant: Mutant, tests: list[str], longest_s: float) -> bool:
+def survives(target: str, source: str, tests: list[str], times: dict[str, float]) -> bool:
     """Whether no test notices the mutant.  One that hangs is noticed."""
+    longest_s = sum(_longest_s(test, times) for test in tests)
     folder = Path(tempfile.mkdtemp(prefix="sma_mutant_"))
     try:
-        _overlay(folder, mutant)
+        _overlay(folder, target, source)
         pid = os.fork()
         if pid == 0:
-            _judge(folder, mutant.target, tests)
+            _judge(folder, target, tests, times)
         deadline_s = time.monotonic() + longest_s
         while time.monotonic() < deadline_s:
             ended, status = os.waitpid(pid, os.WNOHANG)
@@ -298,21 +337,25 @@ def survives(mutant: Mutant, tests: list[str], longest_s: float) -> bool:
         shutil.rmtree(folder, ignore_errors=True)
 
 
+def _longest_s(test: str, times: dict[str, float]) -> float:
+    return LEAST_s + TIMES * times.get(test, 0.0)
+
+
 def _end_group(pid: int) -> None:
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(pid, signal.SIGKILL)
 
 
-def _overlay(folder: Path, mutant: Mutant) -> None:
+def _overlay(folder: Path, target: str, source: str) -> None:
     """The repository, of links but for the mutated file and the folders above it."""
-    path = path_of(mutant.target).relative_to(ROOT)
+    path = path_of(target).relative_to(ROOT)
     here, there = ROOT, folder
     for part in path.parts[:-1]:
         _link_all(here, there, but=part)
         here, there = here / part, there / part
         there.mkdir()
     _link_all(here, there, but=path.name)
-    (folder / path).write_text(mutant.source, encoding="utf-8")
+    (folder / path).write_text(source, encoding="utf-8")
 
 
 def _link_all(here: Path, there: Path, but: str) -> None:
@@ -321,9 +364,10 @@ def _link_all(here: Path, there: Path, but: str) -> None:
             (there / each.name).symlink_to(each)
 
 
-def _judge(folder: Path, target: str, tests: list[str]) -> None:
-    """In a process of its own: exit with 0 where every test passes on the mutant."""
+def _judge(folder: Path, target: str, tests: list[str], times: dict[str, float]) -> None:
+    """In a process of its own: exit with 0 where every test passes on the mutant; an alarm ends it where one hangs."""
     code = 1
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
     try:
         os.setsid()
         _quiet()
@@ -338,7 +382,13 @@ def _judge(folder: Path, target: str, tests: list[str]) -> None:
         _forget(folder, target)
         import pytest
 
-        code = int(pytest.main(["-q", "-x", "-p", "no:cacheprovider", *tests]))
+        class Watch:
+            @pytest.hookimpl(wrapper=True)
+            def pytest_runtest_protocol(self, item: Any) -> Any:
+                signal.setitimer(signal.ITIMER_REAL, _longest_s(item.nodeid, times))
+                return (yield)
+
+        code = int(pytest.main(["-x", *QUICKLY, *tests], plugins=[Watch()]))
     except BaseException:  # noqa: BLE001 - an import that fails is a mutant noticed
         code = 1
     finally:
@@ -361,7 +411,8 @@ def _forget(folder: Path, target: str) -> None:
             module.__path__ = [str(folder.joinpath(*each.split(".")))]
 
 
-def _imports(name: str) -> set[str]:
+@functools.cache
+def _imports(name: str) -> frozenset[str]:
     """Modules of the package that a loaded module of it imports."""
     module = sys.modules[name]
     package = name if hasattr(module, "__path__") else name.rpartition(".")[0]
@@ -374,16 +425,17 @@ def _imports(name: str) -> set[str]:
             base = ".".join((*parts, *([node.module] if node.module else [])))
             used |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
     # Whoever imports a.b.c has imported a and a.b as well.
-    return {
+    return frozenset(
         ".".join(each.split(".")[:n])
         for each in used
         if each.startswith(PACKAGE)
         for n in range(2, each.count(".") + 2)
-    }
+    )
 
 
 def _warm_up() -> None:
     """Import and compile what no mutant changes, once; forks then have it."""
+    import hypothesis.strategies  # noqa: F401
     import numpy  # noqa: F401
     import pytest  # noqa: F401
     import pyvisa  # noqa: F401
@@ -400,6 +452,9 @@ def _warm_up() -> None:
     driver.enable(True)
     driver.run_for(0.5)
     driver.stop()
+    for each in [each for each in sys.modules if each.startswith(PACKAGE)]:
+        _imports(each)
+    gc.freeze()  # no fork looks through what is here for rubbish
 
 
 def _without(found: list[Mutant], known: dict[str, set[str]]) -> list[Mutant]:
@@ -425,11 +480,13 @@ class Findings:
     def __init__(self, path: Path):
         self._path = path
         self._all: dict[str, dict[str, Any]] = json.loads(path.read_text()) if path.exists() else {}
+        self._looked_at: set[str] = set()
         #: By target: all mutants, and those that are explained.
         self.count: dict[str, tuple[int, int]] = {target: kept["count"] for target, kept in self._all.items()}
 
     def of(self, target: str) -> dict[str, str]:
         """What it changes where it lives, else nothing, by mutant.  Those that lived are tried again where the tests have changed."""
+        self._looked_at.add(target)
         kept, source, tests = self._all.get(target), _digest([path_of(target)]), _digest(_tests_of(target))
         if kept is None or kept["source"] != source:
             kept = {"lives": {}}
@@ -441,7 +498,8 @@ class Findings:
     def save(self) -> None:
         """Write the file."""
         self._path.parent.mkdir(parents=True, exist_ok=True)
-        kept = {target: {**found, "count": self.count.get(target, (0, 0))} for target, found in self._all.items()}
+        kept = json.loads(self._path.read_text()) if self._path.exists() else {}  # of another run beside this one
+        kept |= {target: {**self._all[target], "count": self.count[target]} for target in self._looked_at}
         self._path.write_text(json.dumps(kept, indent=1))
 
 
@@ -472,7 +530,7 @@ def _page(findings: Findings) -> str:
     ]
     alive: list[str] = []
     sums = [0, 0, 0, 0]
-    for target in (target for target in TARGETS if findings.of(target)):
+    for target in (target for target in TARGETS if target in findings.count and findings.of(target)):
         lives, (everything, explained) = findings.of(target), findings.count[target]
         left = [words for words in lives.values() if words]
         row = (everything, explained, len(lives), len(left))
@@ -502,14 +560,22 @@ def main() -> int:
         everything = mutants_of(target)
         found = _without(everything, known)
         findings.count[target] = (len(everything), len(everything) - len(found))
+        lives = findings.of(target)
+        for key in lives.keys() - {_key(mutant) for mutant in found}:  # explained since
+            del lives[key]
         found = found[:: options.every]
         if options.lines:
             first, _, last = options.lines.partition("-")
             found = [m for m in found if int(first) <= m.line <= int(last or first)]
-        lives = findings.of(target)
         if time.monotonic() < ends_s and any(_key(mutant) not in lives for mutant in found):
-            _try(target, [mutant for mutant in found if _key(mutant) not in lives], lives, options.jobs, ends_s)
-            findings.save()
+            _try(
+                target,
+                [mutant for mutant in found if _key(mutant) not in lives],
+                lives,
+                findings.save,
+                options.jobs,
+                ends_s,
+            )
         left = [mutant for mutant in found if lives.get(_key(mutant))]
         living += len(left)
         tried = sum(_key(mutant) in lives for mutant in found)
@@ -517,23 +583,29 @@ def main() -> int:
         for mutant in left:
             print(f"  {target}.py:{mutant.line} [{mutant.operator}] {mutant.words}", flush=True)
     findings.save()
-    PAGE.write_text(_page(findings), encoding="utf-8")
+    PAGE.write_text(_page(Findings(KEPT)), encoding="utf-8")
     return 1 if living else 0
 
 
-def _try(target: str, found: list[Mutant], lives: dict[str, str], jobs: int, ends_s: float) -> None:
-    """Run the tests on mutants until the time is over; what came out goes into ``lives``."""
+def _try(
+    target: str, found: list[Mutant], lives: dict[str, str], save: Callable[[], None], jobs: int, ends_s: float
+) -> None:
+    """Run the tests on mutants until the time is over; what came out goes into ``lives``, and is saved."""
     lines, times = covering(target)
     everything = sorted(times, key=times.__getitem__)
-    broken = Mutant(target, "", 0, 0, "", "", "raise RuntimeError\n")
-    assert not survives(broken, everything[:5], 120.0), f"{target}: the tests do not run the mutants"
+    few = sorted({test for tests in lines.values() for test in tests}, key=lambda test: times.get(test, 0.0))[:5]
+    sound = path_of(target).read_text(encoding="utf-8")
+    assert survives(target, sound, few, times), f"{target}: tests fail on the source as it is"
+    assert not survives(target, "raise RuntimeError\n", few, times), f"{target}: the tests do not run the mutants"
 
     def live(mutant: Mutant) -> None:
         if time.monotonic() > ends_s:
             return
         tests = sorted(lines.get(mutant.line) or everything, key=lambda test: times.get(test, 0.0))
-        longest_s = LEAST_s + TIMES * sum(times.get(test, 0.0) for test in tests)
-        lives[_key(mutant)] = f"line {mutant.line}, `{mutant.words}`" if survives(mutant, tests, longest_s) else ""
+        lives[_key(mutant)] = (
+            f"line {mutant.line}, `{mutant.words}`" if survives(target, mutant.source, tests, times) else ""
+        )
+        save()
 
     # In an order that leaves an even sample where the time does not suffice.
     order = random.Random(0).sample(found, len(found))

@@ -65,6 +65,8 @@ FEWEST_READINGS = 3
 ALL_THERE_IS = 0.95
 #: Share of the load at wire.max_stress that may be tared away: drift of a load cell, not a load.
 MOST_TARE = 0.1
+#: How the message of a latched fault ends.
+AFTER_A_FAULT = "; ~/clear_fault, then ~/enable"
 _WORDS_OF_MODE = {Mode.OFF: "off", Mode.HOLD: "holding", Mode.TRACKING: "tracking", Mode.TUNING: "tuning"}
 _NOTHING = Signals(nan, nan, nan, nan, nan, nan)
 _NO_ESTIMATE = Estimate(nan, nan, nan, 0.0, Branch.COOLING, Quality.INVALID)
@@ -636,7 +638,7 @@ class Actuator:
         if self._tuning is not None:
             words += f" ({self._tuning.words})"
         if fault is not None:
-            words = f"off: {self._words_of(fault)}; ~/clear_fault, then ~/enable"
+            words = f"off: {self._words_of(fault)}{AFTER_A_FAULT}"
         elif faults:
             fault = gravest(faults)
             words = f"{words}: {fault.words} ({faults[fault]})"

@@ -27,6 +27,7 @@ from sma_actuator.base.sections import Loop, SupplyParameters, ThermalParameters
 from sma_actuator.base.yaml_text import read_yaml, yaml_of
 from sma_actuator.control import CONTROL_LAWS
 from sma_actuator.control.law import ControllerParameters
+from sma_actuator.control.pair import PairParameters
 from sma_actuator.derived import with_derived
 from sma_actuator.estimation.branch import EstimatorParameters
 from sma_actuator.estimation.calibration import Calibration
@@ -189,7 +190,9 @@ def read_parameter_file(path: str | Path, node: str = NODE_NAME) -> dict[str, An
     for name in (node, f"/{node}", "/**"):
         if isinstance(document.get(name), Mapping) and "ros__parameters" in document[name]:
             return dict(document[name]["ros__parameters"] or {})
-    raise ConfigError(f"{path}: has no section '{node}: ros__parameters:'; found {', '.join(map(str, document))}")
+    found = ", ".join(map(str, document))
+    found = found if len(found) <= 200 else f"{found[:180]}… ({len(document)} in all)"
+    raise ConfigError(f"{path}: has no section '{node}: ros__parameters:'; found {found}")
 
 
 def write_parameter_file(
@@ -272,6 +275,7 @@ def markdown() -> str:
     sections: list[tuple[str, type]] = [("", Config)]
     effects: list[tuple[str, type]] = [("effects.", Effects)]
     effects += [(f"effects.{name}.", cls) for name, cls in EFFECTS.items() if cls.PART != "reference"]
+    effects.append(("(the node of a joint)", PairParameters))
     while sections:
         title, cls = sections.pop(0)
         rows, nested = [], []

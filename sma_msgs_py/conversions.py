@@ -16,7 +16,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from sma_actuator.base.signals import Command, Estimate, Health, Mode, Signals, Status, Verdict
+from sma_actuator.base.signals import Command, Estimate, Health, JointEstimate, Mode, Signals, Status, Verdict
 
 _OWN_KEYS = ("mode", "fault", "limits")
 
@@ -100,15 +100,43 @@ def joint_command_from(message: JointState, joint_name: str) -> float:
 
     Raises ValueError with a sentence where the message does not say.
     """
+    column = _column_of(message, joint_name)
+    if column >= len(message.position):
+        raise ValueError(f"joint command refused: it has no position for {joint_name}")
+    return message.position[column]
+
+
+def _column_of(message: JointState, joint_name: str) -> int:
     names = list(message.name)
     if joint_name not in names:
         raise ValueError(
             f"joint command refused: it is for {', '.join(names) or 'no joint'}, and this joint is {joint_name}"
         )
-    column = names.index(joint_name)
-    if column >= len(message.position):
-        raise ValueError(f"joint command refused: it has no position for {joint_name}")
-    return message.position[column]
+    return names.index(joint_name)
+
+
+def pair_command_message(joint_name: str, angle_rad: float, cocontraction_N: float = math.nan) -> JointState:
+    """Angle [rad], as position, and co-contraction [N], as effort, of a joint that two wires turn."""
+    return JointState(name=[joint_name], position=[float(angle_rad)], effort=[float(cocontraction_N)])
+
+
+def pair_command_from(message: JointState, joint_name: str) -> tuple[float, float]:
+    """Angle [rad] and co-contraction [N] as they came: NaN where one is not given.
+
+    Raises ValueError with a sentence where the message is not for this joint.
+    """
+    column = _column_of(message, joint_name)
+    angle_rad, cocontraction_N = (
+        values[column] if column < len(values) else math.nan for values in (message.position, message.effort)
+    )
+    return angle_rad, cocontraction_N
+
+
+def joint_estimate_message(joint_name: str, estimate: JointEstimate, stamp: Time) -> JointState:
+    """Angle [rad] and co-contraction [N] of a joint that two wires turn, as they are asked for."""
+    message = pair_command_message(joint_name, estimate.angle_rad, estimate.cocontraction_N)
+    message.header.stamp = stamp
+    return message
 
 
 def trajectory_message(joint_name: str, times_s: list[float], positions_m: list[float]) -> JointTrajectory:

@@ -47,6 +47,16 @@ def test_a_wire_is_driven():
     ]
 
 
+def test_a_joint_is_turned():
+    lines = run("turn_a_joint.py").splitlines()
+    assert "both wires are on" in lines[0]
+    assert [line.split(",")[0] for line in lines[1:]] == [
+        "asked +0.25 rad and 0.8 N",
+        "asked -0.25 rad and 0.8 N",
+        "asked -0.25 rad and 1.4 N",
+    ]
+
+
 def test_a_loop_is_drawn(tmp_path):
     assert "% of the stroke from the truth" in run("draw_a_loop.py", tmp_path / "loop.png")
     assert (tmp_path / "loop.png").read_bytes().startswith(b"\x89PNG")

@@ -161,6 +161,10 @@ def _shown(value: Any) -> str:
     return text if len(text) <= 80 else f"{text[:60]}… ({len(text)} characters)"
 
 
+def _brief(name: str) -> str:
+    return name if len(name) <= 80 else f"{name[:60]}…"
+
+
 def _wanted(declaration: Declaration) -> str:
     if declaration.choices:
         return f"one of {', '.join(declaration.choices)} is wanted ({declaration.description})"
@@ -237,19 +241,23 @@ def _read_others(
             problems.append(f"{prefix or 'the file'}: {len(others) - _MOST_UNKNOWN} more are unknown")
         return {}, problems
     registry, sections, problems = named.metadata["named"], {}, []
+    unknown = []
     for key, given in others.items():
         if isinstance(key, str) and key in registry:
             sections[key], found = from_mapping(registry[key], given, f"{prefix}{key}.")
             problems += found
         else:
-            known = f"known here: {', '.join(registry)} (a newer version may know more)"
-            problems.append(f"{prefix}{key}: no such {registry.kind}; {known}")
+            unknown.append(key)
+    known = f"known here: {', '.join(registry)} (a newer version may know more)"
+    problems += [f"{prefix}{_brief(str(key))}: no such {registry.kind}; {known}" for key in unknown[:_MOST_UNKNOWN]]
+    if len(unknown) > _MOST_UNKNOWN:
+        problems.append(f"{prefix.rstrip('.')}: {len(unknown) - _MOST_UNKNOWN} more are unknown")
     return {named.name: sections}, problems
 
 
 def no_such_parameter(name: str, known: Collection[str], prefix: str = "") -> str:
     """The sentence for a parameter that does not exist, with the one that may be meant."""
-    shown = name if len(name) <= 80 else f"{name[:60]}…"
+    shown = _brief(name)
     near = difflib.get_close_matches(shown, known, n=1)
     help_ = f"did you mean {prefix}{near[0]}?" if near else f"known here: {', '.join(known)}"
     return f"{prefix}{shown}: no such parameter; {help_}"
@@ -263,7 +271,7 @@ def _read_typed_section(field: dataclasses.Field[Any], given: Any, prefix: str) 
         return None, [f"{prefix}type: missing; one of {', '.join(variants)} is wanted"]
     name = given.get("type", field.metadata["type"])
     if not isinstance(name, str) or name not in variants:
-        return None, [f"{prefix}type: '{name}' is not one of {', '.join(variants)}"]
+        return None, [f"{prefix}type: {_shown(name)} is not one of {', '.join(variants)}"]
     return from_mapping(variants[name], {key: value for key, value in given.items() if key != "type"}, prefix)
 
 

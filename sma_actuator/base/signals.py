@@ -92,6 +92,16 @@ class Estimate:
     uncertainty_m: float = nan  #: half of the 95 % interval; NaN where the model has none
 
 
+@dataclass(frozen=True, slots=True)
+class JointEstimate:
+    """What is known of a joint that two wires turn."""
+
+    angle_rad: float = nan  #: NaN where both wires are slack
+    uncertainty_rad: float = nan  #: half of the 95 % interval
+    cocontraction_N: float = nan  #: tension of the wire that pulls less
+    torque_Nm: float = nan  #: of both wires together, against the world's
+
+
 class Mode(enum.Enum):
     """What the controller is doing with the wire."""
 

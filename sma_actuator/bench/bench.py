@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf, nan
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +17,9 @@ from sma_actuator.plant.worlds import HOME, wire_in_world
 from .chain import CHANNELS, SATURATED, Chain, Noise, convert
 from .faults import check_fault
 from .supply import SimulatedSupply
+
+if TYPE_CHECKING:
+    from .joint import JointBench
 
 STEP_s = 1e-3
 RING = 8192
@@ -66,6 +71,7 @@ class VirtualBench:
         self.samples = 0  #: taken since the beginning, one per millisecond
         self._pending: list[tuple[float, str, float]] = []
         self._stuck = np.zeros(len(CHANNELS))  #: sample that a stuck channel repeats
+        self.joint: JointBench | None = None  #: that this wire turns with another
 
     def _rest(self, ambient_C: float) -> None:
         """The wire has cooled to ``ambient_C`` under its load, and nothing has happened yet."""
@@ -134,18 +140,14 @@ class VirtualBench:
         return put_in, lost, held
 
     def advance(self, until_s: float) -> None:
-        """Let the physics run to bench time ``until_s`` [s] (rounded to a millisecond); the past is left alone."""
-        end = round(until_s / STEP_s)
-        while self.samples < end:
-            self._fire_pending()
-            steps = end - self.samples
-            for event_s in self._next_events():
-                ahead = int(np.ceil((event_s - self.time_s) / STEP_s - 1e-6))
-                steps = min(steps, max(ahead, 1))
-            self._run(steps)
-            if self.supply.watchdog_expires_s <= self.time_s + 1e-9 and "watchdog_dead" not in self.faults:
-                self.supply.trip("WDOG")
-        self._fire_pending()
+        """Let the physics run to bench time ``until_s`` [s] (rounded to a millisecond); the past is left alone.
+
+        Benches that share a joint share their time.
+        """
+        if self.joint is not None:
+            self.joint.advance(until_s)
+        else:
+            run_events((self,), self._run, round(until_s / STEP_s))
 
     def inject(self, name: str, value: float = nan, at_s: float | None = None) -> None:
         """Make the bench misbehave (see ``faults.FAULTS``), now or at bench time ``at_s``.
@@ -214,11 +216,32 @@ class VirtualBench:
             self._ring,
             self._row,
         )
+        self._count(steps)
+
+    def _count(self, steps: int) -> None:
+        """Steps were simulated: their samples exist, and what tripped in them is noted."""
         self.samples += steps
         trip = self._state[physics.TRIP]
         if trip:
             self.supply.trip("OVP" if trip == physics.TRIP_OVP else "OCP")
             self._state[physics.TRIP] = 0.0
+
+
+def run_events(benches: Sequence[VirtualBench], run: Callable[[int], None], end: int) -> None:
+    """Run benches of one time to ``end`` samples, ``run(steps)`` at a time from one event of any of them to the next."""
+    while benches[0].samples < end:
+        for bench in benches:
+            bench._fire_pending()
+        steps = end - benches[0].samples
+        for event_s in (event_s for bench in benches for event_s in bench._next_events()):
+            ahead = int(np.ceil((event_s - benches[0].time_s) / STEP_s - 1e-6))
+            steps = min(steps, max(ahead, 1))
+        run(steps)
+        for bench in benches:
+            if bench.supply.watchdog_expires_s <= bench.time_s + 1e-9 and "watchdog_dead" not in bench.faults:
+                bench.supply.trip("WDOG")
+    for bench in benches:
+        bench._fire_pending()
 
 
 class SimulatedDaq:

@@ -78,6 +78,8 @@ The test stand itself (either port; no real instrument has these)
     ``BENCh:LOAD:SPRing <N/m>,<N>[,<m>]``     a spring: stiffness, tension, and the displacement where it has it
     ``BENCh:LOAD:SCHedule <s>,<N>{,<s>,<N>}`` weights from bench times on
     ``BENCh:LOAD?``                           the load in words
+    ``BENCh:JOINt:ANGLe?``                    of a joint that two wires turn [rad]; a wire without one has a settings conflict
+    ``BENCh:JOINt:TORQue <Nm>``               from outside, on that joint; ``?``
     ``BENCh:AMBient <°C>``                    ``?``
     ``BENCh:TRUTh?``                          time_s, displacement_m, strain, temperature_C, martensite, r_phase,
                                               resistance_Ohm, load_N, stress_Pa, current_A, power_W
@@ -98,6 +100,7 @@ from sma_actuator.plant.loads import Spring, Weight, parse_load
 from .bench import RING, STEP_s, VirtualBench
 from .chain import CHANNELS, SATURATED
 from .faults import FAULTS
+from .joint import JointBench
 from .supply import CURRENT_RANGE_A, OCP_RANGE_A, OVP_RANGE_V, VOLTAGE_RANGE_V, SettingRefused, WATCHDOG_RANGE_s
 
 VERSION = "1.0"
@@ -226,6 +229,9 @@ class Instrument:
             "BENCh:LOAD:SCHedule", lambda a, c: self._set_load(parse_load("schedule:" + ",".join(a))), 2, float("inf")
         )
         self._add("BENCh:LOAD?", lambda a, c: str(bench.load))
+        self._add("BENCh:JOINt:ANGLe?", lambda a, c: f"{self._joint.angle_rad:.9E}")
+        self._add("BENCh:JOINt:TORQue", self._set_torque, 1)
+        self._add("BENCh:JOINt:TORQue?", lambda a, c: f"{self._joint.torque_Nm:g}")
         self._add("BENCh:AMBient", self._set_ambient, 1)
         self._add("BENCh:AMBient?", lambda a, c: f"{bench.ambient_C:g}")
         self._add("BENCh:TRUTh?", lambda a, c: ",".join(f"{v:.9E}" for v in astuple(bench.truth)))
@@ -344,7 +350,19 @@ class Instrument:
         self.bench.clear(args[0].lower() if args else None)
 
     def _set_load(self, load) -> None:
+        if self.bench.joint is not None:
+            raise ScpiError(-221)
         self.bench.load = load
+
+    @property
+    def _joint(self) -> JointBench:
+        """The joint that the wire turns with another."""
+        if self.bench.joint is None:
+            raise ScpiError(-221)
+        return self.bench.joint
+
+    def _set_torque(self, args: list[str], client: Client) -> None:
+        self._joint.torque_Nm = number(args[0])
 
     def _set_ambient(self, args: list[str], client: Client) -> None:
         self.bench.ambient_C = number(args[0])

@@ -22,12 +22,14 @@ from typing import Any
 from sma_actuator.console import refuse_to_overwrite
 from sma_actuator.instruments import InstrumentError
 from sma_actuator.logs.files import write_atomically
-from sma_actuator.plant.loads import parse_load
+from sma_actuator.plant.joint import Joint, parse_joint
+from sma_actuator.plant.loads import Load, parse_load
 from sma_actuator.plant.materials import WIRES
 from sma_actuator.plant.worlds import HOME, WORLDS
 
 from .bench import VirtualBench
 from .faults import FAULTS, parse_fault
+from .joint import JointBench
 from .scpi import Client, Instrument, ScpiDaq, ScpiError, ScpiSupply
 
 TICK_s = 0.02
@@ -74,16 +76,19 @@ class BenchServer:
         self.benches = [benches] if isinstance(benches, VirtualBench) else list(benches)
         self.ports: list[dict[str, Any]] = []
         self._pacers = [Pacer(bench, speed) for bench in self.benches]
+        for number, bench in enumerate(self.benches):
+            if bench.joint is not None:  # benches of one joint have one time
+                self._pacers[number] = self._pacers[self.benches.index(bench.joint.benches[0])]
         self._servers: list[asyncio.Server] = []
         self._writers: dict[Instrument, set[asyncio.StreamWriter]] = {}
         self._tasks: set[asyncio.Task] = set()
 
     async def start(self, host: str = "127.0.0.1", supply_port: int = 0, daq_port: int = 0) -> None:
         """Open the ports (0: any free one; else consecutive pairs).  Raises InstrumentError where one is taken."""
-        for number, pacer in enumerate(self._pacers):
-            ports: dict[str, Any] = {"host": host, "wire": pacer.bench.setup.wire.name}
+        for number, (bench, pacer) in enumerate(zip(self.benches, self._pacers, strict=True)):
+            ports: dict[str, Any] = {"host": host, "wire": bench.setup.wire.name}
             for kind, first in ((ScpiSupply, supply_port), (ScpiDaq, daq_port)):
-                instrument = kind(pacer.bench, serial=str(number))
+                instrument = kind(bench, serial=str(number))
                 port = first + 2 * number if first else 0
                 try:
                     server = await asyncio.start_server(self._serve(instrument, pacer), host, port)
@@ -269,6 +274,11 @@ def _checked(function: Callable[[str], Any]) -> Callable[[str], Any]:
     return convert
 
 
+def _parse_load(text: str) -> Load | Joint:
+    kind, _, values = text.partition(":")
+    return parse_joint(values) if kind == "joint" else parse_load(text)
+
+
 def _number_within(low: float, high: float, kind: type = float) -> Callable[[str], Any]:
     def convert(text: str) -> Any:
         value = kind(text)
@@ -292,11 +302,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--load",
-        type=_checked(parse_load),
+        type=_checked(_parse_load),
         default="weight:0.98",
         metavar="LOAD",
-        help="weight:N, spring:N/m,N[,m] (stiffness, tension, displacement where it has it) or schedule:s,N,s,N,… "
-        "(default %(default)s)",
+        help="weight:N, spring:N/m,N[,m] (stiffness, tension, displacement where it has it), schedule:s,N,s,N,… or "
+        "joint:m,m[,m] (radius of the pulley, displacement of both or each of two wires at angle zero), which takes two "
+        "benches (default %(default)s)",
     )
     parser.add_argument(
         "--ambient", type=_number_within(-40, 100), default=22.0, metavar="°C", help="default %(default)s"
@@ -306,7 +317,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--speed", type=_number_within(0.01, 1e4), default=1.0, help="bench seconds per second (default %(default)s)"
     )
     parser.add_argument(
-        "--count", type=_number_within(1, 256, int), default=1, help="benches, each on its own pair of ports"
+        "--count",
+        type=_number_within(1, 256, int),
+        default=1,
+        help="benches, or joints of two benches, each bench on its own pair of ports",
     )
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default %(default)s)")
     parser.add_argument(
@@ -337,14 +351,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Serve the benches that the options ask for; 0 after SIGINT or SIGTERM."""
     refuse_to_overwrite(args, args.ports_file)
-    benches = []
+    benches: list[VirtualBench] = []
     for number in range(args.count):
-        bench = VirtualBench.from_name(
-            args.wire, seed=args.seed + number, load=args.load, physics=args.physics, ambient_C=args.ambient
-        )
+        if isinstance(args.load, Joint):
+            joint = JointBench.from_name(args.wire, args.load, args.seed + 2 * number, args.physics, args.ambient)
+            benches += joint.benches
+        else:
+            seed = args.seed + number
+            benches.append(
+                VirtualBench.from_name(args.wire, seed, args.load, physics=args.physics, ambient_C=args.ambient)
+            )
+    for bench in benches:
         for name, value, at_s in args.fault:
             bench.inject(name, value, at_s=at_s)
-        benches.append(bench)
     serve(benches, args.host, args.supply_port, args.daq_port, args.speed, args.ports_file)
     return 0
 

@@ -28,6 +28,7 @@ COMMANDS = {
     "enable": ("sma_actuator.cli.remote.enable", "a running node: current on, the wire is held where it is"),
     "move": ("sma_actuator.cli.remote.move", "a running node: the wire to a position"),
     "stop": ("sma_actuator.cli.remote.stop", "a running node: every wire of its process off"),
+    "call": ("sma_actuator.cli.remote.call", "a running node: a service of it, as clear_fault or self_test"),
     "status": ("sma_actuator.cli.remote.status", "a running node: what it says of its wire"),
     "watch": ("sma_actuator.cli.remote.watch", "a running node: position, load and current as they change"),
     "init": ("sma_actuator.cli.init", "a few questions, and a complete bench file"),

@@ -8,7 +8,8 @@ thread, which publishes them itself and wakes the executor only where there is s
 (``guard.py``).
 
 ``sma_actuator_node --ros-args --params-file FILE``; several wires in one process:
-``sma_actuator_node --nodes left right --ros-args --params-file FILE``, a section of the file each.
+``sma_actuator_node --nodes left right --ros-args --params-file FILE``, a section of the file each; two of them that turn
+one joint: ``--nodes left right --joints joint`` (``joint.py``).
 """
 
 from __future__ import annotations
@@ -73,6 +74,7 @@ from sma_msgs_py import (
 from . import arguments as ros_arguments
 from .action import FollowJointTrajectoryServer
 from .guard import refuse_what_raises, spin
+from .joint import JointNode
 from .named_signals import named_signals
 from .parameters import NO_SIM_TIME, ROS_PARAMETERS, NodeParameters
 from .publishing import OUTPUTS_WAITING, Handoff, is_heard
@@ -134,6 +136,8 @@ class SmaActuatorNode(LifecycleNode):
         self._tuned: Tuned | None = None  #: gains that a tuning has found and the parameters do not have yet
         self._health_said = Health.UNKNOWN
         self._happened: list[str] = []  #: what no message of ~/signals has told yet
+        #: The joint that the wire turns with another gets every output too, in the control thread.
+        self.joint_takes: Callable[[Output], None] | None = None
         values = arguments.parameters_of(self.get_fully_qualified_name())
         own = {key: values.pop(key) for key in ROS_PARAMETERS if key in values}
         self._parameters_of_wire = NodeParameters(self, Config.from_mapping(values), self._take_over)
@@ -148,6 +152,11 @@ class SmaActuatorNode(LifecycleNode):
     def config(self) -> Config:
         """The parameters as they are now."""
         return self._parameters_of_wire.config
+
+    @property
+    def driver(self) -> Driver | None:
+        """The loop of the wire; None while no instruments are open."""
+        return self._driver
 
     def _take_over(self, config: Config, changed: list[str]) -> None:
         if self._driver is None:
@@ -278,6 +287,11 @@ class SmaActuatorNode(LifecycleNode):
             return response
         with self._arming:
             return self._answer(response, lambda driver: driver.enable(True, timeout_s=CALL_TIMEOUT_s))
+
+    def switch_on(self) -> tuple[bool, str]:
+        """Output on; whether that was done, and the sentence that says so."""
+        response = self.on_enable(SetBool.Request(data=True), SetBool.Response())
+        return response.success, response.message
 
     def switch_off(self) -> tuple[bool, str]:
         """Output off, in every state of the node and from any thread; whether it is, and the sentence that says so."""
@@ -438,6 +452,8 @@ class SmaActuatorNode(LifecycleNode):
 
     def _take_output(self, output: Output) -> None:
         """Hand an output over, in the control thread: to be published where anybody listens, or where it is news."""
+        if self.joint_takes is not None:
+            self.joint_takes(output)
         if output.tuned is not None:
             self._tuned = output.tuned
         self._handoff.put(output, self._listened or bool(output.events) or self._is_news(output))
@@ -461,7 +477,7 @@ class SmaActuatorNode(LifecycleNode):
             return
         signals, estimate = output.signals, output.estimate
         if self._active and math.isfinite(signals.time_s):
-            stamp, name = self._stamp(signals.time_s), self.config.joint_name
+            stamp, name = self.stamp(signals.time_s), self.config.joint_name
             known = estimate.quality is not Quality.INVALID  # silence rather than a position that nobody knows
             if known and is_heard(self._joint_states):
                 self._joint_states.publish(joint_state_message(name, estimate, signals, stamp))
@@ -483,7 +499,7 @@ class SmaActuatorNode(LifecycleNode):
             self._happened += output.events
             if wanted and output.reading is not None and math.isfinite(output.reading.time_s):
                 happened, self._happened = "; ".join(self._happened), []
-                stamp = self._stamp(output.reading.time_s)
+                stamp = self.stamp(output.reading.time_s)
                 self._signals.publish(signals_message(named_signals(output), happened, stamp))
         del self._happened[:-_MOST_HAPPENED]
 
@@ -508,7 +524,7 @@ class SmaActuatorNode(LifecycleNode):
         if (status.mode, status.fault, status.limits) != self._published:
             self._publish_status()
 
-    def _stamp(self, time_s: float) -> Any:
+    def stamp(self, time_s: float) -> Any:
         """ROS time at which the monotonic clock of the loop was at ``time_s``."""
         age = Duration(nanoseconds=round(1e9 * (self._monotonic.now_s() - time_s)))
         return (self.get_clock().now() - age).to_msg()
@@ -739,18 +755,21 @@ def main(arguments: list[str] | None = None) -> int:
     sys.setswitchinterval(GIL_INTERVAL_s)
     fatal: list[str] = []
     nodes: list[SmaActuatorNode] = []
+    joints: list[JointNode] = []
     threads: list[threading.Thread] = []
     switch: Switch | None = None
     if os.isatty(sys.stderr.fileno()):
         os.environ.setdefault("RCUTILS_COLORIZED_OUTPUT", "1")  # ROS 2 will see no terminal
     with unblockable_streams(), noted_signals() as interrupts:
         try:
-            ros, names = _names(sys.argv[1:] if arguments is None else arguments)
+            ros, names, names_of_joints = _names(sys.argv[1:] if arguments is None else arguments)
             _begin_ros(ros.rclpy)
             nodes += [SmaActuatorNode(name, ros, fatal.append) for name in names]
-            switch = Switch(nodes, ros.rclpy)
+            joints += [JointNode(name, ros, nodes) for name in names_of_joints]
+            switch = Switch([*nodes, *joints], ros.rclpy)
             gc.collect()
-            for node in nodes:
+            every: list[SmaActuatorNode | JointNode] = [*nodes, *joints]
+            for node in every:
                 how = (node, node.callback_failed, node.turn, FEED_PERIOD_s)
                 threads.append(threading.Thread(target=spin, args=how, daemon=True))
                 threads[-1].name = f"{node.get_name()} ROS"
@@ -761,7 +780,7 @@ def main(arguments: list[str] | None = None) -> int:
             fatal += error.problems
         finally:
             sentences = tuple(fatal)  # what comes after this is a consequence of ending
-            _stop(nodes, threads, switch)
+            _stop(nodes, joints, threads, switch)
         for sentence in sentences:
             print(f"sma_actuator_node: {sentence}", file=sys.stderr)
     return 1 if sentences else 0
@@ -780,7 +799,7 @@ def _begin_ros(arguments: list[str]) -> None:
         rclpy.init(args=without, signal_handler_options=SignalHandlerOptions.NO)
 
 
-def _names(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str]]:
+def _names(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str], list[str]]:
     ros = ros_arguments.parse(arguments)
     parser = argparse.ArgumentParser(
         prog="sma_actuator_node",
@@ -794,21 +813,29 @@ def _names(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str]]
         default=[NODE_NAME],
         help="one node (and wire) for each name, in this process",
     )
-    names = parser.parse_args(ros.user).nodes
+    parser.add_argument(
+        "--joints", nargs="+", metavar="NAME", default=[], help="a node for each joint that two of those wires turn"
+    )
+    args = parser.parse_args(ros.user)
+    names = [*args.nodes, *args.joints]
     if len(set(names)) != len(names):
-        raise ConfigError(f"--nodes: a name stands twice in {', '.join(names)}")
+        raise ConfigError(f"--nodes, --joints: a name stands twice in {', '.join(names)}")
     if len(names) > 1 and ros.renames_node:
         raise ConfigError("-r __node:=…: gives all nodes of this process the same name; name them with --nodes")
-    return ros, names
+    return ros, args.nodes, args.joints
 
 
-def _stop(nodes: list[SmaActuatorNode], threads: list[threading.Thread], switch: Switch | None) -> None:
+def _stop(
+    nodes: list[SmaActuatorNode], joints: list[JointNode], threads: list[threading.Thread], switch: Switch | None
+) -> None:
     """All outputs off, at the same time; then ROS."""
     if nodes:
         with ThreadPoolExecutor(len(nodes)) as pool:
             list(pool.map(SmaActuatorNode.halt, nodes))
     for node in nodes:
         node.wake_no_more()
+    for joint in joints:
+        joint.wake_no_more()
     if switch is not None:
         switch.close()
     rclpy.try_shutdown()

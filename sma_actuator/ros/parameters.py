@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, Generic, Protocol, Self, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from sma_actuator.base.parameters import ConfigError, Declaration, no_such_parameter, walk
-from sma_actuator.config import Config
 
 #: Parameters every ROS 2 node has; rclpy gives them their meaning.
 ROS_PARAMETERS = ("use_sim_time", "start_type_description_service")
@@ -21,10 +20,20 @@ NO_SIM_TIME = (
 )
 
 
-class NodeParameters:
+class Sections(Protocol):
+    """All parameters of a node."""
+
+    def replace(self, changes: Mapping[str, Any]) -> Self:
+        """A copy with some changed, checked as a whole; raises ConfigError."""
+
+
+Parameters = TypeVar("Parameters", bound=Sections)
+
+
+class NodeParameters(Generic[Parameters]):
     """Declares ``config`` on ``node`` and holds it as it changes; ``on_change(config, names)`` is told of every change."""
 
-    def __init__(self, node: Node, config: Config, on_change: Callable[[Config, list[str]], None]):
+    def __init__(self, node: Node, config: Parameters, on_change: Callable[[Parameters, list[str]], None]):
         self.config = config
         self._on_change = on_change
         self._declarations: dict[str, tuple[Declaration, str]] = {}

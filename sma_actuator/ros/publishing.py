@@ -12,9 +12,9 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from math import inf
-from typing import Any
+from typing import Any, Generic, TypeVar
 
-from sma_actuator.base.signals import Output
+Output = TypeVar("Output")
 
 #: Outputs are published at the loop's rate, but not faster than this: at 1 kHz it would take the loop's own time.
 LEAST_PERIOD_s = 5e-3
@@ -23,7 +23,7 @@ OUTPUTS_WAITING = 500
 _CLOSING_s = 1.0  #: longest wait for the thread's end
 
 
-class Handoff:
+class Handoff(Generic[Output]):
     """Outputs, from the control thread to a thread that publishes them; the control thread never waits.
 
     ``publish(latest, waiting)`` gets the latest output and all that have come since its last call; ``on_error`` gets

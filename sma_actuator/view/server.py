@@ -158,7 +158,7 @@ class ViewServer:
             asked = json.loads(text)
             number, what = asked["id"], asked["do"]
             act = self._acts[what]
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, RecursionError):  # of text that is nested a thousand levels deep
             page.tell(json.dumps({"answer": {"ok": False, "sentence": f"not understood: {text[:80]}"}}))
             return
         if len(page.asked) >= MOST_ASKED and what != "stop":

@@ -69,7 +69,7 @@ def test_under_nohup_a_hang_up_stays_ignored_and_ctrl_c_is_noted_also_in_the_bac
         preexec_fn=as_a_background_job_under_nohup,
         capture_output=True,
         text=True,
-        timeout=60.0,
+        timeout=150,
         check=True,
     )
     assert done.stdout.split() == ["0", str(int(signal.SIGINT))]

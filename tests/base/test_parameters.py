@@ -87,7 +87,7 @@ class Shop:
     [
         ({}, "shape.type: missing; one of round, flat is wanted"),
         ({"shape": {"type": "oval"}}, "shape.type: 'oval' is not one of round, flat"),
-        ({"shape": {"type": ["round"]}}, "shape.type: '['round']' is not one of round, flat"),
+        ({"shape": {"type": ["round"]}}, "shape.type: ['round'] is not one of round, flat"),
         ({"shape": {"type": "round"}}, "shape.diameter: missing"),
         ({"shape": {"type": "flat", "diameter": 0.5}}, "shape.diameter: no such parameter"),
         ({"shape": {"type": "flat"}, "other": 3}, "other.type: missing"),

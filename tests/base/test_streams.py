@@ -27,7 +27,7 @@ def test_what_it_says_does_not_go_where_it_is_connected_to(tmp_path, closed):
         ["sh", "-c", command, "sh", sys.executable, "-c", _PROGRAM, str(connection)],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=150,
         check=False,
     )
     assert run.returncode == 7, run.stderr
@@ -51,7 +51,7 @@ def test_words_that_nobody_reads_hold_nothing_up():
     reader, writer = os.pipe()  # and nobody reads
     try:
         run = subprocess.run(
-            [sys.executable, "-c", _WORDY], stdout=subprocess.PIPE, stderr=writer, timeout=60, check=False
+            [sys.executable, "-c", _WORDY], stdout=subprocess.PIPE, stderr=writer, timeout=150, check=False
         )
         assert (run.returncode, run.stdout) == (7, b"said all\n")
     finally:
@@ -69,6 +69,6 @@ with unblockable_streams():
     os.write(1, b"and a library\\n")
 print("afterwards")
 """
-    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=150, check=False)
     assert run.stderr.split() == [str(number) for number in range(1000)]
     assert run.stdout == "and a library\nafterwards\n"

@@ -78,7 +78,9 @@ def test_the_dialects_that_come_with_it_are_plain():
     [10**400, -(10**400), math.inf, math.nan, "x" * 10**6, [[1]] * 10**5, 10**30],
     ids=["400 digits", "-400 digits", "inf", "nan", "long text", "long list", "30 digits"],
 )
-@pytest.mark.parametrize("name", ["loop.overruns_to_fault", "loop.rate", "wire.alloy", "autostart"])
+@pytest.mark.parametrize(
+    "name", ["loop.overruns_to_fault", "loop.rate", "wire.alloy", "autostart", "model.type", "controller.type"]
+)
 def test_a_value_beyond_all_measure_is_refused_in_a_short_sentence(make_config, name, value):
     with pytest.raises(ConfigError) as refusal:
         Config.from_mapping(make_config(**{name: value}))
@@ -93,3 +95,18 @@ def test_of_thousands_of_unknown_parameters_some_are_named_at_once(make_config):
     assert time.process_time() - began_s < 10.0
     assert "unknown0: no such parameter" in str(refusal.value)
     assert "19980 more are unknown" in str(refusal.value)
+
+
+def test_of_thousands_of_unknown_effects_some_are_named_by_their_beginning(make_config):
+    with pytest.raises(ConfigError) as refusal:
+        Config.from_mapping(make_config(effects={f"{i}{'x' * 1000}": {} for i in range(1000)}))
+    assert "effects: 980 more are unknown" in str(refusal.value)
+    assert len(str(refusal.value)) < 20_000
+
+
+def test_of_thousands_of_sections_that_are_not_ours_the_first_are_named(tmp_path):
+    path = tmp_path / "other.yaml"
+    path.write_text("\n".join(f"node{i}: 1" for i in range(10_000)))
+    with pytest.raises(ConfigError, match=r"found node0, node1, .*… \(10000 in all\)") as refusal:
+        Config.load(path)
+    assert len(str(refusal.value)) < 500

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed (extra 'ros')")
-WAIT_s = 60.0
+WAIT_s = 150.0
 
 #: The demonstration, under a library that swallows an exception raised inside its waits, as rclpy's has been seen to.
 _SWALLOWING = """

@@ -161,7 +161,7 @@ def test_numbers_do_not_depend_on_numba(name, changes, resistance_Ohm):
         capture_output=True,
         text=True,
         check=True,
-        timeout=60,
+        timeout=150,
     )
     compiled = Chain(Config.from_mapping(mapping)).run(signals(resistance_Ohm=resistance_Ohm)).displacement_m
     np.testing.assert_allclose(json.loads(plain.stdout), compiled, rtol=0, atol=1e-12)

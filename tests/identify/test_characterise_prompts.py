@@ -80,7 +80,7 @@ class Person:
         """Exit code, once everything has been read."""
         with contextlib.suppress(AssertionError):
             self.wait_for("this is never said")
-        code = self.popen.wait(timeout=30)
+        code = self.popen.wait(timeout=120)
         if self.popen.stdin is None:
             os.close(self._reads)
         else:

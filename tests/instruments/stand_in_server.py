@@ -64,7 +64,7 @@ class ScpiStandIn:
         values = [part for part in line.partition(" ")[2].split(",") if not part.strip().startswith(("(@", "CH"))]
         return values[0] if values else ""
 
-    def heard(self, line, times=1, within_s=5.0):
+    def heard(self, line, times=1, within_s=60.0):
         """Whether a line has come so often; waits for it, since a command has no answer."""
         deadline_s = time.monotonic() + within_s
         while self.lines.count(line) < times and time.monotonic() < deadline_s:

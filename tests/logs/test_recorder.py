@@ -329,7 +329,7 @@ def test_a_full_disk_prevents_no_start_and_the_log_goes_on_when_there_is_room(co
         ["unshare", "-rm", sys.executable, "-c", _ON_A_FULL_DISK, json.dumps(config().to_mapping()), str(folder)],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=150,
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])},
     )
     if "mounted" not in done.stdout:

@@ -80,7 +80,7 @@ def test_zooming_shows_a_part_of_the_data_with_its_own_numbers(page, tmp_path):
     (tmp_path / "data.json").write_text(json.dumps(data_of(page)))
     (tmp_path / "drive.js").write_text(DRIVE)
     words = ["node", str(tmp_path / "drive.js"), str(script), str(tmp_path / "data.json")]
-    done = subprocess.run(words, capture_output=True, text=True, timeout=60)
+    done = subprocess.run(words, capture_output=True, text=True, timeout=150)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     low, high = found["view"]["x"]

@@ -13,14 +13,16 @@ import sys
 import time
 from pathlib import Path
 
-SOON_s = 60.0  #: bound of waits that normally take under a second; a busy machine starts a process in half a minute
+from waiting import Elapsed
+
+SOON_s = 150.0  #: bound of waits that normally take under a second; a busy machine starts a process in half a minute
 
 
 def wait_until(condition, timeout_s=SOON_s, what="it"):
     """Poll ``condition`` until it is true; its value."""
-    deadline_s = time.monotonic() + timeout_s
+    elapsed = Elapsed()
     while not (value := condition()):
-        assert time.monotonic() < deadline_s, f"{what} did not come within {timeout_s} s"
+        assert elapsed.look() < timeout_s, f"{what} did not come within {timeout_s} s"
         time.sleep(0.005)
     return value
 
@@ -145,9 +147,9 @@ class Client:
 
     def spin_until(self, condition, timeout_s=SOON_s, what="it"):
         """Handle callbacks until ``condition`` is true; its value."""
-        deadline_s = time.monotonic() + timeout_s
+        elapsed = Elapsed()
         while not (value := condition()):
-            assert time.monotonic() < deadline_s, f"{what} did not come within {timeout_s} s"
+            assert elapsed.look() < timeout_s, f"{what} did not come within {timeout_s} s"
             self.executor.spin_once(timeout_sec=0.02)
         return value
 

@@ -40,7 +40,9 @@ def _says(client, words, **wanted):
 
 def _followed_m(client, signals):
     """Wait for a signal that says where the wire is sent, and say where."""
-    client.spin_until(lambda: math.isfinite(signals_from(signals[-1])["limited_setpoint_m"]), what="a followed setpoint")
+    client.spin_until(
+        lambda: math.isfinite(signals_from(signals[-1])["limited_setpoint_m"]), what="a followed setpoint"
+    )
     return signals_from(signals[-1])["limited_setpoint_m"]
 
 

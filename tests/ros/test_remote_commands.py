@@ -1,4 +1,4 @@
-"""``sma-actuator move | status | enable | stop | watch`` speak to a running node; no ROS tool is needed."""
+"""``sma-actuator move | status | enable | stop | call | watch`` speak to a running node; no ROS tool is needed."""
 
 import json
 import signal
@@ -64,6 +64,16 @@ def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
     assert _status(capsys, mode="off")["values"]["displacement_m"] is None
 
 
+def test_services_without_an_argument_are_called_by_their_name(bench, capsys):
+    # With the output off: no fault to clear, and a self-test may have the wire.
+    assert main(["call", "clear_fault", *NODE]) == 0
+    assert "/arm/left: " in capsys.readouterr().out
+    assert main(["call", "~/self_test", *NODE]) == 0
+    assert "resistance" in capsys.readouterr().out
+    assert main(["call", "dance", *NODE]) == 1
+    assert "/arm/left has no service ~/dance; it has clear_fault, measure_lead_resistance," in capsys.readouterr().err
+
+
 def test_a_position_that_is_not_reached_is_said_and_the_wire_is_held(bench, capsys):
     _enable(capsys)
     assert main(["move", "-0.05", *NODE, "--within", "1.5", "-q"]) == 1
@@ -80,7 +90,7 @@ def test_ctrl_c_ends_the_motion_and_leaves_the_wire_held(bench, capsys):
     try:
         assert "tracking" in moving.stdout.readline() + moving.stdout.readline() + moving.stdout.readline()
         moving.send_signal(signal.SIGINT)
-        _, error = moving.communicate(timeout=60)
+        _, error = moving.communicate(timeout=150)
     finally:
         moving.kill()
     assert moving.returncode == 130
@@ -89,7 +99,9 @@ def test_ctrl_c_ends_the_motion_and_leaves_the_wire_held(bench, capsys):
     assert main(["stop", *NODE]) == 0
 
 
-@pytest.mark.parametrize("words", [["status"], ["enable"], ["stop"], ["watch"], ["move", "0.002"]], ids=lambda w: w[0])
+@pytest.mark.parametrize(
+    "words", [["status"], ["enable"], ["stop"], ["watch"], ["call", "tune"], ["move", "0.002"]], ids=lambda w: w[0]
+)
 def test_where_no_node_answers_a_sentence_names_who_was_looked_for(bench, capsys, words):
     assert main([*words, "--node", "right", "--namespace", "arm", "--patience", "0.3"]) == 1
     assert capsys.readouterr().err.startswith(

@@ -134,6 +134,7 @@ SCENARIOS = {
     "unhandled_exception": Scenario(raise_in_estimator, mend_estimator),
     "node_lost": reported("node_lost"),
     "loop_hung": reported("loop_hung"),
+    "partner_off": reported("partner_off"),
     "command_invalid": Scenario(poison_controller, mend_controller),
     "clock_jump": jump(-5.0),
     "supply_tripped": Scenario(lambda rig: rig.bench.supply.trip("OCP"), lambda rig: rig.supply.clear_trip()),
@@ -230,6 +231,7 @@ def test_no_name_stands_for_both_a_limit_and_a_fault():
 #: What only the driver sees, and the test that measures its time there.
 MEASURED_IN_THE_DRIVER = {
     "node_lost": "test_a_node_that_is_gone_is_named_within_the_published_time",
+    "partner_off": "test_a_fault_of_one_wire_switches_both_off_within_a_period",
     "loop_hung": "test_the_watchman_cuts_the_supply_and_the_status_says_so",
     "watchdog_not_held": "test_a_setting_that_is_changed_while_driving_is_found_within_the_published_time",
     "limits_not_held": "test_a_setting_that_is_changed_while_driving_is_found_within_the_published_time",

@@ -8,6 +8,7 @@ import pytest
 from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
 from sma_actuator.config import Config
 from sma_actuator.safety.faults import FAULTS
+from sma_actuator.safety.formula import seconds
 from sma_actuator.safety.guards.estimate import estimate_invalid, estimator_outside
 from sma_actuator.safety.guards.program import clock_jump, command_invalid, loop_overrun
 from sma_actuator.safety.guards.readings import (
@@ -18,10 +19,26 @@ from sma_actuator.safety.guards.readings import (
     reading_stale,
     sensor_stuck,
 )
-from sma_actuator.safety.guards.setpoints import Bucket, setpoint_flood, setpoint_not_finite, setpoint_stale
-from sma_actuator.safety.guards.supply import second_commander, supply_disagrees, supply_lost, supply_tripped
+from sma_actuator.safety.guards.setpoints import (
+    TRIES,
+    Bucket,
+    no_motion,
+    setpoint_flood,
+    setpoint_not_finite,
+    setpoint_stale,
+)
+from sma_actuator.safety.guards.supply import (
+    SETTING_TOLERANCE_A,
+    measurements_disagree,
+    second_commander,
+    supply_disagrees,
+    supply_lost,
+    supply_tripped,
+)
 from sma_actuator.safety.guards.wire import (
     COMPLIANCE,
+    COOLING_TIMES,
+    heat_loss_wrong,
     load_spike,
     open_wire,
     seems_open,
@@ -29,7 +46,7 @@ from sma_actuator.safety.guards.wire import (
     stress_above_limit,
     too_hot,
 )
-from sma_actuator.safety.records import Action, Memory, Step
+from sma_actuator.safety.records import Action, Fault, Guard, Memory, Step
 from sma_actuator.safety.supervisor import Supervisor
 from sma_actuator.safety.thermal import WireHeat
 
@@ -98,6 +115,7 @@ ALL = (
     second_commander,
     supply_lost,
     supply_disagrees,
+    measurements_disagree,
     estimator_outside,
     estimate_invalid,
 )
@@ -120,6 +138,7 @@ def test_a_step_in_which_nothing_is_wrong_has_no_fault(guard, step):
         stress_above_limit,
         load_spike,
         supply_disagrees,
+        measurements_disagree,
     ],
     ids=lambda guard: guard.name,
 )
@@ -279,6 +298,88 @@ def test_current_that_flows_while_the_output_is_off_is_one_too(step, config):
     assert said(supply_disagrees, step(**off, signals__current_A=0.0, now_s=NOW_s + 0.6)) == ""
 
 
+def test_a_setting_may_be_as_coarse_as_the_tolerance(step):
+    told = Command(0.0, True)
+    assert said(second_commander, step(told=told, supply__current_setting_A=SETTING_TOLERANCE_A)) == ""
+    assert said(second_commander, step(told=told, supply__current_setting_A=math.nextafter(SETTING_TOLERANCE_A, 1.0)))
+
+
+@pytest.mark.parametrize(
+    ("told", "output_on", "words"),
+    [
+        (OFF, True, "the supply says 0.2 A, output on; it was told 0 A, output off"),
+        (TOLD, False, "the supply says 0.2 A, output off; it was told 0.2 A, output on"),
+    ],
+)
+def test_it_is_said_what_the_supply_was_told_and_what_it_says(told, output_on, words, step):
+    assert said(second_commander, step(told=told, supply__output_on=output_on)) == words
+
+
+def test_current_and_voltage_may_differ_by_the_tolerance(step, config):
+    """Beside zero, where the difference is the number itself."""
+    tolerance_A, tolerance_V = config.safety.current_disagreement, config.safety.voltage_disagreement
+    none = {"told": Command(0.0, True), "signals__current_A": 0.0, "supply__current_A": 0.0}
+    none |= {"reading": replace(READING, supply_voltage_V=0.0), "supply__voltage_V": 0.0}
+    for guard, name, tolerance in (
+        (supply_disagrees, "signals__current_A", tolerance_A),
+        (measurements_disagree, "supply__current_A", tolerance_A),
+        (measurements_disagree, "supply__voltage_V", tolerance_V),
+    ):
+        memory = Memory(**MEMORY)
+        said(guard, step(memory=memory, **{**none, name: tolerance}))
+        assert memory.since_s == {}
+        said(guard, step(memory=memory, **{**none, name: math.nextafter(tolerance, 1.0)}))
+        assert memory.since_s == {guard.name: NOW_s}
+
+
+class TestMeasurementsDisagree:
+    """What the supply measures beside what the DAQ measures, of one circuit."""
+
+    @pytest.mark.parametrize(
+        ("measured", "what"),
+        [
+            (
+                {"supply__current_A": CURRENT_A + 0.021},
+                "current: the supply measures 0.221 A, the DAQ 0.2 A, for 0.5 s; ",
+            ),
+            (
+                {"supply__current_A": CURRENT_A - 0.021},
+                "current: the supply measures 0.179 A, the DAQ 0.2 A, for 0.5 s; ",
+            ),
+            ({"supply__current_A": NAN}, "current: the supply measures nan A, the DAQ 0.2 A, for 0.5 s; "),
+            ({"supply__voltage_V": 1.81}, "voltage: the supply measures 1.81 V, the DAQ 1.3 V, for 0.5 s; "),
+            ({"supply__voltage_V": 0.79}, "voltage: the supply measures 0.79 V, the DAQ 1.3 V, for 0.5 s; "),
+            ({"supply__current_A": 1.0, "supply__voltage_V": 9.0}, "current: the supply measures 1 A, "),
+        ],
+    )
+    def test_is_a_fault_once_it_lasts(self, measured, what, step, config):
+        memory = Memory(**MEMORY)
+        lasts_s = config.safety.disagreement_time
+        assert said(measurements_disagree, step(memory=memory, **measured)) == ""
+        assert said(measurements_disagree, step(memory=memory, **measured, now_s=NOW_s + lasts_s - 0.01)) == ""
+        assert said(measurements_disagree, step(memory=memory, **measured, now_s=NOW_s + lasts_s)).startswith(what)
+        assert said(measurements_disagree, step(memory=memory, now_s=NOW_s + lasts_s)) == ""
+        assert memory.since_s == {}
+
+    @pytest.mark.parametrize(
+        "measured",
+        [
+            {"supply__current_A": CURRENT_A + 0.019},
+            {"supply__current_A": CURRENT_A - 0.019},
+            {"supply__voltage_V": 1.79},
+            {"supply__voltage_V": 0.81},
+            {"supply__voltage_V": 9.0, "told": OFF},
+            {"supply": None},
+            {"reading": None, "supply__voltage_V": 9.0},
+        ],
+    )
+    def test_is_none_within_the_tolerance_nor_where_there_is_nothing_to_compare(self, measured, step, config):
+        memory = Memory(**MEMORY)
+        assert said(measurements_disagree, step(memory=memory, **measured)) == ""
+        assert memory.since_s == {}
+        assert said(measurements_disagree, step(memory=memory, **measured, now_s=NOW_s + 9.0)) == ""
+
+
 OPEN = {"reading__supply_voltage_V": 5.7, "signals__current_A": 0.09}
 
 
@@ -332,6 +433,65 @@ def test_too_hot_is_what_it_may_be_at_most(step, config):
     heat.step(1.0, 0.01, config.thermal.ambient_temperature, config.thermal)
     assert heat.at_most_C > config.thermal.max_temperature
     assert "thermal.max_temperature is 200 °C" in said(too_hot, step(heat=heat))
+
+
+def test_too_much_stress_is_said_in_megapascals(step):
+    assert said(stress_above_limit, step(signals__stress_Pa=176.5e6)) == "176.5 MPa; wire.max_stress is 175 MPa"
+
+
+class TestHeatLossWrong:
+    """A wire that the balance calls cold, and that stays contracted."""
+
+    RISE_K, POSITION_m = 60.0, 1e-3
+
+    @pytest.fixture
+    def look(self, step, make_config):
+        """``look(memory, later_s, rise_K, position_m, **changes)``: what the guard says."""
+        calibration = {"cooling_position": self.POSITION_m, "cooling_stress": [54e6], "cooling_rise": [self.RISE_K]}
+        config = Config.from_mapping(make_config(calibration=calibration))
+
+        def look(memory, later_s=0.0, rise_K=10.0, position_m=0.5e-3, **changes):
+            heat = WireHeat(config.thermal)
+            heat.step(rise_K * config.thermal.heat_loss, 1e6, config.thermal.ambient_temperature, config.thermal)
+            estimate = replace(ESTIMATE, displacement_m=position_m)
+            now = {"config": config, "heat": heat, "estimate": estimate, "memory": memory, "now_s": NOW_s + later_s}
+            return said(heat_loss_wrong, step(**{**now, **changes}))
+
+        return look
+
+    def test_is_a_fault_after_some_of_the_wires_time_constants(self, look, config):
+        memory = Memory(**MEMORY)
+        lasts_s = COOLING_TIMES * config.thermal.heat_capacity / config.thermal.heat_loss
+        assert look(memory) == look(memory, lasts_s - 1e-3) == ""
+        ambient_C = config.thermal.ambient_temperature
+        assert look(memory, lasts_s + 1e-3).startswith(
+            f"for {lasts_s:.3g} s the wire is contracted to 0.5 mm and the balance says {ambient_C + 10.0:.0f} °C; "
+        )
+        assert f"warmer than {ambient_C:.0f} °C" in look(memory, lasts_s + 1e-3)
+
+    @pytest.mark.parametrize(
+        ("changes", "is_one"),
+        [
+            ({}, True),
+            ({"rise_K": 0.49 * RISE_K}, True),
+            ({"rise_K": 0.51 * RISE_K}, False),
+            ({"position_m": math.nextafter(POSITION_m, 0.0)}, True),
+            ({"position_m": POSITION_m}, False),
+            ({"position_m": NAN}, False),
+            ({"settled": False}, False),
+            ({"estimate": replace(ESTIMATE, displacement_m=0.5e-3, quality=Quality.INDETERMINATE_HOT)}, True),
+            ({"estimate": replace(ESTIMATE, displacement_m=0.5e-3, quality=Quality.OUTSIDE_CALIBRATION)}, False),
+        ],
+    )
+    def test_looks_at_a_wire_whose_place_is_known_and_that_should_be_cold(self, changes, is_one, look):
+        memory = Memory(**MEMORY)
+        look(memory, **changes)
+        assert bool(memory.since_s) is is_one
+
+    def test_is_not_looked_for_where_the_calibration_does_not_say_what_a_cooling_wire_shows(self, step):
+        memory = Memory(**MEMORY)
+        said(heat_loss_wrong, step(memory=memory))
+        assert memory.since_s == {}
 
 
 def test_steps_that_come_late_are_a_fault_after_as_many_running_as_the_parameter_says(step, config):
@@ -402,6 +562,19 @@ def test_joint_commands_are_lost_after_a_time_of_their_own(age_s, is_lost, make_
     assert bool(setpoint_stale.look(age_s, True, config)) is is_lost
 
 
+@pytest.mark.parametrize("by_joint_command", [False, True])
+def test_it_is_said_which_of_the_two_was_lost_and_what_its_time_is(by_joint_command, make_config):
+    changes = {"controller.joint_command_timeout": 0.4, "controller.setpoint_timeout": 2.0}
+    words = setpoint_stale.look(3.0, by_joint_command, Config.from_mapping(make_config(**changes)))
+    name = "controller.joint_command_timeout is 0.4 s" if by_joint_command else "controller.setpoint_timeout is 2 s"
+    assert words == f"none for 3 s; {name}"
+
+
+@pytest.mark.parametrize(("tries", "is_fault"), [(0, False), (TRIES - 1, False), (TRIES, True), (TRIES + 1, True)])
+def test_backing_off_in_vain_is_a_fault_after_as_many_times_as_are_promised(tries, is_fault):
+    assert bool(no_motion.look(tries)) is is_fault
+
+
 class TestBucket:
     def test_a_burst_is_a_tenth_of_a_second_worth_and_then_one_comes_for_each_period(self):
         bucket = Bucket()
@@ -422,6 +595,10 @@ class TestBucket:
         assert not bucket.take(4.9, 1.0)
         assert bucket.take(5.9, 1.0)
 
+    def test_a_clock_that_runs_back_takes_nothing_away(self):
+        bucket = Bucket()
+        assert [bucket.take(now_s, 1.0) for now_s in (5.0, 4.5, *[4.5] * 8, 4.5)] == [True] * 10 + [False]
+
     def test_the_guard_says_which_rate_was_exceeded(self, config):
         bucket = Bucket()
         words = [setpoint_flood.look(bucket, 0.0, config) for _ in range(101)]
@@ -433,18 +610,33 @@ class TestBucket:
 
 
 def test_what_latches_while_the_output_is_off_is_what_must_be_known_before_it_goes_on():
-    assert {
+    assert {fault.name for fault in FAULTS.values() if fault.while_off} == {
         "unhandled_exception",
         "node_lost",
+        "loop_hung",
+        "output_not_confirmed",
         "supply_tripped",
         "watchdog_not_held",
+        "limits_not_held",
         "second_commander",
         "supply_disagrees",
         "too_hot",
-    } <= {fault.name for fault in FAULTS.values() if fault.while_off}
+    }
     for fault in FAULTS.values():
         assert fault.latches or not fault.while_off
         assert fault.latches is (fault.action is Action.OFF)
+
+
+def test_a_fault_latches_only_where_it_says_so_and_only_then_has_to_be_cleared():
+    mild = Fault("mild", words="it is mild", remedy="Wait", detector="a test", within=seconds(1.0), action=Action.BIAS)
+    assert (mild.latches, mild.while_off, mild.action_by) == (False, False, "")
+    assert mild.advice == "Wait."
+    assert replace(mild, latches=True).advice == "Wait. Then ~/clear_fault and ~/enable."
+
+
+def test_what_is_not_looked_for_in_each_step_is_what_somebody_else_looks_for():
+    not_each = {name for name, fault in FAULTS.items() if isinstance(fault, Guard) and not fault.each_step}
+    assert not_each == {"command_invalid", "setpoint_not_finite", "setpoint_flood", "setpoint_stale", "no_motion"}
 
 
 class TestGate:

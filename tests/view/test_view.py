@@ -15,6 +15,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import WrenchStamped
 from processes import SOON_s, wait_until
 from std_msgs.msg import Float64
+from waiting import Elapsed
 
 from benchmarks.chromium import Chromium, find_chromium
 from sma_actuator.base.parameters import walk
@@ -114,9 +115,14 @@ def with_page(stand, work):
 
 
 def _seconds_to_no_current(stand):
-    began_s = time.monotonic()
-    wait_until(lambda: abs(stand.bench.current_A()) < NO_CURRENT_A, what="no current")
-    return time.monotonic() - began_s
+    elapsed = Elapsed()
+
+    def is_off():
+        elapsed.look()
+        return abs(stand.bench.current_A()) < NO_CURRENT_A
+
+    wait_until(is_off, what="no current")
+    return elapsed.look()
 
 
 # --- who may -------------------------------------------------------------------------------------------
@@ -210,6 +216,16 @@ def test_what_the_wire_does_arrives_and_a_refused_gain_is_answered_in_the_nodes_
         curves = page.told["curves"]
         assert curves["stress_Pa"] == pytest.approx(page.latest("stress_Pa"), rel=0.1)
         assert len(curves["heating_m"]) == len(curves["resistance_Ohm"])
+
+    with_page(stand, work)
+
+
+@pytest.mark.parametrize("text", ["", "{", "null", '{"id": 1}', '{"id": 1, "do": []}', "[" * 5000, '{"a":' * 1500])
+def test_what_a_page_cannot_mean_is_answered_and_the_page_stays(stand, text):
+    async def work(page):
+        await page.socket.send_str(text)
+        assert "not understood" in (await page.until(lambda: page.answers.get(None)))["sentence"]
+        assert (await page.ask("forget_log"))["ok"]
 
     with_page(stand, work)
 

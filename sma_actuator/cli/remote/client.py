@@ -12,11 +12,13 @@ from typing import Any
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import Interrupts, noted_signals
-from sma_actuator.base.signals import Status
+from sma_actuator.base.signals import Mode, Status
 from sma_actuator.config import NODE_NAME
 
 #: Services are found within three seconds on a quiet machine.
 PATIENCE_s = 10.0
+#: For the status to say what a service has answered.
+SAID_s = 3.0
 _TURN_s = 0.05  #: a signal is looked for this often
 
 
@@ -95,14 +97,26 @@ class NodeClient:
         """Whether ``condition`` came to hold of the status."""
         return bool(self._spin_until(lambda: condition(self.status()), patience_s))
 
-    def call(self, service: str, kind: type, request: Any) -> Any:
+    def wait_until_said(self, on: bool) -> None:
+        """Wait until the status says so too, or for a while: who asks next is told the same."""
+        with contextlib.suppress(UserError):  # a stop may end a node before it has said anything
+            self.wait_for_status(lambda status: (status.mode is not Mode.OFF) == on, SAID_s)
+
+    def services(self) -> dict[str, str]:
+        """Name and type of the node's services."""
+        prefix = f"{self.full_name}/"
+        kinds = self._node.get_service_names_and_types()
+        return {name.removeprefix(prefix): kind[0] for name, kind in kinds if name.startswith(prefix)}
+
+    def call(self, service: str, kind: type, request: Any, patience_s: float | None = None) -> Any:
         """The answer of ``~/service``.  Raises UserError where none comes."""
+        patience_s = self._patience_s if patience_s is None else patience_s
         client = self._node.create_client(kind, f"{self.full_name}/{service}")
         if not self._spin_until(client.service_is_ready, self._patience_s):
             raise UserError(self._nobody())
         future = client.call_async(request)
-        if not self._spin_until(future.done, self._patience_s):
-            raise UserError(f"{self.full_name}: ~/{service} has not answered within {self._patience_s:g} s")
+        if not self._spin_until(future.done, patience_s):
+            raise UserError(f"{self.full_name}: ~/{service} has not answered within {patience_s:g} s")
         return future.result()
 
     def advertise(self, topic: str, kind: type) -> None:

@@ -18,5 +18,7 @@ def run(args) -> int:
 
         client.status()  # a node whose instruments are not open yet answers with its state
         response = client.call("enable", SetBool, SetBool.Request(data=not args.off))
+        if response.success:
+            client.wait_until_said(on=not args.off)
     print(f"{client.full_name}: {response.message}")
     return 0 if response.success else 1

@@ -16,5 +16,7 @@ def run(args) -> int:
         from std_srvs.srv import Trigger
 
         response = client.call("stop", Trigger, Trigger.Request())
+        if response.success:
+            client.wait_until_said(on=False)
     print(response.message)
     return 0 if response.success else 1

@@ -44,6 +44,16 @@ loop_hung: Fault = Fault(
     while_off=True,
 )
 
+partner_off: Fault = Fault(
+    "partner_off",
+    words="the other wire of the joint has a fault",
+    remedy="See what its own status says; a wire alone would pull the joint over",
+    detector="the pair: a fault has switched the other wire off, or its loop does not answer",
+    within=ONE_STEP,
+    action=Action.OFF,
+    latches=True,
+)
+
 
 @guard(
     words="the command is not a current",

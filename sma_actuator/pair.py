@@ -1,0 +1,306 @@
+"""Two driven wires on one joint: the law of the pair between their loops.  No ROS.
+
+Each wire keeps its own driver, with all its guards.  After every step of the first wire's loop the law makes a setpoint
+for each of them, which its loop takes with its next step; after every step of either it is looked whether that wire is
+still driven.  Where a fault has switched one off, the other gets the fault ``partner_off``, in its own loop and no
+later than with its next step; where one was switched off by hand, the other is switched off too.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite, nan
+from typing import Protocol, Self
+
+from sma_actuator.actuator import AFTER_A_FAULT
+from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.signals import JointEstimate, Mode, Output, Quality, Status
+from sma_actuator.config import Config
+from sma_actuator.control.pair import LIMITS, Pair, PairParameters, WireState
+from sma_actuator.driver import Driver
+from sma_actuator.instruments import Clock, Daq, PowerSupply
+from sma_actuator.safety.guards.program import partner_off
+
+_UNKNOWN = WireState(nan, nan, nan)
+
+
+class PairedWire(Protocol):
+    """One wire of a pair, whoever drives it."""
+
+    @property
+    def driver(self) -> Driver | None:
+        """Its loop; None while it has none."""
+
+    def switch_on(self) -> tuple[bool, str]:
+        """Output on; whether that was done, and a sentence."""
+
+    def switch_off(self) -> tuple[bool, str]:
+        """Output off; whether it is, and a sentence."""
+
+
+@dataclass(frozen=True, slots=True)
+class JointOutput:
+    """What a step of the joint has to say."""
+
+    time_s: float  #: of the first wire's reading
+    estimate: JointEstimate
+    status: Status
+    reference_rad: float  #: the angle asked for, as far as it is followed yet
+    setpoints_m: tuple[float, float]  #: of the two wires
+
+
+class PairDriver:
+    """Drives one joint by the loops of its two ``wires``, whose outputs must come to :meth:`take_output`.
+
+    ``on_output(joint_output)`` is called in the control thread of the first wire after each of its steps, and must
+    return at once.  Raises ConfigError where the parameters of joint and wires do not fit together.
+    """
+
+    def __init__(
+        self,
+        parameters: PairParameters,
+        configs: Sequence[Config],
+        wires: Sequence[PairedWire],
+        on_output: Callable[[JointOutput], None] = lambda _: None,
+    ):
+        problems = mismatches(parameters, configs)
+        if problems:
+            raise ConfigError(problems)
+        self._wires = tuple(wires)
+        self._on_output = on_output
+        self._pair = Pair(parameters, [config.model.build(config.wire).displacement_range_m for config in configs])
+        self._lock = threading.Lock()  #: two control threads and the commander come here; held for arithmetic only
+        self._outputs: list[Output | None] = [None, None]
+        self._driven = False  #: both wires are meant to be on
+        self._fault, self._why_off = "", ""  #: of the wire that went off first
+        self._stepped_s = nan
+
+    # --- requests, from any thread -----------------------------------------------------------------
+
+    def command(self, angle_rad: float, cocontraction_N: float = nan) -> str:
+        """Take an angle [rad] and a co-contraction [N]; "" or the sentence why they were refused.  NaN: as before."""
+        with self._lock:
+            if not self._driven and (isfinite(angle_rad) or isfinite(cocontraction_N)):
+                return "joint command refused: the joint is off; call ~/enable first"
+            return self._pair.command(angle_rad, cocontraction_N)
+
+    def update(self, parameters: PairParameters) -> None:
+        """Take over live parameters."""
+        with self._lock:
+            self._pair.parameters = parameters
+
+    def switch_on(self) -> tuple[bool, str]:
+        """Both wires on; whether that was done, and a sentence.
+
+        The slack is taken up with the co-contraction of the parameters, and the joint is held where it is then.
+        """
+        with self._lock:
+            if self._driven:
+                return True, "the joint is on already"
+        for name, wire in zip(self._pair.parameters.wires, self._wires, strict=True):
+            done, words = wire.switch_on()
+            if not done:
+                for each in self._wires:
+                    each.switch_off()
+                return False, f"{name}: {words}"
+        with self._lock:
+            self._pair.reset()
+            self._driven, self._fault, self._why_off, self._stepped_s = True, "", "", nan
+        return True, "both wires are on; the slack is taken up, and the joint is held where it is then"
+
+    def switch_off(self) -> tuple[bool, str]:
+        """Both wires off; whether they are, and what became of each."""
+        with self._lock:
+            self._driven = False  # first: no setpoint more, and neither goes off because the other did
+        return self._ask(lambda wire: wire.switch_off())
+
+    def clear_fault(self, timeout_s: float = 5.0) -> tuple[bool, str]:
+        """Clear the latched faults of both wires, which stay off; whether that was done, and what became of each."""
+
+        def clear(wire: PairedWire) -> tuple[bool, str]:
+            driver = wire.driver
+            return (False, "it has no loop") if driver is None else driver.clear_fault(timeout_s)
+
+        cleared, words = self._ask(clear)
+        if cleared:
+            with self._lock:
+                self._fault, self._why_off = "", ""
+        return cleared, words
+
+    def _ask(self, request: Callable[[PairedWire], tuple[bool, str]]) -> tuple[bool, str]:
+        answers = [(name, *request(wire)) for name, wire in zip(self._pair.parameters.wires, self._wires, strict=True)]
+        return all(done for _, done, _ in answers), "; ".join(f"{name}: {words}" for name, _, words in answers)
+
+    # --- after each step of a wire, in its control thread ------------------------------------------
+
+    def take_output(self, number: int, output: Output) -> None:
+        """Take what a wire's step has said: where it is off, the other goes off; else their setpoints follow."""
+        with self._lock:
+            self._outputs[number] = output
+            if self._driven and not output.command.output_on:
+                self._driven = False
+                self._let_go(number, output.status)
+            if number != 0:
+                return
+            said = self._step(output.signals.time_s)
+        self._on_output(said)
+
+    def _let_go(self, number: int, status: Status) -> None:
+        """A wire has gone off: have the other off with its next step."""
+        why = f"{self._pair.parameters.wires[number]}: {status.message.removesuffix(AFTER_A_FAULT)}"
+        self._fault, self._why_off = status.fault, why
+        driver = self._wires[1 - number].driver
+        if driver is None:
+            return
+        if status.fault:
+            driver.submit(lambda actuator, now_s: actuator.raise_fault(now_s, partner_off.name, why))
+        else:
+            driver.submit(lambda actuator, now_s: actuator.enable(now_s, False))
+
+    def _step(self, time_s: float) -> JointOutput:
+        """One step of the law, where both wires are driven."""
+        pair, wires = self._pair, [_state_of(output) for output in self._outputs]
+        setpoints_m = (nan, nan)
+        if self._driven:
+            dt_s = time_s - self._stepped_s if self._stepped_s == self._stepped_s else 0.0
+            self._stepped_s = time_s
+            setpoints_m = pair.step(wires, max(dt_s, 0.0))
+            for wire, setpoint_m in zip(self._wires, setpoints_m, strict=True):
+                driver = wire.driver
+                if driver is not None and isfinite(setpoint_m):
+                    driver.offer_setpoint(setpoint_m)
+        else:
+            pair.see(wires)
+        estimate = pair.estimate
+        if not self._driven:  # nobody knows, as of a wire whose output is off
+            estimate = replace(estimate, angle_rad=nan, uncertainty_rad=nan)
+        return JointOutput(time_s, estimate, self._status(estimate), pair.reference_rad, setpoints_m)
+
+    def _status(self, estimate: JointEstimate) -> Status:
+        pair, limits = self._pair, self._pair.limits
+        if not self._driven:
+            mode, words, limits = Mode.OFF, f"off: {self._why_off}" if self._why_off else "off", ()
+            words += AFTER_A_FAULT if self._fault else ""
+        elif not isfinite(estimate.angle_rad):
+            mode, words = Mode.HOLD, "taking up the slack"
+        elif pair.commanded:
+            mode, words = Mode.TRACKING, "tracking"
+        else:
+            mode, words = Mode.HOLD, "holding"
+        if limits:
+            words += f": {', '.join(LIMITS[name] for name in limits)}"
+        values: dict[str, float | str] = {
+            "angle_rad": estimate.angle_rad,
+            "uncertainty_rad": estimate.uncertainty_rad,
+            "cocontraction_N": estimate.cocontraction_N,
+            "torque_Nm": estimate.torque_Nm,
+            "asked_angle_rad": pair.asked_rad,
+            "asked_cocontraction_N": pair.asked_N,
+            "reference_rad": pair.reference_rad,
+        }
+        return Status(mode, "" if self._driven else self._fault, limits, words, values)
+
+
+def _state_of(output: Output | None) -> WireState:
+    """What the law wants to know of a wire."""
+    if output is None:
+        return _UNKNOWN
+    estimate, load_N = output.estimate, output.signals.load_N
+    if estimate.quality is Quality.INVALID:
+        return WireState(nan, nan, load_N)
+    return WireState(estimate.displacement_m, estimate.uncertainty_m, load_N)
+
+
+def mismatches(parameters: PairParameters, configs: Sequence[Config]) -> list[str]:
+    """Why these wires cannot turn that joint together, one sentence each."""
+    found = []
+    ranges_m = []
+    for name, config in zip(parameters.wires, configs, strict=True):
+        wire, model = config.wire, config.model.build(config.wire)
+        ranges_m.append(model.displacement_range_m)
+        most_N = config.safety.stress_limit_fraction * wire.max_stress * wire.area_m2
+        if parameters.tension_limit > most_N:
+            found.append(
+                f"tension_limit: {parameters.tension_limit:g} N is above {most_N:.3g} N, where safety.stress_limit_fraction "
+                f"of the wire {name} holds it"
+            )
+        least_N = model.stress_range_Pa[0] * wire.area_m2
+        if parameters.least_cocontraction < least_N:
+            found.append(
+                f"least_cocontraction: {parameters.least_cocontraction:g} N is below {least_N:.3g} N, the least that the "
+                f"model of the wire {name} was identified on"
+            )
+    low_rad, high_rad = Pair(parameters, ranges_m).range_rad(parameters.cocontraction)
+    if not low_rad < high_rad:
+        found.append(
+            f"displacement_at_zero: with {', '.join(f'{x:g}' for x in parameters.displacement_at_zero)} m there is no angle "
+            "at which both wires are in the working ranges of their models"
+        )
+    return found
+
+
+class SteppedPair(PairDriver):
+    """A pair with the drivers of both wires, stepped by hand: for tools and tests, in the time of a bench.
+
+    ``instruments`` are supply and DAQ of each wire.
+    """
+
+    def __init__(
+        self,
+        parameters: PairParameters,
+        configs: Sequence[Config],
+        instruments: Sequence[tuple[PowerSupply, Daq]],
+        clock: Clock,
+    ):
+        self.outputs: list[JointOutput] = []  #: of every step
+        self.wires = [
+            SteppedWire(
+                Driver(
+                    config,
+                    supply,
+                    daq,
+                    clock,
+                    on_output=lambda output, number=number: self.take_output(number, output),  # type: ignore[misc]
+                    name=name,
+                )
+            )
+            for number, (name, config, (supply, daq)) in enumerate(
+                zip(parameters.wires, configs, instruments, strict=True)
+            )
+        ]
+        super().__init__(parameters, configs, self.wires, self.outputs.append)
+        self._clock = clock
+        self._period_s = 1.0 / max(config.loop.rate for config in configs)
+
+    def run_for(self, seconds: float) -> JointOutput:
+        """Step both loops for a time; what the last step has said."""
+        until_s = self._clock.now_s() + seconds
+        while (now_s := self._clock.now_s()) < until_s - 1e-9:
+            self._clock.sleep_until_s(min(now_s + self._period_s, until_s))
+            for wire in self.wires:
+                wire.driver.tick()
+        return self.outputs[-1]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for wire in self.wires:
+            wire.driver.stop()
+
+
+@dataclass(frozen=True, slots=True)
+class SteppedWire:
+    """One wire of such a pair."""
+
+    driver: Driver
+
+    def switch_on(self) -> tuple[bool, str]:
+        """As :meth:`PairedWire.switch_on`."""
+        return self.driver.enable(True)
+
+    def switch_off(self) -> tuple[bool, str]:
+        """As :meth:`PairedWire.switch_off`."""
+        return self.driver.enable(False)

@@ -1,0 +1,190 @@
+"""Two wires on one joint of the virtual bench, each with its driver, in the bench's own time."""
+
+import copy
+
+import pytest
+
+from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.share import shared_file
+from sma_actuator.base.signals import Mode
+from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualClock
+from sma_actuator.bench.joint import JointBench
+from sma_actuator.config import Config, read_parameter_file
+from sma_actuator.control.pair import PairParameters
+from sma_actuator.pair import PairDriver, SteppedPair
+from sma_actuator.plant.joint import Joint
+from sma_actuator.safety.faults import FAULTS
+
+FILE = shared_file("config/pair.yaml")
+NAMES = ("left", "right")
+
+
+class Rig:
+    """A joint of the bench, its pair, and what both wires have put out."""
+
+    def __init__(self):
+        self.parameters = PairParameters.from_mapping(read_parameter_file(FILE, "joint"))
+        self.configs = [Config.load(FILE, name) for name in NAMES]
+        at_zero_m = self.parameters.displacement_at_zero
+        joint = Joint(self.parameters.pulley_radius, at_zero_m, self.parameters.series_stiffness)
+        self.stand = JointBench.from_name("flexinol", joint, seed=1)
+        benches, configs = self.stand.benches, self.configs
+        instruments = [(InProcessSupply(b, c), InProcessDaq(b, c)) for b, c in zip(benches, configs, strict=True)]
+        self.pair = SteppedPair(self.parameters, configs, instruments, VirtualClock(benches[0]))
+        self.highest_N = 0.0
+
+    def run(self, seconds):
+        end_s = self.stand.benches[0].time_s + seconds
+        while self.stand.benches[0].time_s < end_s - 1e-9:
+            self.output = self.pair.run_for(0.05)
+            self.highest_N = max(self.highest_N, *self.tensions_N)
+        return self.output
+
+    @property
+    def tensions_N(self):
+        return [bench.truth.load_N for bench in self.stand.benches]
+
+    @property
+    def on(self):
+        return [bench.supply.output_on for bench in self.stand.benches]
+
+    def status(self, number):
+        return self.pair.wires[number].driver.call(lambda actuator, _: actuator._status({}, set()))
+
+    def switch_on(self):
+        done, words = self.pair.switch_on()
+        assert done, words
+        self.run(6.0)
+        assert self.output.status.fault == "", self.output.status.message
+
+
+@pytest.fixture
+def rig():
+    rig = Rig()
+    rig.run(0.5)
+    assert rig.output.status.mode is Mode.OFF and rig.output.estimate.angle_rad != rig.output.estimate.angle_rad
+    rig.switch_on()
+    return rig
+
+
+def test_the_slack_is_taken_up_and_the_joint_held_where_it_is(rig):
+    assert rig.output.status.mode is Mode.HOLD and rig.output.status.message.startswith("holding")
+    rig.run(8.0)
+    assert rig.tensions_N == pytest.approx([0.8, 0.8], abs=0.1)
+    assert abs(rig.stand.angle_rad) < 0.03
+    assert rig.highest_N < rig.parameters.tension_limit
+
+
+def test_angle_and_co_contraction_are_reached_and_no_tension_comes_to_its_limit(rig):
+    for angle_rad, tension_N in ((0.25, 0.8), (-0.25, 1.4), (0.1, 0.4)):
+        assert rig.pair.command(angle_rad, tension_N) == ""
+        rig.run(15.0)
+        seen = rig.output.estimate
+        assert rig.output.status.mode is Mode.TRACKING
+        assert seen.angle_rad == pytest.approx(angle_rad, abs=0.02)
+        assert rig.stand.angle_rad == pytest.approx(angle_rad, abs=0.07)  # what the model of the wires leaves, and more
+        assert abs(rig.stand.angle_rad - seen.angle_rad) <= 1.5 * seen.uncertainty_rad
+        assert min(rig.tensions_N) == pytest.approx(tension_N, abs=0.1)
+    assert rig.highest_N < rig.parameters.tension_limit
+
+
+def test_the_worlds_torque_is_held_against_and_shares_the_limit(rig):
+    rig.pair.command(0.0, 2.0)
+    rig.stand.torque_Nm = 0.004  # a newton at the pulley
+    rig.run(20.0)
+    assert rig.output.estimate.torque_Nm == pytest.approx(-0.004, abs=5e-4)
+    assert min(rig.tensions_N) == pytest.approx(0.9 * 2.2 - 1.0, abs=0.1)
+    assert rig.highest_N < rig.parameters.tension_limit
+    assert "cocontraction" in rig.output.status.limits
+    assert abs(rig.stand.angle_rad) < 0.07
+
+
+@pytest.mark.parametrize("number", (0, 1))
+@pytest.mark.parametrize("cause", ("open_wire", "daq_hangup", "node_lost"))
+def test_a_fault_of_one_wire_switches_both_off_within_a_period(rig, number, cause):
+    other = 1 - number
+    if cause == "node_lost":
+        rig.pair.wires[number].driver.call(lambda actuator, now_s: actuator.raise_fault(now_s, cause, "provoked"))
+    else:
+        rig.stand.benches[number].inject(cause)
+    bench, steps = rig.stand.benches[0], 0
+    while rig.on[number]:
+        assert (steps := steps + 1) < 100
+        rig.pair.run_for(0.05)
+    off_s = bench.time_s
+    while rig.on[other]:
+        rig.pair.run_for(0.05)
+        assert bench.time_s - off_s <= FAULTS["partner_off"].within(rig.configs[other]) + 1e-9
+    rig.run(0.1)
+    fault, partner = rig.status(number), rig.status(other)
+    assert fault.fault == {"open_wire": "open_wire", "daq_hangup": "daq_lost", "node_lost": "node_lost"}[cause]
+    assert partner.fault == "partner_off" and f"{NAMES[number]}: off: {FAULTS[fault.fault].words}" in partner.message
+    joint = rig.output.status
+    assert joint.mode is Mode.OFF and joint.fault == fault.fault
+    assert joint.message.startswith(f"off: {NAMES[number]}: off: {FAULTS[fault.fault].words}")
+    assert "joint is off" in rig.pair.command(0.1)
+    refused, words = rig.pair.switch_on()
+    assert not refused and "clear_fault" in words and not any(rig.on)
+    rig.stand.benches[number].clear()
+    rig.run(1.0)
+    done, words = rig.pair.clear_fault()
+    assert done, words
+    rig.switch_on()
+
+
+@pytest.mark.parametrize("number", (0, 1))
+def test_a_wire_that_is_switched_off_by_hand_takes_the_other_with_it_without_a_fault(rig, number):
+    assert rig.pair.wires[number].switch_off()[0]
+    rig.run(0.1)
+    assert rig.on == [False, False]
+    assert rig.status(0).fault == rig.status(1).fault == rig.output.status.fault == ""
+    rig.switch_on()
+
+
+def test_the_joint_is_switched_off_by_hand(rig):
+    assert rig.pair.switch_off() == (True, "left: the output is off; right: the output is off")
+    assert rig.on == [False, False]
+    rig.run(1.0)
+    assert rig.output.status.mode is Mode.OFF and rig.output.status.message == "off"
+    assert rig.status(0).fault == rig.status(1).fault == ""
+
+
+def test_where_one_wire_cannot_be_switched_on_neither_is():
+    rig = Rig()
+    rig.run(0.5)
+    rig.stand.benches[1].inject("channel_saturated", 103)
+    rig.run(0.5)
+    done, words = rig.pair.switch_on()
+    assert not done and words.startswith("right: not enabled")
+    rig.run(0.5)
+    assert rig.on == [False, False]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"tension_limit": 3.1},
+            "tension_limit: 3.1 N is above 2.87 N, where safety.stress_limit_fraction of the wire left",
+        ),
+        (
+            {"least_cocontraction": 0.1},
+            "least_cocontraction: 0.1 N is below 0.23 N, the least that the model of the wire",
+        ),
+        ({"displacement_at_zero": [0.0004, 0.1]}, "there is no angle at which both wires are in the working ranges"),
+    ],
+)
+def test_wires_that_do_not_suit_the_joint_are_refused(changes, words):
+    rig = Rig()
+    with pytest.raises(ConfigError) as caught:
+        PairDriver(rig.parameters.replace(changes), rig.configs, ())
+    assert words in str(caught.value)
+
+
+def test_the_shipped_file_is_the_shipped_wire_twice():
+    wire = read_parameter_file(shared_file("config/flexinol.yaml"))
+    for number, name in enumerate(NAMES):
+        own = copy.deepcopy(wire) | {"joint_name": name}
+        for instrument, port in (("supply", 5025), ("daq", 5026)):
+            own["instruments"][instrument]["resource"] = f"TCPIP::127.0.0.1::{port + 2 * number}::SOCKET"
+        assert read_parameter_file(FILE, name) == own, "run: python benchmarks/coefficients.py"

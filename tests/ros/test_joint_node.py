@@ -1,0 +1,94 @@
+"""Two wires on one joint, over real processes and topics."""
+
+import math
+import signal
+
+import pytest
+from processes import SOON_s, wait_until
+
+pytest.importorskip("rclpy")
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool, Trigger
+
+from sma_actuator.actuator import AFTER_A_FAULT
+from sma_actuator.base.share import shared_file
+from sma_actuator.config import read_parameter_file
+from sma_msgs_py import pair_command_message, status_from
+
+FILE = shared_file("config/pair.yaml")
+NAMES = ("left", "right")
+#: A process may stand still for a while with the current on: neither wire then pulls to its limit, or jumps.
+CALM = {"supply.max_current": 0.24, "safety.load_spike": 3.0}
+
+
+def joint_parameters(**changes):
+    return {**read_parameter_file(FILE, "joint"), **changes}
+
+
+def status_of(client, name, condition):
+    """The next status of a node for which ``condition`` holds."""
+    messages = client.listen(f"/{name}/status", DiagnosticStatus, latched=True)
+    return client.spin_until(
+        lambda: next((s for s in map(status_from, messages[-1:]) if condition(s)), None), what=f"status of {name}"
+    )
+
+
+def test_a_joint_is_turned_by_commands_and_a_fault_of_one_wire_switches_both_off(
+    start_bench, make_config, start_node, client
+):
+    bench = start_bench("--load", "joint:0.004,0.0019")
+    calibration = read_parameter_file(FILE, "left")["calibration"]
+    wires = {
+        name: make_config(instruments=bench.instruments(number), joint_name=name, calibration=calibration, **CALM)
+        for number, name in enumerate(NAMES)
+    }
+    node = start_node({**wires, "joint": joint_parameters(cocontraction=0.6)}, "--", "--joints", "joint", names=NAMES)
+    states = client.listen("/joint/joint_states", JointState)
+    for name in NAMES:
+        status_of(client, name, lambda s: s.values["lifecycle"] == "active")
+
+    client.publish("/joint/joint_command", pair_command_message("joint", 0.1))
+    node.says("joint command refused: the joint is off; call ~/enable first")
+    assert not states, "an angle is said, and nobody knows it"
+
+    def enabled():
+        return client.call("/joint/enable", SetBool, SetBool.Request(data=True)).success
+
+    client.spin_until(enabled, what="enabling")
+    client.spin_until(lambda: states and states[-1].effort[0] > 0.4, what="the slack taken up")
+    assert list(states[-1].name) == ["joint"] and math.isfinite(states[-1].position[0])
+    client.publish("/joint/joint_command", pair_command_message("joint", 0.15, 0.6))
+    client.spin_until(
+        lambda: abs(states[-1].position[0] - 0.15) < 0.03 and states[-1].effort[0] > 0.4, what="the angle"
+    )
+    assert float(bench.tell("BENC:JOIN:ANGL?")) == pytest.approx(0.15, abs=0.1)
+    assert status_of(client, "joint", lambda s: s.mode.value == "tracking").values["uncertainty_rad"] < 0.2
+
+    bench.tell("BENC:FAUL open_wire", 1)
+    right = status_of(client, "right", lambda s: s.fault and s.mode.value == "off")
+    why = f"right: {right.message.removesuffix(AFTER_A_FAULT)}"
+    assert why in status_of(client, "left", lambda s: s.fault == "partner_off").message
+    joint = status_of(client, "joint", lambda s: s.fault == right.fault)
+    assert joint.mode.value == "off" and joint.message == f"off: {why}{AFTER_A_FAULT}"
+    wait_until(lambda: bench.current_A(0) == bench.current_A(1) == 0.0)
+
+    bench.tell("BENC:FAUL:CLE", 1)
+    client.spin_until(lambda: client.call("/joint/clear_fault", Trigger).success, what="clearing")
+    client.spin_until(enabled, what="enabling")
+    wait_until(lambda: bench.current_A(0) > 0.04 and bench.current_A(1) > 0.04)
+    answer = client.call("/right/stop", Trigger)  # of one node: every wire of the process
+    assert answer.success and "/left: the output is off" in answer.message and "/joint: left" in answer.message
+    wait_until(lambda: bench.current_A(0) == bench.current_A(1) == 0.0)
+    for name in ("joint", *NAMES):
+        assert status_of(client, name, lambda s: s.mode.value == "off").fault == ""
+    node.popen.send_signal(signal.SIGTERM)
+    assert node.popen.wait(SOON_s) == 0
+
+
+def test_a_joint_whose_wires_are_not_there_ends_with_a_sentence(make_config, start_node):
+    sections = {"left": make_config(), "joint": joint_parameters()}
+    node = start_node(sections, "--", "--joints", "joint", names=["left"])
+    assert node.ends() == 1
+    assert "joint: wires: right is no node of this process; --nodes names them" in node.words
