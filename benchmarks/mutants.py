@@ -59,7 +59,7 @@ TARGETS = {
     "safety/timing": _GUARDS,
     "safety/faults": (*_GUARDS, "tests/safety/test_faults.py"),
     "safety/supervisor": ("tests/safety", "tests/test_actuator.py"),
-    "safety/thermal": ("tests/safety",),
+    "safety/thermal": (*_GUARDS, "tests/safety/test_thermal.py", "tests/safety/test_limits.py"),
     "driver": ("tests/driver",),
     "instruments/scpi": ("tests/instruments",),
     "instruments/supply": ("tests/instruments",),

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import pytest
 
+from sma_actuator.config import Config
 from sma_actuator.safety.thermal import Ambient, AMBIENT_FALL_K_s, HeatBalance, WireHeat, derated_limit_A
 
 
@@ -119,3 +120,35 @@ def test_a_sensor_that_stands_still_is_believed_only_where_it_is_warm(parameters
 def test_time_that_is_none_does_not_cool_the_surroundings(parameters, dt_s):
     ambient = Ambient(parameters)
     assert ambient.step(15.0, dt_s, parameters) == 24.0
+
+
+def test_a_time_without_end_is_no_step():
+    balance = HeatBalance(50.0)
+    assert balance.step(1.0, math.inf, 20.0, 0.01, 0.005) == 50.0
+
+
+class TestBoundsOfAmbient:
+    """Where a sensor begins not to be believed; 20 °C are usual, 5 K of tolerance."""
+
+    @pytest.fixture
+    def thermal(self, make_config):
+        changes = {"ambient_temperature": 20.0, "ambient_tolerance": 5.0, "ambient_stuck_time": 8.0}
+        return Config.from_mapping(make_config(thermal=changes)).thermal
+
+    @pytest.mark.parametrize(
+        ("read_C", "is_doubted"),
+        [(100.0, False), (math.nextafter(100.0, 200.0), True), (15.0, False), (math.nextafter(15.0, 0.0), True)],
+    )
+    def test_of_what_it_reads(self, read_C, is_doubted, thermal):
+        ambient = Ambient(thermal)
+        ambient.step(read_C, 0.5, thermal)
+        assert bool(ambient.doubt) is is_doubted
+
+    @pytest.mark.parametrize(("read_C", "may_be_stuck"), [(19.0, True), (20.0, False), (21.0, False)])
+    def test_of_how_long_it_reads_the_same(self, read_C, may_be_stuck, thermal):
+        ambient = Ambient(thermal)
+        for _ in range(17):  # the first reading has stood for no time, the last for eight seconds
+            ambient.step(read_C, 0.5, thermal)
+        assert ambient.doubt == ""
+        ambient.step(read_C, 0.5, thermal)
+        assert bool(ambient.doubt) is may_be_stuck
