@@ -36,9 +36,6 @@ class Slip(Effect):
         return [size("length", scales.stroke_m, 0.02 * scales.stroke_m)]
 
 
-NOISE_s = 0.15  #: how long noise takes to average out
-
-
 @EFFECTS.register("backlash")
 @dataclass(frozen=True, slots=True)
 class Backlash(Effect):
@@ -49,15 +46,14 @@ class Backlash(Effect):
     REMEDY = "Take the play out of the joint, or preload it so that it always pulls the same way."
     TELL_TALE = "distance_from_reversal_m"
     BEHIND_THE_LOAD = True
-    STATES = 3
+    STATES = 1
     width: float = parameter(0.0, "free play from side to side", "m", 0.0, 1.0)
 
     def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
-        """What the joint follows: the wire, and not the noise of its estimate, whose peaks would take the play up."""
-        wire_m = frame.lag(frame.displacement_m, state[1:], NOISE_s)
-        joint_m = np.empty(len(wire_m))
-        play(wire_m, state[:1], 0.5 * self.width, joint_m)
-        frame.displacement_m = frame.displacement_m + joint_m - wire_m
+        """What the joint follows."""
+        joint_m = np.empty(len(frame.displacement_m))
+        play(np.ascontiguousarray(frame.displacement_m), state, 0.5 * self.width, joint_m)
+        frame.displacement_m = joint_m
 
     @classmethod
     def free(cls, scales: Scales) -> list[Free]:
