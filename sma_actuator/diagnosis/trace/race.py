@@ -47,7 +47,7 @@ MENDED, LEFT_SHARE = 1.6, 0.5
 #: And what is left goes no more with time, nor with the quantity that gives the effect away: with a mean square of this many
 #: variances of the calibration at the most; with the latter, which the effect moves most, or of this share of what there was.
 BENT, BENT_SHARE = 0.25, 0.05
-FEWEST_FOR_TIME = 10  #: cycles from which a trend over time is judged
+FEWEST_FOR_TIME = 8  #: cycles from which a trend over time is judged
 MOST_NAMES = 3  #: that one effect may have: a longer list says nothing
 #: So many effects are looked for: a model may lack more than happens to a wire at once, and many together imitate anything.
 MOST_MISSING, MOST_NEW = 3, 2
