@@ -180,6 +180,7 @@ class Driver:
         self._fed_at_s = clock.now_s()
         self._written: Command | None = None  #: what the supply was last told; None: not known
         self._may_flow = False  #: the output was told to be on, and since then not read back as off
+        self._flows_since_s = math.inf  #: from when on current was measured behind an output that reads back as off
         self._output: Output | None = None  #: of the last step
         self._alive_s = math.inf  #: when the control thread last showed life; infinite while there is none
         self._hung = ""  #: what the watchman found, until the control thread goes on
@@ -534,12 +535,23 @@ class Driver:
 
     def _with_truth(self, output: Output) -> Output:
         """The output of a step with what is known of the supply's output beside what was commanded."""
-        words = self.output_words
+        words, flows = self.output_words, self._flows_on(output)
+        if flows:
+            words = f"the output is read back as off, and {output.signals.current_A:.3g} A flow: pull the supply's plug"
         output.status.values["output"] = words.removeprefix("the output is ")
-        if output.command.output_on or not self._may_flow:
+        if output.command.output_on or not (self._may_flow or flows):
             return output
         message = words + output.status.message.removeprefix("off")
         return dataclasses.replace(output, status=dataclasses.replace(output.status, message=message))
+
+    def _flows_on(self, output: Output) -> bool:
+        """Whether current has flown longer than readings may be wrong, though the supply says that its output is off."""
+        safety, reading = self._config.safety, output.reading
+        if reading is None or not self.output_is_off or not output.signals.current_A > safety.current_disagreement:
+            self._flows_since_s = math.inf
+            return False
+        self._flows_since_s = min(self._flows_since_s, reading.time_s)
+        return reading.time_s - self._flows_since_s >= safety.disagreement_time
 
     def _report_losses(self, now_s: float) -> None:
         self._note_hang(now_s)  # what was cut for it is lost for it

@@ -191,7 +191,7 @@ class VirtualBench:
         force_N, stiffness_N_m, spring_at_m = self.load.at(self.time_s)
         inputs[physics.CURRENT_SET] = supply.current_A
         inputs[physics.VOLTAGE_LIMIT] = supply.voltage_V
-        inputs[physics.OUTPUT_ON] = supply.output_on
+        inputs[physics.OUTPUT_ON] = supply.output_on or "output_welded" in faults
         inputs[physics.OCP] = supply.effective_ocp_A
         inputs[physics.OVP] = supply.effective_ovp_V
         inputs[physics.FORCE] = force_N + faults.get("load_spike", 0.0)

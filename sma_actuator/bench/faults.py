@@ -30,6 +30,7 @@ FAULTS: dict[str, BenchFault] = {
     "supply_hangup": BenchFault("the supply closes its connections and refuses new ones"),
     "daq_hangup": BenchFault("the DAQ closes its connections and refuses new ones"),
     "current_disagrees": BenchFault("the supply delivers its setting times this factor", "factor", 0.5),
+    "output_welded": BenchFault("the supply says that its output is off, and delivers its setting all the same"),
     "second_commander": BenchFault("someone at the front panel sets another current, once, lock or not", "A", 0.2),
     "watchdog_dead": BenchFault(
         "the watchdog takes its settings and never cuts; 0: it also reads back off", "1 or 0", 1.0

@@ -197,6 +197,13 @@ def test_fault_current_disagrees():
     assert bench.truth.current_A == pytest.approx(0.15) and bench.supply.current_A == pytest.approx(0.3)
 
 
+def test_fault_output_welded():
+    bench = _current_after("output_welded")
+    bench.supply.set_output(False)
+    bench.advance(bench.time_s + 0.1)
+    assert bench.truth.current_A == pytest.approx(0.3) and not bench.supply.output_on
+
+
 def test_fault_second_commander():
     assert _current_after("second_commander", 0.1).supply.current_A == pytest.approx(0.1)
 

@@ -244,6 +244,23 @@ def test_a_watchdog_that_stopped_holding_is_noticed_before_the_next_enable(rig):
     assert wire.status.fault == "watchdog_not_held"
 
 
+def test_the_word_of_a_supply_whose_relay_is_welded_is_not_repeated(rig):
+    """Off is told and read back, and current flows on: the status must not say off."""
+    wire = rig()
+    wire.enable()
+    wire.bench.inject("output_welded")
+    assert wire.driver.enable(False)[0]
+    wire.driver.run_for(0.1)
+    wire.bench.supply.set_current(0.2)  # at its front panel
+    wire.run_until(lambda: wire.status.fault == "supply_disagrees", within_s=1.5)
+    assert wire.bench.truth.current_A == pytest.approx(0.2, rel=0.01) and not wire.bench.supply.output_on
+    assert wire.status.message.startswith("the output is read back as off, and 0.2 A flow: pull the supply's plug")
+    assert wire.status.values["output"].startswith("read back as off, and")
+    wire.bench.clear()
+    wire.driver.run_for(1.0)
+    assert wire.status.values["output"] == "off"
+
+
 def test_clearing_no_fault_leaves_a_wire_that_is_driven_as_it_is(rig):
     rig = rig()
     rig.enable()
