@@ -22,6 +22,7 @@ from sma_actuator.control.pair import LIMITS, Pair, PairParameters, WireState
 from sma_actuator.driver import Driver
 from sma_actuator.instruments import Clock, Daq, PowerSupply
 from sma_actuator.safety.guards.program import partner_off
+from sma_actuator.safety.guards.setpoints import setpoint_stale
 
 _UNKNOWN = WireState(nan, nan, nan)
 
@@ -76,6 +77,8 @@ class PairDriver:
         self._driven = False  #: both wires are meant to be on
         self._fault, self._why_off = "", ""  #: of the wire that went off first
         self._stepped_s = nan
+        self._heard_s = nan  #: when the last command came; NaN: since the last step
+        self._lost = ""  #: why the commander counts as lost
 
     # --- requests, from any thread -----------------------------------------------------------------
 
@@ -84,7 +87,10 @@ class PairDriver:
         with self._lock:
             if not self._driven and (isfinite(angle_rad) or isfinite(cocontraction_N)):
                 return "joint command refused: the joint is off; call ~/enable first"
-            return self._pair.command(angle_rad, cocontraction_N)
+            refusal = self._pair.command(angle_rad, cocontraction_N)
+            if not refusal and (isfinite(angle_rad) or isfinite(cocontraction_N)):
+                self._heard_s, self._lost = nan, ""
+            return refusal
 
     def update(self, parameters: PairParameters) -> None:
         """Take over live parameters."""
@@ -107,7 +113,7 @@ class PairDriver:
                 return False, f"{name}: {words}"
         with self._lock:
             self._pair.reset()
-            self._driven, self._fault, self._why_off, self._stepped_s = True, "", "", nan
+            self._driven, self._fault, self._why_off, self._lost, self._stepped_s = True, "", "", "", nan
         return True, "both wires are on; the slack is taken up, and the joint is held where it is then"
 
     def switch_off(self) -> tuple[bool, str]:
@@ -166,6 +172,7 @@ class PairDriver:
         if self._driven:
             dt_s = time_s - self._stepped_s if self._stepped_s == self._stepped_s else 0.0
             self._stepped_s = time_s
+            self._lose_commander(time_s)
             setpoints_m = pair.step(wires, max(dt_s, 0.0))
             for wire, setpoint_m in zip(self._wires, setpoints_m, strict=True):
                 driver = wire.driver
@@ -178,6 +185,15 @@ class PairDriver:
             estimate = replace(estimate, angle_rad=nan, uncertainty_rad=nan)
         return JointOutput(time_s, estimate, self._status(estimate), pair.reference_rad, setpoints_m)
 
+    def _lose_commander(self, time_s: float) -> None:
+        """Hold the joint where it is, where commands were followed and none has come for too long."""
+        if not isfinite(self._heard_s):
+            self._heard_s = time_s
+        silent_s, timeout_s = time_s - self._heard_s, self._pair.parameters.joint_command_timeout
+        if self._pair.commanded and 0.0 < timeout_s < silent_s:
+            self._pair.hold()
+            self._lost = f"no joint command for {silent_s:.2g} s; joint_command_timeout is {timeout_s:g} s"
+
     def _status(self, estimate: JointEstimate) -> Status:
         pair, limits = self._pair, self._pair.limits
         if not self._driven:
@@ -189,6 +205,10 @@ class PairDriver:
             mode, words = Mode.TRACKING, "tracking"
         else:
             mode, words = Mode.HOLD, "holding"
+        fault = self._fault
+        if self._driven:
+            fault = setpoint_stale.name if self._lost else ""
+            words += f": {setpoint_stale.words} ({self._lost})" if self._lost else ""
         if limits:
             words += f": {', '.join(LIMITS[name] for name in limits)}"
         values: dict[str, float | str] = {
@@ -200,7 +220,7 @@ class PairDriver:
             "asked_cocontraction_N": pair.asked_N,
             "reference_rad": pair.reference_rad,
         }
-        return Status(mode, "" if self._driven else self._fault, limits, words, values)
+        return Status(mode, fault, limits, words, values)
 
 
 def _state_of(output: Output | None) -> WireState:

@@ -92,6 +92,14 @@ class PairParameters:
     angle_rate_limit: float = parameter(
         1.0, "fastest change of the angle that is followed", "rad/s", 1e-4, 1e3, live=True
     )
+    joint_command_timeout: float = parameter(
+        0.5,
+        "silence on the joint command topic that counts as lost, once one is followed: the joint is held; 0: never",
+        "s",
+        0.0,
+        3600.0,
+        live=True,
+    )
 
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any], source: str = "") -> PairParameters:
@@ -155,6 +163,10 @@ class Pair:
         self._integral_m = 0.0
         self._tension_N = inf  #: of the step before; nothing rises from it yet
         self.limits: tuple[str, ...] = ()
+
+    def hold(self) -> None:
+        """No angle is asked for any more: the joint is held where it is, with the co-contraction that it has."""
+        self.asked_rad, self.commanded = nan, False
 
     # --- geometry ---------------------------------------------------------------------------------
 

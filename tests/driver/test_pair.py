@@ -1,6 +1,7 @@
 """Two wires on one joint of the virtual bench, each with its driver, in the bench's own time."""
 
 import copy
+import math
 
 import pytest
 
@@ -22,8 +23,9 @@ NAMES = ("left", "right")
 class Rig:
     """A joint of the bench, its pair, and what both wires have put out."""
 
-    def __init__(self):
-        self.parameters = PairParameters.from_mapping(read_parameter_file(FILE, "joint"))
+    def __init__(self, **changes):
+        parameters = {**read_parameter_file(FILE, "joint"), "joint_command_timeout": 0.0, **changes}
+        self.parameters = PairParameters.from_mapping(parameters)
         self.configs = [Config.load(FILE, name) for name in NAMES]
         at_zero_m = self.parameters.displacement_at_zero
         joint = Joint(self.parameters.pulley_radius, at_zero_m, self.parameters.series_stiffness)
@@ -86,6 +88,24 @@ def test_angle_and_co_contraction_are_reached_and_no_tension_comes_to_its_limit(
         assert abs(rig.stand.angle_rad - seen.angle_rad) <= 1.5 * seen.uncertainty_rad
         assert min(rig.tensions_N) == pytest.approx(tension_N, abs=0.1)
     assert rig.highest_N < rig.parameters.tension_limit
+
+
+def test_a_commander_that_falls_silent_is_lost_and_the_joint_held_where_it_is():
+    rig = Rig(joint_command_timeout=0.5, angle_rate_limit=0.1)
+    rig.run(0.5)
+    rig.switch_on()
+    for _ in range(5):
+        assert rig.pair.command(0.25) == ""
+        assert rig.run(0.1).status.mode is Mode.TRACKING
+    there_rad = rig.run(0.6).estimate.angle_rad
+    status = rig.output.status
+    assert (status.mode, status.fault) == (Mode.HOLD, "setpoint_stale")
+    assert "joint_command_timeout is 0.5 s" in status.message
+    assert rig.run(5.0).estimate.angle_rad == pytest.approx(there_rad, abs=0.05)
+    assert rig.output.reference_rad < 0.2, "it was to be held on its way"
+    assert rig.pair.command(math.nan, math.nan) == "" and rig.run(0.1).status.fault, "NaN is no command"
+    assert rig.pair.command(0.25) == ""
+    assert (rig.run(0.1).status.mode, rig.output.status.fault) == (Mode.TRACKING, "")
 
 
 def test_the_worlds_torque_is_held_against_and_shares_the_limit(rig):

@@ -173,14 +173,18 @@ class Client:
             lambda: next((m for m in messages if condition(m)), None), timeout_s, f"message on {topic}"
         )
 
-    def publish(self, topic, message):
-        """Publish, once somebody listens."""
+    def publisher(self, topic, kind):
+        """The publisher of a topic, once somebody listens."""
         key = "publisher", topic
         if key not in self._entities:
-            self._entities[key] = self.node.create_publisher(type(message), topic, 10)
+            self._entities[key] = self.node.create_publisher(kind, topic, 10)
         publisher = self._entities[key]
         self.spin_until(lambda: publisher.get_subscription_count() > 0, what=f"subscriber of {topic}")
-        publisher.publish(message)
+        return publisher
+
+    def publish(self, topic, message):
+        """Publish, once somebody listens."""
+        self.publisher(topic, type(message)).publish(message)
 
     def call(self, service, kind, request=None):
         """Response of a service."""

@@ -59,12 +59,17 @@ def test_a_joint_is_turned_by_commands_and_a_fault_of_one_wire_switches_both_off
     client.spin_until(enabled, what="enabling")
     client.spin_until(lambda: states and states[-1].effort[0] > 0.4, what="the slack taken up")
     assert list(states[-1].name) == ["joint"] and math.isfinite(states[-1].position[0])
-    client.publish("/joint/joint_command", pair_command_message("joint", 0.15, 0.6))
+    command, publisher = pair_command_message("joint", 0.15, 0.6), client.publisher("/joint/joint_command", JointState)
+    commander = client.node.create_timer(0.05, lambda: publisher.publish(command))
     client.spin_until(
         lambda: abs(states[-1].position[0] - 0.15) < 0.03 and states[-1].effort[0] > 0.4, what="the angle"
     )
     assert float(bench.tell("BENC:JOIN:ANGL?")) == pytest.approx(0.15, abs=0.1)
     assert status_of(client, "joint", lambda s: s.mode.value == "tracking").values["uncertainty_rad"] < 0.2
+
+    commander.cancel()
+    lost = status_of(client, "joint", lambda s: s.fault == "setpoint_stale")
+    assert lost.mode.value == "hold" and "joint_command_timeout is 0.5 s" in lost.message
 
     bench.tell("BENC:FAUL open_wire", 1)
     right = status_of(client, "right", lambda s: s.fault and s.mode.value == "off")
