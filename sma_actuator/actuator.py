@@ -137,6 +137,11 @@ class Actuator:
         return True, "the output is on; the wire is held where it is"
 
     @property
+    def is_driven(self) -> bool:
+        """Whether current is to flow: from ``enable`` on, also before the first step that says so."""
+        return self._commanding.is_driven
+
+    @property
     def latched(self) -> str:
         """Name of the latched fault, "" where there is none."""
         return self._supervisor.latched.name if self._supervisor.latched is not None else ""

@@ -359,11 +359,16 @@ class SmaActuatorNode(LifecycleNode):
                 self._give_up_driver()
 
     def _refuses_self_test(self) -> str:
-        driver, output = self._driver, self._handoff.latest
+        driver = self._driver
         if driver is None:
             return f"no self-test: {self._refusal or self._not_active()}"
-        if driver.output_words != "the output is off" or output is None or output.command.output_on:
-            return f"no self-test: {driver.output_words}; switch it off with ~/enable first"
+        try:  # of the loop itself: its last output may be of before an ~/enable that was answered
+            driven = driver.call(lambda actuator, _: actuator.is_driven, CALL_TIMEOUT_s)
+        except (DriverStopped, TimeoutError) as error:
+            return f"no self-test: {error}"
+        if driven or not driver.output_is_off:
+            words = "the output is on" if driven else driver.output_words
+            return f"no self-test: {words}; switch it off with ~/enable first"
         return ""
 
     def _end_self_test(self, self_test: SelfTest) -> tuple[bool, str]:
