@@ -240,12 +240,13 @@ class SmaActuatorNode(LifecycleNode):
 
     def refuses_trajectories(self) -> str:
         """Why no goal of the action can be taken now, or ""."""
-        output = self._handoff.latest
-        if not self._active or self._driver is None:
+        driver = self._driver
+        if not self._active or driver is None:
             return self._not_active()
-        if output is None or not output.command.output_on:
-            return "the output is off; call ~/enable first"
-        return ""
+        try:
+            return "" if _is_driven(driver) else "the output is off; call ~/enable first"
+        except (DriverStopped, TimeoutError) as error:
+            return str(error)
 
     def offer(
         self, times_s: list[float], positions_m: list[float], velocities_m_s: list[float] | None, delay_s: float
@@ -362,8 +363,8 @@ class SmaActuatorNode(LifecycleNode):
         driver = self._driver
         if driver is None:
             return f"no self-test: {self._refusal or self._not_active()}"
-        try:  # of the loop itself: its last output may be of before an ~/enable that was answered
-            driven = driver.call(lambda actuator, _: actuator.is_driven, CALL_TIMEOUT_s)
+        try:
+            driven = _is_driven(driver)
         except (DriverStopped, TimeoutError) as error:
             return f"no self-test: {error}"
         if driven or not driver.output_is_off:
@@ -789,6 +790,11 @@ def main(arguments: list[str] | None = None) -> int:
         for sentence in sentences:
             print(f"sma_actuator_node: {sentence}", file=sys.stderr)
     return 1 if sentences else 0
+
+
+def _is_driven(driver: Driver) -> bool:
+    """Whether a wire is driven.  The loop itself is asked: its last output may be of before an ~/enable that was answered."""
+    return bool(driver.call(lambda actuator, _: actuator.is_driven, CALL_TIMEOUT_s))
 
 
 def _begin_ros(arguments: list[str]) -> None:
