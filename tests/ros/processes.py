@@ -15,6 +15,7 @@ from pathlib import Path
 
 from waiting import Elapsed
 
+AGAIN_s = 40.0  #: without an answer for so long a service is asked again
 SOON_s = 150.0  #: bound of waits that normally take under a second; a busy machine starts a process in half a minute
 
 
@@ -193,8 +194,16 @@ class Client:
             self._entities[key] = self.node.create_client(kind, service)
         client = self._entities[key]
         self.spin_until(client.service_is_ready, what=service)
-        future = client.call_async(request or kind.Request())
-        return self.spin_until(lambda: future.done() and future.result(), what=f"answer of {service}")
+        asked = []
+
+        def answer():
+            # An answer to a client whom the server has not found yet is lost for ever.
+            if time.monotonic() > AGAIN_s * len(asked) + begun_s:
+                asked.append(client.call_async(request or kind.Request()))
+            return next((future.result() for future in asked if future.done()), None)
+
+        begun_s = time.monotonic()
+        return self.spin_until(answer, what=f"answer of {service}")
 
     def close(self):
         import rclpy

@@ -19,6 +19,9 @@ from sma_actuator.config import NODE_NAME
 PATIENCE_s = 10.0
 #: For the status to say what a service has answered.
 SAID_s = 3.0
+#: Off is asked for again where no answer comes: DDS loses an answer to whom the node has not found yet.  On never is: it
+#: could arrive after a stop.
+OFF_AGAIN_s = 0.5
 _TURN_s = 0.05  #: a signal is looked for this often
 
 
@@ -108,14 +111,24 @@ class NodeClient:
         kinds = self._node.get_service_names_and_types()
         return {name.removeprefix(prefix): kind[0] for name, kind in kinds if name.startswith(prefix)}
 
-    def call(self, service: str, kind: type, request: Any, patience_s: float | None = None) -> Any:
-        """The answer of ``~/service``.  Raises UserError where none comes."""
+    def call(
+        self, service: str, kind: type, request: Any, patience_s: float | None = None, again_s: float = math.inf
+    ) -> Any:
+        """The answer of ``~/service``, asked again every ``again_s``.  Raises UserError where none comes."""
         patience_s = self._patience_s if patience_s is None else patience_s
         client = self._node.create_client(kind, f"{self.full_name}/{service}")
         if not self._spin_until(client.service_is_ready, self._patience_s):
             raise UserError(self._nobody())
-        future = client.call_async(request)
-        if not self._spin_until(future.done, patience_s):
+        asked: list[Any] = []
+        begun_s = time.monotonic()
+
+        def answered() -> Any:
+            if not asked or time.monotonic() - begun_s >= again_s * len(asked):
+                asked.append(client.call_async(request))
+            return next((future for future in asked if future.done()), None)
+
+        future = self._spin_until(answered, patience_s)
+        if future is None:
             raise UserError(f"{self.full_name}: ~/{service} has not answered within {patience_s:g} s")
         return future.result()
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from .client import add_node_arguments, connected
+import math
+
+from .client import OFF_AGAIN_s, add_node_arguments, connected
 
 
 def add_arguments(parser) -> None:
@@ -17,7 +19,9 @@ def run(args) -> int:
         from std_srvs.srv import SetBool
 
         client.status()  # a node whose instruments are not open yet answers with its state
-        response = client.call("enable", SetBool, SetBool.Request(data=not args.off))
+        response = client.call(
+            "enable", SetBool, SetBool.Request(data=not args.off), again_s=OFF_AGAIN_s if args.off else math.inf
+        )
         if response.success:
             client.wait_until_said(on=not args.off)
     print(f"{client.full_name}: {response.message}")

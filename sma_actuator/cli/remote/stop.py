@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .client import add_node_arguments, connected
+from .client import OFF_AGAIN_s, add_node_arguments, connected
 
 
 def add_arguments(parser) -> None:
@@ -15,7 +15,7 @@ def run(args) -> int:
     with connected(args) as client:
         from std_srvs.srv import Trigger
 
-        response = client.call("stop", Trigger, Trigger.Request())
+        response = client.call("stop", Trigger, Trigger.Request(), again_s=OFF_AGAIN_s)
         if response.success:
             client.wait_until_said(on=False)
     print(response.message)
