@@ -18,6 +18,7 @@ from sma_actuator.base.parameters import (
     declaration_of,
     from_mapping,
     parameter,
+    refuse,
     section,
     to_mapping,
     type_of,
@@ -97,7 +98,7 @@ class Config(BenchConfig):
             problems += (
                 _cross_checks(config) + config.model.mismatches(config.wire) + config.controller.mismatches(config)
             )
-        _refuse(problems, source)
+        refuse(problems, source)
         return dataclasses.replace(config, effects=effects)
 
     @classmethod
@@ -140,7 +141,7 @@ def bench_from_mapping(mapping: Mapping[str, Any], source: str = "") -> BenchCon
     bench, problems = from_mapping(BenchConfig, {k: v for k, v in mapping.items() if k not in ("model", "effects")})
     if bench is not None:
         problems += _cross_checks(bench)
-    _refuse(problems, source)
+    refuse(problems, source)
     return bench
 
 
@@ -157,7 +158,7 @@ def require_calibrated(config: BenchConfig) -> None:
             "load_cell.slope, load_cell.offset: missing; the load cell's calibration in N/V and N is wanted "
             "(`sma-actuator characterise` measures it), without it the wire's stress is not known"
         )
-    _refuse(problems, "")
+    refuse(problems, "")
 
 
 def _with_tables(mapping: Mapping[str, Any], source: str) -> dict[str, Any]:
@@ -167,13 +168,8 @@ def _with_tables(mapping: Mapping[str, Any], source: str) -> dict[str, Any]:
         try:
             out["calibration"] = unpacked(out["calibration"], "calibration")
         except ConfigError as error:
-            _refuse(error.problems, source)
+            refuse(error.problems, source)
     return out
-
-
-def _refuse(problems: list[str], source: str) -> None:
-    if problems:
-        raise ConfigError([f"{source}: {problem}" if source else problem for problem in problems])
 
 
 def read_sections(path: str | Path) -> Mapping[str, Any]:

@@ -255,6 +255,12 @@ def _read_others(
     return {named.name: sections}, problems
 
 
+def refuse(problems: list[str], source: str) -> None:
+    """Raise ConfigError with what is wrong with ``source``, where anything is."""
+    if problems:
+        raise ConfigError([f"{source}: {problem}" if source else problem for problem in problems])
+
+
 def no_such_parameter(name: str, known: Collection[str], prefix: str = "") -> str:
     """The sentence for a parameter that does not exist, with the one that may be meant."""
     shown = _brief(name)

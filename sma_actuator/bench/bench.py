@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import inf, nan
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from sma_actuator.plant.worlds import HOME, wire_in_world
 from .chain import CHANNELS, SATURATED, Chain, Noise, convert
 from .faults import check_fault
 from .supply import SimulatedSupply
-
-if TYPE_CHECKING:
-    from .joint import JointBench
 
 STEP_s = 1e-3
 RING = 8192
@@ -52,6 +49,17 @@ class Truth:
     power_W: float
 
 
+class SharedJoint(Protocol):
+    """What benches whose wires turn one joint have in common: its angle, and their time."""
+
+    benches: tuple[VirtualBench, ...]
+    angle_rad: float
+    torque_Nm: float  #: from outside
+
+    def advance(self, until_s: float) -> None:
+        """Let the physics of all run to bench time ``until_s`` [s]."""
+
+
 class VirtualBench:
     """The virtual bench.  Time stands still but for :meth:`advance`; the same calls give the same numbers."""
 
@@ -71,7 +79,7 @@ class VirtualBench:
         self.samples = 0  #: taken since the beginning, one per millisecond
         self._pending: list[tuple[float, str, float]] = []
         self._stuck = np.zeros(len(CHANNELS))  #: sample that a stuck channel repeats
-        self.joint: JointBench | None = None  #: that this wire turns with another
+        self.joint: SharedJoint | None = None  #: that this wire turns with another
 
     def _rest(self, ambient_C: float) -> None:
         """The wire has cooled to ``ambient_C`` under its load, and nothing has happened yet."""

@@ -18,7 +18,7 @@ class JointBench:
     """
 
     def __init__(self, first: VirtualBench, second: VirtualBench, joint: Joint):
-        self.benches = (first, second)
+        self.benches: tuple[VirtualBench, ...] = (first, second)
         self.joint = joint
         self.angle_rad = 0.0
         self.torque_Nm = 0.0  #: from outside; may be set at any time

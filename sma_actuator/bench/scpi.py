@@ -97,10 +97,9 @@ from math import isfinite, isnan
 
 from sma_actuator.plant.loads import Spring, Weight, parse_load
 
-from .bench import RING, STEP_s, VirtualBench
+from .bench import RING, SharedJoint, STEP_s, VirtualBench
 from .chain import CHANNELS, SATURATED
 from .faults import FAULTS
-from .joint import JointBench
 from .supply import CURRENT_RANGE_A, OCP_RANGE_A, OVP_RANGE_V, VOLTAGE_RANGE_V, SettingRefused, WATCHDOG_RANGE_s
 
 VERSION = "1.0"
@@ -355,7 +354,7 @@ class Instrument:
         self.bench.load = load
 
     @property
-    def _joint(self) -> JointBench:
+    def _joint(self) -> SharedJoint:
         """The joint that the wire turns with another."""
         if self.bench.joint is None:
             raise ScpiError(-221)

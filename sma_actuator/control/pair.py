@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from math import copysign, inf, isfinite, nan
 from typing import Any
 
-from sma_actuator.base.parameters import ConfigError, from_mapping, parameter, to_mapping
+from sma_actuator.base.parameters import from_mapping, parameter, refuse, to_mapping
 from sma_actuator.base.signals import JointEstimate
 
 #: Tension below which a wire counts as slack, and its displacement says nothing of the joint: some times a load cell's noise.
@@ -106,8 +106,7 @@ class PairParameters:
         """Check what stands below ``ros__parameters``.  Raises ConfigError with one sentence for every problem."""
         parameters, problems = from_mapping(cls, mapping)
         problems = problems or parameters._cross_checks()
-        if problems:
-            raise ConfigError([f"{source}: {problem}" if source else problem for problem in problems])
+        refuse(problems, source)
         assert isinstance(parameters, cls)
         return parameters
 

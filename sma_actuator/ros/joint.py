@@ -9,9 +9,9 @@ next step of the joint.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
@@ -21,10 +21,11 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.base.signals import Mode, Status
+from sma_actuator.base.signals import Mode, Output, Status
+from sma_actuator.config import Config
 from sma_actuator.control.pair import PairParameters
 from sma_actuator.instruments.clock import MonotonicClock
-from sma_actuator.pair import JointOutput, PairDriver
+from sma_actuator.pair import JointOutput, PairDriver, PairedWire
 from sma_msgs_py import diagnostic_status_from, joint_estimate_message, pair_command_from, signals_message
 
 from .arguments import RosArguments
@@ -33,9 +34,6 @@ from .parameters import ROS_PARAMETERS, NodeParameters
 from .publishing import Handoff, is_heard
 from .words import Refusals
 
-if TYPE_CHECKING:
-    from .node import SmaActuatorNode
-
 CALL_TIMEOUT_s = 0.6  #: a service waits no longer for the control thread of either wire
 STATUS_PERIOD_s = 1.0
 LONGEST_COMMAND_B = 20_000  #: for some hundred joints
@@ -43,10 +41,26 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _DEPTH = 10
 
 
+class WireNode(PairedWire, Protocol):
+    """The node of one of its wires."""
+
+    joint_takes: Callable[[Output], None] | None
+
+    @property
+    def config(self) -> Config:
+        """The wire's parameters."""
+
+    def get_name(self) -> str:
+        """Name of the node."""
+
+    def stamp(self, time_s: float) -> Any:
+        """ROS time at which the loop's clock was at ``time_s``."""
+
+
 class JointNode(Node):
     """One joint on ROS 2.  Raises ConfigError where its parameters will not do, or its wires are not in this process."""
 
-    def __init__(self, name: str, arguments: RosArguments, nodes: Sequence[SmaActuatorNode]):
+    def __init__(self, name: str, arguments: RosArguments, nodes: Sequence[WireNode]):
         super().__init__(name)
         values = arguments.parameters_of(self.get_fully_qualified_name())
         for own in ROS_PARAMETERS:
