@@ -58,6 +58,9 @@ class Calibration:
         nan, "rms scatter of the displacement at rest", "m", 0.0, 10.0, optional=True
     )
     resistance_range: float = parameter(nan, "largest less smallest resistance", "Ω", 0.0, 1e6, optional=True)
+    changed: float = parameter(
+        0.0, "how far the hot end moved while the wire was measured, where it was still in training", "m", 0.0, 10.0
+    )
     residual_stress: tuple[float, ...] = parameter((), "stresses of the residuals", "Pa", -1e9, 1e9, optional=True)
     residual_position: tuple[float, ...] = parameter(
         (), "estimated displacements of the residuals", "m", -10.0, 10.0, optional=True
@@ -128,6 +131,15 @@ class Calibration:
     latent_rise: float = parameter(
         nan, "latent heat of the whole stroke over thermal.heat_capacity", "K", -1e3, 1e3, optional=True
     )
+
+    @property
+    def another_wire_m(self) -> float:
+        """How far from that of the calibration a later log finds a wire that changed meanwhile, in the mean.
+
+        What was learned is the wire in the middle of its change; a later log may find it anywhere between the end of that
+        and, where it is another piece of the spool, its beginning.
+        """
+        return 0.25 * self.changed
 
     def share_of_stroke(self, displacement_m: Any, stress_Pa: Any) -> Any:
         """How far a displacement lies between the contracted (0) and the cold wire (1) at a stress; of numbers or arrays."""

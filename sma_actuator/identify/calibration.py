@@ -21,7 +21,8 @@ from sma_actuator.safety.thermal import HeatBalance
 from .balance import balance_of
 from .expectation import learn
 from .experiments import Experiment
-from .rests import find_rests
+from .rests import Rest, find_rests
+from .training import change_while_measured_m
 
 POSITIONS = 13
 STILL_SHARE = (
@@ -93,6 +94,7 @@ def _of_the_wire(experiments: Sequence[Experiment], config: Config) -> Calibrati
     ambient = np.concatenate([a[np.isfinite(a)] for a in measured_C])
     resistance_Ohm = np.concatenate([t.resistance_Ohm for t in experiments])
     known = Calibration(
+        changed=change_while_measured_m([t.log for t in experiments], config),
         resistance_range=float(np.subtract(*np.nanpercentile(resistance_Ohm, (99.5, 0.5)))),
         ambient_temperature=float(ambient.mean()) if len(ambient) else np.nan,
         **_cooling(experiments, config),
@@ -182,17 +184,8 @@ def _look_up(position, stress, table, estimate, sample_stress, heating, out):
 
 
 def _at_rest(experiments: Sequence[Experiment], thermal_time_constant_s: float) -> dict:
-    points: dict[bool, list] = {False: [], True: []}
-    for experiment in experiments:
-        for rest in find_rests(experiment, thermal_time_constant_s):
-            here = slice(rest.start, rest.stop)
-            values = (
-                experiment.stress_Pa,
-                experiment.resistance_Ohm,
-                experiment.displacement_m,
-                experiment.signals.power_W,
-            )
-            points[rest.hot].append([float(np.mean(v[here])) for v in values])
+    found = [(t, rest) for t in experiments for rest in find_rests(t, thermal_time_constant_s)]
+    points = {hot: _means_at([x for x in found if x[1].hot == hot]) for hot in (False, True)}
     out: dict = {}
     deviations = []
     power_W = np.median([p[3] for p in points[True]]) if points[True] else np.nan
@@ -218,6 +211,17 @@ def _at_rest(experiments: Sequence[Experiment], thermal_time_constant_s: float) 
         out["displacement_scatter"] = float(np.sqrt(np.mean(together[:, 1] ** 2)))
     if "hot_stress" in out:
         out["hot_power"] = float(power_W)
+    return out
+
+
+def _means_at(found: Sequence[tuple[Experiment, Rest]]) -> list[list[float]]:
+    """Stress, resistance, displacement and power of rests; of those that have settled, where there are two."""
+    settled = [(t, rest) for t, rest in found if rest.settled]
+    out = []
+    for t, rest in settled if len(settled) > 1 else found:
+        here = slice(rest.start, rest.stop)
+        values = (t.stress_Pa, t.resistance_Ohm, t.displacement_m, t.signals.power_W)
+        out.append([float(np.mean(v[here])) for v in values])
     return out
 
 

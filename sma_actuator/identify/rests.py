@@ -19,6 +19,7 @@ SETTLED = {
 }  #: thermal time constants that the current has stood, cold and hot (heated, it does not wait)
 STILL = 0.06  #: share of its range that the current may move meanwhile
 STEADY = 0.015  #: share of its range that R or δ may move from half a window to the next
+TO_GO = 0.012  #: share of its range that δ of a settled wire may have before it
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +30,12 @@ class Rest:
     start: int
     stop: int
     cycle: int
+    to_go: float  #: share of its range that δ moves in a thermal time constant, where it goes on as in the window
+
+    @property
+    def settled(self) -> bool:
+        """Whether it is one: a wire that loses its heat more slowly than was thought creeps on for long."""
+        return self.to_go <= TO_GO
 
 
 def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[Rest]:
@@ -55,7 +62,7 @@ def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[R
         if np.ptp(current_A[begun + 1 : turn - 1]) > still_A:
             continue
         middle = (start + turn) // 2
-        load_N = experiment.signals.load_N
+        load_N, still_m = experiment.signals.load_N, experiment.displacement_m
         steady = (
             all(
                 abs(np.mean(values[start:middle]) - np.mean(values[middle:turn])) <= STEADY * span
@@ -65,5 +72,7 @@ def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[R
             <= 0.02 * abs(np.mean(load_N[start:turn])) + 0.005
         )
         if steady:
-            rests.append(Rest(hot, start, int(turn), int(experiment.cycle[start])))
+            moved_m = abs(np.mean(still_m[middle:turn]) - np.mean(still_m[start:middle]))
+            to_go = float(moved_m / max(ranges[1][1], 1e-12) * thermal_time_constant_s / (0.5 * WINDOW_s))
+            rests.append(Rest(hot, start, int(turn), int(experiment.cycle[start]), to_go))
     return rests

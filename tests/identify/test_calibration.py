@@ -4,9 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+from characterised import virtual_rig
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sma_actuator.characterise.programs import square_pulses
 from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
@@ -15,6 +17,7 @@ from sma_actuator.identify.expectation import Expectation, correlation_time_s, l
 from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.identify.kinds import make_experiments
 from sma_actuator.identify.rests import WINDOW_s, find_rests
+from sma_actuator.plant.loads import Weight
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +55,24 @@ def test_a_resting_wire_is_longer_and_more_resistive_cold_than_hot(identified):
     assert np.all(np.diff(calibration.cold_stress) > 0)
     assert calibration.ambient_temperature == pytest.approx(22.0, abs=0.1)
     assert calibration.hot_power > 0.1
+
+
+def test_a_wire_that_creeps_on_is_not_at_rest():
+    """Hung vertically it loses its heat more slowly than its bench says, and a light weight pulls it out last."""
+    _, rig, _ = virtual_rig("flexinol", seed=3, load=Weight(0.49), physics="vertical")
+    with rig.opened():
+        logs = [rig.record(square_pulses(2, 0.34, 0.05, 5.0, cool_s)) for cool_s in (10.0, 60.0)]
+    thermal = rig.config.thermal
+    creeping, settled = (
+        [
+            r
+            for r in find_rests(make_experiment(log, rig.config), thermal.heat_capacity / thermal.heat_loss)
+            if not r.hot
+        ]
+        for log in logs
+    )
+    assert settled and all(rest.settled for rest in settled)
+    assert not any(rest.settled for rest in creeping if rest.cycle)
 
 
 def test_a_model_of_any_size_keeps_its_errors_alone(identified, furukawa):

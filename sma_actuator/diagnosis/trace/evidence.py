@@ -43,6 +43,7 @@ WITNESSES = (
     "displacement at hot rest",
     "load against displacement",
 )
+AFTER_THE_MODEL = ("at_displacement", "shown")  #: stages of the chain
 LINE = WITNESSES.index("load against displacement")
 LOADS_DIFFER = 0.1  #: spread of the load, over the load, from which it counts as changing
 SPRING = 0.9  #: correlation squared of load and displacement from which the load is that of a spring
@@ -96,7 +97,7 @@ class Evidence:
                 f"{names}: {cycles} cycles in all are too few to hold some out; at least {FEWEST_CYCLES} are wanted"
             )
         self.rests = [
-            find_rests(experiment, config.thermal.heat_capacity / config.thermal.heat_loss)
+            [r for r in find_rests(experiment, config.thermal.heat_capacity / config.thermal.heat_loss) if r.settled]
             for experiment in self.experiments
         ]
         if thin > 1:
@@ -230,6 +231,11 @@ class Evidence:
         return self._expectation is not None
 
     @property
+    def changed_percent(self) -> float:
+        """How far the wire's hot end moved while it was calibrated, % of full stroke."""
+        return self.calibration.changed / self.full_stroke_m * 100
+
+    @property
     def start_s(self) -> float:
         """When the first session began."""
         return float(self.experiments[0].signals.time_s[0])
@@ -259,15 +265,17 @@ class Evidence:
         """Every log through a chain.  Between two logs of a session nobody saw the wire: only its position is forgotten."""
         out = []
         for (p, kept), rows in zip(self._judgements(chain), self.compared, strict=True):
-            expected_m = np.zeros(len(rows))
+            here = np.arange(len(p.time_s))[kept][rows]
+            expected_m = np.zeros(len(p.time_s))
             if self._expectation is not None:
-                expected_m = self._expectation.residual_m(p, np.arange(len(p.time_s))[kept][rows])
+                expected_m = np.interp(p.time_s, p.time_s[here], self._expectation.residual_m(p, here))
+            where = _Where(chain, self.place, p, expected_m)
             out.append(
                 Prediction(
                     shown_m=p.shown_m[kept],
                     model_m=p.model_m[kept],
-                    sensor_m=(p.shown_m - p.displacement_m + _behind_the_load_m(chain, self.place, p))[kept],
-                    expected_m=expected_m,
+                    sensor_m=where.beyond_the_load_m()[kept],
+                    expected_m=where.shown_beside_the_model_m()[here],
                     heating=p.branch[kept].astype(bool),
                     resistance_Ohm=p.resistance_Ohm[kept],
                     power_W=p.signals.power_W[kept],
@@ -338,9 +346,15 @@ class Evidence:
         out = np.zeros((len(rows), 2))
         c = self.calibration
         range_Ohm = c.resistance_range if math.isfinite(c.resistance_range) else self._range_Ohm()
-        s_R = math.hypot(c.resistance_scatter if math.isfinite(c.resistance_scatter) else 0.0, 0.003 * range_Ohm)
+        another_m = SPREAD * c.another_wire_m
+        another_Ohm = another_m / self.full_stroke_m * range_Ohm
+        s_R = math.hypot(
+            c.resistance_scatter if math.isfinite(c.resistance_scatter) else 0.0, 0.003 * range_Ohm, another_Ohm
+        )
         s_d = math.hypot(
-            c.displacement_scatter if math.isfinite(c.displacement_scatter) else 0.0, 0.005 * self.full_stroke_m
+            c.displacement_scatter if math.isfinite(c.displacement_scatter) else 0.0,
+            0.005 * self.full_stroke_m,
+            another_m,
         )
         for hot in (0.0, 1.0):
             chosen = rows[:, 0] == hot
@@ -423,16 +437,47 @@ class Evidence:
         return np.bincount(np.concatenate(self.unit), minlength=self.units)
 
 
-def _behind_the_load_m(chain: Chain, place: Place, found: Judged) -> np.ndarray:
-    """How much further the joint is, at the sensor, than what the load pulls at."""
-    behind = [effect for effect in chain.effects if effect.BEHIND_THE_LOAD]
-    if not behind:
-        return np.zeros(len(found.model_m))
-    frame = Frame.of(found.signals, float(found.time_s[0]))
-    frame.heating, frame.displacement_m = found.branch.astype(bool), found.model_m.copy()
-    for effect in behind:
-        effect.at_displacement(frame, np.full(effect.STATES, np.nan), place)  # type: ignore[attr-defined]
-    return frame.displacement_m - found.model_m
+@dataclass(frozen=True, slots=True)
+class _Where:
+    """Where the wire is on a log, as far as is known: the model's displacement with the residual that is expected there.
+
+    What follows it with a memory (play, a lag, a filter) follows the wire and not the model.
+    """
+
+    chain: Chain
+    place: Place
+    found: Judged
+    expected_m: np.ndarray
+
+    def shown_beside_the_model_m(self) -> np.ndarray:
+        """What the reference sensor shows of the expected residual."""
+        if not any(hasattr(effect, stage) for effect in self.chain.effects for stage in AFTER_THE_MODEL):
+            return self.expected_m
+        model_m = self.found.model_m
+        return self._through(model_m + self.expected_m, False) - self._through(model_m, False)
+
+    def beyond_the_load_m(self) -> np.ndarray:
+        """How much further than where the load pulls the sensor shows the joint."""
+        true_m = self.found.model_m + self.expected_m
+        return self._through(true_m, True) - true_m
+
+    def _through(self, displacement_m: np.ndarray, beyond_the_load: bool) -> np.ndarray:
+        """What the sensor shows of a displacement; ``beyond_the_load``: by what comes after the place that the load pulls at."""
+        acts = [
+            (getattr(effect, stage), np.full(effect.STATES, np.nan))
+            for stage in AFTER_THE_MODEL
+            for effect in self.chain.effects
+            if hasattr(effect, stage) and (stage == "shown" or effect.BEHIND_THE_LOAD or not beyond_the_load)
+        ]
+        if not acts:
+            return displacement_m
+        found = self.found
+        frame = Frame.of(found.signals, float(found.time_s[0] - found.elapsed_s[0]))
+        frame.heating, frame.cycles = found.branch.astype(bool), np.ones(len(displacement_m))
+        frame.displacement_m = displacement_m.copy()
+        for act, state in acts:
+            act(frame, state, self.place)
+        return frame.displacement_m
 
 
 def limited(z: np.ndarray) -> np.ndarray:

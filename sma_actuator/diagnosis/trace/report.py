@@ -36,7 +36,7 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
     alternatives = _alternatives(evidence, tracing)
     out: dict[str, Any] = {
         "verdict": tracing.verdict,
-        "sentence": sentence(tracing, left.depends, alternatives),
+        "sentence": sentence(tracing, left.depends, alternatives) + _trained_first(evidence.changed_percent),
         "effects": _effects(evidence, tracing),
         "alternatives": alternatives,
         "witnesses": _witnesses(tracing),
@@ -123,6 +123,15 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
         lacking = "; ".join(f"{name} ({why})" for name, why in tracing.untestable.items())
         text += f" It may be what these logs could not have shown: {lacking}."
     return text
+
+
+def _trained_first(changed_percent: float) -> str:
+    if not changed_percent:
+        return ""
+    return (
+        f" The wire changed while it was calibrated: its hot end moved by {changed_percent:.1f} % of full stroke, and what is "
+        "small beside that does not show. Train it first (characterise does, with --training-cycles), and identify it again."
+    )
 
 
 def _listed(words: Sequence[str]) -> str:

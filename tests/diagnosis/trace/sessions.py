@@ -19,23 +19,23 @@ from sma_actuator.config import NODE_NAME, bench_from_mapping, read_parameter_fi
 from sma_actuator.identify import identify
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log, write_bench_log
 
-WIRE = "furukawa"
+WIRE, PHYSICS = "furukawa", "liang_rogers"
 LOG_s, PAUSE_s = 150.0, 30.0
 STEPS = Schedule(
     [(0.0, Weight(0.98)), (35.0, Weight(1.96)), (80.0, Weight(0.6)), (210.0, Weight(1.5)), (260.0, Weight(0.98))]
 )
 
 
-def calibrated():
+def calibrated(physics=PHYSICS, pulses=2):
     """(bench's parameters, model's parameters) of a short characterisation."""
     mapping = read_parameter_file(shared_file(f"config/{WIRE}_bench.yaml"))
     config = bench_from_mapping(mapping)
-    bench = VirtualBench.from_name(WIRE, seed=1)
+    bench = VirtualBench.from_name(WIRE, seed=1, physics=physics)
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
     options = PlanOptions(
         loads_N=(0.5, 0.98, 2.0),
-        pulses=2,
+        pulses=pulses,
         set_points=3,
         average_s=1.0,
         masses_kg=(0.02, 0.1, 0.2),
@@ -48,11 +48,11 @@ def calibrated():
     return bench_mapping, identify(logs, bench_mapping, WIRE).mapping
 
 
-def session(bench_mapping, hidden=None, load=STEPS, seed=5, logs=2):
+def session(bench_mapping, hidden=None, load=STEPS, seed=5, logs=2, physics=PHYSICS):
     """Bench logs of one session: pulses that settle at both ends, then partial ones."""
     config = bench_from_mapping(bench_mapping)
     whole_s = logs * LOG_s + (logs - 1) * PAUSE_s
-    bench = HiddenBench.from_name(WIRE, seed=seed, load=load, hidden=hidden or {}, session_s=whole_s)
+    bench = HiddenBench.from_name(WIRE, seed=seed, load=load, physics=physics, hidden=hidden or {}, session_s=whole_s)
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     out = []
     with rig.opened():

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from sessions import session
+from sessions import calibrated, session
 
 from sma_actuator.base.signals import Signals
 from sma_actuator.bench import Spring, Weight
@@ -15,8 +15,10 @@ from sma_actuator.diagnosis.trace.candidates import candidate, scales_of
 from sma_actuator.diagnosis.trace.evidence import LIMIT, limited
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit
+from sma_actuator.diagnosis.trace.report import summary
 from sma_actuator.estimation.chain import Chain
-from sma_actuator.estimation.effects import EFFECTS, QUANTITIES
+from sma_actuator.estimation.effects import EFFECTS, QUANTITIES, STAGES
+from sma_actuator.estimation.effects.frame import Frame
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
 
@@ -183,6 +185,37 @@ def test_held_out_cycles_are_not_in_the_fit(clean):
         found = fit(clean, [candidate(name, scales_of(clean))], train)
         gain = (base - found.held_out)[train]
         assert gain.mean() < 2.5 * gain.std(ddof=1) / np.sqrt(len(gain)) + 0.1 * base.mean()
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters"), [("backlash", {"width": 5e-4}), ("reference_lag", {"time_constant": 0.5})]
+)
+def test_what_follows_the_wire_follows_it_and_not_the_model(clean, monkeypatch, name, parameters):
+    """Play and lag of the true displacement are no news where the model's known error goes through them, too."""
+    effect = EFFECTS[name](**parameters)
+    usual = clean.news_percent(clean.predict({})).mean()
+    followed_m = []
+    for experiment, measured_m in zip(clean.experiments, clean.measured_m, strict=True):
+        frame = Frame.of(experiment.signals, float(experiment.signals.time_s[0]))
+        frame.displacement_m = measured_m.copy()
+        stage = next(s for s in STAGES if hasattr(effect, s))
+        getattr(effect, stage)(frame, np.full(effect.STATES, np.nan), clean.place)
+        followed_m.append(frame.displacement_m)
+    monkeypatch.setattr(clean, "_measured_m", followed_m)
+    assert clean.news_percent(clean.predict({})).mean() > 5.0 * usual
+    assert clean.news_percent(clean.predict({name: effect})).mean() < 1.15 * usual
+
+
+def test_a_wire_that_changed_while_it_was_calibrated_is_said_to_have(clean):
+    """And what is no larger than its change is none of its later logs' faults."""
+    bench, model = calibrated("in_training", pulses=3)
+    evidence = Evidence(session(bench, physics="in_training"), Config.from_mapping(model))
+    found = trace(evidence, jobs=1)
+    assert found.verdict == "none"
+    assert found.news_percent["before"].mean() > 1.5  # another wire than that of the calibration, nevertheless
+    assert evidence.changed_percent > 5.0
+    assert "Train it first" in summary(evidence, found)["sentence"]
+    assert clean.changed_percent == 0.0
 
 
 def test_the_proposed_experiment_tells_two_explanations_apart(clean):
