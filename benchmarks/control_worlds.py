@@ -33,13 +33,11 @@ import yaml
 from control_tables import STEPS, PERIOD_s
 from rich.console import Console
 from rich.table import Table
-from whole_range import WIRES, WITH_HELD, bench_of
+from whole_range import WIRES, WITH_HELD, OneWire, characterised
 
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Mode
 from sma_actuator.bench import InProcessDaq, InProcessSupply, Spring, VirtualBench, VirtualClock, Weight
-from sma_actuator.characterise import characterise, make_plan
-from sma_actuator.characterise.operators import BenchOperator
 from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.control import CONTROL_LAWS, ControllerParameters
 from sma_actuator.control.law import LawSections
@@ -75,7 +73,7 @@ def identified(wire: str, physics: str, model: str) -> dict[str, Any]:
     folder = KEPT / digest(LOGS_BY) / f"{physics}_{wire}"
     path = folder / f"{model}_{digest(MODELS_BY)}.yaml"
     if not path.is_file():
-        logs = [read_bench_log(log) for log in characterised(wire, physics, folder)]
+        logs = [read_bench_log(log) for log in kept_logs(wire, physics, folder)]
         mapping = read_parameter_file(shared_file(f"config/{wire}_bench.yaml"))
         found = identify(logs, mapping, wire if model == "thesis" else model)
         text = yaml.safe_dump({"sma_actuator": {"ros__parameters": found.mapping}}, sort_keys=False)
@@ -83,16 +81,19 @@ def identified(wire: str, physics: str, model: str) -> dict[str, Any]:
     return read_parameter_file(path)
 
 
-def characterised(wire: str, physics: str, folder: Path) -> list[Path]:
-    """The logs of that wire, made where they are not there yet."""
+def kept_logs(wire: str, physics: str, folder: Path) -> list[Path]:
+    """The logs of that wire, made where they are not there yet; how many cycles it had done then stands beside them."""
     if not (folder / "complete").is_file():
         folder.mkdir(parents=True, exist_ok=True)
-        bench, rig = bench_of(wire, physics, seed=1)
-        operator = BenchOperator(bench, rig.config.wire.max_stress * rig.config.wire.area_m2)
-        mapping = read_parameter_file(shared_file(f"config/{wire}_bench.yaml"))
-        characterise(mapping, make_plan(rig.config, WITH_HELD), rig, operator, folder)
-        (folder / "complete").touch()
+        its = OneWire(wire, physics)
+        characterised(its, WITH_HELD, 1, folder)
+        (folder / "complete").write_text(f"{its.cycles:g}\n", encoding="utf-8")
     return sorted(folder.glob("*.csv"))
+
+
+def cycles_done(wire: str, physics: str) -> float:
+    """When it was characterised."""
+    return float((KEPT / digest(LOGS_BY) / f"{physics}_{wire}" / "complete").read_text(encoding="utf-8"))
 
 
 @CONTROL_LAWS.register("fastest")
@@ -173,9 +174,15 @@ class Found:
     series: dict[str, list[float]] = field(default_factory=dict, repr=False)
 
 
+def bench_for(case: Case, seed: int) -> VirtualBench:
+    """A bench with the wire that was characterised, as it is since, and this load."""
+    cycles = cycles_done(case.wire, case.physics)
+    return VirtualBench.from_name(case.wire, seed=seed, load=LOADS[case.load], physics=case.physics, cycles=cycles)
+
+
 def stroke_m(case: Case, config: Config) -> tuple[float, float]:
     """Where the wire of that bench is contracted as far as it goes, and where it is at rest in the cold."""
-    bench = VirtualBench.from_name(case.wire, seed=1, load=LOADS[case.load], physics=case.physics)
+    bench = bench_for(case, seed=1)
     supply = InProcessSupply(bench, config)
     supply.open()
     supply.set_output(True)
@@ -207,7 +214,7 @@ def run(case: Case, keep: bool = False) -> Found:
     gains = {} if case.law == "fastest" else mapping["controller"]
     config = Config.from_mapping({**mapping, "controller": {**gains, "type": case.law}}).replace(dict(case.changes))
     setpoint, share = setpoints_of(case, config)
-    bench = VirtualBench.from_name(case.wire, seed=7, load=LOADS[case.load], physics=case.physics)
+    bench = bench_for(case, seed=7)
     if case.heat_loss != 1.0:
         bench.inject("draught", case.heat_loss)
     full_m = config.wire.full_stroke_m

@@ -26,6 +26,7 @@ from .kinds import LEFT_OUT, make_experiments
 from .measured import lowest_current_A, measured
 from .normalised import as_one_wire
 from .ranges import MARGIN, check_width, shortest_seen_m
+from .training import still_in_training
 from .unseen import unseen_of
 from .verdict import Verdict, judge
 
@@ -89,6 +90,8 @@ def identify(
     experiments = [t for t in everything if t.kind != "fatigue"]
     fitted = fitter.fit(experiments, bench, Asked(method, variant, order, progress))
     notes = at_odds + list(fitted.notes)
+    if not fitter.any_size and (changed := still_in_training(experiments, bench.wire.full_stroke_m)):
+        notes.append(changed)
     mapping["model"] = {"type": model_type, **to_mapping(fitted.coefficients)}
     config = Config.for_tools(mapping)
     notes += within_what_is_seen(mapping, experiments)

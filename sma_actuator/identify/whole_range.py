@@ -20,6 +20,7 @@ from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.estimation.models.whole_range import (
     CURVE_TERMS,
     DIRECT,
+    STRESS,
     THERMAL,
     WholeRangeCoefficients,
     features_all,
@@ -27,7 +28,7 @@ from sma_actuator.estimation.models.whole_range import (
 
 from .experiments import Experiment, IdentificationError
 from .fitting import at_bound, predict
-from .ranges import distinct_stresses
+from .ranges import distinct_stresses, load_numbers
 from .unseen import Unseen
 
 LEARNERS = 3
@@ -43,6 +44,8 @@ MOST_ROWS = 9000  #: that a fit sees; logs of more are thinned
 SHORTEST_STEP_s = 0.045  #: readings closer together are averaged: they say the same
 ROBUST = 1.0  #: % of the full stroke beyond which an error counts linearly
 SHRINKAGE = 0.3  #: of the weights, in squared % of the full stroke
+#: Logs have a handful of loads, and between them nothing tells a learner how to bend: bends along stress are shrunk so much more.
+SMOOTH_IN_STRESS = 10.0
 #: A heat balance fitted to pulses is off by some tenths of a kelvin or more when the wire is driven otherwise.  Copies of
 #: the logs with such an error [K] teach the learners not to lean on it where the resistance says more; copies with the
 #: other one are for the intervals alone.
@@ -303,10 +306,14 @@ def _with_other_surroundings(
 
 
 def _log_folds(experiments: Sequence[Experiment]) -> np.ndarray:
-    """A fold for every log; logs of neighbouring loads, and of one load, are in different ones."""
-    stress = np.array([t.mean_stress_Pa for t in experiments])
-    out = np.empty(len(stress), dtype=int)
-    out[np.argsort(stress, kind="stable")] = np.arange(len(stress)) % FOLDS
+    """A fold for every log: all logs of a load in one, but those of the lightest and of the heaviest load apart.
+
+    A model is asked for loads between those it was fitted at, so it is judged by them; beyond them it is not asked.
+    """
+    load = load_numbers(experiments)
+    out = (load - 1) % FOLDS
+    outermost = np.flatnonzero((load == load.min()) | (load == load.max()))
+    out[outermost] = (load.max() - 1 + np.arange(len(outermost))) % FOLDS
     return out
 
 
@@ -328,8 +335,10 @@ class _Learner:
         hidden *= reach / np.linalg.norm(hidden, axis=1)[:, None]
         bias = np.linspace(-reach, reach, self.m)
         self.weights = np.concatenate([np.zeros(self.lines), hidden.ravel(), bias, np.zeros(self.m)])
+        along = np.full(self.n, 0.3)
+        along[STRESS] *= SMOOTH_IN_STRESS
         self.shrinkage = np.concatenate(
-            [np.full(self.lines, 0.02), np.full(self.m * self.n, 0.3), np.full(self.m, 0.3), np.full(self.m, 1.0)]
+            [np.full(self.lines, 0.02), np.tile(along, self.m), np.full(self.m, 0.3), np.full(self.m, 1.0)]
         )
         self.shrinkage = SHRINKAGE * self.shrinkage
         self.shrinkage[0] = 0.0
