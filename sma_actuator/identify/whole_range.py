@@ -45,7 +45,7 @@ SHORTEST_STEP_s = 0.045  #: readings closer together are averaged: they say the 
 ROBUST = 1.0  #: % of the full stroke beyond which an error counts linearly
 SHRINKAGE = 0.3  #: of the weights, in squared % of the full stroke
 #: Logs have a handful of loads, and between them nothing tells a learner how to bend: bends along stress are shrunk so much more.
-SMOOTH_IN_STRESS = 10.0
+SMOOTH_IN_STRESS = 3.0
 #: A heat balance fitted to pulses is off by some tenths of a kelvin or more when the wire is driven otherwise.  Copies of
 #: the logs with such an error [K] teach the learners not to lean on it where the resistance says more; copies with the
 #: other one are for the intervals alone.
