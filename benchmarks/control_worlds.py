@@ -5,8 +5,8 @@
 
 Each wire is characterised in its physics and identified from those logs, as `sma-actuator identify` does it: the
 thesis's model of the alloy, and the one of the whole range.  Logs and parameter files are kept in
-``out/control_worlds`` and used again while nothing has changed that they depend on.  Then the same driver, actuator
-and supervisor as in the node follow steps (20 s each) and a sine (60 s) under a weight and under a spring.
+``out/control_worlds`` and used again while nothing has changed that they depend on; so is each run.  Then the same
+driver, actuator and supervisor as in the node follow steps (20 s each) and a sine (60 s) under a weight and under a spring.
 
 * control and output error as in the thesis: mean absolute, % of full stroke, every sample from the first setpoint on;
 * range: the part of the stroke under that load that was driven;
@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 import yaml
 from control_tables import STEPS, PERIOD_s
+from kept import MODEL, kept
 from rich.console import Console
 from rich.table import Table
 from whole_range import WIRES, WITH_HELD, OneWire, characterised
@@ -54,16 +55,19 @@ LOADS = {"weight": Weight(0.98), "spring": Spring(stiffness_N_m=150.0, preload_N
 PROGRAMS = ("steps", "sine")
 LAWS = ("pid", "feed_forward_pid", "fastest")
 DWELL_s = 20.0
-DURATION_s = 240.0
+DURATION_s = {"steps": 240.0, "sine": 120.0}
 #: Shorter than asked by this share of the full stroke counts as too short.
 TOO_SHORT = 0.05
 #: The rooms that the logs depend on, and those that the parameter files do beside.
 LOGS_BY, MODELS_BY = ("plant", "bench", "characterise"), ("identify", "estimation")
+#: And what the runs do.
+RUN_BY = ("control", "safety", "config", "driver", "actuator", "derived", "instruments")
 
 
 def digest(rooms: Iterable[str]) -> str:
     """What these rooms are now, in a few letters."""
     files = sorted(p for room in rooms for p in (ROOT / "sma_actuator" / room).rglob("*.py"))
+    files += [p for room in rooms if (p := ROOT / "sma_actuator" / f"{room}.py").is_file()]
     files += sorted((ROOT / "config").glob("*_bench.yaml"))
     return hashlib.sha256(b"".join(p.read_bytes() for p in files)).hexdigest()[:12]
 
@@ -208,6 +212,11 @@ def setpoints_of(case: Case, config: Config) -> tuple[Setpoint, float]:
     return setpoint, (high_m - low_m) / (cold_m - hot_m)
 
 
+def once(case: Case) -> Found:
+    """A run, or what it came to the last time: a table may be made a physics at a time."""
+    return kept(f"control_worlds {case} {digest(RUN_BY)}", MODEL, lambda: run(case))
+
+
 def run(case: Case, keep: bool = False) -> Found:
     """One run of the loop in virtual time."""
     mapping = identified(case.wire, case.physics, case.model)
@@ -225,7 +234,7 @@ def run(case: Case, keep: bool = False) -> Found:
         if not done:
             raise RuntimeError(f"{case}: {words}")
         start_s = bench.time_s
-        while (elapsed_s := bench.time_s - start_s) < DURATION_s and not fault:
+        while (elapsed_s := bench.time_s - start_s) < DURATION_s[case.program] and not fault:
             asked_m = setpoint(elapsed_s)
             driver.offer_setpoint(asked_m)
             output = driver.run_for(1.0 / config.loop.rate)
@@ -371,8 +380,8 @@ def main() -> int:
     args = parser.parse_args()
     pairs = [(physics, wire, " ".join(args.model)) for physics in args.physics for wire in args.wire]
     wanted = cases(args)
-    results = prepared(pairs, run, wanted, args.jobs)
-    Console().print(table_of(results))
+    results = prepared(pairs, once, wanted, args.jobs)
+    Console(width=150).print(table_of(results))
     if args.json:
         rows = [{**asdict(replace(f, series={})), "case": asdict(f.case)} for f in results]
         args.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
