@@ -13,6 +13,7 @@ import numpy as np
 
 from .experiments import Experiment
 from .kinds import FULL, LEFT_OUT
+from .ranges import load_numbers
 
 #: Share of the full stroke that the hot end may move with a cycle; ten logs hold some sixty cycles.
 STANDS = 0.0006
@@ -23,27 +24,47 @@ _HOT_PART = 0.25  #: of the time driven, at its end
 
 def still_in_training(experiments: Sequence[Experiment], full_stroke_m: float) -> str:
     """A sentence where the hot end moves from cycle to cycle, in one direction in the logs; "" where it stands."""
-    moved_m = np.array([m for t in experiments if t.kind == FULL and t.constant_load for m in _moved_m(t)])
-    if len(moved_m) < FEWEST_LOGS:
-        return ""
-    share = float(np.mean(moved_m)) / full_stroke_m
-    same_way = float(np.mean(np.sign(moved_m) == np.sign(share)))
-    if abs(share) < STANDS or same_way < _AGREE:
+    share = change_while_measured_m(experiments, full_stroke_m) / full_stroke_m
+    if not share:
         return ""
     return (
-        f"the wire changed while it was measured: with every full cycle its hot end moved by {abs(share):.2%} of the full "
-        f"stroke, the same way in {same_way:.0%} of the logs; train it first (`characterise` does, with --training-cycles), "
-        "or measure again: these logs are of a wire that is no more, and no interval knows it"
+        f"the wire changed while it was measured: its hot end moves with every full cycle, always the same way, {share:.1%} of "
+        "the full stroke in all of these logs together; train it first (`characterise` does, with --training-cycles), or measure "
+        "again: these logs are of a wire that is no more"
     )
 
 
+def change_while_measured_m(experiments: Sequence[Experiment], full_stroke_m: float) -> float:
+    """How far the hot end has moved in all cycles of the logs together; 0 where it stands.
+
+    With a cycle it moves at each load as in the full cycles there.
+    """
+    load = load_numbers(experiments)
+    moved_m, change_m = [], 0.0
+    for number in np.unique(load):
+        logs = [t for t, here in zip(experiments, load == number, strict=True) if here]
+        found_m = [m for t in logs if t.kind == FULL and t.constant_load for m in _moved_m(t)]
+        moved_m += found_m
+        if found_m:
+            change_m += float(np.mean(found_m)) * sum(_cycles(t) for t in logs)
+    if len(moved_m) < FEWEST_LOGS:
+        return 0.0
+    mean_m = float(np.mean(moved_m))
+    same_way = float(np.mean(np.sign(moved_m) == np.sign(mean_m)))
+    return abs(change_m) if abs(mean_m) >= STANDS * full_stroke_m and same_way >= _AGREE else 0.0
+
+
+def _cycles(experiment: Experiment) -> int:
+    """All that its log holds."""
+    return int(experiment.cycle[-1]) + int(experiment.log.metadata.get(LEFT_OUT, 0))
+
+
 def _moved_m(experiment: Experiment) -> list[float]:
-    """How far the hot end moves with a cycle; nothing where there are not three."""
+    """How far the hot end of a log moves with a cycle; nothing where there are not three."""
     bounds = np.searchsorted(experiment.cycle, np.arange(1, experiment.cycle[-1] + 2))
     ends_m = []
     for start, stop in itertools.pairwise(bounds):
         driven_m = experiment.displacement_m[start:stop][experiment.driven[start:stop]]
         if len(driven_m):
             ends_m.append(float(np.median(driven_m[-max(3, round(_HOT_PART * len(driven_m))) :])))
-    cycles = len(ends_m) - 1 + experiment.log.metadata.get(LEFT_OUT, 0)
-    return [(ends_m[-1] - ends_m[0]) / cycles] if len(ends_m) >= 3 else []
+    return [(ends_m[-1] - ends_m[0]) / (_cycles(experiment) - 1)] if len(ends_m) >= 3 else []
