@@ -29,7 +29,6 @@ from sma_actuator.estimation.models.whole_range import (
 from .experiments import Experiment, IdentificationError
 from .fitting import at_bound, predict
 from .ranges import distinct_stresses, load_numbers
-from .training import change_while_measured_m
 from .unseen import Unseen
 
 LEARNERS = 3
@@ -93,13 +92,19 @@ class WholeRangeFit:
 
 
 def fit_whole_range(
-    experiments: Sequence[Experiment], config, progress: Callable[[float], None] = lambda fraction: None
+    experiments: Sequence[Experiment],
+    config,
+    progress: Callable[[float], None] = lambda fraction: None,
+    change_m: float = 0.0,
 ) -> WholeRangeFit:
-    """Fit to all loads, pulses and partial cycles together.  ``config``: the bench's parameters.
+    """Fit to all loads, pulses and partial cycles together.
+
+    ``config``: the bench's parameters; ``change_m``: how far the wire moved its hot end in all of the logs together.
 
     Raises IdentificationError where fewer than three loads were measured.
     """
     data = _Data(experiments, config)
+    data.change = change_m / data.percent_m
     known, centre, scale = _heat_balance(data, lambda share: progress(0.4 * share))
     z = (data.features(known)[data.rows] - centre) / scale
     by_log = _errors_left_out(z, data, data.log_fold[data.rows])
@@ -199,7 +204,7 @@ class _Data:
         self.rows = np.arange(0, len(self.time), stride)
         self.measured = self.rows < sum(self.lengths)  # the others are of copies
         self.learned = self.rows < 2 * sum(self.lengths)
-        self.change = change_while_measured_m(experiments, config.wire.full_stroke_m) / self.percent_m
+        self.change = 0.0  #: of the wire meanwhile
         self.span_Ohm = float(np.subtract(*np.percentile(self.resistance, (99, 1))))
 
     def thermal_numbers(self, known: np.ndarray) -> np.ndarray:

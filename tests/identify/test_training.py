@@ -6,8 +6,7 @@ from characterised import bench_mapping, virtual_rig
 
 from sma_actuator.characterise.programs import square_pulses
 from sma_actuator.identify import identify
-from sma_actuator.identify.kinds import make_experiments
-from sma_actuator.identify.training import change_while_measured_m, still_in_training
+from sma_actuator.identify.training import change_while_measured_m
 from sma_actuator.plant.loads import Weight
 from sma_actuator.plant.worlds import IN_TRAINING
 
@@ -33,11 +32,11 @@ def test_identify_says_that_a_wire_wants_training_first():
 
 def test_the_change_is_about_what_the_wire_went_through():
     logs, config = pulses(0.0)
-    found_m = change_while_measured_m(make_experiments(logs, config), config.wire.full_stroke_m)
+    found_m = change_while_measured_m(logs, config)
     true_m = config.wire.length * IN_TRAINING.hot_strain * -math.expm1(-9.0 / IN_TRAINING.cycles)
     assert 0.6 * true_m < found_m < 1.6 * true_m
 
 
 def test_nothing_is_said_of_a_wire_that_is_trained():
     logs, config = pulses(250.0)
-    assert still_in_training(make_experiments(logs, config), config.wire.full_stroke_m) == ""
+    assert change_while_measured_m(logs, config) == 0.0
