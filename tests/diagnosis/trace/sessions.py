@@ -26,16 +26,16 @@ STEPS = Schedule(
 )
 
 
-def calibrated(physics=PHYSICS, pulses=2):
+def calibrated():
     """(bench's parameters, model's parameters) of a short characterisation."""
     mapping = read_parameter_file(shared_file(f"config/{WIRE}_bench.yaml"))
     config = bench_from_mapping(mapping)
-    bench = VirtualBench.from_name(WIRE, seed=1, physics=physics)
+    bench = VirtualBench.from_name(WIRE, seed=1, physics=PHYSICS)
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
     options = PlanOptions(
         loads_N=(0.5, 0.98, 2.0),
-        pulses=pulses,
+        pulses=2,
         set_points=3,
         average_s=1.0,
         masses_kg=(0.02, 0.1, 0.2),
@@ -48,11 +48,11 @@ def calibrated(physics=PHYSICS, pulses=2):
     return bench_mapping, identify(logs, bench_mapping, WIRE).mapping
 
 
-def session(bench_mapping, hidden=None, load=STEPS, seed=5, logs=2, physics=PHYSICS):
+def session(bench_mapping, hidden=None, load=STEPS, seed=5, logs=2):
     """Bench logs of one session: pulses that settle at both ends, then partial ones."""
     config = bench_from_mapping(bench_mapping)
     whole_s = logs * LOG_s + (logs - 1) * PAUSE_s
-    bench = HiddenBench.from_name(WIRE, seed=seed, load=load, physics=physics, hidden=hidden or {}, session_s=whole_s)
+    bench = HiddenBench.from_name(WIRE, seed=seed, load=load, physics=PHYSICS, hidden=hidden or {}, session_s=whole_s)
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     out = []
     with rig.opened():
