@@ -82,7 +82,7 @@ class HeldOut:
     logs_percent: float  #: logs left out, and loads
     cycles_percent: float  #: cycles left out
     curve_percent: float  #: physical curve alone, logs left out
-    regions: dict[str, float]  #: logs and loads left out, by region (:func:`regions`)
+    regions: dict[str, float]  #: cycles left out, by region (:func:`regions`)
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +128,7 @@ def fit_whole_range(
         logs_error,
         cycles_error,
         curve_error,
-        regions=regions(data.displacement[data.rows[measured]], partial, errors[0]),
+        regions=regions(data.displacement[data.rows[measured]], partial, errors[1]),
     )
     rows = data.rows[measured]
     of_log = np.repeat(np.arange(len(experiments)), data.lengths)[rows]
@@ -160,7 +160,7 @@ def beside_the_thesis(experiments: Sequence[Experiment], thesis, found: WholeRan
     """Which of the two to take, and why: one sentence.
 
     ``thesis`` is a model of the thesis fitted on the very logs it is judged on; the whole-range model is judged on
-    logs and loads left out, so what speaks for it is neither the fit nor that it has seen the like.
+    cycles left out, so what speaks for it is not the fit.
     """
     measured_m = np.concatenate([t.displacement_m for t in experiments])
     size = np.abs(predict(thesis, experiments) - measured_m) / full_stroke_m * 100.0
@@ -171,10 +171,10 @@ def beside_the_thesis(experiments: Sequence[Experiment], thesis, found: WholeRan
     words = ", ".join(f"{name} {ours[name]:.2f} against {theirs[name]:.2f} %" for name in ours if name in theirs)
     worse = [name for name in ours if name in theirs and ours[name] > theirs[name]]
     if not worse:
-        return f"take whole_range: on logs and loads left out it is better in every region than the thesis's model ({words})"
-    if found.held_out.logs_percent < float(size[good].mean()):
+        return f"take whole_range: on cycles left out it is better in every region than the thesis's model ({words})"
+    if found.held_out.cycles_percent < float(size[good].mean()):
         return f"take whole_range, but not for its sake at {' and '.join(worse)}, where the thesis's model is better ({words})"
-    return f"take the thesis's model: on logs and loads left out whole_range is worse ({words}); it may want more logs"
+    return f"take the thesis's model: on cycles left out whole_range is worse ({words}); it may want more logs"
 
 
 class _Data:
