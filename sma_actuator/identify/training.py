@@ -13,7 +13,7 @@ import numpy as np
 
 from sma_actuator.logs.bench_log import BenchLog
 
-from .experiments import Experiment, make_experiment
+from .experiments import Experiment, judged_rows, make_experiment
 from .kinds import logs_to_fit
 from .ranges import load_numbers
 
@@ -39,7 +39,7 @@ def change_while_measured_m(logs: Sequence[BenchLog], config) -> float:
 
     With a cycle it moves at each load as from pulse to pulse there.
     """
-    experiments = [make_experiment(log, config) for log in logs_to_fit(logs)]
+    experiments = [judged_rows(make_experiment(log, config)) for log in logs_to_fit(logs)]
     load = load_numbers(experiments)
     moved_m, change_m = [], 0.0
     for number in np.unique(load):
@@ -61,8 +61,10 @@ def _moved_m(experiment: Experiment) -> list[float]:
     ends_m, heated = [], []
     for start, stop in itertools.pairwise(bounds):
         driven_m = experiment.displacement_m[start:stop][experiment.driven[start:stop]]
+        if not len(driven_m):
+            return []
         heated.append(len(driven_m))
-        ends_m.append(float(np.nanmedian(driven_m[-max(3, round(_HOT_PART * len(driven_m))) :])))
+        ends_m.append(float(np.median(driven_m[-max(3, round(_HOT_PART * len(driven_m))) :])))
     if len(ends_m) < FEWEST_PULSES or np.ptp(heated) > _ALIKE * np.mean(heated) + 1.0:
         return []
     return [(ends_m[-1] - ends_m[0]) / (len(ends_m) - 1)]

@@ -4,8 +4,8 @@ The fit is a damped Gauss-Newton (Levenberg-Marquardt) with a robust loss, from 
 same logs give the same numbers.  The heat balance's numbers are fitted with the weights, each drawn to what is known
 of such wires.  While they are fitted the displacement that the heat balance sees is the measured one.
 
-It is judged three times over by loads left out and three times over by cycles left out, the weights learned afresh
-each time.  The intervals are the errors of the loads left out over the spread of the learners (normalised conformal
+It is judged three times over by logs left out, by loads and by cycles left out, the weights learned afresh
+each time.  The intervals are the errors of logs and loads left out over the spread of the learners (normalised conformal
 prediction, for every place and branch).
 """
 
@@ -37,6 +37,10 @@ PLAYS_K = (1.5, 3.0, 5.0, 8.0, 12.0)  #: half-widths; loops of Ni-Ti and Ni-Ti-C
 PLAYS_OF_RANGE = (0.03, 0.10, 0.25)  #: half-widths of the plays in resistance, as shares of its range
 PLACES = 6  #: at which the interval is stated, on either branch
 FOLDS = 3
+NEVER = -1  #: left out
+#: A load left out leaves a gap twice as wide as the one that a load between its neighbours finds, and what is between is off
+#: by the square of it.
+LOAD_LEFT_OUT = 0.25
 JOINT_UNITS = 14  #: of the one learner that the heat balance is fitted with
 JOINT_ITERATIONS, ITERATIONS, HELD_OUT_ITERATIONS = 60, 100, 40
 EVERY = 3  #: the heat balance moves in every third iteration: it costs eight runs through the logs
@@ -75,10 +79,10 @@ _PRIOR_WEIGHT = 3.0
 class HeldOut:
     """Errors of the model and of its physical curve where they were not fitted, mean absolute, % of full stroke."""
 
-    logs_percent: float  #: logs left out
+    logs_percent: float  #: logs left out, and loads
     cycles_percent: float  #: cycles left out
     curve_percent: float  #: physical curve alone, logs left out
-    regions: dict[str, float]  #: logs left out, by region (:func:`regions`)
+    regions: dict[str, float]  #: cycles left out, by region (:func:`regions`)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +112,8 @@ def fit_whole_range(
     known, centre, scale = _heat_balance(data, lambda share: progress(0.4 * share))
     z = (data.features(known)[data.rows] - centre) / scale
     by_log = _errors_left_out(z, data, data.log_fold[data.rows])
+    by_load = _errors_left_out(z, data, data.load_fold[data.rows], learners=1)
+    by_log.error[:] = np.hypot(by_log.error, LOAD_LEFT_OUT * by_load.error) * np.where(by_log.error < 0.0, -1.0, 1.0)
     progress(0.6)
     by_cycle = _errors_left_out(z, data, data.cycle[data.rows] % FOLDS)
     progress(0.8)
@@ -122,7 +128,7 @@ def fit_whole_range(
         logs_error,
         cycles_error,
         curve_error,
-        regions=regions(data.displacement[data.rows[measured]], partial, errors[0]),
+        regions=regions(data.displacement[data.rows[measured]], partial, errors[1]),
     )
     rows = data.rows[measured]
     of_log = np.repeat(np.arange(len(experiments)), data.lengths)[rows]
@@ -154,7 +160,7 @@ def beside_the_thesis(experiments: Sequence[Experiment], thesis, found: WholeRan
     """Which of the two to take, and why: one sentence.
 
     ``thesis`` is a model of the thesis fitted on the very logs it is judged on; the whole-range model is judged on
-    loads left out, so what speaks for it is neither the fit nor that it has seen the like.
+    cycles left out, so what speaks for it is not the fit.
     """
     measured_m = np.concatenate([t.displacement_m for t in experiments])
     size = np.abs(predict(thesis, experiments) - measured_m) / full_stroke_m * 100.0
@@ -165,10 +171,10 @@ def beside_the_thesis(experiments: Sequence[Experiment], thesis, found: WholeRan
     words = ", ".join(f"{name} {ours[name]:.2f} against {theirs[name]:.2f} %" for name in ours if name in theirs)
     worse = [name for name in ours if name in theirs and ours[name] > theirs[name]]
     if not worse:
-        return f"take whole_range: on loads left out it is better in every region than the thesis's model ({words})"
-    if found.held_out.logs_percent < float(size[good].mean()):
+        return f"take whole_range: on cycles left out it is better in every region than the thesis's model ({words})"
+    if found.held_out.cycles_percent < float(size[good].mean()):
         return f"take whole_range, but not for its sake at {' and '.join(worse)}, where the thesis's model is better ({words})"
-    return f"take the thesis's model: on loads left out whole_range is worse ({words}); it may want more logs"
+    return f"take the thesis's model: on cycles left out whole_range is worse ({words}); it may want more logs"
 
 
 class _Data:
@@ -194,6 +200,7 @@ class _Data:
         self.first = np.zeros(len(self.time), dtype=np.bool_)
         self.first[np.cumsum([0, *lengths[:-1]])] = True
         self.log_fold = np.repeat(np.tile(_log_folds(experiments), copies), lengths)
+        self.load_fold = np.repeat(np.tile(_load_folds(experiments), copies), lengths)
         self.cycle = self.cycle + np.repeat(np.tile(np.arange(len(experiments)), copies), lengths)
         if len(experiments) < FOLDS:
             raise IdentificationError(
@@ -313,15 +320,17 @@ def _with_other_surroundings(
 
 
 def _log_folds(experiments: Sequence[Experiment]) -> np.ndarray:
-    """A fold for every log: all logs of a load in one, but those of the lightest and of the heaviest load apart.
-
-    A model is asked for loads between those it was fitted at, so it is judged by them; beyond them it is not asked.
-    """
-    load = load_numbers(experiments)
-    out = (load - 1) % FOLDS
-    outermost = np.flatnonzero((load == load.min()) | (load == load.max()))
-    out[outermost] = (load.max() - 1 + np.arange(len(outermost))) % FOLDS
+    """A fold for every log; logs of neighbouring loads, and of one load, are in different ones."""
+    stress = np.array([t.mean_stress_Pa for t in experiments])
+    out = np.empty(len(stress), dtype=int)
+    out[np.argsort(stress, kind="stable")] = np.arange(len(stress)) % FOLDS
     return out
+
+
+def _load_folds(experiments: Sequence[Experiment]) -> np.ndarray:
+    """A fold for every log: all logs of a load in one, but those of the lightest and of the heaviest load in none."""
+    load = load_numbers(experiments)
+    return np.where((load == 0) | (load == load.max()), NEVER, (load - 1) % FOLDS)
 
 
 def _terms(z: np.ndarray) -> np.ndarray:
@@ -422,8 +431,8 @@ def _learn(learner: _Learner, z: np.ndarray, target: np.ndarray, iterations: int
 class _Team:
     """Learners that differ in where they began, learned on the same samples."""
 
-    def __init__(self, z: np.ndarray, target: np.ndarray, iterations: int):
-        self.learners = [_Learner(z.shape[1], UNITS, seed) for seed in range(1, LEARNERS + 1)]
+    def __init__(self, z: np.ndarray, target: np.ndarray, iterations: int, learners: int = LEARNERS):
+        self.learners = [_Learner(z.shape[1], UNITS, seed) for seed in range(1, learners + 1)]
         for learner in self.learners:
             learner.weights = _learn(learner, z, target, iterations)
 
@@ -493,14 +502,16 @@ class _LeftOut:
     curve_error: np.ndarray
 
 
-def _errors_left_out(z: np.ndarray, data: _Data, fold: np.ndarray) -> _LeftOut:
-    """Learn afresh without each fold in turn; the heat balance stands."""
+def _errors_left_out(z: np.ndarray, data: _Data, fold: np.ndarray, learners: int = LEARNERS) -> _LeftOut:
+    """Learn afresh without each fold in turn; the heat balance stands.  No error where a row is NEVER left out."""
     target = data.displacement[data.rows]
     found = _LeftOut(*(np.zeros(len(z)) for _ in range(3)))
     for number in range(FOLDS):
         out = fold == number
+        if not out.any():
+            continue
         learn = ~out & data.learned
-        team = _Team(z[learn], target[learn], HELD_OUT_ITERATIONS)
+        team = _Team(z[learn], target[learn], HELD_OUT_ITERATIONS, learners)
         value, found.spread[out] = team.values(z[out])
         found.error[out] = value - target[out]
         found.curve_error[out] = _terms(z[out])[:, :CURVE_TERMS] @ _curve(z[learn], target[learn]) - target[out]
