@@ -127,21 +127,21 @@ class Session:
 
     def look(self) -> None:
         """Judge the bench as it is now."""
-        truth, result = self.bench.truth, self.result
+        now_s, current_A, result = self.bench.time_s, self.bench.current_A, self.result
         hottest_C, limit_C = self.bench.hottest_C, self.config.thermal.max_temperature
         result.see(f"wire in {self.physics} [°C]", hottest_C)
         if hottest_C > limit_C and not self._overheated:
             self._overheated = True  # once in a session; it stays hot for many steps
             self.broken("the wire is above its limit of temperature", f"{hottest_C:.0f} °C, limit {limit_C:g}")
-        if truth.current_A <= NO_CURRENT_A and not self.bench.supply.output_on:
+        if current_A <= NO_CURRENT_A and not self.bench.supply.output_on:
             if math.isnan(self._off_since_s):
-                self._off_since_s = truth.time_s
+                self._off_since_s = now_s
         else:
             self._off_since_s = math.nan
-        self._look_at_current(truth.current_A, truth.time_s)
-        if truth.time_s > self._off_by_s:
+        self._look_at_current(current_A, now_s)
+        if now_s > self._off_by_s:
             if math.isnan(self._off_since_s):
-                self.broken(f"the current is not off in time: {self._cause.split('=')[0]}", f"{truth.current_A:.3f} A")
+                self.broken(f"the current is not off in time: {self._cause.split('=')[0]}", f"{current_A:.3f} A")
             self._off_by_s = math.inf
 
     def _look_at_current(self, current_A: float, now_s: float) -> None:
