@@ -98,7 +98,7 @@ def _units(name: str, options: argparse.Namespace) -> list[tuple]:
     if name == "node":
         return [(options.seed, options.real_hours)]
     first, whole, part = {
-        "hours": (options.first, options.sessions, 2),
+        "hours": (options.first, options.sessions, 6),
         "kills": (options.seed, options.count, 10),
         "fuzz": (options.seed, options.messages, 20_000),
     }[name]
