@@ -99,7 +99,7 @@ def _units(name: str, options: argparse.Namespace) -> list[tuple]:
         return [(options.seed, options.real_hours)]
     first, whole, part = {
         "hours": (options.first, options.sessions, 6),
-        "kills": (options.seed, options.count, 10),
+        "kills": (options.seed, options.count, 20),
         "fuzz": (options.seed, options.messages, 20_000),
     }[name]
     step = part if name == "hours" else 1  # a session is its own seed

@@ -122,6 +122,7 @@ class NodeSoak:
         for role, port in (("supply", self.stand.supply_port), ("daq", self.stand.daq_port)):
             parameters["instruments"][role]["resource"] = f"TCPIP::127.0.0.1::{port}::SOCKET"
         parameters["recorder"] = {"folder": str(folder), "max_files": 4, "max_file_size": 200_000}
+        parameters["wait_for_instruments"] = True
         self.limit_C = Config.from_mapping(parameters).thermal.max_temperature
         file = folder / "parameters.yaml"
         file.write_text(json.dumps({NODE: {"ros__parameters": parameters}}))
