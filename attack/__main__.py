@@ -35,8 +35,7 @@ TITLES = {
     "lines": "lines between driver and instruments",
     "kills": "kills",
     "fuzz": "ROS fuzz",
-    "soak": "soak of a driver",
-    "node": "soak of a node",
+    "soak": "soak",
 }
 
 
@@ -95,10 +94,8 @@ def _units(name: str, options: argparse.Namespace) -> list[tuple]:
         return [(number,) for number in options.only or range(len(UNITS))]
     if name == "soak":
         return [(options.seed, options.hours)]
-    if name == "node":
-        return [(options.seed, options.real_hours)]
     first, whole, part = {
-        "hours": (options.first, options.sessions, 6),
+        "hours": (options.first, options.sessions, 2),
         "kills": (options.seed, options.count, 20),
         "fuzz": (options.seed, options.messages, 20_000),
     }[name]
@@ -189,7 +186,6 @@ def _options() -> argparse.ArgumentParser:
     parser.add_argument("--count", type=int, default=1000, help="kills")
     parser.add_argument("--messages", type=int, default=1_000_000, help="fuzz: messages")
     parser.add_argument("--hours", type=float, default=24.0, help="soak: virtual hours")
-    parser.add_argument("--real-hours", type=float, default=1.0, help="node: hours of real time")
     parser.add_argument("--jobs", type=int, default=max(1, os.cpu_count() or 1), help="attacks side by side")
     parser.add_argument("--minutes", type=float, default=math.inf, help="begin nothing more after so many minutes")
     parser.add_argument(

@@ -45,14 +45,6 @@ def run_soak(seed: int, hours: float) -> Result:
     return attack(seed, 3600.0 * hours)
 
 
-def run_node(seed: int, hours: float) -> Result:
-    """One node for real hours, and its memory, threads and files."""
-    _own_domain(seed + 80)
-    from .soak import attack_node
-
-    return attack_node(seed, 3600.0 * hours)
-
-
 def run_heat(*units: int) -> Result:
     """Wires that lose half the heat that is believed."""
     from .heat import attack
@@ -71,6 +63,5 @@ RUNNERS = {
     "kills": run_kills,
     "fuzz": run_fuzz,
     "soak": run_soak,
-    "node": run_node,
     "heat": run_heat,
 }
