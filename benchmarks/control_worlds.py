@@ -1,6 +1,7 @@
 """The control loop on every physics of the virtual bench, with models identified from each wire's own logs.
 
-    python benchmarks/control_worlds.py [--physics NAME …] [--wire flexinol furukawa] [--law pid …] [--json FILE]
+    python benchmarks/control_worlds.py [--physics NAME …] [--wire flexinol furukawa] [--law pid …]
+                                        [--gains ki=1600 …] [--json FILE]
                                                                                           (make control-worlds)
 
 Each wire is characterised in its physics and identified from those logs, as `sma-actuator identify` does it: the
@@ -13,8 +14,9 @@ and supervisor as in the node follow steps (20 s each) and a sine (60 s) under a
 * latched: share of the time at all the current there is with a wire that is shorter than asked by 5 % of the stroke;
 * unrest: the command, RMS about its own line over the second half of each step, and what the wire itself does then.
 
-The law ``fastest`` is none to drive with: after a step full current, or the bias, until the wire is there, and from
-then on until the next step its error counts as none.  No law that keeps to the limits can be much better than that.
+Laws that were only tried are in ``trial_laws.py``; of them ``fastest`` is none to drive with: after a step full current,
+or the bias, until the wire is there, and from then on until the next step its error counts as none.  No law that keeps to
+the limits can be much better than that.  ``--gains ki=1600`` drives the others with another gain than the file's.
 """
 
 from __future__ import annotations
@@ -33,6 +35,7 @@ import yaml
 from control_tables import STEPS, PERIOD_s
 from rich.console import Console
 from rich.table import Table
+from trial_laws import TRIALS
 from whole_range import WIRES, WITH_HELD, bench_of
 
 from sma_actuator.base.share import shared_file
@@ -41,8 +44,6 @@ from sma_actuator.bench import InProcessDaq, InProcessSupply, Spring, VirtualBen
 from sma_actuator.characterise import characterise, make_plan
 from sma_actuator.characterise.operators import BenchOperator
 from sma_actuator.config import Config, read_parameter_file
-from sma_actuator.control import CONTROL_LAWS, ControllerParameters
-from sma_actuator.control.law import LawSections
 from sma_actuator.control.setpoints import Setpoint, sine, steps
 from sma_actuator.driver import Driver
 from sma_actuator.identify import identify
@@ -54,7 +55,7 @@ KEPT = ROOT / "out" / "control_worlds"
 MODELS = ("thesis", "whole_range")
 LOADS = {"weight": Weight(0.98), "spring": Spring(stiffness_N_m=150.0, preload_N=0.8)}
 PROGRAMS = ("steps", "sine")
-LAWS = ("pid", "feed_forward_pid", "fastest")
+LAWS = ("pid", "feed_forward_pid", *TRIALS)
 DWELL_s = 20.0
 DURATION_s = 240.0
 #: Shorter than asked by this share of the full stroke counts as too short.
@@ -93,40 +94,6 @@ def characterised(wire: str, physics: str, folder: Path) -> list[Path]:
         characterise(mapping, make_plan(rig.config, WITH_HELD), rig, operator, folder)
         (folder / "complete").touch()
     return sorted(folder.glob("*.csv"))
-
-
-@CONTROL_LAWS.register("fastest")
-@dataclass(frozen=True, slots=True)
-class FastestParameters(ControllerParameters):
-    """The section ``controller`` of the law that shows what no law can better."""
-
-    def build(self, sections: LawSections) -> Fastest:
-        """The law."""
-        return Fastest(sections.supply.bias_current)
-
-
-class Fastest:
-    """All current there is while the wire is too long, the bias while it is too short."""
-
-    rate_limited = False
-
-    def __init__(self, bias_A: float):
-        self.bias_A = bias_A
-        self.reset(0.0, bias_A)
-
-    def reset(self, position_m: float, output_A: float) -> None:
-        """Start at a position and a current."""
-        self.reference_m, self.output_A = position_m, output_A
-        self.at_max = self.at_bias = False
-
-    def set_gains(self, gains: FastestParameters) -> None:
-        """It has none."""
-
-    def step(self, position_m: float, setpoint_m: float, dt_s: float, limit_A: float) -> float:
-        """The limit or the bias."""
-        self.reference_m = setpoint_m
-        self.output_A = limit_A if position_m > setpoint_m else self.bias_A
-        return self.output_A
 
 
 def until_there(time_s: np.ndarray, asked_m: np.ndarray, place_m: np.ndarray) -> np.ndarray:
@@ -205,7 +172,8 @@ def run(case: Case, keep: bool = False) -> Found:
     """One run of the loop in virtual time."""
     mapping = identified(case.wire, case.physics, case.model)
     gains = {} if case.law == "fastest" else mapping["controller"]
-    config = Config.from_mapping({**mapping, "controller": {**gains, "type": case.law}}).replace(dict(case.changes))
+    changes = {} if case.law == "fastest" else dict(case.changes)
+    config = Config.from_mapping({**mapping, "controller": {**gains, "type": case.law}}).replace(changes)
     setpoint, share = setpoints_of(case, config)
     bench = VirtualBench.from_name(case.wire, seed=7, load=LOADS[case.load], physics=case.physics)
     if case.heat_loss != 1.0:
@@ -287,7 +255,7 @@ def _about_its_line(time_s: np.ndarray, value: np.ndarray) -> float:
 def cases(args: argparse.Namespace) -> list[Case]:
     """All runs that were asked for."""
     return [
-        Case(wire, physics, model, load, program, law, args.heat_loss)
+        Case(wire, physics, model, load, program, law, args.heat_loss, tuple(args.gains))
         for physics in args.physics
         for wire in args.wire
         for model in args.model
@@ -348,15 +316,24 @@ def prepared(pairs: Sequence[Any], run_one: Callable[[Any], Any], cases: Sequenc
         return list(pool.map(run_one, cases))
 
 
+def gain(text: str) -> tuple[str, float]:
+    """``ki=1600`` as a change of the parameters."""
+    name, _, value = text.partition("=")
+    return f"controller.{name}", float(value)
+
+
 def main() -> int:
     """Print the table; returns 0."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--physics", nargs="*", choices=tuple(WORLDS), default=tuple(WORLDS))
     parser.add_argument("--wire", nargs="*", choices=WIRES, default=WIRES)
     parser.add_argument("--model", nargs="*", choices=MODELS, default=MODELS)
-    parser.add_argument("--law", nargs="*", choices=LAWS, default=LAWS)
+    parser.add_argument("--law", nargs="*", choices=LAWS, default=("pid", "feed_forward_pid", "fastest"))
     parser.add_argument(
         "--heat-loss", type=float, default=1.0, metavar="TIMES", help="of the calibration's, in the runs"
+    )
+    parser.add_argument(
+        "--gains", nargs="*", type=gain, default=[], metavar="NAME=VALUE", help="in place of the file's"
     )
     parser.add_argument("--load", nargs="*", choices=tuple(LOADS), default=tuple(LOADS))
     parser.add_argument("--jobs", type=int, default=2)

@@ -3,7 +3,8 @@
     python benchmarks/pair.py [--physics NAME …]     (make pair)
 
 The joint of ``config/pair.yaml``, whose mechanism the bench has too; in the physics of home with the model of that file, in
-another with the thesis's model identified from the logs of that physics (``benchmarks/control_worlds.py`` keeps them).
+another with the thesis's model identified from the logs of that physics (``benchmarks/control_worlds.py`` keeps them), and
+no less co-contraction than these were.
 Steps of 20 s over ±0.25 rad and sines of ±0.25 rad, with several co-contractions and with a torque from outside.
 
 * angle: mean absolute, every sample from the first command on, against the truth, of what was asked for (control and output
@@ -73,6 +74,8 @@ def run(case: Case, physics: str) -> list[str]:
         config = Config.load(FILE, "left")
     else:
         config = Config.from_mapping(identified("flexinol", physics, "thesis"))
+        least_N = 1.01 * config.model.build(config.wire).stress_range_Pa[0] * config.wire.area_m2
+        parameters = parameters.replace({"least_cocontraction": max(parameters.least_cocontraction, least_N)})
     stand = JointBench.from_name("flexinol", joint_of(parameters), seed=7, physics=physics)
     instruments = [(InProcessSupply(bench, config), InProcessDaq(bench, config)) for bench in stand.benches]
     clock = VirtualClock(stand.benches[0])

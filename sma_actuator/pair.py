@@ -11,7 +11,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite, nan
+from math import isfinite, nan, tau
 from typing import Protocol, Self
 
 from sma_actuator.actuator import AFTER_A_FAULT
@@ -19,6 +19,7 @@ from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import JointEstimate, Mode, Output, Quality, Status
 from sma_actuator.config import Config
 from sma_actuator.control.pair import LIMITS, Pair, PairParameters, WireState
+from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.driver import Driver
 from sma_actuator.instruments import Clock, Daq, PowerSupply
 from sma_actuator.safety.guards.program import partner_off
@@ -79,6 +80,12 @@ class PairDriver:
         self._stepped_s = nan
         self._heard_s = nan  #: when the last command came; NaN: since the last step
         self._lost = ""  #: why the commander counts as lost
+        self._forget_trajectories()
+
+    def _forget_trajectories(self) -> None:
+        self._offered: tuple[float, Trajectory] | None = None  #: delay from the next step on
+        self._awaited: tuple[float, Trajectory] | None = None  #: start, of one that is still to begin
+        self._motion: tuple[float, Trajectory] | None = None  #: start, of what is followed, and after its end held
 
     # --- requests, from any thread -----------------------------------------------------------------
 
@@ -88,9 +95,41 @@ class PairDriver:
             if not self._driven and (isfinite(angle_rad) or isfinite(cocontraction_N)):
                 return "joint command refused: the joint is off; call ~/enable first"
             refusal = self._pair.command(angle_rad, cocontraction_N)
+            if not refusal and isfinite(angle_rad):
+                self._forget_trajectories()
             if not refusal and (isfinite(angle_rad) or isfinite(cocontraction_N)):
                 self._heard_s, self._lost = nan, ""
             return refusal
+
+    def follow(
+        self,
+        times_s: Sequence[float],
+        angles_rad: Sequence[float],
+        velocities_rad_s: Sequence[float] | None = None,
+        delay_s: float = 0.0,
+    ) -> str:
+        """Take angles [rad] at times [s] from ``delay_s`` after the next step; "" or the sentence why they were refused.
+
+        Until a later start the joint goes on with what it does; of a trajectory that has begun already the rest is
+        followed, its last angle stands, and no silence ends it.  Without points the joint is held where it is.
+        """
+        with self._lock:
+            if not self._driven:
+                return "trajectory refused: the joint is off; call ~/enable first"
+            if not len(times_s):
+                self._forget_trajectories()
+                self._pair.hold()
+                return ""
+            if not all(abs(angle_rad) <= tau for angle_rad in angles_rad):
+                return "trajectory refused: an angle of it is more than a whole turn, or none; radians are wanted"
+            try:
+                trajectory = Trajectory(times_s, angles_rad, velocities_m_s=velocities_rad_s)
+            except ValueError as error:
+                return str(error)
+            if not trajectory.duration_s + delay_s >= 0.0:
+                return f"trajectory refused: its last point was due {-delay_s - trajectory.duration_s:.3g} s ago"
+            self._offered = delay_s, trajectory
+            return ""
 
     def update(self, parameters: PairParameters) -> None:
         """Take over live parameters."""
@@ -114,6 +153,7 @@ class PairDriver:
         with self._lock:
             self._pair.reset()
             self._driven, self._fault, self._why_off, self._lost, self._stepped_s = True, "", "", "", nan
+            self._forget_trajectories()
         return True, "both wires are on; the slack is taken up, and the joint is held where it is then"
 
     def switch_off(self) -> tuple[bool, str]:
@@ -172,7 +212,9 @@ class PairDriver:
         if self._driven:
             dt_s = time_s - self._stepped_s if self._stepped_s == self._stepped_s else 0.0
             self._stepped_s = time_s
-            self._lose_commander(time_s)
+            self._move(time_s)
+            if self._motion is None:
+                self._lose_commander(time_s)
             setpoints_m = pair.step(wires, max(dt_s, 0.0))
             for wire, setpoint_m in zip(self._wires, setpoints_m, strict=True):
                 driver = wire.driver
@@ -184,6 +226,17 @@ class PairDriver:
         if not self._driven:  # nobody knows, as of a wire whose output is off
             estimate = replace(estimate, angle_rad=nan, uncertainty_rad=nan)
         return JointOutput(time_s, estimate, self._status(estimate), pair.reference_rad, setpoints_m)
+
+    def _move(self, time_s: float) -> None:
+        """Ask for the angle of the trajectory that is followed now."""
+        if self._offered is not None:
+            delay_s, trajectory = self._offered
+            self._offered, self._awaited = None, (time_s + delay_s, trajectory)
+        if self._awaited is not None and time_s >= self._awaited[0]:
+            self._awaited, self._motion, self._lost = None, self._awaited, ""
+        if self._motion is not None:
+            start_s, trajectory = self._motion
+            self._pair.command(trajectory(time_s - start_s))
 
     def _lose_commander(self, time_s: float) -> None:
         """Hold the joint where it is, where commands were followed and none has come for too long."""

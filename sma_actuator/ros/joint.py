@@ -19,6 +19,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory
 
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Mode, Output, Status
@@ -38,6 +39,7 @@ from .arguments import RosArguments
 from .guard import refuse_what_raises
 from .parameters import ROS_PARAMETERS, NodeParameters
 from .publishing import Handoff, is_heard
+from .trajectories import trajectory_of
 from .words import Refusals
 
 CALL_TIMEOUT_s = 0.6  #: a service waits no longer for the control thread of either wire
@@ -92,6 +94,7 @@ class JointNode(Node):
         self._status = self.create_publisher(DiagnosticStatus, "~/status", _LATCHED)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
         self.create_subscription(JointState, "~/joint_command", self._on_joint_command, _DEPTH, raw=True)
+        self.create_subscription(JointTrajectory, "~/joint_trajectory", self._on_trajectory, _DEPTH, raw=True)
         self.create_service(Trigger, "~/clear_fault", self._on_clear_fault)
         self._woken = self.create_guard_condition(self._take_news)
         refuse_what_raises(self, self.report)
@@ -113,6 +116,15 @@ class JointNode(Node):
             self.report(str(error))
             return
         refusal = self._pair.command(*asked)
+        if refusal:
+            self.report(refusal)
+
+    def _on_trajectory(self, serialized: bytes) -> None:
+        name, now_ns = self._parameters.config.joint_name, self.get_clock().now().nanoseconds
+        try:
+            refusal = self._pair.follow(*trajectory_of(serialized, name, now_ns))
+        except ValueError as error:
+            refusal = str(error)
         if refusal:
             self.report(refusal)
 

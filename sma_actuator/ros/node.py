@@ -30,6 +30,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import rclpy
+from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from diagnostic_msgs.srv import SelfTest as SelfTestService
 from geometry_msgs.msg import WrenchStamped
@@ -67,9 +68,7 @@ from sma_msgs_py import (
     position_from,
     reference_message,
     signals_message,
-    start_from,
     time_message,
-    trajectory_from,
 )
 
 from . import arguments as ros_arguments
@@ -80,6 +79,7 @@ from .named_signals import named_signals
 from .parameters import NO_SIM_TIME, ROS_PARAMETERS, NodeParameters
 from .publishing import OUTPUTS_WAITING, Handoff, is_heard
 from .switch import Switch
+from .trajectories import trajectory_of
 from .words import ERROR, INFO, WARNING, Events, Refusals
 
 CALL_TIMEOUT_s = 0.6  #: a service waits no longer for the control thread
@@ -95,8 +95,7 @@ SIGNAL_INTERVAL_s = 0.05
 #: ROS has so long to end once the outputs are off and the logs complete: Fast DDS hangs for ever on a clock before 1970.
 ROS_END_s = 30.0
 
-#: A trajectory of some thousand points, a command for some hundred joints; see ``_make_interface``.
-LONGEST_TRAJECTORY_B, LONGEST_JOINT_COMMAND_B = 500_000, 20_000
+LONGEST_JOINT_COMMAND_B = 20_000  #: a command for some hundred joints
 
 _LEVELS = {
     Level.OK: (INFO, DiagnosticStatus.OK),
@@ -132,7 +131,7 @@ class SmaActuatorNode(LifecycleNode):
         self._monotonic = MonotonicClock()
         self._published: tuple[Any, ...] = ()  #: what the last status said
         self._told: tuple[Any, ...] = ()  #: what the executor was last woken for
-        self._listened = False  #: somebody subscribes to what comes with every step
+        self._heard: tuple[Any, ...] = ()  #: publishers of what comes with every step, where somebody subscribes to it
         self._looked_s = -math.inf  #: when it was last looked for listeners
         self._status_due_s = -math.inf
         self._events, self._refusals = Events(), Refusals()
@@ -184,7 +183,7 @@ class SmaActuatorNode(LifecycleNode):
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
 
         self.create_subscription(Float64, "~/setpoint", self._on_setpoint, _DEPTH)
-        # As bytes: to make Python objects of a million points would hold up this thread, and the loop with it.
+        # As bytes, of which no more are made Python objects than this thread, and the loop with it, can bear.
         self.create_subscription(JointTrajectory, "~/joint_trajectory", self._on_trajectory, _DEPTH, raw=True)
         self.create_subscription(JointState, "~/joint_command", self._on_joint_command, _DEPTH, raw=True)
         for name in ("clear_fault", "reset_estimator", "tare_load", "measure_lead_resistance"):
@@ -224,20 +223,13 @@ class SmaActuatorNode(LifecycleNode):
         if not self._active or driver is None:
             self.report(f"a trajectory was ignored: {self._not_active()}")
             return
-        if len(serialized) > LONGEST_TRAJECTORY_B:
-            self.report(
-                f"trajectory refused: its message has {len(serialized)} bytes, more than {LONGEST_TRAJECTORY_B}; "
-                "send it in parts"
-            )
-            return
         try:
-            message = deserialize_message(serialized, JointTrajectory)
-            times_s, positions_m, velocities_m_s = trajectory_from(message, self.config.joint_name)
+            trajectory = trajectory_of(serialized, self.config.joint_name, self.get_clock().now().nanoseconds)
         except ValueError as error:
             self.report(str(error))
             return
         self._preempt("another trajectory has come")
-        self.offer(times_s, positions_m, velocities_m_s, start_from(message, self.get_clock().now().nanoseconds))
+        self.offer(*trajectory)
 
     # --- what the action asks of its node ---------------------------------------------------------
 
@@ -465,7 +457,7 @@ class SmaActuatorNode(LifecycleNode):
             self.joint_takes(output)
         if output.tuned is not None:
             self._tuned = output.tuned
-        self._handoff.put(output, self._listened or bool(output.events) or self._is_news(output))
+        self._handoff.put(output, bool(self._heard) or bool(output.events) or self._is_news(output))
 
     def _in_short(self, output: Output) -> tuple[Any, ...]:
         """What of an output is said in words."""
@@ -484,17 +476,17 @@ class SmaActuatorNode(LifecycleNode):
         driver = self._driver
         if driver is None:
             return
-        signals, estimate = output.signals, output.estimate
+        signals, estimate, heard = output.signals, output.estimate, self._heard
         if self._active and math.isfinite(signals.time_s):
             stamp, name = self.stamp(signals.time_s), self.config.joint_name
             known = estimate.quality is not Quality.INVALID  # silence rather than a position that nobody knows
-            if known and is_heard(self._joint_states):
+            if known and self._joint_states in heard:
                 self._joint_states.publish(joint_state_message(name, estimate, signals, stamp))
-            if is_heard(self._load):
+            if self._load in heard:
                 self._load.publish(load_message(self.config.frame_id, signals, stamp))
-            if self._reference is not None and is_heard(self._reference):
+            if self._reference is not None and self._reference in heard:
                 self._reference.publish(reference_message(name, signals, stamp))
-            if is_heard(self._command_current):
+            if self._command_current in heard:
                 self._command_current.publish(command_current_message(output.command))
         self._publish_signals(waiting)
         if self._is_news(output):
@@ -503,7 +495,7 @@ class SmaActuatorNode(LifecycleNode):
 
     def _publish_signals(self, waiting: Sequence[Output]) -> None:
         """Every output that waits, once; nothing is lost where this thread was held up for a while."""
-        wanted = self._active and is_heard(self._signals)
+        wanted = self._active and self._signals in self._heard
         for output in waiting:
             self._happened += output.events
             if wanted and output.reading is not None and math.isfinite(output.reading.time_s):
@@ -533,10 +525,12 @@ class SmaActuatorNode(LifecycleNode):
         if (status.mode, status.fault, status.limits) != self._published:
             self._publish_status()
 
-    def stamp(self, time_s: float) -> Any:
-        """ROS time at which the monotonic clock of the loop was at ``time_s``."""
-        age_ns = round(1e9 * (self._monotonic.now_s() - time_s))
-        return time_message(self.get_clock().now().nanoseconds - age_ns)
+    def stamp(self, time_s: float) -> Time:
+        """ROS time at which the monotonic clock of the loop was at ``time_s``.
+
+        ROS time is the system's, since a simulated one is refused; rclpy's own clock takes ten times as long to ask.
+        """
+        return time_message(time.time_ns() - round(1e9 * (self._monotonic.now_s() - time_s)))
 
     def _publish_status(self) -> None:
         self._take_tuned()  # who reads that the tuning is done finds its gains
@@ -565,7 +559,7 @@ class SmaActuatorNode(LifecycleNode):
             name = f"{self.get_fully_qualified_name()}: model health"
             health = health_status_from(name, self.config.joint_name, output.health, output.signals.time_s)
             array.status.append(health)
-        array.header.stamp = time_message(self.get_clock().now().nanoseconds)
+        array.header.stamp = time_message(time.time_ns())
         self._diagnostics.publish(array)
 
     def _key_values(self) -> dict[str, float | str]:
@@ -595,7 +589,7 @@ class SmaActuatorNode(LifecycleNode):
         if now_s - self._looked_s >= FEED_PERIOD_s:
             self._looked_s = now_s
             flowing = (self._joint_states, self._load, self._reference, self._command_current, self._signals)
-            self._listened = any(publisher is not None and is_heard(publisher) for publisher in flowing)
+            self._heard = tuple(each for each in flowing if each is not None and is_heard(each))
         if now_s >= self._status_due_s - 0.5 * FEED_PERIOD_s:  # the next turn may be further from it
             self._status_due_s = max(self._status_due_s + STATUS_PERIOD_s, now_s)
             self._take_news()  # what goes on without being new is noted as well, so that it is not said again

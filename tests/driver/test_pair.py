@@ -108,6 +108,48 @@ def test_a_commander_that_falls_silent_is_lost_and_the_joint_held_where_it_is():
     assert (rig.run(0.1).status.mode, rig.output.status.fault) == (Mode.TRACKING, "")
 
 
+def test_a_trajectory_of_angles_is_waited_for_followed_and_its_last_angle_stands():
+    rig = Rig(joint_command_timeout=0.5, angle_rate_limit=2.0)
+    assert rig.pair.follow([1.0], [0.1]) == "trajectory refused: the joint is off; call ~/enable first"
+    rig.run(0.5)
+    rig.switch_on()
+    assert rig.pair.follow([1.0, 3.0], [0.05, 0.15], delay_s=2.0) == ""
+    assert rig.run(1.9).status.mode is Mode.HOLD, "it was to begin later"
+    began_s = rig.output.time_s + 0.1  # a period after it was handed over the two seconds began
+    status = rig.run(2.1).status
+    between_rad = 0.05 + 0.05 * (rig.output.time_s - began_s - 1.0)
+    assert status.values["asked_angle_rad"] == pytest.approx(between_rad, abs=0.006)
+    assert rig.run(3.0).status.values["asked_angle_rad"] == 0.15
+    assert (rig.output.status.mode, rig.output.status.fault) == (Mode.TRACKING, ""), "nobody was to be missed"
+    assert rig.run(6.0).estimate.angle_rad == pytest.approx(0.15, abs=0.03)
+
+    assert rig.pair.follow([4.0], [-0.2]) == "" and rig.run(0.1).status.values["asked_angle_rad"] == -0.2
+    assert rig.pair.command(math.nan, 0.9) == ""  # how hard is no word on where
+    assert rig.run(0.7).status.fault == "" and rig.output.status.values["asked_angle_rad"] == -0.2
+    assert rig.pair.command(0.1) == "" and rig.run(0.1).status.values["asked_angle_rad"] == 0.1
+    assert rig.run(1.0).status.fault == "setpoint_stale", "a command after it is one of a stream"
+    assert rig.pair.follow([4.0], [-0.2]) == "" and rig.run(0.1).status.mode is Mode.TRACKING
+    assert rig.pair.follow([], []) == "" and rig.run(0.1).status.mode is Mode.HOLD
+    rig.pair.follow([4.0], [-0.2], delay_s=1.0)
+    assert rig.pair.switch_off()[0]
+    rig.switch_on()
+    assert rig.output.status.mode is Mode.HOLD, "it was for the time before"
+
+
+@pytest.mark.parametrize(
+    ("points", "words"),
+    [
+        (([1.0], [15.0]), "more than a whole turn, or none; radians are wanted"),
+        (([1.0], [math.nan]), "more than a whole turn, or none; radians are wanted"),
+        (([2.0, 1.0], [0.1, 0.2]), "is not after that of point 0"),
+        (([1.0], [0.1], None, -5.0), "its last point was due 4 s ago"),
+    ],
+)
+def test_a_trajectory_that_cannot_be_followed_is_refused_and_nothing_moves(rig, points, words):
+    assert words in rig.pair.follow(*points)
+    assert rig.run(0.1).status.mode is Mode.HOLD
+
+
 def test_the_worlds_torque_is_held_against_and_shares_the_limit(rig):
     rig.pair.command(0.0, 2.0)
     rig.stand.torque_Nm = 0.004  # a newton at the pulley

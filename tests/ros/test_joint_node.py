@@ -15,7 +15,7 @@ from std_srvs.srv import SetBool, Trigger
 from sma_actuator.actuator import AFTER_A_FAULT
 from sma_actuator.base.share import shared_file
 from sma_actuator.config import read_parameter_file
-from sma_msgs_py import pair_command_message, status_from
+from sma_msgs_py import pair_command_message, status_from, trajectory_message
 
 FILE = shared_file("config/pair.yaml")
 NAMES = ("left", "right")
@@ -70,6 +70,12 @@ def test_a_joint_is_turned_by_commands_and_a_fault_of_one_wire_switches_both_off
     commander.cancel()
     lost = status_of(client, "joint", lambda s: s.fault == "setpoint_stale")
     assert lost.mode.value == "hold" and "joint_command_timeout is 0.5 s" in lost.message
+
+    client.publish("/joint/joint_trajectory", trajectory_message("joint", [0.5, 1.0], [0.12, 0.1]))
+    moved = status_of(client, "joint", lambda s: s.values["asked_angle_rad"] == 0.1)
+    assert (moved.mode.value, moved.fault) == ("tracking", "")
+    client.publish("/joint/joint_trajectory", trajectory_message("joint", [1.0], [10.0]))
+    node.says("radians are wanted")
 
     bench.tell("BENC:FAUL open_wire", 1)
     right = status_of(client, "right", lambda s: s.fault and s.mode.value == "off")
