@@ -148,6 +148,8 @@ def page(results: dict[str, Result]) -> str:
         "knows only [docs/faults.md](faults.md), the parameter file and what is true on the virtual bench: its temperature,",
         "stress and current. It asks nothing of the code under test. Every attack is seeded; what is broken is listed with the",
         "command that shows it again. `tests/attack` runs a short attack with every test run.",
+        "Lines, kills and fuzz run in real time: the longest that the machine stood still is taken off once, so on a busy one its",
+        "other stalls are among what is listed here.",
         "",
         "| attack | what was done | how often |",
         "|---|---|---|",
