@@ -6,8 +6,8 @@
 
 Each wire is characterised in its physics and identified from those logs, as `sma-actuator identify` does it: the
 thesis's model of the alloy, and the one of the whole range.  Logs and parameter files are kept in
-``out/control_worlds`` and used again while nothing has changed that they depend on.  Then the same driver, actuator
-and supervisor as in the node follow steps (20 s each) and a sine (60 s) under a weight and under a spring.
+``out/control_worlds`` and used again while nothing has changed that they depend on; so is each run.  Then the same
+driver, actuator and supervisor as in the node follow steps (20 s each) and a sine (60 s) under a weight and under a spring.
 
 * control and output error as in the thesis: mean absolute, % of full stroke, every sample from the first setpoint on;
 * range: the part of the stroke under that load that was driven;
@@ -33,16 +33,15 @@ from typing import Any
 import numpy as np
 import yaml
 from control_tables import STEPS, PERIOD_s
+from kept import MODEL, kept
 from rich.console import Console
 from rich.table import Table
 from trial_laws import TRIALS
-from whole_range import WIRES, WITH_HELD, bench_of
+from whole_range import WIRES, WITH_HELD, OneWire, characterised
 
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Mode
 from sma_actuator.bench import InProcessDaq, InProcessSupply, Spring, VirtualBench, VirtualClock, Weight
-from sma_actuator.characterise import characterise, make_plan
-from sma_actuator.characterise.operators import BenchOperator
 from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.control.setpoints import Setpoint, sine, steps
 from sma_actuator.driver import Driver
@@ -57,16 +56,19 @@ LOADS = {"weight": Weight(0.98), "spring": Spring(stiffness_N_m=150.0, preload_N
 PROGRAMS = ("steps", "sine")
 LAWS = ("pid", "feed_forward_pid", *TRIALS)
 DWELL_s = 20.0
-DURATION_s = 240.0
+DURATION_s = {"steps": 240.0, "sine": 120.0}
 #: Shorter than asked by this share of the full stroke counts as too short.
 TOO_SHORT = 0.05
 #: The rooms that the logs depend on, and those that the parameter files do beside.
 LOGS_BY, MODELS_BY = ("plant", "bench", "characterise"), ("identify", "estimation")
+#: And what the runs do.
+RUN_BY = ("control", "safety", "config", "driver", "actuator", "derived", "instruments", "trial_laws", "control_worlds")
 
 
 def digest(rooms: Iterable[str]) -> str:
     """What these rooms are now, in a few letters."""
     files = sorted(p for room in rooms for p in (ROOT / "sma_actuator" / room).rglob("*.py"))
+    files += [p for room in rooms for at in ("sma_actuator", "benchmarks") if (p := ROOT / at / f"{room}.py").is_file()]
     files += sorted((ROOT / "config").glob("*_bench.yaml"))
     return hashlib.sha256(b"".join(p.read_bytes() for p in files)).hexdigest()[:12]
 
@@ -76,7 +78,7 @@ def identified(wire: str, physics: str, model: str) -> dict[str, Any]:
     folder = KEPT / digest(LOGS_BY) / f"{physics}_{wire}"
     path = folder / f"{model}_{digest(MODELS_BY)}.yaml"
     if not path.is_file():
-        logs = [read_bench_log(log) for log in characterised(wire, physics, folder)]
+        logs = [read_bench_log(log) for log in kept_logs(wire, physics, folder)]
         mapping = read_parameter_file(shared_file(f"config/{wire}_bench.yaml"))
         found = identify(logs, mapping, wire if model == "thesis" else model)
         text = yaml.safe_dump({"sma_actuator": {"ros__parameters": found.mapping}}, sort_keys=False)
@@ -84,16 +86,19 @@ def identified(wire: str, physics: str, model: str) -> dict[str, Any]:
     return read_parameter_file(path)
 
 
-def characterised(wire: str, physics: str, folder: Path) -> list[Path]:
-    """The logs of that wire, made where they are not there yet."""
+def kept_logs(wire: str, physics: str, folder: Path) -> list[Path]:
+    """The logs of that wire, made where they are not there yet; how many cycles it had done then stands beside them."""
     if not (folder / "complete").is_file():
         folder.mkdir(parents=True, exist_ok=True)
-        bench, rig = bench_of(wire, physics, seed=1)
-        operator = BenchOperator(bench, rig.config.wire.max_stress * rig.config.wire.area_m2)
-        mapping = read_parameter_file(shared_file(f"config/{wire}_bench.yaml"))
-        characterise(mapping, make_plan(rig.config, WITH_HELD), rig, operator, folder)
-        (folder / "complete").touch()
+        its = OneWire(wire, physics)
+        characterised(its, WITH_HELD, 1, folder)
+        (folder / "complete").write_text(f"{its.cycles:g}\n", encoding="utf-8")
     return sorted(folder.glob("*.csv"))
+
+
+def cycles_done(wire: str, physics: str) -> float:
+    """When it was characterised."""
+    return float((KEPT / digest(LOGS_BY) / f"{physics}_{wire}" / "complete").read_text(encoding="utf-8"))
 
 
 def until_there(time_s: np.ndarray, asked_m: np.ndarray, place_m: np.ndarray) -> np.ndarray:
@@ -140,9 +145,15 @@ class Found:
     series: dict[str, list[float]] = field(default_factory=dict, repr=False)
 
 
+def bench_for(case: Case, seed: int) -> VirtualBench:
+    """A bench with the wire that was characterised, as it is since, and this load."""
+    cycles = cycles_done(case.wire, case.physics)
+    return VirtualBench.from_name(case.wire, seed=seed, load=LOADS[case.load], physics=case.physics, cycles=cycles)
+
+
 def stroke_m(case: Case, config: Config) -> tuple[float, float]:
     """Where the wire of that bench is contracted as far as it goes, and where it is at rest in the cold."""
-    bench = VirtualBench.from_name(case.wire, seed=1, load=LOADS[case.load], physics=case.physics)
+    bench = bench_for(case, seed=1)
     supply = InProcessSupply(bench, config)
     supply.open()
     supply.set_output(True)
@@ -168,6 +179,11 @@ def setpoints_of(case: Case, config: Config) -> tuple[Setpoint, float]:
     return setpoint, (high_m - low_m) / (cold_m - hot_m)
 
 
+def once(case: Case) -> Found:
+    """A run, or what it came to the last time: a table may be made a physics at a time."""
+    return kept(f"control_worlds {case} {digest(RUN_BY)}", MODEL, lambda: run(case))
+
+
 def run(case: Case, keep: bool = False) -> Found:
     """One run of the loop in virtual time."""
     mapping = identified(case.wire, case.physics, case.model)
@@ -175,7 +191,7 @@ def run(case: Case, keep: bool = False) -> Found:
     changes = {} if case.law == "fastest" else dict(case.changes)
     config = Config.from_mapping({**mapping, "controller": {**gains, "type": case.law}}).replace(changes)
     setpoint, share = setpoints_of(case, config)
-    bench = VirtualBench.from_name(case.wire, seed=7, load=LOADS[case.load], physics=case.physics)
+    bench = bench_for(case, seed=7)
     if case.heat_loss != 1.0:
         bench.inject("draught", case.heat_loss)
     full_m = config.wire.full_stroke_m
@@ -186,7 +202,7 @@ def run(case: Case, keep: bool = False) -> Found:
         if not done:
             raise RuntimeError(f"{case}: {words}")
         start_s = bench.time_s
-        while (elapsed_s := bench.time_s - start_s) < DURATION_s and not fault:
+        while (elapsed_s := bench.time_s - start_s) < DURATION_s[case.program] and not fault:
             asked_m = setpoint(elapsed_s)
             driver.offer_setpoint(asked_m)
             output = driver.run_for(1.0 / config.loop.rate)
@@ -341,8 +357,8 @@ def main() -> int:
     args = parser.parse_args()
     pairs = [(physics, wire, " ".join(args.model)) for physics in args.physics for wire in args.wire]
     wanted = cases(args)
-    results = prepared(pairs, run, wanted, args.jobs)
-    Console().print(table_of(results))
+    results = prepared(pairs, once, wanted, args.jobs)
+    Console(width=150).print(table_of(results))
     if args.json:
         rows = [{**asdict(replace(f, series={})), "case": asdict(f.case)} for f in results]
         args.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")

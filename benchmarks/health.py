@@ -22,7 +22,7 @@ import numpy as np
 from blind_cases import ALLOYS, UNITS
 from rich.console import Console
 from rich.table import Table
-from whole_range import CALIBRATION, characterised
+from whole_range import CALIBRATION, OneWire, logs_of
 
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Health, Output, Quality
@@ -105,7 +105,7 @@ def live(config: Config, wire: str, physics: str, hidden: dict[str, float], sess
 def calibrated(wire: str, physics: str) -> Config:
     """The wire's own model on that bench."""
     mapping = read_parameter_file(shared_file(f"config/{wire}_bench.yaml"))
-    return identify(characterised(wire, physics, CALIBRATION, 1), mapping, wire).config
+    return identify(logs_of(OneWire(wire, physics, 0.0), CALIBRATION, 1), mapping, wire).config
 
 
 def false_alarms(args: argparse.Namespace, console: Console) -> list[dict]:

@@ -5,7 +5,8 @@
 
 Both are identified from the same fifteen calibration logs (pulses, partial cycles and held currents at five weights).  They are judged
 on other seeds, other weights, a spring and load steps: pulses, partial cycles, triangles of current, and a position
-held and moved by a PID.  Errors are mean absolute, in % of the full stroke, over the whole range with both ends.
+held and moved by a PID.  The wire has done 40 cycles before it is characterised, as `characterise` drives them, and goes
+on from log to log as it is.  Errors are mean absolute, in % of the full stroke, over the whole range with both ends.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import argparse
 import json
 import tempfile
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -41,33 +42,59 @@ _SKIP = ("training", "fatigue", "lead_resistance", "load_cell", "lvdt")
 CALIBRATION = PlanOptions(loads_N=(0.35, 0.6, 0.98, 1.5, 2.1), skip=_SKIP)  #: on/off moves alone, ten logs
 WITH_HELD = replace(CALIBRATION, levels=6)  #: and currents held at each load, five logs more
 JUDGED = PlanOptions(loads_N=(0.49, 1.96), springs_N_m=((300.0, 0.5),), pulses=2, set_points=4, skip=_SKIP)
+TRAINED = 40.0  #: cycles that `characterise` drives by default before it measures
 PID_s = 120.0
 HELD = (Weight(0.8), Spring(250.0, 0.6))
 KINDS = ("pulses", "partial", "spring session", "load steps", "pid")
 
 
-def bench_of(wire: str, physics: str, seed: int, load=None) -> tuple[VirtualBench, Rig]:
-    """A bench and a rig on it."""
+@dataclass
+class OneWire:
+    """A wire that goes from bench to bench, and is as old on each as those before have left it."""
+
+    name: str
+    physics: str
+    cycles: float = TRAINED
+
+    def on_bench(self, seed: int, load=None) -> tuple[VirtualBench, Rig]:
+        """A bench and a rig on it; :meth:`came_off` when it is done."""
+        return bench_of(self.name, self.physics, seed, load, self.cycles)
+
+    def came_off(self, bench: VirtualBench) -> None:
+        """Older by what it has done there."""
+        self.cycles += bench.cycles
+
+
+def bench_of(wire: str, physics: str, seed: int, load=None, cycles: float = TRAINED) -> tuple[VirtualBench, Rig]:
+    """A bench with a wire that has done so many cycles, and a rig on it."""
     config = bench_from_mapping(read_parameter_file(shared_file(f"config/{wire}_bench.yaml")))
-    bench = VirtualBench.from_name(wire, seed=seed, load=load, physics=physics)
+    bench = VirtualBench.from_name(wire, seed=seed, load=load, physics=physics, cycles=cycles)
     return bench, Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
 
 
-def characterised(wire: str, physics: str, options: PlanOptions, seed: int) -> list[BenchLog]:
+def characterised(wire: OneWire, options: PlanOptions, seed: int, folder: Path) -> list[Path]:
     """The logs that `sma-actuator characterise --virtual` would write."""
-    bench, rig = bench_of(wire, physics, seed)
+    bench, rig = wire.on_bench(seed)
     operator = BenchOperator(bench, rig.config.wire.max_stress * rig.config.wire.area_m2)
-    mapping = read_parameter_file(shared_file(f"config/{wire}_bench.yaml"))
+    mapping = read_parameter_file(shared_file(f"config/{wire.name}_bench.yaml"))
+    characterise(mapping, make_plan(rig.config, options), rig, operator, folder)
+    wire.came_off(bench)
+    return sorted(folder.glob("*.csv"))
+
+
+def logs_of(wire: OneWire, options: PlanOptions, seed: int) -> list[BenchLog]:
+    """The same, read."""
     with tempfile.TemporaryDirectory(prefix="sma_whole_range_") as folder:
-        characterise(mapping, make_plan(rig.config, options), rig, operator, Path(folder))
-        return [read_bench_log(path) for path in sorted(Path(folder).glob("*.csv"))]
+        return [read_bench_log(path) for path in characterised(wire, options, seed, Path(folder))]
 
 
-def driven(wire: str, physics: str, seed: int, load, program_of) -> BenchLog:
+def driven(wire: OneWire, seed: int, load, program_of) -> BenchLog:
     """A session of its own."""
-    _, rig = bench_of(wire, physics, seed, load)
+    bench, rig = wire.on_bench(seed, load)
     with rig.opened():
-        return rig.record(program_of(rig.config), but=("load_spike",))
+        log = rig.record(program_of(rig.config), but=("load_spike",))
+    wire.came_off(bench)
+    return log
 
 
 def session(config) -> Program:
@@ -96,27 +123,30 @@ def position_held(config, low_m: float, high_m: float) -> Program:
         signals = yield Drive(float(np.clip(current_A, bias_A, most_A)), target_m)
 
 
-def judged_logs(wire: str, physics: str, low_m: float, high_m: float) -> list[tuple[str, BenchLog]]:
+def judged_logs(wire: OneWire, low_m: float, high_m: float) -> list[tuple[str, BenchLog]]:
     """What no fit has seen, with what it is."""
-    logs = [("partial" if "partial" in log.name else "pulses", log) for log in characterised(wire, physics, JUDGED, 2)]
+    logs = [("partial" if "partial" in log.name else "pulses", log) for log in logs_of(wire, JUDGED, 2)]
     steps = [(t, Weight(f)) for t, f in zip(np.arange(0.0, 230.0, 25.0), LADDER_N, strict=False)]
-    logs.append(("spring session", driven(wire, physics, 5, Spring(300.0, 0.5), session)))
-    logs.append(("load steps", driven(wire, physics, 5, Schedule(steps), session)))
-    held = [driven(wire, physics, 6, load, lambda config: position_held(config, low_m, high_m)) for load in HELD]
+    logs.append(("spring session", driven(wire, 5, Spring(300.0, 0.5), session)))
+    logs.append(("load steps", driven(wire, 5, Schedule(steps), session)))
+    held = [driven(wire, 6, load, lambda config: position_held(config, low_m, high_m)) for load in HELD]
     logs += [("pid", log) for log in held]
     return [(kind, replace(log, source=f"{kind}.csv")) for kind, log in logs]
 
 
-def judge(wire: str, physics: str, options: PlanOptions = WITH_HELD) -> dict:
-    """Every number of one wire in one physics."""
+def judge(wire: str, physics: str, options: PlanOptions = WITH_HELD, untrained: bool = False) -> dict:
+    """Every number of one wire in one physics; ``untrained``: when it is characterised, and a fresh one when it is judged."""
     mapping = read_parameter_file(shared_file(f"config/{wire}_bench.yaml"))
-    calibration = characterised(wire, physics, options, 1)
+    its = OneWire(wire, physics, 0.0 if untrained else TRAINED)
+    calibration = logs_of(its, options, 1)
+    if untrained:
+        its.cycles = 0.0
     thesis = identify(calibration, mapping, wire)
     begin_s, begin_cpu_s = time.perf_counter(), time.process_time()
     whole = identify(calibration, mapping, "whole_range")
     out: dict = {"fit_s": time.perf_counter() - begin_s, "fit_cpu_s": time.process_time() - begin_cpu_s}
     places = np.concatenate([t.displacement_m for t in thesis.experiments])
-    logs = judged_logs(wire, physics, *(float(v) for v in np.percentile(places, (1, 99))))
+    logs = judged_logs(its, *(float(v) for v in np.percentile(places, (1, 99))))
     full_m = whole.config.wire.full_stroke_m
     rows: dict[str, list[np.ndarray]] = {"thesis": [], "whole": [], "inside": [], "place": [], "kind": []}
     for kind, log in logs:
@@ -169,6 +199,9 @@ def main() -> int:
     parser.add_argument("--physics", nargs="*", choices=tuple(WORLDS), default=tuple(WORLDS))
     parser.add_argument("--wire", nargs="*", choices=WIRES, default=WIRES)
     parser.add_argument("--on-off", action="store_true", help="without the logs of held currents")
+    parser.add_argument(
+        "--untrained", action="store_true", help="a wire that is characterised untrained, and judged by a fresh one"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every number here")
     args = parser.parse_args()
     console = Console(width=150)
@@ -181,7 +214,8 @@ def main() -> int:
     numbers = {}
     for physics in args.physics:
         for wire in args.wire:
-            found = numbers[f"{physics} {wire}"] = judge(wire, physics, CALIBRATION if args.on_off else WITH_HELD)
+            options = CALIBRATION if args.on_off else WITH_HELD
+            found = numbers[f"{physics} {wire}"] = judge(wire, physics, options, args.untrained)
             cells = [f"{found['thesis'][c]:.2f} → {found['whole'][c]:.2f}" for c in columns]
             table.add_row(physics, wire, *cells, f"{found['coverage']:.1%}")
             console.print(f"{physics} {wire}: {found['thesis']['all']:.2f} → {found['whole']['all']:.2f} %")

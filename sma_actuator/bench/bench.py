@@ -94,14 +94,15 @@ class VirtualBench:
         load: Load | None = None,
         size_m: tuple[float, float] | None = None,
         physics: str = HOME,
+        cycles: float = 0.0,
         **setup,
     ) -> VirtualBench:
         """A bench with the wire ``flexinol`` or ``furukawa``, or one of that alloy and another size.
 
         ``size_m`` is length and diameter; ``physics`` is a name of :data:`sma_actuator.plant.worlds.WORLDS`;
-        ``setup`` may hold other fields of :class:`Setup`.
+        ``cycles`` is how many the wire has done before; ``setup`` may hold other fields of :class:`Setup`.
         """
-        wire = wire_in_world(name, physics)
+        wire = wire_in_world(name, physics).after(cycles)
         if load is not None:
             setup["load"] = load
         if size_m is not None:
@@ -130,6 +131,11 @@ class VirtualBench:
             s[physics.CURRENT],
             s[physics.POWER],
         )
+
+    @property
+    def cycles(self) -> float:
+        """How many the wire has done on this bench."""
+        return float(self._state[physics.CYCLES])
 
     @property
     def hottest_C(self) -> float:

@@ -581,12 +581,13 @@ class HiddenBench(VirtualBench):
         load=None,
         size_m=None,
         physics=HOME,
+        cycles=0.0,
         hidden: Mapping[str, float] = {},
         session_s=500.0,
         **setup,
     ):
         """As :meth:`VirtualBench.from_name`, with effects."""
-        plain = VirtualBench.from_name(name, seed, load, size_m, physics, **setup)
+        plain = VirtualBench.from_name(name, seed, load, size_m, physics, cycles, **setup)
         return cls(plain.setup, seed, hidden, session_s)
 
     def _set_inputs(self) -> None:

@@ -35,6 +35,7 @@ class Asked:
     variant: str  #: of the Ni-Ti-Cu model
     order: int | None  #: of the polynomials in stress; None: chosen on held-out cycles
     progress: Progress = lambda _fraction: None
+    change_m: float = 0.0  #: that the hot end of the wire moved while the logs were recorded
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +115,7 @@ def _one_size(experiments: Sequence[Experiment]) -> list[str]:
 
 
 def _whole_range(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
-    found = fit_whole_range(experiments, bench, asked.progress)
+    found = fit_whole_range(experiments, bench, asked.progress, asked.change_m)
     fit_thesis = _flexinol if bench.wire.alloy == "ni-ti" else _furukawa
     try:
         thesis = fit_thesis(experiments, bench, Asked("joint", asked.variant, asked.order)).coefficients.build(

@@ -26,6 +26,7 @@ from .kinds import LEFT_OUT, make_experiments
 from .measured import lowest_current_A, measured
 from .normalised import as_one_wire
 from .ranges import MARGIN, check_width, shortest_seen_m
+from .training import change_while_measured_m, words_of
 from .unseen import unseen_of
 from .verdict import Verdict, judge
 
@@ -87,8 +88,11 @@ def identify(
             everything = make_experiments(logs, bench)
     fatigued = [t for t in everything if t.kind == "fatigue"]
     experiments = [t for t in everything if t.kind != "fatigue"]
-    fitted = fitter.fit(experiments, bench, Asked(method, variant, order, progress))
+    change_m = 0.0 if fitter.any_size else change_while_measured_m(logs, bench)
+    fitted = fitter.fit(experiments, bench, Asked(method, variant, order, progress, change_m))
     notes = at_odds + list(fitted.notes)
+    if change_m:
+        notes.append(words_of(change_m, bench.wire.full_stroke_m))
     mapping["model"] = {"type": model_type, **to_mapping(fitted.coefficients)}
     config = Config.for_tools(mapping)
     notes += within_what_is_seen(mapping, experiments)

@@ -86,14 +86,17 @@ def make_experiments(logs: Sequence[BenchLog], config: Any) -> list[Experiment]:
     Logs of calibration and training are left out, and logs in which the current never moves.  Raises
     IdentificationError where none is left.
     """
-    fitted = [log for log in logs if log.metadata.get("kind") not in NOT_FITTED]
-    cycled = [log for log in fitted if _is_cycled(log)]
-    experiments = [judged_rows(session) for log in cycled for session in sessions(make_experiment(log, config))]
+    experiments = [judged_rows(t) for log in logs_to_fit(logs) for t in sessions(make_experiment(log, config))]
     if not experiments:
         raise IdentificationError(
             "no log to fit: pulses or partial cycles of a wire with a measured displacement are needed"
         )
     return with_kinds(experiments)
+
+
+def logs_to_fit(logs: Sequence[BenchLog]) -> list[BenchLog]:
+    """Those of neither calibration nor training, in which the current moves."""
+    return [log for log in logs if log.metadata.get("kind") not in NOT_FITTED and _is_cycled(log)]
 
 
 def _is_cycled(log: BenchLog) -> bool:

@@ -102,10 +102,18 @@ def full_cycles(experiments: Sequence[Experiment]) -> list[Experiment]:
     return found
 
 
+def load_numbers(experiments: Sequence[Experiment]) -> np.ndarray:
+    """The number of each experiment's load, from the lightest, 0; those within SAME_LOAD of each other have one."""
+    stress_Pa = np.array([t.mean_stress_Pa for t in experiments])
+    out, number, first = np.zeros(len(stress_Pa), dtype=int), 0, np.inf
+    for row in np.argsort(stress_Pa, kind="stable"):
+        if stress_Pa[row] > first + SAME_LOAD * max(abs(first), 1e6):
+            number, first = number + 1, stress_Pa[row]
+        first = min(first, stress_Pa[row])
+        out[row] = number
+    return out
+
+
 def distinct_stresses(experiments: Sequence[Experiment]) -> int:
-    """How many loads there are, those within SAME_LOAD of each other counted once."""
-    count, last = 0, -np.inf
-    for stress in sorted(t.mean_stress_Pa for t in experiments):
-        if stress > last + SAME_LOAD * max(abs(last), 1e6) if np.isfinite(last) else True:
-            count, last = count + 1, stress
-    return count
+    """How many loads there are."""
+    return int(load_numbers(experiments).max(initial=-1)) + 1

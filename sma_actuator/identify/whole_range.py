@@ -4,8 +4,8 @@ The fit is a damped Gauss-Newton (Levenberg-Marquardt) with a robust loss, from 
 same logs give the same numbers.  The heat balance's numbers are fitted with the weights, each drawn to what is known
 of such wires.  While they are fitted the displacement that the heat balance sees is the measured one.
 
-It is judged three times over by logs left out and three times over by cycles left out, the weights learned afresh
-each time.  The intervals are the errors of the logs left out over the spread of the learners (normalised conformal
+It is judged three times over by logs left out, by loads and by cycles left out, the weights learned afresh
+each time.  The intervals are the errors of logs and loads left out over the spread of the learners (normalised conformal
 prediction, for every place and branch).
 """
 
@@ -20,6 +20,7 @@ from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.estimation.models.whole_range import (
     CURVE_TERMS,
     DIRECT,
+    STRESS,
     THERMAL,
     WholeRangeCoefficients,
     features_all,
@@ -27,7 +28,7 @@ from sma_actuator.estimation.models.whole_range import (
 
 from .experiments import Experiment, IdentificationError
 from .fitting import at_bound, predict
-from .ranges import distinct_stresses
+from .ranges import distinct_stresses, load_numbers
 from .unseen import Unseen
 
 LEARNERS = 3
@@ -36,6 +37,10 @@ PLAYS_K = (1.5, 3.0, 5.0, 8.0, 12.0)  #: half-widths; loops of Ni-Ti and Ni-Ti-C
 PLAYS_OF_RANGE = (0.03, 0.10, 0.25)  #: half-widths of the plays in resistance, as shares of its range
 PLACES = 6  #: at which the interval is stated, on either branch
 FOLDS = 3
+NEVER = -1  #: left out
+#: A load left out leaves a gap twice as wide as the one that a load between its neighbours finds, and what is between is off
+#: by the square of it.
+LOAD_LEFT_OUT = 0.25
 JOINT_UNITS = 14  #: of the one learner that the heat balance is fitted with
 JOINT_ITERATIONS, ITERATIONS, HELD_OUT_ITERATIONS = 60, 100, 40
 EVERY = 3  #: the heat balance moves in every third iteration: it costs eight runs through the logs
@@ -43,6 +48,8 @@ MOST_ROWS = 9000  #: that a fit sees; logs of more are thinned
 SHORTEST_STEP_s = 0.045  #: readings closer together are averaged: they say the same
 ROBUST = 1.0  #: % of the full stroke beyond which an error counts linearly
 SHRINKAGE = 0.3  #: of the weights, in squared % of the full stroke
+#: Logs have a handful of loads, and between them nothing tells a learner how to bend: bends along stress are shrunk so much more.
+SMOOTH_IN_STRESS = 3.0
 #: A heat balance fitted to pulses is off by some tenths of a kelvin or more when the wire is driven otherwise.  Copies of
 #: the logs with such an error [K] teach the learners not to lean on it where the resistance says more; copies with the
 #: other one are for the intervals alone.
@@ -72,7 +79,7 @@ _PRIOR_WEIGHT = 3.0
 class HeldOut:
     """Errors of the model and of its physical curve where they were not fitted, mean absolute, % of full stroke."""
 
-    logs_percent: float  #: logs left out
+    logs_percent: float  #: logs left out, and loads
     cycles_percent: float  #: cycles left out
     curve_percent: float  #: physical curve alone, logs left out
     regions: dict[str, float]  #: cycles left out, by region (:func:`regions`)
@@ -89,16 +96,24 @@ class WholeRangeFit:
 
 
 def fit_whole_range(
-    experiments: Sequence[Experiment], config, progress: Callable[[float], None] = lambda fraction: None
+    experiments: Sequence[Experiment],
+    config,
+    progress: Callable[[float], None] = lambda fraction: None,
+    change_m: float = 0.0,
 ) -> WholeRangeFit:
-    """Fit to all loads, pulses and partial cycles together.  ``config``: the bench's parameters.
+    """Fit to all loads, pulses and partial cycles together.
+
+    ``config``: the bench's parameters; ``change_m``: how far the wire moved its hot end in all of the logs together.
 
     Raises IdentificationError where fewer than three loads were measured.
     """
     data = _Data(experiments, config)
+    data.change = change_m / data.percent_m
     known, centre, scale = _heat_balance(data, lambda share: progress(0.4 * share))
     z = (data.features(known)[data.rows] - centre) / scale
     by_log = _errors_left_out(z, data, data.log_fold[data.rows])
+    by_load = _errors_left_out(z, data, data.load_fold[data.rows], learners=1)
+    by_log.error[:] = np.hypot(by_log.error, LOAD_LEFT_OUT * by_load.error) * np.where(by_log.error < 0.0, -1.0, 1.0)
     progress(0.6)
     by_cycle = _errors_left_out(z, data, data.cycle[data.rows] % FOLDS)
     progress(0.8)
@@ -185,6 +200,7 @@ class _Data:
         self.first = np.zeros(len(self.time), dtype=np.bool_)
         self.first[np.cumsum([0, *lengths[:-1]])] = True
         self.log_fold = np.repeat(np.tile(_log_folds(experiments), copies), lengths)
+        self.load_fold = np.repeat(np.tile(_load_folds(experiments), copies), lengths)
         self.cycle = self.cycle + np.repeat(np.tile(np.arange(len(experiments)), copies), lengths)
         if len(experiments) < FOLDS:
             raise IdentificationError(
@@ -195,6 +211,7 @@ class _Data:
         self.rows = np.arange(0, len(self.time), stride)
         self.measured = self.rows < sum(self.lengths)  # the others are of copies
         self.learned = self.rows < 2 * sum(self.lengths)
+        self.change = 0.0  #: of the wire meanwhile
         self.span_Ohm = float(np.subtract(*np.percentile(self.resistance, (99, 1))))
 
     def thermal_numbers(self, known: np.ndarray) -> np.ndarray:
@@ -310,6 +327,12 @@ def _log_folds(experiments: Sequence[Experiment]) -> np.ndarray:
     return out
 
 
+def _load_folds(experiments: Sequence[Experiment]) -> np.ndarray:
+    """A fold for every log: all logs of a load in one, but those of the lightest and of the heaviest load in none."""
+    load = load_numbers(experiments)
+    return np.where((load == 0) | (load == load.max()), NEVER, (load - 1) % FOLDS)
+
+
 def _terms(z: np.ndarray) -> np.ndarray:
     """The quadratic of the model, then the plays: shape (n, terms)."""
     a, b, c = z[:, 0], z[:, 1], z[:, 2]
@@ -328,8 +351,10 @@ class _Learner:
         hidden *= reach / np.linalg.norm(hidden, axis=1)[:, None]
         bias = np.linspace(-reach, reach, self.m)
         self.weights = np.concatenate([np.zeros(self.lines), hidden.ravel(), bias, np.zeros(self.m)])
+        along = np.full(self.n, 0.3)
+        along[STRESS] *= SMOOTH_IN_STRESS
         self.shrinkage = np.concatenate(
-            [np.full(self.lines, 0.02), np.full(self.m * self.n, 0.3), np.full(self.m, 0.3), np.full(self.m, 1.0)]
+            [np.full(self.lines, 0.02), np.tile(along, self.m), np.full(self.m, 0.3), np.full(self.m, 1.0)]
         )
         self.shrinkage = SHRINKAGE * self.shrinkage
         self.shrinkage[0] = 0.0
@@ -406,8 +431,8 @@ def _learn(learner: _Learner, z: np.ndarray, target: np.ndarray, iterations: int
 class _Team:
     """Learners that differ in where they began, learned on the same samples."""
 
-    def __init__(self, z: np.ndarray, target: np.ndarray, iterations: int):
-        self.learners = [_Learner(z.shape[1], UNITS, seed) for seed in range(1, LEARNERS + 1)]
+    def __init__(self, z: np.ndarray, target: np.ndarray, iterations: int, learners: int = LEARNERS):
+        self.learners = [_Learner(z.shape[1], UNITS, seed) for seed in range(1, learners + 1)]
         for learner in self.learners:
             learner.weights = _learn(learner, z, target, iterations)
 
@@ -477,14 +502,16 @@ class _LeftOut:
     curve_error: np.ndarray
 
 
-def _errors_left_out(z: np.ndarray, data: _Data, fold: np.ndarray) -> _LeftOut:
-    """Learn afresh without each fold in turn; the heat balance stands."""
+def _errors_left_out(z: np.ndarray, data: _Data, fold: np.ndarray, learners: int = LEARNERS) -> _LeftOut:
+    """Learn afresh without each fold in turn; the heat balance stands.  No error where a row is NEVER left out."""
     target = data.displacement[data.rows]
     found = _LeftOut(*(np.zeros(len(z)) for _ in range(3)))
     for number in range(FOLDS):
         out = fold == number
+        if not out.any():
+            continue
         learn = ~out & data.learned
-        team = _Team(z[learn], target[learn], HELD_OUT_ITERATIONS)
+        team = _Team(z[learn], target[learn], HELD_OUT_ITERATIONS, learners)
         value, found.spread[out] = team.values(z[out])
         found.error[out] = value - target[out]
         found.curve_error[out] = _terms(z[out])[:, :CURVE_TERMS] @ _curve(z[learn], target[learn]) - target[out]
@@ -537,7 +564,8 @@ def _coefficients(
     low, high = seen.min(axis=0), seen.max(axis=0)
     tenth = 0.1 * (high - low)
     floor = float(np.median(left.spread))
-    score = np.abs(left.error) / (floor + left.spread)
+    # Of a wire that changed meanwhile the logs say nothing to be sure of: before and after them it was off by half of it.
+    score = (np.abs(left.error) + 0.5 * data.change) / (floor + left.spread)
     heating = data.heating[data.rows].astype(bool)
     intervals = _intervals(target + left.error, heating, score, np.linspace(lowest, highest, PLACES))
     linear, hidden, bias, output = (

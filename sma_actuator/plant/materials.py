@@ -23,7 +23,8 @@ Sources
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import exp
 
 from .kinetics import Kinetics, LiangRogers
 
@@ -92,6 +93,16 @@ class Untrained:
     cooling_K: float  #: and on cooling (below zero: lower, so that the hysteresis is wider)
     cycles: float
 
+    def after(self, cycles: float) -> Untrained:
+        """What it still lacks after so many."""
+        left = exp(-cycles / self.cycles)
+        return replace(
+            self,
+            hot_strain=left * self.hot_strain,
+            heating_K=left * self.heating_K,
+            cooling_K=left * self.cooling_K,
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Wire:
@@ -111,6 +122,10 @@ class Wire:
     def kinetics(self) -> Kinetics:
         """How it transforms: Liang & Rogers with the material's temperatures, unless it has another."""
         return self.other_kinetics or self.material.liang_rogers
+
+    def after(self, cycles: float) -> Wire:
+        """The same wire when it has done so many cycles, whatever it did meanwhile."""
+        return self if self.untrained is None else replace(self, untrained=self.untrained.after(cycles))
 
 
 NI_TI = Material(

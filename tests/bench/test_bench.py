@@ -244,3 +244,17 @@ def test_the_words_of_the_command_line():
 def test_every_fault_says_what_its_value_is():
     for fault in FAULTS.values():
         assert bool(fault.value) == math.isfinite(fault.default), fault
+
+
+def test_a_wire_goes_on_from_the_cycles_it_has_done():
+    def pulse(bench):
+        for current_A, seconds in ((0.34, 6.0), (0.05, 12.0)):
+            bench.supply.set_current(current_A)
+            bench.advance(bench.time_s + seconds)
+            yield bench.truth.displacement_m
+
+    worked = powered(physics="in_training")
+    first, *_, last = [place_m for _ in range(4) for place_m in pulse(worked)][::2]
+    assert worked.cycles == 4.0
+    again, _ = pulse(powered(physics="in_training", cycles=3.0))
+    assert abs(again - last) < 0.1 * abs(last - first)

@@ -37,6 +37,7 @@ from .checks import wrong_ranges, wrong_size
 from .model import COEFFICIENTS
 
 DIRECT = 3  #: features that are no plays: R, σ, θ
+STRESS = 1  #: of them
 CURVE_TERMS = 10  #: of a quadratic in them
 (
     TIME_CONSTANT_s,

@@ -1,0 +1,70 @@
+"""Whether the wire changed while it was measured: what is fitted then is of a wire that is no more.
+
+A wire in its first tens of cycles moves its hot end cycle by cycle.  Logs need not say when they were recorded, but
+within a log of pulses that are all alike one comes after the other, and each ought to do what the one before did.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from sma_actuator.logs.bench_log import BenchLog
+
+from .experiments import Experiment, judged_rows, make_experiment
+from .kinds import logs_to_fit
+from .ranges import load_numbers
+
+#: Share of the full stroke that the hot end may move with a cycle; ten logs hold some sixty cycles.
+STANDS = 0.0006
+FEWEST_LOGS, FEWEST_PULSES = 3, 3
+_AGREE = 0.8  #: share of the logs in which it moves the same way
+_ALIKE = 0.1  #: share by which the times may differ that pulses are heated for
+_HOT_PART = 0.25  #: of the time driven, at its end
+
+
+def words_of(change_m: float, full_stroke_m: float) -> str:
+    """What to say of such a wire."""
+    return (
+        f"the wire changed while it was measured: its hot end moves with every pulse, always the same way, "
+        f"{change_m / full_stroke_m:.1%} of the full stroke in all of these logs together; train it first (`characterise` does, "
+        "with --training-cycles), or measure again: these logs are of a wire that is no more"
+    )
+
+
+def change_while_measured_m(logs: Sequence[BenchLog], config) -> float:
+    """How far the hot end has moved in all cycles of the logs together; 0 where it stands.
+
+    With a cycle it moves at each load as from pulse to pulse there.
+    """
+    experiments = [judged_rows(make_experiment(log, config)) for log in logs_to_fit(logs)]
+    load = load_numbers(experiments)
+    moved_m, change_m = [], 0.0
+    for number in np.unique(load):
+        here = [t for t, chosen in zip(experiments, load == number, strict=True) if chosen]
+        found_m = [m for t in here if t.constant_load for m in _moved_m(t)]
+        moved_m += found_m
+        if found_m:
+            change_m += float(np.mean(found_m)) * sum(int(t.cycle[-1]) for t in here)
+    if len(moved_m) < FEWEST_LOGS:
+        return 0.0
+    mean_m = float(np.mean(moved_m))
+    same_way = float(np.mean(np.sign(moved_m) == np.sign(mean_m)))
+    return abs(change_m) if abs(mean_m) >= STANDS * config.wire.full_stroke_m and same_way >= _AGREE else 0.0
+
+
+def _moved_m(experiment: Experiment) -> list[float]:
+    """How far the hot end of a log of pulses moves with each; nothing where they are not alike."""
+    bounds = np.searchsorted(experiment.cycle, np.arange(1, experiment.cycle[-1] + 2))
+    ends_m, heated = [], []
+    for start, stop in itertools.pairwise(bounds):
+        driven_m = experiment.displacement_m[start:stop][experiment.driven[start:stop]]
+        if not len(driven_m):
+            return []
+        heated.append(len(driven_m))
+        ends_m.append(float(np.median(driven_m[-max(3, round(_HOT_PART * len(driven_m))) :])))
+    if len(ends_m) < FEWEST_PULSES or np.ptp(heated) > _ALIKE * np.mean(heated) + 1.0:
+        return []
+    return [(ends_m[-1] - ends_m[0]) / (len(ends_m) - 1)]

@@ -1,0 +1,42 @@
+"""A wire that changes while it is measured is said to be one."""
+
+import math
+
+from characterised import bench_mapping, virtual_rig
+
+from sma_actuator.characterise.programs import square_pulses
+from sma_actuator.identify import identify
+from sma_actuator.identify.training import change_while_measured_m
+from sma_actuator.plant.loads import Weight
+from sma_actuator.plant.worlds import IN_TRAINING
+
+LOADS_N = (0.6, 1.0, 1.5)
+
+
+def pulses(cycles):
+    """Logs of three pulses at three loads, one after the other, of a wire that has done so many cycles before."""
+    logs = []
+    for load_N in LOADS_N:
+        bench, rig, _ = virtual_rig("flexinol", seed=3, load=Weight(load_N), physics="in_training", cycles=cycles)
+        with rig.opened():
+            logs.append(rig.record(square_pulses(3, 0.34, 0.05, 5.0, 10.0)))
+        cycles += bench.cycles
+    return logs, rig.config
+
+
+def test_identify_says_that_a_wire_wants_training_first():
+    found = identify(pulses(0.0)[0], bench_mapping("flexinol"), "flexinol", order=1)
+    (note,) = [n for n in found.notes if "changed while it was measured" in n]
+    assert "--training-cycles" in note
+
+
+def test_the_change_is_about_what_the_wire_went_through():
+    logs, config = pulses(0.0)
+    found_m = change_while_measured_m(logs, config)
+    true_m = config.wire.length * IN_TRAINING.hot_strain * -math.expm1(-9.0 / IN_TRAINING.cycles)
+    assert 0.6 * true_m < found_m < 1.6 * true_m
+
+
+def test_nothing_is_said_of_a_wire_that_is_trained():
+    logs, config = pulses(250.0)
+    assert change_while_measured_m(logs, config) == 0.0
