@@ -18,9 +18,9 @@ from sma_actuator.identify.rests import WINDOW_s, find_rests
 
 
 @pytest.fixture(scope="module")
-def identified(furukawa):
-    logs = furukawa.only("pulses", "partial")
-    return logs, identify(logs, furukawa.mapping, "furukawa")
+def identified(flexinol):
+    logs = flexinol.only("pulses", "partial")
+    return logs, identify(logs, flexinol.mapping, "flexinol")
 
 
 def test_the_model_file_says_how_good_the_model_was(identified):
@@ -54,9 +54,9 @@ def test_a_resting_wire_is_longer_and_more_resistive_cold_than_hot(identified):
     assert calibration.hot_power > 0.1
 
 
-def test_a_model_of_any_size_keeps_its_errors_alone(identified, furukawa):
+def test_a_model_of_any_size_keeps_its_errors_alone(identified, flexinol):
     config = identified[1].config
-    bare = calibration_of(make_experiments(identified[0], bench_from_mapping(furukawa.mapping)), config, at_rest=False)
+    bare = calibration_of(make_experiments(identified[0], bench_from_mapping(flexinol.mapping)), config, at_rest=False)
     assert bare.known and not bare.cold_stress and not bare.residual_position
 
 
