@@ -37,6 +37,9 @@ LOADS = {
 }
 WIRES = tuple(LOADS)
 PHYSICS = tuple(WORLDS)
+#: Rates of the loop [Hz], that of the shipped parameters and the slowest that their time-outs allow.  Three of them, so that
+#: seeds that follow each other have every wire in every physics at each.
+RATES_Hz = (10.0, 20.0, 10.0)
 #: What the bench can be told to do wrong while the wire is driven.
 DRIVEN_FAULTS = tuple(FAULTS)
 #: Wrong ambient readings [°C]; None: what the bench says.
@@ -71,10 +74,11 @@ class LyingDaq(InProcessDaq):
         return dataclasses.replace(reading, ambient_temperature_C=self.ambient_C)
 
 
-def config_of(wire: str, lead_error_Ohm: float = 0.0) -> Config:
-    """The shipped parameters of a wire, with leads that somebody has measured wrongly."""
+def config_of(wire: str, lead_error_Ohm: float, rate_Hz: float) -> Config:
+    """The shipped parameters of a wire at some rate of the loop, with leads that somebody has measured wrongly."""
     parameters = read_parameter_file(CONFIG / f"{wire}.yaml")
     parameters["circuit"]["lead_resistance"] += lead_error_Ohm
+    parameters.setdefault("loop", {})["rate"] = rate_Hz
     return Config.from_mapping(parameters)
 
 
@@ -91,7 +95,8 @@ class Session:
         load = chance.choice(LOADS[wire])
         self.heat_loss = chance.choice((0.5, 0.5, 1.0, 1.0, 2.0))
         self.lead_error_Ohm = chance.choice((0.0, 0.0, 0.0, -0.2, 0.2))
-        self.config = config_of(wire, self.lead_error_Ohm)
+        self.rate_Hz = RATES_Hz[seed % len(RATES_Hz)]
+        self.config = config_of(wire, self.lead_error_Ohm, self.rate_Hz)
         self.promises = Promises(self.config.to_mapping())
         ambient_C = chance.uniform(5.0, 40.0)
         arguments = {"seed": seed, "load": parse_load(load), "ambient_C": ambient_C, "physics": self.physics}
@@ -100,7 +105,7 @@ class Session:
         self.bench.inject("draught", self.heat_loss)
         self.ambient_lie_C = chance.choice(AMBIENT_LIES)
         self.scene = (
-            f"{wire} in {self.physics}, {load}, heat loss × {self.heat_loss:g}, leads {self.lead_error_Ohm:+g} Ω, {ambient_C:.0f} °C"
+            f"{wire} in {self.physics} at {self.rate_Hz:g} Hz, {load}, heat loss × {self.heat_loss:g}, leads {self.lead_error_Ohm:+g} Ω, {ambient_C:.0f} °C"
             f"{'' if self.ambient_lie_C is None else f' read as {self.ambient_lie_C:g} °C'}"
         )
         self.outputs = 0
@@ -127,21 +132,21 @@ class Session:
 
     def look(self) -> None:
         """Judge the bench as it is now."""
-        truth, result = self.bench.truth, self.result
+        now_s, current_A, result = self.bench.time_s, self.bench.current_A, self.result
         hottest_C, limit_C = self.bench.hottest_C, self.config.thermal.max_temperature
         result.see(f"wire in {self.physics} [°C]", hottest_C)
         if hottest_C > limit_C and not self._overheated:
             self._overheated = True  # once in a session; it stays hot for many steps
             self.broken("the wire is above its limit of temperature", f"{hottest_C:.0f} °C, limit {limit_C:g}")
-        if truth.current_A <= NO_CURRENT_A and not self.bench.supply.output_on:
+        if current_A <= NO_CURRENT_A and not self.bench.supply.output_on:
             if math.isnan(self._off_since_s):
-                self._off_since_s = truth.time_s
+                self._off_since_s = now_s
         else:
             self._off_since_s = math.nan
-        self._look_at_current(truth.current_A, truth.time_s)
-        if truth.time_s > self._off_by_s:
+        self._look_at_current(current_A, now_s)
+        if now_s > self._off_by_s:
             if math.isnan(self._off_since_s):
-                self.broken(f"the current is not off in time: {self._cause.split('=')[0]}", f"{truth.current_A:.3f} A")
+                self.broken(f"the current is not off in time: {self._cause.split('=')[0]}", f"{current_A:.3f} A")
             self._off_by_s = math.inf
 
     def _look_at_current(self, current_A: float, now_s: float) -> None:
@@ -188,6 +193,7 @@ class Session:
         self.result.counts["virtual seconds"] += round(self.bench.time_s)
         self.result.counts[f"virtual minutes in {self.physics}"] += round(self.bench.time_s / 60.0)
         self.result.counts["steps"] += self.outputs
+        self.result.counts[f"virtual minutes at {self.rate_Hz:g} Hz"] += round(self.bench.time_s / 60.0)
         return self.result
 
     def _new_driver(self) -> None:

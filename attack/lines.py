@@ -156,7 +156,10 @@ class Line:
             self._must_go_off(mischief, began_s, self._talk_ends_within_s(role, mischief))
         elif mischief in _FORGETS:
             self._driver.offer_setpoint(self._chance.choice((0.001, 0.003)))  # so that it is told something
-            self._must_go_off(mischief, began_s, self._forgotten_within_s(mischief))
+            if mischief.kind == "forget":
+                self._must_fall_silent(began_s)
+            else:
+                self._must_go_off(mischief, began_s, self.promises.within_s(_FORGETS[mischief]))
         elif mischief in _MEANS_OTHERWISE[role]:
             self._driver.offer_setpoint(self._chance.choice((0.001, 0.003)))
             self._must_go_off(mischief, began_s, self.promises.within_s(_MEANS_OTHERWISE[role][mischief]))
@@ -180,12 +183,30 @@ class Line:
                 return self.config.instruments.supply.timeout + self.config.supply.watchdog_timeout
         return min(within_s, OFF_AT_MOST_s)
 
-    def _forgotten_within_s(self, mischief: Mischief) -> float:
-        within_s = self.promises.within_s(_FORGETS[mischief])
-        if mischief.kind == "forget":
-            # It does not hear "off" either: its watchdog counts from the last question, which asks whether it is off.
-            within_s += 2.0 * self.config.instruments.supply.timeout + self.config.supply.watchdog_timeout
-        return within_s
+    def _must_fall_silent(self, began_s: float) -> None:
+        """It answers and does not hear "off": the driver notices, asks in vain, and leaves it to its watchdog, which counts
+        from the last word.  What this machine stood still counts in the one part as in the other."""
+        took_s = self.stand.off_within_s(began_s, 4.0)
+        if math.isnan(took_s):
+            self.broken("the current is not off in time", "not within 4 s")
+            return
+        off_s = self.stand.off_since_s
+        last_s = max(at_s for at_s in self.proxies["supply"].heard_s if at_s < off_s)
+        self.result.see("supply forgets, current off [s]", took_s)
+        timeout_s = self.config.instruments.supply.timeout
+        noticed_s = (
+            self.promises.within_s("second_commander") + 2.0 * timeout_s
+        )  # a read-back, and what asks whether it is off
+        for what, from_s, to_s, within_s in (
+            ("the driver does not fall silent in time", began_s, last_s, noticed_s),
+            ("the watchdog does not cut in time", last_s, off_s, self.config.supply.watchdog_timeout),
+        ):
+            lasted_s = to_s - from_s - self.stand.stalled_s(from_s, to_s)
+            self.result.see(
+                f"supply forgets, {'last word' if to_s == last_s else 'from there until off'} [s]", lasted_s
+            )
+            if lasted_s > within_s + MEASURING_s:
+                self.broken(what, f"after {lasted_s:.2f} s; {within_s + MEASURING_s:.2f} s are promised")
 
     def _reboot(self) -> float:
         """A supply that comes back with its output on and no watchdog; when it can be reached again."""

@@ -6,6 +6,7 @@ way.  It stands on loopback, as the bench does.
 
 from __future__ import annotations
 
+import collections
 import contextlib
 import random
 import re
@@ -47,6 +48,7 @@ class Proxy:
     def __init__(self, target_port: int, seed: int):
         self.mischief = HONEST
         self.spoilt = 0  #: lines
+        self.heard_s: collections.deque[float] = collections.deque(maxlen=1000)  #: when the instrument heard something
         self._first = self._before = b""  #: line since the mischief began, and the one before
         self._target_port = target_port
         self._chance = random.Random(seed)
@@ -107,9 +109,9 @@ class Proxy:
                 mischief = self.mischief
                 if mischief.touches(direction):
                     self.spoilt += 1
-                    self._send_spoilt(sink, line, mischief)
+                    self._send_spoilt(sink, line, mischief, direction)
                 else:
-                    sink.sendall(line)
+                    self._put(sink, line, direction)
         for each in (source, sink):
             with contextlib.suppress(OSError):
                 each.shutdown(socket.SHUT_RDWR)
@@ -117,14 +119,19 @@ class Proxy:
             with self._gate:
                 self._sockets.discard(each)
 
-    def _send_spoilt(self, sink: socket.socket, line: bytes, mischief: Mischief) -> None:
+    def _put(self, sink: socket.socket, data: bytes, direction: str) -> None:
+        if data and direction == "questions":
+            self.heard_s.append(time.monotonic())
+        sink.sendall(data)
+
+    def _send_spoilt(self, sink: socket.socket, line: bytes, mischief: Mischief, direction: str) -> None:
         if mischief.kind == "trickle":
             self._trickle(sink, mischief)
             return
         while mischief.kind == "flood" and self.mischief is mischief and not self._ending.is_set():
             sink.sendall(b"9" * 65536)
         time.sleep(mischief.delay_s)
-        sink.sendall(self._spoilt(line, mischief))
+        self._put(sink, self._spoilt(line, mischief), direction)
 
     def _spoilt(self, line: bytes, mischief: Mischief) -> bytes:
         """What is passed on in a line's place."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import collections
+import itertools
 import json
 import socket
 import subprocess
@@ -103,6 +104,12 @@ class Stand:
                 return max(self.off_since_s - since_s - self.longest_stall_s, 0.0)
             time.sleep(min(LOOK_s, longest_s - waited_s if waited_s < longest_s else LOOK_s))
         return float("nan")
+
+    def stalled_s(self, from_s: float, to_s: float) -> float:
+        """The longest that this machine stood still between two instants of the last seconds."""
+        times_s = [seen.at_s for seen in list(self.seen)]
+        gaps_s = [b - a for a, b in itertools.pairwise(times_s) if b > from_s and a < to_s]
+        return max(max(gaps_s, default=0.0) - 4.0 * LOOK_s, 0.0)
 
     def close(self) -> None:
         """End the process."""

@@ -18,17 +18,18 @@ import yaml
 from sma_actuator.base.yaml_text import yaml_of
 from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import NODE_NAME, read_parameter_file
+from sma_actuator.plant.worlds import HOME
 
 ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "out" / "coefficients"
 #: Length and diameter as parts of those of the bench's wire; the LVDT's 5 mm leave no room for longer ones.
 OTHER_SIZES = ((0.6, 1.0), (0.8, 0.85), (0.9, 1.15))
-#: On the bench of `sma-actuator bench --load joint:0.004,0.0019`.
+#: On the bench of `sma-actuator bench --load joint:0.004,0.0017`.
 JOINT = {
     "joint_name": "joint",
     "wires": ["left", "right"],
     "pulley_radius": 0.004,
-    "displacement_at_zero": [0.0019, 0.0019],
+    "displacement_at_zero": [0.0017, 0.0017],
     "series_stiffness": 2.0e4,
     "tension_limit": 2.2,
     "cocontraction": 0.8,
@@ -54,7 +55,7 @@ def resized(parameters: dict, length: float, diameter: float) -> dict:
 
 def characterised(name: str, parameters: dict, seed: int) -> list[str]:
     """Logs of one wire of the virtual bench; those of an earlier run are used again."""
-    folder = OUT / f"{name}_{parameters['wire']['length'] * 1e3:.0f}x{parameters['wire']['diameter'] * 1e6:.0f}"
+    folder = OUT / HOME / f"{name}_{parameters['wire']['length'] * 1e3:.0f}x{parameters['wire']['diameter'] * 1e6:.0f}"
     folder.mkdir(parents=True, exist_ok=True)
     config = folder / "wire.yaml"
     config.write_text(yaml.safe_dump({NODE_NAME: {"ros__parameters": parameters}}, sort_keys=False))

@@ -1,6 +1,6 @@
 """Tables 2 and 3 of the thesis, rebuilt on the virtual bench.
 
-    python benchmarks/replay_tables.py [--json FILE]     (make tables)
+    python benchmarks/replay_tables.py [--physics NAME] [--json FILE]     (make tables)
 
 The models are identified on calibration logs and judged on other logs: another seed, other loads,
 another current and other set points.  As in the thesis a judged log is full and partial actuation
@@ -32,7 +32,7 @@ from sma_actuator.identify.errors import log_error
 from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log
 from sma_actuator.logs.files import write_atomically
-from sma_actuator.plant.worlds import HOME
+from sma_actuator.plant.worlds import HOME, WORLDS
 from sma_actuator.replay import estimate_m, replay
 
 ASSUMED_LOAD_N = 0.49
@@ -106,20 +106,23 @@ def slower(logs: list[BenchLog], factor: int) -> list[BenchLog]:
 def main() -> int:
     """Print every table; returns 0."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--physics", choices=WORLDS, default=HOME, metavar="NAME", help="of the bench (default %(default)s)"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every number here")
     args = parser.parse_args()
     console = Console(width=130)
     numbers: dict[str, object] = {}
     for wire, title in (("flexinol", "Table 2, Flexinol"), ("furukawa", "Table 3, Furukawa")):
-        calibration, mapping = logs_of(wire, CALIBRATION, seed=1)
-        judged, _ = logs_of(wire, JUDGED, seed=2)
+        calibration, mapping = logs_of(wire, CALIBRATION, seed=1, physics=args.physics)
+        judged, _ = logs_of(wire, JUDGED, seed=2, physics=args.physics)
         variants = ("flexinol",) if wire == "flexinol" else ("average", "direct_switching", "transition")
         configs = {}
         for variant in variants:
             configs[variant] = identify(
                 calibration, mapping, wire, variant=variant if wire == "furukawa" else "average"
             ).config
-        table = Table(title=f"{title}: mean absolute error, % of full stroke")
+        table = Table(title=f"{title}, {args.physics}: mean absolute error, % of full stroke")
         for header in (
             "model",
             "load",

@@ -20,7 +20,7 @@ with Driver(config, InProcessSupply(bench, config), InProcessDaq(bench, config),
     driver.run_for(1.0)
     driver.enable(True)
     driver.run_for(1.0)
-    for setpoint_m in (0.0006, 0.0031, 0.0012, 0.0026, 0.0016, 0.0022, 0.0031):
+    for setpoint_m in (0.0007, 0.0027, 0.0011, 0.0024, 0.0015, 0.0020, 0.0027):
         driver.offer_setpoint(setpoint_m)
         for _ in range(round(15.0 * config.loop.rate)):
             output = driver.run_for(1.0 / config.loop.rate)

@@ -13,7 +13,7 @@ bench = VirtualBench.from_name("flexinol", seed=1)
 with Driver(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench)) as driver:
     driver.run_for(1.0)
     print(driver.enable(True)[1])
-    for setpoint_m in (0.0030, 0.0015, 0.0025):
+    for setpoint_m in (0.0026, 0.0012, 0.0021):
         driver.offer_setpoint(setpoint_m)
         output = driver.run_for(20.0)
         print(

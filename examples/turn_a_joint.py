@@ -15,7 +15,7 @@ file = shared_file("config/pair.yaml")
 # A command here stands until the next; from another process they must keep coming.
 parameters = PairParameters.from_mapping({**read_parameter_file(file, "joint"), "joint_command_timeout": 0.0})
 configs = [Config.load(file, name) for name in parameters.wires]
-stand = JointBench.from_name("flexinol", parse_joint("0.004,0.0019"), seed=1)
+stand = JointBench.from_name("flexinol", parse_joint("0.004,0.0017"), seed=1)
 instruments = [(InProcessSupply(b, c), InProcessDaq(b, c)) for b, c in zip(stand.benches, configs, strict=True)]
 with SteppedPair(parameters, configs, instruments, VirtualClock(stand.benches[0])) as pair:
     pair.run_for(1.0)

@@ -20,6 +20,7 @@ from .conversions import (
     signals_message,
     start_from,
     status_from,
+    time_message,
     trajectory_from,
     trajectory_message,
 )
@@ -44,6 +45,7 @@ __all__ = [
     "signals_message",
     "start_from",
     "status_from",
+    "time_message",
     "trajectory_from",
     "trajectory_message",
 ]

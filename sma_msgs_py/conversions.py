@@ -184,6 +184,12 @@ def trajectory_from(message: JointTrajectory, joint_name: str) -> tuple[list[flo
     return times_s, positions_m, velocities_m_s or None
 
 
+def time_message(since_1970_ns: int) -> Time:
+    """ROS time as messages have it; zero, "not known", where they have no room for it: before 1970, and from 2038 on."""
+    seconds, nanoseconds = divmod(since_1970_ns, 1_000_000_000)
+    return Time(sec=seconds, nanosec=nanoseconds) if 0 <= seconds < 2**31 else Time()
+
+
 def start_from(message: JointTrajectory, now_ns: int) -> float:
     """When the trajectory begins, in seconds after ``now_ns`` of ROS time; without a stamp at once."""
     stamp = message.header.stamp

@@ -37,9 +37,9 @@ def virtual_rig(wire, seed=0, **bench_options):
 class Characterised:
     """A folder of logs with what is needed to use it."""
 
-    def __init__(self, wire, folder):
+    def __init__(self, wire, folder, **bench_options):
         self.wire, self.folder = wire, folder
-        _, rig, operator = virtual_rig(wire)
+        _, rig, operator = virtual_rig(wire, **bench_options)
         self.manifest = characterise(bench_mapping(wire), make_plan(rig.config, SHORT), rig, operator, folder)
         self.mapping = read_parameter_file(folder / "bench.yaml")
         self.paths = sorted(folder.glob("*.csv"))

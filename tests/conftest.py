@@ -123,6 +123,14 @@ def flexinol(tmp_path_factory: pytest.TempPathFactory) -> Characterised:
 
 
 @pytest.fixture(scope="session")
+def textbook(tmp_path_factory: pytest.TempPathFactory) -> Characterised:
+    """The Ni-Ti wire in the physics of the thesis's models: its kinetics end somewhere, so a cycle repeats exactly."""
+    from characterised import Characterised
+
+    return Characterised("flexinol", tmp_path_factory.mktemp("textbook"), physics="liang_rogers")
+
+
+@pytest.fixture(scope="session")
 def furukawa(tmp_path_factory: pytest.TempPathFactory) -> Characterised:
     """The Ni-Ti-Cu wire of the virtual bench, characterised once for all tests."""
     from characterised import Characterised

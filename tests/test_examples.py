@@ -41,9 +41,9 @@ def log(tmp_path_factory):
 def test_a_wire_is_driven():
     lines = run("drive_a_wire.py").splitlines()
     assert "on" in lines[0] and [line.split(",")[0] for line in lines[1:]] == [
-        "setpoint 3.00 mm",
-        "setpoint 1.50 mm",
-        "setpoint 2.50 mm",
+        "setpoint 2.60 mm",
+        "setpoint 1.20 mm",
+        "setpoint 2.10 mm",
     ]
 
 

@@ -14,7 +14,7 @@ from sma_actuator.plant.loads import Load, Schedule, Weight
 from sma_actuator.plant.materials import Wire
 from sma_actuator.plant.worlds import HOME, wire_in_world
 
-from .chain import CHANNELS, SATURATED, Chain, Noise, convert
+from .chain import CHANNELS, SATURATED, Chain, Noise
 from .faults import check_fault
 from .supply import SimulatedSupply
 
@@ -141,6 +141,11 @@ class VirtualBench:
     def hottest_C(self) -> float:
         """Temperature of the wire's hottest place [°C]; where its clamps are cold, its mean is less."""
         return float(np.max(self._wire.cells[:, physics.CELL_TEMPERATURE]))
+
+    @property
+    def current_A(self) -> float:
+        """Current through the wire [A]."""
+        return float(self._state[physics.CURRENT])
 
     @property
     def voltage_V(self) -> float:
@@ -272,10 +277,8 @@ class SimulatedDaq:
         bench = self._bench
         if not 1 <= n <= min(bench.samples, RING):
             raise ValueError(f"{n} samples were asked for and {min(bench.samples, RING)} exist")
-        rows = np.arange(bench._row - n, bench._row) % RING
         first = bench.samples - n
-        chain = bench.setup.chain
-        read = convert(chain.channels(bench._ring[rows]), bench._noise.of(first, n), chain)
+        read = bench.setup.chain.read(bench._ring, bench._row, bench._noise.of(first, n))
         if "channel_reversed" in bench.faults:
             read[:, CHANNELS.index(int(bench.faults["channel_reversed"]))] *= -1.0
         for name, reading in (("channel_saturated", SATURATED), ("channel_nan", nan)):

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_actuator.base.jit import jit
+
 CHANNELS = (101, 102, 103, 104, 105)
 RANGE_V = 10.0
 LSB_V = 2 * RANGE_V / 2**16
@@ -36,18 +38,55 @@ class Chain:
         """What the supply sees besides the wire."""
         return self.reference_resistance_Ohm + self.lead_resistance_Ohm
 
-    def channels(self, ring: np.ndarray) -> np.ndarray:
-        """Noise-free channel values, (n, 5), of true samples, (n, 5), as :func:`physics.simulate` writes them."""
-        current_A, voltage_V, load_N, displacement_m, ambient_C = ring.T
-        return np.column_stack(
-            (
-                voltage_V,
-                current_A * self.reference_resistance_Ohm,
-                (load_N - self.load_cell_offset_N) / self.load_cell_slope_N_V,
-                (displacement_m - self.lvdt_offset_m) / self.lvdt_slope_m_A * self.lvdt_shunt_Ohm,
-                ambient_C,
-            )
+    def read(self, ring: np.ndarray, row: int, noise: np.ndarray) -> np.ndarray:
+        """What the converter makes, (n, 5), of the true samples of ``ring`` that end before ``row``, as
+        :func:`physics.simulate` writes them, and of standard normal noise, (n, 5)."""
+        return _read(
+            ring,
+            row,
+            noise,
+            self.reference_resistance_Ohm,
+            self.load_cell_slope_N_V,
+            self.load_cell_offset_N,
+            self.lvdt_slope_m_A,
+            self.lvdt_offset_m,
+            self.lvdt_shunt_Ohm,
+            self.noise_V,
+            self.quantised,
         )
+
+
+@jit
+def _read(
+    ring: np.ndarray,
+    row: int,
+    noise: np.ndarray,
+    reference_Ohm: float,
+    load_slope_N_V: float,
+    load_offset_N: float,
+    lvdt_slope_m_A: float,
+    lvdt_offset_m: float,
+    lvdt_shunt_Ohm: float,
+    noise_V: tuple[float, ...],
+    quantised: bool,
+) -> np.ndarray:
+    n = len(noise)
+    read = np.empty((n, 5))
+    for number in range(n):
+        sample = ring[(row - n + number) % len(ring)]
+        read[number, 0] = sample[1]
+        read[number, 1] = sample[0] * reference_Ohm
+        read[number, 2] = (sample[2] - load_offset_N) / load_slope_N_V
+        read[number, 3] = (sample[3] - lvdt_offset_m) / lvdt_slope_m_A * lvdt_shunt_Ohm
+        read[number, 4] = sample[4]
+        for channel in range(5):
+            read[number, channel] += noise[number, channel] * noise_V[channel]
+        for channel in range(4):  # the last is a thermometer, and no voltage
+            if quantised:
+                read[number, channel] = np.round(read[number, channel] / LSB_V) * LSB_V
+            if abs(read[number, channel]) >= RANGE_V:
+                read[number, channel] = np.sign(read[number, channel]) * SATURATED
+    return read
 
 
 class Noise:
@@ -73,13 +112,3 @@ class Noise:
             parts.append(self._chunks[chunk][begin:end])
             chunk += 1
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
-
-
-def convert(channels: np.ndarray, noise: np.ndarray, chain: Chain) -> np.ndarray:
-    """What the 16-bit converter makes of channel values and noise, both (n, 5)."""
-    read = channels + noise * np.asarray(chain.noise_V)
-    if chain.quantised:
-        read[:, :4] = np.round(read[:, :4] / LSB_V) * LSB_V
-    over = np.abs(read[:, :4]) >= RANGE_V
-    read[:, :4][over] = np.sign(read[:, :4][over]) * SATURATED
-    return read

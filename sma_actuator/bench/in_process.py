@@ -115,7 +115,7 @@ class InProcessSupply(_InProcess):
             current_setting_A=supply.current_A,
             output_on=supply.output_on,
             voltage_V=bench.voltage_V,
-            current_A=bench.truth.current_A,
+            current_A=bench.current_A,
             tripped=",".join(supply.trips),
         )
 

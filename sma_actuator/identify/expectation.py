@@ -101,6 +101,8 @@ def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config:
     basis = _basis(z)
     weights_m = _ridge(basis, residual_m)
     news_m = _left_out(z, residual_m, _folds(experiments, log, block))
+    if np.abs(news_m).mean() >= np.abs(residual_m).mean():  # what it learned does not hold where it was not fitted
+        weights_m, news_m = np.zeros_like(weights_m), residual_m
     white = np.linalg.inv(np.linalg.cholesky(z.T @ z / len(z) + RIDGE * np.eye(FEATURES)))
     return {
         "expected_stroke": (low_m, high_m),

@@ -40,19 +40,20 @@ class Fatigue:
 def fit_fatigue(experiments: Sequence[Experiment]) -> Fatigue:
     """ln N lines of the extremes of R and δ over the fatigue logs, numbered from ``first_cycle`` in their metadata.
 
-    Raises IdentificationError where there are fewer than five cycles.
+    The first cycle of a log does not count: it begins at a rest of any length, the others where the pause between pulses
+    leaves the wire.  Raises IdentificationError where fewer than five are left.
     """
     number, rows = [], []
     for experiment in experiments:
         first = int(experiment.log.metadata.get("first_cycle", 1))
-        for cycle in range(1, int(experiment.cycle.max()) + 1):
+        for cycle in range(2, int(experiment.cycle.max()) + 1):
             inside = experiment.cycle == cycle
             resistance_Ohm, displacement_m = experiment.resistance_Ohm[inside], experiment.displacement_m[inside]
             number.append(first + cycle - 1)
             rows.append((*_ends(resistance_Ohm), *_ends(displacement_m)))
     if len(number) < 5:
         raise IdentificationError(
-            f"fatigue: {len(number)} cycles in the logs; at least 5 are needed for a line in ln N"
+            f"fatigue: {len(number)} cycles in the logs, without the first of each; at least 5 are needed for a line in ln N"
         )
     order = np.argsort(number)
     numbers, values = np.array(number)[order], np.array(rows)[order].T

@@ -58,17 +58,16 @@ def fit_appendix_c(experiments: Sequence[Experiment], wire, order: int = 2) -> F
         polynomials, wire, stress_range_Pa(experiments), working_range_m(experiments, wire.full_stroke_m)
     )
 
+    def with_transition(theta):
+        rate = fitting.transition_rate(theta[1])
+        return dataclasses.replace(base, initial_slope=float(theta[0] * 1e-3), transition_rate=rate)
+
     def build(theta):
-        return dataclasses.replace(base, initial_slope=theta[0] * 1e-3, transition_rate=float(np.exp(theta[1]))).build(
-            wire
-        )
+        return with_transition(theta).build(wire)
 
     theta = _best_start(build, data, [(a, t) for a in (0.2, 0.6, 1.5) for t in (2.0, 3.0, 4.0)])
     found = fitting.fit(build, theta, data)
-    coefficients = dataclasses.replace(
-        base, initial_slope=float(found.x[0] * 1e-3), transition_rate=float(np.exp(found.x[1]))
-    )
-    return FlexinolFit(coefficients, (order, order), lines)
+    return FlexinolFit(with_transition(found.x), (order, order), lines)
 
 
 def _degrees(orders: tuple[int, int]) -> int:

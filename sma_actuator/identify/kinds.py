@@ -28,7 +28,9 @@ _STEADY_SHARE = 0.9  #: of the time, with weights; a spring's load moves with th
 _SHORTEST = 10  #: samples of a stretch
 _AT_REST = 0.08  #: share of a cycle's stroke that it may move at its ends
 _HOT_PART, _COLD_PART = 0.25, 0.15  #: shares of the time driven and not, at their ends, in which it rests
-_WIDEST = 0.93  #: share of the widest stroke of a load that a full cycle has at least
+#: Share of the widest stroke of a load that a full cycle has at least: the first one begins at a rest of any length, the
+#: others at what a pause between pulses leaves of the long tail that the cooling of a real wire ends with.
+_WIDEST = 0.88
 _MOST_CUTS = 3  #: of one log: more, and its cycles are those of a controller and no programme of pulses
 _IN_MOTION = 5  #: samples in mid-stroke that the heating of some full cycles in a row has at least
 _ENOUGH = 8  #: full cycles of a stretch that are fitted: they repeat each other, and each costs time

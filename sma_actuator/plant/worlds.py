@@ -1,7 +1,7 @@
 """Physics to choose from by name: the bench at home, and worlds to fail in.
 
-A world is a kinetics, and what real wires have that the bench at home has not.  Each serves both alloys.  What is
-developed against one of them is judged in the others.
+Home has the kinetics of a measured wire.  A world is a kinetics, and what real wires have that the bench at home
+has not.  Each serves both alloys.  What is developed against one of them is judged in the others.
 
 Sources beside those of :mod:`.materials`
     [C]  V. T. Morgan, "The overall convective heat transfer from smooth circular cylinders", Adv. Heat Transf. 11 (1975)
@@ -24,7 +24,7 @@ from .kinetics import Kinetics
 from .materials import NI_TI, NI_TI_CU, WIRES, Material, Untrained, Wire
 from .measured import lagoudas_for, measured_for
 
-HOME = "liang_rogers"
+HOME = "measured"
 
 
 def _liang_rogers_for(material: Material) -> Kinetics:
@@ -94,8 +94,10 @@ class World:
 
 
 WORLDS: dict[str, World] = {
-    HOME: World("Liang & Rogers' cosines, one temperature, a constant heat transfer", _liang_rogers_for),
-    "measured": World("the distribution of transformation temperatures of a measured wire", measured_for),
+    HOME: World(
+        "the distribution of transformation temperatures of a measured wire, a constant heat transfer", measured_for
+    ),
+    "liang_rogers": World("Liang & Rogers' cosines, one temperature, a constant heat transfer", _liang_rogers_for),
     "lagoudas": World("Lagoudas' smooth hardening, minor loops that stand until a surface is reached", lagoudas_for),
     "clamped": World(
         "measured, with cold clamps and a natural convection that grows with temperature [C]",

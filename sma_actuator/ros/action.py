@@ -16,7 +16,7 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from sma_actuator.base.signals import Mode, Output, Quality
 from sma_actuator.control.following import Outcome, Pursuit, tolerance
 from sma_actuator.control.setpoints import Trajectory
-from sma_msgs_py import start_from, trajectory_from
+from sma_msgs_py import start_from, time_message, trajectory_from
 
 #: How late the wire may come to the end where a goal does not say: it cools in seconds.
 LATE_s = 10.0
@@ -155,7 +155,7 @@ class FollowJointTrajectoryServer:
     def _feed_back(self, setpoint_m: float, position_m: float) -> None:
         feedback = self._action.Feedback()
         feedback.joint_names = [self._joint_name]
-        feedback.header.stamp = self._node.get_clock().now().to_msg()
+        feedback.header.stamp = time_message(self._node.get_clock().now().nanoseconds)
         feedback.desired.positions = [setpoint_m]
         feedback.actual.positions = [position_m]
         feedback.error.positions = [setpoint_m - position_m]

@@ -6,7 +6,6 @@ have, or a parameter of a type that does not exist, would do.
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Callable
 from typing import Any
@@ -14,7 +13,7 @@ from typing import Any
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
-_log = logging.getLogger(__name__)
+from .publishing import tell
 
 #: Between two failures of the executor, so that one that does not pass leaves the processor to the control loop.
 PAUSE_s = 0.01
@@ -85,5 +84,5 @@ def spin(
         except Exception as error:  # noqa: BLE001 - reported; the other callbacks are as good as ever
             if not node.context.ok():
                 return
-            on_error(error)
+            tell(on_error, error)
             time.sleep(PAUSE_s)

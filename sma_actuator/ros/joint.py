@@ -27,7 +27,13 @@ from sma_actuator.config import Config
 from sma_actuator.control.pair import PairParameters
 from sma_actuator.instruments.clock import MonotonicClock
 from sma_actuator.pair import JointOutput, PairDriver, PairedWire
-from sma_msgs_py import diagnostic_status_from, joint_estimate_message, pair_command_from, signals_message
+from sma_msgs_py import (
+    diagnostic_status_from,
+    joint_estimate_message,
+    pair_command_from,
+    signals_message,
+    time_message,
+)
 
 from .arguments import RosArguments
 from .guard import refuse_what_raises
@@ -187,7 +193,7 @@ class JointNode(Node):
         self._status.publish(message)
         if is_heard(self._diagnostics):
             array = DiagnosticArray(status=[message])
-            array.header.stamp = self.get_clock().now().to_msg()
+            array.header.stamp = time_message(self.get_clock().now().nanoseconds)
             self._diagnostics.publish(array)
 
     def turn(self) -> None:

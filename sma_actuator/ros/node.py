@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
+import faulthandler
 import gc
 import math
 import os
@@ -67,6 +68,7 @@ from sma_msgs_py import (
     position_from,
     reference_message,
     signals_message,
+    time_message,
 )
 
 from . import arguments as ros_arguments
@@ -90,6 +92,8 @@ RETRY_PERIOD_s = 1.0
 GIL_INTERVAL_s = 0.1e-3
 #: How often the main thread looks whether a signal was noted.
 SIGNAL_INTERVAL_s = 0.05
+#: ROS has so long to end once the outputs are off and the logs complete: Fast DDS hangs for ever on a clock before 1970.
+ROS_END_s = 30.0
 
 LONGEST_JOINT_COMMAND_B = 20_000  #: a command for some hundred joints
 
@@ -441,9 +445,9 @@ class SmaActuatorNode(LifecycleNode):
         """Take an exception that no message is to blame for as a fault: the output goes off, the node goes on."""
         words = f"{type(error).__name__} in a ROS callback: {error}"
         experiment = "".join(traceback.format_exception(error))
-        self.report(f"{words}\n{experiment}")
-        if self._driver is not None:
+        if self._driver is not None:  # before a word is said: what failed may be what says it
             self._driver.submit(lambda actuator, now_s: actuator.raise_fault(now_s, "unhandled_exception", words))
+        self.report(f"{words}\n{experiment}")
 
     # --- publishing: what flows in the thread of the hand-over, what is said in the ROS thread ------
 
@@ -526,9 +530,7 @@ class SmaActuatorNode(LifecycleNode):
 
         ROS time is the system's, since a simulated one is refused; rclpy's own clock takes ten times as long to ask.
         """
-        at_ns = time.time_ns() - round(1e9 * (self._monotonic.now_s() - time_s))
-        seconds, nanoseconds = divmod(at_ns, 1_000_000_000)
-        return Time(sec=seconds, nanosec=nanoseconds)
+        return time_message(time.time_ns() - round(1e9 * (self._monotonic.now_s() - time_s)))
 
     def _publish_status(self) -> None:
         self._take_tuned()  # who reads that the tuning is done finds its gains
@@ -557,7 +559,7 @@ class SmaActuatorNode(LifecycleNode):
             name = f"{self.get_fully_qualified_name()}: model health"
             health = health_status_from(name, self.config.joint_name, output.health, output.signals.time_s)
             array.status.append(health)
-        array.header.stamp = self.get_clock().now().to_msg()
+        array.header.stamp = time_message(time.time_ns())
         self._diagnostics.publish(array)
 
     def _key_values(self) -> dict[str, float | str]:
@@ -834,10 +836,11 @@ def _names(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str],
 def _stop(
     nodes: list[SmaActuatorNode], joints: list[JointNode], threads: list[threading.Thread], switch: Switch | None
 ) -> None:
-    """All outputs off, at the same time; then ROS."""
+    """All outputs off, at the same time; then ROS, which may hang in itself: then the process ends without it."""
     if nodes:
         with ThreadPoolExecutor(len(nodes)) as pool:
             list(pool.map(SmaActuatorNode.halt, nodes))
+    faulthandler.dump_traceback_later(ROS_END_s, exit=True)  # by a thread that asks Python for nothing
     for node in nodes:
         node.wake_no_more()
     for joint in joints:
@@ -847,6 +850,7 @@ def _stop(
     rclpy.try_shutdown()
     for thread in threads:
         thread.join(1.0)
+    faulthandler.cancel_dump_traceback_later()
 
 
 if __name__ == "__main__":

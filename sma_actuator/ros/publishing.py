@@ -7,6 +7,7 @@ has.  So what comes with every step is published beside it; and where nobody lis
 from __future__ import annotations
 
 import collections
+import logging
 import queue
 import threading
 import time
@@ -14,6 +15,7 @@ from collections.abc import Callable, Sequence
 from math import inf
 from typing import Any, Generic, TypeVar
 
+_log = logging.getLogger(__name__)
 Output = TypeVar("Output")
 
 #: Outputs are published at the loop's rate, but not faster than this: at 1 kHz it would take the loop's own time.
@@ -74,9 +76,17 @@ class Handoff(Generic[Output]):
             try:
                 self._publish(waiting[-1], waiting)
             except Exception as error:  # noqa: BLE001 - the next output is as good as any
-                self._on_error(error)
+                tell(self._on_error, error)
             self._turns += 1
             self._busy = False
+
+
+def tell(on_error: Callable[[Exception], None], error: Exception) -> None:
+    """Report an error from a thread that must not end, also where reporting is what fails."""
+    try:
+        on_error(error)
+    except Exception:  # noqa: BLE001 - reporting may raise anything
+        _log.exception("'%s' could not be reported", error)
 
 
 def is_heard(publisher: Any) -> bool:

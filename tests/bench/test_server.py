@@ -274,7 +274,7 @@ def test_the_process_serves_the_physics_that_was_asked_for(tmp_path):
 
 
 def test_two_benches_of_a_joint_have_one_time_and_say_its_angle():
-    stand = JointBench.from_name("flexinol", parse_joint("0.004,0.0019"), seed=1)
+    stand = JointBench.from_name("flexinol", parse_joint("0.004,0.0017"), seed=1)
     with background(stand.benches, speed=20.0) as server:
         first, second = (Connection(ports["supply"]) for ports in server.ports)
         for connection, current_A in ((first, 0.28), (second, 0.1)):

@@ -73,7 +73,9 @@ def test_the_slack_is_taken_up_and_the_joint_held_where_it_is(rig):
     assert rig.output.status.mode is Mode.HOLD and rig.output.status.message.startswith("holding")
     rig.run(8.0)
     assert rig.tensions_N == pytest.approx([0.8, 0.8], abs=0.1)
-    assert abs(rig.stand.angle_rad) < 0.03
+    seen = rig.output.estimate
+    assert seen.angle_rad == pytest.approx(rig.output.reference_rad, abs=0.02)
+    assert abs(rig.stand.angle_rad - seen.angle_rad) <= seen.uncertainty_rad
     assert rig.highest_N < rig.parameters.tension_limit
 
 

@@ -21,9 +21,9 @@ from sma_actuator.plant.loads import Weight
 
 
 @pytest.fixture(scope="module")
-def identified(furukawa):
-    logs = furukawa.only("pulses", "partial")
-    return logs, identify(logs, furukawa.mapping, "furukawa")
+def identified(flexinol):
+    logs = flexinol.only("pulses", "partial")
+    return logs, identify(logs, flexinol.mapping, "flexinol")
 
 
 def test_the_model_file_says_how_good_the_model_was(identified):
@@ -75,9 +75,9 @@ def test_a_wire_that_creeps_on_is_not_at_rest():
     assert not any(rest.settled for rest in creeping if rest.cycle)
 
 
-def test_a_model_of_any_size_keeps_its_errors_alone(identified, furukawa):
+def test_a_model_of_any_size_keeps_its_errors_alone(identified, flexinol):
     config = identified[1].config
-    bare = calibration_of(make_experiments(identified[0], bench_from_mapping(furukawa.mapping)), config, at_rest=False)
+    bare = calibration_of(make_experiments(identified[0], bench_from_mapping(flexinol.mapping)), config, at_rest=False)
     assert bare.known and not bare.cold_stress and not bare.residual_position
 
 

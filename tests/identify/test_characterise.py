@@ -24,7 +24,7 @@ from sma_actuator.cli.main import main
 from sma_actuator.config import bench_from_mapping
 from sma_actuator.instruments import InstrumentLost, InstrumentRefused
 from sma_actuator.logs.bench_log import read_bench_log
-from sma_actuator.plant.worlds import WORLDS
+from sma_actuator.plant.worlds import HOME, WORLDS
 
 
 @pytest.mark.parametrize("n", [2, 3, 5, 8])
@@ -249,8 +249,9 @@ def test_a_watchdog_that_cut_an_idle_supply_while_the_person_was_busy_stops_noth
 
 
 def test_the_same_characterisation_over_tcp(tmp_path):
+    """In a physics whose cold wire stands still as soon as it is loaded, so that a fifth of a second measures its place."""
     mapping = bench_mapping("flexinol")
-    with background(VirtualBench.from_name("flexinol")) as server:
+    with background(VirtualBench.from_name("flexinol", physics="liang_rogers")) as server:
         ports = server.ports[0]
         for name in ("supply", "daq"):
             mapping["instruments"][name]["resource"] = f"TCPIP::127.0.0.1::{ports[name]}::SOCKET"
@@ -354,7 +355,7 @@ def test_the_virtual_bench_has_the_physics_that_was_asked_for_and_a_real_one_has
         assert main(words) == 0
         return read_bench_log(next(out.glob("pulses_*.csv")))
 
-    home, foreign = measured("liang_rogers"), measured("foreign")
+    home, foreign = measured(HOME), measured("foreign")
     difference = home["lvdt_current_A"] - foreign["lvdt_current_A"]
     assert 0.315842 * abs(difference).max() > 1e-4  # a tenth of a millimetre at least
     assert main(["characterise", "--physics", "measured", "--out", str(tmp_path / "real")]) == 1

@@ -12,12 +12,10 @@ from sma_actuator.logs.bench_log import BenchLog, signals_from_log, write_bench_
 WIRE = ["--alloy", "ni-ti", "--length", "0.1", "--diameter", "0.1524e-3"]
 
 
-@pytest.fixture(scope="module")
-def foreign(flexinol, tmp_path_factory):
-    """The wire's logs as a stranger would have them: SI units, nothing beside them, surroundings not measured."""
-    folder = tmp_path_factory.mktemp("foreign")
-    config = bench_from_mapping(flexinol.mapping)
-    for log in flexinol.only("pulses", "partial"):
+def as_a_stranger_has_them(characterised, folder):
+    """The wire's logs in SI units, nothing beside them, surroundings not measured."""
+    config = bench_from_mapping(characterised.mapping)
+    for log in characterised.only("pulses", "partial"):
         s = signals_from_log(log, config)
         columns = {
             "time_s": s.time_s,
@@ -30,17 +28,31 @@ def foreign(flexinol, tmp_path_factory):
     return folder
 
 
-@pytest.fixture(scope="module")
-def model(foreign, tmp_path_factory):
+def model_of(logs, out):
     """The model file that the command writes from them, second order."""
-    out = tmp_path_factory.mktemp("model") / "my_wire.yaml"
-    assert main(["identify", str(foreign), *WIRE, "--order", "2", "--no-extension", "--out", str(out), "-q"]) == 0
+    assert main(["identify", str(logs), *WIRE, "--order", "2", "--no-extension", "--out", str(out), "-q"]) == 0
     return out
 
 
-def test_what_the_logs_tell_is_identified_from_them_and_written_with_its_reason(model, flexinol):
+@pytest.fixture(scope="module")
+def foreign(flexinol, tmp_path_factory):
+    return as_a_stranger_has_them(flexinol, tmp_path_factory.mktemp("foreign"))
+
+
+@pytest.fixture(scope="module")
+def model(foreign, tmp_path_factory):
+    return model_of(foreign, tmp_path_factory.mktemp("model") / "my_wire.yaml")
+
+
+def test_what_the_logs_do_not_tell_is_not_written(model):
+    """The contracted wire of home goes on transforming while it cools, so its resistance does not tell the heat loss."""
+    assert "heat_loss" not in read_parameter_file(model).get("thermal", {})
+
+
+def test_what_the_logs_tell_is_identified_from_them_and_written_with_its_reason(textbook, tmp_path):
+    model = model_of(as_a_stranger_has_them(textbook, tmp_path), tmp_path / "my_wire.yaml")
     mapping = read_parameter_file(model)
-    known = flexinol.mapping["thermal"]
+    known = textbook.mapping["thermal"]
     found = mapping["thermal"]
     assert found["heat_capacity"] / found["heat_loss"] == pytest.approx(
         known["heat_capacity"] / known["heat_loss"], rel=0.15
@@ -58,7 +70,7 @@ def test_replay_and_trace_run_on_that_file(model, foreign, tmp_path, capsys):
     log = str(foreign / "partial_1.200N.csv")
     assert main(["replay", log, "--config", str(model), "--json", "-"]) == 0
     (row,) = json.loads(capsys.readouterr().out)
-    assert row["working_percent"] < 1.5
+    assert row["working_percent"] < 2.0, "identify calls such a model good"
     out = tmp_path / "traced"
     assert (
         main(

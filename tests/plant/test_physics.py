@@ -1,4 +1,8 @@
-"""The wire as a whole: energy, closed forms, and the shape of the loops in the thesis's figures."""
+"""The wire as a whole: energy, closed forms, and the shape of the loops in the thesis's figures.
+
+All in the physics that has closed forms and that the figures were drawn with: cosines that begin and end somewhere.  What
+holds in every physics is in test_worlds.py.
+"""
 
 import math
 import os
@@ -15,7 +19,7 @@ HEATING_A = {"flexinol": 0.30, "furukawa": 0.50}
 
 
 def powered(name, **kwargs):
-    bench = VirtualBench.from_name(name, **kwargs)
+    bench = VirtualBench.from_name(name, physics="liang_rogers", **kwargs)
     bench.supply.set_voltage(6.0)
     bench.supply.set_current(0.05)
     bench.supply.set_output(True)

@@ -257,6 +257,6 @@ def test_a_distribution_is_moved_by_its_percentiles():
 
 
 def test_an_unknown_physics_is_refused_by_name():
-    with pytest.raises(ValueError, match="'caloric' is no physics of the bench; one of liang_rogers, measured"):
+    with pytest.raises(ValueError, match="'caloric' is no physics of the bench; one of measured, liang_rogers"):
         wire_in_world("flexinol", "caloric")
     assert len(WORLDS) >= 7

@@ -156,3 +156,16 @@ def test_status_survives_the_way_there_and_back(status, level):
     message = conversions.diagnostic_status_from("/left", "ACME supply", status)
     assert conversions.status_from(message) == status
     assert (message.level, message.name, message.hardware_id) == (level, "/left", "ACME supply")
+
+
+@pytest.mark.parametrize(
+    ("since_1970_ns", "said"),
+    [
+        (1_500_000_000_000_000_007, Time(sec=1_500_000_000, nanosec=7)),
+        ((2**31 - 1) * 10**9, Time(sec=2**31 - 1)),
+        (2**31 * 10**9, Time()),
+        (-1, Time()),
+    ],
+)
+def test_a_time_that_messages_have_no_room_for_is_not_known(since_1970_ns, said):
+    assert conversions.time_message(since_1970_ns) == said

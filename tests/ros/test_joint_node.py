@@ -38,7 +38,7 @@ def status_of(client, name, condition):
 def test_a_joint_is_turned_by_commands_and_a_fault_of_one_wire_switches_both_off(
     start_bench, make_config, start_node, client
 ):
-    bench = start_bench("--load", "joint:0.004,0.0019")
+    bench = start_bench("--load", "joint:0.004,0.0017")
     calibration = read_parameter_file(FILE, "left")["calibration"]
     wires = {
         name: make_config(instruments=bench.instruments(number), joint_name=name, calibration=calibration, **CALM)

@@ -1,6 +1,7 @@
 """Whatever ROS can send, the node refuses it in a sentence and goes on driving."""
 
 import math
+import signal
 import statistics
 import subprocess
 import sys
@@ -223,6 +224,25 @@ sys.exit(node.main())
         assert "ZeroDivisionError in a ROS callback: provoked" in node.words
         assert client.call(f"{NAME}/clear_fault", Trigger).success
         _enabled(client)
+
+    def test_ros_that_hangs_while_it_ends_ends_with_the_process_and_the_output_off(
+        self, start_bench, make_config, start_node, client
+    ):
+        bench = start_bench("--load", "weight:0.98")
+        # As Fast DDS does where the clock says a time before 1970: for ever, and Python with it.
+        program = """
+import ctypes, sys
+from sma_actuator.ros import node
+node.ROS_END_s = 1.0
+node.Switch.close = lambda self: ctypes.PyDLL(None).pause()
+sys.exit(node.main())
+"""
+        node = start_node(make_config(instruments=bench.instruments()), program=("-c", program))
+        _enabled(client)
+        wait_until(lambda: bench.current_A() > 0.04)
+        node.popen.send_signal(signal.SIGTERM)
+        wait_until(lambda: bench.current_A() == 0.0, what="end of the current")
+        assert node.ends() == 1
 
 
 class TestFromTheStart:

@@ -49,6 +49,21 @@ def test_what_raises_is_told_and_the_next_is_as_good_as_any(handoff):
     assert [str(error) for error in handoff.errors] == ["provoked"]
 
 
+def test_reporting_that_raises_does_not_end_the_thread(handoff):
+    handoff.go.set()
+    raised = []
+
+    def mute(error):
+        raised.append(error)
+        raise OSError("nobody hears")
+
+    handoff._on_error = mute
+    handoff.put("bad", True)
+    wait_until(lambda: raised)
+    handoff.put("good", True)
+    wait_until(lambda: handoff.published[-1][0] == "good")
+
+
 def test_a_thread_that_hangs_is_seen_and_costs_the_loop_neither_time_nor_memory(handoff):
     assert handoff.moves()
     handoff.put("stuck", True)

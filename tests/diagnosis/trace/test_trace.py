@@ -38,6 +38,12 @@ def traced(wire, config, hidden, **options):
     return trace(Evidence(session(wire[0], hidden, **options), config), jobs=1)
 
 
+def test_an_expectation_that_does_not_hold_where_it_was_not_fitted_is_none(config):
+    """Three loads do not say what the model leaves at a fourth; what is then expected would raise the floor by two thirds."""
+    assert not any(config.calibration.expected_weights)
+    assert config.calibration.floor < 1.1 * config.calibration.error
+
+
 def test_where_nothing_is_hidden_nothing_is_found(clean):
     found = trace(clean, jobs=1)
     assert found.verdict == "none" and found.fit is None

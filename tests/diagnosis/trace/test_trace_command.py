@@ -42,7 +42,11 @@ def test_the_report_says_what_was_found_and_how_sure_it_is(report):
     assert offset["unit"] == "V"
     assert offset["interval"][0] <= 0.004 <= offset["interval"][1] or offset["value"] == pytest.approx(0.004, rel=0.05)
     assert effect["share"] > 0.9
-    assert report["sentence"].startswith("A voltage channel has a zero error (voltage_offset): that explains 9")
+    explained = 1.0 - report["news_after_pct_stroke"] / report["news_before_pct_stroke"]
+    assert explained > 0.8
+    assert report["sentence"].startswith(
+        f"A voltage channel has a zero error (voltage_offset): that explains {explained:.0%} of what is unusual"
+    )
     assert "Look at leads, contacts and channels" in report["sentence"]
     assert "resistance at cold rest is as at the calibration with it" in report["sentence"]
     (at_rest,) = (w for w in report["witnesses"] if w["name"] == "resistance at cold rest")
