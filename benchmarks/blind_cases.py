@@ -25,7 +25,7 @@ from zlib import crc32
 
 import numpy as np
 from kept import BENCH, MODEL, kept
-from replay_tables import CALIBRATION, logs_of
+from replay_tables import CALIBRATION, TRAINED, logs_of
 from rich.console import Console
 from rich.table import Table
 
@@ -47,6 +47,7 @@ PROGRAMS = ("session", "pulses", "partial")  #: of the current; the first has al
 LOAD_EFFECTS = ("load_cell_drift", "load_cell_gain", "elastic_compliance", "creep", "load_cell_nonlinearity")
 LOG_s, PAUSE_s = 230.0, 60.0
 SESSION_s = 2 * LOG_s + PAUSE_s
+USED = 2.5 * TRAINED  #: cycles a wire has done when a session begins: trained, calibrated, and used a little
 LADDER_N = (0.98, 1.47, 0.49, 1.18, 1.96, 0.69, 1.67, 0.49, 1.37, 0.78, 1.96)
 
 #: What strength 1 is, in the effect's unit, for each alloy.
@@ -197,6 +198,7 @@ def _session(case: Case) -> list[BenchLog]:
         physics=case.physics,
         hidden=case.hidden,
         session_s=SESSION_s,
+        cycles=USED,
     )
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     wire = {"alloy": config.wire.alloy, "length_m": config.wire.length, "diameter_m": config.wire.diameter}

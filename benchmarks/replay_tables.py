@@ -43,6 +43,7 @@ THESIS = {
     "direct_switching": ((1.11, 1.16, 0.85, 2.27), None),
     "transition": ((1.28, 1.08, 0.73, 2.13), None),
 }
+TRAINED = float(PlanOptions().training_cycles)  #: cycles that `characterise` drives before it measures
 CALIBRATION = PlanOptions(skip=("training", "fatigue"), average_s=2.0)
 JUDGED = PlanOptions(
     loads_N=(0.49, 0.98, 1.96),
@@ -57,7 +58,7 @@ def logs_of(wire: str, options: PlanOptions, seed: int, physics: str = HOME) -> 
     """Characterise the virtual bench; returns pulses and partial logs, and the calibrated parameters."""
     mapping = read_parameter_file(shared_file(f"config/{wire}_bench.yaml"))
     config = bench_from_mapping(mapping)
-    bench = VirtualBench.from_name(wire, seed=seed, physics=physics)
+    bench = VirtualBench.from_name(wire, seed=seed, physics=physics, cycles=TRAINED)
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
     with tempfile.TemporaryDirectory(prefix="sma_tables_") as folder:

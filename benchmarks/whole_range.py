@@ -20,6 +20,7 @@ from pathlib import Path
 
 import numpy as np
 from blind_cases import LADDER_N, currents_A
+from replay_tables import TRAINED
 from rich.console import Console
 from rich.table import Table
 
@@ -42,7 +43,6 @@ _SKIP = ("training", "fatigue", "lead_resistance", "load_cell", "lvdt")
 CALIBRATION = PlanOptions(loads_N=(0.35, 0.6, 0.98, 1.5, 2.1), skip=_SKIP)  #: on/off moves alone, ten logs
 WITH_HELD = replace(CALIBRATION, levels=6)  #: and currents held at each load, five logs more
 JUDGED = PlanOptions(loads_N=(0.49, 1.96), springs_N_m=((300.0, 0.5),), pulses=2, set_points=4, skip=_SKIP)
-TRAINED = 40.0  #: cycles that `characterise` drives by default before it measures
 PID_s = 120.0
 HELD = (Weight(0.8), Spring(250.0, 0.6))
 KINDS = ("pulses", "partial", "spring session", "load steps", "pid")

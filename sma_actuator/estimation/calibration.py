@@ -132,15 +132,6 @@ class Calibration:
         nan, "latent heat of the whole stroke over thermal.heat_capacity", "K", -1e3, 1e3, optional=True
     )
 
-    @property
-    def another_wire_m(self) -> float:
-        """How far from that of the calibration a later log finds a wire that changed meanwhile, in the mean.
-
-        What was learned is the wire in the middle of its change; a later log may find it anywhere between the end of that
-        and, where it is another piece of the spool, its beginning.
-        """
-        return 0.25 * self.changed
-
     def share_of_stroke(self, displacement_m: Any, stress_Pa: Any) -> Any:
         """How far a displacement lies between the contracted (0) and the cold wire (1) at a stress; of numbers or arrays."""
         hot_m = np.interp(stress_Pa, self.contracted_stress, self.contracted_displacement)

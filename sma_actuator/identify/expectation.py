@@ -55,7 +55,6 @@ class Expectation:
         self._white = np.zeros((FEATURES, FEATURES))
         self._white[np.tril_indices(FEATURES)] = c.expected_white
         self._floor_m = c.floor / 100 * config.wire.full_stroke_m
-        self._another_wire_m = c.another_wire_m
 
     def residual_m(self, found: Estimates, rows: np.ndarray | slice) -> np.ndarray:
         """Measured less estimated displacement that is no news, of some of n samples."""
@@ -64,8 +63,7 @@ class Expectation:
     def floor_m(self, found: Estimates, rows: np.ndarray | slice) -> np.ndarray:
         """How far off that is in the mean where it was not fitted, of some of n samples."""
         square = np.sum((self._seen(found, rows) @ self._white.T) ** 2, axis=1)
-        floor_m = self._floor_m * np.clip(np.sqrt((1.0 + square) / (1.0 + FEATURES)), *FLOOR_BETWEEN)
-        return np.hypot(floor_m, self._another_wire_m)
+        return self._floor_m * np.clip(np.sqrt((1.0 + square) / (1.0 + FEATURES)), *FLOOR_BETWEEN)
 
     def _seen(self, found: Estimates, rows: np.ndarray | slice) -> np.ndarray:
         stroke_m = (self._low_m, self._high_m)

@@ -346,15 +346,9 @@ class Evidence:
         out = np.zeros((len(rows), 2))
         c = self.calibration
         range_Ohm = c.resistance_range if math.isfinite(c.resistance_range) else self._range_Ohm()
-        another_m = SPREAD * c.another_wire_m
-        another_Ohm = another_m / self.full_stroke_m * range_Ohm
-        s_R = math.hypot(
-            c.resistance_scatter if math.isfinite(c.resistance_scatter) else 0.0, 0.003 * range_Ohm, another_Ohm
-        )
+        s_R = math.hypot(c.resistance_scatter if math.isfinite(c.resistance_scatter) else 0.0, 0.003 * range_Ohm)
         s_d = math.hypot(
-            c.displacement_scatter if math.isfinite(c.displacement_scatter) else 0.0,
-            0.005 * self.full_stroke_m,
-            another_m,
+            c.displacement_scatter if math.isfinite(c.displacement_scatter) else 0.0, 0.005 * self.full_stroke_m
         )
         for hot in (0.0, 1.0):
             chosen = rows[:, 0] == hot

@@ -129,8 +129,9 @@ def _trained_first(changed_percent: float) -> str:
     if not changed_percent:
         return ""
     return (
-        f" The wire changed while it was calibrated: its hot end moved by {changed_percent:.1f} % of full stroke, and what is "
-        "small beside that does not show. Train it first (characterise does, with --training-cycles), and identify it again."
+        f" The wire changed while it was calibrated: its hot end moved by {changed_percent:.1f} % of full stroke, and what the "
+        "model lacks of these logs may be no more than that. Train it first (characterise does, with --training-cycles), "
+        "and identify it again."
     )
 
 

@@ -19,7 +19,7 @@ from sma_actuator.config import NODE_NAME, bench_from_mapping, read_parameter_fi
 from sma_actuator.identify import identify
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log, write_bench_log
 
-WIRE, PHYSICS = "furukawa", "liang_rogers"
+WIRE = "furukawa"
 LOG_s, PAUSE_s = 150.0, 30.0
 STEPS = Schedule(
     [(0.0, Weight(0.98)), (35.0, Weight(1.96)), (80.0, Weight(0.6)), (210.0, Weight(1.5)), (260.0, Weight(0.98))]
@@ -30,7 +30,7 @@ def calibrated():
     """(bench's parameters, model's parameters) of a short characterisation."""
     mapping = read_parameter_file(shared_file(f"config/{WIRE}_bench.yaml"))
     config = bench_from_mapping(mapping)
-    bench = VirtualBench.from_name(WIRE, seed=1, physics=PHYSICS)
+    bench = VirtualBench.from_name(WIRE, seed=1)
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
     options = PlanOptions(
@@ -52,7 +52,7 @@ def session(bench_mapping, hidden=None, load=STEPS, seed=5, logs=2):
     """Bench logs of one session: pulses that settle at both ends, then partial ones."""
     config = bench_from_mapping(bench_mapping)
     whole_s = logs * LOG_s + (logs - 1) * PAUSE_s
-    bench = HiddenBench.from_name(WIRE, seed=seed, load=load, physics=PHYSICS, hidden=hidden or {}, session_s=whole_s)
+    bench = HiddenBench.from_name(WIRE, seed=seed, load=load, hidden=hidden or {}, session_s=whole_s)
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     out = []
     with rig.opened():
