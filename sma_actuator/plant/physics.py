@@ -574,6 +574,24 @@ def simulate(steps, step_s, c, wire, inputs, ring, first):
     return row
 
 
+@jit
+def _cool_on_its_load(c, wire, ambient_C, force_N, stiffness_N_m, spring_at_m):
+    """Fill a wire's state as :func:`cold_state` says.  One kernel, since the parts that are compiled into their callers are
+    compiled anew by every process that calls them from Python: seconds at every start of a bench."""
+    x = c.transformation
+    whole, cells, memory_m, memory_r, bands = wire
+    stress_Pa = force_N / c.area_m2
+    shift = _shift(c, 0.0)
+    for j in range(cells.shape[0]):
+        cells[j, CELL_TEMPERATURE] = ambient_C
+        cells[j, CELL_SLOPE_J_K] = x.heat_capacity_J_K
+        cells[j, CELL_MARTENSITE] = martensite_at(x, bands, memory_m[j], 0.0, ambient_C, stress_Pa, shift, True)
+        cells[j, CELL_R_SHARE] = r_share_at(x, bands, memory_r[j], 0.0, ambient_C, stress_Pa, shift, True)
+        cells[j, CELL_ENTHALPY] = enthalpy_of(x, cells[j, CELL_MARTENSITE], cells[j, CELL_R_SHARE], ambient_C)
+    whole[LOAD] = force_N
+    _mechanics(c, whole, cells, force_N, stiffness_N_m, spring_at_m)
+
+
 def cold_state(
     wire: Wire, c: Constants, ambient_C: float, force_N: float, stiffness_N_m: float = 0.0, spring_at_m: float = 0.0
 ) -> WireState:
@@ -587,16 +605,6 @@ def cold_state(
         memory_r=np.array([new_memory(0.0) for _ in range(n)]),
         bands=wire.kinetics.bands(),
     )
-    stress_Pa = force_N / c.area_m2
-    shift = _shift(c, 0.0)
-    cells, bands = state.cells, state.bands
-    cells[:, CELL_LENGTH_SHARE], cells[:, CELL_CONDUCTANCE_W_K] = shares, conductances_W_K
-    cells[:, CELL_TEMPERATURE] = ambient_C
-    cells[:, CELL_SLOPE_J_K] = c.transformation.heat_capacity_J_K
-    for cell, memory_m, memory_r in zip(cells, state.memory_m, state.memory_r, strict=True):
-        cell[CELL_MARTENSITE] = martensite_at(c.transformation, bands, memory_m, 0.0, ambient_C, stress_Pa, shift, True)
-        cell[CELL_R_SHARE] = r_share_at(c.transformation, bands, memory_r, 0.0, ambient_C, stress_Pa, shift, True)
-        cell[CELL_ENTHALPY] = enthalpy_of(c.transformation, cell[CELL_MARTENSITE], cell[CELL_R_SHARE], ambient_C)
-    state.whole[LOAD] = force_N
-    _mechanics(c, state.whole, cells, force_N, stiffness_N_m, spring_at_m)
+    state.cells[:, CELL_LENGTH_SHARE], state.cells[:, CELL_CONDUCTANCE_W_K] = shares, conductances_W_K
+    _cool_on_its_load(c, state, float(ambient_C), float(force_N), float(stiffness_N_m), float(spring_at_m))
     return state
