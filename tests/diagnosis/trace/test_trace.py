@@ -219,7 +219,8 @@ def test_what_follows_the_wire_follows_it_and_not_the_model(clean, monkeypatch, 
     after, without = clean.predict({name: effect}), clean.predict({})
     of_the_model = [dataclasses.replace(a, expected_m=b.expected_m) for a, b in zip(after, without, strict=True)]
     whole, alone, nothing = (clean.news_percent(p).mean() for p in (after, of_the_model, without))
-    assert whole < 0.5 * alone < 0.2 * nothing  # what is expected is known at the readings compared, and a line between them
+    # What is expected is known at the readings compared, with straight lines between them.
+    assert whole < 0.5 * alone < 0.2 * nothing
 
 
 def test_a_wire_that_changed_while_it_was_calibrated_is_said_to_have(wire, config, clean):
