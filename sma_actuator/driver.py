@@ -495,8 +495,8 @@ class Driver:
 
     def _write(self, command: Command, state: SupplyState | None) -> None:
         """Tell the supply what it does not know yet."""
-        if self._cut:
-            command = _OFF  # thought out before the watchman cut
+        if self._cut or self._stopping.is_set():
+            command = _OFF  # thought out before the supply was shut down beside this thread
         written = self._written
         self._written = None  # until all of it is sent
         if command.output_on:

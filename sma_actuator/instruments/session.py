@@ -150,13 +150,13 @@ class VisaWire:
 
     def send(self, data: bytes, deadline_s: float) -> None:
         """Write all of it."""
-        self._set_timeout(deadline_s)
-        self._visa.write_raw(data)
+        with self._until(deadline_s):
+            self._visa.write_raw(data)
 
     def receive(self, deadline_s: float) -> bytes:
         """A piece of an answer, or all of it."""
-        self._set_timeout(deadline_s)
-        with self._visa.ignore_warning(pyvisa.constants.StatusCode.success_max_count_read):
+        code = pyvisa.constants.StatusCode.success_max_count_read
+        with self._until(deadline_s), self._visa.ignore_warning(code):
             data, _ = self._visa.visalib.read(self._visa.session, self._piece)
         return data
 
@@ -172,11 +172,18 @@ class VisaWire:
         """Give it back to VISA."""
         self._visa.close()
 
-    def _set_timeout(self, deadline_s: float) -> None:
+    @contextlib.contextmanager
+    def _until(self, deadline_s: float) -> Iterator[None]:
         left_s = deadline_s - time.monotonic()
         if left_s <= 0.0:
             raise TimeoutError
         self._visa.timeout = max(1e3 * left_s, 1.0)
+        try:
+            yield
+        except pyvisa.VisaIOError as error:
+            if error.error_code != pyvisa.constants.StatusCode.error_timeout:
+                raise
+            raise TimeoutError from error
 
 
 class Claim:
@@ -209,6 +216,7 @@ class Session:
         self._wire: Wire | None = None
         self._addresses: list[tuple] = []  #: asked for once: a name server may be slower than any instrument
         self._midline = False  #: a line was begun and not ended
+        self._answered = False  #: a question, on this connection
         self._deadline_s = math.inf
 
     @property
@@ -268,7 +276,7 @@ class Session:
             ) from error
         except Exception as error:  # pyvisa-py raises a bare Exception for a host that has no address
             raise self._cannot_be_opened(error) from error
-        self._wire, self._midline = wire, False
+        self._wire, self._midline, self._answered = wire, False, False
         self.say_off()
 
     def say_off(self) -> bool:
@@ -298,15 +306,19 @@ class Session:
             extra = self._do(line, lambda wire: wire.unread())
             if extra:
                 raise self.give_up(
-                    f"said '{_shown(extra)}' without being asked: its answers and our questions are out of step"
+                    f"said '{_shown(extra)}' without being asked: "
+                    + ("its answers and our questions are out of step" if self._answered else self._for_people)
                 )
             self._send(line, by_s)
             reply, extra = self._do(line, lambda wire: self._line(wire, by_s))
+        text = reply.decode("ascii", errors="replace").strip()
+        if text == line:
+            raise self.give_up(f"repeats what it is asked, '{line}': {self._for_people}, or its echo is on")
         if extra:
             raise self.give_up(f"answered '{line}' with more than one line: '{_shown(reply)}', '{_shown(extra)}'")
-        text = reply.decode("ascii", errors="replace").strip()
         if not text or not text.replace("\t", " ").isprintable():
             raise self.garbled(line, text)
+        self._answered = True
         return text
 
     def give_up(self, why: str) -> InstrumentLost:
@@ -371,7 +383,13 @@ class Session:
         while self._termination not in got:
             if len(got) > LONGEST_ANSWER:
                 raise OSError(f"its answer has no end within {LONGEST_ANSWER} bytes")
-            got += wire.receive(by_s)
+            try:
+                got += wire.receive(by_s)
+            except TimeoutError as error:
+                begun = (
+                    f"'{_shown(got)}' came, without the end of a line, {self._termination.decode()!r}" if got else ""
+                )
+                raise TimeoutError(begun) from error
         line, _, extra = got.partition(self._termination)
         return line, extra
 
@@ -382,15 +400,16 @@ class Session:
         try:
             return action(wire)
         except TimeoutError as error:
-            raise self.give_up(self._no_answer(line)) from error
-        except pyvisa.VisaIOError as error:
-            late = error.error_code == pyvisa.constants.StatusCode.error_timeout
-            raise self.give_up(self._no_answer(line) if late else f"'{line}' failed ({error})") from error
+            begun = f": {error}" if str(error) else ""
+            raise self.give_up(f"no complete answer to '{line}' within {self._timeout_s:g} s{begun}") from error
         except (pyvisa.Error, OSError, ValueError) as error:
             raise self.give_up(f"the connection broke at '{line}' ({error})") from error
 
-    def _no_answer(self, line: str) -> str:
-        return f"no complete answer to '{line}' within {self._timeout_s:g} s"
+    @property
+    def _for_people(self) -> str:
+        return (
+            f"instruments.{self.role}.resource may name a port for people; the one for programs is wanted, often 5025"
+        )
 
     def _cannot_be_opened(self, error: Exception) -> InstrumentUnreachable:
         return InstrumentUnreachable(

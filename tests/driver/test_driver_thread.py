@@ -151,6 +151,33 @@ def test_stop_does_not_wait_for_a_daq_that_hangs(make_driver):
     assert min(took_s) < 1.0
 
 
+def test_a_step_that_goes_on_after_stop_switches_nothing_on_again(make_driver):
+    class Supply(StandInSupply):
+        asked, hang, release = threading.Event(), threading.Event(), threading.Event()
+
+        def check_next_setting(self):
+            if self.hang.is_set():
+                self.asked.set()
+                self.release.wait(SOON_s)
+
+    outputs = Outputs()
+    driver = make_driver(supply=Supply(), on_output=outputs, changes={"safety.reading_timeout": 60.0})
+    supply, _ = driver.stand_ins
+    driver.start()
+    outputs.wait_for(lambda _: len(outputs.all) > 3)
+    assert driver.enable(True)[0]
+    outputs.wait_for(lambda output: output.command.output_on)
+    supply.hang.set()  # after the supply was read back, before it is told what that means
+    assert supply.asked.wait(SOON_s)
+    assert driver.stop()
+    told = len(supply.settings)
+    supply.release.set()
+    driver._thread.join(SOON_s)
+    assert not driver._thread.is_alive()
+    assert ("output", True) not in supply.settings[told:]
+    assert all(value == 0.0 for what, value in supply.settings[told:] if what == "current")
+
+
 def test_a_new_reading_timeout_reaches_the_watchman(make_driver):
     driver = make_driver(changes={"safety.reading_timeout": 60.0})
     _, daq = driver.stand_ins

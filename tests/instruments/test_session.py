@@ -14,7 +14,8 @@ from sma_actuator.instruments import InstrumentLost, InstrumentRefused, Instrume
 from sma_actuator.instruments import session as session_module
 from sma_actuator.instruments.session import Session
 
-TIMEOUT_s = 0.4
+TIMEOUT_s = 0.4  #: where an answer must not come
+PATIENT_s = 20.0  #: where it must
 #: A machine that is busy elsewhere may be late by this much; what hangs is later by orders.
 SLACK_s = 2.0
 
@@ -48,7 +49,7 @@ class Peer:
         def work():
             heard = b""
             with contextlib.suppress(OSError):
-                while b"?\n" not in heard:
+                while b"?" not in heard:
                     heard += self.connection.recv(4096)
                 self.connection.sendall(data)
 
@@ -111,6 +112,62 @@ def test_an_answer_without_an_end_is_given_up_though_the_wall_clock_steps_back(p
     with pytest.raises(InstrumentLost, match="no complete answer"):
         session.ask("*IDN?")
     assert time.monotonic() - before_s < TIMEOUT_s + SLACK_s
+
+
+def test_what_came_of_an_answer_without_an_end_is_shown(peer):
+    session = Session("supply", peer.resource, "\r\n", TIMEOUT_s)
+    session.open()
+    peer.accept()
+    peer.answer(b"1.5\n")
+    with pytest.raises(InstrumentLost, match=r"'1.5' came, without the end of a line, '\\r\\n'"):
+        session.ask("CURR?")
+    session.close()
+
+
+def test_an_answer_may_come_in_pieces_that_part_the_end_of_the_line(peer):
+    session = Session("supply", peer.resource, "\r\n", PATIENT_s)
+    session.open()
+    connection = peer.accept()
+
+    def answer():
+        heard = b""
+        while b"?\r\n" not in heard:
+            heard += connection.recv(4096)
+        for piece in (b"1.", b"5", b"\r", b"\n"):
+            connection.sendall(piece)
+            time.sleep(0.01)
+
+    thread = threading.Thread(target=answer)
+    thread.start()
+    assert session.ask("CURR?") == "1.5"
+    thread.join(10.0)
+    session.close()
+
+
+def test_a_port_that_greets_is_said_to_be_for_people(peer, session):
+    peer.connection.sendall(b"Welcome to the supply\r\n")
+    assert select.select([session._wire._socket], [], [], 10.0)[0]
+    with pytest.raises(InstrumentLost, match=r"said 'Welcome to the supply' without being asked: .* a port for people"):
+        session.ask("*IDN?")
+
+
+def test_a_port_that_repeats_what_it_hears_is_said_to_be_for_people(peer, session):
+    peer.answer(b"*IDN?\r\n")
+    with pytest.raises(InstrumentLost, match=r"repeats what it is asked, '\*IDN\?': .* or its echo is on"):
+        session.ask("*IDN?")
+
+
+def test_a_connection_that_is_closed_after_each_answer_is_lost_and_not_used_again(peer):
+    session = Session("supply", peer.resource, "\n", PATIENT_s)
+    session.open()
+    peer.accept()
+    peer.answer(b"1\n")
+    assert session.ask("OUTP?") == "1"
+    peer.connection.shutdown(socket.SHUT_RDWR)
+    with pytest.raises(InstrumentLost, match="the connection broke at 'CURR\\?'"):
+        session.ask("CURR?")
+    with pytest.raises(InstrumentLost, match="not connected"):
+        session.tell("OUTP ON")
 
 
 def test_an_answer_may_not_be_longer_than_there_is_sense_in(peer, session, monkeypatch):
@@ -206,7 +263,7 @@ class TestSerial:
         ours, theirs = os.openpty()
         tty.setraw(ours)
         tty.setraw(theirs)
-        session = Session("supply", f"ASRL{os.ttyname(theirs)}::INSTR", "\n", TIMEOUT_s, ["OUTP OFF"])
+        session = Session("supply", f"ASRL{os.ttyname(theirs)}::INSTR", "\n", PATIENT_s, ["OUTP OFF"])
         session.open()
         yield ours, session
         session.close()
@@ -238,6 +295,7 @@ class TestSerial:
 
         wall_s = time.time()
         monkeypatch.setattr(time, "time", lambda: wall_s - 3600.0)
+        session._timeout_s = TIMEOUT_s
         thread = threading.Thread(target=trickle)
         thread.start()
         start_s = time.monotonic()
