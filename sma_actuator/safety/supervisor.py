@@ -36,16 +36,13 @@ class Supervisor:
         self.memory = Memory()  #: of the guards
         #: Those that look at every step, the gravest first.
         self._looking = [fault for fault in FAULTS.values() if isinstance(fault, Guard) and fault.each_step]
-        self._enabled_s = nan
-        self._good_readings = 0
-        self._stress_cap_A = inf
-        self.stress_floor_m = -inf  #: the shortest setpoint the stress allows
+        self.enabled(nan)  # never yet
 
     def enabled(self, now_s: float) -> None:
         """The output is about to go on."""
         self._enabled_s = now_s
         self._good_readings = 0
-        self._stress_cap_A, self.stress_floor_m = inf, -inf
+        self._free_of_stress()
 
     def settled(self, now_s: float) -> bool:
         """Whether current and readings belong together since the output went on."""
@@ -94,11 +91,15 @@ class Supervisor:
         Both are needed: the wire also contracts while the current stays what it is.
         """
         if stress_Pa <= self.config.safety.stress_limit_fraction * self.config.wire.max_stress:
-            self._stress_cap_A, self.stress_floor_m = inf, -inf
+            self._free_of_stress()
             return
         if self._stress_cap_A == inf:
             self.stress_floor_m = position_m
         self._stress_cap_A = max(min(self._stress_cap_A, told_A), self.config.supply.bias_current)
+
+    def _free_of_stress(self) -> None:
+        self._stress_cap_A: float = inf
+        self.stress_floor_m: float = -inf  #: the shortest setpoint the stress allows
 
     def limit_A(self) -> float:
         """Highest current that temperature and stress leave [A], from the bias to ``supply.max_current``."""

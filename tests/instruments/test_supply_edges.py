@@ -79,6 +79,9 @@ def test_the_parameters_can_disarm_the_watchdog_and_then_it_is(supply, server):
         (":OUTP:PROT:WDOG:DEL?", "1.0", None),
         (":OUTP:PROT:WDOG:DEL?", "0.5", None),
         (":OUTP:PROT:WDOG:DEL?", "1.5", WatchdogNotHeld),
+        (":OUTP:PROT:WDOG:DEL?", "0", WatchdogNotHeld),  # as of one that was switched off
+        (":OUTP:PROT:WDOG:DEL?", "-1", WatchdogNotHeld),
+        (":OUTP:PROT:WDOG:DEL?", "9.91E37", WatchdogNotHeld),
         (":OUTP:PROT:WDOG?", "0", WatchdogNotHeld),
         (":OUTP:PROT:WDOG:SESS?", "0", WatchdogNotHeld),
         (":VOLT?", "6.1", None),
@@ -86,6 +89,8 @@ def test_the_parameters_can_disarm_the_watchdog_and_then_it_is(supply, server):
         (":VOLT?", "5.8", LimitsNotHeld),
         (":VOLT:PROT?", "20", LimitsNotHeld),
         (":CURR:PROT?", "0.5", LimitsNotHeld),
+        (":CURR:PROT?", "9.9E37", LimitsNotHeld),
+        (":CURR:PROT?", "9.91E37", LimitsNotHeld),
     ],
 )
 def test_what_was_programmed_is_asked_for_again_and_has_to_hold(supply, server, query, reply, refused):
@@ -145,7 +150,7 @@ def test_off_is_said_until_it_is_read_back_and_else_refused(supply, server):
     server.lines.clear()
     one.switch_off()
     assert server.lines == ["OUTP OFF", "CURR 0.000000", ":OUTP?"]
-    assert one.shut_down()
+    assert any(one.shut_down() for _ in range(5)), "it has half a second; a machine that stands still may lose it"
 
 
 @pytest.mark.parametrize(

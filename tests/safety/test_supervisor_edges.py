@@ -19,6 +19,9 @@ AMBIENT_C = 22.0
 COLD_s = 1e6  #: for so long without power every wire is as cold as the room
 READING = Reading(10.0, 1.3, 0.2, 0.08)
 SUPPLY = SupplyState(10.0, 0.2, True, 1.3, 0.2)
+#: So little heat capacity that the heat leaves less than the highest current.
+SMALL = {"thermal.heat_capacity": 2e-3, "supply.watchdog_timeout": 0.5, "safety.reading_timeout": 1.0}
+STRESS_FROM_50_MPa = {"wire.max_stress": 100e6, "safety.stress_limit_fraction": 0.5}
 WHILE_OFF = {
     "driven": False,
     "told": OFF,
@@ -75,12 +78,12 @@ class TestSettled:
 
     def test_takes_a_time_and_readings_since_the_output_went_on(self, make, step):
         supervisor = make()
-        supervisor.enabled(0.0)
+        supervisor.enabled(8.0)  # where the time of settling is a sum without rounding
         self.readings(supervisor, step, SETTLING_READINGS - 1)
-        assert not supervisor.settled(SETTLING_TIME_s)
+        assert not supervisor.settled(8.0 + SETTLING_TIME_s)
         self.readings(supervisor, step, 1)
-        assert supervisor.settled(SETTLING_TIME_s)
-        assert not supervisor.settled(SETTLING_TIME_s - 1e-9)
+        assert supervisor.settled(8.0 + SETTLING_TIME_s)
+        assert not supervisor.settled(8.0 + SETTLING_TIME_s - 1e-9)
 
     def test_is_not_what_was_never_enabled(self, make, step):
         supervisor = make()
@@ -130,6 +133,10 @@ class TestUsable:
 
 
 class TestFaults:
+    def test_there_is_none_in_the_beginning(self, make):
+        supervisor = make()
+        assert (supervisor.latched, supervisor.detail, supervisor.present) == (None, "", {})
+
     def test_the_first_that_latches_stays(self, make):
         supervisor = make()
         supervisor.latch(FAULTS["short"], "the cause")
@@ -179,9 +186,6 @@ class TestFaults:
 
 
 class TestHeat:
-    #: So little heat capacity that the heat leaves less than the highest current.
-    SMALL = {"thermal.heat_capacity": 2e-3, "supply.watchdog_timeout": 0.5, "safety.reading_timeout": 1.0}
-
     def heat_A(self, supervisor, horizon_s, resistance_Ohm):
         power_W = supervisor.heat.power_limit_W(horizon_s, supervisor.config.thermal)
         return math.sqrt(power_W / resistance_Ohm)
@@ -193,14 +197,14 @@ class TestHeat:
         self, make, watchdog_s, reading_timeout_s, unwatched_s
     ):
         changes = {"supply.watchdog_timeout": watchdog_s, "safety.reading_timeout": reading_timeout_s}
-        supervisor = make(**{**self.SMALL, **changes, "supply.allow_no_watchdog": True, "loop.rate": 10.0})
+        supervisor = make(**{**SMALL, **changes, "supply.allow_no_watchdog": True, "loop.rate": 10.0})
         wanted_A = self.heat_A(supervisor, unwatched_s + 0.1, 5.0)
         assert BIAS_A < wanted_A < MAX_A
         assert supervisor.limit_A() == pytest.approx(wanted_A, rel=1e-12)
 
     @pytest.mark.parametrize("resistance_Ohm", [0.5, 0.9, 5.0])
     def test_uses_the_resistance_that_was_measured(self, make, resistance_Ohm):
-        supervisor = make(resistance_Ohm, **self.SMALL, **{"supply.max_current": 0.8, "supply.over_current_trip": 0.9})
+        supervisor = make(resistance_Ohm, **SMALL, **{"supply.max_current": 0.8, "supply.over_current_trip": 0.9})
         wanted_A = min(self.heat_A(supervisor, 1.0 + 1.0 / supervisor.config.loop.rate, resistance_Ohm), 0.8)
         assert supervisor.limit_A() == pytest.approx(wanted_A, rel=1e-12) != BIAS_A
 
@@ -211,13 +215,13 @@ class TestHeat:
         ("power_W", "current_A"), [(0.0, 0.2), (0.1, 0.0), (-0.5, 0.2), (0.1, -0.2), (NAN, 0.2), (0.1, NAN)]
     )
     def test_learns_no_resistance_from_what_is_no_power(self, make, power_W, current_A):
-        supervisor = make(**self.SMALL)
+        supervisor = make(**SMALL)
         before_A = supervisor.limit_A()
         supervisor.keep_heat(power_W, current_A, 0.0, AMBIENT_C)
         assert supervisor.limit_A() == before_A > BIAS_A
 
     def test_leaves_the_bias_to_a_wire_that_is_too_hot_already(self, make):
-        supervisor = make(**self.SMALL)
+        supervisor = make(**SMALL)
         supervisor.keep_heat(1.0, 0.4, COLD_s, AMBIENT_C)
         assert supervisor.limit_A() == BIAS_A
 
@@ -231,16 +235,14 @@ class TestHeat:
 
 
 class TestStress:
-    CHANGES = {"wire.max_stress": 100e6, "safety.stress_limit_fraction": 0.5}
-
     def test_at_the_bound_all_is_free(self, make):
-        supervisor = make(**self.CHANGES)
+        supervisor = make(**STRESS_FROM_50_MPa)
         assert (supervisor.limit_A(), supervisor.stress_floor_m) == (MAX_A, -INF)
         supervisor.watch_stress(50e6, 0.002, 0.2)
         assert (supervisor.limit_A(), supervisor.stress_floor_m) == (MAX_A, -INF)
 
     def test_beyond_it_neither_current_nor_contraction_grows(self, make):
-        supervisor = make(**self.CHANGES)
+        supervisor = make(**STRESS_FROM_50_MPa)
         supervisor.watch_stress(50.1e6, 0.002, 0.2)
         assert (supervisor.limit_A(), supervisor.stress_floor_m) == (0.2, 0.002)
         supervisor.watch_stress(60e6, 0.001, 0.3)  # neither of these
@@ -249,13 +251,13 @@ class TestStress:
         assert (supervisor.limit_A(), supervisor.stress_floor_m) == (0.15, 0.002)
 
     def test_enough_is_left_to_measure_with(self, make):
-        supervisor = make(**self.CHANGES)
+        supervisor = make(**STRESS_FROM_50_MPa)
         supervisor.watch_stress(60e6, 0.002, 0.0)
         assert supervisor.limit_A() == BIAS_A
 
     @pytest.mark.parametrize("release", [lambda one: one.watch_stress(50e6, 0.0, 0.2), lambda one: one.enabled(20.0)])
     def test_it_passes(self, make, release):
-        supervisor = make(**self.CHANGES)
+        supervisor = make(**STRESS_FROM_50_MPa)
         supervisor.watch_stress(60e6, 0.002, 0.2)
         release(supervisor)
         assert (supervisor.limit_A(), supervisor.stress_floor_m) == (MAX_A, -INF)
@@ -294,13 +296,13 @@ class TestGate:
         assert supervisor.gate(0.3, True, others)[0] == Command(0.3, True)
 
     def test_stress_is_named_while_it_limits(self, make):
-        supervisor = make(**TestStress.CHANGES)
+        supervisor = make(**STRESS_FROM_50_MPa)
         supervisor.watch_stress(60e6, 0.002, 0.2)
         assert supervisor.gate(0.3, True, {}) == (Command(0.2, True), {STRESS_NEAR_LIMIT})
         assert supervisor.gate(0.1, True, {}) == (Command(0.1, True), {STRESS_NEAR_LIMIT})
 
     def test_heat_is_named_where_it_bends_the_command(self, make):
-        supervisor = make(**TestHeat.SMALL)
+        supervisor = make(**SMALL)
         limit_A = supervisor.limit_A()
         assert supervisor.gate(limit_A, True, {}) == (Command(limit_A, True), {TEMPERATURE_DERATING})
         assert supervisor.gate(MAX_A, True, {}) == (Command(limit_A, True), {TEMPERATURE_DERATING})
