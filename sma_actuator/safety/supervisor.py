@@ -44,6 +44,10 @@ class Supervisor:
         self._good_readings = 0
         self._free_of_stress()
 
+    def _free_of_stress(self) -> None:
+        self._stress_cap_A = inf
+        self.stress_floor_m = -inf  #: the shortest setpoint the stress allows
+
     def settled(self, now_s: float) -> bool:
         """Whether current and readings belong together since the output went on."""
         return now_s - self._enabled_s >= SETTLING_TIME_s and self._good_readings >= SETTLING_READINGS
@@ -96,10 +100,6 @@ class Supervisor:
         if self._stress_cap_A == inf:
             self.stress_floor_m = position_m
         self._stress_cap_A = max(min(self._stress_cap_A, told_A), self.config.supply.bias_current)
-
-    def _free_of_stress(self) -> None:
-        self._stress_cap_A: float = inf
-        self.stress_floor_m: float = -inf  #: the shortest setpoint the stress allows
 
     def limit_A(self) -> float:
         """Highest current that temperature and stress leave [A], from the bias to ``supply.max_current``."""
