@@ -61,7 +61,7 @@ TARGETS = {
     "safety/faults": (*_GUARDS, "tests/safety/test_faults.py"),
     "safety/supervisor": ("tests/safety/test_supervisor_edges.py", *_GUARDS),
     "safety/thermal": (*_GUARDS, "tests/safety/test_thermal.py", "tests/safety/test_limits.py"),
-    "driver": ("tests/driver/test_driver_edges.py", "tests/driver/test_driver_thread.py"),
+    "driver": tuple(f"tests/driver/test_driver_{name}.py" for name in ("edges", "on_bench", "thread")),
     "instruments/scpi": ("tests/instruments",),
     "instruments/supply": ("tests/instruments",),
     "instruments/session": ("tests/instruments",),
