@@ -104,16 +104,16 @@ class _Link:
         if not self.answers:
             return None
         try:
-            return question()
+            answer = question()
         except InstrumentError as error:
             self.lose(error)
             return None
+        self._wait_s, self._next_attempt_s = 0.0, -math.inf  # where it is lost, the first attempt is made at once
+        return answer
 
     def lose(self, error: InstrumentError) -> None:
         self.answers = False
         self._note(error)
-        self._wait_s = 0.0
-        self._next_attempt_s = -math.inf  # the first attempt is made at once: opening switches the output off
         self._obeys = not isinstance(error, OutputStaysOn)
 
     def _note(self, error: InstrumentError) -> None:
@@ -129,15 +129,16 @@ class _Link:
             self._obeys, self._next_attempt_s = True, now_s() + min(quiet_s, _LONGEST_TRUST_s)
         if now_s() < self._next_attempt_s:
             return False
+        self._wait_s = min(self._longest_wait_s, max(_SHORTEST_WAIT_s, 2.0 * self._wait_s))
         try:
             self.instrument.open()
         except InstrumentError as error:
             self._note(error)
-            self._wait_s = min(self._longest_wait_s, max(_SHORTEST_WAIT_s, 2.0 * self._wait_s))
             quiet_s = 0.0 if isinstance(error, InstrumentUnreachable) else quiet_s
-            self._next_attempt_s = now_s() + max(self._wait_s, quiet_s)
         else:
-            self.answers = True
+            self.answers, quiet_s = True, 0.0
+        # Also where it was opened: it may be lost with the first question that matters, each time.
+        self._next_attempt_s = now_s() + max(self._wait_s, quiet_s)
         return self.answers
 
 
