@@ -30,6 +30,8 @@ class Peer:
         self._stop = threading.Event()
 
     def accept(self):
+        if self.connection is not None:
+            self.connection.close()
         self._server.settimeout(10.0)
         self.connection, _ = self._server.accept()
         self.connection.settimeout(10.0)
@@ -151,6 +153,25 @@ def test_a_port_that_greets_is_said_to_be_for_people(peer, session):
         session.ask("*IDN?")
 
 
+def test_what_comes_unasked_later_is_no_greeting(peer, session):
+    session._timeout_s = PATIENT_s
+    for _ in range(2):  # also on the next connection, which greets anew
+        peer.answer(b"1\n")
+        assert session.ask("OUTP?") == "1"
+        peer.connection.sendall(b"2\n")
+        assert select.select([session._wire._socket], [], [], 10.0)[0]
+        with pytest.raises(
+            InstrumentLost, match="said '2' without being asked: its answers and our questions are out of"
+        ):
+            session.ask("OUTP?")
+        session.open()
+        peer.accept()
+    peer.connection.sendall(b"Welcome\n")
+    assert select.select([session._wire._socket], [], [], 10.0)[0]
+    with pytest.raises(InstrumentLost, match="said 'Welcome' without being asked: .* a port for people"):
+        session.ask("OUTP?")
+
+
 def test_a_port_that_repeats_what_it_hears_is_said_to_be_for_people(peer, session):
     peer.answer(b"*IDN?\r\n")
     with pytest.raises(InstrumentLost, match=r"repeats what it is asked, '\*IDN\?': .* or its echo is on"):
@@ -244,6 +265,60 @@ def test_a_host_that_does_not_answer_is_given_up_in_time():
     assert time.monotonic() - start_s < TIMEOUT_s + SLACK_s
     for other in (server, *waiting):
         other.close()
+
+
+@pytest.mark.parametrize(
+    ("port", "words"),
+    [(0, "there is no port 0"), (1, "nothing listens there; is it switched on"), (65536, "there is no port 65536")],
+)
+def test_a_port_where_nobody_is_says_so(port, words):
+    session = Session("daq", f"TCPIP::127.0.0.1::{port}::SOCKET", "\n", PATIENT_s)
+    with pytest.raises(InstrumentUnreachable, match=words):
+        session.open()
+
+
+def test_a_deadline_that_has_passed_is_not_waited_for(session):
+    for passed_s in (1e-6, 0.5, 100.0):
+        with pytest.raises(TimeoutError):
+            session._wire.receive(time.monotonic() - passed_s)
+
+
+def test_what_an_instrument_said_is_shown_short_enough_for_a_sentence(peer, session):
+    session._timeout_s = PATIENT_s
+    for said, shown in ((b"?" * 80, "'" + "[?]" * 80 + "'"), (b"?" * 81, "'" + "[?]" * 77 + "…'")):
+        session.open()
+        peer.accept()
+        peer.answer(said + b"\nmore\n")
+        with pytest.raises(InstrumentLost, match=f"more than one line: {shown}, 'more'"):
+            session.ask("CURR?")
+
+
+def test_a_connection_is_ended_and_not_broken_though_words_are_unread(peer, session):
+    """A reset could overtake the off that was said last."""
+    peer.connection.sendall(b"1" * 100_000)
+    while len(session._wire._socket.recv(1 << 20, socket.MSG_PEEK)) < 100_000:
+        time.sleep(1e-3)
+    session.give_up("a test")
+    heard = b""
+    while data := peer.connection.recv(65536):
+        heard += data
+    assert heard == b"OUTP OFF\nCURR 0\n" * 2
+
+
+def test_a_query_does_not_wait_for_the_acknowledgement_of_what_was_told_before(session):
+    assert session._wire._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+
+
+def test_a_connection_that_cannot_be_closed_is_given_up_all_the_same(session, monkeypatch):
+    def broken():
+        raise ZeroDivisionError
+
+    wire = session._wire
+    monkeypatch.setattr(wire, "close", broken)
+    session.close()
+    with pytest.raises(InstrumentLost, match="not connected"):
+        session.tell("OUTP ON")
+    wire._socket.close()
 
 
 def test_one_program_alone_speaks_to_a_claimed_instrument(peer):
