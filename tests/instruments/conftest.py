@@ -2,6 +2,8 @@
 
 import pytest
 
+from sma_actuator.instruments import supply
+
 
 @pytest.fixture(scope="session")
 def make_config(make_config):
@@ -15,3 +17,10 @@ def make_config(make_config):
         return mapping
 
     return make
+
+
+@pytest.fixture(autouse=True)
+def confirmed_slowly(monkeypatch):
+    """Nor is half a second enough on a busy machine for an instrument that would confirm."""
+    for name in ("_CONFIRM_s", "_CONFIRM_BESIDE_s"):
+        monkeypatch.setattr(supply, name, 10.0)
