@@ -236,17 +236,22 @@ def test_an_empty_answer_is_none(peer, session):
 
 
 def test_a_transaction_has_one_deadline_for_all_its_questions(peer, session):
-    def answer_late():
+    def answer():
         with contextlib.suppress(OSError):
-            while peer.connection.recv(4096):
-                time.sleep(0.7 * TIMEOUT_s)
-                peer.connection.sendall(b"1\n")
+            while data := peer.connection.recv(4096):
+                if b"?" in data:
+                    peer.connection.sendall(b"1\n")
 
-    peer.connection.recv(4096)  # off
-    threading.Thread(target=answer_late, daemon=True).start()
-    with pytest.raises(InstrumentLost, match="no complete answer"), session.within():
+    threading.Thread(target=answer, daemon=True).start()
+    session._timeout_s = PATIENT_s
+    with pytest.raises(InstrumentLost, match="no complete answer"), session.within(TIMEOUT_s):
         assert session.ask("CURR?") == "1"
+        time.sleep(TIMEOUT_s)
         session.ask("VOLT?")
+    session.open()
+    peer.accept()
+    peer.answer(b"1\n")
+    assert session.ask("VOLT?") == "1", "it ends with the transaction"
 
 
 def test_a_host_that_does_not_answer_is_given_up_in_time():
