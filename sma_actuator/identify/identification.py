@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from sma_actuator.base.one_thread import one_thread
 from sma_actuator.base.parameters import ConfigError, to_mapping
 from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.derived import Derived, with_derived
@@ -51,6 +52,7 @@ class Identification:
     bounds: list[str] = field(default_factory=list, kw_only=True)  #: a sentence for every bound that binds
 
 
+@one_thread()
 def identify(
     logs: Sequence[BenchLog],
     config_mapping: Mapping[str, Any],
