@@ -61,7 +61,7 @@ TARGETS = {
     "safety/faults": (*_GUARDS, "tests/safety/test_faults.py"),
     "safety/supervisor": ("tests/safety/test_supervisor_edges.py", *_GUARDS),
     "safety/thermal": (*_GUARDS, "tests/safety/test_thermal.py", "tests/safety/test_limits.py"),
-    "driver": tuple(f"tests/driver/test_driver_{name}.py" for name in ("edges", "on_bench", "thread")),
+    "driver": tuple(f"tests/driver/test_driver_{name}.py" for name in ("edges", "steps", "on_bench", "thread")),
     "instruments/scpi": ("tests/instruments",),
     "instruments/supply": ("tests/instruments",),
     "instruments/session": ("tests/instruments",),
@@ -153,6 +153,7 @@ class Mutant:
     before: str
     after: str
     key: str  #: stays the same while the function does in which it stands
+    function: str  #: its name, with that of its class
 
     @property
     def words(self) -> str:
@@ -186,7 +187,7 @@ def mutants_of(target: str) -> list[Mutant]:
     return [Mutant(target, *each) for each in _known("mutants of", target, of, lambda: _mutants_of(target))]
 
 
-def _mutants_of(target: str) -> list[tuple[str, int, int, str, str, str]]:
+def _mutants_of(target: str) -> list[tuple[str, int, int, str, str, str, str]]:
     source = path_of(target).read_text(encoding="utf-8")
     pieces = _pieces(source)
     whole = get_ast(source)
@@ -221,25 +222,25 @@ def _mutants_of(target: str) -> list[tuple[str, int, int, str, str, str]]:
             if first + 1 in quiet:
                 continue
             shown = after[first].strip() if first < len(after) else ""
-            piece = pieces.get(first + 1, lines[first])
+            function, piece = pieces.get(first + 1, ("", lines[first]))
             number = there[name, piece] = there.get((name, piece), 0) + 1
             key = _digest_of(f"{piece} {name} {number}".encode())
-            found[mutated] = (name, occurrence, first + 1, lines[first].strip(), shown, key)
+            found[mutated] = (name, occurrence, first + 1, lines[first].strip(), shown, key, function)
     return list(found.values())
 
 
-def _pieces(source: str) -> dict[int, str]:
-    """Name and text of the function or statement of a module or class that each line belongs to."""
-    pieces: dict[int, str] = {}
+def _pieces(source: str) -> dict[int, tuple[str, str]]:
+    """Name of the function that each line belongs to, and its text or that of the statement in a module or class."""
+    pieces: dict[int, tuple[str, str]] = {}
 
     def walk(within: ast.Module | ast.ClassDef, name: str) -> None:
         for node in within.body:
-            here = f"{name}.{getattr(node, 'name', '')}"
+            here = f"{name}.{getattr(node, 'name', '')}".lstrip(".")
             if isinstance(node, ast.ClassDef):
                 walk(node, here)
             else:
-                text = f"{here} {ast.get_source_segment(source, node)}"
-                pieces.update(dict.fromkeys(range(node.lineno, node.end_lineno + 1), text))
+                text = f".{here} {ast.get_source_segment(source, node)}"
+                pieces.update(dict.fromkeys(range(node.lineno, node.end_lineno + 1), (here, text)))
 
     walk(ast.parse(source), "")
     return pieces
@@ -482,15 +483,16 @@ def _warm_up() -> None:
 
 
 def _without(found: list[Mutant], known: dict[str, set[str]]) -> list[Mutant]:
-    return [mutant for mutant in found if mutant.words not in known.get(mutant.target, set())]
+    explained = {target: known.get(target, set()) for target in {mutant.target for mutant in found}}
+    return [mutant for mutant in found if not {mutant.words, mutant.function} & explained[mutant.target]]
 
 
 def equivalent() -> dict[str, set[str]]:
-    """Mutants that no test can notice, by target; the file has the reason beside each."""
+    """Mutants that no test can notice, and functions where none can, by target; the file has the reason beside each."""
     groups = yaml.safe_load(EQUIVALENT.read_text(encoding="utf-8")) or []
     known: dict[str, set[str]] = {}
     for group in groups:
-        known.setdefault(group["target"], set()).update(group["mutants"])
+        known.setdefault(group["target"], set()).update(group.get("mutants", ()), group.get("functions", ()))
         assert group["reason"], "every group of equivalent mutants has a reason"
     return known
 
