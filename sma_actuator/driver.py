@@ -531,9 +531,7 @@ class Driver:
 
     def _report_unconfirmed(self, now_s: float) -> None:
         if self._may_flow and not (self._written is not None and self._written.output_on):
-            self._actuator.raise_fault(
-                now_s, "output_not_confirmed", self._supply.detail or "the supply has not read it back"
-            )
+            self._actuator.raise_fault(now_s, "output_not_confirmed", self._supply.detail)
 
     def _with_truth(self, output: Output) -> Output:
         """The output of a step with what is known of the supply's output beside what was commanded."""

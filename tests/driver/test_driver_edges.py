@@ -228,6 +228,13 @@ class TestLink:
         self.attempts(link, 0.01)
         assert (link.detail, link.fault) == ("nobody listens", "supply_lost")
 
+    def test_one_that_never_answered_is_tried_at_once(self):
+        link = _Link("supply", Reachable(), self.LONGEST_s)
+        assert link.detail == ""
+        assert link.ask(lambda: 7) is None
+        assert link.reconnect(lambda: 100.0, 60.0)
+        assert link.ask(lambda: 7) == 7
+
     def test_attempts_begin_at_once_and_become_rarer_up_to_a_bound(self, link):
         link.instrument.error = InstrumentUnreachable("nobody listens")
         self.lost(link, InstrumentLost("gone"))

@@ -589,6 +589,18 @@ class TestWatchman:
         assert rig.supply.words == []
         rig.driver._supply.answers = True
 
+    def test_needs_nobody_who_listens(self, make, caplog):
+        rig = make(QUICK_WATCHMAN)
+        rig.drive()
+        rig.driver._on_output = None
+        rig.driver._alive_s = rig.clock.s
+        rig.clock.s += 0.6
+        self.look(rig)
+        assert not rig.supply.output_on
+        assert "the control loop hangs (no step for 0.6 s" in caplog.text
+        assert "the watchman failed" not in caplog.text
+        rig.steps(1)
+
     def test_goes_on_looking_where_something_fails(self, make):
         rig = make(QUICK_WATCHMAN)
         rig.drive()
