@@ -641,7 +641,6 @@ class Driver:
                 return
             self._ended = True
             waiting, self._mailbox = self._mailbox, collections.deque()
-        self._alive_s = math.inf
         self._shut_down()
         for _, future in waiting:
             if future.set_running_or_notify_cancel():

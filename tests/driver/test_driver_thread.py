@@ -117,6 +117,24 @@ def test_a_call_that_times_out_is_not_executed_later(make_driver):
     assert executed == []
 
 
+def test_neither_thread_keeps_the_interpreter_from_its_end(make_driver):
+    """It would wait for them before what stops them is called."""
+    driver = make_driver(name="wire of this test")
+    driver.start()
+    threads = {each.name: each.daemon for each in threading.enumerate() if "wire of this test" in each.name}
+    assert threads == {"wire of this test control": True, "wire of this test watchman": True}
+
+
+def test_a_commander_has_its_whole_time_from_the_start(make_driver):
+    outputs = Outputs()
+    driver = make_driver(on_output=outputs, feed_timeout_s=1000.0)
+    driver.open()
+    driver._fed_at_s -= 1000.0  # it was made long before
+    driver.start()
+    outputs.wait_for(lambda _: len(outputs.all) > 3)
+    assert not any(output.status.fault for output in outputs.all)
+
+
 def test_calls_on_an_ended_driver_are_refused(make_driver):
     driver = make_driver()
     driver.start()
