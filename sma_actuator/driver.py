@@ -230,7 +230,6 @@ class Driver:
         self.feed()
         # A daemon: at the interpreter's end atexit stops it, where joining it would wait for ever.
         self._thread = threading.Thread(target=self._loop, name=f"{self.name} control", daemon=True)
-        self._alive_s = self._clock.now_s()
         self._thread.start()
         threading.Thread(target=self._watch, name=f"{self.name} watchman", daemon=True).start()
 

@@ -287,19 +287,17 @@ class Session:
         self._midline = False  #: a line was begun and not ended
         self._answered = False  #: a question, on this connection
 
-    def say_off(self) -> bool:
-        """Write the off lines, blind and in bounded time, from any thread; whether they were written.  Never raises."""
+    def say_off(self) -> None:
+        """Write the off lines, blind and in bounded time, from any thread.  Never raises."""
         wire = self._wire
         if wire is None or not self.off_lines:
-            return False
+            return
         start = self._termination if self._midline else b""
         data = start + b"".join(line.encode() + self._termination for line in self.off_lines)
         try:
             wire.send(data, time.monotonic() + LAST_WORDS_s)
         except (OSError, pyvisa.Error) as error:
             _log.debug("%s: off could not be written: %s", self.name, error)
-            return False
-        return True
 
     def tell(self, *lines: str) -> None:
         """Send lines that have no answer."""

@@ -3,6 +3,7 @@
 import itertools
 import math
 import threading
+import time
 
 import pytest
 from stand_ins import StandInDaq, StandInSupply
@@ -211,6 +212,8 @@ class TestDeadlines:
 class TestTold:
     def test_opening_is_done_once_and_with_it_the_output_is_known_to_be_off(self, make):
         rig = make()
+        assert rig.driver.failure is None
+        assert rig.driver.lost_instruments == {"supply": "", "daq": ""}
         assert not rig.driver.output_is_off, "nothing is known yet"
         rig.driver.open()
         assert rig.driver.output_is_off
@@ -285,11 +288,21 @@ class TestTold:
         rig = make()
         rig.drive()
         rig.supply.errors["check one"] = LimitsNotHeld("supply: does not hold")
-        for _ in range(4):
-            rig.steps(1)
-            if rig.status.fault:
-                break
+        while "check one" not in rig.steps(1):
+            assert rig.outputs[-1].command.output_on
         assert rig.status.fault == "limits_not_held"
+        assert not rig.outputs[-1].command.output_on
+
+    @pytest.mark.parametrize("instrument", ["supply", "daq"])
+    def test_an_instrument_that_does_not_answer_is_a_fault_of_that_step(self, make, instrument):
+        rig = make()
+        rig.drive()
+        if instrument == "daq":
+            rig.daq.lost = True
+        else:
+            rig.supply.errors["read"] = InstrumentLost("no answer")
+        rig.steps(1)
+        assert rig.status.fault == f"{instrument}_lost"
         assert not rig.outputs[-1].command.output_on
 
 
@@ -342,6 +355,30 @@ class TestSetpoints:
         rig.steps(1)
         assert came_s == [(1000.0, 0.002), (1000.05, 0.001)]
         assert not rig.driver.has_refusals
+
+    def test_whatever_is_offered_reaches_the_actuator_as_it_is(self, make):
+        rig = make()
+        rig.steps(1)
+        came = []
+
+        class Actuator:
+            def __getattr__(self, name):
+                return lambda *arguments: came.append((name, arguments)) or ""
+
+        actuator, rig.driver._actuator = rig.driver._actuator, Actuator()
+        rig.driver.offer_setpoint(0.001)
+        rig.driver.offer_joint_command(NAN)
+        rig.driver.offer_trajectory([1.0], [0.002])
+        rig.driver.offer_trajectory([1.0], [0.002], [0.0], delay_s=0.5)
+        rig.driver._offer_setpoints(rig.clock.s)
+        rig.driver._actuator = actuator
+        assert [name for name, _ in came] == ["offer_setpoint", "offer_joint_command", *["offer_trajectory"] * 2]
+        assert came[0][1] == (1000.0, 0.001)
+        assert math.isnan(came[1][1][1])
+        assert [arguments for _, arguments in came[2:]] == [
+            (1000.0, [1.0], [0.002], None, 0.0),
+            (1000.0, [1.0], [0.002], [0.0], 0.5),
+        ]
 
     def test_refusals_are_handed_out_once_in_order_and_no_more_than_sixteen(self, make):
         rig = make()
@@ -518,6 +555,12 @@ class TestSaid:
 class TestWatchman:
     """Its own look, with the control thread's clock turned by hand."""
 
+    @pytest.fixture(autouse=True)
+    def no_sleep(self, monkeypatch):
+        """How long it slept, instead of sleeping."""
+        self.slept_s = []
+        monkeypatch.setattr(time, "sleep", self.slept_s.append)
+
     def look(self, rig):
         """Let it look once."""
         looked = threading.Event()
@@ -533,6 +576,7 @@ class TestWatchman:
         rig.clock.now_s = now_s
         rig.driver._stopping.clear()
         assert looked.is_set()
+        assert 0.0 < self.slept_s[-1] <= 0.1
 
     @pytest.mark.parametrize(("silent_s", "cuts"), [(0.5, False), (0.5625, True)])
     def test_cuts_the_supply_where_no_step_came_for_longer_than_readings_may_be_old(self, make, silent_s, cuts):

@@ -1,5 +1,6 @@
 """The control thread: who may do what from where, and that every way out ends with the output off."""
 
+import atexit
 import json
 import os
 import queue
@@ -123,6 +124,18 @@ def test_neither_thread_keeps_the_interpreter_from_its_end(make_driver):
     driver.start()
     threads = {each.name: each.daemon for each in threading.enumerate() if "wire of this test" in each.name}
     assert threads == {"wire of this test control": True, "wire of this test watchman": True}
+
+
+def test_the_end_of_the_interpreter_stops_what_is_still_there(make_driver, monkeypatch):
+    registered = []
+    monkeypatch.setattr(atexit, "register", registered.append)
+    driver = make_driver()
+    supply, _ = driver.stand_ins
+    driver.start()
+    (stop,) = [each for each in registered if "_stop_at_exit" in each.__qualname__]
+    stop()
+    assert supply.shut_downs == 1
+    assert not driver._thread.is_alive()
 
 
 def test_a_commander_has_its_whole_time_from_the_start(make_driver):

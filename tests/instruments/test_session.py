@@ -9,6 +9,7 @@ import time
 import tty
 
 import pytest
+import pyvisa
 
 from sma_actuator.instruments import InstrumentLost, InstrumentRefused, InstrumentUnreachable
 from sma_actuator.instruments import session as session_module
@@ -206,6 +207,53 @@ def test_a_side_that_reads_nothing_holds_nobody_up(peer, session):
     assert time.monotonic() - start_s < TIMEOUT_s + SLACK_s + 3.0
 
 
+def test_off_does_not_wait_for_long_for_a_side_that_reads_nothing(session):
+    session._wire.close()
+    session._wire = full = Full()
+    session.say_off()
+    assert 0.0 < full.waited_s < 0.2
+
+
+class Full:
+    """A connection that takes nothing before a deadline."""
+
+    def __init__(self):
+        self.waited_s, self.sent = 0.0, b""
+
+    def send(self, data, deadline_s):
+        self.waited_s = deadline_s - time.monotonic()
+        self.sent += data
+        raise TimeoutError
+
+    def close(self):
+        """Nothing to close."""
+
+
+def test_off_begins_a_line_of_its_own_where_one_was_begun_and_not_ended(session):
+    session._wire.close()
+    session._wire = full = Full()
+    with pytest.raises(InstrumentLost, match="no complete answer to 'CURR 0.1'"):
+        session.tell("CURR 0.1")
+    assert full.sent == b"CURR 0.1\n" + b"\nOUTP OFF\nCURR 0\n"
+
+
+def test_off_that_cannot_be_said_is_no_failure(session):
+    session._wire.close()
+    for error in (TimeoutError, OSError, pyvisa.Error):
+        session._wire = full = Full()
+        full.send = raising(error)
+        session.say_off()
+    session._wire = None
+    session.say_off()
+
+
+def raising(error):
+    def send(data, deadline_s):
+        raise error
+
+    return send
+
+
 def test_what_was_not_asked_for_ends_the_connection_before_the_next_question(peer, session):
     peer.connection.sendall(b"1\n2\n")
     with pytest.raises(InstrumentLost, match=r"said '1\\n2' without being asked"):
@@ -363,6 +411,17 @@ class TestSerial:
         assert session.ask("CURR?") == "1.5"
         thread.join(10.0)
         assert b"".join(heard) == b"OUTP OFF\nCURR?\n"
+
+    def test_what_is_cut_is_told_off_and_cannot_be_used_any_more(self, line):
+        ours, session = line
+        wire = session._wire
+        session.cut()
+        with pytest.raises((pyvisa.Error, OSError)):
+            wire.receive(time.monotonic() + 60.0)
+        heard = b""
+        while heard.count(b"OUTP OFF\n") < 2:  # first and last
+            assert select.select([ours], [], [], 10.0)[0], heard
+            heard += os.read(ours, 100)
 
     def test_an_answer_without_an_end_is_given_up_in_time_by_the_monotonic_clock(self, line, monkeypatch):
         ours, session = line

@@ -259,6 +259,7 @@ def test_a_supply_that_another_client_has_locked_is_refused_without_a_word_to_it
     with pytest.raises(InstrumentRefused, match="somebody else holds its VISA lock.*instruments.supply.exclusive_lock"):
         open_supply(config).open()
     assert not select.select([ours], [], [], 0.2)[0]
+    assert not pyvisa.ResourceManager("@py").list_opened_resources(), "it was given back"
     os.close(ours)
     os.close(theirs)
 
