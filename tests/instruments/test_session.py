@@ -357,6 +357,25 @@ def test_a_connection_is_ended_and_not_broken_though_words_are_unread(peer, sess
     assert heard == b"OUTP OFF\nCURR 0\n" * 2
 
 
+def test_what_is_closed_is_closed_at_once(session):
+    wire = session._wire
+    session.close()
+    assert wire._socket.fileno() == -1
+
+
+def test_a_second_session_asks_no_name_server_again(peer, session, monkeypatch):
+    def slow(*_, **__):
+        raise AssertionError("asked again")
+
+    monkeypatch.setattr(socket, "getaddrinfo", slow)
+    beside = session.beside()
+    beside.open()
+    peer.accept()
+    beside.close()
+    assert peer.read_to_the_end() == b"OUTP OFF\nCURR 0\n"
+    session.open()
+
+
 def test_a_query_does_not_wait_for_the_acknowledgement_of_what_was_told_before(session):
     assert session._wire._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
