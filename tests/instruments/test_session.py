@@ -346,8 +346,9 @@ def test_what_an_instrument_said_is_shown_short_enough_for_a_sentence(peer, sess
             session.ask("CURR?")
 
 
-def test_a_connection_is_ended_and_not_broken_though_words_are_unread(peer, session):
+def test_a_connection_is_ended_and_not_broken_though_words_are_unread(peer, session, monkeypatch):
     """A reset could overtake the off that was said last."""
+    monkeypatch.setattr(session_module, "_PIECE", 1000)
     peer.connection.sendall(b"1" * 10_000)
     assert select.select([session._wire._socket], [], [], 10.0)[0]
     session.give_up("a test")
@@ -431,8 +432,22 @@ class TestSerial:
         thread.join(10.0)
         assert b"".join(heard) == b"OUTP OFF\nCURR?\n"
 
+    def test_a_line_that_is_silent_is_given_up_in_time(self, line):
+        _, session = line
+        session._timeout_s = TIMEOUT_s
+        start_s = time.monotonic()
+        with pytest.raises(InstrumentLost, match=r"no complete answer to 'CURR\?' within 0.4 s$"):
+            session.ask("CURR?")
+        assert time.monotonic() - start_s < TIMEOUT_s + SLACK_s
+
+    def test_a_line_that_breaks_is_lost(self, line):
+        _, session = line
+        session._wire._visa.close()
+        with pytest.raises(InstrumentLost, match=r"the connection broke at 'CURR\?'"):
+            session.ask("CURR?")
+
     def test_what_is_cut_is_told_off_and_cannot_be_used_any_more(self, line):
-        ours, session = line
+        _, session = line
         wire = session._wire
         session.cut()
         with pytest.raises((pyvisa.Error, OSError)):
