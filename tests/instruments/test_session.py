@@ -447,7 +447,7 @@ class TestSerial:
             session.ask("CURR?")
 
     def test_what_is_cut_is_told_off_and_cannot_be_used_any_more(self, line):
-        _, session = line
+        ours, session = line
         wire = session._wire
         session.cut()
         with pytest.raises((pyvisa.Error, OSError)):
