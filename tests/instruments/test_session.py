@@ -358,6 +358,11 @@ def test_a_connection_is_ended_and_not_broken_though_words_are_unread(peer, sess
     assert heard == b"OUTP OFF\nCURR 0\n" * 2
 
 
+def test_opening_again_ends_the_connection_before(peer, session):
+    session.open()
+    assert peer.read_to_the_end() == b"OUTP OFF\nCURR 0\n"
+
+
 def test_what_is_closed_is_closed_at_once(session):
     wire = session._wire
     session.close()
