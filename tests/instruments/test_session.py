@@ -330,6 +330,22 @@ def test_a_port_where_nobody_is_says_so(port, words):
         session.open()
 
 
+def test_of_several_addresses_the_first_that_answers_is_taken(peer):
+    """As of a name with an IPv6 address beside the one where the instrument is."""
+    session = Session("daq", peer.resource, "\n", PATIENT_s)
+    port = int(peer.resource.split("::")[2])
+    session._addresses = [
+        (socket.AF_INET, socket.SOCK_STREAM, 0, "", (host, number))
+        for host, number in (("127.0.0.1", 1), ("127.0.0.1", port), ("127.0.0.1", 1))
+    ]
+    session.open()
+    peer.accept()
+    session.close()
+    session._addresses = []
+    with pytest.raises(OSError, match="it has no address"):
+        session_module.SocketWire([], time.monotonic() + 1.0)
+
+
 def test_a_deadline_that_has_passed_is_not_waited_for(session):
     for passed_s in (1e-6, 0.5, 100.0):
         with pytest.raises(TimeoutError):
