@@ -508,7 +508,7 @@ class Driver:
                 command = Command(written.current_A, True)
             if written is None or not written.output_on:
                 self._supply_instrument.set_output(True)
-        elif written is None or written.output_on or self._may_flow or (state is not None and state.output_on):
+        elif written is None or written.output_on or (state is not None and state.output_on):
             self._switch_off()
         self._written = command
 
@@ -568,7 +568,7 @@ class Driver:
             return actuator.clear_fault(now_s)  # a wire that is driven goes on being driven
         self._supply.ask(self._supply_instrument.clear_trip)
         self._supply.ask(self._switch_off)
-        if self._may_flow:
+        if not self._supply.answers:
             return False, f"not cleared: {self.output_words} ({self._supply.detail})"
         return actuator.clear_fault(now_s)
 
