@@ -442,6 +442,16 @@ class TestLost:
         rig.supply.errors.clear()
         assert rig.steps(2)[:3] == ["open", "read", "off"]
 
+    def test_an_output_that_another_switches_on_and_that_stays_on_is_not_called_off(self, make):
+        rig = make()
+        rig.steps(2)
+        assert rig.driver.output_is_off
+        rig.supply.output_on = True
+        rig.supply.errors["off"] = OutputStaysOn("supply")
+        rig.steps(1)
+        assert not rig.driver.output_is_off
+        assert rig.status.values["output"] == "told to be off, not confirmed"
+
     def test_off_is_said_after_one_that_was_lost_between_two_steps_is_found_again(self, make):
         rig = make()
         rig.drive()
