@@ -12,6 +12,7 @@ from sma_actuator.base.signals import Command, Mode, Reading, SupplyState
 from sma_actuator.config import Config
 from sma_actuator.driver import CURRENT_RESOLUTION_A, CHECK_PERIOD_s, Driver, DriverStopped
 from sma_actuator.instruments import InstrumentLost, InstrumentUnreachable, LimitsNotHeld, OutputStaysOn
+from sma_actuator.safety.faults import FAULTS
 
 RATE_Hz, PERIOD_s = 8.0, 0.125  #: so that times are sums without rounding
 NAN = math.nan
@@ -311,6 +312,38 @@ class TestTold:
         rig.steps(1)
         assert rig.status.fault == f"{instrument}_lost"
         assert not rig.outputs[-1].command.output_on
+
+
+class TestResolution:
+    """Supplies that take a current in steps, and say what they took."""
+
+    @pytest.mark.parametrize(("step_A", "fault"), [(1e-3, ""), (5e-3, "second_commander")])
+    def test_one_of_coarse_steps_is_refused_in_words_that_say_so(self, make, step_A, fault):
+        rig = make({"supply.bias_current": 0.0525})
+        told = rig.supply.set_current
+
+        def take(current_A):
+            told(current_A)
+            rig.supply.current_A = round(current_A / step_A) * step_A
+
+        rig.supply.set_current = take
+        rig.steps(3)
+        assert rig.driver.enable(True)[0]
+        rig.steps(2)
+        assert rig.status.fault == fault
+        if fault:
+            assert "the supply says 0.05 A, output on; it was told 0.0525 A, output on" in rig.status.message
+            assert "in steps coarser than 2 mA" in FAULTS[fault].advice
+            assert not rig.supply.output_on
+
+    def test_one_that_takes_no_current_at_all_is_refused(self, make):
+        rig = make()
+        rig.supply.set_current = lambda current_A: rig.supply.words.append("ignored")
+        rig.steps(3)
+        assert rig.driver.enable(True)[0]
+        rig.steps(2)
+        assert rig.status.fault == "second_commander"
+        assert not rig.supply.output_on
 
 
 class TestFed:
