@@ -134,7 +134,7 @@ def _features(
         np.broadcast_to(values, (len(out),))
         for values in (
             found.time_s,
-            found.signals.power_W,
+            found.heat_W,
             found.resistance_Ohm,
             found.signals.stress_Pa,
             found.model_m,

@@ -1,9 +1,9 @@
 """What logs with a true displacement say about a model with some effects in it.
 
-Three kinds of witness: the residual of the displacement through the whole chain, R and δ where the wire
-stands still, and, where the wire pulls a spring, the load against the displacement.  The first two are measured
-against what the model left at its calibration, which is frozen, and are weighted by how well they repeated there;
-the third needs no model: a spring is straight.
+Four kinds of witness: the residual of the displacement through the whole chain, R and δ where the wire
+stands still, the power that it takes to transform the wire, and, where the wire pulls a spring, the load against the
+displacement.  All but the last are measured against what was at the calibration, which is frozen, and are weighted by
+how well they repeated there; the last needs no model: a spring is straight.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain, Judged, place_of
 from sma_actuator.estimation.effects import Effect, Effects
 from sma_actuator.estimation.effects.frame import Frame, Place
+from sma_actuator.identify.balance import passages, warmer_K
 from sma_actuator.identify.expectation import Expectation
 from sma_actuator.identify.experiments import Experiment, make_experiment, sessions
 from sma_actuator.identify.rests import find_rests
@@ -42,9 +43,13 @@ WITNESSES = (
     "resistance at hot rest",
     "displacement at hot rest",
     "load against displacement",
+    "power in the transformation",
 )
 AFTER_THE_MODEL = ("at_displacement", "shown")  #: stages of the chain
 LINE = WITNESSES.index("load against displacement")
+POWER = WITNESSES.index("power in the transformation")
+#: How well the heat balance of another log can be trusted, whatever its calibration repeated: of the rise above ambient.
+BALANCE = 0.05
 LOADS_DIFFER = 0.1  #: spread of the load, over the load, from which it counts as changing
 SPRING = 0.9  #: correlation squared of load and displacement from which the load is that of a spring
 STRAIGHT = 0.003  #: of full stroke: how straight a spring's line is, in the mean over a unit's heating or cooling
@@ -67,6 +72,7 @@ class Prediction:
     heating: np.ndarray
     resistance_Ohm: np.ndarray  #: as the strain model sees it
     power_W: np.ndarray
+    heat_W: np.ndarray  #: what of it the calibration's heat balance sees
     stress_Pa: np.ndarray
     elapsed_s: np.ndarray
 
@@ -178,12 +184,47 @@ class Evidence:
         halves = [2 * np.concatenate([self.unit[i] for i in logs]) + self._driven(logs) for logs in self._springs]
         self._half = [np.unique(half, return_inverse=True) for half in halves]
         straight = np.concatenate([half // 2 for half, _ in self._half] or [np.empty(0, dtype=int)])
-        self.unit_of_row = np.concatenate((samples, np.repeat(rests, 2).astype(int), straight))
+        self._passages = [self._find_passages(i) for i in range(len(self.experiments))]
+        powered = [int(self.unit[i][rows[0]]) for i, found in enumerate(self._passages) for _, rows in found]
+        self.unit_of_row = np.concatenate(
+            (samples, np.repeat(rests, 2).astype(int), straight, np.array(powered, dtype=int))
+        )
         self.rows_of_samples = len(samples)
         # Of each row after those of the samples, into WITNESSES.
         self._witness = np.concatenate(
-            (np.repeat(2 * hot, 2) + np.tile((0, 1), len(hot)), np.full(len(straight), LINE))
+            (
+                np.repeat(2 * hot, 2) + np.tile((0, 1), len(hot)),
+                np.full(len(straight), LINE),
+                np.full(len(powered), POWER),
+            )
         )
+
+    def _find_passages(self, number: int) -> list[tuple[bool, np.ndarray]]:
+        """Where a log's power is held against the calibration's: see :func:`passages`."""
+        if not self.knows_the_power:
+            return []
+        stress_Pa = self.experiments[number].stress_Pa
+        return passages(self.calibration.share_of_stroke(self._measured_m[number], stress_Pa))
+
+    @property
+    def knows_the_power(self) -> bool:
+        """Whether the calibration says what it takes to transform the wire."""
+        return self.calibration.transformation_known and math.isfinite(self.calibration.transformation_scatter)
+
+    def off_the_power(self, predictions: Sequence[Prediction]) -> np.ndarray:
+        """How much warmer than at the calibration the heat balance calls the wire in each passage, in standard deviations."""
+        out = [np.empty(0)]
+        c, thermal = self.calibration, self.config.thermal
+        for i, (found, p) in enumerate(zip(self._passages, predictions, strict=True)):
+            if not found:
+                continue
+            signals = dataclasses.replace(self.experiments[i].signals, stress_Pa=p.stress_Pa)
+            share = c.share_of_stroke(self._measured_m[i] - (p.shown_m - p.model_m), p.stress_Pa)
+            off_K = warmer_K(signals, p.heat_W, share, c, thermal, found)
+            off_K = np.array([np.mean(off_K[rows]) for _, rows in found])
+            rise_K = np.mean([*c.transformation_heating, *c.transformation_cooling]) - thermal.ambient_temperature
+            out.append(off_K / math.hypot(c.transformation_scatter, BALANCE * rise_K))
+        return np.concatenate(out)
 
     def _driven(self, logs: Sequence[int]) -> np.ndarray:
         return np.concatenate([self.experiments[i].driven for i in logs])
@@ -279,6 +320,7 @@ class Evidence:
                     heating=p.branch[kept].astype(bool),
                     resistance_Ohm=p.resistance_Ohm[kept],
                     power_W=p.signals.power_W[kept],
+                    heat_W=p.heat_W[kept],
                     stress_Pa=p.signals.stress_Pa[kept],
                     elapsed_s=p.elapsed_s[kept],
                 )
@@ -318,7 +360,9 @@ class Evidence:
         samples = [
             news_m / (SPREAD * floor_m) for news_m, floor_m in zip(self.news_m(predictions), self._floor_m, strict=True)
         ]
-        others = np.concatenate((self.at_rest(predictions), self.off_the_line(predictions)))
+        others = np.concatenate(
+            (self.at_rest(predictions), self.off_the_line(predictions), self.off_the_power(predictions))
+        )
         return np.concatenate((limited(np.concatenate(samples)) * self.sample_weight, limited(others)))
 
     def news_m(self, predictions: Sequence[Prediction]) -> list[np.ndarray]:

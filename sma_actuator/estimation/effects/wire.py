@@ -21,6 +21,47 @@ def _rise_K(frame: Frame, state: np.ndarray, time_constant_s: float, heat_loss_W
     return frame.lag(frame.power_W, state, time_constant_s) / heat_loss_W_K
 
 
+@EFFECTS.register("heat_loss")
+@dataclass(frozen=True, slots=True)
+class HeatLoss(Effect):
+    """The wire loses its heat more easily, or less, than at the calibration: ``h (1 + s)``.
+
+    To the heat balance of the calibration that is heat that goes beside it: ``s h (T − T_amb)``, with the temperature
+    of the balance as it is now.  Resistance and displacement follow from that alone; in the middle of the transformation
+    the wire has the temperature of the transformation, and what changes is the power to be there.
+    """
+
+    PART = "wire"
+    WORDS = "the wire loses its heat more easily, or less, than at the calibration"
+    REMEDY = "Keep draughts away, give the wire the surroundings and the orientation that it was calibrated in, or calibrate it where it is; until then the extended model allows for it."
+    TELL_TALE = "power_lagged_10_s_W"
+    STATES = 2
+    change: float = parameter(0.0, "heat loss over the calibrated one, less one", "1", -0.9, 9.0)
+    time_constant: float = parameter(2.0, "thermal lag at the calibration, C/h", "s", 0.01, 600.0)
+    heat_loss: float = parameter(0.006, "heat lost per kelvin above ambient, at the calibration", "W/K", 1e-6, 1e2)
+
+    def at_resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """Take the heat off that goes beside the balance."""
+        now = 1.0 + self.change
+        rise_K = _rise_K(frame, state, self.time_constant / now, self.heat_loss * now)
+        frame.power_W = frame.power_W - self.change * self.heat_loss * rise_K
+
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        return [size("change", 1.5, 0.1, -0.7)]
+
+    @classmethod
+    def fixed(cls, scales: Scales) -> dict[str, float]:
+        """What the heat balance decides."""
+        return {"heat_loss": scales.heat_loss_W_K, "time_constant": scales.thermal_s}
+
+    @classmethod
+    def untestable(cls, scales: Scales) -> str:
+        """Why logs could not show it."""
+        return "" if scales.power_known else "the calibration does not say what power it takes to transform the wire"
+
+
 @EFFECTS.register("self_heating")
 @dataclass(frozen=True, slots=True)
 class SelfHeating(Effect):
