@@ -53,6 +53,9 @@ BALANCE = 0.05
 LOADS_DIFFER = 0.1  #: spread of the load, over the load, from which it counts as changing
 SPRING = 0.9  #: correlation squared of load and displacement from which the load is that of a spring
 STRAIGHT = 0.003  #: of full stroke: how straight a spring's line is, in the mean over a unit's heating or cooling
+#: How far a cold wire rests elsewhere in surroundings known to be others, per kelvin: of the ranges of R and δ.  Many
+#: alloys have not transformed to the end at room temperature.
+PER_KELVIN = 0.005
 SPREAD = 1.25  #: standard deviation over mean absolute error
 FEWEST_CYCLES = 3  #: in all logs together
 FEWEST_UNITS = 8
@@ -215,6 +218,8 @@ class Evidence:
         """How much warmer than at the calibration the heat balance calls the wire in each passage, in standard deviations."""
         out = [np.empty(0)]
         c, thermal = self.calibration, self.config.thermal
+        if math.isfinite(c.ambient_temperature):  # where none is logged, it is that until an effect says otherwise
+            thermal = dataclasses.replace(thermal, ambient_temperature=c.ambient_temperature)
         for i, (found, p) in enumerate(zip(self._passages, predictions, strict=True)):
             if not found:
                 continue
@@ -384,9 +389,10 @@ class Evidence:
                     np.mean(p.resistance_Ohm[here]),
                     still_m,
                     np.mean(p.power_W[here]),
+                    self._colder_K(i, here, p),
                 )
                 found.append((float(rest.hot), *map(float, values)))
-        rows = np.array(found).reshape(-1, 5)
+        rows = np.array(found).reshape(-1, 6)
         out = np.zeros((len(rows), 2))
         c = self.calibration
         range_Ohm = c.resistance_range if math.isfinite(c.resistance_range) else self._range_Ohm()
@@ -417,12 +423,20 @@ class Evidence:
                 # A hot wire's resistance moves with its temperature: some 1e-3 of it per kelvin at most.
                 valid = np.abs(power_W / c.hot_power - 1.0) <= 0.15
                 more = expected_Ohm * 5e-4 * np.abs(power_W - c.hot_power) / self.place.heat_loss_W_K
-            away_Ohm, away_m = 0.1 * away * range_Ohm, 0.1 * away * self.full_stroke_m
+            away = 0.1 * away + (0.0 if hot else PER_KELVIN * rows[chosen, 5])
+            away_Ohm, away_m = away * range_Ohm, away * self.full_stroke_m
             out[chosen, 0] = np.where(
                 valid, (rows[chosen, 2] - expected_Ohm) / np.sqrt(s_R**2 + away_Ohm**2 + more**2), 0.0
             )
             out[chosen, 1] = np.where(valid, (rows[chosen, 3] - expected_m) / np.hypot(s_d, away_m), 0.0)
         return out.ravel()
+
+    def _colder_K(self, number: int, here: slice, p: Prediction) -> float:
+        """How far the surroundings of a rest are from those of the calibration, by what is logged or by an effect of ``p``."""
+        usual_C = self.calibration.ambient_temperature
+        read_C = np.broadcast_to(self.experiments[number].signals.ambient_temperature_C, p.heat_W.shape)[here]
+        warmer_K = np.mean(read_C) - usual_C if np.isfinite(read_C).all() and math.isfinite(usual_C) else 0.0
+        return abs(float(warmer_K + np.mean(p.heat_W[here] - p.power_W[here]) / self.place.heat_loss_W_K))
 
     def _range_Ohm(self) -> float:
         return float(max(np.subtract(*np.nanpercentile(t.resistance_Ohm, (99.5, 0.5))) for t in self.experiments))
