@@ -75,15 +75,24 @@ def balance_of(experiments: Sequence[Experiment], config: Config, calibration: C
 
 
 def _scatter(experiments: Sequence[Experiment], thermal: ThermalParameters, calibration: Calibration) -> dict:
-    """How far off passages are, of all logs."""
-    off_K = []
+    """How far off passages are, of all logs, and how fast they were."""
+    off_K: list[float] = []
+    ahead: tuple[list[float], list[float]] = [], []
     for experiment in experiments:
         share = calibration.share_of_stroke(experiment.displacement_m, experiment.stress_Pa)
         found = passages(share)
-        each = warmer_K(experiment.signals, experiment.signals.power_W, share, calibration, thermal, found)
-        off_K += [float(np.mean(each[rows])) for _, rows in found]
-    known = np.array(off_K)[np.isfinite(off_K)]
-    return {"transformation_scatter": round(float(np.sqrt(np.mean(known**2))), 2)} if len(known) else {}
+        warm_K, before = warmer_K(experiment.signals, experiment.signals.power_W, share, calibration, thermal, found)
+        for (heating, _), warm, far in zip(found, warm_K, before, strict=True):
+            if np.isfinite(warm):
+                off_K.append(float(warm))
+                ahead[heating].append(float(far))
+    if not all(ahead):
+        return {}
+    speeds = tuple(round(f(values), 3) for values in ahead for f in (min, max))
+    return {
+        "transformation_scatter": round(float(np.sqrt(np.mean(np.square(off_K)))), 2),
+        "transformation_speed": speeds,
+    }
 
 
 def passages(share: np.ndarray) -> list[tuple[bool, np.ndarray]]:
@@ -111,22 +120,24 @@ def warmer_K(
     calibration: Calibration,
     thermal: ThermalParameters,
     found: Sequence[tuple[bool, np.ndarray]],
-) -> np.ndarray:
-    """How much warmer than at the calibration the balance calls the wire at its place, of every sample.
+) -> tuple[np.ndarray, np.ndarray]:
+    """How much warmer than at the calibration the balance calls the wire in each of the :func:`passages` found.
 
-    Not a number but in the :func:`passages` found.  ``heat_W``: what heats it.
+    And how far ahead of its thermal lag the share of the stroke was, which says how much of that rests on the latent
+    heat.  ``heat_W``: what heats it.
     """
-    out = np.full(len(share), np.nan)
-    settled_C = _settled_C(signals, heat_W, thermal)
     lag_s = thermal.heat_capacity / thermal.heat_loss
+    settled_C = _settled_C(signals, heat_W, thermal)
     warm_C, slow = (_lagged(signals.time_s, v, lag_s) for v in (settled_C, share))
     places = np.linspace(0.0, 1.0, len(calibration.transformation_heating))
-    for heating, rows in found:
+    warmer, ahead = np.empty(len(found)), np.empty(len(found))
+    for i, (heating, rows) in enumerate(found):
         curve_C = calibration.transformation_heating if heating else calibration.transformation_cooling
         there_C = np.interp(share[rows], places, curve_C)
         there_C = there_C + calibration.transformation_shift[heating] * signals.stress_Pa[rows]
-        out[rows] = warm_C[rows] + calibration.latent_rise * (share - slow)[rows] - there_C
-    return out
+        ahead[i] = np.mean((share - slow)[rows])
+        warmer[i] = np.mean(warm_C[rows] - there_C) + calibration.latent_rise * ahead[i]
+    return warmer, ahead
 
 
 def _settled_C(signals: Signals, heat_W: np.ndarray, thermal: ThermalParameters) -> np.ndarray:

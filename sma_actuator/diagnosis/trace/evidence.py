@@ -50,6 +50,9 @@ LINE = WITNESSES.index("load against displacement")
 POWER = WITNESSES.index("power in the transformation")
 #: How well the heat balance of another log can be trusted, whatever its calibration repeated: of the rise above ambient.
 BALANCE = 0.05
+#: And the same of a passage faster or slower than those of the calibration, per share of the stroke that it is more or less
+#: ahead of its lag: latent heat and heat capacity were learned at one speed.
+OTHER_SPEED = 1.0
 LOADS_DIFFER = 0.1  #: spread of the load, over the load, from which it counts as changing
 SPRING = 0.9  #: correlation squared of load and displacement from which the load is that of a spring
 STRAIGHT = 0.003  #: of full stroke: how straight a spring's line is, in the mean over a unit's heating or cooling
@@ -211,8 +214,10 @@ class Evidence:
 
     @property
     def knows_the_power(self) -> bool:
-        """Whether the calibration says what it takes to transform the wire."""
-        return self.calibration.transformation_known and math.isfinite(self.calibration.transformation_scatter)
+        """Whether the calibration says what it takes to transform the wire, and how surely."""
+        c = self.calibration
+        sure = math.isfinite(c.transformation_scatter) and len(c.transformation_speed) == 4
+        return c.transformation_known and sure
 
     def off_the_power(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """How much warmer than at the calibration the heat balance calls the wire in each passage, in standard deviations."""
@@ -225,10 +230,12 @@ class Evidence:
                 continue
             signals = dataclasses.replace(self.experiments[i].signals, stress_Pa=p.stress_Pa)
             share = c.share_of_stroke(self._measured_m[i] - (p.shown_m - p.model_m), p.stress_Pa)
-            off_K = warmer_K(signals, p.heat_W, share, c, thermal, found)
-            off_K = np.array([np.mean(off_K[rows]) for _, rows in found])
+            off_K, ahead = warmer_K(signals, p.heat_W, share, c, thermal, found)
+            low, high = np.reshape(c.transformation_speed, (2, 2))[[int(heating) for heating, _ in found]].T
+            unlike = np.maximum(0.0, np.maximum(low - ahead, ahead - high))
             rise_K = np.mean([*c.transformation_heating, *c.transformation_cooling]) - thermal.ambient_temperature
-            out.append(off_K / math.hypot(c.transformation_scatter, BALANCE * rise_K))
+            known_K = math.hypot(c.transformation_scatter, BALANCE * rise_K)
+            out.append(off_K / np.hypot(known_K, OTHER_SPEED * rise_K * unlike))
         return np.concatenate(out)
 
     def _driven(self, logs: Sequence[int]) -> np.ndarray:

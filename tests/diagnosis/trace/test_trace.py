@@ -56,6 +56,7 @@ def test_where_nothing_is_hidden_nothing_is_found(clean):
         ({"backlash": 2.5e-4}, "width", 2.5e-4),
         ({"elastic_compliance": 1e-4}, "compliance", 1e-4),
         ({"load_cell_gain": 0.3}, "gain", 0.3),
+        ({"heat_loss": -0.3}, "change", -0.3),
     ],
     ids=lambda x: next(iter(x)) if isinstance(x, dict) else "",
 )
@@ -108,6 +109,25 @@ def test_a_spring_tells_a_drifting_sensor_from_a_creeping_wire(wire, config):
     line = "load against displacement"
     assert right.witnesses["before"][line] > 3.0 > 0.5 > right.witnesses["after"][line]
     assert line in wrong.unusual and line not in right.unusual
+
+
+def test_the_power_to_transform_tells_a_changed_heat_loss_from_a_wire_whose_resistance_rises_more(wire, config):
+    """And from surroundings of another temperature, which nobody need have logged; the wire that warms more takes the same power."""
+    power = "power in the transformation"
+    evidence = Evidence(session(wire[0], {"heat_loss": -0.3}), config)
+    assert trace(evidence, only=["heat_loss"], jobs=1).verdict == "traced"
+    wrong = trace(evidence, only=["self_heating"], jobs=1)
+    assert wrong.witnesses["before"][power] > 2.5 and power in wrong.unusual
+    warmer = session(wire[0], {"ambient_temperature": 10.0})
+    unlogged = [
+        dataclasses.replace(log, columns={k: v for k, v in log.columns.items() if k != "ambient_temperature_C"})
+        for log in warmer
+    ]
+    evidence = Evidence(unlogged, config)
+    found, wrong = (trace(evidence, only=[name], jobs=1) for name in ("ambient_temperature", "heat_loss"))
+    assert found.fit.values["ambient_temperature"]["difference"] == pytest.approx(10.0, abs=3.0)
+    assert power not in found.unusual
+    assert found.losses["after"].sum() < 0.7 * wrong.losses["after"].sum()
 
 
 def test_a_slip_is_no_drift_however_much_a_drift_mends(wire, config):
