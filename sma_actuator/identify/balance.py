@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -65,7 +66,7 @@ def balance_of(experiments: Sequence[Experiment], config: Config, calibration: C
     found = np.linalg.lstsq(
         np.concatenate((matrix * weight, before)), np.concatenate((value_C * weight, expected_K)), rcond=None
     )[0]
-    values = {
+    values: dict[str, Any] = {
         "transformation_cooling": tuple(round(float(v), 2) for v in found[:n]),
         "transformation_heating": tuple(round(float(v), 2) for v in found[n : 2 * n]),
         "transformation_shift": (float(found[2 * n] * 1e-6), float(found[2 * n + 1] * 1e-6)),
