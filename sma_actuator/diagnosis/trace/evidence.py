@@ -23,7 +23,7 @@ from sma_actuator.estimation.chain import Chain, Judged, place_of
 from sma_actuator.estimation.effects import Effect, Effects
 from sma_actuator.estimation.effects.frame import Frame, Place
 from sma_actuator.identify.balance import passages, warmer_K
-from sma_actuator.identify.expectation import Expectation
+from sma_actuator.identify.expectation import Expectation, always_so_m
 from sma_actuator.identify.experiments import Experiment, make_experiment, sessions
 from sma_actuator.identify.rests import find_rests
 from sma_actuator.logs.bench_log import BenchLog
@@ -133,6 +133,8 @@ class Evidence:
         self.compared = [np.arange(every // 2, len(m), every) for m in self._measured_m]
         known = bool(self.calibration.expected_weights) and not beyond_floor
         self._expectation = Expectation(config) if known else None
+        #: Of every log, for the model as it is: how far it is from half the way to one whose load was always what it is.
+        self._always_so_m = [always_so_m(signals, self.chain({})) for signals, _ in self._seen] if known else []
         if beyond_floor:
             self._floor_m = [np.ones(len(rows)) for rows in self.compared]
             typical_m = np.sqrt(np.mean(np.concatenate(self.news_m(self.predict({}))) ** 2)) / SPREAD
@@ -317,11 +319,12 @@ class Evidence:
     def through(self, chain: Chain) -> list[Prediction]:
         """Every log through a chain.  Between two logs of a session nobody saw the wire: only its position is forgotten."""
         out = []
-        for (p, kept), rows in zip(self._judgements(chain), self.compared, strict=True):
+        for i, ((p, kept), rows) in enumerate(zip(self._judgements(chain), self.compared, strict=True)):
             here = np.arange(len(p.time_s))[kept][rows]
             expected_m = np.zeros(len(p.time_s))
             if self._expectation is not None:
                 expected_m = np.interp(p.time_s, p.time_s[here], self._expectation.residual_m(p, here))
+                expected_m = expected_m + self._always_so_m[i]
             where = _Where(chain, self.place, p, expected_m)
             out.append(
                 Prediction(
@@ -354,10 +357,11 @@ class Evidence:
         if self._expectation is None:
             percent = max(c.error, c.largest_error) if c.known else FLOOR_percent
             return [np.full(len(rows), percent / 100 * self.full_stroke_m) for rows in self.compared]
-        return [
-            self._expectation.floor_m(p, np.arange(len(p.time_s))[kept][rows])
-            for (p, kept), rows in zip(self._judgements(self.chain({})), self.compared, strict=True)
-        ]
+        out = []
+        for i, ((p, kept), rows) in enumerate(zip(self._judgements(self.chain({})), self.compared, strict=True)):
+            here = np.arange(len(p.time_s))[kept][rows]
+            out.append(np.hypot(self._expectation.floor_m(p, here), self._always_so_m[i][here]))
+        return out
 
     def residual(self, effects: Mapping[str, Effect]) -> np.ndarray:
         """Rows to be made small by a fit of ``effects`` (see :meth:`rows`)."""
