@@ -31,6 +31,7 @@ setup(
         "PyVISA-py>=0.7",
         "rich>=13",
         "joblib>=1.3",
+        "threadpoolctl>=3.0",
     ],
     extras_require={
         # The wheels of ROS 2 Jazzy; leave out where ROS 2 is sourced.
@@ -44,7 +45,7 @@ setup(
         "completion": ["argcomplete>=3.0"],
         "baselines": ["scikit-learn>=1.3"],
         # Many wires at once: a table, logs behind URLs, a cluster; s3fs, gcsfs … bring the kinds of URLs.
-        "fleet": ["distributed>=2024.1", "fsspec>=2024.2", "pyarrow>=14", "threadpoolctl>=3.0"],
+        "fleet": ["distributed>=2024.1", "fsspec>=2024.2", "pyarrow>=14"],
         "pymeasure": ["PyMeasure>=0.14"],
         "check": ["ruff>=0.17,<0.18", "mypy>=1.11", "import-linter>=2.0"],
         "docs": ["sphinx>=8.2", "myst-parser>=4.0", "sphinx-rtd-theme>=3.0"],

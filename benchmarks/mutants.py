@@ -9,9 +9,9 @@ measured once; a mutant of that line gets these tests and no other, the quickest
 of the package is the mutated one (also for the processes that a test starts).  A test that hangs on a mutant has noticed it.
 A mutant that no test notices and that ``mutants_equivalent.yaml`` does not explain makes the command fail.
 
-What was found is kept in ``out/mutants.json`` and not tried again until the source changes, or a test where a mutant lived;
-which mutants there are, and which tests run which line, in ``out/mutants_known.json``.  ``docs/mutants.md`` is written from
-the former.
+What was found is kept in ``benchmarks/mutants_tried.json`` and not tried again until the function changes in which the mutant
+stands, or a test where it lived; which mutants there are, and which tests run which line, in ``out/mutants_known.json``, which may
+be deleted.  ``docs/mutants.md`` is written from the former, with the targets that were tried before.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ import shutil
 import signal
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -47,7 +48,7 @@ from cosmic_ray.plugins import get_operator
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "sma_actuator"
 EQUIVALENT = Path(__file__).with_name("mutants_equivalent.yaml")
-KEPT = ROOT / "out" / "mutants.json"
+TRIED = Path(__file__).with_name("mutants_tried.json")
 KNOWN = ROOT / "out" / "mutants_known.json"
 PAGE = ROOT / "docs" / "mutants.md"
 #: A mutated source, and the tests that are there to judge it.
@@ -58,9 +59,9 @@ TARGETS = {
     "safety/formula": ("tests/safety/test_formula.py", "tests/test_docs.py"),
     "safety/timing": _GUARDS,
     "safety/faults": (*_GUARDS, "tests/safety/test_faults.py"),
-    "safety/supervisor": ("tests/safety", "tests/test_actuator.py"),
+    "safety/supervisor": ("tests/safety/test_supervisor_edges.py", *_GUARDS),
     "safety/thermal": (*_GUARDS, "tests/safety/test_thermal.py", "tests/safety/test_limits.py"),
-    "driver": ("tests/driver",),
+    "driver": tuple(f"tests/driver/test_driver_{name}.py" for name in ("edges", "steps", "on_bench", "thread")),
     "instruments/scpi": ("tests/instruments",),
     "instruments/supply": ("tests/instruments",),
     "instruments/session": ("tests/instruments",),
@@ -151,6 +152,8 @@ class Mutant:
     line: int
     before: str
     after: str
+    key: str  #: stays the same while the function does in which it stands
+    function: str  #: its name, with that of its class
 
     @property
     def words(self) -> str:
@@ -184,13 +187,15 @@ def mutants_of(target: str) -> list[Mutant]:
     return [Mutant(target, *each) for each in _known("mutants of", target, of, lambda: _mutants_of(target))]
 
 
-def _mutants_of(target: str) -> list[tuple[str, int, int, str, str]]:
+def _mutants_of(target: str) -> list[tuple[str, int, int, str, str, str, str]]:
     source = path_of(target).read_text(encoding="utf-8")
+    pieces = _pieces(source)
     whole = get_ast(source)
     lines = source.splitlines()
     quiet = _lines_without_behaviour(source)
     dump = ast.dump(ast.parse(source))
     found = {}
+    there: dict[tuple[str, str], int] = {}
     for name in (*OPERATORS, "LeaveOut"):
         operator = _operator(name)
         places = [place for node in ast_nodes(whole) for place in operator.mutation_positions(node)]
@@ -217,8 +222,28 @@ def _mutants_of(target: str) -> list[tuple[str, int, int, str, str]]:
             if first + 1 in quiet:
                 continue
             shown = after[first].strip() if first < len(after) else ""
-            found[mutated] = (name, occurrence, first + 1, lines[first].strip(), shown)
+            function, piece = pieces.get(first + 1, ("", lines[first]))
+            number = there[name, piece] = there.get((name, piece), 0) + 1
+            key = _digest_of(f"{piece} {name} {number}".encode())
+            found[mutated] = (name, occurrence, first + 1, lines[first].strip(), shown, key, function)
     return list(found.values())
+
+
+def _pieces(source: str) -> dict[int, tuple[str, str]]:
+    """Name of the function that each line belongs to, and its text or that of the statement in a module or class."""
+    pieces: dict[int, tuple[str, str]] = {}
+
+    def walk(within: ast.Module | ast.ClassDef, name: str) -> None:
+        for node in within.body:
+            here = f"{name}.{getattr(node, 'name', '')}".lstrip(".")
+            if isinstance(node, ast.ClassDef):
+                walk(node, here)
+            else:
+                text = f".{here} {ast.get_source_segment(source, node)}"
+                pieces.update(dict.fromkeys(range(node.lineno, node.end_lineno + 1), (here, text)))
+
+    walk(ast.parse(source), "")
+    return pieces
 
 
 def _lines_without_behaviour(source: str) -> set[int]:
@@ -458,15 +483,16 @@ def _warm_up() -> None:
 
 
 def _without(found: list[Mutant], known: dict[str, set[str]]) -> list[Mutant]:
-    return [mutant for mutant in found if mutant.words not in known.get(mutant.target, set())]
+    explained = {target: known.get(target, set()) for target in {mutant.target for mutant in found}}
+    return [mutant for mutant in found if not {mutant.words, mutant.function} & explained[mutant.target]]
 
 
 def equivalent() -> dict[str, set[str]]:
-    """Mutants that no test can notice, by target; the file has the reason beside each."""
+    """Mutants that no test can notice, and functions where none can, by target; the file has the reason beside each."""
     groups = yaml.safe_load(EQUIVALENT.read_text(encoding="utf-8")) or []
     known: dict[str, set[str]] = {}
     for group in groups:
-        known.setdefault(group["target"], set()).update(group["mutants"])
+        known.setdefault(group["target"], set()).update(group.get("mutants", ()), group.get("functions", ()))
         assert group["reason"], "every group of equivalent mutants has a reason"
     return known
 
@@ -475,32 +501,33 @@ def equivalent() -> dict[str, set[str]]:
 
 
 class Findings:
-    """Which mutants were noticed, in a file, as long as their source is what it was."""
+    """Which mutants were tried, in a file, and which of them lived."""
 
-    def __init__(self, path: Path):
-        self._path = path
-        self._all: dict[str, dict[str, Any]] = json.loads(path.read_text()) if path.exists() else {}
-        self._looked_at: set[str] = set()
-        #: By target: all mutants, and those that are explained.
-        self.count: dict[str, tuple[int, int]] = {target: kept["count"] for target, kept in self._all.items()}
+    def __init__(self) -> None:
+        self._all: dict[str, dict[str, Any]] = json.loads(TRIED.read_text()) if TRIED.exists() else {}
+        self._lock = threading.Lock()
 
-    def of(self, target: str) -> dict[str, str]:
-        """What it changes where it lives, else nothing, by mutant.  Those that lived are tried again where the tests have changed."""
-        self._looked_at.add(target)
-        kept, source, tests = self._all.get(target), _digest([path_of(target)]), _digest(_tests_of(target))
-        if kept is None or kept["source"] != source:
-            kept = {"lives": {}}
-        elif kept["tests"] != tests:
-            kept = {"lives": {key: words for key, words in kept["lives"].items() if not words}}
-        self._all[target] = {"source": source, "tests": tests, "lives": kept["lives"]}
-        return self._all[target]["lives"]
+    def of(self, target: str, found: list[Mutant]) -> dict[str, bool]:
+        """Whether it lives, by the key of each of these mutants that was tried."""
+        kept = self._all.get(target, {"noticed": "", "alive": ""})
+        lives = dict.fromkeys(kept["noticed"].split(), False) | dict.fromkeys(kept["alive"].split(), True)
+        keys = {mutant.key for mutant in found}
+        return {key: alive for key, alive in lives.items() if key in keys}
 
-    def save(self) -> None:
-        """Write the file."""
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        kept = json.loads(self._path.read_text()) if self._path.exists() else {}  # of another run beside this one
-        kept |= {target: {**self._all[target], "count": self.count[target]} for target in self._looked_at}
-        self._path.write_text(json.dumps(kept, indent=1))
+    def holds(self, target: str) -> bool:
+        """Whether the tests are those that what lives has lived through."""
+        return self._all.get(target, {}).get("tests") == _digest(_tests_of(target))
+
+    def save(self, target: str, lives: dict[str, bool]) -> None:
+        """Write what is known of a target into the file."""
+        noticed, alive = (" ".join(sorted(key for key in lives if lives[key] is which)) for which in (False, True))
+        with self._lock:
+            kept = json.loads(TRIED.read_text()) if TRIED.exists() else {}  # of another run beside this one
+            kept[target] = {"tests": _digest(_tests_of(target)), "alive": alive, "noticed": noticed}
+            part = TRIED.with_suffix(".part")
+            part.write_text(json.dumps({each: kept[each] for each in TARGETS if each in kept}, indent=1) + "\n")
+            part.replace(TRIED)
+            self._all = kept
 
 
 def _tests_of(target: str) -> list[Path]:
@@ -509,11 +536,11 @@ def _tests_of(target: str) -> list[Path]:
 
 
 def _digest(paths: list[Path]) -> str:
-    return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()
+    return _digest_of(b"".join(path.read_bytes() for path in paths))
 
 
-def _key(mutant: Mutant) -> str:
-    return f"{mutant.line} {mutant.operator} {mutant.occurrence}"
+def _digest_of(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()[:10]
 
 
 def _page(findings: Findings) -> str:
@@ -523,20 +550,23 @@ def _page(findings: Findings) -> str:
         "Written by `make mutants` (`python benchmarks/mutants.py`), which changes one place of what guards the wire and runs the",
         "tests of that line on it. A mutant that no test notices is listed, or stands with its reason in",
         "`benchmarks/mutants_equivalent.yaml` because it changes nothing that anybody could see. Those that were tried were drawn at",
-        "random from the whole file; a source that is not in the table has not been tried.",
+        "random from the whole file, and count until the function changes in which they stand.",
         "",
         "| source | mutants | equivalent | tried | not noticed |",
         "|---|---|---|---|---|",
     ]
     alive: list[str] = []
     sums = [0, 0, 0, 0]
-    for target in (target for target in TARGETS if target in findings.count and findings.of(target)):
-        lives, (everything, explained) = findings.of(target), findings.count[target]
-        left = [words for words in lives.values() if words]
-        row = (everything, explained, len(lives), len(left))
+    known = equivalent()
+    for target in TARGETS:
+        everything = mutants_of(target)
+        found = _without(everything, known)
+        lives = findings.of(target, found)
+        left = [mutant for mutant in found if lives.get(mutant.key)]
+        row = (len(everything), len(everything) - len(found), len(lives), len(left))
         sums = [a + b for a, b in zip(sums, row, strict=True)]
         lines.append(f"| `{target}.py` | " + " | ".join(map(str, row)) + " |")
-        alive += [f"- `{target}.py`: {words}" for words in left]
+        alive += [f"- `{target}.py`: line {mutant.line}, `{mutant.words}`" for mutant in left]
     lines.append("| **all of these** | " + " | ".join(map(str, sums)) + " |")
     lines += ["", "## Not noticed", "", *(alive or ["None."])]
     return "\n".join(lines) + "\n"
@@ -554,41 +584,33 @@ def main() -> int:
     sys.path.insert(0, str(ROOT))
     ends_s = time.monotonic() + 60.0 * options.minutes
     _warm_up()
-    known, findings = equivalent(), Findings(KEPT)
+    known, findings = equivalent(), Findings()
     living = 0
     for target in options.targets:
-        everything = mutants_of(target)
-        found = _without(everything, known)
-        findings.count[target] = (len(everything), len(everything) - len(found))
-        lives = findings.of(target)
-        for key in lives.keys() - {_key(mutant) for mutant in found}:  # explained since
-            del lives[key]
-        found = found[:: options.every]
+        unexplained = _without(mutants_of(target), known)
+        lives = findings.of(target, unexplained)
+        if not findings.holds(target):
+            lives = {key: alive for key, alive in lives.items() if not alive}
+        found = unexplained[:: options.every]
         if options.lines:
             first, _, last = options.lines.partition("-")
             found = [m for m in found if int(first) <= m.line <= int(last or first)]
-        if time.monotonic() < ends_s and any(_key(mutant) not in lives for mutant in found):
-            _try(
-                target,
-                [mutant for mutant in found if _key(mutant) not in lives],
-                lives,
-                findings.save,
-                options.jobs,
-                ends_s,
-            )
-        left = [mutant for mutant in found if lives.get(_key(mutant))]
+        untried = [mutant for mutant in found if mutant.key not in lives]
+        if untried and time.monotonic() < ends_s:
+            _try(target, untried, lives, lambda: findings.save(target, lives), options.jobs, ends_s)  # noqa: B023 - at once
+        findings.save(target, lives)
+        left = [mutant for mutant in found if lives.get(mutant.key)]
         living += len(left)
-        tried = sum(_key(mutant) in lives for mutant in found)
+        tried = sum(mutant.key in lives for mutant in found)
         print(f"{target}: {tried} of {len(found)} mutants, {len(left)} not noticed", flush=True)
         for mutant in left:
             print(f"  {target}.py:{mutant.line} [{mutant.operator}] {mutant.words}", flush=True)
-    findings.save()
-    PAGE.write_text(_page(Findings(KEPT)), encoding="utf-8")
+    PAGE.write_text(_page(findings), encoding="utf-8")
     return 1 if living else 0
 
 
 def _try(
-    target: str, found: list[Mutant], lives: dict[str, str], save: Callable[[], None], jobs: int, ends_s: float
+    target: str, found: list[Mutant], lives: dict[str, bool], save: Callable[[], None], jobs: int, ends_s: float
 ) -> None:
     """Run the tests on mutants until the time is over; what came out goes into ``lives``, and is saved."""
     lines, times = covering(target)
@@ -602,9 +624,7 @@ def _try(
         if time.monotonic() > ends_s:
             return
         tests = sorted(lines.get(mutant.line) or everything, key=lambda test: times.get(test, 0.0))
-        lives[_key(mutant)] = (
-            f"line {mutant.line}, `{mutant.words}`" if survives(target, mutant.source, tests, times) else ""
-        )
+        lives[mutant.key] = survives(target, mutant.source, tests, times)
         save()
 
     # In an order that leaves an even sample where the time does not suffice.

@@ -45,6 +45,7 @@ _log = logging.getLogger(__name__)
 #: Changes of the commanded current smaller than this are not sent: the finest step of the supplies
 #: in use is 0.02 mA (thesis, ch. 3), and each message costs time on the bus.
 CURRENT_RESOLUTION_A = 5e-6
+_CALL_s = 5.0  #: how long a call waits for its turn between two steps, unless told otherwise
 _LONGEST_SLEEP_s = 0.05  #: so that a stop and a call do not wait for a slow loop's next deadline
 _JOIN_TIMEOUT_s = 0.3  #: what ``stop`` leaves a thread that waits for an instrument, of the second it has
 _WATCH_PERIOD_s = 0.05  #: how often the watchman looks
@@ -76,8 +77,8 @@ class Recording(Protocol):
 class LoopStatistics:
     """How well the loop keeps its period; means and percentiles over the last 2048 steps."""
 
-    steps: int = 0
-    overruns: int = 0  #: deadlines that passed while a step was still busy
+    steps: int
+    overruns: int  #: deadlines that passed while a step was still busy
     period_mean_s: float = math.nan
     period_p99_s: float = math.nan
     period_max_s: float = math.nan
@@ -104,16 +105,16 @@ class _Link:
         if not self.answers:
             return None
         try:
-            return question()
+            answer = question()
         except InstrumentError as error:
             self.lose(error)
             return None
+        self._wait_s, self._next_attempt_s = 0.0, -math.inf  # where it is lost, the first attempt is made at once
+        return answer
 
     def lose(self, error: InstrumentError) -> None:
         self.answers = False
         self._note(error)
-        self._wait_s = 0.0
-        self._next_attempt_s = -math.inf  # the first attempt is made at once: opening switches the output off
         self._obeys = not isinstance(error, OutputStaysOn)
 
     def _note(self, error: InstrumentError) -> None:
@@ -129,15 +130,16 @@ class _Link:
             self._obeys, self._next_attempt_s = True, now_s() + min(quiet_s, _LONGEST_TRUST_s)
         if now_s() < self._next_attempt_s:
             return False
+        self._wait_s = min(self._longest_wait_s, max(_SHORTEST_WAIT_s, 2.0 * self._wait_s))
         try:
             self.instrument.open()
         except InstrumentError as error:
             self._note(error)
-            self._wait_s = min(self._longest_wait_s, max(_SHORTEST_WAIT_s, 2.0 * self._wait_s))
             quiet_s = 0.0 if isinstance(error, InstrumentUnreachable) else quiet_s
-            self._next_attempt_s = now_s() + max(self._wait_s, quiet_s)
         else:
-            self.answers = True
+            self.answers, quiet_s = True, 0.0
+        # Also where it was opened: it may be lost with the first question that matters, each time.
+        self._next_attempt_s = now_s() + max(self._wait_s, quiet_s)
         return self.answers
 
 
@@ -197,7 +199,8 @@ class Driver:
         self._flooded = 0
         self._refusals: collections.deque[str] = collections.deque(maxlen=16)
         self._period_s = 1.0 / config.loop.rate
-        self._schedule: tuple[float, int] | None = None  #: time of deadline 0, number of the next deadline
+        self._start_s = math.nan  #: time of deadline 0
+        self._number = 0  #: of the next deadline
         self._last_step_s = math.nan
         self._steps = 0
         self._overruns = 0
@@ -227,7 +230,6 @@ class Driver:
         self.feed()
         # A daemon: at the interpreter's end atexit stops it, where joining it would wait for ever.
         self._thread = threading.Thread(target=self._loop, name=f"{self.name} control", daemon=True)
-        self._alive_s = self._clock.now_s()
         self._thread.start()
         threading.Thread(target=self._watch, name=f"{self.name} watchman", daemon=True).start()
 
@@ -270,7 +272,7 @@ class Driver:
                 _fulfil(future, request, self._actuator, self._clock.now_s())
         return future
 
-    def call(self, request: Callable[[Actuator, float], Any], timeout_s: float = 5.0) -> Any:
+    def call(self, request: Callable[[Actuator, float], Any], timeout_s: float = _CALL_s) -> Any:
         """Result of ``request(actuator, now_s)``, executed between two steps.
 
         Raises DriverStopped, TimeoutError (then it will not be executed later either), and
@@ -323,34 +325,34 @@ class Driver:
                 out.append(self._refusals.popleft())
         return out
 
-    def enable(self, on: bool, timeout_s: float = 5.0) -> tuple[bool, str]:
+    def enable(self, on: bool, timeout_s: float = _CALL_s) -> tuple[bool, str]:
         """Switch the current on or off; whether that was done, and the sentence that says so.
 
         Off is done when the supply has read it back.
         """
         return self.call(self._enable_checked if on else self._disable, timeout_s)
 
-    def clear_fault(self, timeout_s: float = 5.0) -> tuple[bool, str]:
+    def clear_fault(self, timeout_s: float = _CALL_s) -> tuple[bool, str]:
         """Clear a latched fault and the supply's own trips; the output stays off."""
         return self.call(self._clear_fault, timeout_s)
 
-    def reset_estimator(self, timeout_s: float = 5.0) -> tuple[bool, str]:
+    def reset_estimator(self, timeout_s: float = _CALL_s) -> tuple[bool, str]:
         """Forget the past of the estimate."""
         return self.call(lambda actuator, _: actuator.reset_estimator(), timeout_s)
 
-    def tune(self, timeout_s: float = 5.0) -> tuple[bool, str]:
+    def tune(self, timeout_s: float = _CALL_s) -> tuple[bool, str]:
         """Begin to tune the gains; the wire must be driven."""
         return self.call(lambda actuator, now_s: actuator.tune(now_s), timeout_s)
 
-    def tare_load(self, timeout_s: float = 5.0) -> tuple[bool, str]:
+    def tare_load(self, timeout_s: float = _CALL_s) -> tuple[bool, str]:
         """Take the present load for zero."""
         return self.call(lambda actuator, _: actuator.tare_load(), timeout_s)
 
-    def measure_lead_resistance(self, timeout_s: float = 5.0) -> tuple[bool, str, float]:
+    def measure_lead_resistance(self, timeout_s: float = _CALL_s) -> tuple[bool, str, float]:
         """Lead resistance [Ω], with a short in place of the wire."""
         return self.call(lambda actuator, _: actuator.measure_lead_resistance(), timeout_s)
 
-    def update(self, config: Config, timeout_s: float = 5.0) -> None:
+    def update(self, config: Config, timeout_s: float = _CALL_s) -> None:
         """Take over changed parameters; only those declared ``live`` may differ."""
         self.call(lambda actuator, _: self._update(actuator, config), timeout_s)
 
@@ -445,10 +447,9 @@ class Driver:
         return output
 
     def _next_deadline_s(self) -> float:
-        if self._schedule is None:
-            self._schedule = (self._clock.now_s(), 0)
-        start_s, number = self._schedule
-        return start_s + number * self._period_s
+        if math.isnan(self._start_s):
+            self._start_s = self._clock.now_s()
+        return self._start_s + self._number * self._period_s
 
     def _account_start(self, now_s: float) -> None:
         self._periods_s[self._steps % _STATISTICS_WINDOW] = now_s - self._last_step_s
@@ -457,10 +458,9 @@ class Driver:
     def _account_end(self, deadline_s: float, now_s: float) -> None:
         self._busy_s[self._steps % _STATISTICS_WINDOW] = now_s - deadline_s
         self._steps += 1
-        start_s, number = self._schedule or (now_s, 0)
-        missed = max(0, math.floor((now_s - start_s) / self._period_s + 1e-9) - number)
+        missed = max(0, math.floor((now_s - self._start_s) / self._period_s + 1e-9) - self._number)
         # Missed deadlines are skipped, not caught up with: old readings help nobody.
-        self._schedule = (start_s, number + 1 + missed)
+        self._number += 1 + missed
         self._overruns += missed
 
     def _tick(self) -> Output:
@@ -478,12 +478,13 @@ class Driver:
         self._offer_setpoints(now_s)
         output = self._actuator.step(now_s, reading, state)
         self._supply.ask(lambda: self._write(output.command, state))
+        overtaken = self._cut  # what the watchman has put out is newer than this
         self._report_losses(now_s)
         self._report_unconfirmed(now_s)
         output = self._output = self._with_truth(output)
         if self._recorder is not None:
             self._recorder.record(reading, output)
-        if self._on_output is not None and not self._cut:  # what the watchman has put out is newer than this
+        if self._on_output is not None and not (overtaken or self._cut):
             self._on_output(output)
         return output
 
@@ -495,8 +496,8 @@ class Driver:
 
     def _write(self, command: Command, state: SupplyState | None) -> None:
         """Tell the supply what it does not know yet."""
-        if self._cut:
-            command = _OFF  # thought out before the watchman cut
+        if self._cut or self._stopping.is_set():
+            command = _OFF  # thought out before the supply was shut down beside this thread
         written = self._written
         self._written = None  # until all of it is sent
         if command.output_on:
@@ -529,9 +530,7 @@ class Driver:
 
     def _report_unconfirmed(self, now_s: float) -> None:
         if self._may_flow and not (self._written is not None and self._written.output_on):
-            self._actuator.raise_fault(
-                now_s, "output_not_confirmed", self._supply.detail or "the supply has not read it back"
-            )
+            self._actuator.raise_fault(now_s, "output_not_confirmed", self._supply.detail)
 
     def _with_truth(self, output: Output) -> Output:
         """The output of a step with what is known of the supply's output beside what was commanded."""
@@ -641,7 +640,6 @@ class Driver:
                 return
             self._ended = True
             waiting, self._mailbox = self._mailbox, collections.deque()
-        self._alive_s = math.inf
         self._shut_down()
         for _, future in waiting:
             if future.set_running_or_notify_cancel():

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from sma_actuator.base.one_thread import one_thread
 from sma_actuator.base.parameters import to_mapping
 from sma_actuator.config import Config
 from sma_actuator.identify.calibration import calibration_of
@@ -57,6 +58,7 @@ class Extended:
     after_percent: float
 
 
+@one_thread()
 def extend(result: Identification, jobs: int = 2, progress: Progress = lambda fraction: None) -> Extended:
     """Look for what the model lacks on its own logs, and add what helps logs it was not fitted on."""
     logs = _thinned(result)

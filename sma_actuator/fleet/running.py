@@ -25,6 +25,7 @@ from typing import Any
 from rich.table import Table
 
 from sma_actuator.base.errors import UserError
+from sma_actuator.base.one_thread import one_thread
 from sma_actuator.console import notes, progress_bar, refuse_to_overwrite, results, write_json
 from sma_actuator.logs.files import write_atomically
 
@@ -198,12 +199,10 @@ def _appending(path: Path) -> Iterator[Callable[[list[dict[str, Any]]], None]]:
 
 def _do(job: _Job) -> _Outcome:
     """On the worker: read, work, and say what was found."""
-    from threadpoolctl import threadpool_limits
-
     begun_s = time.perf_counter()
     with (
         tempfile.TemporaryDirectory(prefix="sma_fleet_") as folder,
-        threadpool_limits(1),
+        one_thread(),
     ):  # the same bits on any machine
         names = {}
         try:

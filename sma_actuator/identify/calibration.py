@@ -15,7 +15,7 @@ from sma_actuator.base.jit import jit
 from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.config import Config
 from sma_actuator.estimation.calibration import Calibration
-from sma_actuator.estimation.chain import Chain
+from sma_actuator.estimation.chain import Chain, Estimates
 from sma_actuator.safety.thermal import HeatBalance
 
 from .balance import balance_of
@@ -38,7 +38,7 @@ def calibration_of(experiments: Sequence[Experiment], config: Config, at_rest: b
     """
     known = _of_the_wire(experiments, config) if at_rest else Calibration()
     config = dataclasses.replace(config, calibration=known)  # the hot end that the node will know decides errors too
-    found = [Chain(config).run(t.signals) for t in experiments]
+    found = _through(config, experiments)
     experiments = [t.through(estimate) for t, estimate in zip(experiments, found, strict=True)]
     estimates = [estimate.displacement_m for estimate in found]
     full_m = config.wire.full_stroke_m
@@ -86,10 +86,20 @@ def calibration_of(experiments: Sequence[Experiment], config: Config, at_rest: b
     return dataclasses.replace(known, **values, **learn(experiments, found, config))
 
 
+def _through(config: Config, experiments: Sequence[Experiment]) -> list[Estimates]:
+    """Every experiment through the chain, which goes on through stretches of one log that follow each other."""
+    chain, out = Chain(config), []
+    for before, experiment in zip((None, *experiments), experiments, strict=False):
+        if not experiment.goes_on_from(before):
+            chain = Chain(config)
+        out.append(chain.run(experiment.signals))
+    return out
+
+
 def _of_the_wire(experiments: Sequence[Experiment], config: Config) -> Calibration:
     """What the wire shows whatever the model makes of it."""
     config = dataclasses.replace(config, calibration=Calibration())
-    experiments = [t.through(Chain(config).run(t.signals)) for t in experiments]
+    experiments = [t.through(found) for t, found in zip(experiments, _through(config, experiments), strict=True)]
     measured_C = [np.atleast_1d(t.signals.ambient_temperature_C) for t in experiments]
     ambient = np.concatenate([a[np.isfinite(a)] for a in measured_C])
     resistance_Ohm = np.concatenate([t.resistance_Ohm for t in experiments])

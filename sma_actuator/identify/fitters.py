@@ -58,6 +58,7 @@ class Fitter:
     fit: Callable[[Sequence[Experiment], BenchConfig, Asked], Fitted]  #: of the logs of a bench
     methods: tuple[str, ...] = ("joint",)
     any_size: bool = False  #: of logs of wires of several sizes, each rewritten as one of the same wire
+    remembers: bool = False  #: the model knows the wire's past: a stretch of a log goes on from the one before
     extended: bool = True  #: identification ends with the effects that the model lacks on its own logs
 
 
@@ -131,4 +132,4 @@ FITTERS.register("flexinol")(Fitter(_flexinol, METHODS))
 FITTERS.register("flexinol_normalised")(Fitter(_flexinol_normalised, METHODS, any_size=True, extended=False))
 FITTERS.register("furukawa")(Fitter(_furukawa))
 FITTERS.register("furukawa_normalised")(Fitter(_furukawa_normalised, any_size=True, extended=False))
-FITTERS.register("whole_range")(Fitter(_whole_range, extended=False))  # what is left is learned already
+FITTERS.register("whole_range")(Fitter(_whole_range, remembers=True, extended=False))  # what is left is learned already

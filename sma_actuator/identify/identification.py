@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from sma_actuator.base.one_thread import one_thread
 from sma_actuator.base.parameters import ConfigError, to_mapping
 from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.derived import Derived, with_derived
@@ -51,6 +52,7 @@ class Identification:
     bounds: list[str] = field(default_factory=list, kw_only=True)  #: a sentence for every bound that binds
 
 
+@one_thread()
 def identify(
     logs: Sequence[BenchLog],
     config_mapping: Mapping[str, Any],
@@ -78,14 +80,16 @@ def identify(
     if "bias_current" not in mapping.get("supply", {}) and math.isfinite(lowest_A := lowest_current_A(logs, bench)):
         mapping.setdefault("supply", {})["bias_current"] = lowest_A
         bench = bench_from_mapping(with_derived(mapping))
-    everything = as_one_wire(logs, with_derived(mapping)) if fitter.any_size else make_experiments(logs, bench)
+    everything = (
+        as_one_wire(logs, with_derived(mapping)) if fitter.any_size else make_experiments(logs, bench, fitter.remembers)
+    )
     reasons: dict[str, str] = {}
     at_odds: list[str] = []
     if not fitter.any_size:
         reasons, at_odds = _add_measured(mapping, measured(everything, mapping, bench))
         if reasons:
             bench = bench_from_mapping(with_derived(mapping))
-            everything = make_experiments(logs, bench)
+            everything = make_experiments(logs, bench, fitter.remembers)
     fatigued = [t for t in everything if t.kind == "fatigue"]
     experiments = [t for t in everything if t.kind != "fatigue"]
     change_m = 0.0 if fitter.any_size else change_while_measured_m(logs, bench)

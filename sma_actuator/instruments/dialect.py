@@ -14,6 +14,7 @@ import string
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
+from math import copysign, inf, isfinite, nan
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +76,7 @@ _KNOWN: dict[str, dict[str, dict[str, set[str]]]] = {
 _NEEDED: dict[str, dict[str, tuple[str, ...]]] = {
     "supply": {
         "commands": ("output_on", "output_off", "set_current", "set_voltage", "clear_trips"),
-        "queries": ("current_setting", "output", "voltage", "current"),
+        "queries": ("current_setting", "voltage_setting", "output", "voltage", "current"),
     },
     "daq": {"commands": ("prepare",), "queries": ("read",)},
 }
@@ -285,6 +286,19 @@ def yes(reply: str) -> bool:
     if re.fullmatch(r"[+-]?\d+(\.\d*)?(e[+-]?\d+)?", word) and float(word) in (0.0, 1.0):
         return float(word) == 1.0
     raise ValueError(f"'{reply}' is neither on nor off")
+
+
+def number(reply: str) -> float:
+    """A numeric reply; 9.91e37 is SCPI's NaN, ±9.9e37 its infinity (SCPI-99, 7.2.1.4, 7.2.1.5).
+
+    Raises ValueError for one that is none.
+    """
+    if "_" in reply:  # Python's own way to write numbers
+        raise ValueError(f"'{reply}' is not a number")
+    value = float(reply)
+    if isfinite(value) and abs(value) >= 9.9e37:
+        return nan if abs(value) > 9.905e37 else copysign(inf, value)
+    return value
 
 
 def _is_number(value: Any) -> bool:

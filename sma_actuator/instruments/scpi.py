@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from decimal import Decimal
 from functools import partial
-from math import inf, isfinite, nan
+from math import inf, nan
 
 import numpy as np
 
 from sma_actuator.base.signals import Reading, SupplyState
 
 from . import Clock, InstrumentRefused, LimitsNotHeld, OutputStaysOn, WatchdogNotHeld
-from .dialect import Dialect, yes
+from .dialect import Dialect, number, yes
 from .parameters import InstrumentSections
 from .session import OPENING_ANSWERS, Session
 from .supply import Abilities, SessionSupply
@@ -40,12 +40,11 @@ def _no_errors(session: Session, dialect: Dialect) -> None:
     if "error" not in dialect.queries:
         return
     reply = session.ask(dialect.query("error", channel=""))
-    code = reply.split(",")[0].strip()
     try:
-        number = int(code)
+        code = int(reply.split(",")[0])
     except ValueError:
         raise session.garbled(dialect.queries["error"], reply) from None
-    if number != 0:
+    if code != 0:
         raise InstrumentRefused(
             f"{session.name}: refused its configuration: {reply}; is the dialect '{dialect.path.stem}' the right one?"
         )
@@ -58,8 +57,8 @@ class _RoundedDown(float):
         text = float.__format__(self, spec)
         if float(text) <= self:
             return text
-        number = Decimal(text)
-        return float.__format__(float(number - Decimal(1).scaleb(int(number.as_tuple().exponent))), spec)
+        written = Decimal(text)
+        return float.__format__(float(written - Decimal(1).scaleb(int(written.as_tuple().exponent))), spec)
 
 
 class ScpiSupply(SessionSupply):
@@ -88,7 +87,7 @@ class ScpiSupply(SessionSupply):
         with self._session.within():
             replies = self._ask_all(lines)
         try:
-            setting_A, voltage_V, current_A = (float(replies[i]) for i in (0, 2, 3))
+            setting_A, voltage_V, current_A = (number(replies[i]) for i in (0, 2, 3))
             output_on = yes(replies[1])
             tripped = [self._trip(word, reply) for word, reply in zip(self._dialect.trips, replies[4:], strict=True)]
         except ValueError:
@@ -101,7 +100,10 @@ class ScpiSupply(SessionSupply):
         names = [name for name in ("watchdog_armed", "watchdog_tied", "watchdog_delay") if name in dialect.queries]
         replies = [self._session.ask(dialect.query(name, channel=self._channel)) for name in names]
         try:
-            holds = all(map(yes, replies[:-1])) and float(replies[-1]) <= wanted_s + dialect.watchdog_step_s + 1e-3
+            # A delay of zero is no watchdog at all in many families.
+            holds = (
+                all(map(yes, replies[:-1])) and 0.0 < number(replies[-1]) <= wanted_s + dialect.watchdog_step_s + 1e-3
+            )
         except ValueError:
             raise self._session.garbled(dialect.queries["watchdog_delay"], "; ".join(replies)) from None
         if not holds:
@@ -205,7 +207,7 @@ class ScpiSupply(SessionSupply):
         line = self._dialect.query(query, channel=self._channel)
         reply = self._session.ask(line)
         try:
-            found = float(reply)
+            found = number(reply)
         except ValueError:
             raise self._session.garbled(line, reply) from None
         if not abs(found - wanted) <= SETTING_TOLERANCE * abs(wanted) + 1e-6:
@@ -270,7 +272,7 @@ class ScpiDaq:
             self._session.tell(*self._dialect.lines("before_read", **self._values))
             reply = self._session.ask(line)
         try:
-            numbers = np.array([_number(text) for text in reply.split(",")])
+            numbers = np.array([number(text) for text in reply.split(",")])
             if len(numbers) not in (len(self._channels), self._values["readings"]):
                 raise ValueError("neither one mean nor all readings of every channel")
             values = numbers.reshape(-1, len(self._channels)).mean(axis=0)
@@ -290,11 +292,3 @@ class ScpiDaq:
     def close(self) -> None:
         """Give up the connection.  Never raises."""
         self._session.close()
-
-
-def _number(text: str) -> float:
-    """A SCPI number; 9.91e37 is its NaN, ±9.9e37 its infinity (SCPI-99, 7.2.1.4, 7.2.1.5)."""
-    value = float(text)
-    if isfinite(value) and abs(value) >= 9.9e37:
-        return nan if abs(value) > 9.905e37 else float(np.copysign(inf, value))
-    return value

@@ -36,6 +36,8 @@ T = TypeVar("T")
 
 #: An answer without an end is given up after this many bytes; a block of 5000 samples of five channels has 0.4 MB.
 LONGEST_ANSWER = 1 << 20
+#: So much is read at once.
+_PIECE = 1 << 16
 #: How long the last words on a connection may take: a full send buffer must not hold up what follows.
 LAST_WORDS_s = 0.05
 #: How long opening may take with all its questions together, in multiples of the time for one answer.
@@ -69,7 +71,7 @@ class SocketWire:
         for family, kind, protocol, _, address in addresses:
             self._socket = socket.socket(family, kind, protocol)
             try:
-                self._socket.settimeout(max(deadline_s - time.monotonic(), 1e-3))
+                self._socket.settimeout(_left_ms(deadline_s) / 1e3)
                 self._socket.connect(address)
                 break
             except OSError as error:
@@ -93,7 +95,7 @@ class SocketWire:
     def receive(self, deadline_s: float) -> bytes:
         """What there is; waits for the first byte."""
         self._wait(select.POLLIN, deadline_s)
-        data = self._socket.recv(65536)
+        data = self._socket.recv(_PIECE)
         if not data:
             raise ConnectionResetError("the other side closed it")
         return data
@@ -101,7 +103,7 @@ class SocketWire:
     def unread(self) -> bytes:
         """What has come unasked.  An end that has come is left for the next ``receive``."""
         try:
-            return self._socket.recv(65536, socket.MSG_PEEK)
+            return self._socket.recv(_PIECE, socket.MSG_PEEK)
         except BlockingIOError:
             return b""
 
@@ -114,16 +116,15 @@ class SocketWire:
         """End it so that what was written still arrives: unread bytes would turn the end into a reset."""
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_WR)
-            for _ in range(LONGEST_ANSWER >> 16):
-                if not self._socket.recv(65536):
+            for _ in range(0, LONGEST_ANSWER, _PIECE):
+                if not self._socket.recv(_PIECE):
                     break
         self._socket.close()
 
     def _wait(self, event: int, deadline_s: float) -> None:
-        left_s = deadline_s - time.monotonic()
         poll = select.poll()
         poll.register(self._socket, event)
-        if left_s <= 0.0 or not poll.poll(math.ceil(1e3 * left_s)):
+        if not poll.poll(_left_ms(deadline_s)):
             raise TimeoutError
 
 
@@ -135,9 +136,8 @@ class VisaWire:
     """
 
     def __init__(self, resource: str, termination: str, deadline_s: float):
-        left_ms = max(1e3 * (deadline_s - time.monotonic()), 1.0)
         visa = pyvisa.ResourceManager("@py").open_resource(
-            resource, read_termination=termination, open_timeout=round(left_ms)
+            resource, read_termination=termination, open_timeout=_left_ms(deadline_s)
         )
         self._visa = cast("pyvisa.resources.MessageBasedResource", visa)
         # A serial line has no messages, only bytes: pyvisa-py would wait for all that are asked for, by the wall clock.
@@ -150,13 +150,13 @@ class VisaWire:
 
     def send(self, data: bytes, deadline_s: float) -> None:
         """Write all of it."""
-        self._set_timeout(deadline_s)
-        self._visa.write_raw(data)
+        with self._until(deadline_s):
+            self._visa.write_raw(data)
 
     def receive(self, deadline_s: float) -> bytes:
         """A piece of an answer, or all of it."""
-        self._set_timeout(deadline_s)
-        with self._visa.ignore_warning(pyvisa.constants.StatusCode.success_max_count_read):
+        code = pyvisa.constants.StatusCode.success_max_count_read
+        with self._until(deadline_s), self._visa.ignore_warning(code):
             data, _ = self._visa.visalib.read(self._visa.session, self._piece)
         return data
 
@@ -172,11 +172,23 @@ class VisaWire:
         """Give it back to VISA."""
         self._visa.close()
 
-    def _set_timeout(self, deadline_s: float) -> None:
-        left_s = deadline_s - time.monotonic()
-        if left_s <= 0.0:
-            raise TimeoutError
-        self._visa.timeout = max(1e3 * left_s, 1.0)
+    @contextlib.contextmanager
+    def _until(self, deadline_s: float) -> Iterator[None]:
+        self._visa.timeout = _left_ms(deadline_s)
+        try:
+            yield
+        except pyvisa.VisaIOError as error:
+            if error.error_code != pyvisa.constants.StatusCode.error_timeout:
+                raise
+            raise TimeoutError from error
+
+
+def _left_ms(deadline_s: float) -> int:
+    """Time until a deadline, rounded up; raises TimeoutError where there is none left."""
+    left_s = deadline_s - time.monotonic()
+    if left_s <= 0.0:
+        raise TimeoutError
+    return math.ceil(1e3 * left_s)
 
 
 class Claim:
@@ -206,10 +218,9 @@ class Session:
         self._termination = termination.encode()
         self._timeout_s = timeout_s
         self.off_lines = tuple(off_lines)
-        self._wire: Wire | None = None
         self._addresses: list[tuple] = []  #: asked for once: a name server may be slower than any instrument
-        self._midline = False  #: a line was begun and not ended
         self._deadline_s = math.inf
+        self._begin(None)
 
     @property
     def name(self) -> str:
@@ -268,22 +279,25 @@ class Session:
             ) from error
         except Exception as error:  # pyvisa-py raises a bare Exception for a host that has no address
             raise self._cannot_be_opened(error) from error
-        self._wire, self._midline = wire, False
+        self._begin(wire)
         self.say_off()
 
-    def say_off(self) -> bool:
-        """Write the off lines, blind and in bounded time, from any thread; whether they were written.  Never raises."""
+    def _begin(self, wire: Wire | None) -> None:
+        self._wire = wire
+        self._midline = False  #: a line was begun and not ended
+        self._answered = False  #: a question, on this connection
+
+    def say_off(self) -> None:
+        """Write the off lines, blind and in bounded time, from any thread.  Never raises."""
         wire = self._wire
         if wire is None or not self.off_lines:
-            return False
+            return
         start = self._termination if self._midline else b""
         data = start + b"".join(line.encode() + self._termination for line in self.off_lines)
         try:
             wire.send(data, time.monotonic() + LAST_WORDS_s)
         except (OSError, pyvisa.Error) as error:
             _log.debug("%s: off could not be written: %s", self.name, error)
-            return False
-        return True
 
     def tell(self, *lines: str) -> None:
         """Send lines that have no answer."""
@@ -298,15 +312,19 @@ class Session:
             extra = self._do(line, lambda wire: wire.unread())
             if extra:
                 raise self.give_up(
-                    f"said '{_shown(extra)}' without being asked: its answers and our questions are out of step"
+                    f"said '{_shown(extra)}' without being asked: "
+                    + ("its answers and our questions are out of step" if self._answered else self._for_people)
                 )
             self._send(line, by_s)
             reply, extra = self._do(line, lambda wire: self._line(wire, by_s))
+        text = reply.decode("ascii", errors="replace").strip()
+        if text == line:
+            raise self.give_up(f"repeats what it is asked, '{line}': {self._for_people}, or its echo is on")
         if extra:
             raise self.give_up(f"answered '{line}' with more than one line: '{_shown(reply)}', '{_shown(extra)}'")
-        text = reply.decode("ascii", errors="replace").strip()
         if not text or not text.replace("\t", " ").isprintable():
             raise self.garbled(line, text)
+        self._answered = True
         return text
 
     def give_up(self, why: str) -> InstrumentLost:
@@ -371,7 +389,13 @@ class Session:
         while self._termination not in got:
             if len(got) > LONGEST_ANSWER:
                 raise OSError(f"its answer has no end within {LONGEST_ANSWER} bytes")
-            got += wire.receive(by_s)
+            try:
+                got += wire.receive(by_s)
+            except TimeoutError as error:
+                begun = (
+                    f"'{_shown(got)}' came, without the end of a line, {self._termination.decode()!r}" if got else ""
+                )
+                raise TimeoutError(begun) from error
         line, _, extra = got.partition(self._termination)
         return line, extra
 
@@ -382,15 +406,16 @@ class Session:
         try:
             return action(wire)
         except TimeoutError as error:
-            raise self.give_up(self._no_answer(line)) from error
-        except pyvisa.VisaIOError as error:
-            late = error.error_code == pyvisa.constants.StatusCode.error_timeout
-            raise self.give_up(self._no_answer(line) if late else f"'{line}' failed ({error})") from error
+            begun = f": {error}" if str(error) else ""
+            raise self.give_up(f"no complete answer to '{line}' within {self._timeout_s:g} s{begun}") from error
         except (pyvisa.Error, OSError, ValueError) as error:
             raise self.give_up(f"the connection broke at '{line}' ({error})") from error
 
-    def _no_answer(self, line: str) -> str:
-        return f"no complete answer to '{line}' within {self._timeout_s:g} s"
+    @property
+    def _for_people(self) -> str:
+        return (
+            f"instruments.{self.role}.resource may name a port for people; the one for programs is wanted, often 5025"
+        )
 
     def _cannot_be_opened(self, error: Exception) -> InstrumentUnreachable:
         return InstrumentUnreachable(

@@ -183,7 +183,7 @@ class SmaActuatorNode(LifecycleNode):
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", _DEPTH)
 
         self.create_subscription(Float64, "~/setpoint", self._on_setpoint, _DEPTH)
-        # As bytes, of which no more are made Python objects than this thread, and the loop with it, can bear.
+        # As bytes: how many there are is looked at first, since making a million points Python objects would hold up the loop.
         self.create_subscription(JointTrajectory, "~/joint_trajectory", self._on_trajectory, _DEPTH, raw=True)
         self.create_subscription(JointState, "~/joint_command", self._on_joint_command, _DEPTH, raw=True)
         for name in ("clear_fault", "reset_estimator", "tare_load", "measure_lead_resistance"):

@@ -32,20 +32,21 @@ class Supervisor:
         self.detail = ""  #: of the latched fault
         self.present: dict[Fault, str] = {}  #: of the last step, also those that only prevent enabling
         self.heat = WireHeat(config.thermal)
-        self._resistance_Ohm = nan  #: of wire and leads
+        self._resistance_Ohm = inf  #: of wire and leads, as measured; so much until it is
         self.memory = Memory()  #: of the guards
         #: Those that look at every step, the gravest first.
         self._looking = [fault for fault in FAULTS.values() if isinstance(fault, Guard) and fault.each_step]
-        self._enabled_s = nan
-        self._good_readings = 0
-        self._stress_cap_A = inf
-        self.stress_floor_m = -inf  #: the shortest setpoint the stress allows
+        self.enabled(nan)  # never yet
 
     def enabled(self, now_s: float) -> None:
         """The output is about to go on."""
         self._enabled_s = now_s
         self._good_readings = 0
-        self._stress_cap_A, self.stress_floor_m = inf, -inf
+        self._free_of_stress()
+
+    def _free_of_stress(self) -> None:
+        self._stress_cap_A = inf
+        self.stress_floor_m = -inf  #: the shortest setpoint the stress allows
 
     def settled(self, now_s: float) -> bool:
         """Whether current and readings belong together since the output went on."""
@@ -94,7 +95,7 @@ class Supervisor:
         Both are needed: the wire also contracts while the current stays what it is.
         """
         if stress_Pa <= self.config.safety.stress_limit_fraction * self.config.wire.max_stress:
-            self._stress_cap_A, self.stress_floor_m = inf, -inf
+            self._free_of_stress()
             return
         if self._stress_cap_A == inf:
             self.stress_floor_m = position_m
@@ -108,13 +109,11 @@ class Supervisor:
         """Highest current that the heat leaves [A]: what may flow on, if nobody looks any more, until the supply's
         watchdog cuts it; for ever, where there is none."""
         supply, thermal = self.config.supply, self.config.thermal
-        if not self._resistance_Ohm > 0.0:
-            return supply.bias_current
         unwatched_s = max(supply.watchdog_timeout or inf, self.config.safety.reading_timeout)
         power_W = self.heat.power_limit_W(unwatched_s + 1.0 / self.config.loop.rate, thermal)
         heat_A = sqrt(max(power_W, 0.0) / self._resistance_Ohm)
         derated_A = derated_limit_A(self.heat.temperature_C, supply.max_current, supply.bias_current, thermal)
-        return max(min(heat_A, derated_A), supply.bias_current)
+        return max(supply.bias_current, min(heat_A, derated_A))  # in an order that leaves the bias where heat_A is NaN
 
     def gate(self, wanted_A: float, driven: bool, faults: dict[Fault, str]) -> tuple[Command, set[Limit]]:
         """The command that goes to the supply, and the limits that bent it."""

@@ -6,8 +6,8 @@ from stand_ins import StandInDaq, StandInSupply
 from sma_actuator.bench.bench import VirtualBench
 from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply, VirtualClock
 from sma_actuator.config import Config
-from sma_actuator.driver import Driver, DriverStopped
-from sma_actuator.instruments import InstrumentLost
+from sma_actuator.driver import Driver, DriverStopped, _Link
+from sma_actuator.instruments import InstrumentLost, InstrumentUnreachable, LimitsNotHeld, OutputStaysOn
 
 
 class NotedSupply(InProcessSupply):
@@ -166,3 +166,122 @@ def test_what_only_the_driver_sees_latches_also_while_the_output_is_off(rig, nam
     assert driver.clear_fault()[0]
     driver.run_for(0.1)
     assert driver.enable(True)[0]
+
+
+class Reachable:
+    """An instrument that opens, or raises what a test says."""
+
+    def __init__(self):
+        self.opened_s = []
+        self.error = None
+        self.now_s = 100.0
+
+    def open(self):
+        self.opened_s.append(self.now_s)
+        if self.error is not None:
+            raise self.error
+
+
+class TestLink:
+    """When an instrument that is lost is tried again: every attempt may feed a watchdog, none must be missed."""
+
+    LONGEST_s = 0.5
+
+    @pytest.fixture
+    def link(self):
+        link = _Link("supply", Reachable(), self.LONGEST_s)
+        link.answers = True
+        return link
+
+    def lost(self, link, error):
+        assert link.ask(self.raising(error)) is None
+        assert not link.answers
+
+    def raising(self, error):
+        def question():
+            raise error
+
+        return question
+
+    def attempts(self, link, seconds, quiet_s=0.0):
+        """When it is tried, by a loop of 10 ms."""
+        one = link.instrument
+        start_s, before = one.now_s, len(one.opened_s)
+        for number in range(round(100 * seconds)):
+            one.now_s = start_s + 0.01 * number
+            if not link.answers:
+                link.reconnect(lambda: one.now_s, quiet_s)
+        return [round(when_s - start_s, 2) for when_s in one.opened_s[before:]]
+
+    def test_an_answer_is_handed_on_and_none_is_asked_for_where_it_is_lost(self, link):
+        assert link.ask(lambda: 7) == 7
+        self.lost(link, InstrumentLost("gone"))
+        assert link.ask(lambda: 7) is None
+
+    @pytest.mark.parametrize(
+        ("error", "fault"), [(InstrumentLost("gone"), "supply_lost"), (LimitsNotHeld("too high"), "limits_not_held")]
+    )
+    def test_why_it_is_lost_is_kept_with_the_fault_that_this_is(self, link, error, fault):
+        self.lost(link, error)
+        assert (link.detail, link.fault) == (str(error), fault)
+        link.instrument.error = InstrumentUnreachable("nobody listens")
+        self.attempts(link, 0.01)
+        assert (link.detail, link.fault) == ("nobody listens", "supply_lost")
+
+    def test_one_that_never_answered_is_tried_at_once(self):
+        link = _Link("supply", Reachable(), self.LONGEST_s)
+        assert link.detail == ""
+        assert link.ask(lambda: 7) is None
+        assert link.reconnect(lambda: 100.0, 60.0)
+        assert link.ask(lambda: 7) == 7
+
+    def test_attempts_begin_at_once_and_become_rarer_up_to_a_bound(self, link):
+        link.instrument.error = InstrumentUnreachable("nobody listens")
+        self.lost(link, InstrumentLost("gone"))
+        assert self.attempts(link, 2.0, quiet_s=60.0) == pytest.approx([0.0, 0.1, 0.3, 0.7, 1.2, 1.7], abs=0.011)
+
+    def test_one_that_was_heard_and_failed_is_followed_by_silence(self, link):
+        link.instrument.error = InstrumentLost("no answer")
+        self.lost(link, InstrumentLost("gone"))
+        assert self.attempts(link, 2.0, quiet_s=0.6) == pytest.approx([0.0, 0.6, 1.2, 1.8], abs=0.011)
+
+    def test_silence_is_no_shorter_than_the_wait(self, link):
+        link.instrument.error = InstrumentLost("no answer")
+        self.lost(link, InstrumentLost("gone"))
+        assert self.attempts(link, 1.0, quiet_s=0.2) == pytest.approx([0.0, 0.2, 0.4, 0.8], abs=0.011)
+
+    def test_one_that_does_not_obey_is_left_in_silence_first_and_once(self, link):
+        link.instrument.error = InstrumentUnreachable("nobody listens")
+        self.lost(link, OutputStaysOn("supply"))
+        assert self.attempts(link, 1.0, quiet_s=0.6) == pytest.approx([0.6, 0.7, 0.9], abs=0.011)
+
+    def test_but_not_for_longer_than_a_watchdog_can_be_waited_for(self, link):
+        self.lost(link, OutputStaysOn("supply"))
+        assert self.attempts(link, 3.0, quiet_s=60.0) == pytest.approx([2.0], abs=0.011)
+
+    def test_after_an_answer_a_loss_is_looked_into_at_once_again(self, link):
+        link.instrument.error = InstrumentUnreachable("nobody listens")
+        self.lost(link, InstrumentLost("gone"))
+        self.attempts(link, 2.0)
+        link.instrument.error = None
+        assert len(self.attempts(link, 1.0)) == 1
+        assert link.answers and link.ask(lambda: 7) == 7
+        self.lost(link, InstrumentLost("gone"))
+        assert self.attempts(link, 1.0, quiet_s=60.0) == pytest.approx([0.0], abs=0.011)
+
+    def test_one_that_opens_and_answers_nothing_is_opened_ever_more_rarely(self, link):
+        """As an instrument that says who it is, and nothing else; opening it takes many times as long as a question."""
+        one, when_s = link.instrument, []
+        self.lost(link, InstrumentLost("gone"))
+        start_s = one.now_s
+        for number in range(200):
+            one.now_s = start_s + 0.01 * number
+            if link.answers or link.reconnect(lambda: one.now_s, 60.0):
+                when_s.append(round(one.now_s - start_s, 2))
+                self.lost(link, InstrumentLost("no answer"))
+        assert when_s == pytest.approx([0.0, 0.1, 0.3, 0.7, 1.2, 1.7], abs=0.011)
+
+    def test_a_defect_is_none_of_the_instruments(self, link):
+        with pytest.raises(ZeroDivisionError):
+            link.ask(self.raising(ZeroDivisionError()))
+        assert link.answers

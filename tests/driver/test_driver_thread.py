@@ -1,5 +1,6 @@
 """The control thread: who may do what from where, and that every way out ends with the output off."""
 
+import atexit
 import json
 import os
 import queue
@@ -117,6 +118,36 @@ def test_a_call_that_times_out_is_not_executed_later(make_driver):
     assert executed == []
 
 
+def test_neither_thread_keeps_the_interpreter_from_its_end(make_driver):
+    """It would wait for them before what stops them is called."""
+    driver = make_driver(name="wire of this test")
+    driver.start()
+    threads = {each.name: each.daemon for each in threading.enumerate() if "wire of this test" in each.name}
+    assert threads == {"wire of this test control": True, "wire of this test watchman": True}
+
+
+def test_the_end_of_the_interpreter_stops_what_is_still_there(make_driver, monkeypatch):
+    registered = []
+    monkeypatch.setattr(atexit, "register", registered.append)
+    driver = make_driver()
+    supply, _ = driver.stand_ins
+    driver.start()
+    (stop,) = [each for each in registered if "_stop_at_exit" in each.__qualname__]
+    stop()
+    assert supply.shut_downs == 1
+    assert not driver._thread.is_alive()
+
+
+def test_a_commander_has_its_whole_time_from_the_start(make_driver):
+    outputs = Outputs()
+    driver = make_driver(on_output=outputs, feed_timeout_s=1000.0)
+    driver.open()
+    driver._fed_at_s -= 1000.0  # it was made long before
+    driver.start()
+    outputs.wait_for(lambda _: len(outputs.all) > 3)
+    assert not any(output.status.fault for output in outputs.all)
+
+
 def test_calls_on_an_ended_driver_are_refused(make_driver):
     driver = make_driver()
     driver.start()
@@ -149,6 +180,33 @@ def test_stop_does_not_wait_for_a_daq_that_hangs(make_driver):
         took_s.append(seconds_of(driver.stop))
         assert supply.shut_downs == 1
     assert min(took_s) < 1.0
+
+
+def test_a_step_that_goes_on_after_stop_switches_nothing_on_again(make_driver):
+    class Supply(StandInSupply):
+        asked, hang, release = threading.Event(), threading.Event(), threading.Event()
+
+        def check_next_setting(self):
+            if self.hang.is_set():
+                self.asked.set()
+                self.release.wait(SOON_s)
+
+    outputs = Outputs()
+    driver = make_driver(supply=Supply(), on_output=outputs, changes={"safety.reading_timeout": 60.0})
+    supply, _ = driver.stand_ins
+    driver.start()
+    outputs.wait_for(lambda _: len(outputs.all) > 3)
+    assert driver.enable(True)[0]
+    outputs.wait_for(lambda output: output.command.output_on)
+    supply.hang.set()  # after the supply was read back, before it is told what that means
+    assert supply.asked.wait(SOON_s)
+    assert driver.stop()
+    told = len(supply.settings)
+    supply.release.set()
+    driver._thread.join(SOON_s)
+    assert not driver._thread.is_alive()
+    assert ("output", True) not in supply.settings[told:]
+    assert all(value == 0.0 for what, value in supply.settings[told:] if what == "current")
 
 
 def test_a_new_reading_timeout_reaches_the_watchman(make_driver):

@@ -18,7 +18,8 @@ class ScpiStandIn:
         self._server = socket.create_server(("127.0.0.1", 0))
         self.port = self._server.getsockname()[1]
         self._connections = []
-        threading.Thread(target=self._accept, daemon=True).start()
+        self._acceptor = threading.Thread(target=self._accept, daemon=True)
+        self._acceptor.start()
 
     @property
     def resource(self):
@@ -81,4 +82,8 @@ class ScpiStandIn:
     def close(self):
         self.release.set()
         self.hang_up()
+        # One that is closed under a thread that waits for it may, when a paused process goes on, take the next one's clients.
+        with contextlib.suppress(OSError):
+            self._server.shutdown(socket.SHUT_RDWR)
+        self._acceptor.join(10.0)
         self._server.close()

@@ -278,6 +278,7 @@ def test_an_unknown_dialect_names_its_neighbour():
     (
         (lambda d: d["commands"].pop("output_off"), "commands.output_off: missing"),
         (lambda d: d["queries"].pop("current"), "queries.current: missing"),
+        (lambda d: d["queries"].pop("voltage_setting"), "queries.voltage_setting: missing"),
         (lambda d: d["commands"].update(output_onn="OUTP ON"), "commands.output_onn: no such entry"),
         (lambda d: d["commands"].update(set_current="CURR {valeu}"), r"commands.set_current: .*placeholder \{valeu\}"),
         (lambda d: d["commands"].update(set_current="CURR {value"), "commands.set_current: .*cannot be filled in"),

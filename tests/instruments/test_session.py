@@ -9,12 +9,14 @@ import time
 import tty
 
 import pytest
+import pyvisa
 
 from sma_actuator.instruments import InstrumentLost, InstrumentRefused, InstrumentUnreachable
 from sma_actuator.instruments import session as session_module
 from sma_actuator.instruments.session import Session
 
-TIMEOUT_s = 0.4
+TIMEOUT_s = 0.4  #: where an answer must not come
+PATIENT_s = 20.0  #: where it must
 #: A machine that is busy elsewhere may be late by this much; what hangs is later by orders.
 SLACK_s = 2.0
 
@@ -29,6 +31,8 @@ class Peer:
         self._stop = threading.Event()
 
     def accept(self):
+        if self.connection is not None:
+            self.connection.close()
         self._server.settimeout(10.0)
         self.connection, _ = self._server.accept()
         self.connection.settimeout(10.0)
@@ -48,7 +52,7 @@ class Peer:
         def work():
             heard = b""
             with contextlib.suppress(OSError):
-                while b"?\n" not in heard:
+                while b"?" not in heard:
                     heard += self.connection.recv(4096)
                 self.connection.sendall(data)
 
@@ -113,6 +117,81 @@ def test_an_answer_without_an_end_is_given_up_though_the_wall_clock_steps_back(p
     assert time.monotonic() - before_s < TIMEOUT_s + SLACK_s
 
 
+def test_what_came_of_an_answer_without_an_end_is_shown(peer):
+    session = Session("supply", peer.resource, "\r\n", TIMEOUT_s)
+    session.open()
+    peer.accept()
+    peer.answer(b"1.5\n")
+    with pytest.raises(InstrumentLost, match=r"'1.5' came, without the end of a line, '\\r\\n'"):
+        session.ask("CURR?")
+    session.close()
+
+
+def test_an_answer_may_come_in_pieces_that_part_the_end_of_the_line(peer):
+    session = Session("supply", peer.resource, "\r\n", PATIENT_s)
+    session.open()
+    connection = peer.accept()
+
+    def answer():
+        heard = b""
+        while b"?\r\n" not in heard:
+            heard += connection.recv(4096)
+        for piece in (b"1.", b"5", b"\r", b"\n"):
+            connection.sendall(piece)
+            time.sleep(0.01)
+
+    thread = threading.Thread(target=answer)
+    thread.start()
+    assert session.ask("CURR?") == "1.5"
+    thread.join(10.0)
+    session.close()
+
+
+def test_a_port_that_greets_is_said_to_be_for_people(peer, session):
+    peer.connection.sendall(b"Welcome to the supply\r\n")
+    assert select.select([session._wire._socket], [], [], 10.0)[0]
+    with pytest.raises(InstrumentLost, match=r"said 'Welcome to the supply' without being asked: .* a port for people"):
+        session.ask("*IDN?")
+
+
+def test_what_comes_unasked_later_is_no_greeting(peer, session):
+    session._timeout_s = PATIENT_s
+    for _ in range(2):  # also on the next connection, which greets anew
+        peer.answer(b"1\n")
+        assert session.ask("OUTP?") == "1"
+        peer.connection.sendall(b"2\n")
+        assert select.select([session._wire._socket], [], [], 10.0)[0]
+        with pytest.raises(
+            InstrumentLost, match="said '2' without being asked: its answers and our questions are out of"
+        ):
+            session.ask("OUTP?")
+        session.open()
+        peer.accept()
+    peer.connection.sendall(b"Welcome\n")
+    assert select.select([session._wire._socket], [], [], 10.0)[0]
+    with pytest.raises(InstrumentLost, match="said 'Welcome' without being asked: .* a port for people"):
+        session.ask("OUTP?")
+
+
+def test_a_port_that_repeats_what_it_hears_is_said_to_be_for_people(peer, session):
+    peer.answer(b"*IDN?\r\n")
+    with pytest.raises(InstrumentLost, match=r"repeats what it is asked, '\*IDN\?': .* or its echo is on"):
+        session.ask("*IDN?")
+
+
+def test_a_connection_that_is_closed_after_each_answer_is_lost_and_not_used_again(peer):
+    session = Session("supply", peer.resource, "\n", PATIENT_s)
+    session.open()
+    peer.accept()
+    peer.answer(b"1\n")
+    assert session.ask("OUTP?") == "1"
+    peer.connection.shutdown(socket.SHUT_RDWR)
+    with pytest.raises(InstrumentLost, match="the connection broke at 'CURR\\?'"):
+        session.ask("CURR?")
+    with pytest.raises(InstrumentLost, match="not connected"):
+        session.tell("OUTP ON")
+
+
 def test_an_answer_may_not_be_longer_than_there_is_sense_in(peer, session, monkeypatch):
     monkeypatch.setattr(session_module, "LONGEST_ANSWER", 1000)
     peer.answer(b"1" * 5000)
@@ -126,6 +205,53 @@ def test_a_side_that_reads_nothing_holds_nobody_up(peer, session):
         for _ in range(1000):
             session.tell("CURR " + 100_000 * "0")
     assert time.monotonic() - start_s < TIMEOUT_s + SLACK_s + 3.0
+
+
+def test_off_does_not_wait_for_long_for_a_side_that_reads_nothing(session):
+    session._wire.close()
+    session._wire = full = Full()
+    session.say_off()
+    assert 0.0 < full.waited_s < 0.2
+
+
+class Full:
+    """A connection that takes nothing before a deadline."""
+
+    def __init__(self):
+        self.waited_s, self.sent = 0.0, b""
+
+    def send(self, data, deadline_s):
+        self.waited_s = deadline_s - time.monotonic()
+        self.sent += data
+        raise TimeoutError
+
+    def close(self):
+        """Nothing to close."""
+
+
+def test_off_begins_a_line_of_its_own_where_one_was_begun_and_not_ended(session):
+    session._wire.close()
+    session._wire = full = Full()
+    with pytest.raises(InstrumentLost, match="no complete answer to 'CURR 0.1'"):
+        session.tell("CURR 0.1")
+    assert full.sent == b"CURR 0.1\n" + b"\nOUTP OFF\nCURR 0\n"
+
+
+def test_off_that_cannot_be_said_is_no_failure(session):
+    session._wire.close()
+    for error in (TimeoutError, OSError, pyvisa.Error):
+        session._wire = full = Full()
+        full.send = raising(error)
+        session.say_off()
+    session._wire = None
+    session.say_off()
+
+
+def raising(error):
+    def send(data, deadline_s):
+        raise error
+
+    return send
 
 
 def test_what_was_not_asked_for_ends_the_connection_before_the_next_question(peer, session):
@@ -158,17 +284,22 @@ def test_an_empty_answer_is_none(peer, session):
 
 
 def test_a_transaction_has_one_deadline_for_all_its_questions(peer, session):
-    def answer_late():
+    def answer():
         with contextlib.suppress(OSError):
-            while peer.connection.recv(4096):
-                time.sleep(0.7 * TIMEOUT_s)
-                peer.connection.sendall(b"1\n")
+            while data := peer.connection.recv(4096):
+                if b"?" in data:
+                    peer.connection.sendall(b"1\n")
 
-    peer.connection.recv(4096)  # off
-    threading.Thread(target=answer_late, daemon=True).start()
-    with pytest.raises(InstrumentLost, match="no complete answer"), session.within():
+    threading.Thread(target=answer, daemon=True).start()
+    session._timeout_s = PATIENT_s
+    with pytest.raises(InstrumentLost, match="no complete answer"), session.within(TIMEOUT_s):
         assert session.ask("CURR?") == "1"
+        time.sleep(TIMEOUT_s)
         session.ask("VOLT?")
+    session.open()
+    peer.accept()
+    peer.answer(b"1\n")
+    assert session.ask("VOLT?") == "1", "it ends with the transaction"
 
 
 def test_a_host_that_does_not_answer_is_given_up_in_time():
@@ -189,6 +320,59 @@ def test_a_host_that_does_not_answer_is_given_up_in_time():
         other.close()
 
 
+@pytest.mark.parametrize(
+    ("port", "words"),
+    [(0, "there is no port 0"), (1, "nothing listens there; is it switched on"), (65536, "there is no port 65536")],
+)
+def test_a_port_where_nobody_is_says_so(port, words):
+    session = Session("daq", f"TCPIP::127.0.0.1::{port}::SOCKET", "\n", PATIENT_s)
+    with pytest.raises(InstrumentUnreachable, match=words):
+        session.open()
+
+
+def test_a_deadline_that_has_passed_is_not_waited_for(session):
+    for passed_s in (1e-6, 0.5, 100.0):
+        with pytest.raises(TimeoutError):
+            session._wire.receive(time.monotonic() - passed_s)
+
+
+def test_what_an_instrument_said_is_shown_short_enough_for_a_sentence(peer, session):
+    session._timeout_s = PATIENT_s
+    for said, shown in ((b"?" * 80, "'" + "[?]" * 80 + "'"), (b"?" * 81, "'" + "[?]" * 77 + "…'")):
+        session.open()
+        peer.accept()
+        peer.answer(said + b"\nmore\n")
+        with pytest.raises(InstrumentLost, match=f"more than one line: {shown}, 'more'"):
+            session.ask("CURR?")
+
+
+def test_a_connection_is_ended_and_not_broken_though_words_are_unread(peer, session):
+    """A reset could overtake the off that was said last."""
+    peer.connection.sendall(b"1" * 10_000)
+    assert select.select([session._wire._socket], [], [], 10.0)[0]
+    session.give_up("a test")
+    heard = b""
+    while data := peer.connection.recv(65536):
+        heard += data
+    assert heard == b"OUTP OFF\nCURR 0\n" * 2
+
+
+def test_a_query_does_not_wait_for_the_acknowledgement_of_what_was_told_before(session):
+    assert session._wire._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+
+
+def test_a_connection_that_cannot_be_closed_is_given_up_all_the_same(session, monkeypatch):
+    def broken():
+        raise ZeroDivisionError
+
+    wire = session._wire
+    monkeypatch.setattr(wire, "close", broken)
+    session.close()
+    with pytest.raises(InstrumentLost, match="not connected"):
+        session.tell("OUTP ON")
+    wire._socket.close()
+
+
 def test_one_program_alone_speaks_to_a_claimed_instrument(peer):
     one, other = (Session("supply", peer.resource, "\n", TIMEOUT_s) for _ in range(2))
     claim = one.claim()
@@ -206,7 +390,7 @@ class TestSerial:
         ours, theirs = os.openpty()
         tty.setraw(ours)
         tty.setraw(theirs)
-        session = Session("supply", f"ASRL{os.ttyname(theirs)}::INSTR", "\n", TIMEOUT_s, ["OUTP OFF"])
+        session = Session("supply", f"ASRL{os.ttyname(theirs)}::INSTR", "\n", PATIENT_s, ["OUTP OFF"])
         session.open()
         yield ours, session
         session.close()
@@ -228,6 +412,17 @@ class TestSerial:
         thread.join(10.0)
         assert b"".join(heard) == b"OUTP OFF\nCURR?\n"
 
+    def test_what_is_cut_is_told_off_and_cannot_be_used_any_more(self, line):
+        ours, session = line
+        wire = session._wire
+        session.cut()
+        with pytest.raises((pyvisa.Error, OSError)):
+            wire.receive(time.monotonic() + 60.0)
+        heard = b""
+        while heard.count(b"OUTP OFF\n") < 2:  # first and last
+            assert select.select([ours], [], [], 10.0)[0], heard
+            heard += os.read(ours, 100)
+
     def test_an_answer_without_an_end_is_given_up_in_time_by_the_monotonic_clock(self, line, monkeypatch):
         ours, session = line
         stop = threading.Event()
@@ -238,6 +433,7 @@ class TestSerial:
 
         wall_s = time.time()
         monkeypatch.setattr(time, "time", lambda: wall_s - 3600.0)
+        session._timeout_s = TIMEOUT_s
         thread = threading.Thread(target=trickle)
         thread.start()
         start_s = time.monotonic()

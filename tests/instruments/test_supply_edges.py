@@ -1,5 +1,8 @@
 """What a supply is told, word for word, where leaving one word out would leave the current on."""
 
+import threading
+import time
+
 import pytest
 from stand_in_server import ScpiStandIn
 
@@ -9,9 +12,11 @@ from sma_actuator.instruments import (
     InstrumentLost,
     InstrumentRefused,
     LimitsNotHeld,
+    OutputStaysOn,
     WatchdogNotHeld,
     open_supply,
 )
+from sma_actuator.instruments.supply import Abilities
 
 
 @pytest.fixture
@@ -79,6 +84,9 @@ def test_the_parameters_can_disarm_the_watchdog_and_then_it_is(supply, server):
         (":OUTP:PROT:WDOG:DEL?", "1.0", None),
         (":OUTP:PROT:WDOG:DEL?", "0.5", None),
         (":OUTP:PROT:WDOG:DEL?", "1.5", WatchdogNotHeld),
+        (":OUTP:PROT:WDOG:DEL?", "0", WatchdogNotHeld),  # as of one that was switched off
+        (":OUTP:PROT:WDOG:DEL?", "-1", WatchdogNotHeld),
+        (":OUTP:PROT:WDOG:DEL?", "9.91E37", WatchdogNotHeld),
         (":OUTP:PROT:WDOG?", "0", WatchdogNotHeld),
         (":OUTP:PROT:WDOG:SESS?", "0", WatchdogNotHeld),
         (":VOLT?", "6.1", None),
@@ -86,6 +94,8 @@ def test_the_parameters_can_disarm_the_watchdog_and_then_it_is(supply, server):
         (":VOLT?", "5.8", LimitsNotHeld),
         (":VOLT:PROT?", "20", LimitsNotHeld),
         (":CURR:PROT?", "0.5", LimitsNotHeld),
+        (":CURR:PROT?", "9.9E37", LimitsNotHeld),
+        (":CURR:PROT?", "9.91E37", LimitsNotHeld),
     ],
 )
 def test_what_was_programmed_is_asked_for_again_and_has_to_hold(supply, server, query, reply, refused):
@@ -168,3 +178,136 @@ def test_a_supply_that_was_never_opened_is_told_nothing(supply, server):
     """It may be somebody else's."""
     assert supply().shut_down()
     assert server.lines == []
+
+
+@pytest.mark.parametrize(
+    ("abilities", "left"),
+    [
+        ({}, {"allow_no_watchdog", "allow_single_session", "allow_no_trips"}),
+        ({"watchdog": True}, {"allow_shared_watchdog", "allow_no_trips"}),
+        ({"watchdog": True, "watchdog_of_session": True}, {"allow_no_trips"}),
+        ({"second_session": True}, {"allow_no_watchdog", "allow_no_trips"}),
+        ({"over_voltage_trip": True}, {"allow_no_watchdog", "allow_single_session", "allow_no_trips"}),
+        (
+            {"over_voltage_trip": True, "over_current_trip": True, "watchdog": True, "watchdog_of_session": True},
+            set(),
+        ),
+    ],
+)
+def test_what_a_supply_cannot_do_is_left_to_others(abilities, left):
+    states = Abilities("it", **abilities).unsafe_states()
+    assert set(states) == left
+    assert all(sentence.startswith("it ") for sentence in states.values())
+
+
+@pytest.mark.parametrize(
+    ("has", "lacks"), [("over_voltage_trip", "no over-current trip"), ("over_current_trip", "no over-voltage trip")]
+)
+def test_the_trip_that_is_missing_is_named_alone(has, lacks):
+    sentence = Abilities("it", **{has: True}).unsafe_states()["allow_no_trips"]
+    assert f"it has {lacks} that can be read back, so" in sentence
+
+
+def test_off_is_said_five_times_in_short_pauses(supply, server):
+    one = supply()
+    one.open()
+    server.lines.clear()
+    server.replies[":OUTP?"] = "1"
+    began_s = time.monotonic()
+    with pytest.raises(OutputStaysOn):
+        one.switch_off()
+    assert time.monotonic() - began_s < 3.0
+    assert server.lines == ["OUTP OFF", "CURR 0.000000", ":OUTP?"] * 5
+
+
+def test_shutting_down_takes_half_a_second_whatever_answers(supply, server, monkeypatch):
+    monkeypatch.undo()  # the patience of the other tests
+    one = supply()
+    one.open()
+    server.replies[":OUTP?"] = None  # no answer
+    took_s = []
+    for _ in range(3):
+        began_s = time.monotonic()
+        assert not one.shut_down()
+        took_s.append(time.monotonic() - began_s)
+    assert 0.2 < min(took_s) < 1.0
+
+
+def test_a_supply_that_was_given_up_is_told_nothing_more(supply, server):
+    one = supply()
+    one.open()
+    one.close()
+    assert server.heard("SYST:LOC")
+    said = len(server.lines)
+    assert one.shut_down()
+    one.close()
+    assert len(server.lines) == said
+
+
+def test_one_that_was_opened_and_is_lost_stays_ours(supply, server):
+    """Nobody else may speak to it before it is off: the claim is kept until it is closed."""
+    one, other = supply(), supply()
+    one.open()
+    server.replies["*IDN?"] = "somebody else"
+    with pytest.raises(InstrumentRefused, match="says it is 'somebody else', which is no SMA Actuator virtual supply"):
+        one.open()
+    with pytest.raises(InstrumentRefused, match="another program on this computer"):
+        other.open()
+    server.replies["*IDN?"] = "SMA Actuator,Virtual Supply,7,stand-in"
+    assert one.shut_down()
+    one.close()
+    other.open()
+
+
+def test_one_that_could_not_be_opened_is_free_for_others(supply, server):
+    one, other = supply(), supply()
+    server.replies["*IDN?"] = "somebody else"
+    with pytest.raises(InstrumentRefused):
+        one.open()
+    server.replies["*IDN?"] = "SMA Actuator,Virtual Supply,7,stand-in"
+    other.open()
+    assert one.shut_down(), "it is not ours"
+
+
+def test_what_does_not_hold_is_told_off_and_given_up(supply, server):
+    one = supply()
+    one.open()
+    server.lines.clear()
+    server.replies[":VOLT?"] = "12"
+    with pytest.raises(LimitsNotHeld):
+        one.check_settings()
+    assert server.heard("CURR 0.000000")
+    assert [line for line in server.lines if "?" not in line] == ["OUTP OFF", "CURR 0.000000"]
+    with pytest.raises(InstrumentLost, match="not connected"):
+        one.set_output(True)
+
+
+def test_nothing_is_checked_before_there_is_anything(supply, server):
+    one = supply()
+    one.check_settings()
+    one.check_next_setting()
+    assert server.lines == []
+
+
+def test_a_session_that_hangs_in_another_thread_is_broken_and_a_second_one_speaks(supply, server):
+    one = supply()
+    one.open()
+    server.lines.clear()
+    held, release = threading.Event(), threading.Event()
+
+    def hang():
+        with one._session.lock:
+            held.set()
+            release.wait(60.0)
+
+    thread = threading.Thread(target=hang)
+    thread.start()
+    assert held.wait(60.0)
+    wire = one._session._wire
+    assert one.shut_down()
+    with pytest.raises(OSError):
+        wire.receive(time.monotonic() + 60.0)  # both directions are ended
+    release.set()
+    thread.join(60.0)
+    assert server.heard("OUTP OFF", times=3), "blind, on the one that hangs, and twice on the other"
+    assert (server.lines.count("SYST:LOC"), server.lines.count(":OUTP?")) == (1, 1)

@@ -12,7 +12,7 @@ from processes import Bench, NodeProcess, parameter_file, wait_until
 
 from sma_actuator.cli.main import main
 
-NODE = ("--node", "left", "--namespace", "/arm")
+NODE = ("--node", "left", "--namespace", "/arm", "--patience", "60")
 
 
 @pytest.fixture(scope="module")
@@ -116,3 +116,23 @@ def test_and_who_is_there_instead(bench, capsys):
 
     there = "there is /arm/left: name it with --node and --namespace"
     wait_until(lambda: there in error(), what=there)
+
+
+def test_a_node_that_is_there_and_says_nothing_is_not_called_absent(capsys):
+    import rclpy
+    from diagnostic_msgs.msg import DiagnosticStatus
+
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context)
+    silent = rclpy.create_node("silent", namespace="/arm", context=context)
+    silent.create_publisher(DiagnosticStatus, "/arm/silent/status", 1)
+    try:
+
+        def said():
+            assert main(["status", "--node", "silent", "--namespace", "/arm", "--patience", "3"]) == 1
+            return "/arm/silent is there, but has not answered within 3 s" in capsys.readouterr().err
+
+        wait_until(said, what="the silent node")
+    finally:
+        silent.destroy_node()
+        context.try_shutdown()

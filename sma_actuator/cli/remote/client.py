@@ -161,6 +161,8 @@ class NodeClient:
             f"no node '{self.name}' in the namespace '{self.namespace}' has answered within {self._patience_s:g} s "
             f"(ROS_DOMAIN_ID is {domain})"
         )
+        if self.full_name in others:
+            return f"{self.full_name} is there, but has not answered within {self._patience_s:g} s: ask again with a longer --patience"
         if others:
             return f"{looked}; there is {', '.join(others)}: name it with --node and --namespace"
         return f"{looked}, and there is no other; start one: sma_actuator_node --ros-args --params-file FILE"

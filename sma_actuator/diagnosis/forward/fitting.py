@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import nullcontext
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from sma_actuator.base.errors import UserError
+from sma_actuator.base.one_thread import one_thread
 
 from .kernel import POSITION, simulate
 from .runs import Run
 from .wire import ForwardWire
-
-try:
-    from threadpoolctl import threadpool_limits
-except ModuleNotFoundError:
-    threadpool_limits = None
 
 #: The maker's temperatures hold to about this.
 TOLERANCE_K = 10.0
@@ -125,8 +120,7 @@ def fit(
         return 1e3 * np.concatenate(out)
 
     def go(x, most):
-        # A dozen columns: threads for the linear algebra cost twenty times what they save on a busy machine.
-        with threadpool_limits(1) if threadpool_limits else nullcontext():
+        with one_thread():
             return least_squares(
                 wrong, x, bounds=(0.0, 1.0), diff_step=1e-4, max_nfev=most, xtol=1e-5, ftol=1e-5, gtol=1e-9
             )

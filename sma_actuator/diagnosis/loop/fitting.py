@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
+from sma_actuator.base.one_thread import one_thread
 from sma_actuator.plant.kinetics import (
     COOLING,
     HEATING,
@@ -209,6 +210,7 @@ FAMILIES = {
 }
 
 
+@one_thread()
 def fit(family: Family, loops: Sequence[Loop]) -> Fit:
     """Least squares over all loops jointly; every branch of every loop weighs the same, relative to its stroke."""
     found = [temperatures(loop) for loop in loops]

@@ -11,6 +11,7 @@ from functools import partial
 
 import numpy as np
 
+from sma_actuator.base.one_thread import one_thread
 from sma_actuator.diagnosis.selection import (
     Entry,
     Progress,
@@ -163,6 +164,7 @@ class Judge:
         )
 
 
+@one_thread()
 def trace(
     evidence: Evidence,
     only: Sequence[str] = (),

@@ -68,8 +68,9 @@ output_not_confirmed: Fault = Fault(
 
 @guard(
     words="somebody else commands the supply",
-    remedy="Let nobody else touch the supply: no second node, no hand at the front panel",
-    detector="current setting or output state reads back as something that was not commanded",
+    remedy="Let nobody else touch the supply: no second node, no hand at the front panel. If nobody does, it takes currents in "
+    "steps coarser than 2 mA, or not all of them: another supply is wanted",
+    detector="current setting (by more than 2 mA) or output state reads back as something that was not commanded",
     within=TWO_STEPS,
     action=Action.OFF,
     latches=True,

@@ -175,7 +175,7 @@ def test_a_guess_needs_no_second_stress(loops):
 
 
 def test_the_command_writes_a_page_and_all_numbers(tmp_path):
-    files = [written(tmp_path / f"made_{s}.csv", made(COSINES, s)[::4]) for s in (40, 100, 160)]
+    files = [written(tmp_path / f"made_{s}.csv", made(COSINES, s)[::6]) for s in (40, 100, 160)]
     page, numbers = tmp_path / "page.html", tmp_path / "numbers.json"
     command = [
         sys.executable,

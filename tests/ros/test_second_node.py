@@ -1,0 +1,45 @@
+"""Two nodes that want the same supply: one drives, the other waits and is silent, for every word would feed the watchdog."""
+
+import pytest
+
+pytest.importorskip("rclpy")
+from liar import Liar
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from processes import wait_until
+from test_node import _enabled
+
+
+@pytest.fixture
+def instruments(start_bench):
+    """(bench, proxy that counts connections to its supply, section ``instruments`` through the proxy)."""
+    bench = start_bench("--load", "weight:0.98")
+    proxy = Liar(bench.ports[0]["supply"])
+    section = bench.instruments()
+    section["supply"]["resource"] = proxy.resource
+    yield bench, proxy, section
+    proxy.close()
+
+
+def test_a_node_that_waits_says_no_word_to_the_supply_and_drives_when_the_other_is_killed(
+    instruments, make_config, start_node, client
+):
+    bench, proxy, section = instruments
+    first = start_node({"first": make_config(instruments=section)}, names=["first"])
+    _enabled(client, "/first")
+    wait_until(lambda: bench.current_A() > 0.04)
+    opened = proxy.opened
+    second = start_node({"second": make_config(instruments=section, wait_for_instruments=True)}, names=["second"])
+    second.says("another program on this computer, or another part of this one, speaks to it")
+    for _ in range(3):  # and once more each time, beside those that it makes by itself
+        request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
+        assert not client.call("/second/change_state", ChangeState, request).success
+    assert proxy.opened == opened, "the second node has spoken to the supply"
+    assert bench.current_A() > 0.04
+    first.popen.kill()
+    wait_until(lambda: bench.current_A() == 0.0, what="end of the current")
+    client.spin_until(
+        lambda: client.call("/second/get_state", GetState).current_state.label == "active", what="the second node"
+    )
+    _enabled(client, "/second")
+    wait_until(lambda: bench.current_A() > 0.04)
