@@ -18,6 +18,7 @@ import functools
 import itertools
 import json
 import tempfile
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -81,6 +82,7 @@ UNITS: dict[str, tuple[float, float]] = {
     "clock_skew": (0.35, 0.35),
     "load_cell_nonlinearity": (0.15, 0.15),
     "cross_talk": (4.5e-3, 4.5e-3),
+    "heat_loss": (0.15, 0.15),
 }
 PAIRS = (
     ("lead_resistance", "slip"),
@@ -260,6 +262,7 @@ def _signs(name: str, number: int) -> float:
         "ambient_temperature",
         "thermo_voltage",
         "load_cell_nonlinearity",
+        "heat_loss",
     )
     return -1.0 if name in both and number % 2 else 1.0
 
@@ -280,10 +283,14 @@ def single(
     return _case(kind, alloy, {name: value}, load, seed, ambient_logged, physics)
 
 
-def cases(n_seeds: int = 1, strengths: tuple[float, ...] = (0.5, 1, 2), physics: str = HOME) -> list[Case]:
-    """The whole list: every effect alone, none, pairs and what no model has a name for; the same on every call."""
-    out, number = [], 0
-    for turn in range(n_seeds):
+def cases(turns: Sequence[int] = (0,), strengths: tuple[float, ...] = (0.5, 1, 2), physics: str = HOME) -> list[Case]:
+    """The whole list: every effect alone, none, pairs and what no model has a name for; the same on every call.
+
+    Each of ``turns`` is the whole list with other seeds, loads and signs.
+    """
+    out = []
+    for turn in turns:
+        number = turn * len(TWINS) * len(strengths) * len(ALLOYS)
         for position, name in enumerate(TWINS):
             for level, strength in enumerate(strengths):
                 for which, alloy in enumerate(ALLOYS):

@@ -1,13 +1,14 @@
 """Does tracing find what is hidden?  The command is run on sessions with undeclared effects, and its answer is judged.
 
-    python benchmarks/blind_trial.py [--physics NAME …] [--every N] [--json FILE]     (make blind-trial)
+    python benchmarks/blind_trial.py [--physics NAME …] [--every N] [--minutes M]     (make blind-trial)
 
 Every case is one session of ``blind_cases``: its logs are written, ``sma-actuator trace`` is run on them with a
 model identified on calibration logs of the same physics without the effect, and ``report.json`` is read.  Each
 effect is traced three times: blind, with the true effect taken out of the candidates, and with it alone.
 
 Of the single effects only those count that raise the error by half or more over the same session without them.
-What is kept on disk (``out/kept``) makes the next run cheap.
+What is kept on disk (``out/kept``) makes the next run cheap, so that a trial may be run in pieces: with ``--minutes`` no
+case is begun after so long, and what is printed is of all cases that are judged by then.
 """
 
 from __future__ import annotations
@@ -15,11 +16,14 @@ from __future__ import annotations
 import argparse
 import contextlib
 import io
+import itertools
 import json
+import math
 import os
 import tempfile
+import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
@@ -38,6 +42,7 @@ from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.worlds import HOME, WORLDS
 
 RAISED = 1.5  #: error over that of the same session without the effect, from which it must be found
+KINDS = ("none", "single", "pair", "foreign")
 MOST_NAMES = 3  #: in a set that still says something
 #: What should come, beside every figure.
 AIMS = {
@@ -64,9 +69,15 @@ def _traced(logs: Sequence[str], model: str, out: Path, *words: str) -> dict:
     return json.loads((out / "report.json").read_text())
 
 
-def judge(case: Case, only_blind: bool) -> dict:
-    """What the command says of one case, and what knowing the truth would give; kept, so that a trial may be run in parts."""
-    return kept(f"judged {case} {only_blind}", (*MODEL, "diagnosis"), lambda: _judge(case, only_blind))
+def judge(case: Case, only_blind: bool, until_s: float = math.inf) -> dict | None:
+    """What the command says of one case, and what knowing the truth would give; kept, so that a trial may be run in parts.
+
+    None where it is not kept and, by the monotonic clock, it is too late to begin.
+    """
+    late = time.monotonic() > until_s
+    return kept(
+        f"judged {case} {only_blind}", (*MODEL, "diagnosis"), None if late else lambda: _judge(case, only_blind)
+    )
 
 
 def _judge(case: Case, only_blind: bool) -> dict:
@@ -114,12 +125,10 @@ def _judge(case: Case, only_blind: bool) -> dict:
 
 
 def _with_every_kind(chosen: Sequence[Case], every: int, turn: int) -> list[Case]:
-    """Every so-many-th case of each kind, beginning elsewhere in each turn."""
-    return [
-        case
-        for kind in ("none", "single", "pair", "foreign")
-        for case in [c for c in chosen if c.kind == kind][turn % every :: every]
-    ]
+    """Every so-many-th case of each kind, beginning elsewhere in each turn; the first of them hold every kind too."""
+    parts = [[c for c in chosen if c.kind == kind][turn % every :: every] for kind in KINDS]
+    placed = [(i / len(part), case) for part in parts for i, case in enumerate(part)]
+    return [case for _, case in sorted(placed, key=lambda x: x[0])]
 
 
 def main() -> int:
@@ -129,43 +138,60 @@ def main() -> int:
         "--physics", nargs="*", choices=tuple(WORLDS), default=(HOME,), help="of the bench (default %(default)s)"
     )
     parser.add_argument(
-        "--seeds", type=int, default=1, help="times the whole list, with other seeds and loads (default %(default)s)"
+        "--seeds",
+        type=int,
+        nargs="*",
+        default=(0,),
+        metavar="K",
+        help="the whole list once for each K, with other seeds, loads and signs (default %(default)s)",
     )
     parser.add_argument(
         "--strengths", type=float, nargs="*", default=(0.5, 1.0, 2.0), help="of the single effects, at home 1 doubles"
     )
     parser.add_argument("--every", type=int, default=1, metavar="N", help="every Nth case of each kind alone")
     parser.add_argument("--only", nargs="*", default=[], help="cases with these effects alone")
-    parser.add_argument("--kinds", nargs="*", default=["none", "single", "pair", "foreign"])
+    parser.add_argument("--kinds", nargs="*", choices=KINDS, default=KINDS)
     parser.add_argument(
         "--only-blind",
         action="store_true",
         help="neither without the true effect nor with it alone: in a third of the time",
     )
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--minutes", type=float, default=math.inf, metavar="M", help="begin no case after so long")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every case here")
     args = parser.parse_args()
-    todo: list[Case] = []
-    for turn, physics in enumerate(args.physics):
-        listed = cases(args.seeds, tuple(args.strengths), physics)
-        listed = [c for c in listed if c.kind in args.kinds and (not args.only or set(args.only) & set(c.hidden))]
-        todo += _with_every_kind(listed, args.every, turn)
-    answers = list(track(_answers(todo, args.jobs, args.only_blind), "cases", len(todo), console=Console(stderr=True)))
+    todo = _asked(args)
+    until_s = time.monotonic() + 60.0 * args.minutes
+    found = track(_answers(todo, args.jobs, args.only_blind, until_s), "cases", len(todo), console=Console(stderr=True))
+    answers = [answer for answer in found if answer is not None]
     if args.json:
         text = json.dumps(answers, indent=1) + "\n"
         write_atomically(args.json, lambda stream: stream.write(text.encode()))
+    if len(answers) < len(todo):
+        print(f"{len(answers)} of {len(todo)} cases: the same command goes on")
     show(Console(width=160), answers)
     return 0
 
 
-def _answers(todo: Sequence[Case], jobs: int, only_blind: bool):
+def _asked(args: argparse.Namespace) -> list[Case]:
+    """The cases that were asked for, every physics in turn: a part of them is a part of each."""
+    lists = []
+    for turn, physics in enumerate(args.physics):
+        listed = cases(args.seeds, tuple(args.strengths), physics)
+        listed = [c for c in listed if c.kind in args.kinds and (not args.only or set(args.only) & set(c.hidden))]
+        lists.append(_with_every_kind(listed, args.every, turn))
+    return [case for row in itertools.zip_longest(*lists) for case in row if case is not None]
+
+
+def _answers(todo: Sequence[Case], jobs: int, only_blind: bool, until_s: float) -> Iterator[dict | None]:
+    """What is said of each case; None of those that are neither kept nor begun in time."""
     if jobs == 1:
-        yield from (judge(case, only_blind) for case in todo)
+        yield from (judge(case, only_blind, until_s) for case in todo)
         return
     for alloy, physics in {(c.alloy, c.physics) for c in todo}:
         identified(alloy, physics)  # once, not in every process
     with ProcessPoolExecutor(jobs) as pool:
-        for future in [pool.submit(judge, case, only_blind) for case in todo]:
+        for future in [pool.submit(judge, case, only_blind, until_s) for case in todo]:
             yield future.result()
 
 

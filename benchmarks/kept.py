@@ -11,7 +11,7 @@ import os
 import pickle
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeVar, overload
 
 from sma_actuator.logs.files import write_atomically
 
@@ -24,15 +24,25 @@ MODEL = (*BENCH, "identify", "estimation")
 T = TypeVar("T")
 
 
-def kept(what: str, rooms: Sequence[str], make: Callable[[], T]) -> T:
+@overload
+def kept(what: str, rooms: Sequence[str], make: Callable[[], T]) -> T: ...
+
+
+@overload
+def kept(what: str, rooms: Sequence[str], make: Callable[[], T] | None) -> T | None: ...
+
+
+def kept(what: str, rooms: Sequence[str], make: Callable[[], T] | None) -> T | None:
     """What ``make`` makes, from disk where it was made before by the same sources of these rooms.
 
-    ``what`` says everything that else decides it.
+    ``what`` says everything that else decides it.  Without ``make``, None where it was not made before.
     """
     name = hashlib.sha256(f"{what} {_sources(tuple(rooms))}".encode()).hexdigest()[:24]
     path = FOLDER / f"{name}.pickle"
     if path.is_file():
         return pickle.loads(path.read_bytes())
+    if make is None:
+        return None
     made = make()
     FOLDER.mkdir(parents=True, exist_ok=True)
     write_atomically(path, lambda stream: stream.write(pickle.dumps(made)))

@@ -410,6 +410,19 @@ class ReferenceDrift(Hidden):
         rows[:, POSITION] += self.strength * (time_s / self.bench.session_s) ** self.power
 
 
+# --- surroundings --------------------------------------------------------------------------------
+
+
+@TWINS.register("heat_loss")
+class HeatLoss(Hidden):
+    """The wire loses its heat more easily, or less, than at the calibration: in a draught, in an enclosure, hung otherwise."""
+
+    unit, where = "1", "wire"
+
+    def drive(self, inputs, time_s):
+        inputs[physics.LOSS_FACTOR] *= max(1.0 + self.strength, 0.1)
+
+
 # --- what no model has a name for ------------------------------------------------------------------
 
 

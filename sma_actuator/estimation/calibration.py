@@ -131,6 +131,17 @@ class Calibration:
     latent_rise: float = parameter(
         nan, "latent heat of the whole stroke over thermal.heat_capacity", "K", -1e3, 1e3, optional=True
     )
+    transformation_scatter: float = parameter(
+        nan, "how far off a passage through the middle of the stroke is from these, rms", "K", 0.0, 1e3, optional=True
+    )
+    transformation_speed: tuple[float, ...] = parameter(
+        (),
+        "least and most share of the stroke that passages were ahead of their thermal lag, cooling, then heating",
+        "1",
+        -1.0,
+        1.0,
+        optional=True,
+    )
 
     def share_of_stroke(self, displacement_m: Any, stress_Pa: Any) -> Any:
         """How far a displacement lies between the contracted (0) and the cold wire (1) at a stress; of numbers or arrays."""

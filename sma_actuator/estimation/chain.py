@@ -101,6 +101,7 @@ class Estimates:
     signals: Signals  #: without the effects of circuit and load cell
     resistance_Ohm: np.ndarray  #: that the strain model saw; of the last good sample where a sample is not
     model_m: np.ndarray  #: displacement of the strain model alone, likewise
+    heat_W: np.ndarray  #: what heats the wire, as a heat balance of the calibration sees it
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,16 +264,18 @@ class Chain:
                 signals.time_s, last.displacement_m, last.strain, 0.0, last.branch, Quality.INVALID, last.uncertainty_m
             )
             return signals, self._last
+        heat_W = power_W
         if frame is not None:
-            resistance_Ohm = float(self._act(self._at_resistance, frame).resistance_Ohm[0])
+            frame = self._act(self._at_resistance, frame)
+            resistance_Ohm, heat_W = float(frame.resistance_Ohm[0]), float(frame.power_W[0])
         started = self._started
         if not started:
             self._start(signals.time_s, resistance_Ohm, stress_Pa, power_W)
         heating = self._branch.step(signals.time_s, resistance_Ohm, power_W)
-        displacement_m, uncertainty_m, seen = self._observe(signals, resistance_Ohm, heating)
+        displacement_m, uncertainty_m, seen = self._observe(signals, resistance_Ohm, heating, heat_W)
         hot_end = self._hot_end
         contracted = self._asks_hot_end and hot_end.step(
-            signals.time_s, resistance_Ohm, stress_Pa, power_W, signals.ambient_temperature_C
+            signals.time_s, resistance_Ohm, stress_Pa, heat_W, signals.ambient_temperature_C
         )
         if contracted:
             displacement_m = min(displacement_m, float(hot_end.displacement_m(stress_Pa)))
@@ -295,7 +298,9 @@ class Chain:
         )
         return signals, self._last
 
-    def _observe(self, signals: Signals, resistance_Ohm: float, heating: bool) -> tuple[float, float, bool]:
+    def _observe(
+        self, signals: Signals, resistance_Ohm: float, heating: bool, heat_W: float
+    ) -> tuple[float, float, bool]:
         """The strain model's displacement, half of its 95 % interval, and whether its calibration has seen the like."""
         stress_Pa = self._in_reach(signals.stress_Pa)
         if self._thermal is None:
@@ -303,7 +308,7 @@ class Chain:
         ambient_C = signals.ambient_temperature_C
         if not abs(ambient_C - self._usual_C) <= self._tolerance_K:
             ambient_C = nan  # a sensor that is not to be believed is none
-        return self._thermal.observe(signals.time_s, resistance_Ohm, stress_Pa, heating, signals.power_W, ambient_C)
+        return self._thermal.observe(signals.time_s, resistance_Ohm, stress_Pa, heating, heat_W, ambient_C)
 
     # --- many ---------------------------------------------------------------------------------------
 
@@ -335,6 +340,7 @@ class Chain:
             "signals": signals,
             "resistance_Ohm": np.full(n, nan),
             "model_m": np.full(n, nan),
+            "heat_W": np.array(np.broadcast_to(signals.power_W, n), dtype=float),
         }
         if judged:
             out["elapsed_s"] = np.asarray(signals.time_s) - self._start_s
@@ -360,9 +366,12 @@ class Chain:
             np.ascontiguousarray(np.broadcast_to(getattr(signals, name), good.shape)[good])
             for name in ("time_s", "resistance_Ohm", "stress_Pa", "power_W")
         )
+        heat_W = power_W
         if frame is not None:
             frame = frame if good.all() else frame.rows(good)
-            resistance_Ohm = np.ascontiguousarray(self._act(self._at_resistance, frame).resistance_Ohm)
+            frame = self._act(self._at_resistance, frame)
+            resistance_Ohm, heat_W = (np.ascontiguousarray(v) for v in (frame.resistance_Ohm, frame.power_W))
+            out["heat_W"][good] = heat_W
         started = self._started
         if not started:
             self._start(time_s[0], resistance_Ohm[0], stress_Pa[0], power_W[0])
@@ -376,12 +385,12 @@ class Chain:
             doubtful = ~(np.abs(ambient_C - self._usual_C) <= self._tolerance_K)
             ambient_C = np.where(doubtful, nan, ambient_C)
             model_m, uncertainty_m, seen = self._thermal.observe_all(
-                time_s, resistance_Ohm, in_reach_Pa, heating, power_W, ambient_C
+                time_s, resistance_Ohm, in_reach_Pa, heating, heat_W, ambient_C
             )
         contracted = np.zeros(len(time_s), dtype=np.bool_)
         if self._asks_hot_end:
             ambient_C = np.broadcast_to(signals.ambient_temperature_C, good.shape)[good]
-            contracted = self._hot_end.run(time_s, resistance_Ohm, stress_Pa, power_W, ambient_C)
+            contracted = self._hot_end.run(time_s, resistance_Ohm, stress_Pa, heat_W, ambient_C)
             model_m = np.where(contracted, np.minimum(model_m, self._hot_end.displacement_m(stress_Pa)), model_m)
         displacement_m = shown_m = model_m
         if frame is not None:

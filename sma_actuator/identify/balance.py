@@ -9,10 +9,14 @@ proportion to the stress, so that the curves, the shifts and λ come out of one 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from sma_actuator.base.jit import jit
+from sma_actuator.base.sections import ThermalParameters
+from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
 from sma_actuator.estimation.calibration import Calibration
 
@@ -26,6 +30,9 @@ _MOVES_1_s = 0.01  #: share of the stroke per second that counts as motion
 _BEND_K = 3.0  #: what two neighbouring pieces of a curve may well differ by in slope, per distance of two values
 _SCATTER_K = 1.5  #: of a sample about its curve
 _FEWEST = 30  #: samples of a branch
+ENDS = 0.1, 0.9  #: shares of the stroke beyond which a transformation counts as complete
+MIDDLE = 0.25, 0.75  #: and between which a passage is judged
+_BACK = 0.05  #: share by which a wire that goes through may go back
 
 
 def balance_of(experiments: Sequence[Experiment], config: Config, calibration: Calibration) -> dict:
@@ -39,9 +46,7 @@ def balance_of(experiments: Sequence[Experiment], config: Config, calibration: C
             continue
         signals = experiment.signals
         share = calibration.share_of_stroke(experiment.displacement_m, experiment.stress_Pa)
-        read_C = np.broadcast_to(signals.ambient_temperature_C, share.shape)
-        settled_C = np.where(np.isfinite(read_C), read_C, thermal.ambient_temperature)
-        settled_C = settled_C + np.nan_to_num(signals.power_W) / thermal.heat_loss
+        settled_C = _settled_C(signals, signals.power_W, thermal)
         lag_s = thermal.heat_capacity / thermal.heat_loss
         warm_C, slow = (_lagged(signals.time_s, v, lag_s) for v in (settled_C, share))
         rate_1_s = np.gradient(share, signals.time_s)
@@ -61,12 +66,86 @@ def balance_of(experiments: Sequence[Experiment], config: Config, calibration: C
     found = np.linalg.lstsq(
         np.concatenate((matrix * weight, before)), np.concatenate((value_C * weight, expected_K)), rcond=None
     )[0]
-    return {
+    values: dict[str, Any] = {
         "transformation_cooling": tuple(round(float(v), 2) for v in found[:n]),
         "transformation_heating": tuple(round(float(v), 2) for v in found[n : 2 * n]),
         "transformation_shift": (float(found[2 * n] * 1e-6), float(found[2 * n + 1] * 1e-6)),
         "latent_rise": round(float(found[-1]), 2),
     }
+    return {**values, **_scatter(experiments, thermal, replace(calibration, **values))}
+
+
+def _scatter(experiments: Sequence[Experiment], thermal: ThermalParameters, calibration: Calibration) -> dict:
+    """How far off passages are, of all logs, and how fast they were."""
+    off_K: list[float] = []
+    ahead: tuple[list[float], list[float]] = [], []
+    for experiment in experiments:
+        share = calibration.share_of_stroke(experiment.displacement_m, experiment.stress_Pa)
+        found = passages(share)
+        warm_K, before = warmer_K(experiment.signals, experiment.signals.power_W, share, calibration, thermal, found)
+        for (heating, _), warm, far in zip(found, warm_K, before, strict=True):
+            if np.isfinite(warm):
+                off_K.append(float(warm))
+                ahead[heating].append(float(far))
+    if not all(ahead):
+        return {}
+    speeds = tuple(round(f(values), 3) for values in ahead for f in (min, max))
+    return {
+        "transformation_scatter": round(float(np.sqrt(np.mean(np.square(off_K)))), 2),
+        "transformation_speed": speeds,
+    }
+
+
+def passages(share: np.ndarray) -> list[tuple[bool, np.ndarray]]:
+    """Each time that a wire goes from one end of its stroke to the other: whether heating, and its samples in the middle.
+
+    ``share``: of the stroke, 0 contracted.  Their temperatures are those of the whole loop, whatever came before.
+    """
+    end = np.where(share <= ENDS[0], 0, np.where(share >= ENDS[1], 1, -1))
+    at = np.flatnonzero(end >= 0)
+    out = []
+    for i in np.flatnonzero(np.diff(end[at])):
+        here = np.arange(at[i], at[i + 1] + 1)
+        heating = bool(end[at[i]])
+        way = share[here] * (-1.0 if heating else 1.0)
+        middle = (share[here] > MIDDLE[0]) & (share[here] < MIDDLE[1])
+        if middle.any() and np.all(np.maximum.accumulate(way) - way < _BACK):
+            out.append((heating, here[middle]))
+    return out
+
+
+def warmer_K(
+    signals: Signals,
+    heat_W: np.ndarray,
+    share: np.ndarray,
+    calibration: Calibration,
+    thermal: ThermalParameters,
+    found: Sequence[tuple[bool, np.ndarray]],
+) -> tuple[np.ndarray, np.ndarray]:
+    """How much warmer than at the calibration the balance calls the wire in each of the :func:`passages` found.
+
+    And how far ahead of its thermal lag the share of the stroke was, which says how much of that rests on the latent
+    heat.  ``heat_W``: what heats it.
+    """
+    lag_s = thermal.heat_capacity / thermal.heat_loss
+    settled_C = _settled_C(signals, heat_W, thermal)
+    warm_C, slow = (_lagged(signals.time_s, v, lag_s) for v in (settled_C, share))
+    places = np.linspace(0.0, 1.0, len(calibration.transformation_heating))
+    warmer, ahead = np.empty(len(found)), np.empty(len(found))
+    for i, (heating, rows) in enumerate(found):
+        curve_C = calibration.transformation_heating if heating else calibration.transformation_cooling
+        there_C = np.interp(share[rows], places, curve_C)
+        there_C = there_C + calibration.transformation_shift[heating] * signals.stress_Pa[rows]
+        ahead[i] = np.mean((share - slow)[rows])
+        warmer[i] = np.mean(warm_C[rows] - there_C) + calibration.latent_rise * ahead[i]
+    return warmer, ahead
+
+
+def _settled_C(signals: Signals, heat_W: np.ndarray, thermal: ThermalParameters) -> np.ndarray:
+    """The temperature that a wire goes to."""
+    read_C = np.broadcast_to(signals.ambient_temperature_C, np.shape(signals.time_s))
+    settled_C = np.where(np.isfinite(read_C), read_C, thermal.ambient_temperature)
+    return settled_C + np.nan_to_num(heat_W) / thermal.heat_loss
 
 
 def _rows(branch: int, share: np.ndarray, stress_Pa: np.ndarray, latent: np.ndarray) -> np.ndarray:

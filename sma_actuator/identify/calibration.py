@@ -15,7 +15,7 @@ from sma_actuator.base.jit import jit
 from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.config import Config
 from sma_actuator.estimation.calibration import Calibration
-from sma_actuator.estimation.chain import Chain
+from sma_actuator.estimation.chain import Chain, Estimates
 from sma_actuator.safety.thermal import HeatBalance
 
 from .balance import balance_of
@@ -31,14 +31,17 @@ STILL_SHARE = (
 SAME_STRESS = 0.06  #: share of the largest stress within which two are one
 
 
-def calibration_of(experiments: Sequence[Experiment], config: Config, at_rest: bool = True) -> Calibration:
+def calibration_of(
+    experiments: Sequence[Experiment], config: Config, at_rest: bool = True, fresh_percent: float = 0.0
+) -> Calibration:
     """The section ``calibration`` for a model and its own logs.
 
-    ``at_rest``: with what a resting wire shows; left out for models of wires of any size.
+    ``at_rest``: with what a resting wire shows; left out for models of wires of any size.  ``fresh_percent``: error of
+    the model on logs left out, where it is not what it leaves on these, which it learned.
     """
     known = _of_the_wire(experiments, config) if at_rest else Calibration()
     config = dataclasses.replace(config, calibration=known)  # the hot end that the node will know decides errors too
-    found = [Chain(config).run(t.signals) for t in experiments]
+    found = _through(config, experiments)
     experiments = [t.through(estimate) for t, estimate in zip(experiments, found, strict=True)]
     estimates = [estimate.displacement_m for estimate in found]
     full_m = config.wire.full_stroke_m
@@ -83,13 +86,25 @@ def calibration_of(experiments: Sequence[Experiment], config: Config, at_rest: b
         "scatter_heating": _rounded(scatter_heating, 8),
         "scatter_cooling": _rounded(scatter_cooling, 8),
     }
-    return dataclasses.replace(known, **values, **learn(experiments, found, config))
+    learned = learn(experiments, found, config)
+    learned["floor"] = max(learned["floor"], fresh_percent)
+    return dataclasses.replace(known, **values, **learned)
+
+
+def _through(config: Config, experiments: Sequence[Experiment]) -> list[Estimates]:
+    """Every experiment through the chain, which goes on through stretches of one log that follow each other."""
+    chain, out = Chain(config), []
+    for before, experiment in zip((None, *experiments), experiments, strict=False):
+        if not experiment.goes_on_from(before):
+            chain = Chain(config)
+        out.append(chain.run(experiment.signals))
+    return out
 
 
 def _of_the_wire(experiments: Sequence[Experiment], config: Config) -> Calibration:
     """What the wire shows whatever the model makes of it."""
     config = dataclasses.replace(config, calibration=Calibration())
-    experiments = [t.through(Chain(config).run(t.signals)) for t in experiments]
+    experiments = [t.through(found) for t, found in zip(experiments, _through(config, experiments), strict=True)]
     measured_C = [np.atleast_1d(t.signals.ambient_temperature_C) for t in experiments]
     ambient = np.concatenate([a[np.isfinite(a)] for a in measured_C])
     resistance_Ohm = np.concatenate([t.resistance_Ohm for t in experiments])

@@ -28,7 +28,9 @@ def log_errors(
     model, experiments: Sequence[Experiment], range_m: tuple[float, float], full_stroke_m: float
 ) -> list[LogError]:
     """Errors of ``model`` on every experiment."""
-    return [log_error(t.name, t.signals, predict(model, [t]), range_m, full_stroke_m) for t in experiments]
+    ends = np.cumsum([len(t.displacement_m) for t in experiments])[:-1]
+    found = np.split(predict(model, experiments), ends)
+    return [log_error(t.name, t.signals, d, range_m, full_stroke_m) for t, d in zip(experiments, found, strict=True)]
 
 
 def log_error(

@@ -6,6 +6,10 @@ model's displacement, resistance, stress, branch, the temperature that a heat ba
 temperature and resistance have come from their last turns (:mod:`sma_actuator.estimation.models.whole_range`).
 What is expected so is not news to anybody who traces a later log.
 
+A model may also depend on the way by which its load came to be what it is, which no wire that was ever loaded by weights has
+told it; what it would say if the load had always been so is another opinion.  Between the two lies what is expected,
+and how far they are apart is part of how well it is known (:func:`always_so_m`).
+
 It is judged where it was not fitted: by loads left out, or, where these are too few for that, by stretches of time
 left out of each log.  That is the floor; it stands higher the stranger a place and its history are to the logs, as the
 error of a regression does.
@@ -13,13 +17,16 @@ error of a regression does.
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
 
 from sma_actuator.base.jit import jit
+from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
-from sma_actuator.estimation.chain import Estimates
+from sma_actuator.estimation.chain import Chain, Estimates
 from sma_actuator.estimation.models.whole_range import DIRECT, features_all
 
 from .experiments import Experiment
@@ -35,6 +42,8 @@ MOST_ROWS = 8000  #: that the regression sees; logs of more are thinned
 FOLDS = 4
 BLOCK_s = 20.0  #: left out together: longer than what a residual remembers; less of short logs
 FEWEST_LOADS = 3  #: from which all logs of a load are left out together
+LOADS = 5  #: constant ones, between which a load that changes is taken for one that was always so
+CHANGES = 0.1  #: spread of the load, over the load, from which it counts as changing
 LONGEST_s = 30.0  #: lag up to which a residual is held against itself
 
 
@@ -71,6 +80,29 @@ class Expectation:
         return np.clip((seen - self._centre) / self._scale, self._least, self._most)
 
 
+def always_so_m(signals: Signals, chain: Chain) -> np.ndarray:
+    """Half of what a chain would say more if at every sample the load had always been what it is, of n samples.
+
+    The chain, with the memory that it has, stays as it is.
+    """
+    stress_Pa = signals.stress_Pa
+    least_Pa, most_Pa = np.nanpercentile(stress_Pa, (0.5, 99.5))
+    if not most_Pa - least_Pa > CHANGES * abs(np.nanmedian(stress_Pa)):
+        return np.zeros(len(stress_Pa))
+    said_m = []
+    for share in np.linspace(0.0, 1.0, LOADS):
+        constant_Pa = least_Pa + share * (most_Pa - least_Pa)
+        factor = constant_Pa / np.where(stress_Pa == 0.0, np.nan, stress_Pa)
+        load_N = np.where(np.isfinite(factor), signals.load_N * factor, signals.load_N)
+        as_if = dataclasses.replace(signals, stress_Pa=np.full(len(stress_Pa), constant_Pa), load_N=load_N)
+        said_m.append(copy.deepcopy(chain).run(as_if).model_m)
+    place = np.clip((np.nan_to_num(stress_Pa) - least_Pa) / (most_Pa - least_Pa), 0.0, 1.0) * (LOADS - 1)
+    below = np.minimum(place.astype(int), LOADS - 2)
+    each, table_m = np.arange(len(place)), np.array(said_m)
+    always_m = table_m[below, each] * (1.0 - (place - below)) + table_m[below + 1, each] * (place - below)
+    return np.nan_to_num(0.5 * (always_m - copy.deepcopy(chain).run(signals).model_m))
+
+
 def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config: Config) -> dict:
     """Learn what to expect; fields of a calibration.
 
@@ -88,6 +120,7 @@ def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config:
     for number, (experiment, estimates) in enumerate(zip(experiments, found, strict=True)):
         seen = _features(estimates, thermal, widths_Ohm, (low_m, high_m), ambient_C)
         residual_m = experiment.displacement_m - estimates.displacement_m
+        residual_m = residual_m - always_so_m(experiment.signals, Chain(config))
         good = np.isfinite(seen).all(axis=1) & np.isfinite(residual_m)
         time_s = estimates.time_s - estimates.time_s[0]
         block = time_s // min(BLOCK_s, max(time_s[-1], 1e-9) / (2 * FOLDS)) + number
@@ -134,7 +167,7 @@ def _features(
         np.broadcast_to(values, (len(out),))
         for values in (
             found.time_s,
-            found.signals.power_W,
+            found.heat_W,
             found.resistance_Ohm,
             found.signals.stress_Pa,
             found.model_m,

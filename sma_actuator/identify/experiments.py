@@ -31,6 +31,7 @@ class Experiment:
     heating: np.ndarray  #: bool, the branch the estimator would take
     driven: np.ndarray  #: bool, the current is above the middle of its range (appendix C, step 1)
     cycle: np.ndarray  #: int, number of the cycle; one begins when the current is switched on
+    part_of: str = ""  #: name of the log, or of its session, that this is a stretch of
 
     @property
     def name(self) -> str:
@@ -73,7 +74,20 @@ class Experiment:
         fields = {f.name: getattr(self.signals, f.name) for f in dataclasses.fields(self.signals)}
         signals = Signals(**{name: v[chosen] if np.ndim(v) else v for name, v in fields.items()})
         log = dataclasses.replace(self.log, columns={k: v[chosen] for k, v in self.log.columns.items()})
-        return Experiment(log, self.kind, signals, self.heating[chosen], self.driven[chosen], self.cycle[chosen])
+        return dataclasses.replace(
+            self,
+            log=log,
+            signals=signals,
+            heating=self.heating[chosen],
+            driven=self.driven[chosen],
+            cycle=self.cycle[chosen],
+        )
+
+    def goes_on_from(self, before: Experiment | None) -> bool:
+        """Whether this is the stretch of a log that comes after the stretch ``before``: the wire has its past."""
+        if before is None or not self.part_of or self.part_of != before.part_of:
+            return False
+        return bool(self.signals.time_s[0] > before.signals.time_s[-1])
 
     def through(self, estimate: Estimates) -> Experiment:
         """The experiment with the signals and the branch that a model's chain made of it."""

@@ -48,6 +48,9 @@ class Fitted:
     notes: list[str] = field(default_factory=list)  #: what the user should know
     #: How it does on cycles that its fits have not seen; None: nobody looked.
     unseen: Unseen | None = None
+    fresh_percent: float = (
+        0.0  #: mean absolute error on logs left out, of a model that learns its own by heart, % of full stroke
+    )
     bounds: list[str] = field(default_factory=list)  #: a sentence for every bound that binds
 
 
@@ -58,6 +61,7 @@ class Fitter:
     fit: Callable[[Sequence[Experiment], BenchConfig, Asked], Fitted]  #: of the logs of a bench
     methods: tuple[str, ...] = ("joint",)
     any_size: bool = False  #: of logs of wires of several sizes, each rewritten as one of the same wire
+    remembers: bool = False  #: the model knows the wire's past: a stretch of a log goes on from the one before
     extended: bool = True  #: identification ends with the effects that the model lacks on its own logs
 
 
@@ -124,11 +128,18 @@ def _whole_range(experiments: Sequence[Experiment], bench: BenchConfig, asked: A
         note = beside_the_thesis(experiments, thesis, found, bench.wire.full_stroke_m)
     except IdentificationError as error:
         note = f"there is no model of the thesis to compare with: {error}"
-    return Fitted(found.coefficients, how=found, notes=[note], unseen=found.unseen, bounds=found.bounds)
+    return Fitted(
+        found.coefficients,
+        how=found,
+        notes=[note],
+        unseen=found.unseen,
+        fresh_percent=found.held_out.logs_percent,
+        bounds=found.bounds,
+    )
 
 
 FITTERS.register("flexinol")(Fitter(_flexinol, METHODS))
 FITTERS.register("flexinol_normalised")(Fitter(_flexinol_normalised, METHODS, any_size=True, extended=False))
 FITTERS.register("furukawa")(Fitter(_furukawa))
 FITTERS.register("furukawa_normalised")(Fitter(_furukawa_normalised, any_size=True, extended=False))
-FITTERS.register("whole_range")(Fitter(_whole_range, extended=False))  # what is left is learned already
+FITTERS.register("whole_range")(Fitter(_whole_range, remembers=True, extended=False))  # what is left is learned already

@@ -76,15 +76,19 @@ def _thinned(experiment: Experiment, seldom: int) -> Experiment:
 
 
 def predict(model: StrainModel | ThermalStrainModel, experiments: Sequence[Experiment]) -> np.ndarray:
-    """Displacement by a model over experiments, each begun cold as the estimator does; concatenated, [m]."""
+    """Displacement by a model over experiments, each begun cold as the estimator does; concatenated, [m].
+
+    A thermal model goes on through stretches of one log that follow each other.
+    """
     out = []
     # Asked once: it looks at every attribute.
     thermal = model if isinstance(model, ThermalStrainModel) else None
     strain = cast(StrainModel, model)
-    for experiment in experiments:
+    for before, experiment in zip((None, *experiments), experiments, strict=False):
         if thermal is not None:
             s = experiment.signals
-            thermal.reset()
+            if not experiment.goes_on_from(before):
+                thermal.reset()
             ambient_C = np.broadcast_to(s.ambient_temperature_C, s.time_s.shape)
             out.append(
                 thermal.observe_all(s.time_s, s.resistance_Ohm, s.stress_Pa, experiment.heating, s.power_W, ambient_C)[

@@ -80,14 +80,16 @@ def identify(
     if "bias_current" not in mapping.get("supply", {}) and math.isfinite(lowest_A := lowest_current_A(logs, bench)):
         mapping.setdefault("supply", {})["bias_current"] = lowest_A
         bench = bench_from_mapping(with_derived(mapping))
-    everything = as_one_wire(logs, with_derived(mapping)) if fitter.any_size else make_experiments(logs, bench)
+    everything = (
+        as_one_wire(logs, with_derived(mapping)) if fitter.any_size else make_experiments(logs, bench, fitter.remembers)
+    )
     reasons: dict[str, str] = {}
     at_odds: list[str] = []
     if not fitter.any_size:
         reasons, at_odds = _add_measured(mapping, measured(everything, mapping, bench))
         if reasons:
             bench = bench_from_mapping(with_derived(mapping))
-            everything = make_experiments(logs, bench)
+            everything = make_experiments(logs, bench, fitter.remembers)
     fatigued = [t for t in everything if t.kind == "fatigue"]
     experiments = [t for t in everything if t.kind != "fatigue"]
     change_m = 0.0 if fitter.any_size else change_while_measured_m(logs, bench)
@@ -99,7 +101,9 @@ def identify(
     config = Config.for_tools(mapping)
     notes += within_what_is_seen(mapping, experiments)
     config = Config.for_tools(mapping)
-    mapping["calibration"] = to_mapping(calibration_of(experiments, config, at_rest=not fitter.any_size))
+    mapping["calibration"] = to_mapping(
+        calibration_of(experiments, config, at_rest=not fitter.any_size, fresh_percent=fitted.fresh_percent)
+    )
     config = Config.for_tools(mapping)
     model = config.model.build(bench.wire)
     full_stroke_m, unseen = bench.wire.full_stroke_m, fitted.unseen

@@ -37,8 +37,12 @@ _ENOUGH = 8  #: full cycles of a stretch that are fitted: they repeat each other
 _MANY = 15  #: full cycles in a row of which no fit needs more, where other logs have full cycles too
 
 
-def with_kinds(experiments: Sequence[Experiment]) -> list[Experiment]:
-    """Stretches of the experiments, each of one load and one kind of cycles."""
+def with_kinds(experiments: Sequence[Experiment], remembered: bool = False) -> list[Experiment]:
+    """Stretches of the experiments, each of one load and one kind of cycles.
+
+    ``remembered``: for a model that knows the wire's past; a stretch then begins where the one before it ended, and none
+    of its cycles is left out.
+    """
     stretches = [stretch for experiment in experiments for stretch in _of_one_load(experiment)]
     seen = [_cycles_of(stretch) for stretch in stretches]
     out: list[Experiment] = []
@@ -59,12 +63,12 @@ def with_kinds(experiments: Sequence[Experiment]) -> list[Experiment]:
         full = np.array([c.rests and c.stroke_m >= _WIDEST * widest_m for c in cycles], dtype=bool)
         for run in np.split(np.arange(len(full)), np.flatnonzero(full[1:] != full[:-1]) + 1):
             full[run] &= sum(cycles[i].heated for i in run) >= _IN_MOTION
-        out += _of_one_kind(stretch, full)
+        out += _of_one_kind(stretch, full, 0.0 if remembered else _WINDOW_s)
     elsewhere = sum(t.kind == FULL and t.cycle[-1] < _MANY for t in out)
     out = [
         dataclasses.replace(t, kind=MANY) if t.kind == FULL and t.cycle[-1] >= _MANY and elsewhere else t for t in out
     ]
-    return [_enough(t) if t.kind == FULL else t for t in out]
+    return [_enough(t) if t.kind == FULL and not remembered else t for t in out]
 
 
 def _enough(experiment: Experiment) -> Experiment:
@@ -80,10 +84,10 @@ def _enough(experiment: Experiment) -> Experiment:
     return dataclasses.replace(piece, cycle=number, log=dataclasses.replace(piece.log, metadata=metadata))
 
 
-def make_experiments(logs: Sequence[BenchLog], config: Any) -> list[Experiment]:
+def make_experiments(logs: Sequence[BenchLog], config: Any, remembered: bool = False) -> list[Experiment]:
     """Traces of the logs that a model is fitted on, each of one load and one kind of cycles.
 
-    Logs of calibration and training are left out, and logs in which the current never moves.  Raises
+    ``remembered``: as in :func:`with_kinds`.  Logs of calibration and training are left out, and logs in which the current never moves.  Raises
     IdentificationError where none is left.
     """
     experiments = [judged_rows(t) for log in logs_to_fit(logs) for t in sessions(make_experiment(log, config))]
@@ -91,7 +95,7 @@ def make_experiments(logs: Sequence[BenchLog], config: Any) -> list[Experiment]:
         raise IdentificationError(
             "no log to fit: pulses or partial cycles of a wire with a measured displacement are needed"
         )
-    return with_kinds(experiments)
+    return with_kinds(experiments, remembered)
 
 
 def logs_to_fit(logs: Sequence[BenchLog]) -> list[BenchLog]:
@@ -165,21 +169,20 @@ def _of_one_load(experiment: Experiment) -> list[Experiment]:
     ] or [experiment]
 
 
-def _of_one_kind(experiment: Experiment, full: np.ndarray) -> list[Experiment]:
-    """An experiment cut where full cycles follow partial ones or the other way round."""
+def _of_one_kind(experiment: Experiment, full: np.ndarray, rest_s: float) -> list[Experiment]:
+    """An experiment cut where full cycles follow partial ones or the other way round.
+
+    A cut keeps so much of the rest before its first cycle, as a log of its own would have it.
+    """
     turns = np.flatnonzero(full[1:] != full[:-1]) + 1
     if len(turns) == 0 or len(turns) > _MOST_CUTS:
         return [dataclasses.replace(experiment, kind=FULL if len(full) and full.all() else PARTIAL)]
     starts = [0, *(int(np.searchsorted(experiment.cycle, turn + 1)) for turn in turns), len(experiment.cycle)]
     kinds = [FULL if full[k] else PARTIAL for k in (0, *turns)]
-    # A cut keeps the rest before its first cycle, as a log of its own would have it.
-    before = [0, *(max(starts[i], start - _rest_before(experiment, start)) for i, start in enumerate(starts[1:-1]))]
-    return [_cut(experiment, a, b, kind) for a, b, kind in zip(before, starts[1:], kinds, strict=True)]
-
-
-def _rest_before(experiment: Experiment, start: int) -> int:
     time_s = experiment.signals.time_s
-    return start - int(np.searchsorted(time_s, time_s[start] - _WINDOW_s))
+    rest = [int(np.searchsorted(time_s, time_s[start] - rest_s)) for start in starts[1:-1]]
+    before = [0, *(max(start, at) for start, at in zip(starts, rest, strict=False))]
+    return [_cut(experiment, a, b, kind) for a, b, kind in zip(before, starts[1:], kinds, strict=True)]
 
 
 def _cut(experiment: Experiment, start: int, stop: int, kind: str) -> Experiment:
@@ -188,5 +191,9 @@ def _cut(experiment: Experiment, start: int, stop: int, kind: str) -> Experiment
     piece = experiment.rows(inside)
     name = f"{experiment.log.source} ({kind or 'load'} from {piece.signals.time_s[0]:.0f} s)"
     return dataclasses.replace(
-        piece, kind=kind, cycle=cycles_of(piece.driven), log=dataclasses.replace(piece.log, source=name)
+        piece,
+        kind=kind,
+        cycle=cycles_of(piece.driven),
+        log=dataclasses.replace(piece.log, source=name),
+        part_of=experiment.part_of or experiment.log.source,
     )

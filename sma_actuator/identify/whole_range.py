@@ -41,6 +41,7 @@ NEVER = -1  #: left out
 #: A load left out leaves a gap twice as wide as the one that a load between its neighbours finds, and what is between is off
 #: by the square of it.
 LOAD_LEFT_OUT = 0.25
+LEARNERS_OF_LOADS = 2  #: at such a load
 JOINT_UNITS = 14  #: of the one learner that the heat balance is fitted with
 JOINT_ITERATIONS, ITERATIONS, HELD_OUT_ITERATIONS = 60, 100, 40
 EVERY = 3  #: the heat balance moves in every third iteration: it costs eight runs through the logs
@@ -48,8 +49,9 @@ MOST_ROWS = 9000  #: that a fit sees; logs of more are thinned
 SHORTEST_STEP_s = 0.045  #: readings closer together are averaged: they say the same
 ROBUST = 1.0  #: % of the full stroke beyond which an error counts linearly
 SHRINKAGE = 0.3  #: of the weights, in squared % of the full stroke
-#: Logs have a handful of loads, and between them nothing tells a learner how to bend: bends along stress are shrunk so much more.
-SMOOTH_IN_STRESS = 3.0
+#: Logs have a handful of loads, and between them nothing tells a learner how to bend: bends along stress are shrunk so much more,
+#: with fewer than USUAL_LOADS by the square of how much further these are apart, as what is between two of them goes with it.
+SMOOTH_IN_STRESS, USUAL_LOADS = 3.0, 5
 #: A heat balance fitted to pulses is off by some tenths of a kelvin or more when the wire is driven otherwise.  Copies of
 #: the logs with such an error [K] teach the learners not to lean on it where the resistance says more; copies with the
 #: other one are for the intervals alone.
@@ -112,13 +114,13 @@ def fit_whole_range(
     known, centre, scale = _heat_balance(data, lambda share: progress(0.4 * share))
     z = (data.features(known)[data.rows] - centre) / scale
     by_log = _errors_left_out(z, data, data.log_fold[data.rows])
-    by_load = _errors_left_out(z, data, data.load_fold[data.rows], learners=1)
-    by_log.error[:] = np.hypot(by_log.error, LOAD_LEFT_OUT * by_load.error) * np.where(by_log.error < 0.0, -1.0, 1.0)
+    by_load = _errors_left_out(z, data, data.load_fold[data.rows], LEARNERS_OF_LOADS)
+    by_both = by_log.beside(by_load, LOAD_LEFT_OUT)
     progress(0.6)
     by_cycle = _errors_left_out(z, data, data.cycle[data.rows] % FOLDS)
     progress(0.8)
-    team = _Team(z[data.learned], data.displacement[data.rows[data.learned]], ITERATIONS)
-    coefficients = _coefficients(data, known, z, (centre, scale), team, by_log)
+    team = _Team(z[data.learned], data.displacement[data.rows[data.learned]], ITERATIONS, data.smooth)
+    coefficients = _coefficients(data, known, z, (centre, scale), team, by_both)
     progress(1.0)
     measured = data.measured
     errors = [np.abs(e[measured]) for e in (by_log.error, by_cycle.error, by_log.curve_error)]
@@ -198,7 +200,8 @@ class _Data:
         lengths = [len(p[0]) for p in parts]
         self.lengths = lengths[: len(experiments)]
         self.first = np.zeros(len(self.time), dtype=np.bool_)
-        self.first[np.cumsum([0, *lengths[:-1]])] = True
+        fresh = [not t.goes_on_from(before) for before, t in zip((None, *experiments), experiments, strict=False)]
+        self.first[np.cumsum([0, *lengths[:-1]])] = fresh * copies
         self.log_fold = np.repeat(np.tile(_log_folds(experiments), copies), lengths)
         self.load_fold = np.repeat(np.tile(_load_folds(experiments), copies), lengths)
         self.cycle = self.cycle + np.repeat(np.tile(np.arange(len(experiments)), copies), lengths)
@@ -212,6 +215,8 @@ class _Data:
         self.measured = self.rows < sum(self.lengths)  # the others are of copies
         self.learned = self.rows < 2 * sum(self.lengths)
         self.change = 0.0  #: of the wire meanwhile
+        gaps = max(distinct_stresses(experiments) - 1, 1)
+        self.smooth = SMOOTH_IN_STRESS * max(1.0, ((USUAL_LOADS - 1) / gaps) ** 2)
         self.span_Ohm = float(np.subtract(*np.percentile(self.resistance, (99, 1))))
 
     def thermal_numbers(self, known: np.ndarray) -> np.ndarray:
@@ -342,7 +347,7 @@ def _terms(z: np.ndarray) -> np.ndarray:
 class _Learner:
     """The learned part: its weights as one vector (linear terms, hidden, bias, output), and its derivatives."""
 
-    def __init__(self, features: int, units: int, seed: int):
+    def __init__(self, features: int, units: int, seed: int, smooth: float):
         self.n, self.m = features, units
         self.lines = CURVE_TERMS + features - DIRECT
         rng = np.random.default_rng(seed)
@@ -352,7 +357,7 @@ class _Learner:
         bias = np.linspace(-reach, reach, self.m)
         self.weights = np.concatenate([np.zeros(self.lines), hidden.ravel(), bias, np.zeros(self.m)])
         along = np.full(self.n, 0.3)
-        along[STRESS] *= SMOOTH_IN_STRESS
+        along[STRESS] *= smooth
         self.shrinkage = np.concatenate(
             [np.full(self.lines, 0.02), np.tile(along, self.m), np.full(self.m, 0.3), np.full(self.m, 1.0)]
         )
@@ -431,8 +436,8 @@ def _learn(learner: _Learner, z: np.ndarray, target: np.ndarray, iterations: int
 class _Team:
     """Learners that differ in where they began, learned on the same samples."""
 
-    def __init__(self, z: np.ndarray, target: np.ndarray, iterations: int, learners: int = LEARNERS):
-        self.learners = [_Learner(z.shape[1], UNITS, seed) for seed in range(1, learners + 1)]
+    def __init__(self, z: np.ndarray, target: np.ndarray, iterations: int, smooth: float, learners: int = LEARNERS):
+        self.learners = [_Learner(z.shape[1], UNITS, seed, smooth) for seed in range(1, learners + 1)]
         for learner in self.learners:
             learner.weights = _learn(learner, z, target, iterations)
 
@@ -449,7 +454,7 @@ def _heat_balance(data: _Data, progress: Callable[[float], None]) -> tuple[np.nd
     target = data.displacement[rows]
     seen = data.features(known)[rows]
     centre, scale = seen.mean(axis=0), seen.std(axis=0) + 1e-12
-    learner = _Learner(seen.shape[1], JOINT_UNITS, 0)
+    learner = _Learner(seen.shape[1], JOINT_UNITS, 0, data.smooth)
 
     def scaled(numbers: np.ndarray) -> np.ndarray:
         return (data.features(numbers)[rows] - centre) / scale
@@ -501,6 +506,13 @@ class _LeftOut:
     spread: np.ndarray
     curve_error: np.ndarray
 
+    def beside(self, other: _LeftOut, share: float) -> _LeftOut:
+        """The same with so much of another's error and spread added, which are independent of it."""
+        error = np.hypot(self.error, share * other.error)
+        return _LeftOut(
+            np.where(self.error < 0.0, -error, error), np.hypot(self.spread, share * other.spread), self.curve_error
+        )
+
 
 def _errors_left_out(z: np.ndarray, data: _Data, fold: np.ndarray, learners: int = LEARNERS) -> _LeftOut:
     """Learn afresh without each fold in turn; the heat balance stands.  No error where a row is NEVER left out."""
@@ -511,7 +523,7 @@ def _errors_left_out(z: np.ndarray, data: _Data, fold: np.ndarray, learners: int
         if not out.any():
             continue
         learn = ~out & data.learned
-        team = _Team(z[learn], target[learn], HELD_OUT_ITERATIONS, learners)
+        team = _Team(z[learn], target[learn], HELD_OUT_ITERATIONS, data.smooth, learners)
         value, found.spread[out] = team.values(z[out])
         found.error[out] = value - target[out]
         found.curve_error[out] = _terms(z[out])[:, :CURVE_TERMS] @ _curve(z[learn], target[learn]) - target[out]

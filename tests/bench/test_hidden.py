@@ -32,6 +32,7 @@ STRENGTH = {
     "reference_lag": 0.2,
     "reference_gain": 0.05,
     "reference_drift": 5e-4,
+    "heat_loss": 0.3,
     "draught": 0.3,
     "hum": 2e-4,
     "lvdt_nonlinearity": 2e-4,
@@ -72,6 +73,7 @@ REACHES = {
     ),
     "self_heating": {VOLTAGE, LVDT},  # more resistance, more heat
     "shunt": {VOLTAGE, LVDT},
+    "heat_loss": {VOLTAGE, LVDT},
     "draught": {VOLTAGE, LVDT},
     "fatigue": {VOLTAGE, LVDT},
     "ambient_temperature": {VOLTAGE, LVDT, AMBIENT},

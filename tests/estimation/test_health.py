@@ -99,7 +99,7 @@ def test_of_a_log_it_says_what_it_said_live(with_longer_leads):
     signals = Signals(**{name: column("signals", name) for name in Signals.__dataclass_fields__})
     fields = {name: column("estimate", name) for name in Estimate.__dataclass_fields__}
     nothing = np.full(len(outputs), np.nan)
-    estimates = Estimates(**fields, signals=signals, resistance_Ohm=nothing, model_m=nothing)
+    estimates = Estimates(**fields, signals=signals, resistance_Ohm=nothing, model_m=nothing, heat_W=nothing)
     config = Config.load(shared_file("config/flexinol.yaml"))
     judge = ModelHealth(config, config.supply.bias_current)
     ((when_s, verdict),) = judge.run(estimates)

@@ -13,7 +13,7 @@ from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
 from sma_actuator.identify.calibration import calibration_of, expected_residual_m
-from sma_actuator.identify.expectation import Expectation, correlation_time_s, learn
+from sma_actuator.identify.expectation import Expectation, always_so_m, correlation_time_s, learn
 from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.identify.kinds import make_experiments
 from sma_actuator.identify.rests import WINDOW_s, find_rests
@@ -188,3 +188,27 @@ class TestExpectation:
             values[i] = memory * values[i - 1] + rng.standard_normal()
         found_s = correlation_time_s(np.arange(20_000) * 0.1, values, np.zeros(20_000, dtype=int))
         assert found_s == pytest.approx(0.1 * (1.0 + memory) / (1.0 - memory), rel=0.25)
+
+
+def test_of_a_load_that_changes_half_of_what_the_model_would_say_had_it_always_been_so_is_expected(identified):
+    """A weight is lifted off half way through a cycle; before and after, the model is asked as though it had always hung so."""
+    logs, result = identified
+    config = Config.from_mapping(result.mapping)
+    signals = make_experiment(next(log for log in logs if log.metadata["kind"] == "pulses"), config).signals
+    n = len(signals.time_s)
+    weights_N = 0.5, 1.5
+
+    def hanging(load_N):
+        load_N = np.broadcast_to(load_N, n).astype(float)
+        return dataclasses.replace(signals, load_N=load_N, stress_Pa=load_N / config.wire.area_m2)
+
+    first, then = (Chain(config).run(hanging(load_N)).model_m for load_N in weights_N)
+    later = np.arange(n) >= n // 3
+    changed = hanging(np.where(later, weights_N[1], weights_N[0]))
+    always_m = np.where(later, then, first)
+    chain = Chain(config)
+    half_m = always_so_m(changed, chain)
+    as_it_is_m = chain.run(changed).model_m
+    np.testing.assert_allclose(half_m, 0.5 * (always_m - as_it_is_m), atol=1e-9)
+    assert np.abs(half_m[later]).max() > 1e-5 and np.abs(half_m[~later]).max() < 1e-9
+    assert not always_so_m(hanging(weights_N[0]), Chain(config)).any()

@@ -14,6 +14,8 @@ from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.identify.experiments import make_experiment
+from sma_actuator.identify.fitting import predict
+from sma_actuator.identify.kinds import make_experiments
 from sma_actuator.plant.loads import Weight
 
 
@@ -73,6 +75,22 @@ def test_a_reset_forgets_everything(whole, unseen):
     again = chain.run(signals)
     assert np.array_equal(fresh.displacement_m, again.displacement_m)
     assert np.array_equal(fresh.uncertainty_m, again.uncertainty_m)
+
+
+def test_a_stretch_of_a_log_goes_on_from_the_one_before(whole, unseen):
+    pulses, partial = unseen
+    later_s = partial["time_s"] - partial["time_s"][0] + pulses["time_s"][-1] + 0.05
+    columns = {
+        n: np.concatenate((pulses[n], later_s if n == "time_s" else partial[n])) for n in pulses.columns if n in partial
+    }
+    log = dataclasses.replace(pulses, columns=columns, metadata={})
+    stretches = make_experiments([log], whole.config, remembered=True)
+    assert [t.kind for t in stretches] == ["pulses", "partial"]
+    assert [t.goes_on_from(b) for b, t in zip((None, *stretches), stretches, strict=False)] == [False, True]
+    model = whole.config.model.build(whole.config.wire)
+    at_once = predict(model, [make_experiment(log, whole.config)])
+    assert np.array_equal(predict(model, stretches), at_once)
+    assert not np.array_equal(predict(model, stretches[1:]), at_once[-len(stretches[1].displacement_m) :])
 
 
 def test_unseen_logs_are_met_over_the_whole_range_and_better_than_by_the_thesis(whole, unseen, flexinol):

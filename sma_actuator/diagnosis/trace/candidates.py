@@ -61,6 +61,7 @@ def scales_of(evidence: Evidence) -> Scales:
         loads_differ=_spread(load_N) > LOADS_DIFFER * middle_N,
         model_feels_stress=_model_feels_stress(evidence),
         partial_cycles=_partial_cycles(evidence),
+        power_known=evidence.knows_the_power,
         calibration_counts=evidence.beyond_floor,
     )
 

@@ -18,6 +18,7 @@ from sma_actuator.console import add_output_arguments, notes, progress_bar, refu
 from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.fleet import Finding, add_fleet_arguments, cluster, run_fleet
 from sma_actuator.identify.calibration import calibration_of
+from sma_actuator.identify.fitters import FITTERS
 from sma_actuator.identify.kinds import make_experiments
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.logs.reading import add_log_arguments, find_logs, place, read_logs, reading_of
@@ -104,7 +105,9 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(args) as bar:
         task = bar.add_task("reading", total=1.0)
         if args.calibration:
-            experiments = make_experiments(read_logs(args.calibration, reading, console.print), config)
+            experiments = make_experiments(
+                read_logs(args.calibration, reading, console.print), config, FITTERS[config.model_type].remembers
+            )
             mapping["calibration"] = to_mapping(calibration_of(experiments, config))
             config = Config.for_tools(mapping, str(args.config))
         logs = read_logs(args.logs, reading, console.print)

@@ -1,9 +1,9 @@
 """What logs with a true displacement say about a model with some effects in it.
 
-Three kinds of witness: the residual of the displacement through the whole chain, R and δ where the wire
-stands still, and, where the wire pulls a spring, the load against the displacement.  The first two are measured
-against what the model left at its calibration, which is frozen, and are weighted by how well they repeated there;
-the third needs no model: a spring is straight.
+Four kinds of witness: the residual of the displacement through the whole chain, R and δ where the wire
+stands still, the power that it takes to transform the wire, and, where the wire pulls a spring, the load against the
+displacement.  All but the last are measured against what was at the calibration, which is frozen, and are weighted by
+how well they repeated there; the last needs no model: a spring is straight.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain, Judged, place_of
 from sma_actuator.estimation.effects import Effect, Effects
 from sma_actuator.estimation.effects.frame import Frame, Place
-from sma_actuator.identify.expectation import Expectation
+from sma_actuator.identify.balance import passages, warmer_K
+from sma_actuator.identify.expectation import Expectation, always_so_m
 from sma_actuator.identify.experiments import Experiment, make_experiment, sessions
 from sma_actuator.identify.rests import find_rests
 from sma_actuator.logs.bench_log import BenchLog
@@ -42,12 +43,22 @@ WITNESSES = (
     "resistance at hot rest",
     "displacement at hot rest",
     "load against displacement",
+    "power in the transformation",
 )
 AFTER_THE_MODEL = ("at_displacement", "shown")  #: stages of the chain
 LINE = WITNESSES.index("load against displacement")
+POWER = WITNESSES.index("power in the transformation")
+#: How well the heat balance of another log can be trusted, whatever its calibration repeated: of the rise above ambient.
+BALANCE = 0.05
+#: And the same of a passage faster or slower than those of the calibration, per share of the stroke that it is more or less
+#: ahead of its lag: latent heat and heat capacity were learned at one speed.
+OTHER_SPEED = 1.0
 LOADS_DIFFER = 0.1  #: spread of the load, over the load, from which it counts as changing
 SPRING = 0.9  #: correlation squared of load and displacement from which the load is that of a spring
 STRAIGHT = 0.003  #: of full stroke: how straight a spring's line is, in the mean over a unit's heating or cooling
+#: How far a cold wire rests elsewhere in surroundings known to be others, per kelvin: of the ranges of R and δ.  Many
+#: alloys have not transformed to the end at room temperature.
+PER_KELVIN = 0.005
 SPREAD = 1.25  #: standard deviation over mean absolute error
 FEWEST_CYCLES = 3  #: in all logs together
 FEWEST_UNITS = 8
@@ -67,6 +78,7 @@ class Prediction:
     heating: np.ndarray
     resistance_Ohm: np.ndarray  #: as the strain model sees it
     power_W: np.ndarray
+    heat_W: np.ndarray  #: what of it the calibration's heat balance sees
     stress_Pa: np.ndarray
     elapsed_s: np.ndarray
 
@@ -121,6 +133,8 @@ class Evidence:
         self.compared = [np.arange(every // 2, len(m), every) for m in self._measured_m]
         known = bool(self.calibration.expected_weights) and not beyond_floor
         self._expectation = Expectation(config) if known else None
+        #: Of every log, for the model as it is: how far it is from half the way to one whose load was always what it is.
+        self._always_so_m = [always_so_m(signals, self.chain({})) for signals, _ in self._seen] if known else []
         if beyond_floor:
             self._floor_m = [np.ones(len(rows)) for rows in self.compared]
             typical_m = np.sqrt(np.mean(np.concatenate(self.news_m(self.predict({}))) ** 2)) / SPREAD
@@ -178,12 +192,53 @@ class Evidence:
         halves = [2 * np.concatenate([self.unit[i] for i in logs]) + self._driven(logs) for logs in self._springs]
         self._half = [np.unique(half, return_inverse=True) for half in halves]
         straight = np.concatenate([half // 2 for half, _ in self._half] or [np.empty(0, dtype=int)])
-        self.unit_of_row = np.concatenate((samples, np.repeat(rests, 2).astype(int), straight))
+        self._passages = [self._find_passages(i) for i in range(len(self.experiments))]
+        powered = [int(self.unit[i][rows[0]]) for i, found in enumerate(self._passages) for _, rows in found]
+        self.unit_of_row = np.concatenate(
+            (samples, np.repeat(rests, 2).astype(int), straight, np.array(powered, dtype=int))
+        )
         self.rows_of_samples = len(samples)
         # Of each row after those of the samples, into WITNESSES.
         self._witness = np.concatenate(
-            (np.repeat(2 * hot, 2) + np.tile((0, 1), len(hot)), np.full(len(straight), LINE))
+            (
+                np.repeat(2 * hot, 2) + np.tile((0, 1), len(hot)),
+                np.full(len(straight), LINE),
+                np.full(len(powered), POWER),
+            )
         )
+
+    def _find_passages(self, number: int) -> list[tuple[bool, np.ndarray]]:
+        """Where a log's power is held against the calibration's: see :func:`passages`."""
+        if not self.knows_the_power:
+            return []
+        stress_Pa = self.experiments[number].stress_Pa
+        return passages(self.calibration.share_of_stroke(self._measured_m[number], stress_Pa))
+
+    @property
+    def knows_the_power(self) -> bool:
+        """Whether the calibration says what it takes to transform the wire, and how surely."""
+        c = self.calibration
+        sure = math.isfinite(c.transformation_scatter) and len(c.transformation_speed) == 4
+        return c.transformation_known and sure
+
+    def off_the_power(self, predictions: Sequence[Prediction]) -> np.ndarray:
+        """How much warmer than at the calibration the heat balance calls the wire in each passage, in standard deviations."""
+        out = [np.empty(0)]
+        c, thermal = self.calibration, self.config.thermal
+        if math.isfinite(c.ambient_temperature):  # where none is logged, it is that until an effect says otherwise
+            thermal = dataclasses.replace(thermal, ambient_temperature=c.ambient_temperature)
+        for i, (found, p) in enumerate(zip(self._passages, predictions, strict=True)):
+            if not found:
+                continue
+            signals = dataclasses.replace(self.experiments[i].signals, stress_Pa=p.stress_Pa)
+            share = c.share_of_stroke(self._measured_m[i] - (p.shown_m - p.model_m), p.stress_Pa)
+            off_K, ahead = warmer_K(signals, p.heat_W, share, c, thermal, found)
+            low, high = np.reshape(c.transformation_speed, (2, 2))[[int(heating) for heating, _ in found]].T
+            unlike = np.maximum(0.0, np.maximum(low - ahead, ahead - high))
+            rise_K = np.mean([*c.transformation_heating, *c.transformation_cooling]) - thermal.ambient_temperature
+            known_K = math.hypot(c.transformation_scatter, BALANCE * rise_K)
+            out.append(off_K / np.hypot(known_K, OTHER_SPEED * rise_K * unlike))
+        return np.concatenate(out)
 
     def _driven(self, logs: Sequence[int]) -> np.ndarray:
         return np.concatenate([self.experiments[i].driven for i in logs])
@@ -264,11 +319,12 @@ class Evidence:
     def through(self, chain: Chain) -> list[Prediction]:
         """Every log through a chain.  Between two logs of a session nobody saw the wire: only its position is forgotten."""
         out = []
-        for (p, kept), rows in zip(self._judgements(chain), self.compared, strict=True):
+        for i, ((p, kept), rows) in enumerate(zip(self._judgements(chain), self.compared, strict=True)):
             here = np.arange(len(p.time_s))[kept][rows]
             expected_m = np.zeros(len(p.time_s))
             if self._expectation is not None:
                 expected_m = np.interp(p.time_s, p.time_s[here], self._expectation.residual_m(p, here))
+                expected_m = expected_m + self._always_so_m[i]
             where = _Where(chain, self.place, p, expected_m)
             out.append(
                 Prediction(
@@ -279,6 +335,7 @@ class Evidence:
                     heating=p.branch[kept].astype(bool),
                     resistance_Ohm=p.resistance_Ohm[kept],
                     power_W=p.signals.power_W[kept],
+                    heat_W=p.heat_W[kept],
                     stress_Pa=p.signals.stress_Pa[kept],
                     elapsed_s=p.elapsed_s[kept],
                 )
@@ -300,10 +357,11 @@ class Evidence:
         if self._expectation is None:
             percent = max(c.error, c.largest_error) if c.known else FLOOR_percent
             return [np.full(len(rows), percent / 100 * self.full_stroke_m) for rows in self.compared]
-        return [
-            self._expectation.floor_m(p, np.arange(len(p.time_s))[kept][rows])
-            for (p, kept), rows in zip(self._judgements(self.chain({})), self.compared, strict=True)
-        ]
+        out = []
+        for i, ((p, kept), rows) in enumerate(zip(self._judgements(self.chain({})), self.compared, strict=True)):
+            here = np.arange(len(p.time_s))[kept][rows]
+            out.append(np.hypot(self._expectation.floor_m(p, here), self._always_so_m[i][here]))
+        return out
 
     def residual(self, effects: Mapping[str, Effect]) -> np.ndarray:
         """Rows to be made small by a fit of ``effects`` (see :meth:`rows`)."""
@@ -318,7 +376,9 @@ class Evidence:
         samples = [
             news_m / (SPREAD * floor_m) for news_m, floor_m in zip(self.news_m(predictions), self._floor_m, strict=True)
         ]
-        others = np.concatenate((self.at_rest(predictions), self.off_the_line(predictions)))
+        others = np.concatenate(
+            (self.at_rest(predictions), self.off_the_line(predictions), self.off_the_power(predictions))
+        )
         return np.concatenate((limited(np.concatenate(samples)) * self.sample_weight, limited(others)))
 
     def news_m(self, predictions: Sequence[Prediction]) -> list[np.ndarray]:
@@ -340,9 +400,10 @@ class Evidence:
                     np.mean(p.resistance_Ohm[here]),
                     still_m,
                     np.mean(p.power_W[here]),
+                    self._colder_K(i, here, p),
                 )
                 found.append((float(rest.hot), *map(float, values)))
-        rows = np.array(found).reshape(-1, 5)
+        rows = np.array(found).reshape(-1, 6)
         out = np.zeros((len(rows), 2))
         c = self.calibration
         range_Ohm = c.resistance_range if math.isfinite(c.resistance_range) else self._range_Ohm()
@@ -373,12 +434,20 @@ class Evidence:
                 # A hot wire's resistance moves with its temperature: some 1e-3 of it per kelvin at most.
                 valid = np.abs(power_W / c.hot_power - 1.0) <= 0.15
                 more = expected_Ohm * 5e-4 * np.abs(power_W - c.hot_power) / self.place.heat_loss_W_K
-            away_Ohm, away_m = 0.1 * away * range_Ohm, 0.1 * away * self.full_stroke_m
+            away = 0.1 * away + (0.0 if hot else PER_KELVIN * rows[chosen, 5])
+            away_Ohm, away_m = away * range_Ohm, away * self.full_stroke_m
             out[chosen, 0] = np.where(
                 valid, (rows[chosen, 2] - expected_Ohm) / np.sqrt(s_R**2 + away_Ohm**2 + more**2), 0.0
             )
             out[chosen, 1] = np.where(valid, (rows[chosen, 3] - expected_m) / np.hypot(s_d, away_m), 0.0)
         return out.ravel()
+
+    def _colder_K(self, number: int, here: slice, p: Prediction) -> float:
+        """How far the surroundings of a rest are from those of the calibration, by what is logged or by an effect of ``p``."""
+        usual_C = self.calibration.ambient_temperature
+        read_C = np.broadcast_to(self.experiments[number].signals.ambient_temperature_C, p.heat_W.shape)[here]
+        warmer_K = np.mean(read_C) - usual_C if np.isfinite(read_C).all() and math.isfinite(usual_C) else 0.0
+        return abs(float(warmer_K + np.mean(p.heat_W[here] - p.power_W[here]) / self.place.heat_loss_W_K))
 
     def _range_Ohm(self) -> float:
         return float(max(np.subtract(*np.nanpercentile(t.resistance_Ohm, (99.5, 0.5))) for t in self.experiments))

@@ -38,6 +38,7 @@ class Scales:
     loads_differ: bool
     model_feels_stress: bool
     partial_cycles: bool
+    power_known: bool  #: what it takes to transform the wire, from the calibration
     calibration_counts: bool  #: what was there at the calibration is looked for too
 
 

@@ -21,6 +21,47 @@ def _rise_K(frame: Frame, state: np.ndarray, time_constant_s: float, heat_loss_W
     return frame.lag(frame.power_W, state, time_constant_s) / heat_loss_W_K
 
 
+@EFFECTS.register("heat_loss")
+@dataclass(frozen=True, slots=True)
+class HeatLoss(Effect):
+    """The wire loses its heat more easily, or less, than at the calibration: ``h (1 + s)``.
+
+    To the heat balance of the calibration that is heat that goes beside it: ``s h (T − T_amb)``, with the temperature
+    of the balance as it is now.  Resistance and displacement follow from that alone; in the middle of the transformation
+    the wire has the temperature of the transformation, and what changes is the power to be there.
+    """
+
+    PART = "wire"
+    WORDS = "the wire loses its heat more easily, or less, than at the calibration"
+    REMEDY = "Keep draughts away, give the wire the surroundings and the orientation that it was calibrated in, or calibrate it where it is; until then the extended model allows for it."
+    TELL_TALE = "power_lagged_10_s_W"
+    STATES = 2
+    change: float = parameter(0.0, "heat loss over the calibrated one, less one", "1", -0.9, 9.0)
+    time_constant: float = parameter(2.0, "thermal lag at the calibration, C/h", "s", 0.01, 600.0)
+    heat_loss: float = parameter(0.006, "heat lost per kelvin above ambient, at the calibration", "W/K", 1e-6, 1e2)
+
+    def at_resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """Take the heat off that goes beside the balance."""
+        now = 1.0 + self.change
+        rise_K = _rise_K(frame, state, self.time_constant / now, self.heat_loss * now)
+        frame.power_W = frame.power_W - self.change * self.heat_loss * rise_K
+
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        return [size("change", 1.5, 0.1, -0.7)]
+
+    @classmethod
+    def fixed(cls, scales: Scales) -> dict[str, float]:
+        """What the heat balance decides."""
+        return {"heat_loss": scales.heat_loss_W_K, "time_constant": scales.thermal_s}
+
+    @classmethod
+    def untestable(cls, scales: Scales) -> str:
+        """Why logs could not show it."""
+        return "" if scales.power_known else "the calibration does not say what power it takes to transform the wire"
+
+
 @EFFECTS.register("self_heating")
 @dataclass(frozen=True, slots=True)
 class SelfHeating(Effect):
@@ -80,7 +121,8 @@ class AmbientTemperature(Effect):
     """The surroundings are warmer or colder than at the calibration: ``R (1 + α (T_amb − T_cal) e^(−rise/κ))``.
 
     In the middle of the transformation the wire has the temperature of the transformation whatever
-    the surroundings; so the change fades as the wire is heated, over ``fading`` kelvin.
+    the surroundings; so the change fades as the wire is heated, over ``fading`` kelvin.  Where nobody logs the
+    surroundings, a ``difference`` counts: to the heat balance of the calibration it is heat that comes beside the current's.
     """
 
     PART = "wire"
@@ -91,22 +133,30 @@ class AmbientTemperature(Effect):
     temperature_coefficient: float = parameter(0.0, "relative change of resistance per kelvin", "1/K", -0.1, 0.1)
     fading: float = parameter(1e3, "rise above ambient over which the change fades", "K", 1.0, 1e6)
     calibration_temperature: float = parameter(22.0, "ambient temperature at the calibration", "°C", -60.0, 100.0)
+    difference: float = parameter(
+        0.0, "how much warmer than thermal.ambient_temperature it is, where none is measured", "K", -100.0, 100.0
+    )
     time_constant: float = parameter(2.0, "thermal lag, C/h", "s", 0.01, 600.0)
     heat_loss: float = parameter(0.006, "heat lost per kelvin above ambient", "W/K", 1e-6, 1e2)
 
     def at_resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """The resistance at the calibration's ambient temperature."""
-        ambient_C = np.where(np.isnan(frame.ambient_C), place.ambient_C, frame.ambient_C)
+        unknown = np.isnan(frame.ambient_C)
+        ambient_C = np.where(unknown, place.ambient_C + self.difference, frame.ambient_C)
         fade = np.exp(-np.maximum(0.0, _rise_K(frame, state, self.time_constant, self.heat_loss)) / self.fading)
         change = self.temperature_coefficient * (ambient_C - self.calibration_temperature) * fade
         frame.resistance_Ohm = frame.resistance_Ohm / (1.0 + change)
+        frame.power_W = frame.power_W + np.where(unknown, self.heat_loss * self.difference, 0.0)
 
     @classmethod
     def free(cls, scales: Scales) -> list[Free]:
         """What a fit may vary."""
         rise_K = scales.rise_K
+        how_warm = [size("temperature_coefficient", 2e-2, 5e-4)]
+        if not scales.ambient_logged:  # the power says how warm it is; a metal's resistance rises with that
+            how_warm = [size("difference", 40.0, 2.0), shape("temperature_coefficient", 1e-4, 5e-3, 6e-4)]
         return [
-            size("temperature_coefficient", 2e-2, 5e-4),
+            *how_warm,
             shape("fading", 0.03 * rise_K, 30.0 * rise_K, 0.15 * rise_K, 0.8 * rise_K, 10.0 * rise_K),
         ]
 
@@ -122,8 +172,10 @@ class AmbientTemperature(Effect):
     @classmethod
     def untestable(cls, scales: Scales) -> str:
         """Why logs could not show it."""
-        if not scales.ambient_logged:
+        if not scales.ambient_logged and not scales.power_known:
             return "no ambient temperature in the logs (column ambient_temperature_C)"
+        if not scales.ambient_logged:
+            return ""
         if scales.ambient_change_K >= 1.0:
             return ""
         if not scales.calibration_ambient_known:

@@ -1,6 +1,7 @@
 """Tracing: what is hidden in a session is found, nothing is found where nothing is, and what has no name stays without."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from sma_actuator.bench import Spring, Weight
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace import Evidence, race, trace
 from sma_actuator.diagnosis.trace.analysis import quantities
-from sma_actuator.diagnosis.trace.candidates import candidate, scales_of
+from sma_actuator.diagnosis.trace.candidates import candidate, scales_of, untestable
 from sma_actuator.diagnosis.trace.evidence import LIMIT, limited
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit
@@ -110,6 +111,24 @@ def test_a_spring_tells_a_drifting_sensor_from_a_creeping_wire(wire, config):
     assert line in wrong.unusual and line not in right.unusual
 
 
+def test_the_power_to_transform_tells_a_changed_heat_loss_from_a_wire_whose_resistance_rises_more(wire, config):
+    """And from surroundings of another temperature, which nobody need have logged; the wire that warms more takes the same power."""
+    power = "power in the transformation"
+    evidence = Evidence(session(wire[0], {"heat_loss": -0.3}), config)
+    right, wrong = (trace(evidence, only=[name], jobs=1) for name in ("heat_loss", "self_heating"))
+    assert right.fit.values["heat_loss"]["change"] == pytest.approx(-0.3, abs=0.08)
+    assert right.witnesses["before"][power] > 2.5 and power not in right.unusual and power in wrong.unusual
+    warmer = session(wire[0], {"ambient_temperature": 10.0})
+    unlogged = [
+        dataclasses.replace(log, columns={k: v for k, v in log.columns.items() if k != "ambient_temperature_C"})
+        for log in warmer
+    ]
+    evidence = Evidence(unlogged, config)
+    found, wrong = (trace(evidence, only=[name], jobs=1) for name in ("ambient_temperature", "heat_loss"))
+    assert found.fit.values["ambient_temperature"]["difference"] == pytest.approx(10.0, abs=3.0)
+    assert not found.unusual and {power, "resistance at cold rest"} <= set(wrong.unusual)
+
+
 def test_a_slip_is_no_drift_however_much_a_drift_mends(wire, config):
     evidence = Evidence(session(wire[0], {"slip": 4e-4}), config)
     right, wrong = (trace(evidence, only=[name], jobs=1) for name in ("slip", "reference_drift"))
@@ -130,6 +149,15 @@ def test_a_fault_of_the_reference_is_not_put_into_the_model(wire, config):
     found = traced(wire, config, {"reference_drift": 2.5e-4})
     assert found.verdict == "traced"
     assert "reference_drift" in (*found.fit.names, *found.alternatives)
+
+
+def test_without_a_sense_resistor_it_does_not_compete(clean):
+    """As where a log from elsewhere has its current measured: how far it may warm would not be a number."""
+    scales = dataclasses.replace(scales_of(clean), sense_Ohm=math.nan)
+    reasons = untestable(list(EFFECTS), scales)
+    assert "sense resistor" in reasons["reference_self_heating"]
+    for name in set(EFFECTS) - set(reasons):
+        assert not any(math.isnan(v) for f in candidate(name, scales).free for v in (f.low, f.high, f.typical)), name
 
 
 def test_what_the_log_could_not_show_is_untestable_never_absent(wire, config):

@@ -24,6 +24,7 @@ STRONG = {
     "shunt": {"conductance": 0.01},
     "load_cell_drift": {"offset": 0.1, "rate": 0.02},
     "load_cell_gain": {"gain": 0.2},
+    "heat_loss": {"change": 0.3},
     "self_heating": {"temperature_coefficient": 5e-4, "onset": 10.0},
     "ambient_temperature": {"temperature_coefficient": 1e-3, "fading": 50.0},
     "thermal_expansion": {"coefficient": 2e-5},
@@ -114,17 +115,19 @@ def test_at_zero_an_effect_changes_nothing(name):
     np.testing.assert_allclose(frame.resistance_Ohm, arrays.resistance_Ohm, rtol=1e-12)
     np.testing.assert_allclose(measured.load_N, arrays.load_N, rtol=1e-12)
     np.testing.assert_allclose(frame.displacement_m, displacement, rtol=1e-12)
+    np.testing.assert_allclose(frame.power_W, measured.power_W, rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", EFFECTS)
 def test_a_strong_effect_shows(name):
     arrays = signals()
     moving = 2e-3 + 1e-3 * np.cos(arrays.time_s)
-    measured, resistance, displacement = through(name, arrays, moving.copy())
+    measured, frame = Stages(build(name)).through(arrays, moving.copy())
     changed = max(
-        np.max(np.abs(resistance - arrays.resistance_Ohm)) / 5.0,
+        np.max(np.abs(frame.resistance_Ohm - arrays.resistance_Ohm)) / 5.0,
         np.max(np.abs(measured.load_N - arrays.load_N)),
-        np.max(np.abs(displacement - moving)) / 4e-3,
+        np.max(np.abs(frame.displacement_m - moving)) / 4e-3,
+        np.max(np.abs(frame.power_W - measured.power_W)) / 0.6,
     )
     assert changed > 1e-3
 
@@ -231,6 +234,28 @@ def test_temperature_follows_the_heat_balance():
     np.testing.assert_allclose(displacement - 2e-3, 0.1 * 2e-5 * rise_K, rtol=1e-9, atol=1e-12)
     _, resistance, _ = through("self_heating", arrays)
     np.testing.assert_allclose(resistance, 5.0 / (1.0 + 5e-4 * np.maximum(0.0, rise_K - 10.0)), rtol=1e-9)
+
+
+def test_to_the_calibrations_heat_balance_a_wire_that_loses_more_heat_is_as_warm_as_it_is():
+    time_s = np.arange(4000) * 0.002
+    power_W = np.where(time_s % 4.0 < 2.0, 0.6, 0.01)
+    ones = np.ones(len(time_s))
+    arrays = Signals(time_s, 5.0 * ones, 0.3 * ones, power_W, ones, ones, ones, 24.0 * ones)
+    tau_s, loss_W_K = 2.0, 0.006
+    _, frame = Stages(build("heat_loss")).through(arrays, 2e-3 * ones)
+    seen_K = frame.lag(frame.power_W, np.full(2, math.nan), tau_s) / loss_W_K
+    is_K = frame.lag(power_W, np.full(2, math.nan), tau_s / 1.3) / (1.3 * loss_W_K)
+    np.testing.assert_allclose(seen_K, is_K, atol=0.1)
+    assert np.ptp(is_K) > 40.0
+    np.testing.assert_array_equal(frame.resistance_Ohm, arrays.resistance_Ohm)
+
+
+def test_surroundings_that_nobody_logs_warm_the_wire_like_a_current():
+    ones = np.ones(10)
+    for logged_C, heat_W in ((math.nan, 0.5 + 0.006 * 8.0), (24.0, 0.5)):
+        arrays = Signals(np.arange(10.0), 5.0 * ones, 0.3 * ones, 0.5 * ones, ones, ones, ones, logged_C * ones)
+        _, frame = Stages(build("ambient_temperature", difference=8.0)).through(arrays, 2e-3 * ones)
+        np.testing.assert_allclose(frame.power_W, heat_W)
 
 
 def test_ambient_temperature_acts_in_the_cold():
