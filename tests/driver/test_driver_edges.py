@@ -230,7 +230,7 @@ class TestLink:
 
     def test_one_that_never_answered_is_tried_at_once(self):
         link = _Link("supply", Reachable(), self.LONGEST_s)
-        assert link.detail == ""
+        assert (link.detail, link.fault) == ("", "supply_lost")
         assert link.ask(lambda: 7) is None
         link.reconnect(lambda: 100.0, 60.0)
         assert link.ask(lambda: 7) == 7

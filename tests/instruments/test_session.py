@@ -419,8 +419,12 @@ def test_a_connection_that_cannot_be_closed_is_given_up_all_the_same(session, mo
 def test_one_program_alone_speaks_to_a_claimed_instrument(peer):
     one, other = (Session("supply", peer.resource, "\n", TIMEOUT_s) for _ in range(2))
     claim = one.claim()
-    with pytest.raises(InstrumentRefused, match="another program on this computer.*speaks to it"):
+    with pytest.raises(InstrumentRefused, match="another program on this computer.*speaks to it") as refused:
         other.claim()
+    where = refused.value.__cause__.__traceback__
+    while where.tb_next is not None:
+        where = where.tb_next
+    assert where.tb_frame.f_locals["self"]._socket.fileno() == -1, "what could not be had is given back"
     claim.release()
     other.claim().release()
 
