@@ -598,7 +598,7 @@ def main() -> int:
         untried = [mutant for mutant in found if mutant.key not in lives]
         if untried and time.monotonic() < ends_s:
             # In an order that leaves an even sample where the time does not suffice; those that lived before come first.
-            order = sorted(random.Random(0).sample(untried, len(untried)), key=lambda each: each.key not in again)  # noqa: B023
+            order = sorted(random.Random(0).sample(untried, len(untried)), key=lambda each: each.key not in again)
             _try(target, order, lives, lambda: findings.save(target, lives), options.jobs, ends_s)  # noqa: B023 - at once
         findings.save(target, lives)
         left = [mutant for mutant in found if lives.get(mutant.key)]
