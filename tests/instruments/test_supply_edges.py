@@ -280,6 +280,15 @@ def test_one_that_was_opened_and_is_lost_stays_ours(supply, server):
     other.open()
 
 
+def test_one_that_is_opened_again_after_it_was_closed_is_ours_again(supply, server):
+    one, other = supply(), supply()
+    one.open()
+    one.close()
+    one.open()
+    with pytest.raises(InstrumentRefused, match="another program on this computer"):
+        other.open()
+
+
 def test_one_that_could_not_be_opened_is_free_for_others(supply, server):
     one, other = supply(), supply()
     server.replies["*IDN?"] = "somebody else"
