@@ -120,8 +120,8 @@ class _Link:
     def _note(self, error: InstrumentError) -> None:
         self.detail, self.fault = str(error), error.fault or f"{self.name}_lost"
 
-    def reconnect(self, now_s: Callable[[], float], quiet_s: float) -> bool:
-        """Try to open it again, not more often than the back-off allows; whether that was done.
+    def reconnect(self, now_s: Callable[[], float], quiet_s: float) -> None:
+        """Try to open it again, not more often than the back-off allows.
 
         An attempt that was heard and failed is followed by ``quiet_s`` without a word, and so is a word that was heard
         and not obeyed; but no longer than ``_LONGEST_TRUST_s``, for answers that are out of step may have said so.
@@ -129,7 +129,7 @@ class _Link:
         if not self._obeys:
             self._obeys, self._next_attempt_s = True, now_s() + min(quiet_s, _LONGEST_TRUST_s)
         if now_s() < self._next_attempt_s:
-            return False
+            return
         self._wait_s = min(self._longest_wait_s, max(_SHORTEST_WAIT_s, 2.0 * self._wait_s))
         try:
             self.instrument.open()
@@ -140,7 +140,6 @@ class _Link:
             self.answers, quiet_s = True, 0.0
         # Also where it was opened: it may be lost with the first question that matters, each time.
         self._next_attempt_s = now_s() + max(self._wait_s, quiet_s)
-        return self.answers
 
 
 class Driver:
@@ -480,7 +479,6 @@ class Driver:
         self._supply.ask(lambda: self._write(output.command, state))
         overtaken = self._cut  # what the watchman has put out is newer than this
         self._report_losses(now_s)
-        self._report_unconfirmed(now_s)
         output = self._output = self._with_truth(output)
         if self._recorder is not None:
             self._recorder.record(reading, output)
@@ -499,7 +497,6 @@ class Driver:
         if self._cut or self._stopping.is_set():
             command = _OFF  # thought out before the supply was shut down beside this thread
         written = self._written
-        self._written = None  # until all of it is sent
         if command.output_on:
             self._may_flow = True
             if written is None or abs(command.current_A - written.current_A) > CURRENT_RESOLUTION_A:
@@ -508,7 +505,7 @@ class Driver:
                 command = Command(written.current_A, True)
             if written is None or not written.output_on:
                 self._supply_instrument.set_output(True)
-        elif written is None or written.output_on or self._may_flow or (state is not None and state.output_on):
+        elif written is None or written.output_on or (state is not None and state.output_on):
             self._switch_off()
         self._written = command
 
@@ -525,12 +522,7 @@ class Driver:
         if not self._supply.answers:
             self._written = None
             quiet_s = _QUIET_WATCHDOGS * self._config.supply.watchdog_timeout if self._may_flow else 0.0
-            if self._supply.reconnect(self._clock.now_s, quiet_s):
-                self._may_flow = False  # opening has read that back
-
-    def _report_unconfirmed(self, now_s: float) -> None:
-        if self._may_flow and not (self._written is not None and self._written.output_on):
-            self._actuator.raise_fault(now_s, "output_not_confirmed", self._supply.detail)
+            self._supply.reconnect(self._clock.now_s, quiet_s)
 
     def _with_truth(self, output: Output) -> Output:
         """The output of a step with what is known of the supply's output beside what was commanded."""
@@ -568,7 +560,7 @@ class Driver:
             return actuator.clear_fault(now_s)  # a wire that is driven goes on being driven
         self._supply.ask(self._supply_instrument.clear_trip)
         self._supply.ask(self._switch_off)
-        if self._may_flow:
+        if not self._supply.answers:
             return False, f"not cleared: {self.output_words} ({self._supply.detail})"
         return actuator.clear_fault(now_s)
 
@@ -583,7 +575,7 @@ class Driver:
         if not self._may_flow:
             actuator.switched_off()
             return done, words
-        self._report_unconfirmed(now_s)
+        actuator.raise_fault(now_s, "output_not_confirmed", self._supply.detail)
         return False, f"{self.output_words}: {self._supply.detail}"
 
     def _update(self, actuator: Actuator, config: Config) -> None:

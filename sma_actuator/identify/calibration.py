@@ -31,10 +31,13 @@ STILL_SHARE = (
 SAME_STRESS = 0.06  #: share of the largest stress within which two are one
 
 
-def calibration_of(experiments: Sequence[Experiment], config: Config, at_rest: bool = True) -> Calibration:
+def calibration_of(
+    experiments: Sequence[Experiment], config: Config, at_rest: bool = True, fresh_percent: float = 0.0
+) -> Calibration:
     """The section ``calibration`` for a model and its own logs.
 
-    ``at_rest``: with what a resting wire shows; left out for models of wires of any size.
+    ``at_rest``: with what a resting wire shows; left out for models of wires of any size.  ``fresh_percent``: error of
+    the model on logs left out, where it is not what it leaves on these, which it learned.
     """
     known = _of_the_wire(experiments, config) if at_rest else Calibration()
     config = dataclasses.replace(config, calibration=known)  # the hot end that the node will know decides errors too
@@ -83,7 +86,9 @@ def calibration_of(experiments: Sequence[Experiment], config: Config, at_rest: b
         "scatter_heating": _rounded(scatter_heating, 8),
         "scatter_cooling": _rounded(scatter_cooling, 8),
     }
-    return dataclasses.replace(known, **values, **learn(experiments, found, config))
+    learned = learn(experiments, found, config)
+    learned["floor"] = max(learned["floor"], fresh_percent)
+    return dataclasses.replace(known, **values, **learned)
 
 
 def _through(config: Config, experiments: Sequence[Experiment]) -> list[Estimates]:

@@ -48,6 +48,9 @@ class Fitted:
     notes: list[str] = field(default_factory=list)  #: what the user should know
     #: How it does on cycles that its fits have not seen; None: nobody looked.
     unseen: Unseen | None = None
+    fresh_percent: float = (
+        0.0  #: mean absolute error on logs left out, of a model that learns its own by heart, % of full stroke
+    )
     bounds: list[str] = field(default_factory=list)  #: a sentence for every bound that binds
 
 
@@ -125,7 +128,14 @@ def _whole_range(experiments: Sequence[Experiment], bench: BenchConfig, asked: A
         note = beside_the_thesis(experiments, thesis, found, bench.wire.full_stroke_m)
     except IdentificationError as error:
         note = f"there is no model of the thesis to compare with: {error}"
-    return Fitted(found.coefficients, how=found, notes=[note], unseen=found.unseen, bounds=found.bounds)
+    return Fitted(
+        found.coefficients,
+        how=found,
+        notes=[note],
+        unseen=found.unseen,
+        fresh_percent=found.held_out.logs_percent,
+        bounds=found.bounds,
+    )
 
 
 FITTERS.register("flexinol")(Fitter(_flexinol, METHODS))

@@ -41,6 +41,7 @@ NEVER = -1  #: left out
 #: A load left out leaves a gap twice as wide as the one that a load between its neighbours finds, and what is between is off
 #: by the square of it.
 LOAD_LEFT_OUT = 0.25
+LEARNERS_OF_LOADS = 2  #: at such a load
 JOINT_UNITS = 14  #: of the one learner that the heat balance is fitted with
 JOINT_ITERATIONS, ITERATIONS, HELD_OUT_ITERATIONS = 60, 100, 40
 EVERY = 3  #: the heat balance moves in every third iteration: it costs eight runs through the logs
@@ -113,13 +114,13 @@ def fit_whole_range(
     known, centre, scale = _heat_balance(data, lambda share: progress(0.4 * share))
     z = (data.features(known)[data.rows] - centre) / scale
     by_log = _errors_left_out(z, data, data.log_fold[data.rows])
-    by_load = _errors_left_out(z, data, data.load_fold[data.rows], learners=1)
-    by_log.error[:] = np.hypot(by_log.error, LOAD_LEFT_OUT * by_load.error) * np.where(by_log.error < 0.0, -1.0, 1.0)
+    by_load = _errors_left_out(z, data, data.load_fold[data.rows], LEARNERS_OF_LOADS)
+    by_both = by_log.beside(by_load, LOAD_LEFT_OUT)
     progress(0.6)
     by_cycle = _errors_left_out(z, data, data.cycle[data.rows] % FOLDS)
     progress(0.8)
     team = _Team(z[data.learned], data.displacement[data.rows[data.learned]], ITERATIONS, data.smooth)
-    coefficients = _coefficients(data, known, z, (centre, scale), team, by_log)
+    coefficients = _coefficients(data, known, z, (centre, scale), team, by_both)
     progress(1.0)
     measured = data.measured
     errors = [np.abs(e[measured]) for e in (by_log.error, by_cycle.error, by_log.curve_error)]
@@ -504,6 +505,13 @@ class _LeftOut:
     error: np.ndarray
     spread: np.ndarray
     curve_error: np.ndarray
+
+    def beside(self, other: _LeftOut, share: float) -> _LeftOut:
+        """The same with so much of another's error and spread added, which are independent of it."""
+        error = np.hypot(self.error, share * other.error)
+        return _LeftOut(
+            np.where(self.error < 0.0, -error, error), np.hypot(self.spread, share * other.spread), self.curve_error
+        )
 
 
 def _errors_left_out(z: np.ndarray, data: _Data, fold: np.ndarray, learners: int = LEARNERS) -> _LeftOut:

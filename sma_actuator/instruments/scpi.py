@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from decimal import Decimal
 from functools import partial
-from math import inf, nan
+from math import nan
 
 import numpy as np
 
@@ -195,10 +195,10 @@ class ScpiSupply(SessionSupply):
         if not self._has_watchdog:
             self._tell("disarm_watchdog")
             return
-        lo_s, hi_s = dialect.watchdog_range_s or (0.0, inf)
-        if not lo_s <= wanted_s <= hi_s:
+        span_s = dialect.watchdog_range_s
+        if span_s is not None and not span_s[0] <= wanted_s <= span_s[1]:
             raise InstrumentRefused(
-                f"supply.watchdog_timeout: {wanted_s:g} s; {dialect.family} can do {lo_s:g} to {hi_s:g} s"
+                f"supply.watchdog_timeout: {wanted_s:g} s; {dialect.family} can do {span_s[0]:g} to {span_s[1]:g} s"
             )
         self._tell("arm_watchdog", wanted_s)
 
@@ -210,7 +210,7 @@ class ScpiSupply(SessionSupply):
             found = number(reply)
         except ValueError:
             raise self._session.garbled(line, reply) from None
-        if not abs(found - wanted) <= SETTING_TOLERANCE * abs(wanted) + 1e-6:
+        if not abs(found - wanted) <= SETTING_TOLERANCE * wanted:
             raise LimitsNotHeld(f"{self._session.name}: does not hold {what}: it reads back {reply}")
 
 

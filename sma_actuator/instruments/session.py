@@ -67,21 +67,24 @@ class SocketWire:
     """A TCP connection of our own, for ``TCPIP::…::SOCKET``."""
 
     def __init__(self, addresses: Sequence[tuple], deadline_s: float):
-        errors: list[OSError] = []
-        for family, kind, protocol, _, address in addresses:
-            self._socket = socket.socket(family, kind, protocol)
-            try:
-                self._socket.settimeout(_left_ms(deadline_s) / 1e3)
-                self._socket.connect(address)
-                break
-            except OSError as error:
-                self._socket.close()
-                errors.append(error)
-        else:
-            raise errors[0] if errors else OSError("it has no address")
+        self._socket = self._connected(addresses, deadline_s)
         # Else a query after a command waits some 40 ms for the other side's delayed acknowledgement.
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setblocking(False)
+
+    @staticmethod
+    def _connected(addresses: Sequence[tuple], deadline_s: float) -> socket.socket:
+        errors: list[OSError] = []
+        for family, kind, protocol, _, address in addresses:
+            one = socket.socket(family, kind, protocol)
+            try:
+                one.settimeout(_left_ms(deadline_s) / 1e3)
+                one.connect(address)
+                return one
+            except OSError as error:
+                one.close()
+                errors.append(error)
+        raise errors[0] if errors else OSError("it has no address")
 
     def send(self, data: bytes, deadline_s: float) -> None:
         """Write all of it; waits for room."""

@@ -12,6 +12,7 @@ from sma_actuator.base.signals import Command, Mode, Reading, SupplyState
 from sma_actuator.config import Config
 from sma_actuator.driver import CURRENT_RESOLUTION_A, CHECK_PERIOD_s, Driver, DriverStopped
 from sma_actuator.instruments import InstrumentLost, InstrumentUnreachable, LimitsNotHeld, OutputStaysOn
+from sma_actuator.safety.faults import FAULTS
 
 RATE_Hz, PERIOD_s = 8.0, 0.125  #: so that times are sums without rounding
 NAN = math.nan
@@ -173,6 +174,13 @@ class TestDeadlines:
         assert statistics.busy_mean_s == pytest.approx(0.505 / 6)
         assert statistics.busy_max_s == pytest.approx(0.3)
 
+    def test_a_clock_that_goes_back_takes_no_deadline_twice(self, make):
+        rig = make()
+        rig.daq.takes_s = [0.02, -0.5]
+        rig.steps(2)
+        assert rig.driver.statistics().overruns == 0
+        assert rig.driver._next_deadline_s() == 1000.25
+
     def test_there_are_no_figures_before_there_are_steps(self, make):
         rig = make()
         statistics = rig.driver.statistics()
@@ -306,6 +314,38 @@ class TestTold:
         assert not rig.outputs[-1].command.output_on
 
 
+class TestResolution:
+    """Supplies that take a current in steps, and say what they took."""
+
+    @pytest.mark.parametrize(("step_A", "fault"), [(1e-3, ""), (5e-3, "second_commander")])
+    def test_one_of_coarse_steps_is_refused_in_words_that_say_so(self, make, step_A, fault):
+        rig = make({"supply.bias_current": 0.0525})
+        told = rig.supply.set_current
+
+        def take(current_A):
+            told(current_A)
+            rig.supply.current_A = round(current_A / step_A) * step_A
+
+        rig.supply.set_current = take
+        rig.steps(3)
+        assert rig.driver.enable(True)[0]
+        rig.steps(2)
+        assert rig.status.fault == fault
+        if fault:
+            assert "the supply says 0.05 A, output on; it was told 0.0525 A, output on" in rig.status.message
+            assert "in steps coarser than 2 mA" in FAULTS[fault].advice
+            assert not rig.supply.output_on
+
+    def test_one_that_takes_no_current_at_all_is_refused(self, make):
+        rig = make()
+        rig.supply.set_current = lambda current_A: rig.supply.words.append("ignored")
+        rig.steps(3)
+        assert rig.driver.enable(True)[0]
+        rig.steps(2)
+        assert rig.status.fault == "second_commander"
+        assert not rig.supply.output_on
+
+
 class TestFed:
     @pytest.mark.parametrize(("silent_s", "fault"), [(1.0, ""), (1.125, "node_lost")])
     def test_a_commander_has_its_whole_time(self, make, silent_s, fault):
@@ -435,6 +475,25 @@ class TestLost:
         rig.supply.errors.clear()
         assert rig.steps(2)[:3] == ["open", "read", "off"]
 
+    def test_an_output_that_another_switches_on_and_that_stays_on_is_not_called_off(self, make):
+        rig = make()
+        rig.steps(2)
+        assert rig.driver.output_is_off
+        rig.supply.output_on = True
+        rig.supply.errors["off"] = OutputStaysOn("supply")
+        rig.steps(1)
+        assert not rig.driver.output_is_off
+        assert rig.status.values["output"] == "told to be off, not confirmed"
+
+    def test_off_is_said_after_one_that_was_lost_between_two_steps_is_found_again(self, make):
+        rig = make()
+        rig.drive()
+        rig.driver.call(lambda actuator, now_s: actuator.raise_fault(now_s, "node_lost", "a test"))
+        rig.steps(2)
+        rig.supply.errors["clear"] = InstrumentLost("no answer")
+        assert rig.driver.clear_fault() == (False, "not cleared: the output is off (no answer)")
+        assert rig.steps(1) == ["open", "read", "off"]
+
     def test_an_output_that_is_not_confirmed_is_a_fault(self, make):
         rig = make()
         rig.drive()
@@ -505,6 +564,12 @@ class TestSaid:
         rig.daq.extra_A = 0.06
         rig.steps(1)
         assert rig.status.values["output"] == "off", "it begins anew"
+
+    def test_it_counts_from_the_first_reading(self, make):
+        rig = make({"safety.current_disagreement": 0.05, "safety.disagreement_time": 0.25})
+        rig.daq.extra_A = 0.06
+        rig.steps(3)
+        assert rig.status.values["output"].startswith("read back as off, and 0.06 A flow")
 
     def test_a_current_that_may_be_an_error_of_the_readings_is_none(self, make):
         rig = make({"safety.current_disagreement": 0.05, "safety.disagreement_time": 0.25})
@@ -633,6 +698,40 @@ class TestWatchman:
         assert rig.supply.words == []
         rig.driver._supply.answers = True
 
+    def test_goes_on_looking_after_a_hang_in_which_nothing_flowed(self, make):
+        rig = make(QUICK_WATCHMAN)
+        rig.steps(2)
+        now_s = rig.clock.now_s
+
+        def hang_while_off():
+            rig.driver._alive_s = rig.clock.s - 0.6
+            rig.clock.now_s = hang_while_on
+            return now_s()
+
+        def hang_while_on():
+            rig.clock.now_s = now_s
+            assert rig.driver.lost_instruments, "it was noted"
+            rig.drive()
+            rig.driver._alive_s = rig.clock.s - 0.6
+            rig.driver._stopping.set()
+            return now_s()
+
+        rig.clock.now_s = hang_while_off
+        rig.driver._watch()
+        rig.driver._stopping.clear()
+        assert not rig.supply.output_on
+        assert rig.status.fault == "loop_hung"
+
+    def test_cuts_also_before_there_is_a_status(self, make, caplog):
+        rig = make(QUICK_WATCHMAN)
+        rig.driver.open()
+        rig.driver._write(Command(0.1, True), None)
+        rig.driver._alive_s = rig.clock.s - 0.6
+        self.look(rig)
+        assert not rig.supply.output_on
+        assert rig.outputs == []
+        assert "the watchman failed" not in caplog.text
+
     def test_needs_nobody_who_listens(self, make, caplog):
         rig = make(QUICK_WATCHMAN)
         rig.drive()
@@ -679,6 +778,9 @@ class TestEnd:
         with pytest.raises(DriverStopped, match="wire: the loop has ended"):
             rig.driver.submit(lambda actuator, now_s: 1).result(0.0)
         assert not any(link.answers for link in rig.driver._links)
+        for use in (rig.driver.open, rig.driver.start, rig.driver.tick):
+            with pytest.raises(DriverStopped, match="wire: the driver has ended; make a new one"):
+                use()
 
     def test_stop_says_whether_off_was_read_back(self, make):
         rig = make()
@@ -722,6 +824,11 @@ class TestEnd:
         rig.steps(1)
         assert [number for number, _ in done] == [0, 2]
         assert first.done() and third.done()
+        rig.driver._thread = threading.Thread()
+        fourth = rig.driver.submit(lambda actuator, now_s: now_s)
+        rig.driver._thread = None
+        rig.driver.tick()  # as in a loop that is late and does not sleep
+        assert fourth.done()
         assert rig.driver.call(lambda actuator, now_s: now_s) == rig.clock.s
 
     def test_a_call_that_began_in_the_last_moment_is_waited_for(self, make):

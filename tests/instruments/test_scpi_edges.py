@@ -19,6 +19,7 @@ from sma_actuator.instruments import (
     open_supply,
 )
 from sma_actuator.instruments.dialect import FOLDER, number
+from sma_actuator.instruments.session import Session
 
 NAN, INF = math.nan, math.inf
 READ_BACK = ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?"
@@ -86,6 +87,26 @@ def daq(serve, make_config):
     yield make
     for each in made:
         each.close()
+
+
+def test_opening_has_the_time_of_ten_answers_and_a_reading_that_of_one(supply, daq, monkeypatch):
+    times_s = []
+
+    @contextlib.contextmanager
+    def within(self, timeout_s=None):
+        times_s.append(timeout_s)
+        yield
+
+    monkeypatch.setattr(Session, "within", within)
+    (one, _), (other, other_server) = supply(), daq()
+    one.open()
+    other.open()
+    assert [each for each in times_s if each is not None] == [100.0, 100.0]
+    other_server.replies["FETC:AVER?"] = "1,2,3"
+    for ask in (one.read_back, one.switch_off, one.check_settings, other.read_block):
+        times_s.clear()
+        ask()
+        assert times_s == [None]
 
 
 @pytest.mark.parametrize(
@@ -253,6 +274,38 @@ class TestSupply:
         with pytest.raises(InstrumentLost, match="maybe.* which is not an answer to that"):
             one.open()
 
+    @pytest.mark.parametrize("query", [":VOLT?", ":VOLT:PROT?", ":CURR:PROT?"])
+    def test_a_limit_that_answers_nonsense_is_a_loss(self, supply, query):
+        one, server = supply()
+        server.replies[query] = "maybe"
+        with pytest.raises(InstrumentLost, match="'maybe' to .* which is not an answer to that"):
+            one.open()
+
+    @pytest.mark.parametrize(
+        ("group", "name", "lacks"),
+        [
+            ("commands", "set_over_voltage", "no over-voltage trip"),
+            ("queries", "over_voltage_setting", "no over-voltage trip"),
+            ("commands", "set_over_current", "no over-current trip"),
+            ("queries", "over_current_setting", "no over-current trip"),
+        ],
+    )
+    def test_a_trip_that_is_not_programmed_or_not_read_back_is_none(self, supply, group, name, lacks):
+        one, server = supply(lambda document: document[group].pop(name))
+        with pytest.raises(InstrumentRefused, match=f"{lacks} that can be read back.*supply.allow_no_trips: true"):
+            one.open()
+        assert "OUTP ON" not in server.lines
+
+    def test_a_watchdog_in_the_dialect_is_one_alone_where_it_is_wanted(self, supply):
+        def without(document):
+            for name in [name for group in ("commands", "queries") for name in document[group] if "watchdog" in name]:
+                document["commands"].pop(name, None)
+                document["queries"].pop(name, None)
+
+        one, server = supply(without, **{"supply.allow_no_watchdog": True})
+        one.open()
+        assert not any("WDOG" in line for line in server.lines)
+
     def test_settings_are_looked_at_in_turn(self, supply):
         one, server = supply()
         one.open()
@@ -327,6 +380,15 @@ class TestDaq:
         server.replies["SYST:ERR?"] = '-222,"Data out of range"'
         with pytest.raises(InstrumentRefused, match="refused its configuration: -222"):
             one.open()
+
+    def test_another_instrument_is_refused_and_given_up(self, daq):
+        one, server = daq()
+        assert one.identity == ""
+        server.replies["*IDN?"] = "somebody else"
+        with pytest.raises(InstrumentRefused, match="says it is 'somebody else', which is no SMA Actuator virtual DAQ"):
+            one.open()
+        with pytest.raises(InstrumentLost, match="not connected"):
+            one.read_block()
 
     def test_it_is_asked_once_for_readings_before_it_is_read(self, daq):
         one, server = daq()

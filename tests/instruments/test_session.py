@@ -330,6 +330,22 @@ def test_a_port_where_nobody_is_says_so(port, words):
         session.open()
 
 
+def test_of_several_addresses_the_first_that_answers_is_taken(peer):
+    """As of a name with an IPv6 address beside the one where the instrument is."""
+    session = Session("daq", peer.resource, "\n", PATIENT_s)
+    port = int(peer.resource.split("::")[2])
+    session._addresses = [
+        (socket.AF_INET, socket.SOCK_STREAM, 0, "", (host, number))
+        for host, number in (("127.0.0.1", 1), ("127.0.0.1", port), ("127.0.0.1", 1))
+    ]
+    session.open()
+    peer.accept()
+    session.close()
+    session._addresses = []
+    with pytest.raises(OSError, match="it has no address"):
+        session_module.SocketWire([], time.monotonic() + 1.0)
+
+
 def test_a_deadline_that_has_passed_is_not_waited_for(session):
     for passed_s in (1e-6, 0.5, 100.0):
         with pytest.raises(TimeoutError):
@@ -346,8 +362,9 @@ def test_what_an_instrument_said_is_shown_short_enough_for_a_sentence(peer, sess
             session.ask("CURR?")
 
 
-def test_a_connection_is_ended_and_not_broken_though_words_are_unread(peer, session):
+def test_a_connection_is_ended_and_not_broken_though_words_are_unread(peer, session, monkeypatch):
     """A reset could overtake the off that was said last."""
+    monkeypatch.setattr(session_module, "_PIECE", 1000)
     peer.connection.sendall(b"1" * 10_000)
     assert select.select([session._wire._socket], [], [], 10.0)[0]
     session.give_up("a test")
@@ -355,6 +372,30 @@ def test_a_connection_is_ended_and_not_broken_though_words_are_unread(peer, sess
     while data := peer.connection.recv(65536):
         heard += data
     assert heard == b"OUTP OFF\nCURR 0\n" * 2
+
+
+def test_opening_again_ends_the_connection_before(peer, session):
+    session.open()
+    assert peer.read_to_the_end() == b"OUTP OFF\nCURR 0\n"
+
+
+def test_what_is_closed_is_closed_at_once(session):
+    wire = session._wire
+    session.close()
+    assert wire._socket.fileno() == -1
+
+
+def test_a_second_session_asks_no_name_server_again(peer, session, monkeypatch):
+    def slow(*_, **__):
+        raise AssertionError("asked again")
+
+    monkeypatch.setattr(socket, "getaddrinfo", slow)
+    beside = session.beside()
+    beside.open()
+    peer.accept()
+    beside.close()
+    assert peer.read_to_the_end() == b"OUTP OFF\nCURR 0\n"
+    session.open()
 
 
 def test_a_query_does_not_wait_for_the_acknowledgement_of_what_was_told_before(session):
@@ -411,6 +452,20 @@ class TestSerial:
         assert session.ask("CURR?") == "1.5"
         thread.join(10.0)
         assert b"".join(heard) == b"OUTP OFF\nCURR?\n"
+
+    def test_a_line_that_is_silent_is_given_up_in_time(self, line):
+        _, session = line
+        session._timeout_s = TIMEOUT_s
+        start_s = time.monotonic()
+        with pytest.raises(InstrumentLost, match=r"no complete answer to 'CURR\?' within 0.4 s$"):
+            session.ask("CURR?")
+        assert time.monotonic() - start_s < TIMEOUT_s + SLACK_s
+
+    def test_a_line_that_breaks_is_lost(self, line):
+        _, session = line
+        session._wire._visa.close()
+        with pytest.raises(InstrumentLost, match=r"the connection broke at 'CURR\?'"):
+            session.ask("CURR?")
 
     def test_what_is_cut_is_told_off_and_cannot_be_used_any_more(self, line):
         ours, session = line

@@ -128,6 +128,15 @@ class ReferenceSelfHeating(Effect):
             shape("time_constant", max(3.0, 2.0 * scales.thermal_s), 100.0, 5.0, 20.0, 60.0, other_at=("low", "high")),
         ]
 
+    @classmethod
+    def untestable(cls, scales: Scales) -> str:
+        """Why logs could not show it."""
+        return (
+            ""
+            if scales.sense_Ohm > 0.0
+            else "no circuit.reference_resistance: the current was not measured with a sense resistor"
+        )
+
 
 @EFFECTS.register("shunt")
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,7 @@
 """Tracing: what is hidden in a session is found, nothing is found where nothing is, and what has no name stays without."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from sma_actuator.bench import Spring, Weight
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace import Evidence, race, trace
 from sma_actuator.diagnosis.trace.analysis import quantities
-from sma_actuator.diagnosis.trace.candidates import candidate, scales_of
+from sma_actuator.diagnosis.trace.candidates import candidate, scales_of, untestable
 from sma_actuator.diagnosis.trace.evidence import LIMIT, limited
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit
@@ -148,6 +149,15 @@ def test_a_fault_of_the_reference_is_not_put_into_the_model(wire, config):
     found = traced(wire, config, {"reference_drift": 2.5e-4})
     assert found.verdict == "traced"
     assert "reference_drift" in (*found.fit.names, *found.alternatives)
+
+
+def test_without_a_sense_resistor_it_does_not_compete(clean):
+    """As where a log from elsewhere has its current measured: how far it may warm would not be a number."""
+    scales = dataclasses.replace(scales_of(clean), sense_Ohm=math.nan)
+    reasons = untestable(list(EFFECTS), scales)
+    assert "sense resistor" in reasons["reference_self_heating"]
+    for name in set(EFFECTS) - set(reasons):
+        assert not any(math.isnan(v) for f in candidate(name, scales).free for v in (f.low, f.high, f.typical)), name
 
 
 def test_what_the_log_could_not_show_is_untestable_never_absent(wire, config):
