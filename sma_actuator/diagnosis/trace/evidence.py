@@ -399,7 +399,7 @@ class Evidence:
                     np.mean(p.stress_Pa[here]),
                     np.mean(p.resistance_Ohm[here]),
                     still_m,
-                    np.mean(p.power_W[here]),
+                    np.mean(p.heat_W[here]),
                     self._colder_K(i, here, p),
                 )
                 found.append((float(rest.hot), *map(float, values)))
