@@ -462,7 +462,7 @@ class TestSerial:
         def answer():
             while b"?\n" not in b"".join(heard) and select.select([ours], [], [], SLACK_s)[0]:
                 heard.append(os.read(ours, 100))
-            os.write(ours, b"12.5\n")  # read byte by byte: of an odd number the last would be waited for
+            os.write(ours, b"12.5\n")
 
         thread = threading.Thread(target=answer)
         thread.start()
