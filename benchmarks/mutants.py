@@ -589,15 +589,17 @@ def main() -> int:
     for target in options.targets:
         unexplained = _without(mutants_of(target), known)
         lives = findings.of(target, unexplained)
-        if not findings.holds(target):
-            lives = {key: alive for key, alive in lives.items() if not alive}
+        again = set() if findings.holds(target) else {key for key, alive in lives.items() if alive}
+        lives = {key: alive for key, alive in lives.items() if key not in again}
         found = unexplained[:: options.every]
         if options.lines:
             first, _, last = options.lines.partition("-")
             found = [m for m in found if int(first) <= m.line <= int(last or first)]
         untried = [mutant for mutant in found if mutant.key not in lives]
         if untried and time.monotonic() < ends_s:
-            _try(target, untried, lives, lambda: findings.save(target, lives), options.jobs, ends_s)  # noqa: B023 - at once
+            # In an order that leaves an even sample where the time does not suffice; those that lived before come first.
+            order = sorted(random.Random(0).sample(untried, len(untried)), key=lambda each: each.key not in again)
+            _try(target, order, lives, lambda: findings.save(target, lives), options.jobs, ends_s)  # noqa: B023 - at once
         findings.save(target, lives)
         left = [mutant for mutant in found if lives.get(mutant.key)]
         living += len(left)
@@ -615,7 +617,9 @@ def _try(
     """Run the tests on mutants until the time is over; what came out goes into ``lives``, and is saved."""
     lines, times = covering(target)
     everything = sorted(times, key=times.__getitem__)
-    few = sorted({test for tests in lines.values() for test in tests}, key=lambda test: times.get(test, 0.0))[:5]
+    # A module of constants is run by no test, but where it is imported.
+    run = {test for tests in lines.values() for test in tests} or everything
+    few = sorted(run, key=lambda test: times.get(test, 0.0))[:5]
     sound = path_of(target).read_text(encoding="utf-8")
     assert survives(target, sound, few, times), f"{target}: tests fail on the source as it is"
     assert not survives(target, "raise RuntimeError\n", few, times), f"{target}: the tests do not run the mutants"
@@ -627,10 +631,8 @@ def _try(
         lives[mutant.key] = survives(target, mutant.source, tests, times)
         save()
 
-    # In an order that leaves an even sample where the time does not suffice.
-    order = random.Random(0).sample(found, len(found))
     with ThreadPoolExecutor(jobs) as pool:
-        list(pool.map(live, order))
+        list(pool.map(live, found))
 
 
 if __name__ == "__main__":

@@ -435,7 +435,6 @@ class Driver:
         while target_s < deadline_s and (now_s := self._clock.now_s()) < deadline_s:
             target_s = min(deadline_s, now_s + _LONGEST_SLEEP_s)
             self._clock.sleep_until_s(target_s)
-            self._alive_s = self._clock.now_s()
             self._run_calls()
             if self._stopping.is_set():
                 return None

@@ -435,6 +435,17 @@ class TestSetpoints:
 
 
 class TestLost:
+    def test_one_that_is_lost_while_it_is_told_something_is_a_fault_though_it_is_found_again_at_once(self, make):
+        rig = make()
+        rig.steps(3)
+        assert rig.driver.enable(True)[0]
+        rig.supply.errors["output True"] = InstrumentLost("no answer")
+        rig.steps(1)
+        rig.supply.errors.clear()
+        rig.steps(1)
+        assert rig.driver.lost_instruments == {}
+        assert rig.status.fault == "supply_lost"
+
     def test_a_supply_that_may_be_on_is_left_in_silence_for_its_watchdog(self, make):
         rig = make({"supply.watchdog_timeout": 0.8})
         rig.drive()

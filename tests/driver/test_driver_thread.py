@@ -17,7 +17,7 @@ import pytest
 from stand_ins import RealClock, StandInDaq, StandInSupply
 
 from sma_actuator.config import Config
-from sma_actuator.driver import Driver, DriverStopped
+from sma_actuator.driver import Driver, DriverStopped, signals_end_the_program
 from sma_actuator.instruments import InstrumentLost
 
 SOON_s = 60.0  #: bound of every wait; none is expected to take long
@@ -439,6 +439,16 @@ def test_however_a_program_ends_the_supply_is_shut_down(make_config, ending, kil
         process.wait(SOON_s)
         reader.join(SOON_s)
         process.stdout.close()
+
+
+def test_signals_end_the_program_where_that_was_asked_for_and_nowhere_else():
+    before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)}
+    with signals_end_the_program():
+        for number in before:
+            with pytest.raises(SystemExit) as ended:
+                signal.raise_signal(number)
+            assert ended.value.code == 128 + number
+    assert {number: signal.getsignal(number) for number in before} == before
 
 
 def test_a_program_started_with_sigint_ignored_shuts_the_supply_down_too(make_config):

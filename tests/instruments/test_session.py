@@ -375,7 +375,9 @@ def test_a_connection_is_ended_and_not_broken_though_words_are_unread(peer, sess
 
 
 def test_opening_again_ends_the_connection_before(peer, session):
+    before = session._wire
     session.open()
+    assert before._socket.fileno() == -1
     assert peer.read_to_the_end() == b"OUTP OFF\nCURR 0\n"
 
 
@@ -417,10 +419,25 @@ def test_a_connection_that_cannot_be_closed_is_given_up_all_the_same(session, mo
 def test_one_program_alone_speaks_to_a_claimed_instrument(peer):
     one, other = (Session("supply", peer.resource, "\n", TIMEOUT_s) for _ in range(2))
     claim = one.claim()
-    with pytest.raises(InstrumentRefused, match="another program on this computer.*speaks to it"):
+    with pytest.raises(InstrumentRefused, match="another program on this computer.*speaks to it") as refused:
         other.claim()
+    where = refused.value.__cause__.__traceback__
+    while where.tb_next is not None:
+        where = where.tb_next
+    assert where.tb_frame.f_locals["self"]._socket.fileno() == -1, "what could not be had is given back"
     claim.release()
     other.claim().release()
+
+
+def test_a_resource_that_visa_does_not_find_cannot_be_opened(monkeypatch):
+    def nothing(*_):
+        raise pyvisa.VisaIOError(pyvisa.constants.StatusCode.error_resource_not_found)
+
+    monkeypatch.setattr(session_module, "VisaWire", nothing)
+    with pytest.raises(
+        InstrumentUnreachable, match="daq at USB0::1::2::3::INSTR: cannot be opened .*is it switched on"
+    ):
+        Session("daq", "USB0::1::2::3::INSTR", "\n", PATIENT_s).open()
 
 
 class TestSerial:
@@ -445,11 +462,11 @@ class TestSerial:
         def answer():
             while b"?\n" not in b"".join(heard) and select.select([ours], [], [], SLACK_s)[0]:
                 heard.append(os.read(ours, 100))
-            os.write(ours, b"1.5\n")
+            os.write(ours, b"12.5\n")  # read byte by byte: of an odd number the last would be waited for
 
         thread = threading.Thread(target=answer)
         thread.start()
-        assert session.ask("CURR?") == "1.5"
+        assert session.ask("CURR?") == "12.5"
         thread.join(10.0)
         assert b"".join(heard) == b"OUTP OFF\nCURR?\n"
 

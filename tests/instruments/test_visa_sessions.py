@@ -249,6 +249,7 @@ def test_the_wrong_instrument_is_refused_by_what_it_says_it_is(bench, make_confi
 
 def test_a_supply_that_another_client_has_locked_is_refused_without_a_word_to_it(make_config, monkeypatch):
     def locked_elsewhere(self, timeout="default"):
+        assert timeout == 0, "it is not waited for"
         raise pyvisa.VisaIOError(pyvisa.constants.StatusCode.error_resource_locked)
 
     monkeypatch.setattr(pyvisa.resources.SerialInstrument, "lock_excl", locked_elsewhere)

@@ -84,6 +84,7 @@ def test_the_power_limit_takes_the_wire_to_its_limit_at_the_horizon_and_no_furth
 
 def test_surroundings_are_the_parameter_where_nothing_is_measured(parameters):
     ambient = Ambient(parameters)
+    assert ambient.doubt == ""
     assert ambient.step(math.nan, 0.05, parameters) == 24.0
     assert ambient.doubt == ""
 
