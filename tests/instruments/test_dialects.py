@@ -282,6 +282,10 @@ def test_an_unknown_dialect_names_its_neighbour():
         (lambda d: d["commands"].update(output_onn="OUTP ON"), "commands.output_onn: no such entry"),
         (lambda d: d["commands"].update(set_current="CURR {valeu}"), r"commands.set_current: .*placeholder \{valeu\}"),
         (lambda d: d["commands"].update(set_current="CURR {value"), "commands.set_current: .*cannot be filled in"),
+        (
+            lambda d: d["commands"].update(set_current=["CURR {value", "CURR {valeu}"]),
+            r"(?s)cannot be filled in.*placeholder \{valeu\}",
+        ),
         (lambda d: d["queries"].pop("watchdog_armed"), "a watchdog that cannot be read back is none"),
         (lambda d: d.update(identity="("), "identity: a regular expression"),
         (lambda d: d.update(kind="daq"), "is not a dialect of kind 'supply'"),
