@@ -115,7 +115,9 @@ def cluster(workers: int):
 
     with (
         tempfile.TemporaryDirectory(prefix="sma_fleet_workers_") as folder,
-        LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, local_directory=folder) as made,
+        LocalCluster(
+            n_workers=workers, threads_per_worker=1, dashboard_address="127.0.0.1:0", local_directory=folder
+        ) as made,
     ):
         yield (
             made.scheduler_address,

@@ -108,7 +108,10 @@ def test_a_worker_that_is_killed_loses_nothing_and_changes_no_result(where, buck
     else:
         distributed = pytest.importorskip("distributed")
         with distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address=None, local_directory=str(tmp_path / "workers")
+            n_workers=2,
+            threads_per_worker=1,
+            dashboard_address="127.0.0.1:0",
+            local_directory=str(tmp_path / "workers"),
         ) as cluster:
             assert replay(bucket, table, "--dask", cluster.scheduler_address) == 0
     assert (tmp_path / "died").exists()

@@ -161,7 +161,7 @@ def test_the_node_estimates_with_the_extended_model_what_replay_does(traced):
 def test_a_dask_cluster_gives_the_same_report(traced):
     distributed = pytest.importorskip("distributed")
     folder, logs, model = traced
-    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None) as cluster:
+    with distributed.LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0") as cluster:
         words = ["--jobs", "2", "--dask", cluster.scheduler_address]
         assert main(["trace", *logs, "--config", model, "--out", str(folder / "out3"), *words]) == 0
     assert (folder / "out3" / "report.json").read_text().replace("out3", "out") == (
