@@ -45,6 +45,7 @@ _log = logging.getLogger(__name__)
 #: Changes of the commanded current smaller than this are not sent: the finest step of the supplies
 #: in use is 0.02 mA (thesis, ch. 3), and each message costs time on the bus.
 CURRENT_RESOLUTION_A = 5e-6
+NOT_ASKED = "it has not been asked yet"  #: why an instrument does not answer, before the first step
 _CALL_s = 5.0  #: how long a call waits for its turn between two steps, unless told otherwise
 _LONGEST_SLEEP_s = 0.05  #: so that a stop and a call do not wait for a slow loop's next deadline
 _JOIN_TIMEOUT_s = 0.3  #: what ``stop`` leaves a thread that waits for an instrument, of the second it has
@@ -93,7 +94,7 @@ class _Link:
         self.name = name
         self.instrument = instrument
         self.answers = False
-        self.detail = ""  #: why it does not answer
+        self.detail = NOT_ASKED  #: why it does not answer
         self.fault = f"{name}_lost"  #: what that is
         self._longest_wait_s = longest_wait_s
         self._wait_s = 0.0

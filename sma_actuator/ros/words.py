@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from math import inf
 
 from sma_actuator.base.signals import Mode, Status
+from sma_actuator.driver import NOT_ASKED
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.limits import LIMITS
 
@@ -73,6 +74,7 @@ class Events:
 
     def of_instruments(self, lost: Mapping[str, str], fault: str) -> Iterator[tuple[str, str]]:
         """Level and sentence of every instrument lost or found since the last call; of a loss that is the fault, none."""
+        lost = {name: why for name, why in lost.items() if why != NOT_ASKED}
         for name in sorted(set(lost) - self._lost - {fault.removesuffix("_lost")}):
             yield ERROR, f"the {name} does not answer: {lost[name]}"
         for name in sorted(self._lost - set(lost)):

@@ -6,7 +6,7 @@ from stand_ins import StandInDaq, StandInSupply
 from sma_actuator.bench.bench import VirtualBench
 from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply, VirtualClock
 from sma_actuator.config import Config
-from sma_actuator.driver import Driver, DriverStopped, _Link
+from sma_actuator.driver import NOT_ASKED, Driver, DriverStopped, _Link
 from sma_actuator.instruments import InstrumentLost, InstrumentUnreachable, LimitsNotHeld, OutputStaysOn
 
 
@@ -230,7 +230,7 @@ class TestLink:
 
     def test_one_that_never_answered_is_tried_at_once(self):
         link = _Link("supply", Reachable(), self.LONGEST_s)
-        assert (link.detail, link.fault) == ("", "supply_lost")
+        assert (link.detail, link.fault) == (NOT_ASKED, "supply_lost")
         assert link.ask(lambda: 7) is None
         link.reconnect(lambda: 100.0, 60.0)
         assert link.ask(lambda: 7) == 7

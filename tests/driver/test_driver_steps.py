@@ -10,7 +10,7 @@ from stand_ins import StandInDaq, StandInSupply
 
 from sma_actuator.base.signals import Command, Mode, Reading, SupplyState
 from sma_actuator.config import Config
-from sma_actuator.driver import CURRENT_RESOLUTION_A, CHECK_PERIOD_s, Driver, DriverStopped
+from sma_actuator.driver import CURRENT_RESOLUTION_A, NOT_ASKED, CHECK_PERIOD_s, Driver, DriverStopped
 from sma_actuator.instruments import InstrumentLost, InstrumentUnreachable, LimitsNotHeld, OutputStaysOn
 from sma_actuator.safety.faults import FAULTS
 
@@ -221,7 +221,7 @@ class TestTold:
     def test_opening_is_done_once_and_with_it_the_output_is_known_to_be_off(self, make):
         rig = make()
         assert rig.driver.failure is None
-        assert rig.driver.lost_instruments == {"supply": "", "daq": ""}
+        assert rig.driver.lost_instruments == {"supply": NOT_ASKED, "daq": NOT_ASKED}
         assert not rig.driver.output_is_off, "nothing is known yet"
         rig.driver.open()
         assert rig.driver.output_is_off

@@ -3,6 +3,7 @@
 import pytest
 
 from sma_actuator.base.signals import Mode, Status
+from sma_actuator.driver import NOT_ASKED
 from sma_actuator.ros.words import ERROR, INFO, MOST_REFUSALS, WARNING, Events, PAUSE_s, Refusals, REPEAT_s
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.limits import LIMITS
@@ -76,6 +77,7 @@ def test_there_is_something_to_do_about_every_fault_and_limit():
 def test_instruments_lost_and_found_are_each_said_once_and_not_beside_the_fault_that_says_so():
     events = Events()
     assert list(events.of_instruments({}, "")) == []
+    assert list(events.of_instruments({"daq": NOT_ASKED}, "")) == []  # before the first step
     lost = {"daq": "timed out", "supply": "refused"}
     assert list(events.of_instruments(lost, "daq_lost")) == [(ERROR, "the supply does not answer: refused")]
     assert list(events.of_instruments(lost, "daq_lost")) == []
