@@ -47,6 +47,8 @@ def _enabled(client, name=NAME):
     currents = client.listen(f"{name}/command_current", Float64)
     client.next(f"{name}/command_current", Float64)
     statuses = client.listen(f"{name}/status", DiagnosticStatus, latched=True)
+    # The last word is kept for who comes late: one on a fault that is cleared may still be under way.
+    client.spin_until(lambda: statuses and not status_from(statuses[-1]).fault, what="a status without a fault")
     statuses.clear()
     response = _enable(client, name=name)
     assert response.success, response.message
