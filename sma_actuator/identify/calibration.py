@@ -20,7 +20,7 @@ from sma_actuator.safety.thermal import HeatBalance
 
 from .balance import balance_of
 from .expectation import learn
-from .experiments import Experiment
+from .experiments import Experiment, begins_anew
 from .rests import Rest, find_rests
 from .training import change_while_measured_m
 
@@ -94,8 +94,8 @@ def calibration_of(
 def _through(config: Config, experiments: Sequence[Experiment]) -> list[Estimates]:
     """Every experiment through the chain, which goes on through stretches of one log that follow each other."""
     chain, out = Chain(config), []
-    for before, experiment in zip((None, *experiments), experiments, strict=False):
-        if not experiment.goes_on_from(before):
+    for experiment, anew in zip(experiments, begins_anew(experiments), strict=True):
+        if anew:
             chain = Chain(config)
         out.append(chain.run(experiment.signals))
     return out

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,15 +85,17 @@ class Experiment:
             cycle=self.cycle[chosen],
         )
 
-    def goes_on_from(self, before: Experiment | None) -> bool:
-        """Whether this is the stretch of a log that comes after the stretch ``before``: the wire has its past."""
-        if before is None or not self.part_of or self.part_of != before.part_of:
-            return False
-        return bool(self.signals.time_s[0] > before.signals.time_s[-1])
-
     def through(self, estimate: Estimates) -> Experiment:
         """The experiment with the signals and the branch that a model's chain made of it."""
         return dataclasses.replace(self, signals=estimate.signals, heating=estimate.branch.astype(bool))
+
+
+def begins_anew(experiments: Sequence[Experiment]) -> list[bool]:
+    """Of each whether it begins anew; else it is the stretch of a log after the one before it, and the wire has that past."""
+    return [True] * bool(experiments) + [
+        not t.part_of or t.part_of != before.part_of or bool(t.signals.time_s[0] <= before.signals.time_s[-1])
+        for before, t in itertools.pairwise(experiments)
+    ]
 
 
 def make_experiment(log: BenchLog, config, with_reference: bool = True) -> Experiment:

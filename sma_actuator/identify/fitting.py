@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 
 from sma_actuator.estimation.models import StrainModel, ThermalStrainModel
 
-from .experiments import Experiment, IdentificationError
+from .experiments import Experiment, IdentificationError, begins_anew
 from .ranges import determinate_interval_m, distinct_stresses, full_cycles
 
 LOSS_SCALE = 0.01  #: residual, as a share of the full stroke, above which it counts linearly
@@ -84,10 +84,10 @@ def predict(model: StrainModel | ThermalStrainModel, experiments: Sequence[Exper
     # Asked once: it looks at every attribute.
     thermal = model if isinstance(model, ThermalStrainModel) else None
     strain = cast(StrainModel, model)
-    for before, experiment in zip((None, *experiments), experiments, strict=False):
+    for experiment, anew in zip(experiments, begins_anew(experiments), strict=True):
         if thermal is not None:
             s = experiment.signals
-            if not experiment.goes_on_from(before):
+            if anew:
                 thermal.reset()
             ambient_C = np.broadcast_to(s.ambient_temperature_C, s.time_s.shape)
             out.append(

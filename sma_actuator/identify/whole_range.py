@@ -26,7 +26,7 @@ from sma_actuator.estimation.models.whole_range import (
     features_all,
 )
 
-from .experiments import Experiment, IdentificationError
+from .experiments import Experiment, IdentificationError, begins_anew
 from .fitting import at_bound, predict
 from .ranges import distinct_stresses, load_numbers
 from .unseen import Unseen
@@ -200,8 +200,7 @@ class _Data:
         lengths = [len(p[0]) for p in parts]
         self.lengths = lengths[: len(experiments)]
         self.first = np.zeros(len(self.time), dtype=np.bool_)
-        fresh = [not t.goes_on_from(before) for before, t in zip((None, *experiments), experiments, strict=False)]
-        self.first[np.cumsum([0, *lengths[:-1]])] = fresh * copies
+        self.first[np.cumsum([0, *lengths[:-1]])] = begins_anew(experiments) * copies
         self.log_fold = np.repeat(np.tile(_log_folds(experiments), copies), lengths)
         self.load_fold = np.repeat(np.tile(_load_folds(experiments), copies), lengths)
         self.cycle = self.cycle + np.repeat(np.tile(np.arange(len(experiments)), copies), lengths)

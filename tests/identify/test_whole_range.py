@@ -13,7 +13,7 @@ from sma_actuator.characterise.programs import partial_cycles, square_pulses
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import IdentificationError, identify
-from sma_actuator.identify.experiments import make_experiment
+from sma_actuator.identify.experiments import begins_anew, make_experiment
 from sma_actuator.identify.fitting import predict
 from sma_actuator.identify.kinds import make_experiments
 from sma_actuator.plant.loads import Weight
@@ -86,7 +86,7 @@ def test_a_stretch_of_a_log_goes_on_from_the_one_before(whole, unseen):
     log = dataclasses.replace(pulses, columns=columns, metadata={})
     stretches = make_experiments([log], whole.config, remembered=True)
     assert [t.kind for t in stretches] == ["pulses", "partial"]
-    assert [t.goes_on_from(b) for b, t in zip((None, *stretches), stretches, strict=False)] == [False, True]
+    assert begins_anew(stretches) == [True, False]
     model = whole.config.model.build(whole.config.wire)
     at_once = predict(model, [make_experiment(log, whole.config)])
     assert np.array_equal(predict(model, stretches), at_once)

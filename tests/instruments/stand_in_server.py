@@ -5,6 +5,21 @@ import socket
 import threading
 import time
 
+#: What a supply of the bench's own family answers while it is opened, and the question of each step.
+OPENED = {
+    "*IDN?": "SMA Actuator,Virtual Supply,7,stand-in",
+    ":SYST:ERR?": '0,"No error"',
+    ":OUTP:PROT:WDOG?": "1",
+    ":OUTP:PROT:WDOG:SESS?": "1",
+    ":OUTP:PROT:WDOG:DEL?": "1.0",
+    ":OUTP?": "0",
+    ":VOLT?": "6.0",
+    ":VOLT:PROT?": "6.6",
+    ":CURR:PROT?": "0.45",
+}
+READ_BACK = ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?"
+SUPPLY = {**OPENED, READ_BACK: "0.1;1;0.65;0.1;NONE"}
+
 
 class ScpiStandIn:
     """Answers ``replies`` (exact text → answer) and, for ``X?``, what ``X`` was last set to."""

@@ -5,7 +5,7 @@ import math
 
 import pytest
 import yaml
-from stand_in_server import ScpiStandIn
+from stand_in_server import READ_BACK, SUPPLY, ScpiStandIn
 
 from sma_actuator.config import Config
 from sma_actuator.instruments import (
@@ -22,19 +22,6 @@ from sma_actuator.instruments.dialect import FOLDER, number
 from sma_actuator.instruments.session import Session
 
 NAN, INF = math.nan, math.inf
-READ_BACK = ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?"
-SUPPLY = {
-    "*IDN?": "SMA Actuator,Virtual Supply,7,stand-in",
-    ":SYST:ERR?": '0,"No error"',
-    ":OUTP:PROT:WDOG?": "1",
-    ":OUTP:PROT:WDOG:SESS?": "1",
-    ":OUTP:PROT:WDOG:DEL?": "1.0",
-    ":OUTP?": "0",
-    ":VOLT?": "6.0",
-    ":VOLT:PROT?": "6.6",
-    ":CURR:PROT?": "0.45",
-    READ_BACK: "0.1;1;0.65;0.1;NONE",
-}
 DAQ = {"*IDN?": "SMA Actuator,Virtual DAQ,7,stand-in", "SYST:ERR?": '0,"No error"', "READ:AVER?": "1,1,1"}
 
 

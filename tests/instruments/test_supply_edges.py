@@ -4,7 +4,7 @@ import threading
 import time
 
 import pytest
-from stand_in_server import ScpiStandIn
+from stand_in_server import OPENED, ScpiStandIn
 
 from sma_actuator.config import Config
 from sma_actuator.instruments import (
@@ -25,19 +25,7 @@ CONFIRM_s, CONFIRM_BESIDE_s = supply_module._CONFIRM_s, supply_module._CONFIRM_B
 
 @pytest.fixture
 def server():
-    server = ScpiStandIn(
-        {
-            "*IDN?": "SMA Actuator,Virtual Supply,7,stand-in",
-            ":SYST:ERR?": '0,"No error"',
-            ":OUTP:PROT:WDOG?": "1",
-            ":OUTP:PROT:WDOG:SESS?": "1",
-            ":OUTP:PROT:WDOG:DEL?": "1.0",
-            ":OUTP?": "0",
-            ":VOLT?": "6.0",
-            ":VOLT:PROT?": "6.6",
-            ":CURR:PROT?": "0.45",
-        }
-    )
+    server = ScpiStandIn(OPENED)
     yield server
     server.close()
 

@@ -13,7 +13,7 @@ import pyvisa
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
-from stand_in_server import ScpiStandIn
+from stand_in_server import READ_BACK, SUPPLY, ScpiStandIn
 
 from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
@@ -296,20 +296,7 @@ def test_a_block_with_a_wrong_number_of_readings_is_a_loss(make_config, reply):
 
 @pytest.fixture
 def stand_in():
-    server = ScpiStandIn(
-        {
-            "*IDN?": "SMA Actuator,Virtual Supply,7,stand-in",
-            ":SYST:ERR?": '0,"No error"',
-            ":OUTP:PROT:WDOG?": "1",
-            ":OUTP:PROT:WDOG:SESS?": "1",
-            ":OUTP:PROT:WDOG:DEL?": "1.0",
-            ":OUTP?": "0",
-            ":VOLT?": "6.0",
-            ":VOLT:PROT?": "6.6",
-            ":CURR:PROT?": "0.45",
-            ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?": "0.1;1;0.65;0.1;NONE",
-        }
-    )
+    server = ScpiStandIn(SUPPLY)
     server.users = []
     yield server
     for user in server.users:
@@ -326,7 +313,7 @@ def opened(server, make_config):
 
 def test_a_late_reply_is_never_taken_for_the_answer_to_the_next_question(stand_in, make_config):
     supply = opened(stand_in, make_config)
-    chain = ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?"
+    chain = READ_BACK
     stand_in.silent_on, stand_in.replies[chain] = chain, "0.9;1;9.9;0.9;OCP"
     patient_s, supply._session._timeout_s = supply._session._timeout_s, SHORT_s
     with pytest.raises(InstrumentLost, match="no complete answer"):
@@ -341,14 +328,14 @@ def test_a_late_reply_is_never_taken_for_the_answer_to_the_next_question(stand_i
 @pytest.mark.parametrize("reply", ("0.1;1;0.65;0.1", "what;1;0.65;0.1;NONE", "0.1;maybe;0.65;0.1;NONE", ""))
 def test_a_garbled_reply_is_a_loss_that_quotes_it(stand_in, make_config, reply):
     supply = opened(stand_in, make_config)
-    stand_in.replies[":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?"] = reply
+    stand_in.replies[READ_BACK] = reply
     with pytest.raises(InstrumentLost, match="is not an answer to that"):
         supply.read_back()
 
 
 def test_shut_down_does_not_wait_for_a_query_that_hangs_in_another_thread(stand_in, make_config):
     supply = opened(stand_in, make_config)
-    stand_in.silent_on = ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?"
+    stand_in.silent_on = READ_BACK
 
     def hang():
         with contextlib.suppress(InstrumentLost):

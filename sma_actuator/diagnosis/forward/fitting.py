@@ -106,6 +106,7 @@ class Fit:
     rms_m: float
 
 
+@one_thread()
 def fit(
     wire: ForwardWire, free: Sequence[Free], runs: Sequence[Run], starts: Sequence[np.ndarray], evaluations: int = 40
 ) -> Fit:
@@ -120,10 +121,9 @@ def fit(
         return 1e3 * np.concatenate(out)
 
     def go(x, most):
-        with one_thread():
-            return least_squares(
-                wrong, x, bounds=(0.0, 1.0), diff_step=1e-4, max_nfev=most, xtol=1e-5, ftol=1e-5, gtol=1e-9
-            )
+        return least_squares(
+            wrong, x, bounds=(0.0, 1.0), diff_step=1e-4, max_nfev=most, xtol=1e-5, ftol=1e-5, gtol=1e-9
+        )
 
     begins = [np.clip((np.asarray(start) - lo) / span, 1e-3, 1.0 - 1e-3) for start in starts]
     if len(begins) > 2:  # only the best two of a few steps go to the end
