@@ -326,7 +326,6 @@ class SmaActuatorNode(LifecycleNode):
             return response
         assert self._self_test is not None
         self._say(INFO, "a self-test runs: the bias current flows for some seconds")
-        was_active = self._active
         try:
             self._give_up_driver()
             found = self._self_test.run()
@@ -335,7 +334,7 @@ class SmaActuatorNode(LifecycleNode):
             self._left_off = self._self_test.off_confirmed
             self._self_test = None
             self._self_test_ended.set()
-            self._go_on(was_active)
+            self._go_on()
         for each in found:
             self._say(_LEVELS[each.level][0], f"self-test: {each.part}: {each.sentence}")
         response.passed = b"\1" if passed(found) else b"\0"
@@ -347,12 +346,17 @@ class SmaActuatorNode(LifecycleNode):
         ]
         return response
 
-    def _go_on(self, active: bool) -> None:
-        """Have the driver again after a self-test, unless the process ends."""
-        if not self._ended and self._open_driver():
-            self._active = active
-            if self._ended:  # meanwhile
-                self._give_up_driver()
+    def _go_on(self) -> None:
+        """Have the driver again after a self-test, however long that takes, unless it was brought to another state."""
+        state = self._state_machine.current_state[1]
+        if self._ended or self._driver is not None or state not in ("active", "inactive"):
+            return
+        if not self._open_driver():
+            self._later(self._go_on)
+            return
+        self._active = state == "active"
+        if self._ended:  # meanwhile
+            self._give_up_driver()
 
     def _refuses_self_test(self) -> str:
         driver = self._driver
@@ -421,6 +425,8 @@ class SmaActuatorNode(LifecycleNode):
 
     def _not_active(self) -> str:
         state = self._state_machine.current_state[1]
+        if state == "active":  # and yet it takes no commands
+            return f"trying to open the instruments again: {self._refusal}" if self._refusal else "the node ends"
         what = {"unconfigured": "configure and activate it first", "inactive": "activate it first"}.get(state, "")
         return f"the node is {state}" + (f"; {what}" if what else "")
 
@@ -542,6 +548,8 @@ class SmaActuatorNode(LifecycleNode):
         else:
             words = "no reading has come yet" if self._active else self._not_active()
             status = Status(Mode.OFF, message=self._refusal or words)
+            if driver is None and not self._left_off:
+                status.values["output"] = "not known: look at the supply"
         if output is not None and not self._active:
             status = dataclasses.replace(status, message=f"{status.message}; {self._not_active()}")
         status = dataclasses.replace(status, values={**status.values, **self._key_values()})
@@ -625,17 +633,23 @@ class SmaActuatorNode(LifecycleNode):
             self._publish_status()
             return
         if self.config.wait_for_instruments:
-            self.get_logger().warning(f"{self._refusal}; trying again", throttle_duration_sec=10.0)
-            # An attempt feeds the watchdog of the supply: it must have the time to cut what a dead program left on.
-            period_s = max(RETRY_PERIOD_s, 2.0 * self.config.supply.watchdog_timeout)
-            self._steady_timer(period_s, self._autostart, once=True)
+            self._later(self._autostart)
         else:
             self._on_fatal(f"{self.get_fully_qualified_name()}: {self._refusal}")
+
+    def _later(self, attempt: Callable[[], None]) -> None:
+        """Try again to reach the instruments."""
+        self.get_logger().warning(f"{self._refusal}; trying again", throttle_duration_sec=10.0)
+        # An attempt feeds the watchdog of the supply: it must have the time to cut what a dead program left on.
+        self._steady_timer(max(RETRY_PERIOD_s, 2.0 * self.config.supply.watchdog_timeout), attempt, once=True)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Open instruments and recorder and start the loop; no current can flow yet."""
         try:
             if not self._open_driver():
+                config = self.config
+                if not (config.autostart and config.wait_for_instruments):  # who waits for them says so himself
+                    self._say(ERROR, self._refusal)
                 return TransitionCallbackReturn.FAILURE
         except Exception as error:
             # rclpy would go on to on_error without a word.
@@ -671,8 +685,6 @@ class SmaActuatorNode(LifecycleNode):
             self._driver.start()
         except (InstrumentError, ConfigError) as error:
             self._refusal = str(error)
-            if not (self.config.autostart and self.config.wait_for_instruments):  # who waits for them says so himself
-                self._say(ERROR, self._refusal)
             self._give_up_driver()
             self._publish_status()
             return False
