@@ -48,6 +48,16 @@ class Inquisitive(Chatty):
         raise ValueError("its state is not known")
 
 
+MADE = []
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    while MADE:
+        MADE.pop().close()
+
+
 @pytest.fixture
 def server():
     stand_in = ScpiStandIn({"*IDN?": "Keysight Technologies,E36312A,MY1,1.0"})
@@ -63,7 +73,8 @@ def supply_of(server, make_config, dotted=E36312A, accepted=True, **more):
         "supply.allow_single_session": accepted,
         "supply.allow_no_trips": accepted,
     }
-    return open_supply(Config.from_mapping(make_config(**changes)))
+    MADE.append(open_supply(Config.from_mapping(make_config(**changes))))
+    return MADE[-1]
 
 
 def test_a_pymeasure_class_drives_its_instrument(server, make_config):
