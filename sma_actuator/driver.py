@@ -54,6 +54,8 @@ _WATCH_PERIOD_s = 0.05  #: how often the watchman looks
 #: also a question, feeds a watchdog, and one that is fed never cuts.
 _QUIET_WATCHDOGS = 1.25
 _SHORTEST_WAIT_s = 0.1
+#: The longest wait for a supply that may be on and hears nothing: one that restarts may switch its output on by itself.
+_UNHEARD_WAIT_s = 0.5
 #: How long at the most a new connection waits for the watchdog of a supply that says it stays on: a slower watchdog
 #: is too slow to be waited for before anything else is tried.
 _LONGEST_TRUST_s = 2.0
@@ -121,8 +123,8 @@ class _Link:
     def _note(self, error: InstrumentError) -> None:
         self.detail, self.fault = str(error), error.fault or f"{self.name}_lost"
 
-    def reconnect(self, now_s: Callable[[], float], quiet_s: float) -> None:
-        """Try to open it again, not more often than the back-off allows.
+    def reconnect(self, now_s: Callable[[], float], quiet_s: float, unheard_s: float = math.inf) -> None:
+        """Try to open it again, not more often than the back-off allows, but every ``unheard_s`` while it hears nothing.
 
         An attempt that was heard and failed is followed by ``quiet_s`` without a word, and so is a word that was heard
         and not obeyed; but no longer than ``_LONGEST_TRUST_s``, for answers that are out of step may have said so.
@@ -134,9 +136,11 @@ class _Link:
         self._wait_s = min(self._longest_wait_s, max(_SHORTEST_WAIT_s, 2.0 * self._wait_s))
         try:
             self.instrument.open()
+        except InstrumentUnreachable as error:
+            self._note(error)
+            self._wait_s, quiet_s = min(self._wait_s, unheard_s), 0.0
         except InstrumentError as error:
             self._note(error)
-            quiet_s = 0.0 if isinstance(error, InstrumentUnreachable) else quiet_s
         else:
             self.answers, quiet_s = True, 0.0
         # Also where it was opened: it may be lost with the first question that matters, each time.
@@ -521,8 +525,11 @@ class Driver:
             self._daq.reconnect(self._clock.now_s, quiet_s=0.0)
         if not self._supply.answers:
             self._written = None
-            quiet_s = _QUIET_WATCHDOGS * self._config.supply.watchdog_timeout if self._may_flow else 0.0
-            self._supply.reconnect(self._clock.now_s, quiet_s)
+            if self._may_flow:
+                quiet_s = _QUIET_WATCHDOGS * self._config.supply.watchdog_timeout
+                self._supply.reconnect(self._clock.now_s, quiet_s, _UNHEARD_WAIT_s)
+            else:
+                self._supply.reconnect(self._clock.now_s, quiet_s=0.0)
 
     def _with_truth(self, output: Output) -> Output:
         """The output of a step with what is known of the supply's output beside what was commanded."""

@@ -322,7 +322,12 @@ def test_a_host_that_does_not_answer_is_given_up_in_time():
 
 @pytest.mark.parametrize(
     ("port", "words"),
-    [(0, "there is no port 0"), (1, "nothing listens there; is it switched on"), (65536, "there is no port 65536")],
+    [
+        (0, "there is no port 0"),
+        (1, "nothing listens there; is it switched on"),
+        (65535, "nothing listens there"),
+        (65536, "there is no port 65536"),
+    ],
 )
 def test_a_port_where_nobody_is_says_so(port, words):
     session = Session("daq", f"TCPIP::127.0.0.1::{port}::SOCKET", "\n", PATIENT_s)
