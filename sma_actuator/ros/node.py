@@ -166,7 +166,7 @@ class SmaActuatorNode(LifecycleNode):
         try:
             self._driver.update(config, timeout_s=CALL_TIMEOUT_s)
         except (DriverStopped, TimeoutError) as error:
-            self._say(ERROR, f"{', '.join(changed)} changed, but not in the loop: {error}")
+            self._say(ERROR, f"{', '.join(changed)} changed, but not in the loop yet: {error}")
 
     # --- topics and services ----------------------------------------------------------------------
 
@@ -305,11 +305,6 @@ class SmaActuatorNode(LifecycleNode):
             return driver.enable(False, timeout_s=CALL_TIMEOUT_s)
         except DriverStopped:
             return driver.output_is_off, f"the loop has ended; {driver.output_words}"
-        except TimeoutError as error:
-            driver.submit(lambda actuator, now_s: actuator.enable(now_s, False))  # it stands until the loop can obey
-            sentence = f"not confirmed: {error}; the output goes off as soon as the loop goes on, or by the watchdog"
-            self._say(ERROR, sentence)
-            return False, sentence
 
     def _on_self_test(self, _: SelfTestService.Request, response: SelfTestService.Response) -> Any:
         """Test the instruments with a little current, in the ROS thread; the driver gives them up meanwhile."""
@@ -707,7 +702,7 @@ class SmaActuatorNode(LifecycleNode):
             off, words = driver.enable(False, timeout_s=CALL_TIMEOUT_s)
             if not off:
                 self._say(ERROR, words)
-        except (DriverStopped, TimeoutError) as error:
+        except DriverStopped as error:
             self._say(ERROR, f"the loop did not switch off ({error}); it is ended")
             self._give_up_driver()
             return TransitionCallbackReturn.ERROR

@@ -421,8 +421,10 @@ def test_a_connection_that_cannot_be_closed_is_given_up_all_the_same(session, mo
     wire._socket.close()
 
 
-def test_one_program_alone_speaks_to_a_claimed_instrument(peer):
-    one, other = (Session("supply", peer.resource, "\n", TIMEOUT_s) for _ in range(2))
+@pytest.mark.parametrize("host", ("127.0.0.1", "127.1", "LocalHost"))
+def test_one_program_alone_speaks_to_a_claimed_instrument_however_its_host_is_written(peer, host):
+    resources = (peer.resource, peer.resource.replace("127.0.0.1", host))
+    one, other = (Session("supply", resource, "\n", TIMEOUT_s) for resource in resources)
     claim = one.claim()
     with pytest.raises(InstrumentRefused, match="another program on this computer.*speaks to it") as refused:
         other.claim()
@@ -432,6 +434,17 @@ def test_one_program_alone_speaks_to_a_claimed_instrument(peer):
     assert where.tb_frame.f_locals["self"]._socket.fileno() == -1, "what could not be had is given back"
     claim.release()
     other.claim().release()
+
+
+@pytest.mark.parametrize(
+    "resource", ("TCPIP::no.such.host.invalid::5025::SOCKET", f"TCPIP::{'x' * 70}::INSTR", "ASRL1::INSTR", "anything")
+)
+def test_what_has_no_address_is_claimed_by_its_name(resource):
+    one, other = (Session("supply", resource, "\n", TIMEOUT_s) for _ in range(2))
+    claim = one.claim()
+    with pytest.raises(InstrumentRefused, match="another program on this computer"):
+        other.claim()
+    claim.release()
 
 
 def test_a_resource_that_visa_does_not_find_cannot_be_opened(monkeypatch):
