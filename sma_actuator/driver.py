@@ -603,9 +603,9 @@ class Driver:
         until_s = time.monotonic() + timeout_s - _OFF_PATIENCE_s
         if self._writing.acquire(timeout=max(until_s - time.monotonic(), 0.0)):  # not while the loop says "on"
             with contextlib.suppress(InstrumentError):  # of which the loop will hear
-                self._off_beside = True
+                self._off_beside, self._written = True, None
                 self._supply_instrument.switch_off()
-                self._written, self._may_flow = None, False
+                self._may_flow = False
             self._writing.release()
         if self._may_flow:
             with contextlib.suppress(TimeoutError):
