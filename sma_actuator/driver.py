@@ -723,7 +723,8 @@ class Driver:
             message=f"off: {loop_hung.words} ({why})",
             values=dict(output.status.values),
         )
-        self._on_output(self._with_truth(dataclasses.replace(output, command=_OFF, status=status)))
+        # What was read before the output went off says nothing of what flows now.
+        self._on_output(self._with_truth(dataclasses.replace(output, reading=None, command=_OFF, status=status)))
 
     def _note_hang(self, now_s: float) -> None:
         """In the control thread, when it goes on: what the watchman has done is a fault."""
