@@ -72,6 +72,16 @@ class ScpiSupply(SessionSupply):
         )
         super().__init__(config, dialect.termination, off_lines, dialect.lines("unlock", channel=channel))
 
+    @property
+    def reads_back(self) -> frozenset[str]:
+        """What not every supply tells."""
+        dialect = self._dialect
+        told = {
+            "over_current_trip": "set_over_current" in dialect.commands and "over_current_setting" in dialect.queries,
+            "watchdog_trip": not {"*", "WDOG"}.isdisjoint(dialect.trips),
+        }
+        return frozenset(what for what, is_told in told.items() if is_told)
+
     def _tell_current(self, current_A: float) -> None:
         self._tell("set_current", _RoundedDown(current_A))
 
@@ -189,7 +199,7 @@ class ScpiSupply(SessionSupply):
                 watchdog_of_session=dialect.watchdog_fed_by == "session",
                 second_session=dialect.second_session,
                 over_voltage_trip="set_over_voltage" in dialect.commands and "over_voltage_setting" in dialect.queries,
-                over_current_trip="set_over_current" in dialect.commands and "over_current_setting" in dialect.queries,
+                over_current_trip="over_current_trip" in self.reads_back,
             )
         )
         if not self._has_watchdog:
