@@ -14,7 +14,7 @@ from sma_actuator.base.signals import Reading, SupplyState
 from . import Clock, InstrumentRefused, LimitsNotHeld, OutputStaysOn, WatchdogNotHeld
 from .dialect import Dialect, number, yes
 from .parameters import InstrumentSections
-from .session import OPENING_ANSWERS, Session
+from .session import OPENING_ANSWERS, Claim, Session
 from .supply import Abilities, SessionSupply
 
 #: The over-voltage trip sits this much above the compliance voltage, so that noise does not trip it.
@@ -247,6 +247,7 @@ class ScpiDaq:
             "samples": samples,
             "readings": samples * len(self._channels),
         }
+        self._claim: Claim | None = None
         self.identity = ""
 
     def open(self) -> None:
@@ -266,6 +267,10 @@ class ScpiDaq:
             raise InstrumentRefused(
                 f"instruments.daq.ambient_temperature_channel: is {ambient_channel}, but dialect '{self._dialect.path.stem}' "
                 "reads every channel in volts; 0 is wanted, and the room's temperature in thermal.ambient_temperature"
+            )
+        if self._claim is None:
+            self._claim = self._session.claim(
+                "its list of channels is one for all who ask: each would read the other's"
             )
         with self._session.within(OPENING_ANSWERS * self._instrument.timeout):
             self._session.open()
@@ -300,5 +305,8 @@ class ScpiDaq:
         )
 
     def close(self) -> None:
-        """Give up the connection.  Never raises."""
+        """Give up the connection, and let others speak to it.  Never raises."""
         self._session.close()
+        if self._claim is not None:
+            self._claim.release()
+            self._claim = None

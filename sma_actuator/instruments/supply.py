@@ -107,7 +107,9 @@ class SessionSupply(ABC):
         session = self._session
         with session.within(OPENING_ANSWERS * self._instrument.timeout):
             if self._instrument.exclusive_lock and self._claim is None:
-                self._claim = session.claim()
+                self._claim = session.claim(
+                    "instruments.supply.exclusive_lock: false shares it, and with it the watchdog"
+                )
             try:
                 session.open(self._instrument.exclusive_lock)
                 self._configure()

@@ -148,7 +148,7 @@ def test_off_does_not_wait_for_a_daq_that_takes_its_time(waiting_for_the_daq):
     assert ("output", True) not in supply.settings
     assert {(each.status.fault, each.command.output_on) for each in outputs.all[before:]} == {("", False)}
     assert driver.enable(True)[0]
-    outputs.wait_for(lambda output: output.command.output_on)
+    outputs.wait_for(lambda _: supply.output_on)
 
 
 def test_off_that_a_supply_does_not_confirm_beside_the_loop_is_not_called_off(waiting_for_the_daq):
@@ -192,9 +192,23 @@ def test_off_is_not_said_between_the_words_that_switch_on(make_driver):
         False,
         "the output is told to be off, not confirmed; an instrument holds the loop up",
     )
-    answers = queue.Queue()
+    answers, waits, writing = queue.Queue(), threading.Event(), driver._writing
+
+    class Awaited:
+        """The same lock; it says when somebody waits for it."""
+
+        def acquire(self, timeout):
+            waits.set()
+            return writing.acquire(timeout=timeout)
+
+        def release(self):
+            writing.release()
+
+    driver._writing = Awaited()
     asking = threading.Thread(target=lambda: answers.put(driver.enable(False, timeout_s=SOON_s)), daemon=True)
     asking.start()
+    assert waits.wait(SOON_s)
+    driver._writing = writing
     assert not supply.output_on
     supply.told.set()
     assert answers.get(timeout=SOON_s)[0]
