@@ -139,7 +139,7 @@ def test_off_does_not_wait_for_a_daq_that_takes_its_time(waiting_for_the_daq):
     driver, outputs = waiting_for_the_daq
     supply, daq = driver.stand_ins
     before = len(outputs.all)
-    assert driver.enable(False, timeout_s=SOON_s) == (True, "the output is off; an instrument holds the loop up")
+    assert driver.enable(False, timeout_s=SOON_s) == (True, "the output is off")
     assert (supply.output_on, supply.current_A) == (False, 0.0)
     supply.settings.clear()
     daq.hang = False
@@ -215,6 +215,22 @@ def test_off_is_not_said_between_the_words_that_switch_on(make_driver):
     assert not supply.output_on
     outputs.wait_for(lambda output: not output.command.output_on)
     assert not supply.output_on
+
+
+def test_off_beside_a_loop_that_has_just_heard_it_does_not_keep_the_next_on_away(make_driver, monkeypatch):
+    monkeypatch.setattr("sma_actuator.driver._OFF_PATIENCE_s", 0.0)
+    outputs = Outputs()
+    changes = {"safety.reading_timeout": 60.0, "supply.watchdog_timeout": 60.0, "loop.overruns_to_fault": 10000}
+    driver = make_driver(on_output=outputs, changes=changes)
+    supply, _ = driver.stand_ins
+    driver.start()
+    outputs.wait_for(lambda output: output.reading is not None)
+    for _ in range(20):
+        assert driver.enable(True, timeout_s=SOON_s)[0]
+        outputs.wait_for(lambda _: supply.output_on)
+        assert driver.enable(False, timeout_s=SOON_s)[0]
+        assert not supply.output_on
+    assert not any(output.status.fault for output in outputs.all)
 
 
 def test_a_parameter_that_is_changed_while_an_instrument_holds_the_loop_up_is_taken_over_later(waiting_for_the_daq):

@@ -398,3 +398,7 @@ def test_a_second_wire_does_not_say_a_word_to_a_daq_that_reads_the_first(daq):
     assert server.lines == said
     one.close()
     other.open()
+    other.close()
+    one.open()
+    with pytest.raises(InstrumentRefused, match="another part of this one"):
+        other.open()
