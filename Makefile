@@ -43,7 +43,7 @@ $(VENV)/ready: setup.py constraints.txt
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[$(EXTRAS)]'
 	touch $@
 
-# Every figure of README.md and docs/results.md comes from one of these; the names of some sections in RESULTS.
+# Every figure of README.md and the pages in docs comes from one of these; the names of some sections in RESULTS.
 RESULTS ?=
 results: $(VENV)/ready
 	$(BIN)/python benchmarks/results.py $(RESULTS)
@@ -89,7 +89,7 @@ CONTROL ?=
 control-worlds: $(VENV)/ready
 	$(BIN)/python benchmarks/control_worlds.py $(CONTROL)
 
-# Gains tuned from ten times off, beside the shipped ones, per physics of the bench (about a quarter of an hour; options in TUNING).
+# Gains tuned from ten times off, beside the shipped ones, per physics of the bench (a quarter of an hour the first time; options in TUNING).
 TUNING ?=
 tuning: $(VENV)/ready
 	$(BIN)/python benchmarks/tuning.py $(TUNING)

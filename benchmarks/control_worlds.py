@@ -127,6 +127,8 @@ class Case:
     #: What the wire's heat loss is over that of its calibration (a draught, a tube).
     heat_loss: float = 1.0
     changes: tuple[tuple[str, Any], ...] = ()
+    #: Parameters of the section ``thermal`` that are wrong, and by what factor.
+    wrong: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass
@@ -190,6 +192,7 @@ def run(case: Case, keep: bool = False) -> Found:
     gains = {} if case.law == "fastest" else mapping["controller"]
     changes = {} if case.law == "fastest" else dict(case.changes)
     config = Config.from_mapping({**mapping, "controller": {**gains, "type": case.law}}).replace(changes)
+    config = config.replace({f"thermal.{name}": times * getattr(config.thermal, name) for name, times in case.wrong})
     setpoint, share = setpoints_of(case, config)
     bench = bench_for(case, seed=7)
     if case.heat_loss != 1.0:
