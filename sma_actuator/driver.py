@@ -48,12 +48,15 @@ CURRENT_RESOLUTION_A = 5e-6
 NOT_ASKED = "it has not been asked yet"  #: why an instrument does not answer, before the first step
 _CALL_s = 5.0  #: how long a call waits for its turn between two steps, unless told otherwise
 _LONGEST_SLEEP_s = 0.05  #: so that a stop and a call do not wait for a slow loop's next deadline
+_OFF_PATIENCE_s = 0.1  #: how long off waits for its turn between two steps, before it is said beside them
 _JOIN_TIMEOUT_s = 0.3  #: what ``stop`` leaves a thread that waits for an instrument, of the second it has
 _WATCH_PERIOD_s = 0.05  #: how often the watchman looks
 #: Silence after a failed attempt to reach a supply that may be on, in multiples of its watchdog's delay: every word,
 #: also a question, feeds a watchdog, and one that is fed never cuts.
 _QUIET_WATCHDOGS = 1.25
 _SHORTEST_WAIT_s = 0.1
+#: The longest wait for a supply that may be on and hears nothing: one that restarts may switch its output on by itself.
+_UNHEARD_WAIT_s = 0.5
 #: How long at the most a new connection waits for the watchdog of a supply that says it stays on: a slower watchdog
 #: is too slow to be waited for before anything else is tried.
 _LONGEST_TRUST_s = 2.0
@@ -121,8 +124,8 @@ class _Link:
     def _note(self, error: InstrumentError) -> None:
         self.detail, self.fault = str(error), error.fault or f"{self.name}_lost"
 
-    def reconnect(self, now_s: Callable[[], float], quiet_s: float) -> None:
-        """Try to open it again, not more often than the back-off allows.
+    def reconnect(self, now_s: Callable[[], float], quiet_s: float, unheard_s: float = math.inf) -> None:
+        """Try to open it again, not more often than the back-off allows, but every ``unheard_s`` while it hears nothing.
 
         An attempt that was heard and failed is followed by ``quiet_s`` without a word, and so is a word that was heard
         and not obeyed; but no longer than ``_LONGEST_TRUST_s``, for answers that are out of step may have said so.
@@ -134,9 +137,11 @@ class _Link:
         self._wait_s = min(self._longest_wait_s, max(_SHORTEST_WAIT_s, 2.0 * self._wait_s))
         try:
             self.instrument.open()
+        except InstrumentUnreachable as error:
+            self._note(error)
+            self._wait_s, quiet_s = min(self._wait_s, unheard_s), 0.0
         except InstrumentError as error:
             self._note(error)
-            quiet_s = 0.0 if isinstance(error, InstrumentUnreachable) else quiet_s
         else:
             self.answers, quiet_s = True, 0.0
         # Also where it was opened: it may be lost with the first question that matters, each time.
@@ -187,6 +192,10 @@ class Driver:
         self._alive_s = math.inf  #: when the control thread last showed life; infinite while there is none
         self._hung = ""  #: what the watchman found, until the control thread goes on
         self._checked_s = -math.inf  #: when a setting of the supply was last looked at
+        self._writing = threading.Lock()  #: held while the supply is told what a step has found, or off beside a step
+        self._off_beside = (
+            False  #: off was asked for and said beside a step that lasts, until the loop has taken it over
+        )
         self._cut = ""  #: why the watchman has shut the supply down, until the control thread has noted it
         self._thread: threading.Thread | None = None
         self._stopping = threading.Event()
@@ -328,9 +337,9 @@ class Driver:
     def enable(self, on: bool, timeout_s: float = _CALL_s) -> tuple[bool, str]:
         """Switch the current on or off; whether that was done, and the sentence that says so.
 
-        Off is done when the supply has read it back.
+        Off is done when the supply has read it back, and does not wait for a DAQ that takes its time.
         """
-        return self.call(self._enable_checked if on else self._disable, timeout_s)
+        return self.call(self._enable_checked, timeout_s) if on else self._off(timeout_s)
 
     def clear_fault(self, timeout_s: float = _CALL_s) -> tuple[bool, str]:
         """Clear a latched fault and the supply's own trips; the output stays off."""
@@ -353,8 +362,15 @@ class Driver:
         return self.call(lambda actuator, _: actuator.measure_lead_resistance(), timeout_s)
 
     def update(self, config: Config, timeout_s: float = _CALL_s) -> None:
-        """Take over changed parameters; only those declared ``live`` may differ."""
-        self.call(lambda actuator, _: self._update(actuator, config), timeout_s)
+        """Take over changed parameters; only those declared ``live`` may differ.
+
+        Raises TimeoutError where that is not done yet; it will be, as soon as the loop goes on.
+        """
+        future = self.submit(lambda actuator, _: self._update(actuator, config))
+        try:
+            future.result(timeout_s)
+        except TimeoutError:
+            raise TimeoutError("it takes them over as soon as an instrument that holds it up answers") from None
 
     @property
     def hardware_id(self) -> str:
@@ -467,6 +483,9 @@ class Driver:
         self._reconnect()
         reading: Reading | None = self._daq.ask(self._daq_instrument.read_block)
         state: SupplyState | None = self._supply.ask(self._supply_instrument.read_back)
+        if self._off_beside:  # the supply may have said what it is since then
+            self._run_calls()
+            state = self._supply.ask(self._supply_instrument.read_back)
         now_s = self._clock.now_s()
         self._check_a_setting(now_s)
         self._report_losses(now_s)
@@ -494,7 +513,11 @@ class Driver:
 
     def _write(self, command: Command, state: SupplyState | None) -> None:
         """Tell the supply what it does not know yet."""
-        if self._cut or self._stopping.is_set():
+        with self._writing:
+            self._write_alone(command, state)
+
+    def _write_alone(self, command: Command, state: SupplyState | None) -> None:
+        if self._cut or self._off_beside or self._stopping.is_set():
             command = _OFF  # thought out before the supply was shut down beside this thread
         written = self._written
         if command.output_on:
@@ -521,8 +544,11 @@ class Driver:
             self._daq.reconnect(self._clock.now_s, quiet_s=0.0)
         if not self._supply.answers:
             self._written = None
-            quiet_s = _QUIET_WATCHDOGS * self._config.supply.watchdog_timeout if self._may_flow else 0.0
-            self._supply.reconnect(self._clock.now_s, quiet_s)
+            if self._may_flow:
+                quiet_s = _QUIET_WATCHDOGS * self._config.supply.watchdog_timeout
+                self._supply.reconnect(self._clock.now_s, quiet_s, _UNHEARD_WAIT_s)
+            else:
+                self._supply.reconnect(self._clock.now_s, quiet_s=0.0)
 
     def _with_truth(self, output: Output) -> Output:
         """The output of a step with what is known of the supply's output beside what was commanded."""
@@ -569,7 +595,25 @@ class Driver:
         self._report_losses(now_s)
         return actuator.enable(now_s, True)
 
+    def _off(self, timeout_s: float) -> tuple[bool, str]:
+        """Off between two steps, or beside one that lasts: then the loop takes it over as soon as it goes on."""
+        future = self.submit(self._disable)
+        with contextlib.suppress(TimeoutError):
+            return future.result(min(timeout_s, _OFF_PATIENCE_s))
+        until_s = time.monotonic() + timeout_s - _OFF_PATIENCE_s
+        if self._writing.acquire(timeout=max(until_s - time.monotonic(), 0.0)):  # not while the loop says "on"
+            with contextlib.suppress(InstrumentError):  # of which the loop will hear
+                self._off_beside, self._written = True, None
+                self._supply_instrument.switch_off()
+                self._may_flow = False
+            self._writing.release()
+        if self._may_flow:
+            with contextlib.suppress(TimeoutError):
+                return future.result(max(until_s - time.monotonic(), 0.0))
+        return not self._may_flow, f"{self.output_words}; an instrument holds the loop up"
+
     def _disable(self, actuator: Actuator, now_s: float) -> tuple[bool, str]:
+        self._off_beside = False
         done, words = actuator.enable(now_s, False)
         self._supply.ask(self._switch_off)
         if not self._may_flow:

@@ -53,7 +53,13 @@ class Instruments:
 
     supply: SupplyInstrument = section(SupplyInstrument, "power supply")
     daq: DaqInstrument = section(DaqInstrument, "data acquisition")
-    reconnect_backoff_max: float = parameter(5.0, "longest wait between attempts to reconnect", "s", 0.1, 600.0)
+    reconnect_backoff_max: float = parameter(
+        5.0,
+        "longest wait between attempts to reconnect; 0.5 s to a supply that may be on and hears nothing",
+        "s",
+        0.1,
+        600.0,
+    )
 
 
 class InstrumentSections(Protocol):

@@ -427,10 +427,18 @@ class Session:
 
 
 def _canonical(resource: str) -> str:
+    """The same for every way to write an instrument's host."""
     try:
-        return pyvisa.rname.to_canonical_name(resource).upper()
+        name = pyvisa.rname.ResourceName.from_string(resource)
     except pyvisa.rname.InvalidResourceName:
         return resource
+    if isinstance(name, pyvisa.rname.TCPIPSocket | pyvisa.rname.TCPIPInstr):
+        with contextlib.suppress(OSError, UnicodeError):  # a host without an address has no other name either
+            found = socket.getaddrinfo(name.host_address, None, type=socket.SOCK_STREAM)
+            _, name.host_address = min(
+                (family != socket.AF_INET, str(address[0])) for family, _, _, _, address in found
+            )
+    return str(name).upper()
 
 
 def _shown(text: bytes) -> str:

@@ -166,7 +166,7 @@ class SmaActuatorNode(LifecycleNode):
         try:
             self._driver.update(config, timeout_s=CALL_TIMEOUT_s)
         except (DriverStopped, TimeoutError) as error:
-            self._say(ERROR, f"{', '.join(changed)} changed, but not in the loop: {error}")
+            self._say(ERROR, f"{', '.join(changed)} changed, but not in the loop yet: {error}")
 
     # --- topics and services ----------------------------------------------------------------------
 
@@ -305,11 +305,6 @@ class SmaActuatorNode(LifecycleNode):
             return driver.enable(False, timeout_s=CALL_TIMEOUT_s)
         except DriverStopped:
             return driver.output_is_off, f"the loop has ended; {driver.output_words}"
-        except TimeoutError as error:
-            driver.submit(lambda actuator, now_s: actuator.enable(now_s, False))  # it stands until the loop can obey
-            sentence = f"not confirmed: {error}; the output goes off as soon as the loop goes on, or by the watchdog"
-            self._say(ERROR, sentence)
-            return False, sentence
 
     def _on_self_test(self, _: SelfTestService.Request, response: SelfTestService.Response) -> Any:
         """Test the instruments with a little current, in the ROS thread; the driver gives them up meanwhile."""
@@ -326,7 +321,6 @@ class SmaActuatorNode(LifecycleNode):
             return response
         assert self._self_test is not None
         self._say(INFO, "a self-test runs: the bias current flows for some seconds")
-        was_active = self._active
         try:
             self._give_up_driver()
             found = self._self_test.run()
@@ -335,7 +329,7 @@ class SmaActuatorNode(LifecycleNode):
             self._left_off = self._self_test.off_confirmed
             self._self_test = None
             self._self_test_ended.set()
-            self._go_on(was_active)
+            self._go_on()
         for each in found:
             self._say(_LEVELS[each.level][0], f"self-test: {each.part}: {each.sentence}")
         response.passed = b"\1" if passed(found) else b"\0"
@@ -347,12 +341,17 @@ class SmaActuatorNode(LifecycleNode):
         ]
         return response
 
-    def _go_on(self, active: bool) -> None:
-        """Have the driver again after a self-test, unless the process ends."""
-        if not self._ended and self._open_driver():
-            self._active = active
-            if self._ended:  # meanwhile
-                self._give_up_driver()
+    def _go_on(self) -> None:
+        """Have the driver again after a self-test, however long that takes, unless it was brought to another state."""
+        state = self._state_machine.current_state[1]
+        if self._ended or self._driver is not None or state not in ("active", "inactive"):
+            return
+        if not self._open_driver():
+            self._later(self._go_on)
+            return
+        self._active = state == "active"
+        if self._ended:  # meanwhile
+            self._give_up_driver()
 
     def _refuses_self_test(self) -> str:
         driver = self._driver
@@ -421,6 +420,8 @@ class SmaActuatorNode(LifecycleNode):
 
     def _not_active(self) -> str:
         state = self._state_machine.current_state[1]
+        if state == "active":  # and yet it takes no commands
+            return f"trying to open the instruments again: {self._refusal}" if self._refusal else "the node ends"
         what = {"unconfigured": "configure and activate it first", "inactive": "activate it first"}.get(state, "")
         return f"the node is {state}" + (f"; {what}" if what else "")
 
@@ -542,6 +543,8 @@ class SmaActuatorNode(LifecycleNode):
         else:
             words = "no reading has come yet" if self._active else self._not_active()
             status = Status(Mode.OFF, message=self._refusal or words)
+            if driver is None and not self._left_off:
+                status.values["output"] = "not known: look at the supply"
         if output is not None and not self._active:
             status = dataclasses.replace(status, message=f"{status.message}; {self._not_active()}")
         status = dataclasses.replace(status, values={**status.values, **self._key_values()})
@@ -625,17 +628,23 @@ class SmaActuatorNode(LifecycleNode):
             self._publish_status()
             return
         if self.config.wait_for_instruments:
-            self.get_logger().warning(f"{self._refusal}; trying again", throttle_duration_sec=10.0)
-            # An attempt feeds the watchdog of the supply: it must have the time to cut what a dead program left on.
-            period_s = max(RETRY_PERIOD_s, 2.0 * self.config.supply.watchdog_timeout)
-            self._steady_timer(period_s, self._autostart, once=True)
+            self._later(self._autostart)
         else:
             self._on_fatal(f"{self.get_fully_qualified_name()}: {self._refusal}")
+
+    def _later(self, attempt: Callable[[], None]) -> None:
+        """Try again to reach the instruments."""
+        self.get_logger().warning(f"{self._refusal}; trying again", throttle_duration_sec=10.0)
+        # An attempt feeds the watchdog of the supply: it must have the time to cut what a dead program left on.
+        self._steady_timer(max(RETRY_PERIOD_s, 2.0 * self.config.supply.watchdog_timeout), attempt, once=True)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Open instruments and recorder and start the loop; no current can flow yet."""
         try:
             if not self._open_driver():
+                config = self.config
+                if not (config.autostart and config.wait_for_instruments):  # who waits for them says so himself
+                    self._say(ERROR, self._refusal)
                 return TransitionCallbackReturn.FAILURE
         except Exception as error:
             # rclpy would go on to on_error without a word.
@@ -671,8 +680,6 @@ class SmaActuatorNode(LifecycleNode):
             self._driver.start()
         except (InstrumentError, ConfigError) as error:
             self._refusal = str(error)
-            if not (self.config.autostart and self.config.wait_for_instruments):  # who waits for them says so himself
-                self._say(ERROR, self._refusal)
             self._give_up_driver()
             self._publish_status()
             return False
@@ -695,7 +702,7 @@ class SmaActuatorNode(LifecycleNode):
             off, words = driver.enable(False, timeout_s=CALL_TIMEOUT_s)
             if not off:
                 self._say(ERROR, words)
-        except (DriverStopped, TimeoutError) as error:
+        except DriverStopped as error:
             self._say(ERROR, f"the loop did not switch off ({error}); it is ended")
             self._give_up_driver()
             return TransitionCallbackReturn.ERROR

@@ -1,5 +1,7 @@
 """What the driver does with its instruments where leaving it out would leave the current on."""
 
+import itertools
+
 import pytest
 from stand_ins import StandInDaq, StandInSupply
 
@@ -72,6 +74,26 @@ def test_clearing_a_fault_says_off_whatever_the_supply_was_told_before(rig):
     assert done, words
     assert supply.told[:2] == ["clear", "off"]
     assert not bench.supply.output_on
+
+
+@pytest.mark.parametrize(("driven", "longest_s"), [(True, 0.6), (False, 5.1)], ids=["it may be on", "it is off"])
+def test_a_supply_that_may_be_on_and_was_away_is_told_off_soon_after_it_is_back(rig, driven, longest_s):
+    driver, supply, bench = rig
+    if driven:
+        _driven(driver)
+    bench.inject("watchdog_dead")  # as of a supply that has just restarted, with the output as it was before
+    bench.inject("supply_hangup")
+    driver.run_for(20.0)
+    assert bench.supply.output_on is driven
+    tried = []
+    supply.open, opened = lambda: tried.append(bench.time_s) or opened(), supply.open
+    driver.run_for(20.0)
+    gaps_s = [after - before for before, after in itertools.pairwise(tried)]
+    assert longest_s - 0.15 < max(gaps_s) < longest_s
+    bench.clear()
+    driver.run_for(longest_s)
+    assert not bench.supply.output_on
+    assert driver.output_is_off
 
 
 def test_disabling_says_off_at_once_and_not_with_the_next_step(rig):

@@ -1,6 +1,7 @@
 """The control thread: who may do what from where, and that every way out ends with the output off."""
 
 import atexit
+import dataclasses
 import json
 import os
 import queue
@@ -118,12 +119,84 @@ def test_a_call_that_times_out_is_not_executed_later(make_driver):
     assert executed == []
 
 
+@pytest.fixture
+def waiting_for_the_daq(make_driver):
+    """(driver, its outputs), driving; the loop waits for a DAQ that is slow and not lost."""
+    outputs = Outputs()
+    changes = {"safety.reading_timeout": 60.0, "supply.watchdog_timeout": 60.0, "loop.overruns_to_fault": 10000}
+    driver = make_driver(on_output=outputs, changes=changes)
+    _, daq = driver.stand_ins
+    driver.start()
+    outputs.wait_for(lambda output: output.reading is not None)
+    assert driver.enable(True)[0]
+    outputs.wait_for(lambda output: output.command.output_on)
+    daq.hang = True
+    assert daq.hanging.wait(SOON_s)
+    return driver, outputs
+
+
+def test_off_does_not_wait_for_a_daq_that_takes_its_time(waiting_for_the_daq):
+    driver, outputs = waiting_for_the_daq
+    supply, daq = driver.stand_ins
+    before = len(outputs.all)
+    assert driver.enable(False, timeout_s=SOON_s) == (True, "the output is off; an instrument holds the loop up")
+    assert (supply.output_on, supply.current_A) == (False, 0.0)
+    supply.settings.clear()
+    daq.hang = False
+    daq.release.set()
+    outputs.wait_for(lambda _: len(outputs.all) > before + 3)
+    assert ("output", True) not in supply.settings
+    assert {(each.status.fault, each.command.output_on) for each in outputs.all[before:]} == {("", False)}
+    assert driver.enable(True)[0]
+    outputs.wait_for(lambda output: output.command.output_on)
+
+
+def test_off_that_a_supply_does_not_confirm_beside_the_loop_is_not_called_off(waiting_for_the_daq):
+    driver, outputs = waiting_for_the_daq
+    supply, daq = driver.stand_ins
+    supply.lost = True
+    done, words = driver.enable(False, timeout_s=0.3)
+    assert not done
+    assert words == "the output is told to be off, not confirmed; an instrument holds the loop up"
+    assert not driver.output_is_off
+    daq.hang = supply.lost = False
+    daq.release.set()
+    outputs.wait_for(lambda output: output.status.values["output"] == "off")
+
+
+def test_a_parameter_that_is_changed_while_an_instrument_holds_the_loop_up_is_taken_over_later(waiting_for_the_daq):
+    driver, outputs = waiting_for_the_daq
+    _, daq = driver.stand_ins
+    wire = dataclasses.replace(driver.config.wire, max_stress=2e6)
+    with pytest.raises(TimeoutError, match="it takes them over as soon as an instrument"):
+        driver.update(dataclasses.replace(driver.config, wire=wire), timeout_s=0.05)
+    daq.hang = False
+    daq.release.set()
+    outputs.wait_for(lambda output: output.status.fault == "stress_above_limit")
+
+
 def test_neither_thread_keeps_the_interpreter_from_its_end(make_driver):
     """It would wait for them before what stops them is called."""
     driver = make_driver(name="wire of this test")
     driver.start()
     threads = {each.name: each.daemon for each in threading.enumerate() if "wire of this test" in each.name}
     assert threads == {"wire of this test control": True, "wire of this test watchman": True}
+
+
+def test_the_watchman_stands_by_a_thread_that_has_not_begun(make_driver, monkeypatch):
+    begins, looks = threading.Event(), []
+    monkeypatch.setattr(Driver, "_loop", lambda _: begins.wait(SOON_s))
+    driver = make_driver()
+    driver.open()
+    now_s = driver._clock.now_s
+    driver._clock.now_s = lambda: looks.append(threading.current_thread().name) or now_s()
+    driver.start()
+    until_s = time.monotonic() + SOON_s
+    while looks.count("sma_actuator watchman") < 3 and time.monotonic() < until_s:
+        time.sleep(0.01)
+    begins.set()
+    assert looks.count("sma_actuator watchman") >= 3
+    assert driver.stand_ins[0].shut_downs == 0
 
 
 def test_the_end_of_the_interpreter_stops_what_is_still_there(make_driver, monkeypatch):

@@ -1,14 +1,17 @@
 """Every dialect that comes with the package: complete, and saying exactly what the manual has."""
 
+from importlib.metadata import EntryPoint
+
 import pytest
 import yaml
 from stand_in_server import ScpiStandIn
 
 from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.registry import PlugInError
 from sma_actuator.config import Config
-from sma_actuator.instruments import InstrumentRefused, open_daq, open_supply
+from sma_actuator.instruments import InstrumentRefused, dialect, open_daq, open_supply
 from sma_actuator.instruments.clock import MonotonicClock
-from sma_actuator.instruments.dialect import FOLDER, Dialect, yes
+from sma_actuator.instruments.dialect import FOLDER, GROUP, Dialect, yes
 
 SHIPPED = sorted((path.stem, yaml.safe_load(path.read_text())["kind"]) for path in FOLDER.glob("*.yaml"))
 
@@ -296,6 +299,13 @@ def test_an_unknown_dialect_names_its_neighbour():
             r"commands.set_current: 'CURR 0.4' has no placeholder \{value\}",
         ),
         (lambda d: d["commands"].update(set_current="CURR {value:.4q}"), "commands.set_current: .*cannot be filled in"),
+        (
+            lambda d: d["commands"].update(set_current="CURR {value:.4q},(@{channel})"),
+            "set_current: .*cannot be filled in",
+        ),
+        (lambda d: d["commands"].update(clear_trips=["CLE", 7]), "commands.clear_trips: .* is neither"),
+        (lambda d: d["commands"].update(clear_trips=["CLE", ""]), "commands.clear_trips: .* is neither"),
+        (lambda d: d.pop("queries"), "queries: missing; a section of SCPI texts"),
         (lambda d: d["queries"].update(current=["A?", "B?"]), "queries.current: .* has 2 texts; a query has one"),
         (lambda d: d.update(trips=["OVP"]), "trips: .* is no section of SCPI texts"),
         (lambda d: d.update(trips={"OVP": 5}), "trips: .* is no section of SCPI texts"),
@@ -303,6 +313,8 @@ def test_an_unknown_dialect_names_its_neighbour():
         (lambda d: d.update(second_session="yes"), "second_session: 'yes' is neither true nor false"),
         (lambda d: d.update(watchdog_range_s=5), "watchdog_range_s: 5 is not shortest and longest"),
         (lambda d: d.update(watchdog_range_s=[3600, 1]), "watchdog_range_s: .* is not shortest and longest"),
+        (lambda d: d.update(watchdog_range_s=[-0.5, 1]), "watchdog_range_s: .* is not shortest and longest"),
+        (lambda d: d.update(watchdog_step_s=-0.5), "watchdog_step_s: -0.5 is not a number"),
         (lambda d: d.update(watchdog_step_s="one"), "watchdog_step_s: 'one' is not a number"),
         (lambda d: d.update(chained_queries="no"), "chained_queries: 'no' is neither true nor false"),
         (lambda d: d.update(termination="LF"), "termination: 'LF' ends no line"),
@@ -317,6 +329,48 @@ def test_a_faulty_dialect_is_refused_in_a_sentence_with_its_file(tmp_path, chang
     with pytest.raises(ConfigError, match=words) as caught:
         Dialect.load(str(path), "supply")
     assert str(path) in str(caught.value)
+
+
+def test_every_mistake_of_a_file_is_named_at_once(tmp_path):
+    document = yaml.safe_load((FOLDER / "virtual_bench_daq.yaml").read_text())
+    document["commands"] = {"prepair": "A", "prepare": 7, "before_reed": "B"}
+    document["queries"]["error"] = "ERR? {channels}"
+    document["queries"]["reed"] = "READ?"
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(document, sort_keys=False))
+    with pytest.raises(ConfigError) as caught:
+        Dialect.load(str(path), "daq")
+    for words in (
+        "commands.prepair: no such entry",
+        "commands.prepare: 7 is neither",
+        "commands.before_reed: no such entry",
+        "queries.error: 'ERR? {channels}' has the placeholder {channels}; allowed are none",
+        "queries.reed: no such entry",
+    ):
+        assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("span", ([0, 60], [5, 5]))
+def test_a_watchdog_may_have_one_delay_or_begin_at_none(tmp_path, span):
+    document = yaml.safe_load((FOLDER / "virtual_bench_supply.yaml").read_text())
+    document["watchdog_range_s"] = span
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(document))
+    assert Dialect.load(str(tmp_path / "mine.yaml"), "supply").watchdog_range_s == tuple(span)
+
+
+def test_another_package_brings_a_dialect_by_its_name(tmp_path, monkeypatch):
+    package = tmp_path / "bringer_of_dialects"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    (package / "mine.yaml").write_text((FOLDER / "virtual_bench_supply.yaml").read_text())
+    monkeypatch.syspath_prepend(str(tmp_path))
+    points = [EntryPoint(name, package.name, GROUP) for name in ("mine", "forgotten")]
+    monkeypatch.setattr(dialect, "entry_points", lambda group: points)
+    assert Dialect.load("mine", "supply").path == package / "mine.yaml"
+    with pytest.raises(PlugInError, match="wants the file .*forgotten.yaml, which is not there"):
+        Dialect.load("forgotten", "supply")
+    with pytest.raises(ConfigError, match="did you mean mine"):
+        Dialect.load("mien", "supply")
 
 
 @pytest.mark.parametrize(

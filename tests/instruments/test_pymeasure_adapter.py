@@ -1,14 +1,61 @@
 """A supply through pymeasure's own driver class, over TCP."""
 
+import importlib.util
+import sys
+
 import pytest
 from stand_in_server import ScpiStandIn
 
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.config import Config
-from sma_actuator.instruments import InstrumentRefused, open_supply
+from sma_actuator.instruments import InstrumentLost, InstrumentRefused, LimitsNotHeld, open_supply, pymeasure_adapter
 
 pytest.importorskip("pymeasure", reason="extra 'pymeasure' is not installed")
+from pymeasure.instruments import Instrument
+
 E36312A = "pymeasure.instruments.keysight.KeysightE36312A"
+
+
+class Chatty(Instrument):
+    """A class that speaks as soon as it is made."""
+
+    current_limit = Instrument.control("CURR?", "CURR %g", "")
+    voltage_setpoint = Instrument.control("VOLT?", "VOLT %g", "")
+    output_enabled = Instrument.control("OUTP?", "OUTP %d", "", cast=int)
+    current = Instrument.measurement("MEAS:CURR?", "")
+    voltage = Instrument.measurement("MEAS:VOLT?", "")
+
+    id = Instrument.measurement("*IDN?", "", cast=str)
+
+    def __init__(self, adapter):
+        super().__init__(adapter, "chatty", includeSCPI=False)
+        self.write("*RST")
+        self.ask("MODEL?")
+
+
+class Unfinished(Chatty):
+    def __init__(self, adapter):
+        raise TypeError("a serial number is wanted")
+
+
+class Inquisitive(Chatty):
+    @property
+    def output_enabled(self):
+        return False
+
+    @output_enabled.setter
+    def output_enabled(self, on):
+        raise ValueError("its state is not known")
+
+
+MADE = []
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    while MADE:
+        MADE.pop().close()
 
 
 @pytest.fixture
@@ -18,14 +65,16 @@ def server():
     stand_in.close()
 
 
-def supply_of(server, make_config, dotted=E36312A, accepted=True):
+def supply_of(server, make_config, dotted=E36312A, accepted=True, **more):
+    section = {"resource": server.resource if server else "x", "pymeasure_class": dotted, **more}
     changes = {
-        "instruments": {"supply": {"resource": server.resource if server else "x", "pymeasure_class": dotted}},
+        "instruments": {"supply": section},
         "supply.allow_no_watchdog": accepted,
         "supply.allow_single_session": accepted,
         "supply.allow_no_trips": accepted,
     }
-    return open_supply(Config.from_mapping(make_config(**changes)))
+    MADE.append(open_supply(Config.from_mapping(make_config(**changes))))
+    return MADE[-1]
 
 
 def test_a_pymeasure_class_drives_its_instrument(server, make_config):
@@ -45,6 +94,73 @@ def test_a_pymeasure_class_drives_its_instrument(server, make_config):
     assert server.lines[:3] == [*off, "*IDN?"]
     assert server.lines[-5:] == [*off, "OUTPut? (@1)", *off]
     assert "CURR 0.2, (@1)" in server.lines
+
+
+def test_what_a_class_of_pymeasure_says_on_opening(server, make_config):
+    server.replies.update({"VOLT? (@1)": "6.1"})  # it rounds
+    supply_of(server, make_config).open()
+    off = ["OUTPut 0, (@1)", "CURR 0, (@1)"]
+    assert server.lines == [*off, "*IDN?", *off, "VOLT 6, (@1)", "VOLT? (@1)", "OUTPut? (@1)"]
+
+
+def test_a_voltage_that_is_not_held_is_refused_on_opening_and_found_while_driving(server, make_config):
+    server.replies["VOLT? (@1)"] = "6.2"
+    supply = supply_of(server, make_config)
+    with pytest.raises(LimitsNotHeld, match=r"does not hold supply.max_voltage, 6 V: it reads back 6.2 V"):
+        supply.open()
+    server.replies["VOLT? (@1)"] = "6"
+    supply.open()
+    server.replies["VOLT? (@1)"] = "12"
+    with pytest.raises(LimitsNotHeld):
+        supply.check_next_setting()
+
+
+def test_an_answer_that_is_none_and_one_that_does_not_come_lose_the_supply(server, make_config):
+    server.replies.update({"VOLT? (@1)": "6.0", "CURR? (@1)": "much"})
+    supply = supply_of(server, make_config)
+    supply.open()
+    with pytest.raises(InstrumentLost, match="current setting failed"):
+        supply.read_back()
+    supply.open()
+    server.hang_up()
+    with pytest.raises(InstrumentLost, match="the connection broke") as caught:
+        supply.read_back()
+    assert "failed" not in str(caught.value)
+
+
+def test_what_a_class_says_when_it_is_made_is_not_said_blind(server, make_config):
+    server.replies.update({"MODEL?": "7", "VOLT?": "6.0"})
+    supply = supply_of(server, make_config, f"{__name__}.Chatty")
+    supply.open()
+    assert server.lines[:4] == ["OUTP 0", "CURR 0", "*RST", "MODEL?"]
+
+
+def test_a_supply_that_does_not_answer_its_class_is_lost_not_refused(server, make_config):
+    server.silent_on = "MODEL?"
+    server.replies["MODEL?"] = "7"
+    supply = supply_of(server, make_config, f"{__name__}.Chatty", timeout=0.2)
+    with pytest.raises(InstrumentLost, match="no complete answer to 'MODEL[?]'"):
+        supply.open()
+    server.release.set()
+
+
+def test_a_class_that_cannot_be_made_or_not_switched_off_unasked_is_refused(server, make_config):
+    with pytest.raises(InstrumentRefused, match="Unfinished cannot be made .a serial number is wanted"):
+        supply_of(server, make_config, f"{__name__}.Unfinished").open()
+    with pytest.raises(InstrumentRefused, match="Inquisitive cannot switch off without asking first .its state"):
+        supply_of(server, make_config, f"{__name__}.Inquisitive").open()
+    assert server.lines == []
+
+
+def test_without_pymeasure_a_sentence_says_what_to_install(monkeypatch):
+    for name in [name for name in sys.modules if name.partition(".")[0] == "pymeasure"]:
+        monkeypatch.setitem(sys.modules, name, None)
+    name = pymeasure_adapter.__name__
+    spec = importlib.util.spec_from_file_location(name, pymeasure_adapter.__file__)
+    bare = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(bare)
+    with pytest.raises(ConfigError, match="the extra 'pymeasure' installed"):
+        bare._find_class(E36312A)
 
 
 def test_shut_down_works_through_a_new_connection_when_the_old_one_is_dead(server, make_config, caplog):

@@ -322,7 +322,12 @@ def test_a_host_that_does_not_answer_is_given_up_in_time():
 
 @pytest.mark.parametrize(
     ("port", "words"),
-    [(0, "there is no port 0"), (1, "nothing listens there; is it switched on"), (65536, "there is no port 65536")],
+    [
+        (0, "there is no port 0"),
+        (1, "nothing listens there; is it switched on"),
+        (65535, "nothing listens there"),
+        (65536, "there is no port 65536"),
+    ],
 )
 def test_a_port_where_nobody_is_says_so(port, words):
     session = Session("daq", f"TCPIP::127.0.0.1::{port}::SOCKET", "\n", PATIENT_s)
@@ -416,8 +421,10 @@ def test_a_connection_that_cannot_be_closed_is_given_up_all_the_same(session, mo
     wire._socket.close()
 
 
-def test_one_program_alone_speaks_to_a_claimed_instrument(peer):
-    one, other = (Session("supply", peer.resource, "\n", TIMEOUT_s) for _ in range(2))
+@pytest.mark.parametrize("host", ("127.0.0.1", "127.1", "LocalHost"))
+def test_one_program_alone_speaks_to_a_claimed_instrument_however_its_host_is_written(peer, host):
+    resources = (peer.resource, peer.resource.replace("127.0.0.1", host))
+    one, other = (Session("supply", resource, "\n", TIMEOUT_s) for resource in resources)
     claim = one.claim()
     with pytest.raises(InstrumentRefused, match="another program on this computer.*speaks to it") as refused:
         other.claim()
@@ -427,6 +434,17 @@ def test_one_program_alone_speaks_to_a_claimed_instrument(peer):
     assert where.tb_frame.f_locals["self"]._socket.fileno() == -1, "what could not be had is given back"
     claim.release()
     other.claim().release()
+
+
+@pytest.mark.parametrize(
+    "resource", ("TCPIP::no.such.host.invalid::5025::SOCKET", f"TCPIP::{'x' * 70}::INSTR", "ASRL1::INSTR", "anything")
+)
+def test_what_has_no_address_is_claimed_by_its_name(resource):
+    one, other = (Session("supply", resource, "\n", TIMEOUT_s) for _ in range(2))
+    claim = one.claim()
+    with pytest.raises(InstrumentRefused, match="another program on this computer"):
+        other.claim()
+    claim.release()
 
 
 def test_a_resource_that_visa_does_not_find_cannot_be_opened(monkeypatch):

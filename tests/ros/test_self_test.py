@@ -10,7 +10,9 @@ from std_srvs.srv import Trigger
 from test_node import NAME, _enable, _enabled, _status
 
 
-def test_the_wiring_is_tested_refused_while_driven_and_ended_by_stop(start_bench, make_config, start_node, client):
+def test_the_wiring_is_tested_refused_while_driven_ended_by_stop_and_a_loss_outlived(
+    start_bench, make_config, start_node, client
+):
     bench = start_bench("--load", "weight:0.98")
     node = start_node(make_config(instruments=bench.instruments(), **{"supply.watchdog_timeout": 1.0}))
     client.next(f"{NAME}/load", WrenchStamped)
@@ -45,3 +47,18 @@ def test_the_wiring_is_tested_refused_while_driven_and_ended_by_stop(start_bench
     assert "ended before its time: asked to" in words
     node.says("self-test: load cell: the load is -")
     _status(client, lambda s: s.mode.value == "off")
+
+    # A supply that is gone when the test ends is looked for until it is back; nobody says "off" meanwhile.
+    bench.tell("BENC:FAUL:CLE")
+    future = node_client.call_async(SelfTest.Request())
+    wait_until(lambda: bench.current_A() > 0.04 or future.done(), what="current of the self-test")
+    bench.tell("BENC:FAUL supply_hangup")
+    client.spin_until(future.done, what="the answer of the self-test")
+    assert future.result().passed == b"\0"
+    _status(client, lambda s: s.values.get("output") == "not known: look at the supply")
+    refused = _enable(client)
+    assert not refused.success
+    assert "trying to open the instruments again: supply at" in refused.message
+    bench.tell("BENC:FAUL:CLE")
+    client.spin_until(lambda: _enable(client).success, what="the supply found again")
+    assert _enable(client, on=False).success
