@@ -144,6 +144,7 @@ class Found:
     unrest_mA: float
     wander: float  #: of the wire at a held setpoint, RMS, % of full stroke
     fault: str = ""
+    going: float = np.nan  #: control error of the sine from its second period on, when the wire has come to it
     series: dict[str, list[float]] = field(default_factory=dict, repr=False)
 
 
@@ -238,11 +239,18 @@ def run(case: Case, keep: bool = False) -> Found:
         unrest_mA=unrest_A * 1e3,
         wander=wander_m / full_m * 100.0,
         fault=fault,
+        going=_going(case, time_s, np.abs(asked_m - estimate_m)) / full_m * 100.0,
     )
     if keep:
         names = ("time_s", "asked_m", "estimate_m", "truth_m", "current_A")
         found.series = dict(zip(names, (time_s, asked_m, estimate_m, truth_m, current_A), strict=True))
     return found
+
+
+def _going(case: Case, time_s: np.ndarray, error_m: np.ndarray) -> float:
+    """Mean of the errors from the second period of a sine on; NaN for steps, and where there is none."""
+    later = time_s >= PERIOD_s
+    return float(np.nanmean(error_m[later])) if case.program == "sine" and later.any() else np.nan
 
 
 def longest(flags: np.ndarray) -> int:
