@@ -10,10 +10,9 @@ A model may also depend on the way by which its load came to be what it is, whic
 told it; what it would say if the load had always been so is another opinion.  Between the two lies what is expected,
 and how far they are apart is part of how well it is known (:func:`always_so_m`).
 
-It is judged where it was not fitted: by loads left out that lie between others, and by stretches of time left out of
-the logs of the lightest and the heaviest (to leave these out whole would be to ask beyond the range of loads).  How far off
-it is there is learned in the same way, for a place and its history.  That is the floor; it stands higher the stranger these are
-to the logs, as the error of a regression does.
+It is judged where it was not fitted: by loads left out, or, where these are too few for that, by stretches of time left
+out of each log.  How far off it is there is learned in the same way, for a place and its history.  That is the floor; it
+stands higher the stranger these are to the logs, as the error of a regression does.
 """
 
 from __future__ import annotations
@@ -135,7 +134,7 @@ def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config:
     z = (seen - centre) / scale
     basis = _basis(z)
     weights_m = _ridge(basis, residual_m)
-    news_m = _left_out(z, residual_m, _folds(experiments, log, block))
+    news_m = _unexpected_m(experiments, log, block, z, residual_m)
     if np.abs(news_m).mean() >= np.abs(residual_m).mean():  # what it learned does not hold where it was not fitted
         weights_m, news_m = np.zeros_like(weights_m), residual_m
     size = _ridge(basis, np.abs(news_m) / max(np.abs(news_m).mean(), 1e-300))
@@ -253,17 +252,26 @@ def _ridge(basis: np.ndarray, target: np.ndarray) -> np.ndarray:
     return np.linalg.solve(basis.T @ basis + np.diag(shrink), basis.T @ target)
 
 
-def _folds(experiments: Sequence[Experiment], log: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """A fold for every row: all logs of a load together, neighbouring loads in different folds; of the lightest and the heaviest,
-    which nothing lies beyond, and where there are too few loads, stretches of each log."""
+def _unexpected_m(
+    experiments: Sequence[Experiment], log: np.ndarray, block: np.ndarray, z: np.ndarray, residual_m: np.ndarray
+) -> np.ndarray:
+    """What is left of the residual where it was not fitted: with all logs of a load left out together, neighbouring loads in
+    different folds; where there are too few loads, with stretches of each log.
+
+    Of the lightest and the heaviest load, which nothing lies beyond, stretches are left out too; what they leave is raised by
+    as much as a load between leaves more when it is left out than its stretches do.
+    """
+    of_stretches_m = _left_out(z, residual_m, block.astype(int) % FOLDS)
     stress_Pa = np.array([t.mean_stress_Pa for t in experiments])
     ordered = np.sort(stress_Pa)
     edges_Pa = ordered[1:][np.diff(ordered) > SAME_LOAD * np.abs(ordered[:-1])]
     if len(edges_Pa) + 1 < FEWEST_LOADS:
-        return block.astype(int) % FOLDS
+        return of_stretches_m
     load = np.searchsorted(edges_Pa, stress_Pa, side="right")[log]
+    of_loads_m = _left_out(z, residual_m, load % FOLDS)
     between = (load > 0) & (load < len(edges_Pa))
-    return np.where(between, load % FOLDS, block.astype(int) % FOLDS)
+    more = np.abs(of_loads_m[between]).mean() / max(np.abs(of_stretches_m[between]).mean(), 1e-300)
+    return np.where(between, of_loads_m, of_stretches_m * max(1.0, more))
 
 
 def _left_out(z: np.ndarray, target: np.ndarray, fold: np.ndarray) -> np.ndarray:
