@@ -131,7 +131,7 @@ class Evidence:
         every = max(1, math.ceil(sum(map(len, self._measured_m)) / COMPARED))
         #: Samples of every log that a residual is made of: neighbours say the same.
         self.compared = [np.arange(every // 2, len(m), every) for m in self._measured_m]
-        known = bool(self.calibration.expected_weights) and not beyond_floor
+        known = self.calibration.expects and not beyond_floor
         self._expectation = Expectation(config) if known else None
         #: Of every log, for the model as it is: how far it is from half the way to one whose load was always what it is.
         self._always_so_m = [always_so_m(signals, self.chain({})) for signals, _ in self._seen] if known else []

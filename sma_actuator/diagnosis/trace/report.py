@@ -360,7 +360,7 @@ def _anew(mapping: dict[str, Any], evidence: Evidence, tracing: Tracing) -> dict
     ]
     fields: dict[str, Any] = {"error": float(np.mean(errors)), "largest_error": max(errors)}
     config = Config.for_tools(mapping)
-    if evidence.beyond_floor and config.calibration.expected_weights:
+    if evidence.beyond_floor and config.calibration.expects:
         found = [Chain(config).run(t.signals) for t in evidence.experiments]
         fields |= learn(evidence.experiments, found, config)
     return {name: list(v) if isinstance(v, tuple) else v for name, v in fields.items()}
