@@ -12,7 +12,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds tuning pair fleet foreign-speed tutorial forward health clean
+.PHONY: page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds feed-forward tuning pair fleet foreign-speed tutorial forward health clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
@@ -43,7 +43,7 @@ $(VENV)/ready: setup.py constraints.txt
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[$(EXTRAS)]'
 	touch $@
 
-# Every figure of README.md and docs/results.md comes from one of these; the names of some sections in RESULTS.
+# Every figure of README.md and the pages in docs comes from one of these; the names of some sections in RESULTS.
 RESULTS ?=
 results: $(VENV)/ready
 	$(BIN)/python benchmarks/results.py $(RESULTS)
@@ -89,7 +89,13 @@ CONTROL ?=
 control-worlds: $(VENV)/ready
 	$(BIN)/python benchmarks/control_worlds.py $(CONTROL)
 
-# Gains tuned from ten times off, beside the shipped ones, per physics of the bench (about a quarter of an hour; options in TUNING).
+# What feed-forward takes off the error of the PID, per physics, also with a model whose heat is wrong (a quarter of an hour the first
+# time; options in FORWARD_LAW).
+FORWARD_LAW ?=
+feed-forward: $(VENV)/ready
+	$(BIN)/python benchmarks/feed_forward.py $(FORWARD_LAW)
+
+# Gains tuned from ten times off, beside the shipped ones, per physics of the bench (a quarter of an hour the first time; options in TUNING).
 TUNING ?=
 tuning: $(VENV)/ready
 	$(BIN)/python benchmarks/tuning.py $(TUNING)
@@ -101,7 +107,7 @@ pair: $(VENV)/ready
 
 # What the driver says of its model's health: false alarms in virtual hours on every physics, then drifts in growing strength.
 health: $(VENV)/ready
-	$(BIN)/python benchmarks/health.py
+	$(BIN)/python benchmarks/health.py --wire flexinol furukawa
 	$(BIN)/python benchmarks/health.py --drifts
 
 # Judge the logs of a fleet over a Dask cluster and an S3-compatible server, a worker killed on the way (options in FLEET).

@@ -127,6 +127,8 @@ class Case:
     #: What the wire's heat loss is over that of its calibration (a draught, a tube).
     heat_loss: float = 1.0
     changes: tuple[tuple[str, Any], ...] = ()
+    #: Parameters of the section ``thermal`` that are wrong, and by what factor.
+    wrong: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass
@@ -142,6 +144,7 @@ class Found:
     unrest_mA: float
     wander: float  #: of the wire at a held setpoint, RMS, % of full stroke
     fault: str = ""
+    going: float = np.nan  #: control error of the sine from its second period on, when the wire has come to it
     series: dict[str, list[float]] = field(default_factory=dict, repr=False)
 
 
@@ -190,6 +193,7 @@ def run(case: Case, keep: bool = False) -> Found:
     gains = {} if case.law == "fastest" else mapping["controller"]
     changes = {} if case.law == "fastest" else dict(case.changes)
     config = Config.from_mapping({**mapping, "controller": {**gains, "type": case.law}}).replace(changes)
+    config = config.replace({f"thermal.{name}": times * getattr(config.thermal, name) for name, times in case.wrong})
     setpoint, share = setpoints_of(case, config)
     bench = bench_for(case, seed=7)
     if case.heat_loss != 1.0:
@@ -235,11 +239,18 @@ def run(case: Case, keep: bool = False) -> Found:
         unrest_mA=unrest_A * 1e3,
         wander=wander_m / full_m * 100.0,
         fault=fault,
+        going=_going(case, time_s, np.abs(asked_m - estimate_m)) / full_m * 100.0,
     )
     if keep:
         names = ("time_s", "asked_m", "estimate_m", "truth_m", "current_A")
         found.series = dict(zip(names, (time_s, asked_m, estimate_m, truth_m, current_A), strict=True))
     return found
+
+
+def _going(case: Case, time_s: np.ndarray, error_m: np.ndarray) -> float:
+    """Mean of the errors from the second period of a sine on; NaN for steps, and where there is none."""
+    later = time_s >= PERIOD_s
+    return float(np.nanmean(error_m[later])) if case.program == "sine" and later.any() else np.nan
 
 
 def longest(flags: np.ndarray) -> int:

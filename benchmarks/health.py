@@ -1,11 +1,12 @@
 """What the driver says of its model's health: drifts hidden in the bench, and virtual hours without any.
 
-    python benchmarks/health.py [--physics NAME …] [--hours 3] [--drifts] [--json FILE]     (make health)
+    python benchmarks/health.py [--wire flexinol furukawa] [--physics NAME …] [--hours 3] [--drifts] [--json FILE]  (make health)
 
-For each physics the wire is characterised and identified on that bench; then it is used as on a robot, without a
+For each physics each wire is characterised and identified on that bench; then it is used as on a robot, without a
 reference sensor: switched on, moved about for a minute or two, switched off for a while, again and again.  Without
 ``--drifts``: false alarms over ``--hours`` for each physics.  With it: each drift at home in growing strength, when the
-driver speaks, and what the position was wrong by until then (the bench knows it, the driver does not).
+driver speaks, and what the position was wrong by until then (the bench knows it, the driver does not).  What a wire came
+to in so many hours is kept (`kept.py`), so that a table may be made a physics at a time.
 """
 
 from __future__ import annotations
@@ -13,16 +14,17 @@ from __future__ import annotations
 import argparse
 import json
 import logging
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from blind_cases import ALLOYS, UNITS
+from control_worlds import digest
+from kept import MODEL, kept
 from rich.console import Console
 from rich.table import Table
-from whole_range import CALIBRATION, OneWire, logs_of
+from whole_range import CALIBRATION, WIRES, OneWire, logs_of
 
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Health, Output, Quality
@@ -36,6 +38,7 @@ from sma_actuator.plant.worlds import HOME, WORLDS
 LOAD_N = 0.98
 REST_s, HELD_s = 40.0, 5.0
 MOVES = 8
+SESSION_s = 125.0  #: that a session takes, about
 STRENGTHS = (0.5, 1.0, 2.0, 4.0)  #: of the unit in which the blind trial measures each effect
 #: What has anything to do with the wire, its circuit or its mount; the reference sensor's faults are not the driver's.
 DRIFTS = (
@@ -44,6 +47,11 @@ DRIFTS = (
     "thermal_expansion", "minor_loop_memory",
 )  # fmt: skip
 SESSIONS = 6
+#: What decides what comes of a use, beside bench and model.
+USED_BY = (
+    "control/pid", "control/commanding", "control/setpoints", "safety", "config", "driver", "actuator", "derived", "health",
+    "whole_range",
+)  # fmt: skip
 
 
 @dataclass
@@ -108,43 +116,64 @@ def calibrated(wire: str, physics: str) -> Config:
     return identify(logs_of(OneWire(wire, physics, 0.0), CALIBRATION, 1), mapping, wire).config
 
 
+def unharmed(wire: str, physics: str, hours: float) -> Life:
+    """So many hours without a drift, or what they came to the last time."""
+
+    def make() -> Life:
+        config = calibrated(wire, physics)
+        return live(config, wire, physics, {}, max(1, round(hours * 3600.0 / SESSION_s)), seed=11)
+
+    return kept(f"health {wire} {physics} {hours:g} h {digest(USED_BY)}", MODEL, make)
+
+
 def false_alarms(args: argparse.Namespace, console: Console) -> list[dict]:
     """Hours without a drift, on each physics."""
-    table = Table(title=f"{args.wire}: {args.hours:g} h of use on each physics, nothing hidden")
-    for header in ("physics", "hours", "alarms", "verdict at the end", "mean error, % of stroke", "took, s"):
-        table.add_column(header)
+    table = Table(title="Used, and nothing hidden", title_justify="left")
+    for header in (
+        "physics",
+        "wire",
+        "hours",
+        "alarms",
+        "first after",
+        "verdict at the end",
+        "mean error, % of stroke",
+    ):
+        table.add_column(header, justify="left" if header in ("physics", "wire", "verdict at the end") else "right")
     rows = []
     for physics in args.physics:
-        begin_s = time.perf_counter()
-        config = calibrated(args.wire, physics)
-        life = live(config, args.wire, physics, {}, max(1, round(args.hours * 3600.0 / 125.0)), seed=11)
-        rows.append({"physics": physics, **vars(life)})
-        took_s = time.perf_counter() - begin_s
-        table.add_row(
-            physics,
-            f"{life.hours:.1f}",
-            str(life.alarms),
-            life.words[:60],
-            f"{life.error_percent:.2f}",
-            f"{took_s:.0f}",
-        )
-        print(json.dumps(rows[-1]), flush=True)
+        for wire in args.wire:
+            life = unharmed(wire, physics, args.hours)
+            rows.append({"physics": physics, "wire": wire, **vars(life)})
+            table.add_row(
+                physics,
+                wire,
+                f"{life.hours:.1f}",
+                str(life.alarms),
+                "" if np.isnan(life.spoke_s) else f"{life.spoke_s:.0f} s",
+                life.words[:60],
+                f"{life.error_percent:.2f}",
+            )
     console.print(table)
+    alarmed = [f"{row['physics']}, {row['wire']}: {row['words']}" for row in rows if row["alarms"]]
+    print(f"{sum(row['hours'] for row in rows):.0f} h in all; alarms in {len(alarmed)} of {len(rows)} rows")
+    for words in alarmed:
+        print(words)
     return rows
 
 
 def drifts(args: argparse.Namespace, console: Console) -> list[dict]:
     """Each drift in growing strength."""
-    config = calibrated(args.wire, HOME)
-    usual = live(config, args.wire, HOME, {}, SESSIONS, seed=12).error_percent
-    table = Table(title=f"{args.wire} at home: drifts; without one the mean error is {usual:.2f} % of stroke")
+    (wire,) = args.wire
+    config = calibrated(wire, HOME)
+    usual = live(config, wire, HOME, {}, SESSIONS, seed=12).error_percent
+    table = Table(title=f"{wire} at home: drifts; without one the mean error is {usual:.2f} % of stroke")
     for header in ("effect", "strength", "mean error, %", "speaks in session", "after, s"):
         table.add_column(header)
     rows = []
     for name in args.effects or DRIFTS:
         for multiple in STRENGTHS:
-            strength = multiple * UNITS[name][ALLOYS.index(args.wire)]
-            life = live(config, args.wire, HOME, {name: strength}, SESSIONS, seed=12)
+            strength = multiple * UNITS[name][ALLOYS.index(wire)]
+            life = live(config, wire, HOME, {name: strength}, SESSIONS, seed=12)
             rows.append({"effect": name, "strength": strength, "usual_percent": usual, **vars(life)})
             spoke = "never" if np.isnan(life.spoke_s) else f"{life.sessions:.0f}"
             table.add_row(name, f"{strength:.3g}", f"{life.error_percent:.2f}", spoke, f"{life.spoke_s:.0f}")
@@ -156,13 +185,15 @@ def drifts(args: argparse.Namespace, console: Console) -> list[dict]:
 def main() -> int:
     """Print a table; returns 0."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--wire", choices=("flexinol", "furukawa"), default="flexinol")
+    parser.add_argument("--wire", nargs="*", choices=WIRES, default=WIRES[:1])
     parser.add_argument("--physics", nargs="*", choices=tuple(WORLDS), default=tuple(WORLDS))
     parser.add_argument("--hours", type=float, default=3.0, help="of bench time, for each physics (default 3)")
     parser.add_argument("--drifts", action="store_true", help="hide drifts instead")
     parser.add_argument("--effects", nargs="*", choices=DRIFTS, help="of these alone")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every number here")
     args = parser.parse_args()
+    if args.drifts and len(args.wire) != 1:
+        parser.error("--drifts: one wire at a time")
     logging.disable(logging.CRITICAL)  # refused setpoints and the like are not what is asked
     console = Console(width=150)
     rows = drifts(args, console) if args.drifts else false_alarms(args, console)

@@ -1,4 +1,4 @@
-"""Make the figures of ``docs/results.md`` again: run their commands and put what they print into the page.
+"""Make the figures of ``docs/results.md`` and the pages beside it again: run their commands and put what they print into the page.
 
     python benchmarks/results.py [NAME …]     (make results, RESULTS="control replay")
 
@@ -17,7 +17,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "results.md"
+PAGES = sorted((ROOT / "docs").glob("*.md"))
 SECTION = re.compile(r"<!-- (?P<name>[\w-]+): (?P<command>[^>]+?) -->\n.*?<!-- end -->", re.DOTALL)
 WIDTH = "150"
 
@@ -33,15 +33,21 @@ def output_of(command: str) -> str:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    text = PAGE.read_text(encoding="utf-8")
-    known = {match["name"]: match["command"] for match in SECTION.finditer(text)}
+    known = {
+        match["name"]: (page, match["command"])
+        for page in PAGES
+        for match in SECTION.finditer(page.read_text(encoding="utf-8"))
+    }
     parser.add_argument("names", nargs="*", choices=[[], *known], metavar="NAME", help=", ".join(known))
     for name in parser.parse_args().names or known:
-        print(f"{name}: python {known[name]}", file=sys.stderr)
-        printed = output_of(known[name])
-        block = f"<!-- {name}: {known[name]} -->\n```text\n$ python {known[name]}\n{printed}\n```\n<!-- end -->"
-        text = SECTION.sub(lambda m, name=name, block=block: block if m["name"] == name else m[0], text)
-        PAGE.write_text(text, encoding="utf-8")  # after each: an hour's work is not lost to the last command
+        page, command = known[name]
+        print(f"{name}: python {command}", file=sys.stderr)
+        printed = output_of(command)
+        block = f"<!-- {name}: {command} -->\n```text\n$ python {command}\n{printed}\n```\n<!-- end -->"
+        text = SECTION.sub(
+            lambda m, name=name, block=block: block if m["name"] == name else m[0], page.read_text(encoding="utf-8")
+        )
+        page.write_text(text, encoding="utf-8")  # after each: an hour's work is not lost to the last command
     return 0
 
 

@@ -1,15 +1,17 @@
 """Gains tuned on every physics of the virtual bench, from gains ten times off, beside the shipped gains.
 
-    python benchmarks/tuning.py [--physics NAME …] [--wire flexinol furukawa] [--load weight spring] [--json FILE]     (make tuning)
+    python benchmarks/tuning.py [--physics NAME …] [--wire flexinol furukawa] [--model whole_range thesis]
+                                [--load weight spring] [--json FILE]                                      (make tuning)
 
 Models are identified from each wire's own logs, as `control_worlds.py` does it, and its steps and sine are what the
 gains are judged by: control error, mean absolute, over that with the shipped gains (kp 800, ki 400, kd 100).  Each wire is
 tuned twice as `sma-actuator tune` does it, from the shipped gains ten times too high and ten times too low; errors and
-unrest are the worse of the two.
+unrest are the worse of the two.  Once more with `thermal.derate_temperature` where the wire is sure to come to be hotter.
 
 * time: of the bench, from the first reading to the gains, with the wait for the wire to count as cool, the longer of the two
-* current: the most that flowed, as share of the bound, the larger of the two
+* current: the most that was commanded, as share of the bound, the larger of the two
 * unrest: the command, RMS about its own line over the second half of each step, shipped and tuned [mA]
+* hot: after so long it was given up since the wire was too hot, with the output off and read back as off [s]
 """
 
 from __future__ import annotations
@@ -18,16 +20,17 @@ import argparse
 import json
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from control_worlds import LOADS, Case, identified, prepared
-from control_worlds import run as run_case
+from control_worlds import LOADS, MODELS, RUN_BY, Case, bench_for, digest, identified, once, prepared
+from kept import MODEL, kept
 from rich.console import Console
 from rich.table import Table
 from whole_range import WIRES
 
 from sma_actuator.base.errors import UserError
-from sma_actuator.base.signals import Output, Tuned
-from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
+from sma_actuator.base.signals import Mode, Output, Tuned
+from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualClock
 from sma_actuator.cli.tune import bounded, tune
 from sma_actuator.config import Config
 from sma_actuator.control.tuning import GAINS
@@ -35,105 +38,147 @@ from sma_actuator.driver import Driver
 from sma_actuator.plant.worlds import WORLDS
 
 OFF = (10.0, 0.1)
-MODEL = "thesis"
 LONGEST_s = 600.0
+SEED = 5
+#: Of the hottest that a tuning makes the wire, above its surroundings: one that may not be so hot is given up.
+TOO_HOT = 0.8
+#: What decides the outcome, beside what the judging runs depend on.
+TUNED_BY = (*RUN_BY, "cli", "tuning")
 
 
 @dataclass
 class Found:
     """What came of one wire."""
 
-    physics: str
-    wire: str
-    load: str
+    case: Case
     gains: list[dict[str, float]]  #: from too high, from too low
     time_s: float
     current: float  #: the most, over the bound
     steps: float  #: control error over that of the shipped gains
     sine: float
     unrest_mA: tuple[float, float]
+    hot_s: float
     trouble: str = ""
 
 
-def tuned(wire: str, physics: str, load: str, times: float) -> tuple[Tuned, float, float]:
-    """The gains from shipped ones that are so many times too high, the time it took [s] and the most current over the bound."""
-    shipped = Config.from_mapping(identified(wire, physics, MODEL))
-    config = shipped.replace({f"controller.{name}": times * getattr(shipped.controller, name) for name in GAINS})
-    bound_A = config.controller.tuning_current * config.supply.max_current
-    config = bounded(config)
-    bench = VirtualBench.from_name(wire, seed=5, load=LOADS[load], physics=physics)
-    currents_A = [0.0]
-    driver = Driver(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
+@dataclass
+class Way:
+    """One tuning, from off to off."""
 
-    def outputs():
+    found: Tuned | None
+    words: str  #: why there are no gains
+    time_s: float
+    current_A: float  #: the most
+    hottest_C: float  #: by the heat balance
+    off: bool  #: and read back from the supply
+
+
+def way(case: Case, changes: dict[str, Any]) -> Way:
+    """Tune the wire of a case with other parameters than its file has."""
+    config = bounded(config_of(case).replace(changes))
+    bench = bench_for(case, seed=SEED)
+    outputs: list[Output] = []
+    supply = InProcessSupply(bench, config)
+    driver = Driver(config, supply, InProcessDaq(bench, config), VirtualClock(bench))
+
+    def steps():
         while bench.time_s < LONGEST_s:
-            output: Output | None = driver.run_for(1.0 / config.loop.rate)
+            output = driver.run_for(1.0 / config.loop.rate)
             if output is not None:
-                currents_A.append(output.command.current_A)
+                outputs.append(output)
                 yield output
 
+    found, words = None, f"no gains within {LONGEST_s:g} s"
     with driver:
-        found = tune(driver, outputs(), lambda words: None)
-        if found is None:
-            raise UserError(f"no gains within {LONGEST_s:g} s")
-        return found, bench.time_s, max(currents_A) / bound_A
-
-
-def run(job: tuple[str, str, str]) -> Found:
-    """One wire in one physics under one load."""
-    physics, wire, load = job
-    try:
-        both = [tuned(wire, physics, load, times) for times in OFF]
-    except UserError as error:
-        return Found(physics, wire, load, [], 0.0, 0.0, float("inf"), float("inf"), (0.0, 0.0), str(error))
-    shipped = [run_case(Case(wire, physics, MODEL, load, program, "pid")) for program in ("steps", "sine")]
-    ours = []
-    for found, *_ in both:
-        changes = tuple((f"controller.{name}", value) for name, value in found.gains.items())
-        ours.append([run_case(replace(case.case, changes=changes)) for case in shipped])
-    faults = ", ".join(sorted({case.fault for pair in ours for case in pair if case.fault}))
-    return Found(
-        physics,
-        wire,
-        load,
-        [found.gains for found, *_ in both],
-        time_s=max(time_s for _, time_s, _ in both),
-        current=max(current for *_, current in both),
-        steps=max(pair[0].control for pair in ours) / shipped[0].control,
-        sine=max(pair[1].control for pair in ours) / shipped[1].control,
-        unrest_mA=(shipped[0].unrest_mA, max(pair[0].unrest_mA for pair in ours)),
-        trouble=faults,
+        try:
+            found = tune(driver, steps(), lambda words: None)
+        except UserError as error:
+            words = str(error)
+        time_s = bench.time_s
+        driver.run_for(1.0)
+        off = driver.output_is_off
+    return Way(
+        found,
+        "" if found else words,
+        time_s,
+        max(o.command.current_A for o in outputs),
+        max((o.status.values["temperature_C"] for o in outputs if o.status.mode is Mode.TUNING), default=float("nan")),
+        off,
     )
+
+
+def config_of(case: Case) -> Config:
+    """The file of the wire, with the shipped gains."""
+    return Config.from_mapping(identified(case.wire, case.physics, case.model))
+
+
+def run(case: Case) -> Found:
+    """One wire in one physics under one load."""
+    shipped = config_of(case)
+    before = {f"controller.{name}": getattr(shipped.controller, name) for name in GAINS}
+    ways = [way(case, {name: times * value for name, value in before.items()}) for times in OFF]
+    bound_A = shipped.controller.tuning_current * shipped.supply.max_current
+    found = Found(
+        case,
+        [w.found.gains for w in ways if w.found is not None],
+        time_s=max(w.time_s for w in ways),
+        current=max(w.current_A for w in ways) / bound_A,
+        steps=float("inf"),
+        sine=float("inf"),
+        unrest_mA=(0.0, 0.0),
+        hot_s=hot_s(case, max(w.hottest_C for w in ways)),
+        trouble="; ".join(sorted({w.words for w in ways if w.words} | {"not off" for w in ways if not w.off})),
+    )
+    if len(found.gains) < len(OFF):
+        return found
+    by_shipped = [once(replace(case, program=program)) for program in ("steps", "sine")]
+    ours = []
+    for gains in found.gains:
+        changes = tuple((f"controller.{name}", value) for name, value in gains.items())
+        ours.append([once(replace(each.case, changes=changes)) for each in by_shipped])
+    found.steps = max(pair[0].control for pair in ours) / by_shipped[0].control
+    found.sine = max(pair[1].control for pair in ours) / by_shipped[1].control
+    found.unrest_mA = (by_shipped[0].unrest_mA, max(pair[0].unrest_mA for pair in ours))
+    faults = {each.fault for pair in ours for each in pair if each.fault}
+    found.trouble = "; ".join([*sorted(faults), *filter(None, [found.trouble])])
+    return found
+
+
+def hot_s(case: Case, hottest_C: float) -> float:
+    """When a tuning is given up that may not make the wire as hot as it would; NaN where it is not, or not cleanly."""
+    ambient_C = config_of(case).thermal.ambient_temperature
+    least_C = ambient_C + TOO_HOT * (hottest_C - ambient_C)
+    too_hot = way(case, {"thermal.derate_temperature": least_C})
+    cleanly = too_hot.found is None and "thermal.derate_temperature" in too_hot.words and too_hot.off
+    return too_hot.time_s if cleanly else float("nan")
+
+
+def run_once(case: Case) -> Found:
+    """What came of it the last time, if nothing has changed that it depends on."""
+    return kept(f"tuning {case} {digest(TUNED_BY)}", MODEL, lambda: run(case))
 
 
 def table_of(found: list[Found]) -> Table:
     """A row for each wire."""
     table = Table(title="Tuned from ten times off; control error over that of the shipped gains", title_justify="left")
-    for header in (
-        "physics",
-        "wire",
-        "load",
-        "kp A/m",
-        "ki A/(m·s)",
-        "time s",
-        "current",
-        "steps",
-        "sine",
-        "unrest mA",
-    ):
-        table.add_column(header, justify="left" if header in ("physics", "wire", "load") else "right")
+    for header in ("physics", "wire", "model", "load"):
+        table.add_column(header)
+    for header in ("kp A/m", "ki A/(m·s)", "time s", "current", "steps", "sine", "unrest mA", "hot s"):
+        table.add_column(header, justify="right")
     for f in found:
         table.add_row(
-            f.physics,
-            f.wire,
-            f.load,
+            f.case.physics,
+            f.case.wire,
+            f.case.model,
+            f.case.load,
             " ".join(f"{gains['kp']:.4g}" for gains in f.gains),
             " ".join(f"{gains['ki']:.4g}" for gains in f.gains),
             f"{f.time_s:.0f}",
             f"{f.current:.2f}",
             f"{f.steps:.2f}",
             f"{f.sine:.2f}",
-            f"{f.unrest_mA[0]:.1f} {f.unrest_mA[1]:.1f}" + (f" ({f.trouble})" if f.trouble else ""),
+            f"{f.unrest_mA[0]:.1f} {f.unrest_mA[1]:.1f}",
+            f"{f.hot_s:.0f}",
         )
     return table
 
@@ -143,19 +188,29 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--physics", nargs="*", choices=tuple(WORLDS), default=tuple(WORLDS))
     parser.add_argument("--wire", nargs="*", choices=WIRES, default=WIRES)
+    parser.add_argument("--model", nargs="*", choices=MODELS, default=("whole_range",))
     parser.add_argument("--load", nargs="*", choices=tuple(LOADS), default=tuple(LOADS))
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every number here")
     args = parser.parse_args()
-    pairs = [(physics, wire, MODEL) for physics in args.physics for wire in args.wire]
-    jobs = [(physics, wire, load) for physics, wire, _ in pairs for load in args.load]
-    found = prepared(pairs, run, jobs, args.jobs)
-    Console().print(table_of(found))
+    pairs = [(physics, wire, " ".join(args.model)) for physics in args.physics for wire in args.wire]
+    cases = [
+        Case(wire, physics, model, load, "steps", "pid")
+        for physics, wire, _ in pairs
+        for model in args.model
+        for load in args.load
+    ]
+    found = prepared(pairs, run_once, cases, args.jobs)
+    Console(width=150).print(table_of(found))
+    for f in found:
+        if f.trouble:
+            print(f"{f.case.physics}, {f.case.wire}, {f.case.model}, {f.case.load}: {f.trouble}")
     worst = max(found, key=lambda f: max(f.steps, f.sine))
     print(
-        f"worst: {max(worst.steps, worst.sine):.2f} ({worst.physics}, {worst.wire}, {worst.load}); at most "
+        f"worst: {max(worst.steps, worst.sine):.2f} ({worst.case.physics}, {worst.case.wire}, {worst.case.load}); at most "
         f"{max(f.time_s for f in found):.0f} s and {max(f.current for f in found):.0%} of the bound; "
-        f"{sum(bool(f.trouble) for f in found)} of {len(found)} given up or with a fault"
+        f"{sum(bool(f.trouble) for f in found)} of {len(found)} given up or with a fault; "
+        f"{sum(f.hot_s == f.hot_s for f in found)} of {len(found)} given up, and off, when too hot"
     )
     if args.json:
         args.json.write_text(json.dumps([asdict(f) for f in found], indent=1) + "\n", encoding="utf-8")

@@ -270,6 +270,7 @@ class Actuator:
             bound_A=gains.tuning_current * config.supply.max_current,
             hottest_C=config.thermal.derate_temperature,
             period_s=1.0 / config.loop.rate,
+            time_constant_s=config.thermal.heat_capacity / config.thermal.heat_loss,
         )
         self._tuning = Tuning(self._controller, gains, surroundings, self._told.current_A)
         self._commanding.tune()

@@ -6,9 +6,11 @@ it comes (:class:`Wanted`); its heat balance, kept on the power that did flow, h
     P = h (T_wanted − T_ambient) + C (T_wanted − T) / heating_time
 
 takes the wire there and holds it there.  Until it is there the first term gives way to the second, which the limits
-of the current cut off: full current, or none.  The PID gives what is left.  Nothing of it comes from the position but
-the latent heat in T, so that a wrong number costs error and not stability: the PID makes up for it as for everything
-that it is not told.
+of the current cut off: full current, or none.  A long way ends where the wire is seen to arrive, whatever its heat is
+reckoned to be; a short one, as from one branch to the other where the setpoint turns, where the heat is reckoned to be
+enough.  The PID gives what is left, without its derivative: that would brake the motion that is asked for.  Nothing else
+of it comes from the position but the latent heat in T, so that a wrong number costs error and not stability: the PID makes
+up for it as for everything that it is not told.
 
 A wire cools no faster than its surroundings let it, and heats no faster than the limit of the current does.  What
 the setpoint asks for beyond that is not followed but shaped: the reference of the PID moves as the wire can, so that
@@ -42,6 +44,11 @@ SHAPED = 0.005
 ON_THE_WAY_K, THERE_K = 4.0, 0.5
 #: Share of the full stroke by which a wire that has gone too far is there, whatever its heat is reckoned to be.
 TOO_FAR = 0.01
+#: A way that is longer than this share of the full stroke ends where the wire arrives, by when a command acts, and not where
+#: its heat is reckoned to be enough; unless the heat is beyond that by so much.
+LONG_WAY, MOST_BEYOND_K = 0.03, 25.0
+#: Periods of the loop until what is asked for now acts: a reading is of the one before, and a command stands for one.
+OWN_PERIODS = 1.5
 #: Time in which a jump of the current is worn off that taking over would have made.
 TAKE_OVER_s = 1.0
 
@@ -154,6 +161,8 @@ class FeedForwardPid(PidController):
         )
         self.wanted = Wanted(sections)
         self._way = 0  #: 1: heating towards the temperature wanted, -1: cooling, 0: there, or about there
+        self._long = False  #: the way is so long that the wire is seen to arrive
+        self._seen = self._soon = (nan, nan)  #: position and temperature of the last step, and when a command acts
         self._led_C = nan  #: temperature of a wire that is given nothing but what is asked for here
         self.temperature_C = self._ambient_C = thermal.ambient_temperature
         self._heat_C = nan  #: the heat content, as the temperature that goes with it at no share of the stroke
@@ -166,6 +175,7 @@ class FeedForwardPid(PidController):
         self._paced_m = nan
         self.paced = False
         super().__init__(gains, supply.bias_current)
+        self.braking = 1.0 - gains.feed_forward
 
     # --- what the wire does -------------------------------------------------------------------------
 
@@ -212,16 +222,26 @@ class FeedForwardPid(PidController):
         """Change the gains between two steps without a jump of the output."""
         self._wearing_off_A += (self.gains.feed_forward - gains.feed_forward) * self._asked_A
         super().set_gains(gains)
+        braking = 1.0 - gains.feed_forward
+        self.integral_A += (self.braking - braking) * gains.kd * self.velocity_m_s
+        self.braking = braking
 
     def step(self, position_m: float, setpoint_m: float, dt_s: float, limit_A: float) -> float:
         """As that of the PID, on the reference as far as the wire can follow it."""
         if isfinite(position_m + setpoint_m) and SHORTEST_STEP_s <= dt_s <= 1e6 and limit_A >= self.bias_A:
+            self._look_ahead(position_m)
             self._asked_A = self._asks_A(position_m, setpoint_m)
             self._lead(min(self._asked_A, limit_A), dt_s)
             self._wearing_off_A *= exp(-dt_s / TAKE_OVER_s)
             self.ahead_A = self.gains.feed_forward * self._asked_A + self._wearing_off_A
             setpoint_m = self._pace(position_m, setpoint_m, dt_s, limit_A)
         return super().step(position_m, setpoint_m, dt_s, limit_A)
+
+    def _look_ahead(self, position_m: float) -> None:
+        """Where the wire will be, and how warm, when what is asked for now acts."""
+        before, self._seen = self._seen, (position_m, self.temperature_C)
+        soon = [now + OWN_PERIODS * (now - old) for now, old in zip(self._seen, before, strict=True)]
+        self._soon = (soon[0], soon[1]) if isfinite(sum(soon)) else self._seen
 
     def _lead(self, current_A: float, dt_s: float) -> None:
         """Warm the wire that is given nothing but what is asked for here."""
@@ -245,18 +265,38 @@ class FeedForwardPid(PidController):
         led_C = self._led_C + self._latent_K * self._share
         if abs(wanted_C - led_C) > ON_THE_WAY_K and not self._way:
             self._way = 1 if wanted_C > self.temperature_C else -1
+            self._long = False
             self.integral_A *= (
                 1.0 - self.gains.feed_forward
             )  # what held the wire inside its loop is of no use on the way
         if self._way:
             led_C = self.temperature_C
-            too_far_m = self._way * (setpoint_m - position_m)
-            if (wanted_C - led_C) * self._way < THERE_K or too_far_m > TOO_FAR * self._full_m:
+            left_m = self._way * (position_m - setpoint_m)
+            if abs(left_m) > LONG_WAY * self._full_m:
+                self._long = True
+                self._way = self._way if left_m > 0.0 else -self._way  # the setpoint is behind the wire by now
+            if self._is_there(position_m, setpoint_m, wanted_C):
                 self._way = 0
                 led_C = wanted_C
+            elif self._long:
+                return self._highest_A if self._way > 0 else self.bias_A
             self._led_C = led_C - self._latent_K * self._share
-        power_W = self._loss_W_K * (wanted_C - self._ambient_C)
-        power_W += self._capacity_J_K * (wanted_C - led_C) / self.gains.heating_time
+        return self._holds_A(wanted_C, (wanted_C - led_C) / self.gains.heating_time)
+
+    def _is_there(self, position_m: float, setpoint_m: float, wanted_C: float) -> bool:
+        """Whether the way is at its end; what then holds the wire is the integral's where it is otherwise than reckoned."""
+        beyond_K = self._way * (self.temperature_C - wanted_C)
+        if not self._long:
+            return beyond_K > -THERE_K or self._way * (setpoint_m - position_m) > TOO_FAR * self._full_m
+        soon_m, soon_C = self._soon
+        if self._way * (setpoint_m - soon_m) < 0.0:
+            return beyond_K > MOST_BEYOND_K
+        self.integral_A += self.gains.feed_forward * (self._holds_A(soon_C) - self._holds_A(wanted_C))
+        return True
+
+    def _holds_A(self, temperature_C: float, rate_K_s: float = 0.0) -> float:
+        """The current, between bias and what there is, that holds a temperature, and changes it at a rate."""
+        power_W = self._loss_W_K * (temperature_C - self._ambient_C) + self._capacity_J_K * rate_K_s
         current_A = sqrt(max(power_W, 0.0) / self._resistance_Ohm)
         return min(max(current_A, self.bias_A), self._highest_A)
 

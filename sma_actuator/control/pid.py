@@ -56,6 +56,7 @@ class PidController:
         "at_bias",
         "at_max",
         "bias_A",
+        "braking",
         "error_m",
         "gains",
         "integral_A",
@@ -70,6 +71,7 @@ class PidController:
         self.gains = gains
         self.bias_A = bias_current_A
         self.ahead_A = 0.0  #: what is given ahead of the PID, by a law that is built on it
+        self.braking = 1.0  #: share of the derivative that acts, less in a law that brakes otherwise
         self.reset(0.0, bias_current_A)
 
     def reset(self, position_m: float, output_A: float) -> None:
@@ -93,7 +95,8 @@ class PidController:
         The integral takes up what the other two terms change by.
         """
         old = self.gains
-        self.integral_A += (old.kp - gains.kp) * self.error_m + (old.kd - gains.kd) * self.velocity_m_s
+        damping_change = self.braking * (old.kd - gains.kd)
+        self.integral_A += (old.kp - gains.kp) * self.error_m + damping_change * self.velocity_m_s
         self.gains = gains
 
     def step(self, position_m: float, setpoint_m: float, dt_s: float, limit_A: float) -> float:
@@ -130,7 +133,7 @@ class PidController:
         self.position_m = position_m
         self.error_m = error_m
 
-        rest_A = gains.kp * error_m + gains.kd * self.velocity_m_s + self.ahead_A
+        rest_A = gains.kp * error_m + self.braking * gains.kd * self.velocity_m_s + self.ahead_A
         integral_A = self.integral_A + gains.ki * error_m * dt_s
         output_A = rest_A + integral_A
         self.at_max = output_A > limit_A

@@ -57,8 +57,6 @@ UNREST = 0.1
 #: Unrest, as share of the bound, from which a trial counts as one that swings; and how many times less than what swings
 #: the gains are at the most.
 RESTLESS, MARGIN = 0.06, 4.0
-#: An integral time so many times the quickest is slow.
-SLOWEST = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +69,7 @@ class Surroundings:
     bound_A: float  #: no more is asked for
     hottest_C: float  #: it is given up above
     period_s: float  #: of the loop
+    time_constant_s: float  #: of the wire's heat
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,24 +134,20 @@ def _way(time_s: np.ndarray, ahead_m: np.ndarray) -> tuple[float, float]:
     return max(mean_s - time_s[0] - (mean_m - float(ahead_m[turn])) / speed_m_s, 0.0), speed_m_s
 
 
-def gains_of(swings: Swings, period_s: float) -> dict[str, float]:
+def gains_of(swings: Swings, period_s: float, time_constant_s: float) -> dict[str, float]:
     """Gains by SIMC, for the faster of the two ways: on the slower one they are the gentler for it.
 
     The dead time is the shorter one: what the wire takes to cross its hysteresis comes on top, and is the longer the
-    less the current changes, so that it says nothing of how soon the wire can answer.
+    less the current changes, so that it says nothing of how soon the wire can answer.  The integral time is the time
+    constant of the wire's heat: with a quicker one a wire that stands still inside its hysteresis hunts to and fro over
+    it, a slower one follows no ramp.
     """
-    ways = (swings.heating, swings.cooling)
-    slope_m_sA = 2.0 * swings.holding_A * max(way.slope_m_sA2 for way in ways)
-    dead_time_s = min(way.dead_time_s for way in ways) + OWN_PERIODS * period_s
+    slope_m_sA = 2.0 * swings.holding_A * max(way.slope_m_sA2 for way in (swings.heating, swings.cooling))
+    dead_time_s = min(way.dead_time_s for way in (swings.heating, swings.cooling)) + OWN_PERIODS * period_s
     kp = 1.0 / max(slope_m_sA * 2.0 * dead_time_s, 1e-9)
     if not kp < LARGEST_A_m:
         raise GivenUp("the wire does not contract with more current, and extend with less")
-    return {"kp": kp, "ki": kp / integral_time_s(dead_time_s), "kd": 0.0}
-
-
-def integral_time_s(dead_time_s: float) -> float:
-    """SIMC's, with a closed loop as slow as the dead time."""
-    return 8.0 * dead_time_s
+    return {"kp": kp, "ki": kp / time_constant_s, "kd": 0.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,6 +156,15 @@ class Trial:
 
     worth: float  #: to be made little: mean distance from them as share of the full stroke, raised by the unrest
     unrest: float  #: of the current from step to step on the ramp, RMS, as share of the bound
+
+
+def swings_from_A_m(tried: Mapping[tuple[float, ...], Trial]) -> float:
+    """The proportional gain from which the current swings: until then its unrest grows with the gain."""
+    calm = max(((gains[0], trial.unrest) for gains, trial in tried.items() if trial.unrest <= RESTLESS), default=None)
+    restless_A_m = min((gains[0] for gains, trial in tried.items() if trial.unrest > RESTLESS), default=inf)
+    if calm is None or not calm[1] > 0.0:
+        return restless_A_m
+    return min(restless_A_m, calm[0] * RESTLESS / calm[1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,7 +259,7 @@ class Tuning:
 
     def _experiments(self) -> Generator[None, Sample, Tuned]:
         swings = yield from self._swing()
-        gains = gains_of(swings, self._around.period_s)
+        gains = gains_of(swings, self._around.period_s, self._around.time_constant_s)
         by_rules = dict(gains)
         self._law.reset(self._last.position_m, swings.holding_A)
         self._relay = False
@@ -269,7 +273,6 @@ class Tuning:
     def _improve(self, gains: dict[str, float]) -> Generator[None, Sample, dict[str, float]]:
         """The best of the gains that are tried, with a distance from those at which the current begins to swing."""
         tried = {tuple(gains.values()): (yield from self._try(gains))}
-        restless_A_m = inf
         for pair in TRIED:
             helped = False
             for names, factor in pair:
@@ -282,22 +285,16 @@ class Tuning:
                         if len(tried) >= MOST_TRIALS:
                             break
                         tried[key] = yield from self._try(other)
-                    if tried[key].unrest > RESTLESS:
-                        restless_A_m = min(restless_A_m, other["kp"])
                     if tried[key].worth > (1.0 - BETTER) * tried[tuple(gains.values())].worth:
                         break
                     gains, helped = other, True
-        less = min(1.0, restless_A_m / (MARGIN * gains["kp"]))
-        # A slow integral stays what it is: it takes little of that distance, and without it no ramp is followed.
-        slowest_s = SLOWEST * integral_time_s(OWN_PERIODS * self._around.period_s)
-        ki = max(less * gains["ki"], min(gains["ki"], less * gains["kp"] / slowest_s))
-        return {**gains, "kp": less * gains["kp"], "ki": ki}
+        kp = min(gains["kp"], swings_from_A_m(tried) / MARGIN)
+        return {**gains, "kp": kp, "ki": min(gains["ki"], kp / self._around.time_constant_s)}
 
     def _times(self, gains: dict[str, float], names: tuple[str, ...], factor: float) -> dict[str, float]:
-        """Gains of which some are multiplied; the integral no quicker than the rules have it without any dead time of the wire."""
+        """Gains of which some are multiplied; the integral no quicker than the rules have it."""
         other = {name: value * factor if name in names else value for name, value in gains.items()}
-        quickest_s = integral_time_s(OWN_PERIODS * self._around.period_s)
-        return {**other, "ki": min(other["ki"], other["kp"] / quickest_s)}
+        return {**other, "ki": min(other["ki"], other["kp"] / self._around.time_constant_s)}
 
     def _swing(self) -> Generator[None, Sample, Swings]:
         """Swing about the middle until there are enough swings to see."""

@@ -86,6 +86,9 @@ class Calibration:
     expected_weights: tuple[float, ...] = parameter(
         (), "of the regression that says what residual to expect", "m", optional=True
     )
+    expected_size: tuple[float, ...] = parameter(
+        (), "of the one that says how far off that is, in the floor below: where it was not fitted", optional=True
+    )
     expected_white: tuple[float, ...] = parameter(
         (),
         "lower triangle, row by row, that makes those features white: the floor rises with how strange they are",
@@ -162,6 +165,11 @@ class Calibration:
     def cooling_rise_K(self, stress_Pa: float) -> float:
         """The rise above ambient at which a cooling wire passes ``cooling_position``; NaN where that is not known."""
         return float(np.interp(stress_Pa, self.cooling_stress, self.cooling_rise)) if self.cooling_rise else nan
+
+    @property
+    def expects(self) -> bool:
+        """Whether it says what residual to expect at a place with its history, and how surely."""
+        return bool(self.expected_weights and self.expected_size)
 
     @property
     def hot_end_known(self) -> bool:

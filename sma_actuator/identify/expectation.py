@@ -10,9 +10,9 @@ A model may also depend on the way by which its load came to be what it is, whic
 told it; what it would say if the load had always been so is another opinion.  Between the two lies what is expected,
 and how far they are apart is part of how well it is known (:func:`always_so_m`).
 
-It is judged where it was not fitted: by loads left out, or, where these are too few for that, by stretches of time
-left out of each log.  That is the floor; it stands higher the stranger a place and its history are to the logs, as the
-error of a regression does.
+It is judged where it was not fitted: by loads left out, or, where these are too few for that, by stretches of time left
+out of each log.  How far off it is there is learned in the same way, for a place and its history.  That is the floor; it
+stands higher the stranger these are to the logs, as the error of a regression does.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ UNITS = 240  #: bends, of SEEN_TOGETHER of the features each
 SEEN_TOGETHER = 3
 FEATURES = DIRECT + len(PLAYS_K) + len(PLAYS_OF_RANGE) + 2  #: with the model's displacement and the branch
 RIDGE = 1e-3  #: per row
-FLOOR_BETWEEN = (0.5, 5.0)  #: of its mean
+SIZE_BETWEEN = (0.3, 3.0)  #: of its mean: what a floor is at the places and with the histories that were seen
+STRANGER = 5.0  #: times as high at most, where they were not
 MOST_ROWS = 8000  #: that the regression sees; logs of more are thinned
 FOLDS = 4
 BLOCK_s = 20.0  #: left out together: longer than what a residual remembers; less of short logs
@@ -52,7 +53,7 @@ class Expectation:
 
     def __init__(self, config: Config):
         c = config.calibration
-        if not c.expected_weights:
+        if not c.expects:
             raise ValueError("the calibration says nothing of its residual")
         self._low_m, self._high_m = c.expected_stroke
         self._ambient_C = _usual_C(config)
@@ -60,7 +61,7 @@ class Expectation:
         self._widths_Ohm = np.array(PLAYS_OF_RANGE) * c.resistance_range
         self._centre, self._scale = np.array(c.expected_centre), np.array(c.expected_scale)
         self._least, self._most = np.array(c.expected_least), np.array(c.expected_most)
-        self._weights_m = np.array(c.expected_weights)
+        self._weights_m, self._size = np.array(c.expected_weights), np.array(c.expected_size)
         self._white = np.zeros((FEATURES, FEATURES))
         self._white[np.tril_indices(FEATURES)] = c.expected_white
         self._floor_m = c.floor / 100 * config.wire.full_stroke_m
@@ -71,8 +72,10 @@ class Expectation:
 
     def floor_m(self, found: Estimates, rows: np.ndarray | slice) -> np.ndarray:
         """How far off that is in the mean where it was not fitted, of some of n samples."""
-        square = np.sum((self._seen(found, rows) @ self._white.T) ** 2, axis=1)
-        return self._floor_m * np.clip(np.sqrt((1.0 + square) / (1.0 + FEATURES)), *FLOOR_BETWEEN)
+        seen = self._seen(found, rows)
+        square = np.sum((seen @ self._white.T) ** 2, axis=1)
+        stranger = np.clip(np.sqrt((1.0 + square) / (1.0 + FEATURES)), 1.0, STRANGER)
+        return self._floor_m * np.clip(_evaluate(seen, self._size), *SIZE_BETWEEN) * stranger
 
     def _seen(self, found: Estimates, rows: np.ndarray | slice) -> np.ndarray:
         stroke_m = (self._low_m, self._high_m)
@@ -131,9 +134,10 @@ def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config:
     z = (seen - centre) / scale
     basis = _basis(z)
     weights_m = _ridge(basis, residual_m)
-    news_m = _left_out(z, residual_m, _folds(experiments, log, block))
+    news_m = _unexpected_m(experiments, log, block, z, residual_m)
     if np.abs(news_m).mean() >= np.abs(residual_m).mean():  # what it learned does not hold where it was not fitted
         weights_m, news_m = np.zeros_like(weights_m), residual_m
+    size = _ridge(basis, np.abs(news_m) / max(np.abs(news_m).mean(), 1e-300))
     white = np.linalg.inv(np.linalg.cholesky(z.T @ z / len(z) + RIDGE * np.eye(FEATURES)))
     return {
         "expected_stroke": (low_m, high_m),
@@ -142,6 +146,7 @@ def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config:
         "expected_least": _rounded(z.min(axis=0)),
         "expected_most": _rounded(z.max(axis=0)),
         "expected_weights": _rounded(weights_m),
+        "expected_size": _rounded(size),
         "expected_white": _rounded(white[np.tril_indices(FEATURES)]),
         "floor": float(np.abs(news_m).mean()) / full_m * 100,
         "independent_time": correlation_time_s(time_s, news_m, log),
@@ -247,15 +252,26 @@ def _ridge(basis: np.ndarray, target: np.ndarray) -> np.ndarray:
     return np.linalg.solve(basis.T @ basis + np.diag(shrink), basis.T @ target)
 
 
-def _folds(experiments: Sequence[Experiment], log: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """A fold for every row: all logs of a load together, neighbouring loads in different folds; where there are too few
-    loads, stretches of each log."""
+def _unexpected_m(
+    experiments: Sequence[Experiment], log: np.ndarray, block: np.ndarray, z: np.ndarray, residual_m: np.ndarray
+) -> np.ndarray:
+    """What is left of the residual where it was not fitted: with all logs of a load left out together, neighbouring loads in
+    different folds; where there are too few loads, with stretches of each log.
+
+    Of the lightest and the heaviest load, which nothing lies beyond, stretches are left out too; what they leave is raised by
+    as much as a load between leaves more when it is left out than its stretches do.
+    """
+    of_stretches_m = _left_out(z, residual_m, block.astype(int) % FOLDS)
     stress_Pa = np.array([t.mean_stress_Pa for t in experiments])
     ordered = np.sort(stress_Pa)
     edges_Pa = ordered[1:][np.diff(ordered) > SAME_LOAD * np.abs(ordered[:-1])]
     if len(edges_Pa) + 1 < FEWEST_LOADS:
-        return block.astype(int) % FOLDS
-    return np.searchsorted(edges_Pa, stress_Pa, side="right")[log] % FOLDS
+        return of_stretches_m
+    load = np.searchsorted(edges_Pa, stress_Pa, side="right")[log]
+    of_loads_m = _left_out(z, residual_m, load % FOLDS)
+    between = (load > 0) & (load < len(edges_Pa))
+    more = np.abs(of_loads_m[between]).mean() / max(np.abs(of_stretches_m[between]).mean(), 1e-300)
+    return np.where(between, of_loads_m, of_stretches_m * max(1.0, more))
 
 
 def _left_out(z: np.ndarray, target: np.ndarray, fold: np.ndarray) -> np.ndarray:

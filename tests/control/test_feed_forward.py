@@ -83,10 +83,44 @@ def test_at_a_gain_of_zero_it_is_the_pid_bit_for_bit(config):
         each.reset(0.002, 0.2)
     for k in range(200):
         sensed(law, 0.05 * k)
-        position_m, setpoint_m = 0.002 + 1e-5 * math.sin(0.3 * k), 0.0025 if k > 100 else 0.002
+        moved_m = min(max(k - 120, 0) * 2e-5, 5e-4)  # it arrives
+        position_m, setpoint_m = 0.002 + moved_m + 1e-5 * math.sin(0.3 * k), 0.0025 if k > 100 else 0.002
         wanted_A = pid.step(position_m, setpoint_m, 0.05, 0.4)
         assert law.step(position_m, setpoint_m, 0.05, 0.4) == wanted_A
         assert not law.paced
+
+
+def test_the_derivative_brakes_no_motion_that_is_given_ahead(config):
+    asked_A = {}
+    for share, kd in ((1.0, 0.0), (1.0, 100.0), (0.5, 0.0), (0.5, 50.0), (0.5, 100.0)):
+        law = FeedForwardPid(replace(config.controller, feed_forward=share, kd=kd), config)
+        sensed(law, 0.0)
+        law.reset(0.002, 0.2)
+        asked_A[share, kd] = [law.step(0.002 - 1e-6 * k, 0.002 - 1e-6 * k, 0.05, 0.4) for k in range(40)]
+    assert asked_A[1.0, 100.0] == asked_A[1.0, 0.0]
+    for none_A, half_A, all_A in zip(*(asked_A[0.5, kd] for kd in (0.0, 50.0, 100.0)), strict=True):
+        assert all_A - none_A == pytest.approx(2.0 * (half_A - none_A), abs=1e-12)
+    assert asked_A[0.5, 100.0][-1] - asked_A[0.5, 0.0][-1] == pytest.approx(0.5 * 100.0 * -2e-5, rel=1e-3)
+
+
+@pytest.mark.parametrize("off_K", [-20.0, 0.0, 20.0])
+def test_a_long_way_ends_where_the_wire_arrives_whatever_its_heat_is_reckoned_to_be(config, off_K):
+    law = FeedForwardPid(replace(config.controller, kp=0.0, ki=0.0, kd=0.0), config)
+    sensed(law, 0.0)
+    law.reset(0.003, 0.15)
+    for _ in range(400):  # what taking over has left wears off
+        law.step(0.003, 0.003, 0.05, 0.4)
+    law.step(0.003, 0.0015, 0.05, 0.4)
+    reckoned_C = law.wanted.temperature_C(law._share_at(0.0015), 53.7e6) + off_K
+    asked_A = {}
+    for tenths_mm in range(29, 14, -1):
+        law.temperature_C = reckoned_C
+        asked_A[tenths_mm] = law.step(1e-4 * tenths_mm, 0.0015, 0.05, 0.4)
+    far = [asked_A[tenths_mm] for tenths_mm in range(29, 16, -1)]
+    assert far == [0.4] * len(far)  # all there is
+    holds_A = math.sqrt(config.thermal.heat_loss * (reckoned_C - 22.0) / 4.8)
+    assert asked_A[16] == pytest.approx(holds_A, abs=1e-6)  # by when that acts it will be there
+    assert asked_A[15] == pytest.approx(holds_A, abs=1e-6)
 
 
 def test_taking_over_and_changing_its_gain_make_no_jump(config):

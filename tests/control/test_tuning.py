@@ -14,7 +14,7 @@ from sma_actuator.base.yaml_text import with_values
 from sma_actuator.cli import tune as tune_command
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config
-from sma_actuator.control.tuning import GAINS, GivenUp, gains_of, swings_of
+from sma_actuator.control.tuning import GAINS, RESTLESS, GivenUp, Trial, gains_of, swings_from_A_m, swings_of
 from sma_actuator.plant.loads import Weight
 
 SHIPPED = Config.load(shared_file("config/flexinol.yaml"))
@@ -50,10 +50,10 @@ def test_a_relay_test_tells_heating_from_cooling():
 
 def test_the_rules_are_those_of_an_integrating_process():
     swings = swings_of(*relay_test(dead_time_s=(0.3, 0.3), slope_m_sA2=(0.01, 0.01)))
-    gains = gains_of(swings, period_s=0.0)
+    gains = gains_of(swings, period_s=0.0, time_constant_s=1.7)
     slope_m_sA = 2.0 * swings.holding_A * swings.heating.slope_m_sA2
     assert gains["kp"] == pytest.approx(1.0 / (slope_m_sA * 2.0 * 0.3), rel=0.1)
-    assert gains["kp"] / gains["ki"] == pytest.approx(8.0 * 0.3, rel=0.1)
+    assert gains["kp"] / gains["ki"] == pytest.approx(1.7)
     assert gains["kd"] == 0.0
 
 
@@ -61,6 +61,16 @@ def test_a_wire_that_does_not_swing_is_given_up():
     time_s, place_m, current_A = relay_test()
     with pytest.raises(GivenUp, match=r"the wire swung \d times .* is the load one that it lifts"):
         swings_of(time_s[:300], place_m[:300], current_A[:300])
+
+
+def test_the_gain_at_which_the_current_swings_is_told_from_the_largest_calm_one():
+    def trial(unrest):
+        return Trial(worth=0.1, unrest=unrest)
+
+    calm = {(400.0, 240.0, 0.0): trial(0.01), (800.0, 480.0, 0.0): trial(0.02)}
+    assert swings_from_A_m(calm) == pytest.approx(800.0 * RESTLESS / 0.02)
+    assert swings_from_A_m({**calm, (1600.0, 960.0, 0.0): trial(2.0 * RESTLESS)}) == 1600.0
+    assert swings_from_A_m({(1600.0, 960.0, 0.0): trial(2.0 * RESTLESS)}) == 1600.0
 
 
 def rig_of(**changes):
@@ -104,6 +114,9 @@ def test_in_less_than_five_minutes_without_a_fault_and_never_above_the_bound(tun
     assert most_A > 0.8 * SHIPPED.supply.max_current
     assert found.before == pytest.approx({name: 10.0 * OFF[f"controller.{name}"] for name in GAINS})
     assert tuned.status.values["tuning"].startswith("done: kp ")
+    # With a quicker integral a wire that stands still inside its hysteresis hunts to and fro over it.
+    time_constant_s = SHIPPED.thermal.heat_capacity / SHIPPED.thermal.heat_loss
+    assert found.gains["kp"] / found.gains["ki"] > 0.99 * time_constant_s
 
 
 def test_the_gains_are_taken_over_without_a_jump(tuned):

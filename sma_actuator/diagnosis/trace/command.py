@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -105,10 +106,12 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(args) as bar:
         task = bar.add_task("reading", total=1.0)
         if args.calibration:
-            experiments = make_experiments(
-                read_logs(args.calibration, reading, console.print), config, FITTERS[config.model_type].remembers
-            )
-            mapping["calibration"] = to_mapping(calibration_of(experiments, config))
+            learned = FITTERS[config.model_type].remembers
+            experiments = make_experiments(read_logs(args.calibration, reading, console.print), config, learned)
+            # What it leaves on logs that it has learned is no measure of others; what identify found on others is.
+            known_percent = config.calibration.floor
+            fresh_percent = known_percent if learned and math.isfinite(known_percent) else 0.0
+            mapping["calibration"] = to_mapping(calibration_of(experiments, config, fresh_percent=fresh_percent))
             config = Config.for_tools(mapping, str(args.config))
         logs = read_logs(args.logs, reading, console.print)
         evidence = Evidence(logs, config, args.beyond_floor)

@@ -35,6 +35,9 @@ INDEPENDENT = (
 UNIT_TIMES = 4.0  #: a unit lasts at least so many times as long as errors remember themselves
 LIMIT = 3.0  #: residual, in standard deviations, above which it counts linearly (Huber)
 WORST = 30.0  #: and the largest that counts at all
+#: Of what a wire's hot end moved while it was calibrated: how far such a wire is since then from what was fitted, which is the
+#: mean of the calibration and so half of it back, and that in the mean over the stroke, whose cold end stands.
+SINCE_THEN = 0.25
 FLOOR_percent = 1.5  #: of full stroke, where the model does not say how good it was
 #: Who says, beside the displacement all along, whether an effect is there: what a wire at rest shows, and a spring.
 WITNESSES = (
@@ -131,7 +134,7 @@ class Evidence:
         every = max(1, math.ceil(sum(map(len, self._measured_m)) / COMPARED))
         #: Samples of every log that a residual is made of: neighbours say the same.
         self.compared = [np.arange(every // 2, len(m), every) for m in self._measured_m]
-        known = bool(self.calibration.expected_weights) and not beyond_floor
+        known = self.calibration.expects and not beyond_floor
         self._expectation = Expectation(config) if known else None
         #: Of every log, for the model as it is: how far it is from half the way to one whose load was always what it is.
         self._always_so_m = [always_so_m(signals, self.chain({})) for signals, _ in self._seen] if known else []
@@ -360,7 +363,8 @@ class Evidence:
         out = []
         for i, ((p, kept), rows) in enumerate(zip(self._judgements(self.chain({})), self.compared, strict=True)):
             here = np.arange(len(p.time_s))[kept][rows]
-            out.append(np.hypot(self._expectation.floor_m(p, here), self._always_so_m[i][here]))
+            floor_m = np.hypot(self._expectation.floor_m(p, here), self._always_so_m[i][here])
+            out.append(np.hypot(floor_m, SINCE_THEN * c.changed))
         return out
 
     def residual(self, effects: Mapping[str, Effect]) -> np.ndarray:

@@ -141,11 +141,10 @@ def _listed(words: Sequence[str]) -> str:
 
 #: What to do next, by the part in which the fault lies.
 NEXT = {
-    "circuit": "Look at leads, contacts and channels; meanwhile the extended model allows for it.",
-    "load cell": "Calibrate the load cell again; meanwhile the extended model allows for it.",
-    "wire": "The extended model allows for it.",
-    "mechanism": "Look at the crimps and the joint; the model is left alone.",
-    "reference": "Check the displacement sensor; the wire and its model are left alone.",
+    "circuit": "Look at leads, contacts and channels.",
+    "load cell": "Calibrate the load cell again.",
+    "mechanism": "Look at the crimps and the joint.",
+    "reference": "Check the displacement sensor.",
 }
 
 
@@ -160,11 +159,29 @@ def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[st
         else "."
     )
     if alternatives:
-        text += f" It could as well be {' or '.join(a['name'] for a in alternatives)}. To tell: "
+        for name in dict.fromkeys(a["instead_of"] for a in alternatives):
+            instead = " or ".join(a["name"] for a in alternatives if a["instead_of"] == name)
+            text += (
+                f" Instead of {name} it could as well be {instead}."
+                if len(names) > 1
+                else f" It could as well be {instead}."
+            )
+        text += " To tell: "
         text += "; or ".join(dict.fromkeys(a["experiment"]["what"] for a in alternatives)) + "."
     elif tracing.rounds:
         text += " Nothing else that was tried does that."
-    return f"{text} {' '.join(dict.fromkeys(NEXT[EFFECTS[n].PART] for n in names))}"
+    parts = dict.fromkeys(EFFECTS[n].PART for n in names)
+    return " ".join([text, *(NEXT[part] for part in parts if part in NEXT), _allowed_for(names)])
+
+
+def _allowed_for(names: Sequence[str]) -> str:
+    """What becomes of the model: it allows for what is in the wire or in what measures its resistance and load."""
+    allowed = of_the_model(names)
+    left = [n for n in names if n not in allowed]
+    if not allowed:
+        return "The model is left alone."
+    what = " and ".join(allowed) if left else "it" if len(allowed) == 1 else "them"
+    return f"The extended model allows for {what}" + (f", and leaves {' and '.join(left)} alone." if left else ".")
 
 
 def _witnesses(tracing: Tracing) -> list[dict[str, Any]]:
@@ -360,7 +377,7 @@ def _anew(mapping: dict[str, Any], evidence: Evidence, tracing: Tracing) -> dict
     ]
     fields: dict[str, Any] = {"error": float(np.mean(errors)), "largest_error": max(errors)}
     config = Config.for_tools(mapping)
-    if evidence.beyond_floor and config.calibration.expected_weights:
+    if evidence.beyond_floor and config.calibration.expects:
         found = [Chain(config).run(t.signals) for t in evidence.experiments]
         fields |= learn(evidence.experiments, found, config)
     return {name: list(v) if isinstance(v, tuple) else v for name, v in fields.items()}

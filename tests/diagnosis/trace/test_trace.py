@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from sma_actuator.diagnosis.trace.candidates import candidate, scales_of, untest
 from sma_actuator.diagnosis.trace.evidence import LIMIT, limited
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit
-from sma_actuator.diagnosis.trace.report import summary
+from sma_actuator.diagnosis.trace.report import sentence, summary
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.effects import EFFECTS, QUANTITIES, STAGES
 from sma_actuator.estimation.effects.frame import Frame
@@ -254,10 +255,38 @@ def test_what_follows_the_wire_follows_it_and_not_the_model(clean, monkeypatch, 
 def test_a_wire_that_changed_while_it_was_calibrated_is_said_to_have(wire, config, clean):
     calibration = dataclasses.replace(config.calibration, changed=0.02 * config.wire.full_stroke_m)
     evidence = Evidence(session(wire[0]), dataclasses.replace(config, calibration=calibration))
+    # Half a percent in the mean over the stroke is what its training alone has brought since the mean of the calibration.
+    assert evidence.floor_percent == pytest.approx(np.hypot(clean.floor_percent, 0.5), rel=0.05)
     found = trace(evidence, jobs=1)
     assert "hot end moved by 2.0 %" in summary(evidence, found)["sentence"]
     assert "Train it first" in summary(evidence, found)["sentence"]
     assert "Train it first" not in summary(clean, found)["sentence"]
+
+
+@pytest.mark.parametrize(
+    ("names", "end"),
+    (
+        (("lead_resistance",), "Look at leads, contacts and channels. The extended model allows for it."),
+        (("voltage_offset", "rate"), "Look at leads, contacts and channels. The extended model allows for them."),
+        (("slip",), "Look at the crimps and the joint. The model is left alone."),
+        (("fatigue", "slip"), "The extended model allows for fatigue, and leaves slip alone."),
+    ),
+)
+def test_the_sentence_says_what_to_do_and_what_the_model_does_once(names, end):
+    found = SimpleNamespace(
+        verdict="traced",
+        gate_percent=1.0,
+        fit=SimpleNamespace(names=names),
+        news_percent={"before": np.array([3.0]), "after": np.array([0.6])},
+        witnesses={"before": {}, "after": {}},
+        rounds=[],
+    )
+    other = {"name": "creep", "instead_of": names[-1], "experiment": {"what": "rest cold for an hour"}}
+    said = sentence(found, {}, [other])
+    assert said.endswith(end)
+    assert said.count("model") == 1
+    instead = "It could as well be creep." if len(names) == 1 else f"Instead of {names[-1]} it could as well be creep."
+    assert f"{instead} To tell: rest cold for an hour." in said
 
 
 def test_the_proposed_experiment_tells_two_explanations_apart(clean):
