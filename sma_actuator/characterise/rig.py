@@ -15,7 +15,7 @@ import numpy as np
 from sma_actuator.base.interrupts import Interrupts, ending_signals, noted_signals
 from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
 from sma_actuator.estimation.circuit import signals_from_reading
-from sma_actuator.instruments import Clock, Daq, InstrumentRefused, PowerSupply
+from sma_actuator.instruments import Clock, Daq, InstrumentLost, InstrumentRefused, PowerSupply
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.safety.faults import gravest
 from sma_actuator.safety.records import Memory, Step
@@ -60,7 +60,8 @@ class Rig:
 
     @contextlib.contextmanager
     def opened(self) -> Iterator[Rig]:
-        """Connect; on every way out, SIGTERM included, current to zero and output off.
+        """Connect; on every way out, SIGTERM included, current to zero and output off.  Raises InstrumentLost where nothing
+        else was wrong and that is not read back.
 
         While nothing is driven a signal ends what is under way at once, since a person may be asked something.
         """
@@ -71,20 +72,22 @@ class Rig:
                 yield self
             finally:
                 with noted_signals():  # a second Ctrl-C must not get between
-                    self.supply.shut_down()
+                    off = self.supply.shut_down()
                     self.supply.close()
                     self.daq.close()
+            if not off:
+                raise InstrumentLost("the supply is told to be off, not confirmed: look at it, switch it off by hand")
 
     @contextlib.contextmanager
     def _output(self) -> Iterator[None]:
         try:
             tripped = self.supply.read_back().tripped
-            if tripped == "WDOG":  # nobody spoke to it while the person was hanging a mass
-                self.supply.clear_trip()
-            elif tripped:
+            if tripped not in ("", "WDOG"):
                 raise InstrumentRefused(
                     f"the supply's protection has tripped ({tripped}); find out why before going on"
                 )
+            if tripped or "watchdog_trip" not in self.supply.reads_back:
+                self.supply.clear_trip()  # nobody spoke to it while the person was hanging a mass
             self.supply.set_current(self.config.supply.bias_current)
             self.supply.set_output(True)
             yield

@@ -95,9 +95,7 @@ class SelfTest:
         if self.off_confirmed:
             self._say("output", "the output is off, and the supply has read that back")
         else:
-            self._wrong(
-                "output", "the output is told to be off, not confirmed: look at the supply, switch it off by hand"
-            )
+            self._wrong("output", "the output is not confirmed to be off: look at the supply, switch it off by hand")
         return self.found
 
     # --- what is said ---------------------------------------------------------------------------------
@@ -156,10 +154,15 @@ class SelfTest:
             self._end("trips", "the output is on although it was told to be off: somebody else commands the supply")
         self._supply.check_settings()
         limits = self._config.supply
+        trip = (
+            f" and over-current trip {limits.over_current_trip:g} A"
+            if "over_current_trip" in self._supply.reads_back
+            else ""
+        )
         self._say(
             "trips",
-            f"compliance voltage {limits.max_voltage:g} V and over-current trip {limits.over_current_trip:g} A read back as "
-            "programmed; nothing has tripped",
+            f"compliance voltage {limits.max_voltage:g} V{trip} read back as programmed; nothing has tripped"
+            + ("" if trip else "; this supply has no over-current trip that can be read back"),
         )
 
     def _at_rest(self) -> None:
@@ -394,7 +397,8 @@ class SelfTest:
             self._wait(1.0 / config.loop.rate)
         took_s = reading.time_s - silent_s
         state = self._supply.read_back()
-        if state.output_on or "WDOG" not in state.tripped:
+        named = "watchdog_trip" in self._supply.reads_back
+        if named and (state.output_on or "WDOG" not in state.tripped):
             self._end(
                 "watchdog",
                 f"the current went after {took_s:.2g} s of silence, but the supply reads back "
@@ -408,7 +412,8 @@ class SelfTest:
                 f"after clearing the trip the supply reads back '{cleared.tripped or 'no trip'}', output "
                 f"{'on' if cleared.output_on else 'off'}",
             )
-        self._say("watchdog", f"cut after {took_s:.2g} s of silence, read back as WDOG, cleared with the output off")
+        why = "read back as WDOG" if named else "which this supply does not say"
+        self._say("watchdog", f"cut after {took_s:.2g} s of silence, {why}, cleared with the output off")
 
 
 _WORDS = {

@@ -39,6 +39,7 @@ READY_TIMEOUT_s = 30.0
 COMPILING_TIMEOUT_s = 240.0
 STOP_TIMEOUT_s = 5.0
 ANSWER_TIMEOUT_s = 5.0
+SILENT_s = 2.0  #: after which what was told last is not shown as what is so
 SETPOINT_PERIOD_s = 0.05
 SETTLING_s = 2.0  #: after this the first setpoint counts in the errors
 PICTURES_Hz = 5
@@ -213,7 +214,8 @@ class _Client:
         self._latest = dict.fromkeys(("setpoint", "estimate", "measured", "load", "current"), math.nan)
         self._estimate_at: dict[tuple[int, int], float] = {}
         self._counts = False
-        self._status = "no status yet"
+        self._told = "no status yet"
+        self._heard_s = time.monotonic()
         self._node = Node("sma_demo")
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
@@ -221,7 +223,7 @@ class _Client:
         subscribe = self._node.create_subscription
         subscribe(JointState, f"{prefix}/joint_states", self._on_estimate, 10)
         subscribe(JointState, f"{prefix}/reference", self._on_reference, 10)
-        subscribe(WrenchStamped, f"{prefix}/load", lambda m: self._latest.update(load=m.wrench.force.x), 10)
+        subscribe(WrenchStamped, f"{prefix}/load", self._on_load, 10)
         subscribe(Float64, f"{prefix}/command_current", lambda m: self._latest.update(current=m.data), 10)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         subscribe(DiagnosticStatus, f"{prefix}/status", self._on_status, latched)
@@ -238,8 +240,17 @@ class _Client:
         if self._counts and estimate is not None:
             self._errors.add(self._latest["setpoint"], estimate, measured)
 
+    def _on_load(self, message) -> None:  # comes with every step, whatever the wire does
+        self._heard_s = time.monotonic()
+        self._latest["load"] = message.wrench.force.x
+
     def _on_status(self, message) -> None:
-        self._status = message.message
+        self._told = message.message
+
+    @property
+    def _status(self) -> str:
+        silent_s = time.monotonic() - self._heard_s
+        return self._told if silent_s < SILENT_s else f"nothing has come from the node for {silent_s:.0f} s"
 
     def enable(self, children, interrupts: Interrupts) -> None:
         """Switch the current on once the node has readings.  Raises InstrumentError when it will not."""

@@ -63,6 +63,10 @@ class PowerSupply(Protocol):
 
     identity: str  #: answer to ``*IDN?``, "" before ``open``
 
+    @property
+    def reads_back(self) -> frozenset[str]:
+        """What not every supply tells: ``over_current_trip``, its setting; ``watchdog_trip``, as WDOG, once it has cut."""
+
     def open(self) -> None:
         """Connect, output off, check who answers, program compliance voltage, over-voltage and
         over-current trips, arm the watchdog, read all of it back; refuse where it does not hold.

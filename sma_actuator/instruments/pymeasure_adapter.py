@@ -73,6 +73,8 @@ class _OnPaper(Adapter):
 class PymeasureSupply(SessionSupply):
     """A pymeasure instrument behind the interface :class:`~sma_actuator.instruments.PowerSupply`."""
 
+    reads_back: frozenset[str] = frozenset()
+
     def __init__(self, config: InstrumentSections):
         self._class = _find_class(config.instruments.supply.pymeasure_class)
         self._names: dict[str, str] = {}

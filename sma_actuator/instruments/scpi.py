@@ -14,7 +14,7 @@ from sma_actuator.base.signals import Reading, SupplyState
 from . import Clock, InstrumentRefused, LimitsNotHeld, OutputStaysOn, WatchdogNotHeld
 from .dialect import Dialect, number, yes
 from .parameters import InstrumentSections
-from .session import OPENING_ANSWERS, Session
+from .session import OPENING_ANSWERS, Claim, Session
 from .supply import Abilities, SessionSupply
 
 #: The over-voltage trip sits this much above the compliance voltage, so that noise does not trip it.
@@ -71,6 +71,16 @@ class ScpiSupply(SessionSupply):
             "set_current", channel=channel, value=0.0
         )
         super().__init__(config, dialect.termination, off_lines, dialect.lines("unlock", channel=channel))
+
+    @property
+    def reads_back(self) -> frozenset[str]:
+        """What not every supply tells."""
+        dialect = self._dialect
+        told = {
+            "over_current_trip": "set_over_current" in dialect.commands and "over_current_setting" in dialect.queries,
+            "watchdog_trip": not {"*", "WDOG"}.isdisjoint(dialect.trips),
+        }
+        return frozenset(what for what, is_told in told.items() if is_told)
 
     def _tell_current(self, current_A: float) -> None:
         self._tell("set_current", _RoundedDown(current_A))
@@ -189,7 +199,7 @@ class ScpiSupply(SessionSupply):
                 watchdog_of_session=dialect.watchdog_fed_by == "session",
                 second_session=dialect.second_session,
                 over_voltage_trip="set_over_voltage" in dialect.commands and "over_voltage_setting" in dialect.queries,
-                over_current_trip="set_over_current" in dialect.commands and "over_current_setting" in dialect.queries,
+                over_current_trip="over_current_trip" in self.reads_back,
             )
         )
         if not self._has_watchdog:
@@ -237,6 +247,7 @@ class ScpiDaq:
             "samples": samples,
             "readings": samples * len(self._channels),
         }
+        self._claim: Claim | None = None
         self.identity = ""
 
     def open(self) -> None:
@@ -256,6 +267,10 @@ class ScpiDaq:
             raise InstrumentRefused(
                 f"instruments.daq.ambient_temperature_channel: is {ambient_channel}, but dialect '{self._dialect.path.stem}' "
                 "reads every channel in volts; 0 is wanted, and the room's temperature in thermal.ambient_temperature"
+            )
+        if self._claim is None:
+            self._claim = self._session.claim(
+                "its list of channels is one for all who ask: each would read the other's"
             )
         with self._session.within(OPENING_ANSWERS * self._instrument.timeout):
             self._session.open()
@@ -290,5 +305,8 @@ class ScpiDaq:
         )
 
     def close(self) -> None:
-        """Give up the connection.  Never raises."""
+        """Give up the connection, and let others speak to it.  Never raises."""
         self._session.close()
+        if self._claim is not None:
+            self._claim.release()
+            self._claim = None

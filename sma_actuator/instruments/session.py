@@ -230,14 +230,14 @@ class Session:
         """Role and resource, as messages have it."""
         return f"{self.role} at {self.resource}"
 
-    def claim(self) -> Claim:
-        """Take the instrument for this process, without a word to it.  Raises InstrumentRefused."""
+    def claim(self, why: str) -> Claim:
+        """Take the instrument for this process, without a word to it.  Raises InstrumentRefused, which says ``why``."""
         try:
             return Claim(_canonical(self.resource))
         except OSError as error:
             raise InstrumentRefused(
                 f"{self.name}: another program on this computer, or another part of this one, speaks to it; only one may "
-                f"(instruments.{self.role}.exclusive_lock: false shares it, and with it the watchdog)"
+                f"({why})"
             ) from error
 
     def beside(self) -> Session:

@@ -107,7 +107,9 @@ class SessionSupply(ABC):
         session = self._session
         with session.within(OPENING_ANSWERS * self._instrument.timeout):
             if self._instrument.exclusive_lock and self._claim is None:
-                self._claim = session.claim()
+                self._claim = session.claim(
+                    "instruments.supply.exclusive_lock: false shares it, and with it the watchdog"
+                )
             try:
                 session.open(self._instrument.exclusive_lock)
                 self._configure()
@@ -166,9 +168,10 @@ class SessionSupply(ABC):
 
     def shut_down(self) -> bool:
         """Output off and current to zero, through a new connection where the old one is gone or hangs; whether
-        the output was read back as off.  Takes half a second at the most.  Never raises."""
+        the output was read back as off, which it is not where nothing was opened: that may be somebody else's.
+        Takes half a second at the most.  Never raises."""
         if not self._ours:
-            return True
+            return False
         try:
             if not self._off_on_own_session():
                 self._off_beside()

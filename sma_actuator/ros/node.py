@@ -723,13 +723,19 @@ class SmaActuatorNode(LifecycleNode):
         self._give_up_driver()
         return TransitionCallbackReturn.SUCCESS
 
-    def halt(self) -> None:
-        """Output off within a second, the log complete; needs no ROS, from any thread, more than once."""
+    def halt(self) -> str:
+        """Output off within a second, the log complete; needs no ROS, from any thread, more than once.
+
+        A sentence where off was not confirmed, else "".
+        """
         self._ended = True
-        self_test = self._self_test
-        if self_test is not None:
-            self._end_self_test(self_test)
+        self_test, driver = self._self_test, self._driver
+        tested = self._end_self_test(self_test) if self_test is not None else (True, "")
         self._let_go()
+        driven = (driver.stop(), driver.output_words) if driver is not None else (True, "")
+        return "; ".join(
+            f"{self.get_name()}: {words}; look at the supply" for off, words in (tested, driven) if not off
+        )
 
     def _let_go(self) -> None:
         self._active = False
@@ -756,7 +762,8 @@ class SmaActuatorNode(LifecycleNode):
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run until a signal comes (exit code 0) or something fatal happens (1, with a sentence on stderr).
+    """Run until a signal comes (exit code 0) or something fatal happens, or an output is not confirmed to be off (1, with a
+    sentence on stderr).
 
     A signal is only noted: whatever it interrupts goes on, and the outputs are switched off by
     this thread, without ROS.
@@ -789,8 +796,8 @@ def main(arguments: list[str] | None = None) -> int:
         except ConfigError as error:
             fatal += error.problems
         finally:
-            sentences = tuple(fatal)  # what comes after this is a consequence of ending
-            _stop(nodes, joints, threads, switch)
+            sentences = list(fatal)  # what comes after this is a consequence of ending
+            sentences += _stop(nodes, joints, threads, switch)
         for sentence in sentences:
             print(f"sma_actuator_node: {sentence}", file=sys.stderr)
     return 1 if sentences else 0
@@ -842,11 +849,15 @@ def _names(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str],
 
 def _stop(
     nodes: list[SmaActuatorNode], joints: list[JointNode], threads: list[threading.Thread], switch: Switch | None
-) -> None:
-    """All outputs off, at the same time; then ROS, which may hang in itself: then the process ends without it."""
+) -> list[str]:
+    """All outputs off, at the same time; then ROS, which may hang in itself: then the process ends without it.
+
+    Sentences about outputs that were not confirmed to be off.
+    """
+    on: list[str] = []
     if nodes:
         with ThreadPoolExecutor(len(nodes)) as pool:
-            list(pool.map(SmaActuatorNode.halt, nodes))
+            on += filter(None, pool.map(SmaActuatorNode.halt, nodes))
     faulthandler.dump_traceback_later(ROS_END_s, exit=True)  # by a thread that asks Python for nothing
     for node in nodes:
         node.wake_no_more()
@@ -858,6 +869,7 @@ def _stop(
     for thread in threads:
         thread.join(1.0)
     faulthandler.cancel_dump_traceback_later()
+    return on
 
 
 if __name__ == "__main__":

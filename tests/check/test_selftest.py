@@ -23,6 +23,7 @@ class Stand:
         self.setup = Setup(wire_in_world(wire), load=Weight(load_N))
         self.faults = {}
         self.after_opening = lambda bench: None
+        self.reads_back = InProcessSupply.reads_back
         mistake(self)
         self.bench = VirtualBench(self.setup, seed=3)
         self.bench.advance(0.2)
@@ -36,6 +37,7 @@ class Stand:
             genuine(current_A)
 
         supply.set_current = set_current
+        supply.reads_back = self.reads_back
         opened = supply.open
         supply.open = lambda: (opened(), self.after_opening(self.bench))
         self.test = SelfTest(self.config, supply, InProcessDaq(self.bench, self.config), VirtualClock(self.bench))
@@ -116,6 +118,31 @@ def test_without_a_load_the_sign_of_the_load_cell_is_not_told():
     (said,) = [each for each in stand.found if each.part == "load cell"]
     assert said.level is Level.WARNING
     assert "hang something on the wire" in said.sentence
+
+
+def test_of_a_supply_that_does_not_tell_what_tripped_nothing_is_said_that_was_not_read():
+    """As a Keysight N6700: after its watchdog has cut, OUTP? still answers 1, and nothing names the trip."""
+
+    def taciturn(stand):
+        stand.reads_back = frozenset()
+        stand.after_opening = say_less
+
+    def say_less(bench):
+        cut = bench.supply.trip
+        bench.supply.trip = lambda name: (cut(name), bench.supply.trips.clear())
+
+    stand = Stand(taciturn)
+    said = {each.part: each.sentence for each in stand.found}
+    assert passed(stand.found), stand.wrong
+    assert "of silence, which this supply does not say, cleared with the output off" in said["watchdog"]
+    assert said["trips"].startswith("compliance voltage 4 V read back as programmed")
+    assert said["trips"].endswith("this supply has no over-current trip that can be read back")
+
+
+def test_of_a_supply_that_was_never_opened_nobody_says_that_it_read_back_off():
+    stand = Stand(lambda stand: stand.faults.update(supply_silent=1.0))
+    assert not stand.test.off_confirmed
+    assert "the output is not confirmed to be off" in stand.wrong[-1]
 
 
 def test_asked_to_end_it_ends_with_the_output_off():

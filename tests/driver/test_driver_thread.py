@@ -139,7 +139,7 @@ def test_off_does_not_wait_for_a_daq_that_takes_its_time(waiting_for_the_daq):
     driver, outputs = waiting_for_the_daq
     supply, daq = driver.stand_ins
     before = len(outputs.all)
-    assert driver.enable(False, timeout_s=SOON_s) == (True, "the output is off; an instrument holds the loop up")
+    assert driver.enable(False, timeout_s=SOON_s) == (True, "the output is off")
     assert (supply.output_on, supply.current_A) == (False, 0.0)
     supply.settings.clear()
     daq.hang = False
@@ -148,7 +148,7 @@ def test_off_does_not_wait_for_a_daq_that_takes_its_time(waiting_for_the_daq):
     assert ("output", True) not in supply.settings
     assert {(each.status.fault, each.command.output_on) for each in outputs.all[before:]} == {("", False)}
     assert driver.enable(True)[0]
-    outputs.wait_for(lambda output: output.command.output_on)
+    outputs.wait_for(lambda _: supply.output_on)
 
 
 def test_off_that_a_supply_does_not_confirm_beside_the_loop_is_not_called_off(waiting_for_the_daq):
@@ -164,6 +164,92 @@ def test_off_that_a_supply_does_not_confirm_beside_the_loop_is_not_called_off(wa
     outputs.wait_for(lambda output: output.status.values["output"] == "off")
 
 
+class HeldUpSupply(StandInSupply):
+    """Takes its time to be told a current, once it is to."""
+
+    def __init__(self):
+        super().__init__()
+        self.holds = None
+        self.told = threading.Event()
+
+    def set_current(self, current_A):
+        if self.holds is not None and current_A:
+            self.holds.set()
+            assert self.told.wait(SOON_s)
+        super().set_current(current_A)
+
+
+def test_off_is_not_said_between_the_words_that_switch_on(make_driver):
+    supply, outputs = HeldUpSupply(), Outputs()
+    changes = {"safety.reading_timeout": 60.0, "supply.watchdog_timeout": 60.0, "loop.overruns_to_fault": 10000}
+    driver = make_driver(supply=supply, changes=changes, on_output=outputs)
+    driver.start()
+    outputs.wait_for(lambda output: output.reading is not None)
+    supply.holds = threading.Event()
+    assert driver.enable(True)[0]
+    assert supply.holds.wait(SOON_s)  # the loop is about to say "on"
+    assert driver.enable(False, timeout_s=0.05) == (
+        False,
+        "the output is told to be off, not confirmed; an instrument holds the loop up",
+    )
+    answers, waits, writing = queue.Queue(), threading.Event(), driver._writing
+
+    class Awaited:
+        """The same lock; it says when somebody waits for it."""
+
+        def acquire(self, timeout):
+            waits.set()
+            return writing.acquire(timeout=timeout)
+
+        release = writing.release
+
+    driver._writing = Awaited()
+    asking = threading.Thread(target=lambda: answers.put(driver.enable(False, timeout_s=SOON_s)), daemon=True)
+    asking.start()
+    assert waits.wait(SOON_s)
+    driver._writing = writing
+    assert not supply.output_on
+    supply.told.set()
+    assert answers.get(timeout=SOON_s)[0]
+    assert not supply.output_on
+    outputs.wait_for(lambda output: not output.command.output_on)
+    assert not supply.output_on
+
+
+def test_off_beside_a_loop_that_has_just_heard_it_does_not_keep_the_next_on_away(make_driver, monkeypatch):
+    monkeypatch.setattr("sma_actuator.driver._OFF_PATIENCE_s", 0.0)
+    outputs = Outputs()
+    driver = make_driver(on_output=outputs, changes={"safety.reading_timeout": 60.0, "supply.watchdog_timeout": 60.0})
+    supply, _ = driver.stand_ins
+    driver.start()
+    outputs.wait_for(lambda output: output.reading is not None)
+    assert driver.enable(True)[0]
+    outputs.wait_for(lambda _: supply.output_on)
+    writing = driver._writing
+
+    class Late:
+        """The same lock, had when the loop has obeyed."""
+
+        def acquire(self, timeout):
+            driver.call(lambda actuator, now_s: None, timeout_s=SOON_s)
+            return writing.acquire(timeout=timeout)
+
+        def __enter__(self):
+            return writing.acquire()
+
+        def __exit__(self, *_):
+            writing.release()
+
+        release = writing.release
+
+    driver._writing = Late()
+    assert driver.enable(False, timeout_s=SOON_s)[0]
+    assert not supply.output_on
+    driver._writing = writing
+    assert driver.enable(True)[0]
+    outputs.wait_for(lambda _: supply.output_on)
+
+
 def test_a_parameter_that_is_changed_while_an_instrument_holds_the_loop_up_is_taken_over_later(waiting_for_the_daq):
     driver, outputs = waiting_for_the_daq
     _, daq = driver.stand_ins
@@ -173,6 +259,33 @@ def test_a_parameter_that_is_changed_while_an_instrument_holds_the_loop_up_is_ta
     daq.hang = False
     daq.release.set()
     outputs.wait_for(lambda output: output.status.fault == "stress_above_limit")
+
+
+class LateDaq(StandInDaq):
+    """Its answer comes late, and is of when it was asked."""
+
+    def read_block(self):
+        flowing_A = self.supply.current_A if self.supply.output_on else 0.0
+        late = super().read_block()
+        return dataclasses.replace(late, supply_voltage_V=6.5 * flowing_A, reference_voltage_V=flowing_A)
+
+
+def test_what_was_read_before_a_loop_was_cut_off_is_not_taken_for_current_that_flows_on(make_driver):
+    outputs, supply = Outputs(), StandInSupply()
+    changes = {"safety.reading_timeout": 0.5, "safety.disagreement_time": 0.05, "loop.overruns_to_fault": 10000}
+    driver = make_driver(LateDaq(supply), supply, changes, on_output=outputs)
+    _, daq = driver.stand_ins
+    driver.start()
+    outputs.wait_for(lambda output: output.reading is not None)
+    assert driver.enable(True)[0]
+    outputs.wait_for(lambda output: output.signals.current_A > 0.02)
+    daq.hang = True
+    outputs.wait_for(lambda output: output.status.fault == "loop_hung")
+    daq.hang = False
+    before = len(outputs.all)
+    daq.release.set()
+    outputs.wait_for(lambda _: len(outputs.all) > before + 3)
+    assert not any("flow" in str(each.status.values["output"]) for each in outputs.all)
 
 
 def test_neither_thread_keeps_the_interpreter_from_its_end(make_driver):

@@ -248,6 +248,27 @@ def test_a_watchdog_that_cut_an_idle_supply_while_the_person_was_busy_stops_noth
         assert len(rig.record(hold(0.05, 0.5))) > 8
 
 
+def test_nor_one_of_a_supply_that_does_not_say_what_has_tripped():
+    """As a Keysight N6700, which does not let its output on until that is cleared."""
+    bench, rig, _ = virtual_rig("flexinol")
+    rig.supply.reads_back = frozenset()
+    told = rig.supply.read_back
+    rig.supply.read_back = lambda: dataclasses.replace(told(), tripped="")
+    with rig.opened():
+        bench.supply.trip("WDOG")
+        assert len(rig.record(hold(0.05, 0.5))) > 8
+
+
+def test_an_output_that_is_not_confirmed_to_be_off_at_the_end_is_said():
+    bench, rig, _ = virtual_rig("flexinol")
+    with pytest.raises(InstrumentLost, match="told to be off, not confirmed: look at it"), rig.opened():
+        bench.inject("supply_silent")
+    bench.clear()
+    with pytest.raises(KeyboardInterrupt), rig.opened():
+        bench.inject("supply_silent")
+        raise KeyboardInterrupt
+
+
 def test_the_same_characterisation_over_tcp(tmp_path):
     """In a physics whose cold wire stands still as soon as it is loaded, so that a fifth of a second measures its place."""
     mapping = bench_mapping("flexinol")

@@ -385,3 +385,16 @@ def test_a_supply_may_say_on_and_off_as_words_or_as_any_scpi_number(reply, on):
             yes(reply)
     else:
         assert yes(reply) is on
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("virtual_bench_supply", {"over_current_trip", "watchdog_trip"}),
+        ("keithley_2260b", {"over_current_trip"}),
+        ("keysight_n6700", set()),
+    ],
+)
+def test_what_a_family_reads_back_is_what_its_dialect_asks(make_config, name, told):
+    config = Config.from_mapping(make_config(**{"instruments.supply.dialect": name}))
+    assert open_supply(config).reads_back == told

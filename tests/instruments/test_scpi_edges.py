@@ -385,3 +385,20 @@ class TestDaq:
         one.close()
         with pytest.raises(InstrumentLost, match="not connected"):
             one.read_block()
+
+
+def test_a_second_wire_does_not_say_a_word_to_a_daq_that_reads_the_first(daq):
+    one, server = daq()
+    one.open()
+    one.open()  # again, as after a loss
+    said = list(server.lines)
+    other, _ = daq({"resource": server.resource.replace("127.0.0.1", "localhost"), "supply_voltage_channel": 111})
+    with pytest.raises(InstrumentRefused, match="another part of this one.*each would read the other's"):
+        other.open()
+    assert server.lines == said
+    one.close()
+    other.open()
+    other.close()
+    one.open()
+    with pytest.raises(InstrumentRefused, match="another part of this one"):
+        other.open()

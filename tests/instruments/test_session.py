@@ -425,15 +425,31 @@ def test_a_connection_that_cannot_be_closed_is_given_up_all_the_same(session, mo
 def test_one_program_alone_speaks_to_a_claimed_instrument_however_its_host_is_written(peer, host):
     resources = (peer.resource, peer.resource.replace("127.0.0.1", host))
     one, other = (Session("supply", resource, "\n", TIMEOUT_s) for resource in resources)
-    claim = one.claim()
+    claim = one.claim("why")
     with pytest.raises(InstrumentRefused, match="another program on this computer.*speaks to it") as refused:
-        other.claim()
+        other.claim("why")
     where = refused.value.__cause__.__traceback__
     while where.tb_next is not None:
         where = where.tb_next
     assert where.tb_frame.f_locals["self"]._socket.fileno() == -1, "what could not be had is given back"
     claim.release()
-    other.claim().release()
+    other.claim("why").release()
+
+
+def test_a_host_of_two_kinds_of_addresses_is_claimed_by_that_which_most_have(peer, monkeypatch):
+    found = socket.getaddrinfo
+    kinds = ((socket.AF_INET6, ("::1", 0, 0, 0)), (socket.AF_INET, ("127.0.0.1", 0)))
+    both = [(family, socket.SOCK_STREAM, 6, "", address) for family, address in kinds]
+    monkeypatch.setattr(
+        socket, "getaddrinfo", lambda host, *more, **how: both if host == "psu.lab" else found(host, *more, **how)
+    )
+    resources = (peer.resource.replace("127.0.0.1", host) for host in ("psu.lab", "127.0.0.1", "127.0.0.2"))
+    named, same, another = (Session("supply", resource, "\n", TIMEOUT_s) for resource in resources)
+    claims = [named.claim("why"), another.claim("why")]
+    with pytest.raises(InstrumentRefused, match="another program on this computer"):
+        same.claim("why")
+    for claim in claims:
+        claim.release()
 
 
 @pytest.mark.parametrize(
@@ -441,9 +457,9 @@ def test_one_program_alone_speaks_to_a_claimed_instrument_however_its_host_is_wr
 )
 def test_what_has_no_address_is_claimed_by_its_name(resource):
     one, other = (Session("supply", resource, "\n", TIMEOUT_s) for _ in range(2))
-    claim = one.claim()
+    claim = one.claim("why")
     with pytest.raises(InstrumentRefused, match="another program on this computer"):
-        other.claim()
+        other.claim("why")
     claim.release()
 
 

@@ -168,7 +168,7 @@ def test_nothing_but_zero_to_the_limit_is_sent(supply, server, current_A, passes
 
 def test_a_supply_that_was_never_opened_is_told_nothing(supply, server):
     """It may be somebody else's."""
-    assert supply().shut_down()
+    assert not supply().shut_down(), "nobody has asked"
     assert server.lines == []
 
 
@@ -248,7 +248,7 @@ def test_a_supply_that_was_given_up_is_told_nothing_more(supply, server):
     one.close()
     assert server.heard("SYST:LOC")
     said = len(server.lines)
-    assert one.shut_down()
+    assert not one.shut_down()
     one.close()
     assert len(server.lines) == said
 
@@ -284,7 +284,7 @@ def test_one_that_could_not_be_opened_is_free_for_others(supply, server):
         one.open()
     server.replies["*IDN?"] = "SMA Actuator,Virtual Supply,7,stand-in"
     other.open()
-    assert one.shut_down(), "it is not ours"
+    assert not one.shut_down(), "it is not ours"
 
 
 def test_what_does_not_hold_is_told_off_and_given_up(supply, server):

@@ -463,7 +463,7 @@ def test_a_second_program_that_wants_the_supply_does_not_say_a_word_to_it(stand_
     said = len(stand_in.lines)
     with pytest.raises(InstrumentRefused, match="another program on this computer"):
         other.open()
-    assert other.shut_down(), "nothing of the second one flows"
+    assert not other.shut_down(), "nobody has asked"
     other.close()
     assert stand_in.lines[said:] == []
     one.close()

@@ -185,7 +185,7 @@ class TestHolding:
         _enabled(client)
         client.next(f"{NAME}/joint_states", JointState)
         node.popen.send_signal(signal.SIGINT)
-        assert node.ends() == 0
+        assert node.ends_in_order()
         (file,) = tmp_path.glob("*.csv")
         assert read_bench_log(file, allow_gaps=True)["current_command_A"].max() >= 0.05
 
@@ -396,7 +396,18 @@ class TestEnd:
         wait_until(lambda: bench.current_A() > 0.04)
         node.popen.send_signal(number)
         wait_until(lambda: bench.current_A() == 0.0, OFF_s, "end of the current")
-        assert node.ends() == 0
+        assert node.ends_in_order()
+        assert "Traceback" not in node.words
+
+    def test_a_supply_that_does_not_confirm_off_makes_it_end_with_1(self, bench, parameters, start_node, client):
+        node = start_node(parameters())
+        _enabled(client)
+        wait_until(lambda: bench.current_A() > 0.04)
+        bench.tell("BENC:FAUL supply_silent")
+        node.popen.send_signal(signal.SIGTERM)
+        assert node.ends() == 1
+        node.says("sma_actuator_node: sma_actuator: the output is told to be off, not confirmed; look at the supply")
+        wait_until(lambda: bench.current_A() == 0.0, what="the watchdog's cut")
         assert "Traceback" not in node.words
 
     def test_it_drives_where_ros_can_write_no_log_and_a_quit_switches_off_too(
@@ -409,7 +420,7 @@ class TestEnd:
         assert "going on without a log file of ROS 2" in node.words
         node.popen.send_signal(signal.SIGQUIT)
         wait_until(lambda: bench.current_A() == 0.0, OFF_s, "end of the current")
-        assert node.ends() == 0
+        assert node.ends_in_order()
 
     def test_words_that_nobody_reads_hold_up_neither_the_wire_nor_its_end(self, bench, parameters, client, folder):
         reader, writer = os.pipe()  # as of a pager that waits for its reader
@@ -499,7 +510,7 @@ sys.exit(node.main())
         client.publish(f"{NAME}/setpoint", setpoint_message(0.002))
         wait_until(lambda: bench.current_A() == 0.0, OFF_s, "end of the current")
         node.popen.send_signal(signal.SIGTERM)
-        assert node.ends() == 0
+        assert node.ends_in_order()
 
 
 class TestLifecycle:
@@ -561,7 +572,7 @@ class TestSeveralWires:
         wait_until(lambda: bench.current_A(0) > 0.04)
         node.popen.send_signal(signal.SIGTERM)
         wait_until(lambda: bench.current_A(0) == bench.current_A(1) == 0.0, OFF_s)
-        assert node.ends() == 0
+        assert node.ends_in_order()
 
     def test_renaming_several_at_once_is_refused(self, make_config, start_node):
         node = start_node({"a": make_config()}, "-r", "__node:=x", names=["a", "b"])

@@ -74,7 +74,7 @@ def driven(start_bench, make_config, start_node, client, tmp_path):
     seen = len(messages)
     client.spin_until(lambda: len(messages) > seen + 20, what="signals after switching off")
     node.popen.send_signal(signal.SIGINT)
-    assert node.ends() == 0
+    assert node.ends_in_order()
     (file,) = (tmp_path / "log").glob("*.csv")
     return messages, file, parameters
 
