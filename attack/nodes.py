@@ -116,16 +116,15 @@ class Client:
         return value
 
     def call(self, service: str, kind: Any, request: Any = None, timeout_s: float = 5.0) -> Any:
-        """Response of a service, None where there is none in time."""
+        """Response of a service, None where there is none in time; the next call then has a client of its own, as a person's has."""
         if service not in self._clients:
             self._clients[service] = self.node.create_client(kind, service)
-        client = self._clients[service]
-        if not self.spin_until(client.service_is_ready, timeout_s):
-            return None
-        future = client.call_async(request or kind.Request())
-        answer = self.spin_until(lambda: future.done() and future.result(), timeout_s)
+        client, answer = self._clients[service], None
+        if self.spin_until(client.service_is_ready, timeout_s):
+            future = client.call_async(request or kind.Request())
+            answer = self.spin_until(lambda: future.done() and future.result(), timeout_s)
         if answer is None:
-            client.remove_pending_request(future)
+            self.node.destroy_client(self._clients.pop(service))
         return answer
 
     def drive(self, name: str, stand: Any, alive: Callable[[], bool], timeout_s: float = SOON_s) -> str:

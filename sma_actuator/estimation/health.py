@@ -191,14 +191,12 @@ class ModelHealth:
         self._time_constant_s = thermal.heat_capacity / thermal.heat_loss
         self._usual_C, self._tolerance_K = thermal.ambient_temperature, thermal.ambient_tolerance
         self._range_m = config.model.build(config.wire).displacement_range_m
+        hot = calibration.hot_resistance, calibration.hot_displacement
+        if not calibration.hot_resistance:  # logs that nowhere rest at the hot end: what was contracted is near it
+            hot = calibration.contracted_resistance, calibration.contracted_displacement
         ends = [
             float(np.mean(values)) if values else nan
-            for values in (
-                calibration.cold_resistance,
-                calibration.hot_resistance,
-                calibration.cold_displacement,
-                calibration.hot_displacement,
-            )
+            for values in (calibration.cold_resistance, hot[0], calibration.cold_displacement, hot[1])
         ]
         self._bias_rise_K = self._bias_current_A**2 * ends[0] / thermal.heat_loss
         #: What a resistance that is wrong makes of the position.

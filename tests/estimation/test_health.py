@@ -124,6 +124,18 @@ def test_without_a_calibration_it_says_that_it_does_not_know(make_config):
     assert judge.verdict.words == "not known: the calibration does not say what a resting wire shows"
 
 
+def test_a_calibration_that_nowhere_rests_at_the_hot_end_is_enough():
+    config = Config.load(shared_file("config/flexinol.yaml"))
+    mapping = config.to_mapping()
+    without = {name: value for name, value in mapping["calibration"].items() if not name.startswith("hot_")}
+    bounds_Ohm = []
+    for calibration in (mapping["calibration"], without):
+        judge = ModelHealth(Config.from_mapping({**mapping, "calibration": calibration}), config.supply.bias_current)
+        assert judge.known
+        bounds_Ohm.append(judge._bound_Ohm)
+    assert bounds_Ohm[1] == pytest.approx(bounds_Ohm[0], rel=0.2)
+
+
 class TestSigns:
     """Made-up samples, so that one thing differs at a time."""
 
