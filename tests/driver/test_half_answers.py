@@ -19,11 +19,12 @@ from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
 from sma_actuator.config import Config
 from sma_actuator.driver import Driver
-from sma_actuator.instruments import open_daq, open_supply
+from sma_actuator.instruments import InstrumentError, open_daq, open_supply
 from sma_actuator.safety.faults import FAULTS
 
 SOON_s = 60.0  #: bound of every wait; none is expected to take long
 STALL_LOOK_s = 0.005
+TRIES = 10  #: to open the instruments
 #: What the bench's tick and the oracle's question add to a time, and a busy machine to every switch of threads.
 MEASURING_s = 0.15
 OFF_s = 4.0  #: within which the output must be off: what is promised, and the stalls of a busy machine
@@ -85,15 +86,16 @@ class Rig:
             mapping["instruments"][name]["resource"] = liar.resource
         self.config = Config.from_mapping(mapping)
         self.outputs = []
-        clock = RealClock()
-        self.driver = Driver(
-            self.config,
-            open_supply(self.config),
-            open_daq(self.config, clock),
-            clock,
-            on_output=self.outputs.append,
-        )
-        self.driver.start()
+        for tries_left in reversed(range(TRIES)):
+            clock = RealClock()
+            supply, daq = open_supply(self.config), open_daq(self.config, clock)
+            self.driver = Driver(self.config, supply, daq, clock, on_output=self.outputs.append)
+            try:
+                self.driver.start()
+                break
+            except InstrumentError:  # a machine that stalls takes longer to open them than these time-outs allow
+                if not tries_left:
+                    raise
         self.until(self.drives, 3 * SOON_s)
 
     def off_within(self, fault):
