@@ -600,11 +600,14 @@ class Driver:
             return future.result(min(timeout_s, _OFF_PATIENCE_s))
         until_s = time.monotonic() + timeout_s - _OFF_PATIENCE_s
         if self._writing.acquire(timeout=max(until_s - time.monotonic(), 0.0)):  # not while the loop says "on"
-            with contextlib.suppress(InstrumentError):  # of which the loop will hear
+            try:
                 self._off_asked, self._written = future, None
                 self._supply_instrument.switch_off()
                 self._may_flow = False
-            self._writing.release()
+            except InstrumentError:
+                pass  # of which the loop will hear
+            finally:
+                self._writing.release()
         if not self._may_flow:
             return True, self.output_words
         with contextlib.suppress(TimeoutError):

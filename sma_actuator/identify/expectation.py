@@ -134,7 +134,7 @@ def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config:
     z = (seen - centre) / scale
     basis = _basis(z)
     weights_m = _ridge(basis, residual_m)
-    news_m = _unexpected_m(experiments, log, block, z, residual_m)
+    news_m = _unexpected_m(experiments, log, block, z, basis, residual_m)
     if np.abs(news_m).mean() >= np.abs(residual_m).mean():  # what it learned does not hold where it was not fitted
         weights_m, news_m = np.zeros_like(weights_m), residual_m
     size = _ridge(basis, np.abs(news_m) / max(np.abs(news_m).mean(), 1e-300))
@@ -253,7 +253,12 @@ def _ridge(basis: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def _unexpected_m(
-    experiments: Sequence[Experiment], log: np.ndarray, block: np.ndarray, z: np.ndarray, residual_m: np.ndarray
+    experiments: Sequence[Experiment],
+    log: np.ndarray,
+    block: np.ndarray,
+    z: np.ndarray,
+    basis: np.ndarray,
+    residual_m: np.ndarray,
 ) -> np.ndarray:
     """What is left of the residual where it was not fitted: with all logs of a load left out together, neighbouring loads in
     different folds; where there are too few loads, with stretches of each log.
@@ -261,27 +266,27 @@ def _unexpected_m(
     Of the lightest and the heaviest load, which nothing lies beyond, stretches are left out too; what they leave is raised by
     as much as a load between leaves more when it is left out than its stretches do.
     """
-    of_stretches_m = _left_out(z, residual_m, block.astype(int) % FOLDS)
+    of_stretches_m = _left_out(z, basis, residual_m, block.astype(int) % FOLDS)
     stress_Pa = np.array([t.mean_stress_Pa for t in experiments])
     ordered = np.sort(stress_Pa)
     edges_Pa = ordered[1:][np.diff(ordered) > SAME_LOAD * np.abs(ordered[:-1])]
     if len(edges_Pa) + 1 < FEWEST_LOADS:
         return of_stretches_m
     load = np.searchsorted(edges_Pa, stress_Pa, side="right")[log]
-    of_loads_m = _left_out(z, residual_m, load % FOLDS)
+    of_loads_m = _left_out(z, basis, residual_m, load % FOLDS)
     between = (load > 0) & (load < len(edges_Pa))
     more = np.abs(of_loads_m[between]).mean() / max(np.abs(of_stretches_m[between]).mean(), 1e-300)
     return np.where(between, of_loads_m, of_stretches_m * max(1.0, more))
 
 
-def _left_out(z: np.ndarray, target: np.ndarray, fold: np.ndarray) -> np.ndarray:
+def _left_out(z: np.ndarray, basis: np.ndarray, target: np.ndarray, fold: np.ndarray) -> np.ndarray:
     """Target less what is expected by a regression that has not seen it."""
     out = target.copy()
     for number in range(FOLDS):
         hidden = fold == number
         if hidden.any() and not hidden.all():
             seen = z[~hidden]
-            weights = _ridge(_basis(seen), target[~hidden])
+            weights = _ridge(basis[~hidden], target[~hidden])
             out[hidden] -= _basis(np.clip(z[hidden], seen.min(axis=0), seen.max(axis=0))) @ weights
     return out
 

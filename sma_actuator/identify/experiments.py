@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -92,9 +91,12 @@ class Experiment:
 
 def begins_anew(experiments: Sequence[Experiment]) -> list[bool]:
     """Of each whether it begins anew; else it is the stretch of a log after the one before it, and the wire has that past."""
-    return [True] * bool(experiments) + [
-        not t.part_of or t.part_of != before.part_of or bool(t.signals.time_s[0] <= before.signals.time_s[-1])
-        for before, t in itertools.pairwise(experiments)
+    return [
+        before is None
+        or not t.part_of
+        or t.part_of != before.part_of
+        or bool(t.signals.time_s[0] <= before.signals.time_s[-1])
+        for before, t in zip((None, *experiments), experiments, strict=False)
     ]
 
 

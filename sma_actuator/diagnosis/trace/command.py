@@ -106,11 +106,11 @@ def run(args: argparse.Namespace) -> int:
     with progress_bar(args) as bar:
         task = bar.add_task("reading", total=1.0)
         if args.calibration:
-            learned = FITTERS[config.model_type].remembers
-            experiments = make_experiments(read_logs(args.calibration, reading, console.print), config, learned)
-            # What it leaves on logs that it has learned is no measure of others; what identify found on others is.
+            remembers = FITTERS[config.model_type].remembers
+            experiments = make_experiments(read_logs(args.calibration, reading, console.print), config, remembers)
+            # What such a model leaves on logs that it has learned is no measure of others; what identify found on others is.
             known_percent = config.calibration.floor
-            fresh_percent = known_percent if learned and math.isfinite(known_percent) else 0.0
+            fresh_percent = known_percent if remembers and math.isfinite(known_percent) else 0.0
             mapping["calibration"] = to_mapping(calibration_of(experiments, config, fresh_percent=fresh_percent))
             config = Config.for_tools(mapping, str(args.config))
         logs = read_logs(args.logs, reading, console.print)
