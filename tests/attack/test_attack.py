@@ -90,16 +90,14 @@ class TestHalfTheHeatLoss:
 class TestMemory:
     """Of a driver and its recorder for some thousand steps; ``python -m attack soak`` is a day."""
 
-    MINUTES = {"seconds": 240.0, "settled_s": 60.0}
-
     def test_no_object_is_kept_for_longer_than_it_is_wanted(self):
-        result = soak.attack(0, **self.MINUTES)
+        result = soak.attack(0, seconds=240.0, settled_s=60.0)
         assert result.counts["steps"] >= 4800
         assert result.worst["objects grown"] < soak.MOST_GROWN_OBJECTS
 
     def test_nor_would_the_judge_miss_one_at_each_step(self):
         steps = []
-        result = soak.attack(0, **self.MINUTES, on_output=lambda output: steps.append(output.status.message + "!"))
+        result = soak.attack(0, 240.0, 60.0, on_output=lambda output: steps.append(output.status.message + "!"))
         assert result.worst["objects grown"] > soak.MOST_GROWN_OBJECTS
         assert [violation.rule for violation in result.violations] == ["memory grows"]
 
