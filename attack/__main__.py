@@ -36,6 +36,7 @@ TITLES = {
     "kills": "kills",
     "fuzz": "ROS fuzz",
     "soak": "soak",
+    "node_soak": "soak of a node",
 }
 
 
@@ -94,6 +95,8 @@ def _units(name: str, options: argparse.Namespace) -> list[tuple]:
         return [(number,) for number in options.only or range(len(UNITS))]
     if name == "soak":
         return [(options.seed, options.hours)]
+    if name == "node_soak":
+        return [(options.seed, options.minutes_of_node)]
     first, whole, part = {
         "hours": (options.first, options.sessions, 2),
         "kills": (options.seed, options.count, 20),
@@ -178,7 +181,7 @@ def page(results: dict[str, Result]) -> str:
 def _options() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m attack", description=__doc__)
     parser.add_argument("what", nargs="?", choices=(*TITLES, "all"), default="all")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the lines, kills, fuzz and soak")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the lines, kills, fuzz and soaks")
     parser.add_argument("--first", type=int, default=0, help="hours: seed of the first session")
     parser.add_argument("--sessions", type=int, default=600, help="hours: sessions of ten virtual minutes")
     parser.add_argument("--rounds", type=int, default=5, help="lines: how often every mischief is done")
@@ -188,6 +191,7 @@ def _options() -> argparse.ArgumentParser:
     parser.add_argument("--count", type=int, default=1000, help="kills")
     parser.add_argument("--messages", type=int, default=1_000_000, help="fuzz: messages")
     parser.add_argument("--hours", type=float, default=24.0, help="soak: virtual hours")
+    parser.add_argument("--minutes-of-node", type=float, default=8.0, help="node_soak: minutes that the node drives")
     parser.add_argument("--jobs", type=int, default=max(1, os.cpu_count() or 1), help="attacks side by side")
     parser.add_argument("--minutes", type=float, default=math.inf, help="begin nothing more after so many minutes")
     parser.add_argument(

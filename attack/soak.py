@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import gc
 import math
+import os
 import random
 import sys
 import tempfile
@@ -38,6 +39,12 @@ MOST_GROWN_B = 1_000_000
 MOST_GROWN_OBJECTS = 1000
 
 
+def own_memory_B(pid: int) -> int:
+    """Memory of a process that is not that of files."""
+    (own,) = (line for line in Path(f"/proc/{pid}/status").read_text().splitlines() if line.startswith("RssAnon:"))
+    return 1024 * int(own.split()[1])
+
+
 @dataclass(frozen=True, slots=True)
 class Footprint:
     """What this process takes."""
@@ -49,8 +56,7 @@ class Footprint:
     def now(cls) -> Self:
         """With all garbage collected."""
         gc.collect()
-        (own,) = (line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("RssAnon:"))
-        return cls(1024 * int(own.split()[1]), sys.getallocatedblocks())
+        return cls(own_memory_B(os.getpid()), sys.getallocatedblocks())
 
 
 def attack(
