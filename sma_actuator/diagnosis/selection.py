@@ -106,6 +106,7 @@ class Rules:
     tie: float = 0.0  #: the simplest of those alike wins, if it has this share of the best's gain
     leaders: int = 0  #: so many of the best single ones are tried with every other …
     sketched: int = 0  #: … and, where this is not 0, so many of these pairs in earnest: those that do best in a sketch
+    least_beside: float = 0.0  #: share of a pair's gain that is lost at least where either of the two is left out
     most: int = 1  #: candidates chosen at the most
     unit: str = "cycle"  #: what a unit is called
 
@@ -239,7 +240,7 @@ def _take_a_pair(
     for trial in pairs:
         gain, error = paired(held, trial.losses)
         rivals = {name: single[name] for name in trial.names if name in single} | {winner.names[0]: winner}
-        shorts = {name: rules.falls_short(trial, rival.losses) for name, rival in rivals.items()}
+        shorts = {name: _falls_short_beside(trial, rival, gain, rules) for name, rival in rivals.items()}
         refusal = next((f"over {name} alone: {why}" for name, why in shorts.items() if why), "")
         judged.append(replace(trial, gain=gain, gain_error=error, refusal=refusal))
     round_.trials = sorted([*round_.trials, *judged], key=lambda t: -t.gain)
@@ -248,6 +249,13 @@ def _take_a_pair(
         return False
     round_.winner, round_.alternatives = _simplest(good, rules, clean)
     return True
+
+
+def _falls_short_beside(trial: Trial, rival: Trial, gain: float, rules: Rules) -> str:
+    """Why a pair with this gain does not do so much better than another trial that two names are worth it; empty if it does."""
+    beside, _ = paired(rival.losses, trial.losses)
+    little = "" if beside > rules.least_beside * gain else "the other gains too little to be worth a name"
+    return rules.falls_short(trial, rival.losses) or little
 
 
 def run(

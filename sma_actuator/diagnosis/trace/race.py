@@ -35,6 +35,9 @@ LAST_BLOCK = 0.15  #: share of the cycles, the latest, that is looked at once, w
 DECISIVE = 30.0  #: fall of the loss in all cycles but the best together that needs no standard error
 WORTH = 0.1  #: share of what is still in excess that an effect must at least explain …
 WORTH_OF_ALL = 0.03  #: … and of what was at first
+#: Share of what two effects explain that is each one's own, unless it is the model's errors of always that are sought: a second
+#: name for a small rest, chosen among all there are, makes a first name look clean that is wrong.
+WORTH_BESIDE = 0.08
 #: What the calibration does not let expect may be at most so many times what that was off where it was not fitted: a
 #: fresh log is another log.  Beyond it the error is real.
 GATE = 1.75
@@ -160,6 +163,7 @@ class Judge:
             tie=0.99,
             leaders=3,
             sketched=SKETCHED,
+            least_beside=0.0 if self.evidence.beyond_floor else WORTH_BESIDE,
             most=MOST_MISSING if self.evidence.beyond_floor else MOST_NEW,
         )
 
