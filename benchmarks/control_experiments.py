@@ -19,7 +19,8 @@ from pathlib import Path
 
 import numpy as np
 from control_tables import EXPERIMENTS, MEANS, Experiment, follow, program
-from control_worlds import LAWS, MODELS, cycles_done, identified, prepare, stroke_of
+from control_worlds import LAWS, MODELS, RUN_BY, cycles_done, digest, identified, prepare, stroke_of
+from kept import MODEL, kept
 from rich.console import Console
 from rich.table import Table
 
@@ -68,6 +69,15 @@ def config_of(case: Case, model: str) -> Config:
     return Config.from_mapping({**mapping, "controller": {**mapping["controller"], "type": case.law}})
 
 
+def once(case: Case) -> Found:
+    """An experiment, or what it came to the last time: the table may be made a physics at a time."""
+    return kept(
+        f"control_experiments {case} {digest((*RUN_BY, 'control_tables', 'control_experiments'))}",
+        MODEL,
+        lambda: run(case),
+    )
+
+
 def run(case: Case) -> Found:
     """One experiment."""
     config = config_of(case, case.model)
@@ -96,43 +106,34 @@ def run(case: Case) -> Found:
     )
 
 
-def table_of(results: dict[Case, Found], physics: list[str], model: str, over: str) -> Table:
+def table_of(results: list[tuple[Case, Found]], model: str, over: str) -> Table:
     """Output errors: a row for each experiment, a column for each physics."""
     title = f"Output error, mean absolute, % of full stroke: model {model}, over the range of {over}"
+    its = [(case, found) for case, found in results if (case.model, case.over) == (model, over)]
+    physics = list(dict.fromkeys(case.physics for case, _ in its))
     table = Table(title=title, title_justify="left")
     for name in ("table", "experiment", "thesis", *physics):
         table.add_column(name, justify="left" if name == "experiment" else "right")
 
-    def cells(values: list[float], thesis: float, faults: list[str]) -> list[str]:
-        return [
-            f"{value:.2f}" + (" !" if fault else " **" if value >= thesis else " *" if value >= AIM * thesis else "")
+    def add(of_table: str, words: str, thesis_pct: float, values: list[float], faults: list[str]) -> None:
+        cells = [
+            f"{value:.2f}"
+            + (" !" if fault else " **" if value >= thesis_pct else " *" if value >= AIM * thesis_pct else "")
             for value, fault in zip(values, faults, strict=True)
         ]
+        table.add_row(of_table, words, f"{thesis_pct:.2f}", *cells)
 
     by_table: dict[str, list[list[float]]] = {}
     for experiment in EXPERIMENTS:
-        row = [
-            next(
-                f
-                for c, f in results.items()
-                if (c.experiment, c.physics, c.model, c.over) == (experiment, p, model, over)
-            )
-            for p in physics
-        ]
-        thesis = experiment.thesis_pct[2]
-        by_table.setdefault(experiment.table, []).append([f.output for f in row])
-        shown = cells([f.output for f in row], thesis, [f.fault for f in row])
-        table.add_row(experiment.table, experiment.row, f"{thesis:.2f}", *shown)
-    for of_means, words, of_table, thesis_pct in MEANS:
+        row = [found for case, found in its if case.experiment == experiment]
+        output = [found.output for found in row]
+        by_table.setdefault(experiment.table, []).append(output)
+        add(experiment.table, experiment.row, experiment.thesis_pct[2], output, [found.fault for found in row])
+    for number, words, of_table, thesis_pct in MEANS:
         means = np.mean(by_table[of_table], axis=0).tolist()
-        table.add_row(
-            of_means, f"mean, {words}", f"{thesis_pct[2]:.2f}", *cells(means, thesis_pct[2], [""] * len(means))
-        )
-    mean_driven = [
-        f"{np.mean([f.driven for c, f in results.items() if (c.physics, c.model, c.over) == (p, model, over)]):.0%}"
-        for p in physics
-    ]
-    table.add_row("", "driven, of the reach", "", *mean_driven)
+        add(number, f"mean, {words}", thesis_pct[2], means, [""] * len(means))
+    driven = [np.mean([found.driven for case, found in its if case.physics == name]) for name in physics]
+    table.add_row("", "driven, of the reach", "", *(f"{share:.0%}" for share in driven))
     return table
 
 
@@ -156,17 +157,17 @@ def main() -> int:
     wires = sorted({case.wire for case in cases})
     with ProcessPoolExecutor(args.jobs) as pool:
         list(pool.map(prepare, [(physics, wire, " ".join(MODELS)) for physics in args.physics for wire in wires]))
-        results = dict(zip(cases, pool.map(run, cases), strict=True))
+        results = list(zip(cases, pool.map(once, cases), strict=True))
     console = Console(width=170)
     for model in args.model:
         for over in args.over:
-            console.print(table_of(results, list(args.physics), model, over))
+            console.print(table_of(results, model, over))
     console.print("* not below half of the thesis's, ** not below it, ! ended by a fault: the mean up to it")
-    for case, found in results.items():
+    for case, found in results:
         if found.fault:
             console.print(f"{case.physics}, {case.experiment.row}, {case.model} over {case.over}: {found.fault}")
     if args.json:
-        rows = [{**asdict(found), "case": asdict(case)} for case, found in results.items()]
+        rows = [{**asdict(found), "case": asdict(case)} for case, found in results]
         args.json.write_text(json.dumps(rows, indent=1, default=str) + "\n", encoding="utf-8")
     return 0
 
