@@ -115,6 +115,7 @@ class Stand:
         """End the process."""
         self._ending.set()
         self._thread.join(SOON_s)
+        self._lines.close()
         self._socket.close()
         self.process.kill()
         self.process.wait()

@@ -45,6 +45,14 @@ def run_soak(seed: int, hours: float) -> Result:
     return attack(seed, 3600.0 * hours)
 
 
+def run_node_soak(seed: int, minutes: float) -> Result:
+    """One node in real time, and its memory."""
+    _own_domain(seed + 80)
+    from .node_soak import attack
+
+    return attack(seed, 60.0 * minutes)
+
+
 def run_heat(*units: int) -> Result:
     """Wires that lose half the heat that is believed."""
     from .heat import attack
@@ -63,5 +71,6 @@ RUNNERS = {
     "kills": run_kills,
     "fuzz": run_fuzz,
     "soak": run_soak,
+    "node_soak": run_node_soak,
     "heat": run_heat,
 }

@@ -196,6 +196,7 @@ class Driver:
         self._off_asked: Future | None = None  #: what the loop was told when off was last said beside a step
         self._cut = ""  #: why the watchman has shut the supply down, until the control thread has noted it
         self._thread: threading.Thread | None = None
+        self._at_exit: Callable[[], None] | None = None  #: what the interpreter calls at its end
         self._stopping = threading.Event()
         self._gate = threading.Lock()  #: guards _ended and the mailbox against each other
         self._opened = False
@@ -233,7 +234,7 @@ class Driver:
     def start(self) -> None:
         """Run the loop in a thread of its own.  Opens the instruments where :meth:`open` has not."""
         self._open_once()
-        _stop_at_exit(self)
+        self._at_exit = _stop_at_exit(self)
         self.feed()
         # A daemon: at the interpreter's end atexit stops it, where joining it would wait for ever.
         self._thread = threading.Thread(target=self._loop, name=f"{self.name} control", daemon=True)
@@ -689,6 +690,8 @@ class Driver:
         for link in self._links:
             link.answers = False
             link.instrument.close()
+        if self._at_exit is not None:
+            atexit.unregister(self._at_exit)
 
     def _shut_down(self) -> None:
         self._written = None
@@ -768,8 +771,8 @@ def _fulfil(future: Future, request: Callable[[Actuator, float], Any], actuator:
         future.set_exception(error)
 
 
-def _stop_at_exit(driver: Driver) -> None:
-    """Stop the driver when the interpreter ends, unless it is gone by then."""
+def _stop_at_exit(driver: Driver) -> Callable[[], None]:
+    """Stop the driver when the interpreter ends, unless it is gone by then; what does so."""
     reference = weakref.ref(driver)
 
     def stop() -> None:
@@ -778,6 +781,7 @@ def _stop_at_exit(driver: Driver) -> None:
             alive.stop()
 
     atexit.register(stop)
+    return stop
 
 
 @contextlib.contextmanager

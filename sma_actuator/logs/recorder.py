@@ -113,6 +113,11 @@ class BenchLogRecorder:
         self._thread = threading.Thread(target=self._run, name=f"{name} recorder", daemon=True)
         self._thread.start()
 
+    @property
+    def waiting_rows(self) -> int:
+        """Rows that are not with the system yet."""
+        return self._queue.qsize()
+
     def record(self, reading: Reading | None, output: Output) -> None:
         """Queue one row; where the queue is full the row is dropped and counted.
 

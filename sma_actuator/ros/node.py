@@ -18,6 +18,7 @@ import argparse
 import contextlib
 import dataclasses
 import faulthandler
+import functools
 import gc
 import math
 import os
@@ -674,7 +675,7 @@ class SmaActuatorNode(LifecycleNode):
                 name=self.get_name(),
             )
             self._driver.open()
-            gc.freeze()  # what was imported stays: looking through it would take milliseconds out of the loop
+            _keep_what_is_imported()
             # The loop runs from now on, also while the node is inactive: the watchdog of the supply
             # wants to be fed, and a lost instrument to be found again.
             self._driver.start()
@@ -806,6 +807,15 @@ def main(arguments: list[str] | None = None) -> int:
 def _is_driven(driver: Driver) -> bool:
     """Whether a wire is driven.  The loop itself is asked: its last output may be of before an ~/enable that was answered."""
     return bool(driver.call(lambda actuator, _: actuator.is_driven, CALL_TIMEOUT_s))
+
+
+@functools.cache
+def _keep_what_is_imported() -> None:
+    """Have the collector pass over all that there is now: looking through it would take milliseconds out of the loop.
+
+    Once in a process: what is kept so is never freed where it refers to itself, and of a later driver nothing is to stay.
+    """
+    gc.freeze()
 
 
 def _begin_ros(arguments: list[str]) -> None:

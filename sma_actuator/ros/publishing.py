@@ -49,7 +49,8 @@ class Handoff(Generic[Output]):
         self.latest = output
         if publish:
             self._waiting.append(output)
-            self._fresh.put(True)
+            if self._fresh.empty():  # else the thread will look all the same: one sign is enough for all that wait
+                self._fresh.put(True)
 
     def moves(self) -> bool:
         """Whether the thread waits for an output, or has published one since this was last asked."""

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from attack import heat, hours, lines
+from attack import heat, hours, lines, soak
 from attack.promises import Promises, read_table
 from attack.proxy import Mischief
 from attack.result import Result
@@ -85,6 +85,21 @@ class TestHalfTheHeatLoss:
         heating = heat.Heating(self.WORST, heat_loss=0.1)
         heating.judge("held", heating.driven(heat.LOADS[0], 20.0, "held"))
         assert len(heating.result.violations) == 1
+
+
+class TestMemory:
+    """Of a driver and its recorder for some thousand steps; ``python -m attack soak`` is a day."""
+
+    def test_no_object_is_kept_for_longer_than_it_is_wanted(self):
+        result = soak.attack(0, seconds=240.0, settled_s=60.0)
+        assert result.counts["steps"] >= 4800
+        assert result.worst["objects grown"] < soak.MOST_GROWN_OBJECTS
+
+    def test_nor_would_the_judge_miss_one_at_each_step(self):
+        steps = []
+        result = soak.attack(0, 240.0, 60.0, on_output=lambda output: steps.append(output.status.message + "!"))
+        assert result.worst["objects grown"] > soak.MOST_GROWN_OBJECTS
+        assert [violation.rule for violation in result.violations] == ["memory grows"]
 
 
 @pytest.mark.parametrize("seed", range(4))

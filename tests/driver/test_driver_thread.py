@@ -324,6 +324,18 @@ def test_the_end_of_the_interpreter_stops_what_is_still_there(make_driver, monke
     assert not driver._thread.is_alive()
 
 
+def test_nothing_of_an_ended_driver_waits_for_the_end_of_the_interpreter(make_driver, monkeypatch):
+    registered = []
+    monkeypatch.setattr(atexit, "register", registered.append)
+    monkeypatch.setattr(atexit, "unregister", registered.remove)
+    driver = make_driver()
+    driver.start()
+    (stop,) = [each for each in registered if "_stop_at_exit" in each.__qualname__]
+    driver.stop()
+    driver._thread.join(SOON_s)
+    assert stop not in registered
+
+
 def test_a_commander_has_its_whole_time_from_the_start(make_driver):
     outputs = Outputs()
     driver = make_driver(on_output=outputs, feed_timeout_s=1000.0)

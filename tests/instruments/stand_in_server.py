@@ -90,9 +90,9 @@ class ScpiStandIn:
     def hang_up(self):
         """Close every connection."""
         for connection in self._connections:
-            with contextlib.suppress(OSError):
+            with contextlib.suppress(OSError):  # the other side is gone already
                 connection.shutdown(socket.SHUT_RDWR)
-                connection.close()
+            connection.close()
 
     def close(self):
         self.release.set()

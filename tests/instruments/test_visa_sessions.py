@@ -283,14 +283,15 @@ def test_a_block_with_a_wrong_number_of_readings_is_a_loss(make_config, reply):
             "FETC:AVER?": reply,
         }
     )
+    daq = open_daq(
+        Config.from_mapping(make_config(instruments={"daq": {"resource": server.resource}})), MonotonicClock()
+    )
     try:
-        daq = open_daq(
-            Config.from_mapping(make_config(instruments={"daq": {"resource": server.resource}})), MonotonicClock()
-        )
         daq.open()
         with pytest.raises(InstrumentLost, match="is not an answer to that"):
             daq.read_block()
     finally:
+        daq.close()
         server.close()
 
 

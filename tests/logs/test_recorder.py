@@ -210,11 +210,13 @@ def test_what_a_killed_process_left_is_completed_by_the_next_one(config):
         text=True,
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parent)},
     )
-    assert process.stdout.readline() == "ready\n"
-    BenchLogRecorder(config).close()
-    assert len(_files(config, "*.csv.part")) == 1, "a file whose writer lives was taken from it"
-    process.send_signal(signal.SIGKILL)
-    process.wait(10.0)
+    try:
+        assert process.stdout.readline() == "ready\n"
+        BenchLogRecorder(config).close()
+        assert len(_files(config, "*.csv.part")) == 1, "a file whose writer lives was taken from it"
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.communicate(timeout=60.0)
     (part,) = _files(config, "*.csv.part")
     with Path(part.path).open("ab") as stream:
         stream.write(b"110.0,1.5,0.")  # a line cut short

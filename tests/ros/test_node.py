@@ -538,6 +538,32 @@ class TestLifecycle:
         assert _transition(client, Transition.TRANSITION_ACTIVE_SHUTDOWN)
         wait_until(lambda: bench.current_A() == 0.0, OFF_s)
 
+    def test_nothing_is_kept_of_drivers_that_were_given_up(self, parameters, start_node, client):
+        program = """
+import gc, sys, weakref
+from sma_actuator.ros import node
+made, kept, opened = [], weakref.WeakSet(), node.open_supply
+def open_supply(config):
+    supply = opened(config)
+    made.append(id(supply))
+    kept.add(supply)
+    return supply
+node.open_supply = open_supply
+code = node.main()
+gc.collect()
+print(f"kept {len(kept)} of {len(made)} supplies", file=sys.stderr)
+sys.exit(code)
+"""
+        node = start_node(parameters(autostart=False), program=("-c", program))
+        for _ in range(6):
+            _transition(client, Transition.TRANSITION_CONFIGURE)
+            _transition(client, Transition.TRANSITION_CLEANUP)
+        node.popen.send_signal(signal.SIGTERM)
+        assert node.ends_in_order()
+        kept, made = (int(word) for word in node.words.split("kept ")[1].split()[:3:2])
+        assert made >= 4
+        assert kept <= 2, "of the first, with what is imported then, and of one that was not given up"
+
     def test_an_instrument_that_is_not_there_leaves_it_unconfigured(self, bench, parameters, start_node, client):
         start_node(parameters(autostart=False, **{"instruments.supply.resource": "TCPIP::127.0.0.1::1::SOCKET"}))
         assert not _transition(client, Transition.TRANSITION_CONFIGURE)

@@ -72,6 +72,9 @@ def test_a_thread_that_hangs_is_seen_and_costs_the_loop_neither_time_nor_memory(
         handoff.put(number, True)
     assert not handoff.moves()
     assert handoff.latest == 3 * OUTPUTS_WAITING - 1
+    assert handoff._fresh.qsize() <= 1, (
+        "a sign for each would wait for ever where outputs come faster than they are published"
+    )
     handoff.go.set()
     wait_until(lambda: len(handoff.published) >= 2)
     assert len(handoff.published[1][1]) <= OUTPUTS_WAITING
