@@ -12,7 +12,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds feed-forward tuning pair fleet foreign-speed tutorial forward health clean
+.PHONY: page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds control-experiments feed-forward tuning pair fleet foreign-speed tutorial forward health clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
@@ -88,6 +88,11 @@ whole-range: $(VENV)/ready
 CONTROL ?=
 control-worlds: $(VENV)/ready
 	$(BIN)/python benchmarks/control_worlds.py $(CONTROL)
+
+# The thesis's eleven experiments in every physics, with those models (a quarter of an hour the first time; options in EXPERIMENTS).
+EXPERIMENTS ?=
+control-experiments: $(VENV)/ready
+	$(BIN)/python benchmarks/control_experiments.py $(EXPERIMENTS)
 
 # What feed-forward takes off the error of the PID, per physics, also with a model whose heat is wrong (a quarter of an hour the first
 # time; options in FORWARD_LAW).

@@ -95,25 +95,33 @@ def program(name: str, lo_m: float, hi_m: float) -> Setpoint:
     return makers[name]()
 
 
-def run(experiment: Experiment, seed: int = 1) -> dict[str, float]:
-    """Errors of one experiment in % of full stroke."""
-    config = Config.load(shared_file(f"config/{experiment.config}.yaml")).replace(dict(experiment.changes))
-    bench = VirtualBench.from_name(experiment.config.split("_")[0], seed=seed, load=experiment.load)
-    setpoint = program(experiment.program, *config.model.build(config.wire).displacement_range_m)
+def follow(config: Config, bench: VirtualBench, setpoint: Setpoint, rest_s: float) -> tuple[TrackingErrors, str]:
+    """The errors of a wire that rests for so long and is then driven, and the fault that ended it, or ""."""
     errors = TrackingErrors(config.wire.full_stroke_m)
     with Driver(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench)) as driver:
-        driver.run_for(1.0)
+        driver.run_for(rest_s)
         done, words = driver.enable(True)
         if not done:
-            raise RuntimeError(f"{experiment}: {words}")
+            raise RuntimeError(words)
         start_s = bench.time_s
         while (elapsed_s := bench.time_s - start_s) < DURATION_s:
             setpoint_m = setpoint(elapsed_s)
             driver.offer_setpoint(setpoint_m)
             output = driver.run_for(1.0 / config.loop.rate)
             if output.status.fault:
-                raise RuntimeError(f"{experiment}: {output.status.message}")
+                return errors, output.status.fault
             errors.add(setpoint_m, output.estimate.displacement_m, output.signals.reference_displacement_m)
+    return errors, ""
+
+
+def run(experiment: Experiment, seed: int = 1) -> dict[str, float]:
+    """Errors of one experiment in % of full stroke."""
+    config = Config.load(shared_file(f"config/{experiment.config}.yaml")).replace(dict(experiment.changes))
+    bench = VirtualBench.from_name(experiment.config.split("_")[0], seed=seed, load=experiment.load)
+    setpoint = program(experiment.program, *config.model.build(config.wire).displacement_range_m)
+    errors, fault = follow(config, bench, setpoint, rest_s=1.0)
+    if fault:
+        raise RuntimeError(f"{experiment}: {fault}")
     return errors.as_dict()
 
 

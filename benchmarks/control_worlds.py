@@ -154,9 +154,8 @@ def bench_for(case: Case, seed: int) -> VirtualBench:
     return VirtualBench.from_name(case.wire, seed=seed, load=LOADS[case.load], physics=case.physics, cycles=cycles)
 
 
-def stroke_m(case: Case, config: Config) -> tuple[float, float]:
-    """Where the wire of that bench is contracted as far as it goes, and where it is at rest in the cold."""
-    bench = bench_for(case, seed=1)
+def stroke_of(bench: VirtualBench, config: Config) -> tuple[float, float]:
+    """Where the wire of that bench is contracted as far as it goes, and where it is at rest in the cold [m]."""
     supply = InProcessSupply(bench, config)
     supply.open()
     supply.set_output(True)
@@ -171,7 +170,7 @@ def stroke_m(case: Case, config: Config) -> tuple[float, float]:
 
 def setpoints_of(case: Case, config: Config) -> tuple[Setpoint, float]:
     """What is asked for, inside the model's working range and the stroke, and the share of the stroke that is driven."""
-    hot_m, cold_m = stroke_m(case, config)
+    hot_m, cold_m = stroke_of(bench_for(case, seed=1), config)
     low_m, high_m = config.model.build(config.wire).displacement_range_m
     reach_m = 0.05 * (cold_m - hot_m)
     low_m, high_m = max(low_m, hot_m + reach_m), min(high_m, cold_m - reach_m)

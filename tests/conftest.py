@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import itertools
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
@@ -21,6 +22,12 @@ if TYPE_CHECKING:
 # A machine may stand still at any instant: an example that takes long, or is drawn slowly, has not failed.
 settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("patient")
+
+# nohup, and a shell's job in the background, hand down signals that are ignored to every program under test.
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 #: A 0.1524 mm × 100 mm Ni-Ti wire; every required parameter, the calibrations, and no other.
 _NI_TI: dict[str, Any] = {

@@ -116,6 +116,18 @@ def test_a_model_of_the_thesis_states_no_interval(flexinol, unseen):
     assert np.isnan(Chain(config).run(make_experiment(unseen[0], config).signals).uncertainty_m).all()
 
 
+def test_what_is_said_to_be_outside_is_mostly_the_physical_curve(whole, unseen):
+    """An estimate that still has most of what was learned, and an interval that holds, is no fault."""
+    signals = make_experiment(unseen[0], whole.config).signals
+    outside = 0
+    for times in (1.2, 1.5, 2.0, 4.0):
+        found = Chain(whole.config).run(dataclasses.replace(signals, power_W=signals.power_W * times))
+        said = found.quality == Quality.OUTSIDE_CALIBRATION
+        outside += np.count_nonzero(said)
+        assert (found.uncertainty_m[said] >= 0.5 * whole.config.model.curve_interval).all()
+    assert outside
+
+
 def test_what_the_calibration_has_not_seen_is_said_and_stays_bounded(whole, unseen):
     signals = make_experiment(unseen[0], whole.config).signals
     hotter = dataclasses.replace(signals, power_W=signals.power_W * 4.0)

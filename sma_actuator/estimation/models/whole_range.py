@@ -58,7 +58,7 @@ _TIME, _HEAT, _RESISTANCE, _SHARE, _PLAYS = range(5)
 _LOWEST, _HIGHEST, _LARGEST, _EDGE, _FLOOR, _CURVE_WIDTH = range(6)
 _START_PASSES = 5
 _PER_RANGE = 4.0  #: a feature that lies beyond its range by a quarter of it is as strange as twice the edge
-_STILL_SEEN = 0.9  #: share of the residual below which the quality says that it fades
+_STILL_SEEN = 0.5  #: share of the residual below which the quality says that little of it is left
 
 
 class Numbers(NamedTuple):
