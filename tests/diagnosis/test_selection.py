@@ -111,6 +111,16 @@ def test_a_pair_that_is_no_better_than_one_of_the_two_is_not_taken():
     assert any(t.refusal.startswith("over slip alone") for t in selection.trials)
 
 
+@pytest.mark.parametrize(("least", "names"), [(0.0, {"slip", "creep"}), (0.05, {"slip", "creep"}), (0.12, {"slip"})])
+def test_the_second_of_a_pair_explains_more_than_a_small_rest(least, names):
+    selection = chosen(
+        World({"slip": 4.0, "slip+creep": 4.4}), ["creep", "slip"], replace(RULES, most=2, least_beside=least)
+    )
+    assert set(selection.chosen.names) == names
+    (pair,) = (t for t in selection.trials if len(t.names) == 2)
+    assert ("too little to be worth a name" in pair.refusal) == (len(names) == 1)
+
+
 def test_nothing_more_is_looked_for_once_it_is_clean():
     selection = chosen(World({"slip": 4.0, "slip+creep": 6.0}), ["slip", "creep"], clean=lambda trial: True)
     assert selection.chosen.names == ("slip",)
