@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import itertools
+import os
 import signal
 import subprocess
 import sys
@@ -22,6 +23,12 @@ if TYPE_CHECKING:
 # A machine may stand still at any instant: an example that takes long, or is drawn slowly, has not failed.
 settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("patient")
+
+# Before rclpy is imported: nothing outside this machine is heard, and no two workers of a run hear each other.
+_WORKER = os.environ.get("PYTEST_XDIST_WORKER", "").removeprefix("gw")
+_RUN = os.getppid() + int(_WORKER) if _WORKER else os.getpid()
+os.environ["ROS_DOMAIN_ID"] = str(20 + _RUN % 80)
+os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 # nohup, and a shell's job in the background, hand down signals that are ignored to every program under test.
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:

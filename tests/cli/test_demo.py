@@ -31,18 +31,13 @@ sys.exit(main())
 
 
 class Demo:
-    """``sma-actuator demo`` in a ROS domain of its own; its output goes to a file."""
+    """``sma-actuator demo``; its output goes to a file."""
 
     def __init__(self, log, program, arguments):
         self._log = log
-        environment = {
-            **os.environ,
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-            "ROS_DOMAIN_ID": str(100 + os.getpid() % 100),
-        }
         with log.open("wb") as stream:
             self.process = subprocess.Popen(
-                [sys.executable, *program, "demo", *arguments], stdout=stream, stderr=stream, env=environment
+                [sys.executable, *program, "demo", *arguments], stdout=stream, stderr=stream
             )
 
     @property

@@ -9,11 +9,6 @@ import sys
 from pathlib import Path
 
 import pytest
-
-# Before rclpy is imported: nothing outside this machine, and no other test run, is heard.
-os.environ["ROS_DOMAIN_ID"] = str(20 + os.getpid() % 80)
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-
 from processes import Bench, Client, NodeProcess, parameter_file
 
 from sma_actuator.config import read_parameter_file

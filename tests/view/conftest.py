@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -12,9 +11,6 @@ import pytest
 pytest.importorskip("aiohttp", reason="aiohttp is not installed (extra 'view')")
 pytest.importorskip("rclpy", reason="ROS 2 is not installed (extra 'ros')")
 
-# As tests/ros has it, whose processes these are.
-os.environ["ROS_DOMAIN_ID"] = str(20 + os.getpid() % 80)
-os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "ros"))
 
 from processes import Bench, Client, NodeProcess, parameter_file, wait_until
