@@ -45,7 +45,7 @@ def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
     assert "switch it on first: sma-actuator enable" in capsys.readouterr().err
     _enable(capsys)
     wait_until(lambda: bench.current_A() > 0.04)
-    assert main(["move", "0.0025", *NODE, "--within", "60"]) == 0
+    assert main(["move", "2.5mm", *NODE, "--within", "60"]) == 0
     said = capsys.readouterr()
     assert "held there" in said.out and said.err == ""
     assert bench.truth()[0] == pytest.approx(0.0025, abs=3e-4)
@@ -97,6 +97,13 @@ def test_ctrl_c_ends_the_motion_and_leaves_the_wire_held(bench, capsys):
     assert error == "sma-actuator move: interrupted\n"
     _status(capsys, mode="hold", fault="")
     assert main(["stop", *NODE]) == 0
+
+
+@pytest.mark.parametrize("position", ["2.5", "nan", "inf", "much", "5mmm", "900mm"])
+def test_a_position_that_no_wire_has_is_not_sent(capsys, position):
+    with pytest.raises(SystemExit):
+        main(["move", position])
+    assert "0.0025 (metres) or 2.5mm is wanted" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import time
 
 from sma_actuator.base.errors import UserError
@@ -14,16 +15,37 @@ SETPOINT_PERIOD_s = 0.05
 THERE_s = 0.5  #: within the tolerance for so long, it is there
 ENDED_s = 3.0  #: for the node to say that it holds the wire
 LINE_s = 1.0
+FURTHEST_m = 0.5  #: no wire moves so far: who asks for it means millimetres
+
+
+def metres(text: str) -> float:
+    """A position [m] as it was typed, ``0.0025`` or ``2.5mm``.  Raises argparse.ArgumentTypeError."""
+    number, factor = (text.removesuffix("mm"), 1e-3) if text.endswith("mm") else (text, 1.0)
+    try:
+        position_m = float(number) * factor
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is no position; 0.0025 (metres) or 2.5mm is wanted") from None
+    if not abs(position_m) <= FURTHEST_m:
+        raise argparse.ArgumentTypeError(
+            f"{position_m:g} m is further than a wire moves; 0.0025 (metres) or 2.5mm is wanted"
+        )
+    return position_m
 
 
 def add_arguments(parser) -> None:
     """Declare the options of ``sma-actuator move``."""
-    parser.add_argument("position", type=float, metavar="M", help="where to, in metres, extension positive: 0.0025")
+    parser.add_argument(
+        "position", type=metres, metavar="M", help="where to, in metres or with mm, extension positive: 0.0025, 2.5mm"
+    )
     parser.add_argument(
         "--within", type=float, default=20.0, metavar="S", help="give up after this time (default %(default)s)"
     )
     parser.add_argument(
-        "--tolerance", type=float, default=0.05e-3, metavar="M", help="near enough, in metres (default %(default)s)"
+        "--tolerance",
+        type=metres,
+        default=0.05e-3,
+        metavar="M",
+        help="near enough, in metres or with mm (default %(default)s)",
     )
     add_node_arguments(parser)
 
