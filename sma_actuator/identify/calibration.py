@@ -200,7 +200,7 @@ def _look_up(position, stress, table, estimate, sample_stress, heating, out):
 
 def _at_rest(experiments: Sequence[Experiment], thermal_time_constant_s: float) -> dict:
     found = [(t, rest) for t in experiments for rest in find_rests(t, thermal_time_constant_s)]
-    points = {hot: _means_at([x for x in found if x[1].hot == hot]) for hot in (False, True)}
+    points = {hot: _means_at([x for x in found if x[1].hot == hot], thermal_time_constant_s) for hot in (False, True)}
     out: dict = {}
     deviations = []
     power_W = np.median([p[3] for p in points[True]]) if points[True] else np.nan
@@ -229,14 +229,20 @@ def _at_rest(experiments: Sequence[Experiment], thermal_time_constant_s: float) 
     return out
 
 
-def _means_at(found: Sequence[tuple[Experiment, Rest]]) -> list[list[float]]:
-    """Stress, resistance, displacement and power of rests; of those that have settled, where there are two."""
+def _means_at(found: Sequence[tuple[Experiment, Rest]], thermal_time_constant_s: float) -> list[list[float]]:
+    """Stress, resistance, displacement and power of rests; of those that have settled, where there are two.
+
+    A contracted wire still grows warmer, and its resistance with it: that counts as it would be in the end.
+    """
     settled = [(t, rest) for t, rest in found if rest.settled]
     out = []
     for t, rest in settled if len(settled) > 1 else found:
         here = slice(rest.start, rest.stop)
         values = (t.stress_Pa, t.resistance_Ohm, t.displacement_m, t.signals.power_W)
-        out.append([float(np.mean(v[here])) for v in values])
+        means = [float(np.mean(v[here])) for v in values]
+        if rest.hot:
+            means[1] += rest.further(t.resistance_Ohm, t.signals.time_s, thermal_time_constant_s)
+        out.append(means)
     return out
 
 

@@ -32,6 +32,15 @@ class Rest:
     cycle: int
     to_go: float  #: share of its range that δ moves in a thermal time constant, where it goes on as in the window
 
+    def further(self, values: np.ndarray, time_s: np.ndarray, time_constant_s: float) -> float:
+        """How far ``values`` (n,) would go after the window, where they go on as in it and come to rest in so long."""
+        middle = (self.start + self.stop) // 2
+        if middle == self.start:
+            return 0.0
+        step_s = float(np.mean(time_s[middle : self.stop]) - np.mean(time_s[self.start : middle]))
+        moved = float(np.mean(values[middle : self.stop]) - np.mean(values[self.start : middle]))
+        return moved / step_s * time_constant_s
+
     @property
     def settled(self) -> bool:
         """Whether it is one: a wire that loses its heat more slowly than was thought creeps on for long."""

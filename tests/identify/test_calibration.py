@@ -75,6 +75,24 @@ def test_a_wire_that_creeps_on_is_not_at_rest():
     assert not any(rest.settled for rest in creeping if rest.cycle)
 
 
+def test_a_contracted_wire_that_still_grows_warmer_counts_as_it_would_be_in_the_end():
+    """Where it goes is nearer to where it comes to rest than where it is, and known to half of the way still to go."""
+    _, rig, _ = virtual_rig("flexinol", seed=3, load=Weight(0.98), physics="vertical")  # which loses its heat slowly
+    with rig.opened():
+        logs = [rig.record(square_pulses(2, 0.34, 0.05, heat_s, 20.0)) for heat_s in (5.0, 17.0)]
+    time_constant_s = rig.config.thermal.heat_capacity / rig.config.thermal.heat_loss
+    is_Ohm, further_Ohm = [], []
+    for log in logs:
+        experiment = make_experiment(log, rig.config)
+        rest = next(r for r in find_rests(experiment, time_constant_s) if r.hot)
+        is_Ohm.append(np.mean(experiment.resistance_Ohm[rest.start : rest.stop]))
+        further_Ohm.append(rest.further(experiment.resistance_Ohm, experiment.signals.time_s, time_constant_s))
+    settled_Ohm = is_Ohm[1]
+    assert abs(further_Ohm[1]) < 0.005 < 0.02 < settled_Ohm - is_Ohm[0]  # what a lead would look like
+    off_Ohm = abs(is_Ohm[0] + further_Ohm[0] - settled_Ohm)
+    assert off_Ohm < settled_Ohm - is_Ohm[0] and off_Ohm < 0.5 * further_Ohm[0]
+
+
 def test_a_model_of_any_size_keeps_its_errors_alone(identified, flexinol):
     config = identified[1].config
     bare = calibration_of(make_experiments(identified[0], bench_from_mapping(flexinol.mapping)), config, at_rest=False)

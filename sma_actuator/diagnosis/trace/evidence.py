@@ -25,7 +25,7 @@ from sma_actuator.estimation.effects.frame import Frame, Place
 from sma_actuator.identify.balance import passages, warmer_K
 from sma_actuator.identify.expectation import Expectation, always_so_m
 from sma_actuator.identify.experiments import Experiment, make_experiment, sessions
-from sma_actuator.identify.rests import find_rests
+from sma_actuator.identify.rests import Rest, find_rests
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
 
@@ -62,6 +62,8 @@ STRAIGHT = 0.003  #: of full stroke: how straight a spring's line is, in the mea
 #: How far a cold wire rests elsewhere in surroundings known to be others, per kelvin: of the ranges of R and δ.  Many
 #: alloys have not transformed to the end at room temperature.
 PER_KELVIN = 0.005
+ON_ITS_WAY = 0.1  #: of full stroke: so far from where it will rest, a wire still transforms
+HALF_KNOWN = 0.5  #: of how far a contracted wire's resistance still goes, how uncertain that is
 SPREAD = 1.25  #: standard deviation over mean absolute error
 FEWEST_CYCLES = 3  #: in all logs together
 FEWEST_UNITS = 8
@@ -395,19 +397,23 @@ class Evidence:
     def at_rest(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """R and δ of every rest against the calibration's, in its standard deviations, shape (2 · rests,)."""
         found = []
+        time_constant_s = self.config.thermal.heat_capacity / self.config.thermal.heat_loss
         for i, (rests, p) in enumerate(zip(self.rests, predictions, strict=True)):
+            time_s = self.experiments[i].signals.time_s
             for rest in rests:
                 here = slice(rest.start, rest.stop)
-                still_m = np.mean(self._measured_m[i][here] - (p.shown_m[here] - p.model_m[here]))
+                further_Ohm = rest.further(p.resistance_Ohm, time_s, time_constant_s) if rest.hot else 0.0
                 values = (
                     np.mean(p.stress_Pa[here]),
-                    np.mean(p.resistance_Ohm[here]),
-                    still_m,
+                    np.mean(p.resistance_Ohm[here]) + further_Ohm,
+                    np.mean(self._measured_m[i][here] - (p.shown_m[here] - p.model_m[here])),
                     np.mean(p.heat_W[here]),
                     self._colder_K(i, here, p),
+                    np.mean(p.stress_Pa[here]) - p.stress_Pa[self._on_its_way(i, rest)],
+                    further_Ohm,
                 )
                 found.append((float(rest.hot), *map(float, values)))
-        rows = np.array(found).reshape(-1, 6)
+        rows = np.array(found).reshape(-1, 8)
         out = np.zeros((len(rows), 2))
         c = self.calibration
         range_Ohm = c.resistance_range if math.isfinite(c.resistance_range) else self._range_Ohm()
@@ -425,6 +431,8 @@ class Evidence:
                 expected_Ohm = np.interp(stress_Pa, nodes_Pa, c.hot_resistance if hot else c.cold_resistance)
                 expected_m = np.interp(stress_Pa, nodes_Pa, c.hot_displacement if hot else c.cold_displacement)
                 away = np.min(np.abs(stress_Pa[:, None] - nodes_Pa), axis=1) / np.max(np.abs(nodes_Pa))
+                # Its variants are those of the load that it became martensite under.
+                away = away + (0.0 if hot else np.abs(rows[chosen, 6]) / np.max(np.abs(nodes_Pa)))
             else:  # a rest is then compared with the session's others of the same stress alone
                 same = np.abs(stress_Pa[:, None] - stress_Pa) <= 0.05 * np.max(np.abs(stress_Pa))
                 if hot:
@@ -440,11 +448,19 @@ class Evidence:
                 more = expected_Ohm * 5e-4 * np.abs(power_W - c.hot_power) / self.place.heat_loss_W_K
             away = 0.1 * away + (0.0 if hot else PER_KELVIN * rows[chosen, 5])
             away_Ohm, away_m = away * range_Ohm, away * self.full_stroke_m
+            further_Ohm = HALF_KNOWN * rows[chosen, 7]
             out[chosen, 0] = np.where(
                 valid, (rows[chosen, 2] - expected_Ohm) / np.sqrt(s_R**2 + away_Ohm**2 + more**2), 0.0
             )
             out[chosen, 1] = np.where(valid, (rows[chosen, 3] - expected_m) / np.hypot(s_d, away_m), 0.0)
         return out.ravel()
+
+    def _on_its_way(self, number: int, rest: Rest) -> int:
+        """The last sample before a rest at which the wire was still a good way from it; the rest's first, where it never was."""
+        measured_m = self._measured_m[number]
+        away_m = np.abs(measured_m[: rest.start] - measured_m[rest.start])
+        moving = np.flatnonzero(away_m > ON_ITS_WAY * self.full_stroke_m)
+        return int(moving[-1]) if len(moving) else rest.start
 
     def _colder_K(self, number: int, here: slice, p: Prediction) -> float:
         """How far the surroundings of a rest are from those of the calibration, by what is logged or by an effect of ``p``."""

@@ -42,15 +42,17 @@ WORTH_BESIDE = 0.08
 #: fresh log is another log.  Beyond it the error is real.
 GATE = 1.75
 #: A name leaves no more news than this times the floor, or this share of what there is beyond the floor is gone …
-CLEAN, CLEAN_SHARE = 1.45, 0.9
-#: … and has its signature.  A witness that was usual (within USUAL, rms, in standard deviations of the calibration; less well
-#: known between its loads) stays as well as it was: within WELL, or off by at most so many times as before.  One that was not is
-#: mended: off by no more than MENDED, or than this share of what it was.
-USUAL, WELL, WORSE = 2.25, 1.25, 1.3
-MENDED, LEFT_SHARE = 1.6, 0.5
+CLEAN, CLEAN_SHARE = 1.55, 0.9
+#: … and has its signature.  A witness that was usual (within USUAL, rms, in standard deviations of the calibration) stays as
+#: well as it was: within WELL, or off by at most so many times as before.  One that was not is mended: usual, or off by no more
+#: than this share of what it was.
+USUAL, WELL, WORSE = 2.0, 1.25, 1.3
+LEFT_SHARE = 0.5
 #: And what is left goes no more with time, nor with the quantity that gives the effect away: with a mean square of this many
 #: variances of the calibration at the most; with the latter, which the effect moves most, or of this share of what there was.
 BENT, BENT_SHARE = 0.25, 0.05
+#: With any other quantity it may go with this many: a relative of the true effect leaves what the two differ by.
+BENT_BY_OTHERS = 0.9
 FEWEST_FOR_TIME = 8  #: cycles from which a trend over time is judged
 MOST_NAMES = 3  #: that one effect may have: a longer list says nothing
 #: So many effects are looked for: a model may lack more than happens to a wire at once, and many together imitate anything.
@@ -60,7 +62,7 @@ SKETCHED = 8  #: pairs that are fitted in earnest
 
 def usual(before: float) -> float:
     """How far off a witness may be that was so far off before."""
-    return min(USUAL, max(WELL, WORSE * before)) if before <= USUAL else max(MENDED, LEFT_SHARE * before)
+    return min(USUAL, max(WELL, WORSE * before)) if before <= USUAL else max(USUAL, LEFT_SHARE * before)
 
 
 @dataclass(slots=True)
@@ -138,15 +140,20 @@ class Judge:
         rows = trial.fit.held_out_rows
         witnesses = self.evidence.witnesses(rows, self.train)
         off = [name for name, found in witnesses.items() if found > usual(self.witnesses[name])]
-        asked = dict.fromkeys(("time_s", *(c.effect.TELL_TALE for c in trial.candidates)))
-        return off + [f"the trend over {QUANTITIES[n]}" for n in asked if n in self.quantities and self._bent(n, rows)]
+        telling = {"time_s", *(c.effect.TELL_TALE for c in trial.candidates)}
+        return off + [
+            f"the trend over {QUANTITIES[n]}" for n in self.quantities if self._bent(n, rows, telling=n in telling)
+        ]
 
-    def _bent(self, name: str, rows: np.ndarray) -> bool:
-        """Whether what is left still goes with a quantity."""
-        if name in BLOCKED and self.train.sum() < FEWEST_FOR_TIME:
+    def _bent(self, name: str, rows: np.ndarray, telling: bool) -> bool:
+        """Whether what is left still goes with a quantity; ``telling``: one that gives the effect away."""
+        blocked = name in BLOCKED
+        if blocked and self.train.sum() < FEWEST_FOR_TIME:
             return False
-        left = bend(self.evidence, rows, self.quantities[name], self.train, name in BLOCKED)
-        return left > (BENT if name in BLOCKED else max(BENT, BENT_SHARE * size(self.evidence, self.rows, self.train)))
+        most = BENT if telling else BENT_BY_OTHERS
+        if telling and not blocked:
+            most = max(BENT, BENT_SHARE * size(self.evidence, self.rows, self.train))
+        return bend(self.evidence, rows, self.quantities[name], self.train, blocked) > most
 
     def _worth(self, mean_loss: float) -> float:
         """What an effect must at least take off."""

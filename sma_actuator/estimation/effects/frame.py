@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import exp, isnan
 from typing import Any
 
@@ -11,6 +11,8 @@ import numpy as np
 
 from sma_actuator.base.jit import jit
 from sma_actuator.base.signals import Signals
+
+from ..calibration import Calibration
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +26,14 @@ class Place:
     heat_loss_W_K: float
     ambient_C: float  #: where none is measured
     working_range_m: tuple[float, float]
+    calibration: Calibration = field(default_factory=Calibration)  #: where the ends of the stroke are, by stress
+
+    def share_of_stroke(self, frame: Frame) -> np.ndarray:
+        """How far the wire is between the contracted (0) and the cold end (1) of its stroke, shape (n,)."""
+        if self.calibration.transformation_known:
+            return self.calibration.share_of_stroke(frame.displacement_m, frame.load_N / self.area_m2)
+        hot_m, cold_m = self.working_range_m
+        return (frame.displacement_m - hot_m) / (cold_m - hot_m)
 
 
 @dataclass(slots=True)
@@ -115,23 +125,28 @@ def count_cycles(power: np.ndarray, state: np.ndarray, threshold: float, out: np
         out[i] = state[1]
 
 
-@jit
-def incompleteness(
-    heating: np.ndarray, displacement: np.ndarray, state: np.ndarray, hot: float, cold: float, out: np.ndarray
-) -> None:
-    """How far from its end the last transformation turned back: 0 at the end, 1 where it did not begin.
+TURNED = 0.02  #: share of the stroke that a wire moves back before it has turned, and again until its branch has begun
 
-    Positive on cooling (heating was incomplete), negative on heating (cooling was); ``state`` (3,) =
-    [branch, value, displacement before].
+
+@jit
+def incompleteness(share: np.ndarray, state: np.ndarray, missing: np.ndarray, begun: np.ndarray) -> None:
+    """How far from its end the last transformation turned back (0 at the end, 1 where it did not begin), and whether the next has begun.
+
+    ``missing`` is positive on cooling (heating was incomplete), negative on heating (cooling was); ``begun`` goes from 0
+    to 1 where the wire leaves the turn.  ``state`` (4,) = [branch, missing, share farthest along it, share at its turn].
     """
-    span = cold - hot
-    for i in range(len(heating)):
-        now = 1.0 if heating[i] else 0.0
-        if isnan(state[0]):
-            state[0], state[1], state[2] = now, 0.0, displacement[i]
-        elif now != state[0]:
-            turned = (state[2] - hot) / span
-            share = min(max(turned if now < 0.5 else 1.0 - turned, 0.0), 1.0)
-            state[0], state[1] = now, share if now < 0.5 else -share
-        state[2] = displacement[i]
-        out[i] = state[1]
+    for i in range(len(share)):
+        s = share[i]
+        if isnan(state[0]) and not isnan(s):
+            state[0], state[1], state[2], state[3] = (1.0 if s > 0.5 else 0.0), 0.0, s, s
+        if not isnan(s):
+            back = s - state[2] if state[0] > 0.5 else state[2] - s
+            if back > TURNED:
+                heated = state[0] > 0.5
+                left = min(max(state[2] if heated else 1.0 - state[2], 0.0), 1.0)
+                state[0], state[1] = (0.0, left) if heated else (1.0, -left)
+                state[3], state[2] = state[2], s
+            elif back < 0.0:
+                state[2] = s
+        missing[i] = 0.0 if isnan(state[1]) else state[1]
+        begun[i] = min(max(abs(s - state[3]) / TURNED - 1.0, 0.0), 1.0)

@@ -280,8 +280,7 @@ class Fatigue(Effect):
 
     def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add what is left in place."""
-        hot_m, cold_m = place.working_range_m
-        cold = np.clip((frame.displacement_m - hot_m) / (cold_m - hot_m), 0.0, 1.0)
+        cold = np.clip(place.share_of_stroke(frame), 0.0, 1.0)
         share = 1.0 - (1.0 - self.cold_share) * cold
         frame.displacement_m = frame.displacement_m + self.displacement * share * self._worn(frame)
 
@@ -347,26 +346,37 @@ class Creep(Effect):
 @EFFECTS.register("minor_loop_memory")
 @dataclass(frozen=True, slots=True)
 class MinorLoopMemory(Effect):
-    """After a transformation that turned back early the next branch is shifted in proportion."""
+    """After a transformation that turned back early the next branch is shifted in proportion, until it nears its own end.
+
+    A branch that is completed wipes out what was before it: the wiping-out property of hysteresis (I. D. Mayergoyz,
+    Mathematical Models of Hysteresis, 1991).  Where ``fading`` is 0 the shift stays to the end.
+    """
 
     PART = "wire"
     WORDS = "a branch that turned back early shifts the next"
     REMEDY = "Nothing to repair: it is how the alloy behaves in partial cycles; let the extended model take it off, or calibrate with more partial cycles."
     TELL_TALE = "distance_from_reversal_m"
-    STATES = 3
+    STATES = 6
     after_heating: float = parameter(
         0.0, "shift of the cooling branch, per incompleteness of the heating", "m", -1.0, 1.0
     )
     after_cooling: float = parameter(
         0.0, "shift of the heating branch, per incompleteness of the cooling", "m", -1.0, 1.0
     )
+    fading: float = parameter(0.0, "share of the stroke before a branch's end on which the shift goes", "1", 0.0, 2.0)
+    relaxation_time: float = parameter(0.0, "time constant with which the shift comes and goes", "s", 0.0, 100.0)
 
     def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add the shift."""
-        missing = np.empty(len(frame.displacement_m))
-        hot_m, cold_m = place.working_range_m
-        incompleteness(frame.heating, np.ascontiguousarray(frame.displacement_m), state, hot_m, cold_m, missing)
-        shift_m = np.where(missing > 0.0, self.after_heating * missing, -self.after_cooling * missing)
+        missing, begun = np.empty(len(frame.displacement_m)), np.empty(len(frame.displacement_m))
+        share = place.share_of_stroke(frame)
+        incompleteness(share, state[:4], missing, begun)
+        shift_m = np.where(missing > 0.0, self.after_heating * missing, -self.after_cooling * missing) * begun
+        if self.fading > 0.0:
+            to_go = np.where(missing > 0.0, 1.0 - share, share)  # after heating the wire cools, and grows longer
+            shift_m = shift_m * np.clip(to_go / self.fading, 0.0, 1.0)
+        if self.relaxation_time > 0.0:
+            shift_m = frame.lag(shift_m, state[4:], self.relaxation_time, from_zero=True)
         frame.displacement_m = frame.displacement_m + shift_m
 
     def forget_the_loop(self, state: np.ndarray) -> None:
@@ -379,6 +389,8 @@ class MinorLoopMemory(Effect):
         return [
             size("after_heating", 0.6 * scales.stroke_m, 0.05 * scales.stroke_m),
             size("after_cooling", 0.6 * scales.stroke_m, 0.05 * scales.stroke_m),
+            Free("fading", 0.02, 1.5, 1.0, (0.2, 0.8), False),
+            shape("relaxation_time", 1e-2, 5.0, 0.1, 0.5),
         ]
 
     @classmethod

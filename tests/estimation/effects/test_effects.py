@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from sma_actuator.base.parameters import ConfigError, to_mapping
 from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
+from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL, PARTS
-from sma_actuator.estimation.effects.frame import Frame, Place
+from sma_actuator.estimation.effects.frame import TURNED, Frame, Place
 
 #: Parameters that make each effect show.
 STRONG = {
@@ -31,7 +32,7 @@ STRONG = {
     "elastic_compliance": {"compliance": 2e-4},
     "fatigue": {"displacement": 2e-4, "cold_share": 0.5, "resistance": 0.004, "exponent": 0.5},
     "creep": {"compliance": 3e-4, "time_constant": 5.0},
-    "minor_loop_memory": {"after_heating": 5e-4, "after_cooling": 4e-4},
+    "minor_loop_memory": {"after_heating": 5e-4, "after_cooling": 4e-4, "fading": 0.2, "relaxation_time": 0.3},
     "rate": {"displacement_per_rate": 1e-3, "relaxation_time": 0.2},
     "slip": {"length": 3e-4, "time": 7.0},
     "backlash": {"width": 5e-4},
@@ -305,16 +306,57 @@ def test_fatigue_wears_the_hot_end_more_than_the_cold_one():
     np.testing.assert_allclose(logarithm.displacement_m - 2e-3, 2e-4 * np.log(cycle), atol=1e-15)
 
 
-def test_what_turned_back_early_shifts_the_next_branch():
-    """A heating that stopped half-way shifts the cooling by half of ``after_heating``; a complete one by nothing."""
-    half = np.concatenate((np.linspace(4.2e-3, 2.2e-3, 20), np.linspace(2.2e-3, 4.2e-3, 20)))
-    heating = np.arange(40) < 20
+def turned_half_way(**changes):
+    """Shift of a heating that stops half-way, and of the cooling that follows it, 100 samples each, a second apart."""
+    half = np.concatenate((np.linspace(4.2e-3, 2.2e-3, 100), np.linspace(2.2e-3, 4.2e-3, 100)))
     n = len(half)
     frame = Frame.of(Signals(np.arange(n) * 1.0, *(np.ones(n) for _ in range(7))), 0.0)
-    frame.heating, frame.displacement_m = heating, half.copy()
-    shift = Stages(build("minor_loop_memory")).act("at_displacement", frame).displacement_m - half
-    np.testing.assert_allclose(shift[:20], 0.0)
-    np.testing.assert_allclose(shift[20:], 0.5 * 5e-4)
+    frame.heating, frame.displacement_m = np.arange(n) < 100, half.copy()
+    effect = build("minor_loop_memory", **{"fading": 0.0, "relaxation_time": 0.0, **changes})
+    return half, Stages(effect).act("at_displacement", frame).displacement_m - half
+
+
+def test_what_turned_back_early_shifts_the_next_branch():
+    """A heating that stopped half-way shifts the cooling by half of ``after_heating``, once it has begun; a complete one by nothing."""
+    half, shift = turned_half_way()
+    assert np.all(shift[:101] == 0.0) and np.all(np.diff(shift[100:]) > -1e-15)
+    begun = np.flatnonzero(half[100:] - half[100] > 2.0 * TURNED * 4e-3)[0]  # of a stroke of 4 mm
+    np.testing.assert_allclose(shift[100 + begun :], 0.5 * 5e-4)
+
+
+def test_a_branch_that_is_completed_has_forgotten_how_the_last_one_turned():
+    """On the last fifth of the stroke the shift goes in proportion to what there is still to go."""
+    half, shift = turned_half_way(fading=0.2)
+    to_go = (4.2e-3 - half[150:]) / 4e-3
+    np.testing.assert_allclose(shift[150:], 0.5 * 5e-4 * np.clip(to_go / 0.2, 0.0, 1.0), atol=1e-12)
+    assert shift[-1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_shift_of_a_turn_comes_slowly():
+    _, sudden = turned_half_way()
+    _, slow = turned_half_way(relaxation_time=20.0)
+    assert slow[130] < 0.8 * sudden[130] and slow[-1] == pytest.approx(sudden[-1] * (1.0 - math.exp(-96 / 20.0)), rel=0.02)
+
+
+def test_how_far_a_branch_went_is_measured_on_the_stroke_of_its_own_load():
+    """Where the calibration knows the ends of the stroke by stress, a light load's short stroke is a whole one."""
+    known = Calibration(
+        cold_stress=(2e7, 6e7),
+        cold_displacement=(2.2e-3, 4.2e-3),
+        contracted_stress=(2e7, 6e7),
+        contracted_displacement=(0.2e-3, 0.2e-3),
+        transformation_heating=(60.0, 70.0),
+        transformation_cooling=(40.0, 50.0),
+        transformation_shift=(1e-7, 1e-7),
+        latent_rise=30.0,
+    )
+    place = dataclasses.replace(PLACE, calibration=known)
+    n = 5
+    frame = Frame.of(Signals(np.arange(n) * 1.0, *(np.ones(n) for _ in range(7))), 0.0)
+    frame.displacement_m = np.full(n, 2.2e-3)
+    frame.load_N = np.array([2e7, 3e7, 4e7, 6e7, 6e7]) * PLACE.area_m2
+    np.testing.assert_allclose(place.share_of_stroke(frame), [1.0, 0.8, 2.0 / 3.0, 0.5, 0.5])
+    np.testing.assert_allclose(PLACE.share_of_stroke(frame), 0.5)
 
 
 def test_backlash_is_the_play_operator():
