@@ -286,6 +286,11 @@ class Evidence:
         return np.maximum(lasts_s / self.independent_s, 1.0)
 
     @property
+    def expects_what_repeats(self) -> bool:
+        """Whether what the model always leaves is expected; where it is not, that goes with all kinds of quantities itself."""
+        return self._expectation is not None and any(self.calibration.expected_weights)
+
+    @property
     def knows_its_scatter(self) -> bool:
         """Whether the calibration says how far off every witness usually is, and so what is unusual."""
         return self._expectation is not None

@@ -16,7 +16,7 @@ from .evidence import Evidence
 FOLDS = 4
 STEP = 1e-3  #: of the finite differences, in the optimiser's units
 MAX_EVALUATIONS = 12
-SLIP_TIMES = 48
+NEAR_SIZE, NEAR_SHAPE = 0.01, 0.05  #: of what is possible, so near its end counts as at it: a shape comes there slowly
 
 
 @dataclass(frozen=True, slots=True)
@@ -296,7 +296,7 @@ def _at_bound(problem: _Problem, u: np.ndarray) -> tuple[str, ...]:
     """Parameters at an end at which the effect is not possible, or is another."""
     found = []
     for (c, f), x, low, high in zip(problem.slots, u, problem.low, problem.high, strict=True):
-        near = 0.01 * (high - low)
+        near = (NEAR_SIZE if f.is_size else NEAR_SHAPE) * (high - low)
         ends = (("high", "low") if f.low < 0.0 else ("high",)) if f.is_size else f.other_at
         if ("high" in ends and high - x < near) or ("low" in ends and x - low < near):
             found.append(f"{c.name}.{f.name}")

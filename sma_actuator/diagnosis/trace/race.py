@@ -41,6 +41,8 @@ WORTH_BESIDE = 0.08
 #: What the calibration does not let expect may be at most so many times what that was off where it was not fitted: a
 #: fresh log is another log.  Beyond it the error is real.
 GATE = 1.75
+#: Between this and the gate there is an error only if a name explains it: this share of the excess, and all of the news.
+HINT, HINT_SHARE = 1.3, 0.9
 #: A name leaves no more news than this times the floor, or this share of what there is beyond the floor is gone …
 CLEAN, CLEAN_SHARE = 1.55, 0.9
 #: … and has its signature.  A witness that was usual (within USUAL, rms, in standard deviations of the calibration) stays as
@@ -51,8 +53,8 @@ LEFT_SHARE = 0.5
 #: And what is left goes no more with time, nor with the quantity that gives the effect away: with a mean square of this many
 #: variances of the calibration at the most; with the latter, which the effect moves most, or of this share of what there was.
 BENT, BENT_SHARE = 0.25, 0.05
-#: With any other quantity it may go with this many: a relative of the true effect leaves what the two differ by.
-BENT_BY_OTHERS = 0.9
+#: With any other quantity it may go with so many, or this share: a relative of the true effect leaves what the two differ by.
+BENT_BY_OTHERS, BENT_BY_OTHERS_SHARE = 0.5, 0.02
 FEWEST_FOR_TIME = 8  #: cycles from which a trend over time is judged
 MOST_NAMES = 3  #: that one effect may have: a longer list says nothing
 #: So many effects are looked for: a model may lack more than happens to a wire at once, and many together imitate anything.
@@ -133,6 +135,13 @@ class Judge:
         gone = left <= max(CLEAN * floor, floor + (1.0 - CLEAN_SHARE) * (self.news_percent - floor))
         return gone and not self.unusual(trial)
 
+    def convincing(self, trial: Trial | None) -> bool:
+        """Whether it is all that there is to what might as well be nothing."""
+        if trial is None or not self.clean(trial):
+            return False
+        left = float(trial.fit.held_out_news_percent.mean())
+        return self.share(trial) >= HINT_SHARE and left <= self.evidence.floor_percent
+
     def unusual(self, trial: Trial) -> list[str]:
         """What is off by more than is usual with a trial's effects, on cycles its fits have not seen."""
         if not self.evidence.knows_its_scatter:
@@ -141,18 +150,17 @@ class Judge:
         witnesses = self.evidence.witnesses(rows, self.train)
         off = [name for name, found in witnesses.items() if found > usual(self.witnesses[name])]
         telling = {"time_s", *(c.effect.TELL_TALE for c in trial.candidates)}
-        return off + [
-            f"the trend over {QUANTITIES[n]}" for n in self.quantities if self._bent(n, rows, telling=n in telling)
-        ]
+        asked = [n for n in self.quantities if n in telling or self.evidence.expects_what_repeats]
+        return off + [f"the trend over {QUANTITIES[n]}" for n in asked if self._bent(n, rows, telling=n in telling)]
 
     def _bent(self, name: str, rows: np.ndarray, telling: bool) -> bool:
         """Whether what is left still goes with a quantity; ``telling``: one that gives the effect away."""
         blocked = name in BLOCKED
         if blocked and self.train.sum() < FEWEST_FOR_TIME:
             return False
-        most = BENT if telling else BENT_BY_OTHERS
-        if telling and not blocked:
-            most = max(BENT, BENT_SHARE * size(self.evidence, self.rows, self.train))
+        most, share = (BENT, BENT_SHARE) if telling else (BENT_BY_OTHERS, BENT_BY_OTHERS_SHARE)
+        if not blocked:
+            most = max(most, share * size(self.evidence, self.rows, self.train))
         return bend(self.evidence, rows, self.quantities[name], self.train, blocked) > most
 
     def _worth(self, mean_loss: float) -> float:
@@ -205,7 +213,7 @@ def trace(
         quantities(evidence, predictions),
     )
     result = _nothing(evidence, reasons, train, judge)
-    if float(result.news_percent["before"].mean()) <= result.gate_percent and not only:
+    if judge.news_percent <= HINT * evidence.floor_percent and not only:
         return result
     work = Work(evidence, train)
     if only:
@@ -213,6 +221,8 @@ def trace(
     else:
         contest = select(field_, judge.losses, judge.rules, judge.clean)
         (selection,) = run([contest], [work], jobs, partial(progress, "race"))
+        if judge.news_percent <= result.gate_percent and not judge.convincing(selection.chosen):
+            return result
     _conclude(result, evidence, selection, judge)
     result.verdict = _verdict(result, selection, judge, asked=bool(only))
     return result

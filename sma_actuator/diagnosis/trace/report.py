@@ -170,6 +170,8 @@ def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[st
         text += "; or ".join(dict.fromkeys(a["experiment"]["what"] for a in alternatives)) + "."
     elif tracing.rounds:
         text += " Nothing else that was tried does that."
+    if before <= tracing.gate_percent:
+        text += f" It is small: by its size alone ({before:.2f} % of full stroke, where {tracing.gate_percent:.2f} % may be usual) it could be nothing."
     parts = dict.fromkeys(EFFECTS[n].PART for n in names)
     return " ".join([text, *(NEXT[part] for part in parts if part in NEXT), _allowed_for(names)])
 

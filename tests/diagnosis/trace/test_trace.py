@@ -11,6 +11,7 @@ from sessions import session
 from sma_actuator.base.signals import Signals
 from sma_actuator.bench import Spring, Weight
 from sma_actuator.config import Config
+from sma_actuator.diagnosis.selection import Entry
 from sma_actuator.diagnosis.trace import Evidence, race, trace
 from sma_actuator.diagnosis.trace.analysis import quantities
 from sma_actuator.diagnosis.trace.candidates import candidate, scales_of, untestable
@@ -68,6 +69,17 @@ def test_what_is_hidden_is_named_first_and_its_size_found(wire, config, hidden, 
     assert found.fit.names[0] == name
     assert found.fit.values[name][parameter] == pytest.approx(value, rel=0.25)
     assert found.errors_percent["after"].mean() < 0.6 * found.errors_percent["before"].mean()
+
+
+def test_what_might_as_well_be_nothing_is_named_only_where_the_name_explains_all_of_it(wire, config, clean, monkeypatch):
+    """Below the gate an error is real where a name takes all the news away, and has its signature; else nothing is missing."""
+    monkeypatch.setattr(race, "GATE", 1000.0)
+    found = traced(wire, config, {"backlash": 2.5e-4})
+    assert found.verdict == "traced" and found.fit.names == ("backlash",)
+    assert "it could be nothing" in sentence(found, {}, [])
+    assert traced(wire, config, {"hum": 1.5e-4}).verdict == "none"
+    monkeypatch.setattr(race, "HINT", 0.0)
+    assert trace(clean, jobs=1).verdict == "none"
 
 
 @pytest.mark.long
@@ -134,6 +146,26 @@ def test_a_slip_is_no_drift_however_much_a_drift_mends(wire, config):
     evidence = Evidence(session(wire[0], {"slip": 4e-4}), config)
     right, wrong = (trace(evidence, only=[name], jobs=1) for name in ("slip", "reference_drift"))
     assert "the trend over time [s]" in wrong.unusual and "the trend over time [s]" not in right.unusual
+
+
+def test_a_relative_of_the_true_effect_leaves_what_the_two_differ_by(clean, monkeypatch):
+    """Where the calibration lets expect what the model always leaves, a name leaves no trend over any quantity."""
+    trial = race.Work(clean, np.ones(clean.units, dtype=bool))(
+        Entry((candidate("thermal_expansion", scales_of(clean)),), None)
+    )
+    places = quantities(clean, clean.predict({}))
+    judge = race.Judge(
+        clean, 3.0 * trial.fit.held_out_rows, trial.losses, 1.0, 2.0, np.ones(clean.units, dtype=bool), {}, places
+    )
+    judge = dataclasses.replace(judge, witnesses=clean.witnesses(trial.fit.held_out_rows, judge.train))
+    long = places["displacement_m"] > np.median(places["displacement_m"])
+    rows = 0.1 * trial.fit.held_out_rows
+    rows[: clean.rows_of_samples] += np.where(long, 1.2, -1.2) * clean.sample_weight
+    differing = dataclasses.replace(trial, fit=dataclasses.replace(trial.fit, held_out_rows=rows))
+    trend = f"the trend over {QUANTITIES['displacement_m']}"
+    for expected in (False, True):
+        monkeypatch.setattr(Evidence, "expects_what_repeats", expected)
+        assert (trend in judge.unusual(differing)) is expected
 
 
 def test_an_effect_at_the_end_where_it_is_another_has_no_name(wire, config):
