@@ -103,6 +103,8 @@ class Rules:
     decisive: float = inf
     worst_rise: float = inf  #: no unit may lose so much more: what is really there is there in all of them
     alike: float = 0.0  #: share of a gain within which two count as alike, even where their units tell them apart
+    #: The same of those that leave nothing to be looked for: they explain it too, however surely others do better.
+    alike_if_clean: float = 0.0
     tie: float = 0.0  #: the simplest of those alike wins, if it has this share of the best's gain
     leaders: int = 0  #: so many of the best single ones are tried with every other …
     sketched: int = 0  #: … and, where this is not 0, so many of these pairs in earnest: those that do best in a sketch
@@ -201,7 +203,8 @@ def _simplest(good: Sequence[Trial], rules: Rules, clean: Callable[[Trial], bool
     """
     whole = [t for t in good if clean(t)] or good
     best = whole[0]
-    alike = [t for t in good if is_alike(t, best, rules)]
+    also = (1.0 - rules.alike_if_clean) * best.gain if clean(best) else inf
+    alike = [t for t in good if is_alike(t, best, rules) or (t.gain >= also and clean(t))]
     as_good = [t for t in alike if any(t is x for x in whole) and t.gain >= rules.tie * best.gain]
     winner = min(as_good, key=lambda t: (t.parameters, -t.gain))
     return winner, [t for t in alike if t is not winner]

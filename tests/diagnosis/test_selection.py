@@ -51,6 +51,18 @@ def test_the_one_that_explains_most_is_chosen():
     assert selection.rounds[0].trials[-1].refusal
 
 
+def test_what_leaves_nothing_to_be_looked_for_either_is_an_alternative_though_it_does_surely_less():
+    world = World({"slip": 8.0, "creep": 7.4, "rate": 7.3, "play": 6.0})
+
+    def clean(trial):
+        return trial.names in (("slip",), ("creep",), ("play",))
+
+    for share, expected in ((0.0, []), (0.1, [("creep",)])):
+        selection = chosen(world, ["rate", "play", "creep", "slip"], replace(RULES, alike_if_clean=share), clean=clean)
+        assert selection.chosen.names == ("slip",)
+        assert [t.names for t in selection.rounds[0].alternatives] == expected
+
+
 def test_only_the_pairs_that_do_best_in_a_sketch_are_fitted():
     world = World({"slip": 4.0, "slip+creep": 7.0})
     asked = []

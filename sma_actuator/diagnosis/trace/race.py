@@ -175,6 +175,7 @@ class Judge:
             decisive=DECISIVE,
             least_gain=self._worth,
             alike=0.05,
+            alike_if_clean=0.1,
             tie=0.99,
             leaders=3,
             sketched=SKETCHED,

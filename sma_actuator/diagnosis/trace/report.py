@@ -289,7 +289,7 @@ def _alternatives(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
                 "what": EFFECTS[name].WORDS,
                 "instead_of": next((n for n in winner.names if n not in trial.names), winner.names[-1]),
                 "confidence": confidence.get(name, 0.0),
-                "why": "on cycles that the fits had not seen the two do as well as each other, within a standard error",
+                "why": "on cycles that the fits had not seen the two do as well as each other, or leave nothing unusual both",
                 "experiment": {
                     "what": experiment.what,
                     "duration_s": experiment.duration_s,

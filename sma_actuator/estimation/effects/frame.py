@@ -11,8 +11,7 @@ import numpy as np
 
 from sma_actuator.base.jit import jit
 from sma_actuator.base.signals import Signals
-
-from ..calibration import Calibration
+from sma_actuator.estimation.calibration import Calibration
 
 
 @dataclass(frozen=True, slots=True)

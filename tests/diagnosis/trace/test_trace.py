@@ -71,7 +71,9 @@ def test_what_is_hidden_is_named_first_and_its_size_found(wire, config, hidden, 
     assert found.errors_percent["after"].mean() < 0.6 * found.errors_percent["before"].mean()
 
 
-def test_what_might_as_well_be_nothing_is_named_only_where_the_name_explains_all_of_it(wire, config, clean, monkeypatch):
+def test_what_might_as_well_be_nothing_is_named_only_where_the_name_explains_all_of_it(
+    wire, config, clean, monkeypatch
+):
     """Below the gate an error is real where a name takes all the news away, and has its signature; else nothing is missing."""
     monkeypatch.setattr(race, "GATE", 1000.0)
     found = traced(wire, config, {"backlash": 2.5e-4})

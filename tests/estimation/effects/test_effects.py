@@ -335,7 +335,9 @@ def test_a_branch_that_is_completed_has_forgotten_how_the_last_one_turned():
 def test_the_shift_of_a_turn_comes_slowly():
     _, sudden = turned_half_way()
     _, slow = turned_half_way(relaxation_time=20.0)
-    assert slow[130] < 0.8 * sudden[130] and slow[-1] == pytest.approx(sudden[-1] * (1.0 - math.exp(-96 / 20.0)), rel=0.02)
+    assert slow[130] < 0.8 * sudden[130] and slow[-1] == pytest.approx(
+        sudden[-1] * (1.0 - math.exp(-96 / 20.0)), rel=0.02
+    )
 
 
 def test_how_far_a_branch_went_is_measured_on_the_stroke_of_its_own_load():
