@@ -45,6 +45,9 @@ from sma_actuator.replay import replay
 ALLOYS = ("flexinol", "furukawa")
 LOADS = ("weight", "spring", "steps")
 PROGRAMS = ("session", "pulses", "partial")  #: of the current; the first has all
+ELSEWHERE = (
+    "elsewhere"  #: a program of other currents, under other loads, every second time logged five times as rarely
+)
 LOAD_EFFECTS = ("load_cell_drift", "load_cell_gain", "elastic_compliance", "creep", "load_cell_nonlinearity")
 LOG_s, PAUSE_s = 230.0, 60.0
 SESSION_s = 2 * LOG_s + PAUSE_s
@@ -127,6 +130,11 @@ def identified(alloy: str, physics: str = HOME) -> Config:
 
 def load_of(case: Case):
     """What hangs on the wire."""
+    if case.program == ELSEWHERE and case.load != "steps":
+        rng = np.random.default_rng((case.seed, 99))
+        if case.load == "weight":
+            return Weight(float(rng.choice((0.6, 1.3, 1.7))))
+        return Spring(float(rng.choice((150.0, 450.0))), float(rng.choice((0.4, 0.9))))
     if case.load == "weight":
         return Weight(0.98)
     if case.load == "spring":
@@ -146,6 +154,8 @@ def currents_A(config, number: int, seed: int, program: str = PROGRAMS[0]) -> np
     rate, low = config.loop.rate, config.supply.bias_current
     high = default_heat_current_A(config)
     slow = config.thermal.heat_capacity / config.thermal.heat_loss
+    if program == ELSEWHERE:
+        return _currents_elsewhere_A(np.random.default_rng((seed, number, 77)), rate, low, high)
     parts = [(low, 3.0)]
 
     def pulses(count):
@@ -182,6 +192,32 @@ def currents_A(config, number: int, seed: int, program: str = PROGRAMS[0]) -> np
     return np.concatenate((current, triangle_A, np.full(tail, low)))[: round(LOG_s * rate)]
 
 
+def _currents_elsewhere_A(rng: np.random.Generator, rate: float, low: float, high: float) -> np.ndarray:
+    """Sines, stairs up and down, switching at random and pulses with one pause, in any order, of a fifth of the log each."""
+    part_s = 52.0
+    t = np.arange(round(part_s * rate)) / rate
+
+    def sine():
+        return low + (high - low) * (0.5 - 0.5 * np.cos(2.0 * np.pi * t / rng.uniform(14.0, 26.0))) ** 0.6
+
+    def stairs():
+        level = np.concatenate((np.linspace(0.0, 1.0, 6), np.linspace(1.0, 0.0, 6)))
+        return low + (high - low) * np.sqrt(level[(t / part_s * len(level)).astype(int)])
+
+    def at_random():
+        level = rng.uniform(0.0, 1.0, 20)
+        return low + (high - low) * np.where(level > 0.45, level, 0.0)[(t / part_s * len(level)).astype(int)]
+
+    def pulses():
+        return np.where(t % 17.3 < 6.5, high * rng.uniform(0.9, 1.0), low)
+
+    rest = np.full(round(2.0 * rate), low)
+    shapes = (sine, stairs, at_random, pulses)
+    parts = [rest, rest] + [x for number in rng.permutation(len(shapes)) for x in (shapes[number](), rest)]
+    current_A = np.concatenate(parts)[: round(LOG_s * rate)]
+    return np.concatenate((current_A, np.full(round(LOG_s * rate) - len(current_A), low)))
+
+
 def make_logs(case: Case, folder: Path) -> list[Path]:
     """Run the session; returns the paths of its two logs, whose times belong to one clock."""
     paths = []
@@ -211,6 +247,8 @@ def _session(case: Case) -> list[BenchLog]:
             log = rig.record(_open_loop(currents_A(config, number, case.seed, case.program)), but=("load_spike",))
             columns = dict(log.columns)
             columns["time_s"] = columns["time_s"] + (bench.time_s - columns["time_s"][-1])
+            if case.program == ELSEWHERE and case.seed % 2:
+                columns = {name: values[::5] for name, values in columns.items()}
             if not case.ambient_logged:
                 columns.pop("ambient_temperature_C", None)
             logs.append(BenchLog(columns, {"kind": "session", "wire": wire}))
@@ -283,10 +321,15 @@ def single(
     return _case(kind, alloy, {name: value}, load, seed, ambient_logged, physics)
 
 
-def cases(turns: Sequence[int] = (0,), strengths: tuple[float, ...] = (0.5, 1, 2), physics: str = HOME) -> list[Case]:
+def cases(
+    turns: Sequence[int] = (0,),
+    strengths: tuple[float, ...] = (0.5, 1, 2),
+    physics: str = HOME,
+    elsewhere: bool = False,
+) -> list[Case]:
     """The whole list: every effect alone, none, pairs and what no model has a name for; the same on every call.
 
-    Each of ``turns`` is the whole list with other seeds, loads and signs.
+    Each of ``turns`` is the whole list with other seeds, loads and signs.  ``elsewhere``: those that have the whole program, with :data:`ELSEWHERE` in its place.
     """
     out = []
     for turn in turns:
@@ -316,7 +359,10 @@ def cases(turns: Sequence[int] = (0,), strengths: tuple[float, ...] = (0.5, 1, 2
             strength = 2.0 if position % 4 < 2 else 1.0
             seed, sign = 5000 + 100 * turn + position, _signs(name, position // 2)
             out.append(single(name, alloy, strength, load, seed, sign, physics=physics))
-    return out
+    if not elsewhere:
+        return out
+    there = [c for c in out if c.program == PROGRAMS[0]]
+    return [_case(c.kind, c.alloy, c.hidden, c.load, c.seed, c.ambient_logged, physics, ELSEWHERE) for c in there]
 
 
 def _load_for(name: str, number: int) -> str:

@@ -153,6 +153,9 @@ def main() -> int:
     parser.add_argument(
         "--strengths", type=float, nargs="*", default=(0.5, 1.0, 2.0), help="of the single effects, at home 1 doubles"
     )
+    parser.add_argument(
+        "--elsewhere", action="store_true", help="sessions of other currents, under other loads, logged more rarely"
+    )
     parser.add_argument("--every", type=int, default=1, metavar="N", help="every Nth case of each kind alone")
     parser.add_argument("--only", nargs="*", default=[], help="cases with these effects alone")
     parser.add_argument("--kinds", nargs="*", choices=KINDS, default=KINDS)
@@ -182,7 +185,7 @@ def _asked(args: argparse.Namespace) -> list[Case]:
     """The cases that were asked for, every physics in turn: a part of them is a part of each."""
     lists = []
     for turn, physics in enumerate(args.physics):
-        listed = cases(args.seeds, tuple(args.strengths), physics)
+        listed = cases(args.seeds, tuple(args.strengths), physics, args.elsewhere)
         listed = [c for c in listed if c.kind in args.kinds and (not args.only or set(args.only) & set(c.hidden))]
         lists.append(_with_every_kind(listed, args.every, turn))
     return [case for row in itertools.zip_longest(*lists) for case in row if case is not None]
