@@ -63,7 +63,6 @@ STRAIGHT = 0.003  #: of full stroke: how straight a spring's line is, in the mea
 #: alloys have not transformed to the end at room temperature.
 PER_KELVIN = 0.005
 ON_ITS_WAY = 0.1  #: of full stroke: so far from where it will rest, a wire still transforms
-HALF_KNOWN = 0.5  #: of how far a contracted wire's resistance still goes, how uncertain that is
 SPREAD = 1.25  #: standard deviation over mean absolute error
 FEWEST_CYCLES = 3  #: in all logs together
 FEWEST_UNITS = 8
@@ -86,6 +85,24 @@ class Prediction:
     heat_W: np.ndarray  #: what of it the calibration's heat balance sees
     stress_Pa: np.ndarray
     elapsed_s: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class _AtRest:
+    """What a wire at rest shows."""
+
+    hot: bool
+    resistance_Ohm: float  #: of a contracted wire: that it goes to
+    displacement_m: float
+    stress_Pa: float
+    power_W: float
+    colder_K: float  #: how far its surroundings are from the calibration's
+    since_Pa: float  #: how much its load has changed since it came there
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """All but where it rests."""
+        return self.resistance_Ohm, self.displacement_m, self.stress_Pa, self.power_W, self.colder_K, self.since_Pa
 
 
 class Evidence:
@@ -401,49 +418,33 @@ class Evidence:
 
     def at_rest(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """R and δ of every rest against the calibration's, in its standard deviations, shape (2 · rests,)."""
-        found = []
-        time_constant_s = self.config.thermal.heat_capacity / self.config.thermal.heat_loss
-        for i, (rests, p) in enumerate(zip(self.rests, predictions, strict=True)):
-            time_s = self.experiments[i].signals.time_s
-            for rest in rests:
-                here = slice(rest.start, rest.stop)
-                further_Ohm = rest.further(p.resistance_Ohm, time_s, time_constant_s) if rest.hot else 0.0
-                values = (
-                    np.mean(p.stress_Pa[here]),
-                    np.mean(p.resistance_Ohm[here]) + further_Ohm,
-                    np.mean(self._measured_m[i][here] - (p.shown_m[here] - p.model_m[here])),
-                    np.mean(p.heat_W[here]),
-                    self._colder_K(i, here, p),
-                    np.mean(p.stress_Pa[here]) - p.stress_Pa[self._on_its_way(i, rest)],
-                    further_Ohm,
-                )
-                found.append((float(rest.hot), *map(float, values)))
-        rows = np.array(found).reshape(-1, 8)
-        out = np.zeros((len(rows), 2))
+        rests = [self._rest(i, rest, p) for i, p in enumerate(predictions) for rest in self.rests[i]]
+        out = np.zeros((len(rests), 2))
         c = self.calibration
         range_Ohm = c.resistance_range if math.isfinite(c.resistance_range) else self._range_Ohm()
         s_R = math.hypot(c.resistance_scatter if math.isfinite(c.resistance_scatter) else 0.0, 0.003 * range_Ohm)
         s_d = math.hypot(
             c.displacement_scatter if math.isfinite(c.displacement_scatter) else 0.0, 0.005 * self.full_stroke_m
         )
-        for hot in (0.0, 1.0):
-            chosen = rows[:, 0] == hot
-            if not chosen.any():
+        for hot in (False, True):
+            chosen = [k for k, rest in enumerate(rests) if rest.hot == hot]
+            if not chosen:
                 continue
-            stress_Pa, power_W = rows[chosen, 1], rows[chosen, 4]
+            is_Ohm, is_m, stress_Pa, power_W, colder_K, since_Pa = np.array([rests[k].values for k in chosen]).T
             nodes_Pa = np.asarray(c.hot_stress if hot else c.cold_stress)
             if len(nodes_Pa):
                 expected_Ohm = np.interp(stress_Pa, nodes_Pa, c.hot_resistance if hot else c.cold_resistance)
                 expected_m = np.interp(stress_Pa, nodes_Pa, c.hot_displacement if hot else c.cold_displacement)
-                away = np.min(np.abs(stress_Pa[:, None] - nodes_Pa), axis=1) / np.max(np.abs(nodes_Pa))
-                # Its variants are those of the load that it became martensite under.
-                away = away + (0.0 if hot else np.abs(rows[chosen, 6]) / np.max(np.abs(nodes_Pa)))
+                away_Pa = np.min(np.abs(stress_Pa[:, None] - nodes_Pa), axis=1)
+                if not hot:  # its variants are those of the load that it became martensite under
+                    away_Pa = away_Pa + np.abs(since_Pa)
+                away = away_Pa / np.max(np.abs(nodes_Pa))
             else:  # a rest is then compared with the session's others of the same stress alone
                 same = np.abs(stress_Pa[:, None] - stress_Pa) <= 0.05 * np.max(np.abs(stress_Pa))
                 if hot:
                     same &= np.abs(power_W[:, None] - power_W) <= 0.05 * np.max(power_W)
-                expected_Ohm = (same @ rows[chosen, 2]) / same.sum(axis=1)
-                expected_m = (same @ rows[chosen, 3]) / same.sum(axis=1)
+                expected_Ohm = (same @ is_Ohm) / same.sum(axis=1)
+                expected_m = (same @ is_m) / same.sum(axis=1)
                 away = np.zeros(len(stress_Pa))
             more = np.zeros(len(stress_Pa))
             valid = np.ones(len(stress_Pa), dtype=bool)
@@ -451,14 +452,28 @@ class Evidence:
                 # A hot wire's resistance moves with its temperature: some 1e-3 of it per kelvin at most.
                 valid = np.abs(power_W / c.hot_power - 1.0) <= 0.15
                 more = expected_Ohm * 5e-4 * np.abs(power_W - c.hot_power) / self.place.heat_loss_W_K
-            away = 0.1 * away + (0.0 if hot else PER_KELVIN * rows[chosen, 5])
+            away = 0.1 * away + (0.0 if hot else PER_KELVIN * colder_K)
             away_Ohm, away_m = away * range_Ohm, away * self.full_stroke_m
-            further_Ohm = HALF_KNOWN * rows[chosen, 7]
-            out[chosen, 0] = np.where(
-                valid, (rows[chosen, 2] - expected_Ohm) / np.sqrt(s_R**2 + away_Ohm**2 + more**2), 0.0
-            )
-            out[chosen, 1] = np.where(valid, (rows[chosen, 3] - expected_m) / np.hypot(s_d, away_m), 0.0)
+            out[chosen, 0] = np.where(valid, (is_Ohm - expected_Ohm) / np.sqrt(s_R**2 + away_Ohm**2 + more**2), 0.0)
+            out[chosen, 1] = np.where(valid, (is_m - expected_m) / np.hypot(s_d, away_m), 0.0)
         return out.ravel()
+
+    def _rest(self, number: int, rest: Rest, p: Prediction) -> _AtRest:
+        """What a rest of a log shows, if a prediction is right about circuit, load cell and sensor."""
+        here = slice(rest.start, rest.stop)
+        thermal = self.config.thermal
+        time_constant_s = thermal.heat_capacity / thermal.heat_loss
+        time_s, stress_Pa = self.experiments[number].signals.time_s, float(np.mean(p.stress_Pa[here]))
+        further_Ohm = rest.further(p.resistance_Ohm, time_s, time_constant_s) if rest.hot else 0.0
+        return _AtRest(
+            rest.hot,
+            float(np.mean(p.resistance_Ohm[here])) + further_Ohm,
+            float(np.mean(self._measured_m[number][here] - (p.shown_m[here] - p.model_m[here]))),
+            stress_Pa,
+            float(np.mean(p.heat_W[here])),
+            self._colder_K(number, here, p),
+            stress_Pa - float(p.stress_Pa[self._on_its_way(number, rest)]),
+        )
 
     def _on_its_way(self, number: int, rest: Rest) -> int:
         """The last sample before a rest at which the wire was still a good way from it; the rest's first, where it never was."""
