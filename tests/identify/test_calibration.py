@@ -76,7 +76,7 @@ def test_a_wire_that_creeps_on_is_not_at_rest():
 
 
 def test_a_contracted_wire_that_still_grows_warmer_counts_as_it_would_be_in_the_end():
-    """Where it goes is nearer to where it comes to rest than where it is, and known to half of the way still to go."""
+    """Where it goes is nearer to where it comes to rest than where it is, by more than half of the way still to go."""
     _, rig, _ = virtual_rig("flexinol", seed=3, load=Weight(0.98), physics="vertical")  # which loses its heat slowly
     with rig.opened():
         logs = [rig.record(square_pulses(2, 0.34, 0.05, heat_s, 20.0)) for heat_s in (5.0, 17.0)]
