@@ -124,28 +124,39 @@ def count_cycles(power: np.ndarray, state: np.ndarray, threshold: float, out: np
         out[i] = state[1]
 
 
-TURNED = 0.02  #: share of the stroke that a wire moves back before it has turned, and again until its branch has begun
+TURNED = 0.01  #: share of its range that the resistance moves back before a wire has turned, and again until its branch has begun
 
 
 @jit
-def incompleteness(share: np.ndarray, state: np.ndarray, missing: np.ndarray, begun: np.ndarray) -> None:
+def incompleteness(
+    heating: np.ndarray,
+    share: np.ndarray,
+    resistance: np.ndarray,
+    state: np.ndarray,
+    missing: np.ndarray,
+    begun: np.ndarray,
+) -> None:
     """How far from its end the last transformation turned back (0 at the end, 1 where it did not begin), and whether the next has begun.
 
-    ``missing`` is positive on cooling (heating was incomplete), negative on heating (cooling was); ``begun`` goes from 0
-    to 1 where the wire leaves the turn.  ``state`` (4,) = [branch, missing, share farthest along it, share at its turn].
+    ``share`` of the stroke and ``resistance`` over its range fall on heating.  The current turns first; the wire has where
+    the resistance goes back.  ``missing`` is positive on cooling (heating was incomplete), negative on heating (cooling was);
+    ``begun`` goes from 0 to 1 where the wire leaves the turn.  ``state`` (5,) = [branch, missing, resistance farthest along
+    it, share there, resistance at its turn].
     """
     for i in range(len(share)):
-        s = share[i]
-        if isnan(state[0]) and not isnan(s):
-            state[0], state[1], state[2], state[3] = (1.0 if s > 0.5 else 0.0), 0.0, s, s
-        if not isnan(s):
-            back = s - state[2] if state[0] > 0.5 else state[2] - s
-            if back > TURNED:
-                heated = state[0] > 0.5
-                left = min(max(state[2] if heated else 1.0 - state[2], 0.0), 1.0)
-                state[0], state[1] = (0.0, left) if heated else (1.0, -left)
-                state[3], state[2] = state[2], s
-            elif back < 0.0:
-                state[2] = s
-        missing[i] = 0.0 if isnan(state[1]) else state[1]
-        begun[i] = min(max(abs(s - state[3]) / TURNED - 1.0, 0.0), 1.0)
+        s, r = share[i], resistance[i]
+        if isnan(s) or isnan(r):
+            missing[i], begun[i] = 0.0, 0.0
+            continue
+        now = 1.0 if heating[i] else 0.0
+        if isnan(state[0]):
+            state[0], state[1], state[2], state[3], state[4] = now, 0.0, r, s, r
+        back = r - state[2] if state[0] > 0.5 else state[2] - r
+        if now != state[0] and back > TURNED:
+            left = min(max(state[3] if now < 0.5 else 1.0 - state[3], 0.0), 1.0)
+            state[0], state[1] = now, left if now < 0.5 else -left
+            state[4], state[2], state[3] = state[2], r, s
+        elif back < 0.0:
+            state[2], state[3] = r, s
+        missing[i] = state[1]
+        begun[i] = min(max(abs(r - state[4]) / TURNED - 1.0, 0.0), 1.0)

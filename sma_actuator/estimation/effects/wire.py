@@ -356,7 +356,7 @@ class MinorLoopMemory(Effect):
     WORDS = "a branch that turned back early shifts the next"
     REMEDY = "Nothing to repair: it is how the alloy behaves in partial cycles; let the extended model take it off, or calibrate with more partial cycles."
     TELL_TALE = "distance_from_reversal_m"
-    STATES = 6
+    STATES = 7
     after_heating: float = parameter(
         0.0, "shift of the cooling branch, per incompleteness of the heating", "m", -1.0, 1.0
     )
@@ -370,13 +370,15 @@ class MinorLoopMemory(Effect):
         """Add the shift."""
         missing, begun = np.empty(len(frame.displacement_m)), np.empty(len(frame.displacement_m))
         share = place.share_of_stroke(frame)
-        incompleteness(share, state[:4], missing, begun)
+        range_Ohm = place.calibration.resistance_range
+        turning = frame.resistance_Ohm / range_Ohm if np.isfinite(range_Ohm) else share
+        incompleteness(frame.heating, share, np.ascontiguousarray(turning), state[:5], missing, begun)
         shift_m = np.where(missing > 0.0, self.after_heating * missing, -self.after_cooling * missing) * begun
         if self.fading > 0.0:
             to_go = np.where(missing > 0.0, 1.0 - share, share)  # after heating the wire cools, and grows longer
             shift_m = shift_m * np.clip(to_go / self.fading, 0.0, 1.0)
         if self.relaxation_time > 0.0:
-            shift_m = frame.lag(shift_m, state[4:], self.relaxation_time, from_zero=True)
+            shift_m = frame.lag(shift_m, state[5:], self.relaxation_time, from_zero=True)
         frame.displacement_m = frame.displacement_m + shift_m
 
     def forget_the_loop(self, state: np.ndarray) -> None:

@@ -324,6 +324,21 @@ def test_what_turned_back_early_shifts_the_next_branch():
     np.testing.assert_allclose(shift[100 + begun :], 0.5 * 5e-4)
 
 
+def test_a_wire_has_turned_where_its_resistance_goes_back_and_not_where_the_current_is_switched():
+    """Between the two it crosses its hysteresis: the model's displacement may stand longer than that, the flag turns too soon."""
+    place = dataclasses.replace(PLACE, calibration=Calibration(resistance_range=0.5))
+    heating = np.arange(60) < 20
+    resistance = np.interp(np.arange(60), (0, 20, 40, 59), (5.0, 4.75, 4.75, 4.9))
+    frame = Frame.of(Signals(np.arange(60) * 1.0, resistance, *(np.ones(60) for _ in range(6))), 0.0)
+    frame.heating, frame.displacement_m = heating, np.full(60, 2.2e-3)
+    effect = build("minor_loop_memory", fading=0.0, relaxation_time=0.0)
+    effect.at_displacement(frame, np.full(effect.STATES, math.nan), place)
+    shift = frame.displacement_m - 2.2e-3
+    assert np.all(shift[:41] == 0.0)
+    back = resistance - 4.75 > 2.0 * TURNED * 0.5
+    np.testing.assert_allclose(shift[41:][back[41:]], 0.5 * 5e-4)
+
+
 def test_a_branch_that_is_completed_has_forgotten_how_the_last_one_turned():
     """On the last fifth of the stroke the shift goes in proportion to what there is still to go."""
     half, shift = turned_half_way(fading=0.2)
