@@ -23,6 +23,7 @@ from .fitting import Fit, fit
 from .race import USUAL, Tracing, of_the_model, usual
 
 DRAWS = 1000
+SELDOM = 0.05  #: share of redrawn cycles on which an alternative does best, below which it does surely less well
 DEPENDS = 0.1  #: share of the residual's mean square from which a dependence is worth naming
 
 
@@ -159,13 +160,7 @@ def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[st
         else "."
     )
     if alternatives:
-        for name in dict.fromkeys(a["instead_of"] for a in alternatives):
-            instead = " or ".join(a["name"] for a in alternatives if a["instead_of"] == name)
-            text += (
-                f" Instead of {name} it could as well be {instead}."
-                if len(names) > 1
-                else f" It could as well be {instead}."
-            )
+        text += "".join(_instead(alternatives, name, several=len(names) > 1) for name in names)
         text += " To tell: "
         text += "; or ".join(dict.fromkeys(a["experiment"]["what"] for a in alternatives)) + "."
     elif tracing.rounds:
@@ -174,6 +169,20 @@ def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[st
         text += f" It is small: by its size alone ({before:.2f} % of full stroke, where {tracing.gate_percent:.2f} % may be usual) it could be nothing."
     parts = dict.fromkeys(EFFECTS[n].PART for n in names)
     return " ".join([text, *(NEXT[part] for part in parts if part in NEXT), _allowed_for(names)])
+
+
+def _instead(alternatives: Sequence[dict[str, Any]], name: str, several: bool) -> str:
+    """What it could be in the place of one name: what does as well, and what does less and leaves nothing unusual either."""
+    others = [a for a in alternatives if a["instead_of"] == name]
+    as_well = " or ".join(a["name"] for a in others if a["confidence"] >= SELDOM)
+    less = " or ".join(a["name"] for a in others if a["confidence"] < SELDOM)
+    text = ""
+    if as_well:
+        text += f" Instead of {name} it could as well be {as_well}." if several else f" It could as well be {as_well}."
+    if less:
+        instead = f" instead of {name}" if several else ""
+        text += f" Less well, but leaving nothing unusual either, {less} explains it{instead}."
+    return text
 
 
 def _allowed_for(names: Sequence[str]) -> str:

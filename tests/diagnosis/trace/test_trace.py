@@ -315,12 +315,19 @@ def test_the_sentence_says_what_to_do_and_what_the_model_does_once(names, end):
         witnesses={"before": {}, "after": {}},
         rounds=[],
     )
-    other = {"name": "creep", "instead_of": names[-1], "experiment": {"what": "rest cold for an hour"}}
+    other = {
+        "name": "creep",
+        "instead_of": names[-1],
+        "confidence": 0.3,
+        "experiment": {"what": "rest cold for an hour"},
+    }
     said = sentence(found, {}, [other])
     assert said.endswith(end)
     assert said.count("model") == 1
     instead = "It could as well be creep." if len(names) == 1 else f"Instead of {names[-1]} it could as well be creep."
     assert f"{instead} To tell: rest cold for an hour." in said
+    said = sentence(found, {}, [{**other, "confidence": 0.0}])
+    assert "Less well, but leaving nothing unusual either, creep explains it" in said and "as well be" not in said
 
 
 def test_the_proposed_experiment_tells_two_explanations_apart(clean):
