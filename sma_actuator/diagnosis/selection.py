@@ -201,11 +201,16 @@ def _simplest(good: Sequence[Trial], rules: Rules, clean: Callable[[Trial], bool
 
     Where some leave nothing to be looked for, one of these wins.
     """
-    whole = [t for t in good if clean(t)] or good
+    leave_nothing = [t for t in good if clean(t)]
+    whole = leave_nothing or good
     best = whole[0]
-    also = (1.0 - rules.alike_if_clean) * best.gain if clean(best) else inf
-    alike = [t for t in good if is_alike(t, best, rules) or (t.gain >= also and clean(t))]
-    as_good = [t for t in alike if any(t is x for x in whole) and t.gain >= rules.tie * best.gain]
+    also = (1.0 - rules.alike_if_clean) * best.gain if leave_nothing else inf
+
+    def is_whole(trial: Trial) -> bool:
+        return any(trial is x for x in whole)
+
+    alike = [t for t in good if is_alike(t, best, rules) or (t.gain >= also and is_whole(t))]
+    as_good = [t for t in alike if is_whole(t) and t.gain >= rules.tie * best.gain]
     winner = min(as_good, key=lambda t: (t.parameters, -t.gain))
     return winner, [t for t in alike if t is not winner]
 

@@ -84,7 +84,8 @@ def place_of(config: ChainSections) -> Place:
         heat_loss_W_K=config.thermal.heat_loss,
         ambient_C=config.thermal.ambient_temperature,
         working_range_m=config.model.build(config.wire).displacement_range_m,
-        calibration=config.calibration,
+        resistance_range_Ohm=config.calibration.resistance_range,
+        stroke=config.calibration if config.calibration.transformation_known else None,
     )
 
 

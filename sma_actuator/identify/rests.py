@@ -34,17 +34,20 @@ class Rest:
 
     def further(self, values: np.ndarray, time_s: np.ndarray, time_constant_s: float) -> float:
         """How far ``values`` (n,) would go after the window, where they go on as in it and come to rest in so long."""
-        middle = (self.start + self.stop) // 2
-        if middle == self.start:
+        if self.stop - self.start < 2:
             return 0.0
-        step_s = float(np.mean(time_s[middle : self.stop]) - np.mean(time_s[self.start : middle]))
-        moved = float(np.mean(values[middle : self.stop]) - np.mean(values[self.start : middle]))
-        return moved / step_s * time_constant_s
+        return _moved(values, self.start, self.stop) / _moved(time_s, self.start, self.stop) * time_constant_s
 
     @property
     def settled(self) -> bool:
         """Whether it is one: a wire that loses its heat more slowly than was thought creeps on for long."""
         return self.to_go <= TO_GO
+
+
+def _moved(values: np.ndarray, start: int, stop: int) -> float:
+    """How far ``values`` come from the first half of a window to its second, in the mean."""
+    middle = (start + stop) // 2
+    return float(np.mean(values[middle:stop]) - np.mean(values[start:middle]))
 
 
 def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[Rest]:
@@ -70,18 +73,13 @@ def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[R
             continue
         if np.ptp(current_A[begun + 1 : turn - 1]) > still_A:
             continue
-        middle = (start + turn) // 2
         load_N, still_m = experiment.signals.load_N, experiment.displacement_m
         steady = (
-            all(
-                abs(np.mean(values[start:middle]) - np.mean(values[middle:turn])) <= STEADY * span
-                for values, span in ranges
-            )
-            and abs(np.mean(load_N[start:middle]) - np.mean(load_N[middle:turn]))
-            <= 0.02 * abs(np.mean(load_N[start:turn])) + 0.005
+            all(abs(_moved(values, start, turn)) <= STEADY * span for values, span in ranges)
+            and abs(_moved(load_N, start, turn)) <= 0.02 * abs(np.mean(load_N[start:turn])) + 0.005
         )
         if steady:
-            moved_m = abs(np.mean(still_m[middle:turn]) - np.mean(still_m[start:middle]))
+            moved_m = abs(_moved(still_m, start, turn))
             to_go = float(moved_m / max(ranges[1][1], 1e-12) * thermal_time_constant_s / (0.5 * WINDOW_s))
             rests.append(Rest(hot, start, int(turn), int(experiment.cycle[start]), to_go))
     return rests

@@ -151,16 +151,17 @@ class Judge:
         off = [name for name, found in witnesses.items() if found > usual(self.witnesses[name])]
         telling = {"time_s", *(c.effect.TELL_TALE for c in trial.candidates)}
         asked = [n for n in self.quantities if n in telling or self.evidence.expects_what_repeats]
-        return off + [f"the trend over {QUANTITIES[n]}" for n in asked if self._bent(n, rows, telling=n in telling)]
+        was = size(self.evidence, self.rows, self.train)
+        return off + [f"the trend over {QUANTITIES[n]}" for n in asked if self._bent(n, rows, n in telling, was)]
 
-    def _bent(self, name: str, rows: np.ndarray, telling: bool) -> bool:
-        """Whether what is left still goes with a quantity; ``telling``: one that gives the effect away."""
+    def _bent(self, name: str, rows: np.ndarray, telling: bool, was: float) -> bool:
+        """Whether what is left of ``was`` still goes with a quantity; ``telling``: one that gives the effect away."""
         blocked = name in BLOCKED
         if blocked and self.train.sum() < FEWEST_FOR_TIME:
             return False
         most, share = (BENT, BENT_SHARE) if telling else (BENT_BY_OTHERS, BENT_BY_OTHERS_SHARE)
         if not blocked:
-            most = max(most, share * size(self.evidence, self.rows, self.train))
+            most = max(most, share * was)
         return bend(self.evidence, rows, self.quantities[name], self.train, blocked) > most
 
     def _worth(self, mean_loss: float) -> float:

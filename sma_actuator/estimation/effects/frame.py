@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass, field
-from math import exp, isnan
+from dataclasses import dataclass
+from math import exp, isnan, nan
 from typing import Any
 
 import numpy as np
@@ -25,12 +25,13 @@ class Place:
     heat_loss_W_K: float
     ambient_C: float  #: where none is measured
     working_range_m: tuple[float, float]
-    calibration: Calibration = field(default_factory=Calibration)  #: where the ends of the stroke are, by stress
+    resistance_range_Ohm: float = nan  #: of the calibration; NaN where it is not known
+    stroke: Calibration | None = None  #: what knows the ends of the stroke by stress, where something does
 
     def share_of_stroke(self, frame: Frame) -> np.ndarray:
         """How far the wire is between the contracted (0) and the cold end (1) of its stroke, shape (n,)."""
-        if self.calibration.transformation_known:
-            return self.calibration.share_of_stroke(frame.displacement_m, frame.load_N / self.area_m2)
+        if self.stroke is not None:
+            return self.stroke.share_of_stroke(frame.displacement_m, frame.load_N / self.area_m2)
         hot_m, cold_m = self.working_range_m
         return (frame.displacement_m - hot_m) / (cold_m - hot_m)
 

@@ -370,7 +370,7 @@ class MinorLoopMemory(Effect):
         """Add the shift."""
         missing, begun = np.empty(len(frame.displacement_m)), np.empty(len(frame.displacement_m))
         share = place.share_of_stroke(frame)
-        range_Ohm = place.calibration.resistance_range
+        range_Ohm = place.resistance_range_Ohm
         turning = frame.resistance_Ohm / range_Ohm if np.isfinite(range_Ohm) else share
         incompleteness(frame.heating, share, np.ascontiguousarray(turning), state[:5], missing, begun)
         shift_m = np.where(missing > 0.0, self.after_heating * missing, -self.after_cooling * missing) * begun

@@ -326,7 +326,7 @@ def test_what_turned_back_early_shifts_the_next_branch():
 
 def test_a_wire_has_turned_where_its_resistance_goes_back_and_not_where_the_current_is_switched():
     """Between the two it crosses its hysteresis: the model's displacement may stand longer than that, the flag turns too soon."""
-    place = dataclasses.replace(PLACE, calibration=Calibration(resistance_range=0.5))
+    place = dataclasses.replace(PLACE, resistance_range_Ohm=0.5)
     heating = np.arange(60) < 20
     resistance = np.interp(np.arange(60), (0, 20, 40, 59), (5.0, 4.75, 4.75, 4.9))
     frame = Frame.of(Signals(np.arange(60) * 1.0, resistance, *(np.ones(60) for _ in range(6))), 0.0)
@@ -367,7 +367,8 @@ def test_how_far_a_branch_went_is_measured_on_the_stroke_of_its_own_load():
         transformation_shift=(1e-7, 1e-7),
         latent_rise=30.0,
     )
-    place = dataclasses.replace(PLACE, calibration=known)
+    assert known.transformation_known
+    place = dataclasses.replace(PLACE, stroke=known)
     n = 5
     frame = Frame.of(Signals(np.arange(n) * 1.0, *(np.ones(n) for _ in range(7))), 0.0)
     frame.displacement_m = np.full(n, 2.2e-3)
