@@ -10,6 +10,7 @@ import numpy as np
 
 from sma_actuator.base.registry import PartRefusedError
 from sma_actuator.bench.hidden import TWINS
+from sma_actuator.config import Config
 from sma_actuator.estimation.effects import EFFECTS, Effect
 from sma_actuator.estimation.effects.free import Free, Scales
 from sma_actuator.estimation.effects.load_cell import LoadCellGain
@@ -52,6 +53,7 @@ def scales_of(evidence: Evidence) -> Scales:
         cycle_power_W=0.5 * (float(np.percentile(power_W, 5.0)) + high_W),
         thermal_s=config.thermal.heat_capacity / config.thermal.heat_loss,
         heat_loss_W_K=config.thermal.heat_loss,
+        latent_heat_J=_latent_heat_J(config),
         sense_Ohm=config.circuit.reference_resistance,
         reference_zero_m=config.reference_sensor.offset if config.reference_sensor.fitted else 0.0,
         ambient_logged=bool(len(ambient_C)),
@@ -64,6 +66,11 @@ def scales_of(evidence: Evidence) -> Scales:
         power_known=evidence.knows_the_power,
         calibration_counts=evidence.beyond_floor,
     )
+
+
+def _latent_heat_J(config: Config) -> float:
+    rise_K = config.calibration.latent_rise
+    return max(rise_K, 0.0) * config.thermal.heat_capacity if math.isfinite(rise_K) else 0.0
 
 
 def _spread(values: np.ndarray) -> float:

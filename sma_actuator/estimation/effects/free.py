@@ -29,6 +29,7 @@ class Scales:
     cycle_power_W: float  #: between cold and hot
     thermal_s: float  #: C/h of the wire
     heat_loss_W_K: float
+    latent_heat_J: float  #: set free over the whole stroke; 0 where the calibration does not say
     sense_Ohm: float
     reference_zero_m: float  #: displacement where the reference sensor shows nothing
     ambient_logged: bool

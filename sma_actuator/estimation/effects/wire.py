@@ -13,6 +13,9 @@ from .frame import Frame, Place, count_cycles, incompleteness
 from .free import Free, Scales, shape, size
 
 FEWEST_CYCLES = 6  #: that show a drift with their number
+#: Young's modulus of such a wire, between the 28 GPa of martensite and the 75 GPa of austenite (Dynalloy, technical
+#: characteristics of Flexinol).
+ELASTIC_MODULUS_Pa = 40e9
 RATE_WINDOW_s = 0.3  #: a rate is the slope over this lag, so that noise of single samples does not show
 
 
@@ -186,7 +189,11 @@ class AmbientTemperature(Effect):
 @EFFECTS.register("thermal_expansion")
 @dataclass(frozen=True, slots=True)
 class ThermalExpansion(Effect):
-    """δ moves with temperature: ``L α (T − T_amb)``, of the wire or of what is heated by it."""
+    """δ moves with temperature: ``L α (T − T_amb)``, of the wire or of what is heated by it.
+
+    The temperature is that of the heat balance ``C dT/dt = P − h (T − T_amb) + Q dX/dt`` with the share X of the stroke (0
+    contracted, 1 cold): a wire that contracts takes heat up for that.
+    """
 
     PART = "wire"
     WORDS = "the wire, or what it heats, expands with its temperature"
@@ -194,16 +201,21 @@ class ThermalExpansion(Effect):
         "Nothing to repair in the wire: let the extended model take it off, or keep heat away from what holds the wire."
     )
     TELL_TALE = "power_lagged_10_s_W"
-    STATES = 2
+    STATES = 4
     coefficient: float = parameter(
         0.0, "expansion of the wire's length per kelvin beyond the calibrated", "1/K", -1e-2, 1e-2
     )
     time_constant: float = parameter(2.0, "thermal lag, C/h", "s", 0.01, 1e4)
     heat_loss: float = parameter(0.006, "heat lost per kelvin above ambient", "W/K", 1e-6, 1e2)
+    latent_heat: float = parameter(0.0, "heat set free over the whole stroke on cooling", "J", 0.0, 1e4)
 
     def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add the expansion."""
-        rise_K = _rise_K(frame, state, self.time_constant, self.heat_loss)
+        rise_K = _rise_K(frame, state[:2], self.time_constant, self.heat_loss)
+        if self.latent_heat > 0.0:
+            share = np.clip(place.share_of_stroke(frame), 0.0, 1.0)
+            ahead = share - frame.lag(share, state[2:], self.time_constant)
+            rise_K = rise_K + self.latent_heat / (self.heat_loss * self.time_constant) * ahead
         frame.displacement_m = frame.displacement_m + place.length_m * self.coefficient * rise_K
 
     @classmethod
@@ -217,7 +229,7 @@ class ThermalExpansion(Effect):
     @classmethod
     def fixed(cls, scales: Scales) -> dict[str, float]:
         """What the heat balance, the calibration and the logs decide."""
-        return {"heat_loss": scales.heat_loss_W_K}
+        return {"heat_loss": scales.heat_loss_W_K, "latent_heat": scales.latent_heat_J}
 
 
 @EFFECTS.register("elastic_compliance")
@@ -404,7 +416,10 @@ class MinorLoopMemory(Effect):
 @EFFECTS.register("rate")
 @dataclass(frozen=True, slots=True)
 class Rate(Effect):
-    """The loop opens with the rate: δ lags behind what R says, in proportion to dR/dt, or by relaxing towards it."""
+    """The loop opens with the rate: δ lags behind what R says, in proportion to dR/dt, or by relaxing towards it.
+
+    What the load stretches elastically comes at once; that tells a wire that lags from a sensor that does.
+    """
 
     PART = "wire"
     WORDS = "the displacement lags what the resistance says"
@@ -419,7 +434,8 @@ class Rate(Effect):
         slope = (frame.resistance_Ohm - frame.lag(frame.resistance_Ohm, state[:2], RATE_WINDOW_s)) / RATE_WINDOW_s
         displacement_m = frame.displacement_m
         if self.relaxation_time > 0.0:
-            displacement_m = frame.lag(displacement_m, state[2:], self.relaxation_time)
+            elastic_m = place.length_m / (place.area_m2 * ELASTIC_MODULUS_Pa) * frame.load_N
+            displacement_m = frame.lag(displacement_m - elastic_m, state[2:], self.relaxation_time) + elastic_m
         frame.displacement_m = displacement_m - self.displacement_per_rate * slope
 
     def forget_the_loop(self, state: np.ndarray) -> None:

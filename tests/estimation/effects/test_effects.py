@@ -237,6 +237,46 @@ def test_temperature_follows_the_heat_balance():
     np.testing.assert_allclose(resistance, 5.0 / (1.0 + 5e-4 * np.maximum(0.0, rise_K - 10.0)), rtol=1e-9)
 
 
+def test_a_wire_that_contracts_takes_heat_up_for_that():
+    """C dT/dt = P − h (T − T_amb) + Q dX/dt, against steps of a fiftieth of a millisecond."""
+    loss_W_K, tau_s, latent_J, fine = 0.006, 2.0, 0.3, 1000
+    time_s = np.arange(400) * 0.02
+    hot_m, cold_m = PLACE.working_range_m
+
+    def share(t):
+        return 0.5 + 0.4 * np.cos(1.3 * t)
+
+    ones = np.ones(len(time_s))
+    power_W = 0.2 * ones
+    arrays = Signals(time_s, 5.0 * ones, 0.3 * ones, power_W, ones, ones, ones, 24.0 * ones)
+    displacement_m = hot_m + (cold_m - hot_m) * share(time_s)
+    effect = build("thermal_expansion", heat_loss=loss_W_K, time_constant=tau_s, latent_heat=latent_J)
+    _, frame = Stages(effect).through(arrays, displacement_m)
+    t = np.arange((len(time_s) - 1) * fine + 1) * (0.02 / fine)
+    taken_W = latent_J * np.gradient(share(t), t)
+    rise_K = np.empty(len(t))
+    rise_K[0] = 0.2 / loss_W_K
+    for i in range(1, len(t)):
+        rise_K[i] = rise_K[i - 1] + (0.2 + taken_W[i] - loss_W_K * rise_K[i - 1]) / (loss_W_K * tau_s) * (t[1] - t[0])
+    assert np.ptp(rise_K) > 10.0
+    found_K = (frame.displacement_m - displacement_m) / (PLACE.length_m * 2e-5)
+    np.testing.assert_allclose(found_K, rise_K[::fine], atol=0.2)  # a lag over steps of 20 ms
+
+
+def test_a_wire_that_lags_stretches_at_once_where_it_is_elastic_and_a_sensor_that_lags_does_not():
+    time_s = np.arange(200) * 0.01
+    load_N = np.where(time_s < 1.0, 1.0, 2.0)
+    ones = np.ones(len(time_s))
+    arrays = Signals(time_s, 5.0 * ones, 0.3 * ones, 0.1 * ones, load_N, load_N, ones, 24.0 * ones)
+    elastic_m = PLACE.length_m / (PLACE.area_m2 * 40e9) * (load_N - 1.0)
+    stretched_m = 2e-3 + elastic_m
+    just_after = np.searchsorted(time_s, 1.0)
+    for name, share in (("rate", 1.0), ("reference_lag", 1.0 - math.exp(-0.01 / 0.2))):
+        parameter = {"rate": {"displacement_per_rate": 0.0}, "reference_lag": {"time_constant": 0.2}}[name]
+        _, frame = Stages(build(name, **parameter)).through(arrays, stretched_m)
+        np.testing.assert_allclose(frame.displacement_m[just_after] - 2e-3, share * elastic_m[-1], rtol=1e-6)
+
+
 def test_to_the_calibrations_heat_balance_a_wire_that_loses_more_heat_is_as_warm_as_it_is():
     time_s = np.arange(4000) * 0.002
     power_W = np.where(time_s % 4.0 < 2.0, 0.6, 0.01)
