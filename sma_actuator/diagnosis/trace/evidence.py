@@ -35,9 +35,12 @@ INDEPENDENT = (
 UNIT_TIMES = 4.0  #: a unit lasts at least so many times as long as errors remember themselves
 LIMIT = 3.0  #: residual, in standard deviations, above which it counts linearly (Huber)
 WORST = 30.0  #: and the largest that counts at all
-#: Of what a wire's hot end moved while it was calibrated: how far such a wire is since then from what was fitted, which is the
-#: mean of the calibration and so half of it back, and that in the mean over the stroke, whose cold end stands.
-SINCE_THEN = 0.25
+#: Of what a wire's hot end moved while it was calibrated: how much longer such a wire is since then than what was fitted, which is
+#: the mean of the calibration: between nothing, where most came with the first cycles, and half, where it came evenly; and how
+#: far off that is in the mean.
+SINCE_THEN, SINCE_THEN_WITHIN = 0.25, 0.125
+#: The same of the cold end, over that of the hot one: what is left in place is less while it is martensite.
+COLD_SHARE = 0.4
 FLOOR_percent = 1.5  #: of full stroke, where the model does not say how good it was
 #: Who says, beside the displacement all along, whether an effect is there: what a wire at rest shows, and a spring.
 WITNESSES = (
@@ -351,7 +354,7 @@ class Evidence:
             expected_m = np.zeros(len(p.time_s))
             if self._expectation is not None:
                 expected_m = np.interp(p.time_s, p.time_s[here], self._expectation.residual_m(p, here))
-                expected_m = expected_m + self._always_so_m[i]
+                expected_m = expected_m + self._always_so_m[i] + SINCE_THEN * self._changed_m(p)
             where = _Where(chain, self.place, p, expected_m)
             out.append(
                 Prediction(
@@ -388,8 +391,15 @@ class Evidence:
         for i, ((p, kept), rows) in enumerate(zip(self._judgements(self.chain({})), self.compared, strict=True)):
             here = np.arange(len(p.time_s))[kept][rows]
             floor_m = np.hypot(self._expectation.floor_m(p, here), self._always_so_m[i][here])
-            out.append(np.hypot(floor_m, SINCE_THEN * c.changed))
+            out.append(np.hypot(floor_m, SINCE_THEN_WITHIN * self._changed_m(p)[here]))
         return out
+
+    def _changed_m(self, found: Judged) -> np.ndarray:
+        """How far the wire moved while it was calibrated, where it is now, of n samples: the hot end most."""
+        frame = Frame.of(found.signals, float(found.time_s[0]))
+        frame.displacement_m = found.model_m
+        cold = np.nan_to_num(np.clip(self.place.share_of_stroke(frame), 0.0, 1.0))
+        return self.calibration.changed * (1.0 - (1.0 - COLD_SHARE) * cold)
 
     def residual(self, effects: Mapping[str, Effect]) -> np.ndarray:
         """Rows to be made small by a fit of ``effects`` (see :meth:`rows`)."""
@@ -454,6 +464,10 @@ class Evidence:
                 more = expected_Ohm * 5e-4 * np.abs(power_W - c.hot_power) / self.place.heat_loss_W_K
             away = 0.1 * away + (0.0 if hot else PER_KELVIN * colder_K)
             away_Ohm, away_m = away * range_Ohm, away * self.full_stroke_m
+            if len(nodes_Pa):
+                changed_m = c.changed * (1.0 if hot else COLD_SHARE)
+                expected_m = expected_m + SINCE_THEN * changed_m
+                away_m = np.hypot(away_m, SPREAD * SINCE_THEN_WITHIN * changed_m)
             out[chosen, 0] = np.where(valid, (is_Ohm - expected_Ohm) / np.sqrt(s_R**2 + away_Ohm**2 + more**2), 0.0)
             out[chosen, 1] = np.where(valid, (is_m - expected_m) / np.hypot(s_d, away_m), 0.0)
         return out.ravel()

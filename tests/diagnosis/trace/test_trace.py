@@ -289,8 +289,12 @@ def test_what_follows_the_wire_follows_it_and_not_the_model(clean, monkeypatch, 
 def test_a_wire_that_changed_while_it_was_calibrated_is_said_to_have(wire, config, clean):
     calibration = dataclasses.replace(config.calibration, changed=0.02 * config.wire.full_stroke_m)
     evidence = Evidence(session(wire[0]), dataclasses.replace(config, calibration=calibration))
-    # Half a percent in the mean over the stroke is what its training alone has brought since the mean of the calibration.
-    assert evidence.floor_percent == pytest.approx(np.hypot(clean.floor_percent, 0.5), rel=0.05)
+    # A quarter of that, less at the cold end, is what its training alone has brought since the mean of the calibration …
+    longer = [(a.expected_m - b.expected_m) for a, b in zip(evidence.predict({}), clean.predict({}), strict=True)]
+    longer_percent = np.concatenate(longer) / config.wire.full_stroke_m * 100
+    assert 0.15 < longer_percent.min() < 0.25 and 0.45 < longer_percent.max() <= 0.5
+    # … and half of that may be wrong.
+    assert np.hypot(clean.floor_percent, 0.1) < evidence.floor_percent < np.hypot(clean.floor_percent, 0.25)
     found = trace(evidence, jobs=1)
     assert "hot end moved by 2.0 %" in summary(evidence, found)["sentence"]
     assert "Train it first" in summary(evidence, found)["sentence"]
