@@ -84,6 +84,8 @@ class Selection:
 
     rounds: list[Round]
     chosen: Trial | None
+    #: Where that leaves nothing to be looked for: the sketch of it with one more beside, which takes off too much for that.
+    unsettled: Trial | None = None
 
     @property
     def trials(self) -> list[Trial]:
@@ -109,6 +111,9 @@ class Rules:
     leaders: int = 0  #: so many of the best single ones are tried with every other …
     sketched: int = 0  #: … and, where this is not 0, so many of these pairs in earnest: those that do best in a sketch
     least_beside: float = 0.0  #: share of a pair's gain that is lost at least where either of the two is left out
+    #: Of the gain of one that leaves nothing to be looked for: what one more may take off beside it; more, and it was the wrong one.
+    most_beside: Callable[[float], float] = lambda gain: inf
+    no_sign_beside: tuple[str, ...] = ()  #: names that may take off as much as they like there
     most: int = 1  #: candidates chosen at the most
     unit: str = "cycle"  #: what a unit is called
 
@@ -149,6 +154,7 @@ def select(
     """
     rounds: list[Round] = []
     current: Trial | None = None
+    unsettled: Trial | None = None
     held = losses
     while current is None or len(current.candidates) < rules.most:
         chosen = current.candidates if current else ()
@@ -159,7 +165,9 @@ def select(
         if round_.winner is None:
             break
         stuck = False
-        if not chosen and rules.most > 1 and rules.leaders and not clean(round_.winner):
+        unsettled = yield from _unsettled(round_.winner, rest, rules, clean, together)
+        settled = clean(round_.winner) and unsettled is None
+        if not chosen and rules.most > 1 and rules.leaders and not settled:
             pairs = list(_pairs(round_.trials[: rules.leaders], field_, together))
             if 0 < rules.sketched < len(pairs):
                 sketches = yield [replace(pair, sketch=True) for pair in pairs]
@@ -169,10 +177,30 @@ def select(
             stuck = not _take_a_pair(
                 round_, round_.winner, more, held, rules, clean
             )  # then no other pair holds the winner either
+            if not stuck:
+                unsettled = yield from _unsettled(round_.winner, field_, rules, clean, together)
+                settled = clean(round_.winner) and unsettled is None
         current, held = round_.winner, round_.winner.losses
-        if stuck or clean(current):
+        if stuck or settled:
             break
-    return Selection(rounds, current)
+    return Selection(rounds, current, unsettled)
+
+
+def _unsettled(
+    winner: Trial,
+    others: Sequence[Any],
+    rules: Rules,
+    clean: Callable[[Trial], bool],
+    together: Callable[[Sequence[Any]], bool],
+) -> Generator[list[Entry], list[Trial], Trial | None]:
+    """The sketch of a winner that leaves nothing to be looked for with one more that takes off too much for that, if there is one."""
+    most = rules.most_beside(winner.gain)
+    if not (most < inf and clean(winner)):
+        return None
+    asked = [(*winner.candidates, c) for c in others if c.name not in (*winner.names, *rules.no_sign_beside)]
+    sketches = yield [Entry(candidates, winner, sketch=True) for candidates in asked if together(candidates)]
+    best = min(sketches, key=lambda t: t.losses.mean(), default=None)
+    return best if best is not None and paired(winner.losses, best.losses)[0] > most else None
 
 
 def _decide(

@@ -139,6 +139,29 @@ def test_nothing_more_is_looked_for_once_it_is_clean():
     assert len(selection.rounds) == 1
 
 
+@pytest.mark.parametrize(("most", "unsettled"), [(0.2, None), (0.05, ("slip", "rate"))])
+def test_what_leaves_nothing_is_not_surely_it_where_another_takes_much_off_beside_it(most, unsettled):
+    world = World({"slip": 4.0, "slip+creep": 4.1, "slip+rate": 4.5})
+    rules = replace(RULES, most_beside=lambda gain: most * gain, least_beside=0.3, most=2)
+    selection = chosen(world, ["slip", "creep", "rate"], rules, clean=lambda trial: True)
+    assert selection.chosen.names == ("slip",)
+    assert (selection.unsettled and selection.unsettled.names) == unsettled
+    unclean = chosen(world, ["slip", "creep", "rate"], rules, clean=lambda trial: False)
+    assert unclean.unsettled is None  # that it leaves something is known already
+    no_sign = chosen(
+        world, ["slip", "creep", "rate"], replace(rules, no_sign_beside=("rate",)), clean=lambda trial: True
+    )
+    assert no_sign.unsettled is None
+
+
+def test_where_another_takes_much_off_beside_it_a_pair_may_win():
+    world = World({"slip": 4.0, "slip+rate": 6.0, "slip+rate+creep": 6.1})
+    rules = replace(RULES, most_beside=lambda gain: 0.05 * gain, least_beside=0.1, most=2)
+    selection = chosen(world, ["slip", "creep", "rate"], rules, clean=lambda trial: True)
+    assert set(selection.chosen.names) == {"slip", "rate"}
+    assert selection.unsettled is None
+
+
 def test_what_makes_one_unit_much_worse_is_not_really_there():
     rules = replace(RULES, worst_rise=1.0)
 

@@ -5,6 +5,7 @@ The competition is that of :mod:`sma_actuator.diagnosis.selection`; a unit is a 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -38,6 +39,11 @@ WORTH_OF_ALL = 0.03  #: … and of what was at first
 #: Share of what two effects explain that is each one's own, unless it is the model's errors of always that are sought: a second
 #: name for a small rest, chosen among all there are, makes a first name look clean that is wrong.
 WORTH_BESIDE = 0.08
+#: And what a second name may take off beside a first that leaves nothing unusual: of what the first does, and of what a log like the
+#: calibration's loses.  A relative of the true effect leaves what the two differ by, and there is always a name for some of it.
+MOST_BESIDE, MOST_BESIDE_USUAL = 0.03, 0.2
+#: But for this: what any model leaves in partial cycles has its form.
+NO_SIGN_BESIDE = ("minor_loop_memory",)
 #: What the calibration does not let expect may be at most so many times what that was off where it was not fitted: a
 #: fresh log is another log.  Beyond it the error is real.
 GATE = 1.75
@@ -88,6 +94,9 @@ class Tracing:
     share: float  #: of the excess loss that is explained
     witnesses: dict[str, dict[str, float]]  #: how far each is off, before and after (:meth:`Evidence.witnesses`)
     unusual: list[str]  #: those that are not as usual after
+    beside: tuple[str, float] | None = (
+        None  #: a further name that takes off too much, and its share of what is taken off
+    )
 
 
 @dataclass(frozen=True)
@@ -135,9 +144,14 @@ class Judge:
         gone = left <= max(CLEAN * floor, floor + (1.0 - CLEAN_SHARE) * (self.news_percent - floor))
         return gone and not self.unusual(trial)
 
-    def convincing(self, trial: Trial | None) -> bool:
-        """Whether it is all that there is to what might as well be nothing."""
-        if trial is None or not self.clean(trial):
+    def settles(self, selection: Selection) -> bool:
+        """Whether what was chosen leaves nothing to be looked for."""
+        return selection.chosen is not None and selection.unsettled is None and self.clean(selection.chosen)
+
+    def convincing(self, selection: Selection) -> bool:
+        """Whether what was chosen is all that there is to what might as well be nothing."""
+        trial = selection.chosen
+        if trial is None or not self.settles(selection):
             return False
         left = float(trial.fit.held_out_news_percent.mean())
         return self.share(trial) >= HINT_SHARE and left <= self.evidence.floor_percent
@@ -168,6 +182,14 @@ class Judge:
         """What an effect must at least take off."""
         return max(WORTH * self.excess(mean_loss), WORTH_OF_ALL * self.excess(float(self.losses.mean())), 1e-9)
 
+    def _most_beside(self, gain: float) -> float:
+        """What a second name may take off beside a first that has this gain and leaves nothing unusual.
+
+        As much as it likes where what the model always leaves is not expected: that goes with all kinds of names itself.
+        """
+        most = max(MOST_BESIDE * gain, MOST_BESIDE_USUAL * self.expected)
+        return most if self.evidence.expects_what_repeats else math.inf
+
     @property
     def rules(self) -> Rules:
         """What it takes to be named."""
@@ -181,6 +203,8 @@ class Judge:
             leaders=3,
             sketched=SKETCHED,
             least_beside=0.0 if self.evidence.beyond_floor else WORTH_BESIDE,
+            most_beside=self._most_beside,
+            no_sign_beside=NO_SIGN_BESIDE,
             most=MOST_MISSING if self.evidence.beyond_floor else MOST_NEW,
         )
 
@@ -223,7 +247,7 @@ def trace(
     else:
         contest = select(field_, judge.losses, judge.rules, judge.clean)
         (selection,) = run([contest], [work], jobs, partial(progress, "race"))
-        if judge.news_percent <= result.gate_percent and not judge.convincing(selection.chosen):
+        if judge.news_percent <= result.gate_percent and not judge.convincing(selection):
             return result
     _conclude(result, evidence, selection, judge)
     result.verdict = _verdict(result, selection, judge, asked=bool(only))
@@ -291,6 +315,10 @@ def _conclude(result: Tracing, evidence: Evidence, selection: Selection, judge: 
     result.share = judge.share(selection.chosen)
     result.witnesses["after"] = evidence.witnesses(found.held_out_rows, result.train)
     result.unusual = judge.unusual(selection.chosen)
+    if selection.unsettled is not None:
+        (further,) = set(selection.unsettled.names) - set(selection.chosen.names)
+        more, _ = paired(selection.chosen.losses, selection.unsettled.losses)
+        result.beside = further, more / selection.chosen.gain
     result.alternatives = _alternatives(result.rounds, found)
 
 
@@ -298,7 +326,7 @@ def _verdict(result: Tracing, selection: Selection, judge: Judge, asked: bool) -
     found = selection.chosen is not None
     if judge.evidence.beyond_floor:  # then every effect that pays counts, and what remains is the model's as it is
         return "traced" if found else "none"
-    if selection.chosen is not None and judge.clean(selection.chosen):
+    if judge.settles(selection):
         return "traced"
     real = float(result.news_percent["before"].mean()) > result.gate_percent
     return "unexplained" if real or asked else "none"

@@ -113,7 +113,13 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
         if most
         else "; it depends on nothing that was looked at."
     )
-    if names:
+    if tracing.beside:
+        further, share = tracing.beside
+        text += (
+            f" {' and '.join(names)} would leave nothing unusual, but {further} beside that would take off {share:.0%} more: a relative "
+            "of what is there leaves such a rest, so it may be the wrong name."
+        )
+    elif names:
         text += f" {' and '.join(names)} would take off part of it (that is the error after), and may be the wrong name"
         text += (
             f": with it {_listed(tracing.unusual)} would be off as never at the calibration."

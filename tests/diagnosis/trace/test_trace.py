@@ -170,6 +170,29 @@ def test_a_relative_of_the_true_effect_leaves_what_the_two_differ_by(clean, monk
         assert (trend in judge.unusual(differing)) is expected
 
 
+def test_a_name_is_not_given_where_another_takes_much_off_beside_it(wire, config, monkeypatch):
+    """What a relative of the true effect leaves is small, but has a shape, and some candidate has that.
+
+    Here it is what the model always leaves: nothing of that is expected of this wire, so it is taken for no such sign.
+    """
+    evidence = Evidence(session(wire[0], {"elastic_compliance": 1e-4}), config)
+    monkeypatch.setattr(race, "BENT_BY_OTHERS", math.inf)
+    monkeypatch.setattr(Evidence, "expects_what_repeats", True)
+    found = trace(evidence, jobs=1)
+    assert found.verdict == "unexplained" and found.fit.names == ("elastic_compliance",) and not found.unusual
+    further, share = found.beside
+    said = sentence(found, {}, [])
+    assert (
+        f"elastic_compliance would leave nothing unusual, but {further} beside that would take off {share:.0%} more"
+        in said
+    )
+    monkeypatch.setattr(race, "MOST_BESIDE", 1.5 * share)
+    assert trace(evidence, jobs=1).verdict == "traced"
+    monkeypatch.setattr(race, "MOST_BESIDE", 0.5 * share)
+    monkeypatch.setattr(Evidence, "expects_what_repeats", False)
+    assert trace(evidence, jobs=1).verdict == "traced"
+
+
 def test_an_effect_at_the_end_where_it_is_another_has_no_name(wire, config):
     """A contact that has drifted at once is a lead, and a creep that comes at once is a compliance."""
     for hidden, imitator in (({"lead_resistance": 0.03}, "contact_drift"), ({"elastic_compliance": 1e-4}, "creep")):
