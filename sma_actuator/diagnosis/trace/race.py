@@ -59,6 +59,9 @@ LEFT_SHARE = 0.5
 #: And what is left goes no more with time, nor with the quantity that gives the effect away: with a mean square of this many
 #: variances of the calibration at the most; with the latter, which the effect moves most, or of this share of what there was.
 BENT, BENT_SHARE = 0.25, 0.05
+BENT_BY_TIME_SHARE = (
+    0.01  #: the same share of time itself, whose course says most: a slip that is called a drift leaves a saw's tooth
+)
 #: With any other quantity it may go with so many, or this share: a relative of the true effect leaves what the two differ by.
 BENT_BY_OTHERS, BENT_BY_OTHERS_SHARE = 0.5, 0.02
 FEWEST_FOR_TIME = 8  #: cycles from which a trend over time is judged
@@ -174,8 +177,7 @@ class Judge:
         if blocked and self.train.sum() < FEWEST_FOR_TIME:
             return False
         most, share = (BENT, BENT_SHARE) if telling else (BENT_BY_OTHERS, BENT_BY_OTHERS_SHARE)
-        if not blocked:
-            most = max(most, share * was)
+        most = max(most, (BENT_BY_TIME_SHARE if blocked else share) * was)
         return bend(self.evidence, rows, self.quantities[name], self.train, blocked) > most
 
     def _worth(self, mean_loss: float) -> float:
