@@ -1,4 +1,4 @@
-"""How long tracing takes: ten logs of 10 000 samples, in which nothing, a play, or a slip is hidden.
+"""How long tracing takes: ten logs of 10 000 samples, in which nothing, a zero error of the voltage, or slips are hidden.
 
     python benchmarks/trace_speed.py [--jobs 2]
 
@@ -24,7 +24,7 @@ from sma_actuator.logs.bench_log import BenchLog, read_bench_log
 
 LOGS, SAMPLES = 10, 10_000
 ALLOY = "furukawa"
-HIDDEN = ("backlash", "slip")
+HIDDEN = ("voltage_offset", "slip")
 
 
 def logs_of(name: str | None) -> list[BenchLog]:
@@ -50,7 +50,7 @@ def main() -> int:
     jobs = parser.parse_args().jobs
     config = identified(ALLOY)
     table = Table(title=f"tracing {LOGS} logs of {SAMPLES} samples, {jobs} fits at a time, {os.cpu_count()} cores")
-    for header in ("hidden", "time [s]", "verdict"):
+    for header in ("hidden", "time, s", "verdict"):
         table.add_column(header, justify="right" if "time" in header else "left")
     for name in (None, *HIDDEN):
         logs = logs_of(name)
