@@ -22,6 +22,7 @@ from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain, Judged, place_of
 from sma_actuator.estimation.effects import Effect, Effects
 from sma_actuator.estimation.effects.frame import Frame, Place
+from sma_actuator.estimation.effects.wire import Fatigue
 from sma_actuator.identify.balance import passages, warmer_K
 from sma_actuator.identify.expectation import Expectation, always_so_m
 from sma_actuator.identify.experiments import Experiment, make_experiment, sessions
@@ -39,8 +40,8 @@ WORST = 30.0  #: and the largest that counts at all
 #: the mean of the calibration: between nothing, where most came with the first cycles, and half, where it came evenly; and how
 #: far off that is in the mean.
 SINCE_THEN, SINCE_THEN_WITHIN = 0.25, 0.125
-#: The same of the cold end, over that of the hot one: what is left in place is less while it is martensite.
-COLD_SHARE = 0.4
+#: The same of the cold end, over that of the hot one, as of a wire that wears: what is left in place is less while it is martensite.
+COLD_SHARE = Fatigue().cold_share
 FLOOR_percent = 1.5  #: of full stroke, where the model does not say how good it was
 #: Who says, beside the displacement all along, whether an effect is there: what a wire at rest shows, and a spring.
 WITNESSES = (
