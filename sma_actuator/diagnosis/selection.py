@@ -166,8 +166,8 @@ def select(
             break
         stuck = False
         unsettled = yield from _unsettled(round_.winner, rest, rules, clean, together)
-        settled = clean(round_.winner) and unsettled is None
-        if not chosen and rules.most > 1 and rules.leaders and not settled:
+        left = unsettled is not None or not clean(round_.winner)
+        if not chosen and rules.most > 1 and rules.leaders and left:
             pairs = list(_pairs(round_.trials[: rules.leaders], field_, together))
             if 0 < rules.sketched < len(pairs):
                 sketches = yield [replace(pair, sketch=True) for pair in pairs]
@@ -179,9 +179,8 @@ def select(
             )  # then no other pair holds the winner either
             if not stuck:
                 unsettled = yield from _unsettled(round_.winner, field_, rules, clean, together)
-                settled = clean(round_.winner) and unsettled is None
         current, held = round_.winner, round_.winner.losses
-        if stuck or settled:
+        if stuck or (unsettled is None and clean(current)):
             break
     return Selection(rounds, current, unsettled)
 

@@ -40,8 +40,7 @@ WORST = 30.0  #: and the largest that counts at all
 #: the mean of the calibration: between nothing, where most came with the first cycles, and half, where it came evenly; and how
 #: far off that is in the mean.
 SINCE_THEN, SINCE_THEN_WITHIN = 0.25, 0.125
-#: The same of the cold end, over that of the hot one, as of a wire that wears: what is left in place is less while it is martensite.
-COLD_SHARE = Fatigue().cold_share
+WORN = Fatigue()  #: which says how much less of that is left in place while it is martensite
 FLOOR_percent = 1.5  #: of full stroke, where the model does not say how good it was
 #: Who says, beside the displacement all along, whether an effect is there: what a wire at rest shows, and a spring.
 WITNESSES = (
@@ -397,10 +396,11 @@ class Evidence:
 
     def _changed_m(self, found: Judged) -> np.ndarray:
         """How far the wire moved while it was calibrated, where it is now, of n samples: the hot end most."""
+        if not self.calibration.changed:  # of most wires, and every step of every fit asks
+            return np.zeros(len(found.time_s))
         frame = Frame.of(found.signals, float(found.time_s[0]))
         frame.displacement_m = found.model_m
-        cold = np.nan_to_num(np.clip(self.place.share_of_stroke(frame), 0.0, 1.0))
-        return self.calibration.changed * (1.0 - (1.0 - COLD_SHARE) * cold)
+        return self.calibration.changed * np.nan_to_num(WORN.left_in_place(frame, self.place), nan=1.0)
 
     def residual(self, effects: Mapping[str, Effect]) -> np.ndarray:
         """Rows to be made small by a fit of ``effects`` (see :meth:`rows`)."""
@@ -466,7 +466,7 @@ class Evidence:
             away = 0.1 * away + (0.0 if hot else PER_KELVIN * colder_K)
             away_Ohm, away_m = away * range_Ohm, away * self.full_stroke_m
             if len(nodes_Pa):
-                changed_m = c.changed * (1.0 if hot else COLD_SHARE)
+                changed_m = c.changed * (1.0 if hot else WORN.cold_share)
                 expected_m = expected_m + SINCE_THEN * changed_m
                 away_m = np.hypot(away_m, SPREAD * SINCE_THEN_WITHIN * changed_m)
             out[chosen, 0] = np.where(valid, (is_Ohm - expected_Ohm) / np.sqrt(s_R**2 + away_Ohm**2 + more**2), 0.0)

@@ -59,9 +59,7 @@ LEFT_SHARE = 0.5
 #: And what is left goes no more with time, nor with the quantity that gives the effect away: with a mean square of this many
 #: variances of the calibration at the most; with the latter, which the effect moves most, or of this share of what there was.
 BENT, BENT_SHARE = 0.25, 0.05
-BENT_BY_TIME_SHARE = (
-    0.01  #: the same share of time itself, whose course says most: a slip that is called a drift leaves a saw's tooth
-)
+BENT_BY_TIME_SHARE = 0.01  #: the same share for time: a slip that is called a drift leaves a saw's tooth
 #: With any other quantity it may go with so many, or this share: a relative of the true effect leaves what the two differ by.
 BENT_BY_OTHERS, BENT_BY_OTHERS_SHARE = 0.5, 0.02
 FEWEST_FOR_TIME = 8  #: cycles from which a trend over time is judged
@@ -97,9 +95,7 @@ class Tracing:
     share: float  #: of the excess loss that is explained
     witnesses: dict[str, dict[str, float]]  #: how far each is off, before and after (:meth:`Evidence.witnesses`)
     unusual: list[str]  #: those that are not as usual after
-    beside: tuple[str, float] | None = (
-        None  #: a further name that takes off too much, and its share of what is taken off
-    )
+    beside: tuple[str, float] | None = None  #: a further name that would take off too much, and how much over the gain
 
 
 @dataclass(frozen=True)

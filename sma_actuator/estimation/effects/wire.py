@@ -292,9 +292,12 @@ class Fatigue(Effect):
 
     def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add what is left in place."""
-        cold = np.clip(place.share_of_stroke(frame), 0.0, 1.0)
-        share = 1.0 - (1.0 - self.cold_share) * cold
+        share = self.left_in_place(frame, place)
         frame.displacement_m = frame.displacement_m + self.displacement * share * self._worn(frame)
+
+    def left_in_place(self, frame: Frame, place: Place) -> np.ndarray:
+        """How much of what the hot end has moved is there, shape (n,): all of it contracted, ``cold_share`` cold."""
+        return 1.0 - (1.0 - self.cold_share) * np.clip(place.share_of_stroke(frame), 0.0, 1.0)
 
     def _worn(self, frame: Frame) -> np.ndarray:
         ratio = 1.0 + (frame.cycles - 1.0) / self.first_cycle
