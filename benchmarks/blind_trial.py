@@ -43,7 +43,7 @@ from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import NODE_NAME
 from sma_actuator.diagnosis.trace.race import GATE
 from sma_actuator.logs.files import write_atomically
-from sma_actuator.plant.worlds import HOME, WORLDS
+from sma_actuator.plant.worlds import DRAWN, HOME, WORLDS, world_of
 
 RAISED = 1.5  #: error over that of the same session without the effect, from which it must be found
 KINDS = ("none", "single", "pair", "foreign")
@@ -140,7 +140,12 @@ def main() -> int:
     """Run the trial and print it; returns 0."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
-        "--physics", nargs="*", choices=tuple(WORLDS), default=(HOME,), help="of the bench (default %(default)s)"
+        "--physics",
+        nargs="*",
+        type=_physics,
+        default=(HOME,),
+        metavar="NAME",
+        help=f"of the bench (default {HOME}): {', '.join(WORLDS)}, or {DRAWN} and a number: one that nobody chose",
     )
     parser.add_argument(
         "--seeds",
@@ -179,6 +184,14 @@ def main() -> int:
         print(f"{len(answers)} of {len(todo)} cases: the same command goes on")
     show(Console(width=160), answers)
     return 0
+
+
+def _physics(name: str) -> str:
+    try:
+        world_of(name)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+    return name
 
 
 def _asked(args: argparse.Namespace) -> list[Case]:

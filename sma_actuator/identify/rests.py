@@ -17,7 +17,8 @@ SETTLED = {
     False: 4.0,
     True: 2.0,
 }  #: thermal time constants that the current has stood, cold and hot (heated, it does not wait)
-STILL = 0.06  #: share of its range that the current may move meanwhile
+#: Share of its range that the current may move meanwhile, cold and hot: a guard against overheating takes it back towards the end of a pulse.
+STILL = {False: 0.06, True: 0.1}
 STEADY = 0.015  #: share of its range that R or δ may move from half a window to the next
 TO_GO = 0.012  #: share of its range that δ of a settled wire may have before it
 
@@ -62,7 +63,7 @@ def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[R
         (values, np.subtract(*np.nanpercentile(values, (99.0, 1.0))))
         for values in (experiment.resistance_Ohm, experiment.displacement_m)
     ]
-    still_A = STILL * np.subtract(*np.nanpercentile(current_A, (99.0, 1.0)))
+    range_A = np.subtract(*np.nanpercentile(current_A, (99.0, 1.0)))
     rests = []
     for turn in np.append(turns, len(time_s)):
         hot = bool(driven[turn - 1])
@@ -71,7 +72,7 @@ def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[R
         start = int(np.searchsorted(time_s, time_s[turn - 1] - WINDOW_s))
         if turn - start < 4 or time_s[turn - 1] - time_s[begun] < 0.9 * settling_s or (driven[begun:turn] != hot).any():
             continue
-        if np.ptp(current_A[begun + 1 : turn - 1]) > still_A:
+        if np.ptp(current_A[begun + 1 : turn - 1]) > STILL[hot] * range_A:
             continue
         load_N, still_m = experiment.signals.load_N, experiment.displacement_m
         steady = (

@@ -18,7 +18,7 @@ from .kinds import logs_to_fit
 from .ranges import load_numbers
 
 #: Share of the full stroke that the hot end may move with a cycle; ten logs hold some sixty cycles.
-STANDS = 0.0006
+STANDS = 0.0003
 FEWEST_LOGS, FEWEST_PULSES = 3, 3
 _AGREE = 0.8  #: share of the logs in which it moves the same way
 _ALIKE = 0.1  #: share by which the times may differ that pulses are heated for

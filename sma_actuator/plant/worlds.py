@@ -20,11 +20,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numpy as np
+
 from .kinetics import Kinetics
-from .materials import NI_TI, NI_TI_CU, WIRES, Material, Untrained, Wire
-from .measured import lagoudas_for, measured_for
+from .materials import NI_TI, NI_TI_CU, WIRES, Material, Phase, Untrained, Wire
+from .measured import lagoudas_for, measured_between, measured_for
 
 HOME = "measured"
+DRAWN = "drawn-"  #: and a number: physics that nobody chose
 
 
 def _liang_rogers_for(material: Material) -> Kinetics:
@@ -134,10 +137,107 @@ WORLDS: dict[str, World] = {
 }
 
 
+def world_of(name: str) -> World:
+    """A world by its name, one of :data:`WORLDS` or :data:`DRAWN` and a number.  Raises ValueError for any other."""
+    number = name.removeprefix(DRAWN)
+    if name.startswith(DRAWN) and number.isascii() and number.isdigit():
+        return _drawn(int(number))
+    if name not in WORLDS:
+        raise ValueError(
+            f"'{name}' is no physics of the bench; one of {', '.join(WORLDS)} is wanted, or {DRAWN} and a number"
+        )
+    return WORLDS[name]
+
+
 def wire_in_world(name: str, world: str = HOME) -> Wire:
     """A wire of the bench in a world, both by name.  Raises ValueError for a name that does not exist."""
     if name not in WIRES:
         raise ValueError(f"'{name}' is no wire of the bench; one of {', '.join(WIRES)} is wanted")
-    if world not in WORLDS:
-        raise ValueError(f"'{world}' is no physics of the bench; one of {', '.join(WORLDS)} is wanted")
-    return WORLDS[world].wire(WIRES[name])
+    return world_of(world).wire(WIRES[name])
+
+
+def _drawn(number: int) -> World:
+    """A world that nobody chose: all that a wire may have, drawn by a generator that this number seeds.
+
+    Every draw is independent of the others and lies where wires of the makers and of the literature lie, or as far to either side
+    of the bench's own as these scatter [F]; the alloys differ.
+    """
+    rng = np.random.default_rng((number, 1))
+    between, chance = rng.uniform, rng.random
+    kinetics = (_liang_rogers_for, lagoudas_for, _measured_in)[rng.integers(3)]
+    return World(
+        f"drawn by the number {number}",
+        kinetics,
+        heat_transfer=between(0.8, 1.15),
+        convection_exponent=between(0.0, 0.2),
+        clamped=chance() < 0.4,
+        untrained=replace(IN_TRAINING, hot_strain=between(0.3, 1.0) * IN_TRAINING.hot_strain) if chance() < 0.25 else None,
+        material={wire.material.name: _drawn_material(rng, wire.material) for wire in WIRES.values()},
+        austenite_warms_1_K=between(0.0, 4e-4),
+    )
+
+
+def _measured_in(material: Material) -> Kinetics:
+    """The measured distribution, wherever the bands of a material lie."""
+    return measured_between(
+        material.austenite_start_C,
+        material.austenite_finish_C,
+        material.martensite_start_C,
+        material.martensite_finish_C,
+        material.stress_slope_Pa_K,
+    )
+
+
+def _drawn_material(rng: np.random.Generator, material: Material) -> dict[str, Any]:
+    """What one alloy of a drawn world has otherwise."""
+    between = rng.uniform
+    higher_K, wider_K, width = between(-4.0, 5.0), between(-3.0, 4.0), between(0.7, 1.5)
+
+    def band(first_C: float, last_C: float, moved_K: float) -> tuple[float, float]:
+        middle_C, half_K = 0.5 * (first_C + last_C) + moved_K, 0.5 * width * (last_C - first_C)
+        return middle_C - half_K, middle_C + half_K
+
+    def phase(like: Phase) -> Phase:
+        return replace(
+            like,
+            resistivity_Ohm_m=like.resistivity_Ohm_m * between(0.95, 1.05),
+            resistivity_temperature_coefficient_1_K=like.resistivity_temperature_coefficient_1_K * between(0.5, 1.5),
+            modulus_Pa=like.modulus_Pa * between(0.8, 1.25),
+        )
+
+    austenite_start_C, austenite_finish_C = band(
+        material.austenite_start_C, material.austenite_finish_C, higher_K + 0.5 * wider_K
+    )
+    martensite_start_C, martensite_finish_C = band(
+        material.martensite_start_C, material.martensite_finish_C, higher_K - 0.5 * wider_K
+    )
+    drawn: dict[str, Any] = {
+        "austenite_start_C": austenite_start_C,
+        "austenite_finish_C": austenite_finish_C,
+        "martensite_start_C": martensite_start_C,
+        "martensite_finish_C": martensite_finish_C,
+        "martensite": phase(material.martensite),
+        "austenite": phase(material.austenite),
+        "specific_heat_J_kgK": material.specific_heat_J_kgK * between(0.85, 1.2),
+        "latent_heat_J_kg": material.latent_heat_J_kg * between(0.75, 1.25),
+        "stress_slope_Pa_K": between(6.5e6, 11e6),
+        "training_stress_Pa": material.training_stress_Pa * between(0.7, 1.4),
+        "strain_stress_scale_Pa": material.strain_stress_scale_Pa * between(0.8, 1.25),
+        "strain_shape": between(0.0, 0.4),
+        "martensite_resistivity_stress_1_Pa": between(0.0, 6e-10),
+        "geometric_factor": between(1.8, 2.2),
+    }
+    if rng.random() < (0.8 if material.has_r_phase else 0.4):
+        drawn |= {
+            "has_r_phase": True,
+            "r_phase": replace(phase(NI_TI.r_phase), resistivity_Ohm_m=between(0.85e-6, 0.96e-6)),
+            "r_start_C": austenite_start_C + between(-4.0, 8.0),
+            "r_finish_C": austenite_start_C + between(-16.0, -6.0),
+            "r_hysteresis_K": between(1.5, 4.5),
+            "stress_slope_r_Pa_K": between(13e6, 19e6),
+            "saturation_strain_r": between(0.002, 0.008),
+            "latent_heat_r_J_kg": between(3e3, 7e3),
+        }
+    else:
+        drawn["has_r_phase"] = False
+    return drawn

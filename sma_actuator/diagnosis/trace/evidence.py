@@ -56,8 +56,8 @@ LINE = WITNESSES.index("load against displacement")
 POWER = WITNESSES.index("power in the transformation")
 #: How well the heat balance of another log can be trusted, whatever its calibration repeated: of the rise above ambient.
 BALANCE = 0.05
-#: And the same of a passage faster or slower than those of the calibration, per share of the stroke that it is more or less
-#: ahead of its lag: latent heat and heat capacity were learned at one speed.
+#: And the same of a passage faster or slower than those of the calibration in their middle, per share of the stroke that it is more
+#: or less ahead of its lag: latent heat and heat capacity were learned at one speed.
 OTHER_SPEED = 1.0
 LOADS_DIFFER = 0.1  #: spread of the load, over the load, from which it counts as changing
 SPRING = 0.9  #: correlation squared of load and displacement from which the load is that of a spring
@@ -258,11 +258,10 @@ class Evidence:
             signals = dataclasses.replace(self.experiments[i].signals, stress_Pa=p.stress_Pa)
             share = c.share_of_stroke(self._measured_m[i] - (p.shown_m - p.model_m), p.stress_Pa)
             off_K, ahead = warmer_K(signals, p.heat_W, share, c, thermal, found)
-            low, high = np.reshape(c.transformation_speed, (2, 2))[[int(heating) for heating, _ in found]].T
-            unlike = np.maximum(0.0, np.maximum(low - ahead, ahead - high))
+            usual = np.mean(np.reshape(c.transformation_speed, (2, 2)), axis=1)[[int(heating) for heating, _ in found]]
             rise_K = np.mean([*c.transformation_heating, *c.transformation_cooling]) - thermal.ambient_temperature
             known_K = math.hypot(c.transformation_scatter, BALANCE * rise_K)
-            out.append(off_K / np.hypot(known_K, OTHER_SPEED * rise_K * unlike))
+            out.append(off_K / np.hypot(known_K, OTHER_SPEED * rise_K * (ahead - usual)))
         return np.concatenate(out)
 
     def _driven(self, logs: Sequence[int]) -> np.ndarray:

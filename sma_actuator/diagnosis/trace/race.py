@@ -38,7 +38,7 @@ WORTH = 0.1  #: share of what is still in excess that an effect must at least ex
 WORTH_OF_ALL = 0.03  #: … and of what was at first
 #: Share of what two effects explain that is each one's own, unless it is the model's errors of always that are sought: a second
 #: name for a small rest, chosen among all there are, makes a first name look clean that is wrong.
-WORTH_BESIDE = 0.08
+WORTH_BESIDE = 0.1
 #: And what a second name may take off beside a first that leaves nothing unusual: of what the first does, and of what a log like the
 #: calibration's loses.  A relative of the true effect leaves what the two differ by, and there is always a name for some of it.
 MOST_BESIDE, MOST_BESIDE_USUAL = 0.03, 0.2
@@ -61,7 +61,7 @@ LEFT_SHARE = 0.5
 BENT, BENT_SHARE = 0.25, 0.05
 BENT_BY_TIME_SHARE = 0.01  #: the same share for time: a slip that is called a drift leaves a saw's tooth
 #: With any other quantity it may go with so many, or this share: a relative of the true effect leaves what the two differ by.
-BENT_BY_OTHERS, BENT_BY_OTHERS_SHARE = 0.5, 0.02
+BENT_BY_OTHERS, BENT_BY_OTHERS_SHARE = 0.5, 0.03
 FEWEST_FOR_TIME = 8  #: cycles from which a trend over time is judged
 MOST_NAMES = 3  #: that one effect may have: a longer list says nothing
 #: So many effects are looked for: a model may lack more than happens to a wire at once, and many together imitate anything.
