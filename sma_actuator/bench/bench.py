@@ -99,7 +99,7 @@ class VirtualBench:
     ) -> VirtualBench:
         """A bench with the wire ``flexinol`` or ``furukawa``, or one of that alloy and another size.
 
-        ``size_m`` is length and diameter; ``physics`` is a name of :data:`sma_actuator.plant.worlds.WORLDS`;
+        ``size_m`` is length and diameter; ``physics`` is a name that :func:`sma_actuator.plant.worlds.world_of` knows;
         ``cycles`` is how many the wire has done before; ``setup`` may hold other fields of :class:`Setup`.
         """
         wire = wire_in_world(name, physics).after(cycles)

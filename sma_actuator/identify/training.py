@@ -17,8 +17,9 @@ from .experiments import Experiment, judged_rows, make_experiment
 from .kinds import logs_to_fit
 from .ranges import load_numbers
 
-#: Share of the full stroke that the hot end may move with a cycle; ten logs hold some sixty cycles.
-STANDS = 0.0003
+#: Share of the full stroke that the hot end may move with a cycle, outwards, as training does, and inwards, as a wire does also that
+#: grows warmer from pulse to pulse; ten logs hold some sixty cycles.
+STANDS_OUTWARDS, STANDS_INWARDS = 0.0003, 0.0006
 FEWEST_LOGS, FEWEST_PULSES = 3, 3
 _AGREE = 0.8  #: share of the logs in which it moves the same way
 _ALIKE = 0.1  #: share by which the times may differ that pulses are heated for
@@ -52,7 +53,8 @@ def change_while_measured_m(logs: Sequence[BenchLog], config) -> float:
         return 0.0
     mean_m = float(np.mean(moved_m))
     same_way = float(np.mean(np.sign(moved_m) == np.sign(mean_m)))
-    return abs(change_m) if abs(mean_m) >= STANDS * config.wire.full_stroke_m and same_way >= _AGREE else 0.0
+    stands = STANDS_OUTWARDS if mean_m > 0.0 else STANDS_INWARDS
+    return abs(change_m) if abs(mean_m) >= stands * config.wire.full_stroke_m and same_way >= _AGREE else 0.0
 
 
 def _moved_m(experiment: Experiment) -> list[float]:

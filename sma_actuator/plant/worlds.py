@@ -171,7 +171,9 @@ def _drawn(number: int) -> World:
         heat_transfer=between(0.8, 1.15),
         convection_exponent=between(0.0, 0.2),
         clamped=chance() < 0.4,
-        untrained=replace(IN_TRAINING, hot_strain=between(0.3, 1.0) * IN_TRAINING.hot_strain) if chance() < 0.25 else None,
+        untrained=replace(IN_TRAINING, hot_strain=between(0.3, 1.0) * IN_TRAINING.hot_strain)
+        if chance() < 0.25
+        else None,
         material={wire.material.name: _drawn_material(rng, wire.material) for wire in WIRES.values()},
         austenite_warms_1_K=between(0.0, 4e-4),
     )

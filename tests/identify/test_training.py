@@ -37,6 +37,16 @@ def test_the_change_is_about_what_the_wire_went_through():
     assert 0.6 * true_m < found_m < 1.6 * true_m
 
 
+def test_a_wire_that_is_half_trained_is_known_as_one():
+    logs, config = pulses(40.0)
+    true_m = (
+        config.wire.length
+        * IN_TRAINING.hot_strain
+        * (math.exp(-40.0 / IN_TRAINING.cycles) - math.exp(-49.0 / IN_TRAINING.cycles))
+    )
+    assert 0.6 * true_m < change_while_measured_m(logs, config) < 1.6 * true_m
+
+
 def test_nothing_is_said_of_a_wire_that_is_trained():
     logs, config = pulses(250.0)
     assert change_while_measured_m(logs, config) == 0.0

@@ -8,9 +8,10 @@ import pytest
 from sma_actuator.bench import Spring, VirtualBench, Weight
 from sma_actuator.plant import physics
 from sma_actuator.plant.materials import WIRES
-from sma_actuator.plant.worlds import HOME, IN_TRAINING, WORLDS, wire_in_world
+from sma_actuator.plant.worlds import DRAWN, HOME, IN_TRAINING, WORLDS, wire_in_world, world_of
 
 AWAY = [name for name in WORLDS if name != HOME]
+DRAWN_WORLDS = [f"{DRAWN}{number}" for number in range(1, 7)]
 HEATING_A = {"flexinol": 0.33, "furukawa": 0.55}
 
 
@@ -33,7 +34,7 @@ def cycle(bench, wire, hot_s=6.0, cold_s=12.0):
 
 
 @pytest.mark.parametrize("wire", WIRES)
-@pytest.mark.parametrize("world", AWAY)
+@pytest.mark.parametrize("world", AWAY + DRAWN_WORLDS)
 def test_every_world_drives_both_alloys_and_no_energy_is_lost(wire, world):
     bench = powered(wire, world, Spring(200.0, 0.5))
     began_J = bench.heat_J[2]
@@ -124,3 +125,19 @@ def test_another_intermediate_phase_shows_in_both_alloys():
             bench.advance(bench.time_s + 0.1)
             most = max(most, bench.truth.r_phase)
         assert most > 0.2, wire
+
+
+def test_a_number_draws_the_same_physics_every_time_and_another_number_another():
+    drawn = [wire_in_world("flexinol", world) for world in DRAWN_WORLDS]
+    assert drawn == [wire_in_world("flexinol", world) for world in DRAWN_WORLDS]
+    assert len({wire.material.stress_slope_Pa_K for wire in drawn}) == len(drawn)
+    assert len({type(world_of(f"{DRAWN}{n}").wire(WIRES["furukawa"]).kinetics) for n in range(20)}) == 3
+    assert {wire_in_world("furukawa", f"{DRAWN}{n}").clamped for n in range(20)} == {True, False}
+
+
+@pytest.mark.parametrize("name", ["drawn-", "drawn-x", "drawn--1", "drawn-²", "elsewhere"])
+def test_what_is_no_physics_is_refused_with_those_there_are(name):
+    with pytest.raises(
+        ValueError, match=f"'{name}' is no physics of the bench; one of measured, .* or drawn- and a number"
+    ):
+        wire_in_world("flexinol", name)
