@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -16,6 +17,7 @@ from .evidence import Evidence
 FOLDS = 4
 STEP = 1e-3  #: of the finite differences, in the optimiser's units
 MAX_EVALUATIONS = 12
+NEARLY, TRIED = 0.9, 8  #: of what the best time of a slip explains: with which others are tried too, and how many
 NEAR_SIZE, NEAR_SHAPE = 0.01, 0.05  #: of what is possible, so near its end counts as at it: a shape comes there slowly
 
 
@@ -118,7 +120,8 @@ def fit(
     for c in candidates:
         if c.scanned:  # the others are known now, so its time may be another
             before = problem.scanned[c.name]
-            problem.scanned[c.name] = {c.scanned: _scan(problem, c, u, rows)}
+            times = [{c.scanned: time_s} for time_s in _scan(problem, c, u, rows)]
+            problem.scanned[c.name] = min([before, *times], key=partial(_squares, problem, u, rows, c.name))
             again = problem.solve(u, rows).x
             if np.sum(problem.residual(again)[rows] ** 2) < _squares(problem, u, rows, c.name, before):
                 u = again
@@ -175,7 +178,7 @@ def _begun(
         if c.scanned and known is not None and c.name in known.values:
             problem.scanned[c.name] = {c.scanned: known.values[c.name][c.scanned]}
         elif c.scanned:
-            problem.scanned[c.name] = {c.scanned: _scan(problem, c, u, rows)}
+            problem.scanned[c.name] = {c.scanned: _scan(problem, c, u, rows)[0]}
     return problem, u, new, rows
 
 
@@ -219,10 +222,10 @@ def _with(u: np.ndarray, i: int, value: float) -> np.ndarray:
     return out
 
 
-def _scan(problem: _Problem, candidate: Candidate, u: np.ndarray, rows: np.ndarray) -> float:
-    """When a slip explains most: its length is linear in the residual, so every time is tried on one residual.
+def _scan(problem: _Problem, candidate: Candidate, u: np.ndarray, rows: np.ndarray) -> list[float]:
+    """When a slip explains most, and some of the times that do nearly as well: what is at rest has no say in it here.
 
-    Returns seconds since the session began.
+    Its length is linear in the residual, so every time is tried on one residual.  Returns seconds since the session began.
     """
     evidence = problem.evidence
     problem.scanned[candidate.name] = {candidate.scanned: 0.0}
@@ -241,7 +244,9 @@ def _scan(problem: _Problem, candidate: Candidate, u: np.ndarray, rows: np.ndarr
     # A slip does not happen within the first or last twentieth: there it is an offset, or nothing.
     share = np.arange(len(order)) / len(order)
     gain[(share < 0.03) | (share > 0.97)] = 0.0
-    return float(elapsed_s[order[int(np.argmax(gain))]])
+    near = np.flatnonzero(gain >= NEARLY * gain.max())
+    spread = near[np.linspace(0, len(near) - 1, TRIED).astype(int)]
+    return [float(elapsed_s[order[i]]) for i in (np.argmax(gain), *spread)]
 
 
 def _held_out(problem: _Problem, u: np.ndarray, J: np.ndarray, at_u: np.ndarray, train: np.ndarray, folds: int):
