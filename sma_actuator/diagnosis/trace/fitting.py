@@ -17,6 +17,9 @@ from .evidence import Evidence
 FOLDS = 4
 STEP = 1e-3  #: of the finite differences, in the optimiser's units
 MAX_EVALUATIONS = 12
+#: What is far off counts linearly, so one linear step falls short of a large effect: so many at once are tried too, where no shape
+#: is sought as well, which takes a wrong one with a large size.
+STRIDES = (1.0, 2.0, 4.0)
 NEARLY, TRIED = 0.9, 8  #: of what the best time of a slip explains: with which others are tried too, and how many
 NEAR_SIZE, NEAR_SHAPE = 0.01, 0.05  #: of what is possible, so near its end counts as at it: a shape comes there slowly
 
@@ -199,11 +202,13 @@ def _start(problem: _Problem, u: np.ndarray, new: list[int], rows: np.ndarray) -
                 step = 0.5
                 columns.append((problem.residual(_with(guess, i, guess[i] + step)) - at)[rows] / step)
             change, *_ = np.linalg.lstsq(np.column_stack(columns), -at[rows], rcond=1e-8)
-            for i, du in zip(sizes, change, strict=True):
-                guess[i] = min(max(guess[i] + du, 0.5 * problem.low[i]), 0.5 * problem.high[i])
-        cost = float(np.sum(problem.residual(guess)[rows] ** 2))
-        if cost < best_cost:
-            best, best_cost = guess, cost
+        for times in STRIDES if sizes and not shapes else (1.0,):
+            there = guess.copy()
+            for i, du in zip(sizes, change if sizes else (), strict=True):
+                there[i] = min(max(guess[i] + times * du, 0.5 * problem.low[i]), 0.5 * problem.high[i])
+            cost = float(np.sum(problem.residual(there)[rows] ** 2))
+            if cost < best_cost:
+                best, best_cost = there, cost
     return best
 
 
