@@ -18,8 +18,10 @@ FOLDS = 4
 STEP = 1e-3  #: of the finite differences, in the optimiser's units
 MAX_EVALUATIONS = 12
 #: What is far off counts linearly, so one linear step falls short of a large effect: so many at once are tried too, where no shape
-#: is sought as well, which takes a wrong one with a large size.
+#: is sought as well, which takes a wrong one with a large size; and, of a single size, so many times what is typical: a rest that
+#: counts only where the wire is as hot as it was may lie between nothing and a large effect like a wall.
 STRIDES = (1.0, 2.0, 4.0)
+SIZES = (-3.0, -1.0, 1.0, 3.0)
 NEARLY, TRIED = 0.9, 8  #: of what the best time of a slip explains: with which others are tried too, and how many
 NEAR_SIZE, NEAR_SHAPE = 0.01, 0.05  #: of what is possible, so near its end counts as at it: a shape comes there slowly
 
@@ -202,10 +204,18 @@ def _start(problem: _Problem, u: np.ndarray, new: list[int], rows: np.ndarray) -
                 step = 0.5
                 columns.append((problem.residual(_with(guess, i, guess[i] + step)) - at)[rows] / step)
             change, *_ = np.linalg.lstsq(np.column_stack(columns), -at[rows], rcond=1e-8)
-        for times in STRIDES if sizes and not shapes else (1.0,):
+        strides = STRIDES if sizes and not shapes else (1.0,)
+        further = (
+            [[guess[i] + times * du for i, du in zip(sizes, change, strict=True)] for times in strides]
+            if sizes
+            else [[]]
+        )
+        if len(sizes) == 1 and not shapes:
+            further += [[guess[sizes[0]] + size] for size in SIZES]
+        for values in further:
             there = guess.copy()
-            for i, du in zip(sizes, change if sizes else (), strict=True):
-                there[i] = min(max(guess[i] + times * du, 0.5 * problem.low[i]), 0.5 * problem.high[i])
+            for i, value in zip(sizes, values, strict=True):
+                there[i] = min(max(value, 0.5 * problem.low[i]), 0.5 * problem.high[i])
             cost = float(np.sum(problem.residual(there)[rows] ** 2))
             if cost < best_cost:
                 best, best_cost = there, cost

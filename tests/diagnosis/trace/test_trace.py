@@ -269,6 +269,24 @@ def test_large_residuals_count_linearly():
     assert np.isfinite(loss).all() and loss[4] == loss[5] > loss[3]
 
 
+@pytest.mark.parametrize("change", [-0.35, -0.5])
+def test_a_large_effect_is_fitted_though_a_small_one_is_worse_than_none(wire, config, change):
+    """A hot rest counts where the wire takes about the power that it took: a heat loss a tenth less brings these there."""
+    evidence = Evidence(session(wire[0], {"heat_loss": change}), config)
+    found = fit(evidence, [candidate("heat_loss", scales_of(evidence))], np.ones(evidence.units, dtype=bool))
+    assert found.values["heat_loss"]["change"] == pytest.approx(change, abs=0.03)
+
+
+def test_no_other_time_of_a_slip_explains_more(wire, config):
+    evidence = Evidence(session(wire[0], {"slip": 4e-5}, seed=2), config)
+    slip = candidate("slip", scales_of(evidence))
+    found = fit(evidence, [slip], np.ones(evidence.units, dtype=bool))
+    length, time_s = found.values["slip"]["length"], found.values["slip"]["time"]
+    others = [{"length": length, "time": time_s + later_s} for later_s in np.arange(-12.0, 12.0, 0.8)]
+    left = [float(evidence.losses(evidence.residual({"slip": slip.build(values)})).mean()) for values in others]
+    assert float(found.losses.mean()) < 1.02 * min(left)
+
+
 def test_held_out_cycles_are_not_in_the_fit(clean):
     """An effect that is not there gains nothing on cycles it has not seen, however many parameters it has."""
     train = np.arange(clean.units) < clean.units - 3
