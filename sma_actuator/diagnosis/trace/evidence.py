@@ -65,6 +65,9 @@ STRAIGHT = 0.003  #: of full stroke: how straight a spring's line is, in the mea
 #: How far a cold wire rests elsewhere in surroundings known to be others, per kelvin: of the ranges of R and δ.  Many
 #: alloys have not transformed to the end at room temperature.
 PER_KELVIN = 0.005
+#: A hot rest is held against the calibration's where it takes its power to within so much; and how well it is known how much more
+#: resistance a contracted wire has that is warmer: of that.
+AS_HOT, WARMS_WITHIN = 0.3, 0.5
 ON_ITS_WAY = 0.1  #: of full stroke: so far from where it will rest, a wire still transforms
 SPREAD = 1.25  #: standard deviation over mean absolute error
 FEWEST_CYCLES = 3  #: in all logs together
@@ -459,9 +462,13 @@ class Evidence:
             more = np.zeros(len(stress_Pa))
             valid = np.ones(len(stress_Pa), dtype=bool)
             if hot and math.isfinite(c.hot_power):
-                # A hot wire's resistance moves with its temperature: some 1e-3 of it per kelvin at most.
-                valid = np.abs(power_W / c.hot_power - 1.0) <= 0.15
-                more = expected_Ohm * 5e-4 * np.abs(power_W - c.hot_power) / self.place.heat_loss_W_K
+                # A contracted wire's resistance moves with its temperature; where nobody knows how much, by 1e-3 of it per kelvin at most.
+                valid = np.abs(power_W / c.hot_power - 1.0) <= AS_HOT
+                warmer_K = (power_W - c.hot_power) / self.place.heat_loss_W_K
+                more = 5e-4 * expected_Ohm * np.abs(warmer_K)
+                if math.isfinite(c.contracted_slope):
+                    expected_Ohm = expected_Ohm + c.contracted_slope * warmer_K
+                    more = WARMS_WITHIN * np.abs(c.contracted_slope * warmer_K)
             away = 0.1 * away + (0.0 if hot else PER_KELVIN * colder_K)
             away_Ohm, away_m = away * range_Ohm, away * self.full_stroke_m
             if len(nodes_Pa):
