@@ -48,8 +48,8 @@ def calibrated():
     return bench_mapping, identify(logs, bench_mapping, WIRE).mapping
 
 
-def session(bench_mapping, hidden=None, load=STEPS, seed=5, logs=2):
-    """Bench logs of one session: pulses that settle at both ends, then partial ones."""
+def session(bench_mapping, hidden=None, load=STEPS, seed=5, logs=2, heat=1.0):
+    """Bench logs of one session: pulses that settle at both ends, then partial ones; heated with ``heat`` of the usual current."""
     config = bench_from_mapping(bench_mapping)
     whole_s = logs * LOG_s + (logs - 1) * PAUSE_s
     bench = HiddenBench.from_name(WIRE, seed=seed, load=load, hidden=hidden or {}, session_s=whole_s)
@@ -58,7 +58,7 @@ def session(bench_mapping, hidden=None, load=STEPS, seed=5, logs=2):
     with rig.opened():
         for number in range(logs):
             bench.advance(number * (LOG_s + PAUSE_s))
-            currents_A = _currents_A(config, seed + number)
+            currents_A = _currents_A(config, seed + number, heat)
             log = rig.record((Drive(float(current_A)) for current_A in currents_A), but=("load_spike",))
             columns = dict(log.columns)
             columns["time_s"] = columns["time_s"] + (bench.time_s - columns["time_s"][-1])
@@ -80,9 +80,9 @@ def write_model(mapping, path):
     return str(path)
 
 
-def _currents_A(config, seed):
+def _currents_A(config, seed, heat):
     rng = np.random.default_rng(seed)
-    low, high, rate = config.supply.bias_current, default_heat_current_A(config), config.loop.rate
+    low, high, rate = config.supply.bias_current, heat * default_heat_current_A(config), config.loop.rate
     slow_s = config.thermal.heat_capacity / config.thermal.heat_loss
     parts = [(low, 2.0)]
     for _ in range(2):

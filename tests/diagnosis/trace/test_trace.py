@@ -116,6 +116,18 @@ def test_a_name_needs_its_signature_however_well_it_fits(wire, config, monkeypat
     assert {"resistance at cold rest", "displacement at cold rest"} <= set(wrong.unusual)
 
 
+def test_a_hot_rest_counts_though_the_wire_is_not_quite_as_hot_as_at_the_calibration(wire, config):
+    """Its resistance is lower then, by what the calibration knows of a contracted wire; that is no news, and a lead is."""
+    off = {}
+    for hidden in ({}, {"lead_resistance": 0.03}):
+        evidence = Evidence(session(wire[0], hidden, heat=0.85), config)
+        (power_W,) = {round(float(np.percentile(p.heat_W, 99.0)), 1) for p in evidence.predict({})}
+        assert power_W < 0.85 * config.calibration.hot_power
+        every = np.ones(evidence.units, dtype=bool)
+        off[len(hidden)] = evidence.witnesses(evidence.residual({}), every)["resistance at hot rest"]
+    assert 0.0 < off[0] < 1.0 and off[1] > off[0] + 1.0
+
+
 def test_a_spring_tells_a_drifting_sensor_from_a_creeping_wire(wire, config):
     """Its load follows the wire; so a line that bends is the sensor's, and one that is straight is not."""
     hidden = {"reference_drift": 2.5e-4}

@@ -48,7 +48,7 @@ def test_the_report_says_what_was_found_and_how_sure_it_is(report):
         f"A voltage channel has a zero error (voltage_offset): that explains {explained:.0%} of what is unusual"
     )
     assert "Look at leads, contacts and channels" in report["sentence"]
-    assert "resistance at cold rest is as at the calibration with it" in report["sentence"]
+    assert "resistance at cold rest and resistance at hot rest are as at the calibration with it" in report["sentence"]
     (at_rest,) = (w for w in report["witnesses"] if w["name"] == "resistance at cold rest")
     assert at_rest["off_before"] > at_rest["usual"] > at_rest["off_after"] and at_rest["explained"] > 0.9
     assert report["news_after_pct_stroke"] <= report["gate_pct_stroke"] < report["news_before_pct_stroke"]
