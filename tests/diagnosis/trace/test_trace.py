@@ -121,8 +121,6 @@ def test_a_hot_rest_counts_though_the_wire_is_not_quite_as_hot_as_at_the_calibra
     off = {}
     for hidden in ({}, {"lead_resistance": 0.03}):
         evidence = Evidence(session(wire[0], hidden, heat=0.85), config)
-        (power_W,) = {round(float(np.percentile(p.heat_W, 99.0)), 1) for p in evidence.predict({})}
-        assert power_W < 0.85 * config.calibration.hot_power
         every = np.ones(evidence.units, dtype=bool)
         off[len(hidden)] = evidence.witnesses(evidence.residual({}), every)["resistance at hot rest"]
     assert 0.0 < off[0] < 1.0 and off[1] > off[0] + 1.0
