@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from sma_actuator.base.signals import Quality, Signals
 from sma_actuator.config import Config
@@ -446,8 +447,8 @@ class Evidence:
             is_Ohm, is_m, stress_Pa, power_W, colder_K, since_Pa = np.array([rests[k].values for k in chosen]).T
             nodes_Pa = np.asarray(c.hot_stress if hot else c.cold_stress)
             if len(nodes_Pa):
-                expected_Ohm = np.interp(stress_Pa, nodes_Pa, c.hot_resistance if hot else c.cold_resistance)
-                expected_m = np.interp(stress_Pa, nodes_Pa, c.hot_displacement if hot else c.cold_displacement)
+                expected_Ohm = through(nodes_Pa, c.hot_resistance if hot else c.cold_resistance, stress_Pa)
+                expected_m = through(nodes_Pa, c.hot_displacement if hot else c.cold_displacement, stress_Pa)
                 away_Pa = np.min(np.abs(stress_Pa[:, None] - nodes_Pa), axis=1)
                 if not hot:  # its variants are those of the load that it became martensite under
                     away_Pa = away_Pa + np.abs(since_Pa)
@@ -602,6 +603,20 @@ class _Where:
         for act, state in acts:
             act(frame, state, self.place)
         return frame.displacement_m
+
+
+def through(nodes: np.ndarray, values: Sequence[float], at: np.ndarray) -> np.ndarray:
+    """A smooth curve through the values at ascending nodes, without a wave between them, ``at`` other places (n,).
+
+    Beyond its ends it goes on straight, by as much as the next node lies within.  The cold end bends strongly with stress: straight
+    lines between the loads of a calibration lie up to 1.6 % of the stroke below it, and its last value 5 % above it at the lightest load.
+    """
+    if len(nodes) < 3:
+        return np.interp(at, nodes, values)
+    curve = PchipInterpolator(nodes, values)
+    inside = np.clip(at, nodes[0], nodes[-1])
+    further = np.clip(at - inside, nodes[0] - nodes[1], nodes[-1] - nodes[-2])
+    return curve(inside) + curve(inside, 1) * further
 
 
 def limited(z: np.ndarray) -> np.ndarray:

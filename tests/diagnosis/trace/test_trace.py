@@ -15,7 +15,7 @@ from sma_actuator.diagnosis.selection import Entry
 from sma_actuator.diagnosis.trace import Evidence, race, trace
 from sma_actuator.diagnosis.trace.analysis import quantities
 from sma_actuator.diagnosis.trace.candidates import candidate, scales_of, untestable
-from sma_actuator.diagnosis.trace.evidence import LIMIT, limited
+from sma_actuator.diagnosis.trace.evidence import LIMIT, limited, through
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit
 from sma_actuator.diagnosis.trace.report import sentence, summary
@@ -269,6 +269,22 @@ def test_every_quantity_that_may_give_an_effect_away_is_looked_at(clean):
     """A tell-tale is refused at registration where it is none of these; here none of these is missing."""
     found = quantities(clean, clean.predict({}))
     assert set(QUANTITIES) - {"ambient_temperature_C"} <= set(found) <= set(QUANTITIES)  # not logged here
+
+
+def test_between_the_loads_of_a_calibration_the_cold_end_is_a_curve_and_beyond_them_it_goes_on():
+    """On strains as transformation strain saturates with stress, ε (1 − exp(−(σ + σ₀)/σ₁)): a tenth of what straight lines are off."""
+    nodes_Pa = np.array([18.5, 32.0, 45.0, 62.0, 85.0, 120.0]) * 1e6
+
+    def strain(stress_Pa):
+        return 0.042 * -np.expm1(-(stress_Pa + 3.4e6) / 24e6)
+
+    at_Pa = np.linspace(16e6, 120e6, 200)
+    off = np.abs(through(nodes_Pa, strain(nodes_Pa), at_Pa) - strain(at_Pa))
+    straight = np.abs(np.interp(at_Pa, nodes_Pa, strain(nodes_Pa)) - strain(at_Pa))
+    assert off.mean() < 0.2 * straight.mean() and off.max() < 0.25 * straight.max()
+    np.testing.assert_allclose(through(nodes_Pa, strain(nodes_Pa), nodes_Pa), strain(nodes_Pa), rtol=1e-12)
+    assert (np.diff(through(nodes_Pa, strain(nodes_Pa), np.linspace(0.0, 400e6, 999))) >= 0.0).all()
+    np.testing.assert_array_equal(through(nodes_Pa[:2], [1.0, 2.0], nodes_Pa[:3]), [1.0, 2.0, 2.0])
 
 
 def test_large_residuals_count_linearly():
