@@ -58,10 +58,10 @@ USUAL, WELL, WORSE = 2.0, 1.25, 1.3
 LEFT_SHARE = 0.5
 #: And what is left goes no more with time, nor with the quantity that gives the effect away: with a mean square of this many
 #: variances of the calibration at the most; with the latter, which the effect moves most, or of this share of what there was.
-BENT, BENT_SHARE = 0.25, 0.05
+BENT, BENT_SHARE = 0.5, 0.05
 BENT_BY_TIME_SHARE = 0.01  #: the same share for time: a slip that is called a drift leaves a saw's tooth
 #: With any other quantity it may go with so many, or this share: a relative of the true effect leaves what the two differ by.
-BENT_BY_OTHERS, BENT_BY_OTHERS_SHARE = 0.5, 0.03
+BENT_BY_OTHERS, BENT_BY_OTHERS_SHARE = 1.0, 0.03
 FEWEST_FOR_TIME = 8  #: cycles from which a trend over time is judged
 MOST_NAMES = 3  #: that one effect may have: a longer list says nothing
 #: So many effects are looked for: a model may lack more than happens to a wire at once, and many together imitate anything.
