@@ -188,7 +188,7 @@ def _begun(
 
 
 def _start(problem: _Problem, u: np.ndarray, new: list[int], rows: np.ndarray) -> np.ndarray:
-    """The best of the starts of the new shape parameters, each with sizes from one linear step."""
+    """The best of the starts of the new shape parameters, each with sizes from one linear step; of sizes alone, from several."""
     shapes = [i for i in new if problem.slots[i][1].starts]
     sizes = [i for i in new if problem.slots[i][1].is_size]
     tries = [u.copy()]
@@ -197,6 +197,7 @@ def _start(problem: _Problem, u: np.ndarray, new: list[int], rows: np.ndarray) -
     best, best_cost = u, np.inf
     for start in tries:
         guess = start.copy()
+        further: list[list[float]] = [[]]
         if sizes:
             at = problem.residual(guess)
             columns = []
@@ -204,14 +205,10 @@ def _start(problem: _Problem, u: np.ndarray, new: list[int], rows: np.ndarray) -
                 step = 0.5
                 columns.append((problem.residual(_with(guess, i, guess[i] + step)) - at)[rows] / step)
             change, *_ = np.linalg.lstsq(np.column_stack(columns), -at[rows], rcond=1e-8)
-        strides = STRIDES if sizes and not shapes else (1.0,)
-        further = (
-            [[guess[i] + times * du for i, du in zip(sizes, change, strict=True)] for times in strides]
-            if sizes
-            else [[]]
-        )
-        if len(sizes) == 1 and not shapes:
-            further += [[guess[sizes[0]] + size] for size in SIZES]
+            strides = (1.0,) if shapes else STRIDES
+            further = [[guess[i] + times * du for i, du in zip(sizes, change, strict=True)] for times in strides]
+            if len(sizes) == 1 and not shapes:
+                further += [[guess[sizes[0]] + size] for size in SIZES]
         for values in further:
             there = guess.copy()
             for i, value in zip(sizes, values, strict=True):
