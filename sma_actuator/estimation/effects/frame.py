@@ -35,6 +35,13 @@ class Place:
         hot_m, cold_m = self.working_range_m
         return (frame.displacement_m - hot_m) / (cold_m - hot_m)
 
+    def share_by_resistance(self, frame: Frame) -> np.ndarray:
+        """The same, roughly, by its resistance: where the displacement is not estimated yet; 0 where the ends are not known."""
+        known = self.stroke
+        if known is None or not (known.contracted_resistance and known.cold_resistance):
+            return np.zeros(len(frame.resistance_Ohm))
+        return known.share_by_resistance(frame.resistance_Ohm, frame.load_N / self.area_m2)
+
 
 @dataclass(slots=True)
 class Frame:

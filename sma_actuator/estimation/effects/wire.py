@@ -24,6 +24,19 @@ def _rise_K(frame: Frame, state: np.ndarray, time_constant_s: float, heat_loss_W
     return frame.lag(frame.power_W, state, time_constant_s) / heat_loss_W_K
 
 
+def _latent_rise_K(
+    frame: Frame, share: np.ndarray, state: np.ndarray, latent_K: float, time_constant_s: float
+) -> np.ndarray:
+    """How much warmer it is for the heat that transforming sets free, as ``C dT/dt = … + Q dX/dt``.
+
+    X: the share of the stroke; ``latent_K``: Q over C.
+    """
+    if not latent_K > 0.0:
+        return np.zeros(len(share))
+    share = np.clip(share, 0.0, 1.0)
+    return latent_K * (share - frame.lag(share, state, time_constant_s))
+
+
 @EFFECTS.register("heat_loss")
 @dataclass(frozen=True, slots=True)
 class HeatLoss(Effect):
@@ -38,15 +51,19 @@ class HeatLoss(Effect):
     WORDS = "the wire loses its heat more easily, or less, than at the calibration"
     REMEDY = "Keep draughts away, give the wire the surroundings and the orientation that it was calibrated in, or calibrate it where it is; until then the extended model allows for it."
     TELL_TALE = "power_lagged_10_s_W"
-    STATES = 2
+    STATES = 4
     change: float = parameter(0.0, "heat loss over the calibrated one, less one", "1", -0.9, 9.0)
     time_constant: float = parameter(2.0, "thermal lag at the calibration, C/h", "s", 0.01, 600.0)
     heat_loss: float = parameter(0.006, "heat lost per kelvin above ambient, at the calibration", "W/K", 1e-6, 1e2)
+    latent_heat: float = parameter(0.0, "heat set free over the whole stroke on cooling", "J", 0.0, 1e4)
 
     def at_resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Take the heat off that goes beside the balance."""
         now = 1.0 + self.change
-        rise_K = _rise_K(frame, state, self.time_constant / now, self.heat_loss * now)
+        lag_s = self.time_constant / now
+        latent_K = self.latent_heat / (self.heat_loss * self.time_constant)
+        rise_K = _rise_K(frame, state[:2], lag_s, self.heat_loss * now)
+        rise_K = rise_K + _latent_rise_K(frame, place.share_by_resistance(frame), state[2:], latent_K, lag_s)
         frame.power_W = frame.power_W - self.change * self.heat_loss * rise_K
 
     @classmethod
@@ -57,7 +74,11 @@ class HeatLoss(Effect):
     @classmethod
     def fixed(cls, scales: Scales) -> dict[str, float]:
         """What the heat balance decides."""
-        return {"heat_loss": scales.heat_loss_W_K, "time_constant": scales.thermal_s}
+        return {
+            "heat_loss": scales.heat_loss_W_K,
+            "time_constant": scales.thermal_s,
+            "latent_heat": scales.latent_heat_J,
+        }
 
     @classmethod
     def untestable(cls, scales: Scales) -> str:
@@ -71,7 +92,7 @@ class SelfHeating(Effect):
     """R moves with temperature where the phase no longer changes: at the hot end ``R (1 + α (T − T_amb − T_on))`` above
     the onset, at the cold end ``R (1 + α_c (T − T_amb − T_c))`` below the cold onset.
 
-    The temperature comes from a heat balance on the measured power.  The calibrated relation of R and δ
+    The temperature comes from a heat balance on the measured power and the ``latent_heat`` that transforming takes.  The calibrated relation of R and δ
     holds the temperatures of the transformation itself; the onsets are where it ends.
     """
 
@@ -79,7 +100,7 @@ class SelfHeating(Effect):
     WORDS = "the wire's resistance moves with its temperature where its phase does not change"
     REMEDY = "Nothing to repair: let the extended model take it off, and do not heat further than the stroke needs."
     TELL_TALE = "power_lagged_1_s_W"
-    STATES = 2
+    STATES = 4
     temperature_coefficient: float = parameter(0.0, "relative change of resistance per kelvin, hot", "1/K", -0.1, 0.1)
     onset: float = parameter(0.0, "rise above ambient from which it acts", "K", 0.0, 500.0)
     cold_temperature_coefficient: float = parameter(
@@ -88,10 +109,15 @@ class SelfHeating(Effect):
     cold_onset: float = parameter(0.0, "rise above ambient below which that acts", "K", 0.0, 500.0)
     time_constant: float = parameter(2.0, "thermal lag, C/h", "s", 0.01, 600.0)
     heat_loss: float = parameter(0.006, "heat lost per kelvin above ambient", "W/K", 1e-6, 1e2)
+    latent_heat: float = parameter(0.0, "heat set free over the whole stroke on cooling", "J", 0.0, 1e4)
 
     def at_resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """The resistance at the onset's temperature."""
-        rise_K = _rise_K(frame, state, self.time_constant, self.heat_loss)
+        rise_K = _rise_K(frame, state[:2], self.time_constant, self.heat_loss)
+        latent_K = self.latent_heat / (self.heat_loss * self.time_constant)
+        rise_K = rise_K + _latent_rise_K(
+            frame, place.share_by_resistance(frame), state[2:], latent_K, self.time_constant
+        )
         change = self.temperature_coefficient * np.maximum(0.0, rise_K - self.onset)
         change = change + self.cold_temperature_coefficient * np.minimum(0.0, rise_K - self.cold_onset)
         frame.resistance_Ohm = frame.resistance_Ohm / (1.0 + change)
@@ -102,7 +128,7 @@ class SelfHeating(Effect):
         rise_K, thermal_s = scales.rise_K, scales.thermal_s
         free = [
             size("temperature_coefficient", 5e-3, 2e-4),
-            shape("onset", 0.02 * rise_K, 0.95 * rise_K, 0.1 * rise_K, 0.4 * rise_K, 0.7 * rise_K),
+            Free("onset", 0.0, 0.95 * rise_K, 0.1 * rise_K, (0.0, 0.1 * rise_K, 0.4 * rise_K, 0.7 * rise_K), False),
             shape("time_constant", 0.3 * thermal_s, 4.0 * thermal_s, thermal_s),
         ]
         if scales.calibration_counts:  # later, the calibration's rests say what the cold end does
@@ -115,7 +141,7 @@ class SelfHeating(Effect):
     @classmethod
     def fixed(cls, scales: Scales) -> dict[str, float]:
         """What the heat balance, the calibration and the logs decide."""
-        return {"heat_loss": scales.heat_loss_W_K}
+        return {"heat_loss": scales.heat_loss_W_K, "latent_heat": scales.latent_heat_J}
 
 
 @EFFECTS.register("ambient_temperature")
@@ -155,9 +181,12 @@ class AmbientTemperature(Effect):
     def free(cls, scales: Scales) -> list[Free]:
         """What a fit may vary."""
         rise_K = scales.rise_K
-        how_warm = [size("temperature_coefficient", 2e-2, 5e-4)]
-        if not scales.ambient_logged:  # the power says how warm it is; a metal's resistance rises with that
-            how_warm = [size("difference", 40.0, 2.0), shape("temperature_coefficient", 1e-4, 5e-3, 6e-4)]
+        how_warm = [size("temperature_coefficient", 5e-3, 5e-4)]
+        if (
+            not scales.ambient_logged
+        ):  # the power says how warm it is; a metal's resistance rises with that, but not by any amount
+            coefficient = shape("temperature_coefficient", 1e-4, 2.5e-3, 6e-4, other_at=("high",))
+            how_warm = [size("difference", 40.0, 2.0), coefficient]
         return [
             *how_warm,
             shape("fading", 0.03 * rise_K, 30.0 * rise_K, 0.15 * rise_K, 0.8 * rise_K, 10.0 * rise_K),
@@ -212,10 +241,8 @@ class ThermalExpansion(Effect):
     def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add the expansion."""
         rise_K = _rise_K(frame, state[:2], self.time_constant, self.heat_loss)
-        if self.latent_heat > 0.0:
-            share = np.clip(place.share_of_stroke(frame), 0.0, 1.0)
-            ahead = share - frame.lag(share, state[2:], self.time_constant)
-            rise_K = rise_K + self.latent_heat / (self.heat_loss * self.time_constant) * ahead
+        latent_K = self.latent_heat / (self.heat_loss * self.time_constant)
+        rise_K = rise_K + _latent_rise_K(frame, place.share_of_stroke(frame), state[2:], latent_K, self.time_constant)
         frame.displacement_m = frame.displacement_m + place.length_m * self.coefficient * rise_K
 
     @classmethod
@@ -380,11 +407,18 @@ class MinorLoopMemory(Effect):
     )
     fading: float = parameter(0.0, "share of the stroke before a branch's end on which the shift goes", "1", 0.0, 2.0)
     relaxation_time: float = parameter(0.0, "time constant with which the shift comes and goes", "s", 0.0, 100.0)
+    beyond_ends: float = parameter(
+        0.0,
+        "share of the stroke beyond both ends of it at which a wire would have transformed to the end",
+        "1",
+        0.0,
+        1.0,
+    )
 
     def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add the shift."""
         missing, begun = np.empty(len(frame.displacement_m)), np.empty(len(frame.displacement_m))
-        share = place.share_of_stroke(frame)
+        share = (place.share_of_stroke(frame) + self.beyond_ends) / (1.0 + 2.0 * self.beyond_ends)
         range_Ohm = place.resistance_range_Ohm
         turning = frame.resistance_Ohm / range_Ohm if np.isfinite(range_Ohm) else share
         incompleteness(frame.heating, share, np.ascontiguousarray(turning), state[:5], missing, begun)
@@ -408,6 +442,7 @@ class MinorLoopMemory(Effect):
             size("after_cooling", 0.6 * scales.stroke_m, 0.05 * scales.stroke_m),
             Free("fading", 0.02, 1.5, 1.0, (0.2, 0.8), False),
             shape("relaxation_time", 1e-2, 5.0, 0.1, 0.5),
+            Free("beyond_ends", 0.0, 0.3, 0.1, (0.0, 0.1), False),
         ]
 
     @classmethod

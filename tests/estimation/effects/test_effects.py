@@ -262,6 +262,21 @@ def test_a_wire_that_contracts_takes_heat_up_for_that():
     found_K = (frame.displacement_m - displacement_m) / (PLACE.length_m * 2e-5)
     np.testing.assert_allclose(found_K, rise_K[::fine], atol=0.2)  # a lag over steps of 20 ms
 
+    # Its resistance moves with the same temperature; how far the wire is, it says itself.
+    ends = {
+        "contracted_stress": (1e6,),
+        "contracted_resistance": (4.0,),
+        "cold_stress": (1e6,),
+        "cold_resistance": (5.0,),
+    }
+    place = dataclasses.replace(PLACE, stroke=Calibration(**ends))
+    frame = Frame.of(dataclasses.replace(arrays, resistance_Ohm=4.0 + share(time_s)), 0.0)
+    rises = {"onset": 0.0, "heat_loss": loss_W_K, "time_constant": tau_s, "latent_heat": latent_J}
+    warms = build("self_heating", **rises)
+    warms.at_resistance(frame, np.full(warms.STATES, math.nan), place)
+    found_K = ((4.0 + share(time_s)) / frame.resistance_Ohm - 1.0) / 5e-4
+    np.testing.assert_allclose(found_K, np.maximum(rise_K[::fine], 0.0), atol=0.2)
+
 
 def test_a_wire_that_lags_stretches_at_once_where_it_is_elastic_and_a_sensor_that_lags_does_not():
     time_s = np.arange(200) * 0.01
@@ -385,6 +400,15 @@ def test_a_branch_that_is_completed_has_forgotten_how_the_last_one_turned():
     to_go = (4.2e-3 - half[150:]) / 4e-3
     np.testing.assert_allclose(shift[150:], 0.5 * 5e-4 * np.clip(to_go / 0.2, 0.0, 1.0), atol=1e-12)
     assert shift[-1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_wire_that_is_nowhere_transformed_to_the_end_has_turned_early_everywhere():
+    """Its ends lie within those of the transformation: so much is missing at either, and so much more in between."""
+    _, shift = turned_half_way(beyond_ends=0.0)
+    _, beyond = turned_half_way(beyond_ends=0.1)
+    assert shift[-1] == beyond[-1] == pytest.approx(0.5 * 5e-4)  # in the middle it is the half as before
+    _, fading = turned_half_way(beyond_ends=0.1, fading=0.2)
+    assert fading[-1] == pytest.approx(0.5 * 5e-4 * (0.1 / 1.2) / 0.2)  # at the end not all of the shift has gone
 
 
 def test_the_shift_of_a_turn_comes_slowly():
