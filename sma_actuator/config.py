@@ -95,9 +95,8 @@ class Config(BenchConfig):
         config, found = from_mapping(cls, mapping)
         problems += found
         if config is not None:
-            problems += (
-                _cross_checks(config) + config.model.mismatches(config.wire) + config.controller.mismatches(config)
-            )
+            problems += _cross_checks(config) + config.calibration.mismatches()
+            problems += config.model.mismatches(config.wire) + config.controller.mismatches(config)
         refuse(problems, source)
         return dataclasses.replace(config, effects=effects)
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from sma_actuator.base.signals import Reading
 from sma_actuator.config import Config
+from sma_actuator.estimation.calibration import through
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
 
@@ -342,7 +343,7 @@ class SelfTest:
             self._say("leads", "not told: the calibration does not say what the cold wire has", Level.WARNING)
             return
         stress_Pa = self._load_N / config.wire.area_m2
-        cold_Ohm = float(np.interp(stress_Pa, calibration.cold_stress, calibration.cold_resistance))
+        cold_Ohm = float(through(calibration.cold_stress, calibration.cold_resistance, stress_Pa))
         more_Ohm = resistance_Ohm - cold_Ohm
         if abs(more_Ohm) <= CALIBRATION_SHARE * cold_Ohm:
             self._say("leads", f"{more_Ohm:+.3f} Ω beside the calibration at cold rest ({cold_Ohm:.4g} Ω)")

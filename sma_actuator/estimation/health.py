@@ -25,6 +25,7 @@ import numpy as np
 from sma_actuator.base.sections import Wire
 from sma_actuator.base.signals import Branch, Estimate, Health, Quality, Sign, Signals, Verdict
 
+from .calibration import through
 from .chain import Estimates
 from .hot_end import HotEndSections
 from .models import Coefficients
@@ -324,7 +325,7 @@ class ModelHealth:
         )
         if not stresses or not min(stresses) * 0.95 <= stress_Pa <= max(stresses) * 1.05:
             return
-        expected_Ohm = float(np.interp(stress_Pa, stresses, resistances))
+        expected_Ohm = float(through(stresses, resistances, stress_Pa))
         slope_Ohm_K = calibration.contracted_slope if isfinite(calibration.contracted_slope) else 0.0
         ambient_C = self._ambient_C(signals)
         if kind == "hot":

@@ -14,7 +14,7 @@ import numpy as np
 from sma_actuator.base.jit import jit
 from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.config import Config
-from sma_actuator.estimation.calibration import Calibration
+from sma_actuator.estimation.calibration import Calibration, through
 from sma_actuator.estimation.chain import Chain, Estimates
 from sma_actuator.safety.thermal import HeatBalance
 
@@ -28,7 +28,9 @@ POSITIONS = 13
 STILL_SHARE = (
     0.03  #: of the full stroke, within which of its shortest a wire counts as contracted: it shrinks as it cools
 )
-SAME_STRESS = 0.06  #: share of the largest stress within which two are one
+#: Two stresses are one that differ by less than this share of the larger, or of the largest of all: the cold end bends
+#: most where the load is light.
+SAME_STRESS, SAME_SHARE_OF_ALL = 0.06, 0.01
 
 
 def calibration_of(
@@ -130,9 +132,11 @@ def _widened(range_m: tuple[float, float], estimates: Sequence[np.ndarray]) -> t
 
 
 def _clusters(values: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Values that differ by more than SAME_STRESS of the largest, those nearer averaged; ascending."""
+    """Stresses that are not one, those that are averaged; ascending."""
     ordered = np.sort(np.asarray(values, dtype=float))
-    groups = np.split(ordered, np.flatnonzero(np.diff(ordered) > SAME_STRESS * np.max(np.abs(ordered))) + 1)
+    larger = np.maximum(np.abs(ordered[1:]), np.abs(ordered[:-1]))
+    apart = np.maximum(SAME_STRESS * larger, SAME_SHARE_OF_ALL * np.max(np.abs(ordered)))
+    groups = np.split(ordered, np.flatnonzero(np.diff(ordered) > apart) + 1)
     return np.array([g.mean() for g in groups])
 
 
@@ -200,12 +204,16 @@ def _look_up(position, stress, table, estimate, sample_stress, heating, out):
 
 def _at_rest(experiments: Sequence[Experiment], thermal_time_constant_s: float) -> dict:
     found = [(t, rest) for t in experiments for rest in find_rests(t, thermal_time_constant_s)]
-    points = {hot: _means_at([x for x in found if x[1].hot == hot], thermal_time_constant_s) for hot in (False, True)}
+    # A cold wire that creeps is not at rest yet, a hot one is contracted whether or not it grows warmer.
+    settled = [x for x in found if x[1].hot or x[1].settled]
+    if sum(not rest.hot for _, rest in settled) < 2:
+        settled = found
+    points = {hot: _means_at([x for x in settled if x[1].hot == hot], thermal_time_constant_s) for hot in (False, True)}
     out: dict = {}
     deviations = []
     power_W = np.median([p[3] for p in points[True]]) if points[True] else np.nan
     for hot, name in ((False, "cold"), (True, "hot")):
-        rows = np.array(points[hot]).reshape(-1, 4)
+        rows = np.array(points[hot]).reshape(-1, 5)
         if hot:
             rows = rows[np.abs(rows[:, 3] - power_W) <= 0.15 * power_W]
         rows = rows[np.isfinite(rows).all(axis=1)]
@@ -218,7 +226,7 @@ def _at_rest(experiments: Sequence[Experiment], thermal_time_constant_s: float) 
         out[f"{name}_resistance"] = _rounded(middle[:, 1], 6)
         out[f"{name}_displacement"] = _rounded(middle[:, 2], 8)
         deviations.append(
-            rows[:, 1:3] - np.column_stack([np.interp(rows[:, 0], middle[:, 0], middle[:, k]) for k in (1, 2)])
+            rows[:, 1:3] - np.column_stack([through(middle[:, 0], middle[:, k], rows[:, 0]) for k in (1, 2)])
         )
     if deviations:
         together = np.concatenate(deviations)
@@ -226,23 +234,25 @@ def _at_rest(experiments: Sequence[Experiment], thermal_time_constant_s: float) 
         out["displacement_scatter"] = float(np.sqrt(np.mean(together[:, 1] ** 2)))
     if "hot_stress" in out:
         out["hot_power"] = float(power_W)
+        out["hot_to_go"] = round(float(np.sqrt(np.mean(np.square([row[4] for row in points[True]])))), 8)
     return out
 
 
 def _means_at(found: Sequence[tuple[Experiment, Rest]], thermal_time_constant_s: float) -> list[list[float]]:
-    """Stress, resistance, displacement and power of rests; of those that have settled, where there are two.
+    """Stress, resistance, displacement and power of rests, and how far the displacement had yet to go.
 
-    A contracted wire still grows warmer, and its resistance with it: that counts as it would be in the end.
+    A cold wire that creeps yet counts with the length that it goes to, a contracted one that grows warmer with the
+    resistance: heated on and on, it would always shrink a little.
     """
-    settled = [(t, rest) for t, rest in found if rest.settled]
     out = []
-    for t, rest in settled if len(settled) > 1 else found:
+    for t, rest in found:
         here = slice(rest.start, rest.stop)
         values = (t.stress_Pa, t.resistance_Ohm, t.displacement_m, t.signals.power_W)
         means = [float(np.mean(v[here])) for v in values]
-        if rest.hot:
-            means[1] += rest.further(t.resistance_Ohm, t.signals.time_s, thermal_time_constant_s)
-        out.append(means)
+        further = [rest.further(v, t.signals.time_s, thermal_time_constant_s) for v in values]
+        goes_on = 1 if rest.hot else 2
+        means[goes_on] += further[goes_on]
+        out.append([*means, further[2]])
     return out
 
 

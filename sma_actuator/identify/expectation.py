@@ -66,9 +66,12 @@ class Expectation:
         self._white[np.tril_indices(FEATURES)] = c.expected_white
         self._floor_m = c.floor / 100 * config.wire.full_stroke_m
 
-    def residual_m(self, found: Estimates, rows: np.ndarray | slice) -> np.ndarray:
-        """Measured less estimated displacement that is no news, of some of n samples."""
-        return _evaluate(self._seen(found, rows), self._weights_m)
+    def residual_m(self, found: Estimates, rows: np.ndarray | slice, ambient_counts: bool = False) -> np.ndarray:
+        """Measured less estimated displacement that is no news, of some of n samples.
+
+        ``ambient_counts``: with the surroundings as they are logged, not as they were at the calibration.
+        """
+        return _evaluate(self._seen(found, rows, ambient_counts), self._weights_m)
 
     def floor_m(self, found: Estimates, rows: np.ndarray | slice) -> np.ndarray:
         """How far off that is in the mean where it was not fitted, of some of n samples."""
@@ -77,9 +80,13 @@ class Expectation:
         stranger = np.clip(np.sqrt((1.0 + square) / (1.0 + FEATURES)), 1.0, STRANGER)
         return self._floor_m * np.clip(_evaluate(seen, self._size), *SIZE_BETWEEN) * stranger
 
-    def _seen(self, found: Estimates, rows: np.ndarray | slice) -> np.ndarray:
+    def _seen(self, found: Estimates, rows: np.ndarray | slice, ambient_counts: bool = False) -> np.ndarray:
         stroke_m = (self._low_m, self._high_m)
-        seen = _features(found, self._thermal, self._widths_Ohm, stroke_m, self._ambient_C)[rows]
+        ambient_C: float | np.ndarray = self._ambient_C
+        if ambient_counts:
+            read_C = np.asarray(found.signals.ambient_temperature_C)
+            ambient_C = np.where(np.isfinite(read_C), read_C, self._ambient_C)
+        seen = _features(found, self._thermal, self._widths_Ohm, stroke_m, ambient_C)[rows]
         return np.clip((seen - self._centre) / self._scale, self._least, self._most)
 
 
@@ -164,7 +171,7 @@ def _features(
     thermal: np.ndarray,
     widths_Ohm: np.ndarray,
     stroke_m: tuple[float, float],
-    ambient_C: float,
+    ambient_C: float | np.ndarray,
 ) -> np.ndarray:
     """What the error may depend on, (n, FEATURES); not a number where a sample is not good."""
     out = np.full((len(found.time_s), FEATURES), np.nan)
@@ -176,17 +183,18 @@ def _features(
             found.resistance_Ohm,
             found.signals.stress_Pa,
             found.model_m,
+            ambient_C,
         )
     ]
     good = np.isfinite(np.sum(columns, axis=0))
-    time_s, power_W, resistance_Ohm, stress_Pa, model_m = (np.ascontiguousarray(c[good]) for c in columns)
+    time_s, power_W, resistance_Ohm, stress_Pa, model_m, around_C = (np.ascontiguousarray(c[good]) for c in columns)
     seen = np.empty((len(time_s), FEATURES - 2))
     first = np.zeros(len(time_s), dtype=np.bool_)
     first[:1] = True
     features_all(
         time=time_s,
         power=power_W,
-        ambient=np.full(len(time_s), ambient_C),
+        ambient=around_C,
         resistance=resistance_Ohm,
         stress=stress_Pa,
         share=np.clip((model_m - stroke_m[0]) / (stroke_m[1] - stroke_m[0]), 0.0, 1.0),

@@ -12,7 +12,7 @@ from sma_actuator.characterise.programs import square_pulses
 from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
-from sma_actuator.identify.calibration import calibration_of, expected_residual_m
+from sma_actuator.identify.calibration import _clusters, calibration_of, expected_residual_m
 from sma_actuator.identify.expectation import Expectation, always_so_m, correlation_time_s, learn
 from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.identify.kinds import make_experiments
@@ -91,6 +91,23 @@ def test_a_contracted_wire_that_still_grows_warmer_counts_as_it_would_be_in_the_
     assert abs(further_Ohm[1]) < 0.005 < 0.02 < settled_Ohm - is_Ohm[0]  # what a lead would look like
     off_Ohm = abs(is_Ohm[0] + further_Ohm[0] - settled_Ohm)
     assert off_Ohm < settled_Ohm - is_Ohm[0] and off_Ohm < 0.5 * further_Ohm[0]
+
+
+def test_two_light_weights_are_two_stresses():
+    """The cold end bends most where the load is light: 0.24 N and 0.35 N are no more one load than 1.3 N and 1.9 N are."""
+    stress_Pa = np.array([15.0, 15.1, 22.0, 22.1, 32.0, 45.0, 62.0, 85.0, 118.0, 120.0]) * 1e6
+    np.testing.assert_allclose(_clusters(stress_Pa), np.array([15.05, 22.05, 32.0, 45.0, 62.0, 85.0, 119.0]) * 1e6)
+    np.testing.assert_allclose(
+        _clusters([-0.2e6, 0.1e6, 0.3e6, 30e6]), [0.2e6 / 3, 30e6]
+    )  # what a load cell's zero is off
+
+
+def test_the_hot_end_is_known_under_every_load(identified):
+    """Also where a contracted wire still creeps when its pulses end, as Ni-Ti does: so far it had yet to go."""
+    config = identified[1].config
+    known = config.calibration
+    assert len(known.hot_stress) == len(known.contracted_stress) > 1
+    assert 0.0 < known.hot_to_go < 0.03 * config.wire.full_stroke_m
 
 
 def test_a_model_of_any_size_keeps_its_errors_alone(identified, flexinol):
@@ -184,6 +201,22 @@ class TestExpectation:
         traces, found = self.found(logs[:2], result.config)
         few = learn(traces, found, result.config)
         assert 0.0 < few["floor"] < result.config.calibration.error
+
+    def test_a_colder_room_is_less_heat_if_it_is_held_against_it(self, identified):
+        """Else what it does is news: the wire is then asked for where it would be in the calibration's room."""
+        logs, result = identified
+        config = result.config
+        expectation, usual_C = Expectation(config), config.calibration.ambient_temperature
+        found = self.found(logs[:1], config)[1][0]
+        colder = dataclasses.replace(
+            found,
+            signals=dataclasses.replace(found.signals, ambient_temperature_C=np.full(len(found.time_s), usual_C - 5.0)),
+        )
+        less = dataclasses.replace(found, heat_W=found.heat_W - 5.0 * config.thermal.heat_loss)
+        counts_m = expectation.residual_m(colder, slice(None), ambient_counts=True)
+        as_ever_m, less_m = (expectation.residual_m(e, slice(None)) for e in (found, less))
+        assert np.nanmax(np.abs(counts_m - less_m)) < 0.1 * np.nanmax(np.abs(counts_m - as_ever_m))
+        np.testing.assert_array_equal(expectation.residual_m(colder, slice(None)), as_ever_m)
 
     def test_a_fault_is_news(self, identified):
         """Nothing of a displacement that is measured wrong is expected: the reference is not asked."""

@@ -15,7 +15,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from sma_actuator.base.signals import Quality, Signals
 from sma_actuator.config import Config
@@ -23,7 +22,7 @@ from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain, Judged, place_of
 from sma_actuator.estimation.effects import Effect, Effects
 from sma_actuator.estimation.effects.frame import Frame, Place
-from sma_actuator.estimation.effects.wire import Fatigue
+from sma_actuator.estimation.effects.wire import AmbientTemperature
 from sma_actuator.identify.balance import passages, warmer_K
 from sma_actuator.identify.expectation import Expectation, always_so_m
 from sma_actuator.identify.experiments import Experiment, make_experiment, sessions
@@ -31,17 +30,14 @@ from sma_actuator.identify.rests import Rest, find_rests
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
 
+from .at_rest import SINCE_THEN, SINCE_THEN_WITHIN, SPREAD, WORN, AtRest, Usual
+
 INDEPENDENT = (
     8.0  #: samples of one unit that say something new, where the calibration does not say how long errors last
 )
 UNIT_TIMES = 4.0  #: a unit lasts at least so many times as long as errors remember themselves
 LIMIT = 3.0  #: residual, in standard deviations, above which it counts linearly (Huber)
 WORST = 30.0  #: and the largest that counts at all
-#: Of what a wire's hot end moved while it was calibrated: how much longer such a wire is since then than what was fitted, which is
-#: the mean of the calibration: between nothing, where most came with the first cycles, and half, where it came evenly; and how
-#: far off that is in the mean.
-SINCE_THEN, SINCE_THEN_WITHIN = 0.25, 0.125
-WORN = Fatigue()  #: which says how much less of that is left in place while it is martensite
 FLOOR_percent = 1.5  #: of full stroke, where the model does not say how good it was
 #: Who says, beside the displacement all along, whether an effect is there: what a wire at rest shows, and a spring.
 WITNESSES = (
@@ -63,14 +59,7 @@ OTHER_SPEED = 1.0
 LOADS_DIFFER = 0.1  #: spread of the load, over the load, from which it counts as changing
 SPRING = 0.9  #: correlation squared of load and displacement from which the load is that of a spring
 STRAIGHT = 0.003  #: of full stroke: how straight a spring's line is, in the mean over a unit's heating or cooling
-#: How far a cold wire rests elsewhere in surroundings known to be others, per kelvin: of the ranges of R and δ.  Many
-#: alloys have not transformed to the end at room temperature.
-PER_KELVIN = 0.005
-#: A hot rest is held against the calibration's where it takes its power to within so much; and how well it is known how much more
-#: resistance a contracted wire has that is warmer: of that.
-AS_HOT, WARMS_WITHIN = 0.3, 0.5
 ON_ITS_WAY = 0.1  #: of full stroke: so far from where it will rest, a wire still transforms
-SPREAD = 1.25  #: standard deviation over mean absolute error
 FEWEST_CYCLES = 3  #: in all logs together
 FEWEST_UNITS = 8
 HOPELESS_percent = 50.0  #: of full stroke: an error of a model that is not of this wire
@@ -92,24 +81,6 @@ class Prediction:
     heat_W: np.ndarray  #: what of it the calibration's heat balance sees
     stress_Pa: np.ndarray
     elapsed_s: np.ndarray
-
-
-@dataclass(frozen=True, slots=True)
-class _AtRest:
-    """What a wire at rest shows."""
-
-    hot: bool
-    resistance_Ohm: float  #: of a contracted wire: that it goes to
-    displacement_m: float
-    stress_Pa: float
-    power_W: float
-    colder_K: float  #: how far its surroundings are from the calibration's
-    since_Pa: float  #: how much its load has changed since it came there
-
-    @property
-    def values(self) -> tuple[float, ...]:
-        """All but where it rests."""
-        return self.resistance_Ohm, self.displacement_m, self.stress_Pa, self.power_W, self.colder_K, self.since_Pa
 
 
 class Evidence:
@@ -356,7 +327,10 @@ class Evidence:
             here = np.arange(len(p.time_s))[kept][rows]
             expected_m = np.zeros(len(p.time_s))
             if self._expectation is not None:
-                expected_m = np.interp(p.time_s, p.time_s[here], self._expectation.residual_m(p, here))
+                # What other surroundings do is news, until they are what is held against it.
+                ambient_counts = any(isinstance(effect, AmbientTemperature) for effect in chain.effects)
+                usual_m = self._expectation.residual_m(p, here, ambient_counts)
+                expected_m = np.interp(p.time_s, p.time_s[here], usual_m)
                 expected_m = expected_m + self._always_so_m[i] + SINCE_THEN * self._changed_m(p)
             where = _Where(chain, self.place, p, expected_m)
             out.append(
@@ -433,68 +407,32 @@ class Evidence:
     def at_rest(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """R and δ of every rest against the calibration's, in its standard deviations, shape (2 · rests,)."""
         rests = [self._rest(i, rest, p) for i, p in enumerate(predictions) for rest in self.rests[i]]
-        out = np.zeros((len(rests), 2))
         c = self.calibration
         range_Ohm = c.resistance_range if math.isfinite(c.resistance_range) else self._range_Ohm()
-        s_R = math.hypot(c.resistance_scatter if math.isfinite(c.resistance_scatter) else 0.0, 0.003 * range_Ohm)
-        s_d = math.hypot(
-            c.displacement_scatter if math.isfinite(c.displacement_scatter) else 0.0, 0.005 * self.full_stroke_m
-        )
-        for hot in (False, True):
-            chosen = [k for k, rest in enumerate(rests) if rest.hot == hot]
-            if not chosen:
-                continue
-            is_Ohm, is_m, stress_Pa, power_W, colder_K, since_Pa = np.array([rests[k].values for k in chosen]).T
-            nodes_Pa = np.asarray(c.hot_stress if hot else c.cold_stress)
-            if len(nodes_Pa):
-                expected_Ohm = through(nodes_Pa, c.hot_resistance if hot else c.cold_resistance, stress_Pa)
-                expected_m = through(nodes_Pa, c.hot_displacement if hot else c.cold_displacement, stress_Pa)
-                away_Pa = np.min(np.abs(stress_Pa[:, None] - nodes_Pa), axis=1)
-                if not hot:  # its variants are those of the load that it became martensite under
-                    away_Pa = away_Pa + np.abs(since_Pa)
-                away = away_Pa / np.max(np.abs(nodes_Pa))
-            else:  # a rest is then compared with the session's others of the same stress alone
-                same = np.abs(stress_Pa[:, None] - stress_Pa) <= 0.05 * np.max(np.abs(stress_Pa))
-                if hot:
-                    same &= np.abs(power_W[:, None] - power_W) <= 0.05 * np.max(power_W)
-                expected_Ohm = (same @ is_Ohm) / same.sum(axis=1)
-                expected_m = (same @ is_m) / same.sum(axis=1)
-                away = np.zeros(len(stress_Pa))
-            more = np.zeros(len(stress_Pa))
-            valid = np.ones(len(stress_Pa), dtype=bool)
-            if hot and math.isfinite(c.hot_power):
-                # A contracted wire's resistance moves with its temperature; where nobody knows how much, by 1e-3 of it per kelvin at most.
-                valid = np.abs(power_W / c.hot_power - 1.0) <= AS_HOT
-                warmer_K = (power_W - c.hot_power) / self.place.heat_loss_W_K
-                more = 5e-4 * expected_Ohm * np.abs(warmer_K)
-                if math.isfinite(c.contracted_slope):
-                    expected_Ohm = expected_Ohm + c.contracted_slope * warmer_K
-                    more = WARMS_WITHIN * np.abs(c.contracted_slope * warmer_K)
-            away = 0.1 * away + (0.0 if hot else PER_KELVIN * colder_K)
-            away_Ohm, away_m = away * range_Ohm, away * self.full_stroke_m
-            if len(nodes_Pa):
-                changed_m = c.changed * (1.0 if hot else WORN.cold_share)
-                expected_m = expected_m + SINCE_THEN * changed_m
-                away_m = np.hypot(away_m, SPREAD * SINCE_THEN_WITHIN * changed_m)
-            out[chosen, 0] = np.where(valid, (is_Ohm - expected_Ohm) / np.sqrt(s_R**2 + away_Ohm**2 + more**2), 0.0)
-            out[chosen, 1] = np.where(valid, (is_m - expected_m) / np.hypot(s_d, away_m), 0.0)
-        return out.ravel()
+        return Usual(c, self.place.heat_loss_W_K, range_Ohm, self.full_stroke_m).off(rests).ravel()
 
-    def _rest(self, number: int, rest: Rest, p: Prediction) -> _AtRest:
+    def _rest(self, number: int, rest: Rest, p: Prediction) -> AtRest:
         """What a rest of a log shows, if a prediction is right about circuit, load cell and sensor."""
         here = slice(rest.start, rest.stop)
         thermal = self.config.thermal
         time_constant_s = thermal.heat_capacity / thermal.heat_loss
-        time_s, stress_Pa = self.experiments[number].signals.time_s, float(np.mean(p.stress_Pa[here]))
-        further_Ohm = rest.further(p.resistance_Ohm, time_s, time_constant_s) if rest.hot else 0.0
-        return _AtRest(
-            rest.hot,
-            float(np.mean(p.resistance_Ohm[here])) + further_Ohm,
-            float(np.mean(self._measured_m[number][here] - (p.shown_m[here] - p.model_m[here]))),
-            stress_Pa,
-            float(np.mean(p.heat_W[here])),
-            self._colder_K(number, here, p),
-            stress_Pa - float(p.stress_Pa[self._on_its_way(number, rest)]),
+        signals, stress_Pa = self.experiments[number].signals, float(np.mean(p.stress_Pa[here]))
+        shown_m = self._measured_m[number] - (p.shown_m - p.model_m)
+        further_Ohm, further_m = (
+            rest.further(values, signals.time_s, time_constant_s) for values in (p.resistance_Ohm, shown_m)
+        )
+        read_C = np.broadcast_to(signals.ambient_temperature_C, len(shown_m))[here]
+        warmer_K = float(np.mean(read_C)) - self.calibration.ambient_temperature
+        return AtRest(
+            hot=rest.hot,
+            resistance_Ohm=float(np.mean(p.resistance_Ohm[here])) + (further_Ohm if rest.hot else 0.0),
+            displacement_m=float(np.mean(shown_m[here])) + (0.0 if rest.hot else further_m),
+            further_m=further_m,
+            stress_Pa=stress_Pa,
+            since_Pa=stress_Pa - float(p.stress_Pa[self._on_its_way(number, rest)]),
+            heat_W=float(np.mean(p.heat_W[here])),
+            beside_W=float(np.mean(p.heat_W[here] - p.power_W[here])),
+            warmer_K=warmer_K if math.isfinite(warmer_K) else 0.0,
         )
 
     def _on_its_way(self, number: int, rest: Rest) -> int:
@@ -503,13 +441,6 @@ class Evidence:
         away_m = np.abs(measured_m[: rest.start] - measured_m[rest.start])
         moving = np.flatnonzero(away_m > ON_ITS_WAY * self.full_stroke_m)
         return int(moving[-1]) if len(moving) else rest.start
-
-    def _colder_K(self, number: int, here: slice, p: Prediction) -> float:
-        """How far the surroundings of a rest are from those of the calibration, by what is logged or by an effect of ``p``."""
-        usual_C = self.calibration.ambient_temperature
-        read_C = np.broadcast_to(self.experiments[number].signals.ambient_temperature_C, p.heat_W.shape)[here]
-        warmer_K = np.mean(read_C) - usual_C if np.isfinite(read_C).all() and math.isfinite(usual_C) else 0.0
-        return abs(float(warmer_K + np.mean(p.heat_W[here] - p.power_W[here]) / self.place.heat_loss_W_K))
 
     def _range_Ohm(self) -> float:
         return float(max(np.subtract(*np.nanpercentile(t.resistance_Ohm, (99.5, 0.5))) for t in self.experiments))
@@ -579,7 +510,9 @@ class _Where:
         if not any(hasattr(effect, stage) for effect in self.chain.effects for stage in AFTER_THE_MODEL):
             return self.expected_m
         model_m = self.found.model_m
-        return self._through(model_m + self.expected_m, False) - self._through(model_m, False)
+        # A model has nothing but the resistance to tell when the wire turns, and near its ends that is late.
+        turns = dataclasses.replace(self, place=dataclasses.replace(self.place, resistance_range_Ohm=math.nan))
+        return turns._through(model_m + self.expected_m, False) - self._through(model_m, False)
 
     def beyond_the_load_m(self) -> np.ndarray:
         """How much further than where the load pulls the sensor shows the joint."""
@@ -603,20 +536,6 @@ class _Where:
         for act, state in acts:
             act(frame, state, self.place)
         return frame.displacement_m
-
-
-def through(nodes: np.ndarray, values: Sequence[float], at: np.ndarray) -> np.ndarray:
-    """A smooth curve through the values at ascending nodes, without a wave between them, ``at`` other places (n,).
-
-    Beyond its ends it goes on straight, by as much as the next node lies within.  The cold end bends strongly with stress: straight
-    lines between the loads of a calibration lie up to 1.6 % of the stroke below it, and its last value 5 % above it at the lightest load.
-    """
-    if len(nodes) < 3:
-        return np.interp(at, nodes, values)
-    curve = PchipInterpolator(nodes, values)
-    inside = np.clip(at, nodes[0], nodes[-1])
-    further = np.clip(at - inside, nodes[0] - nodes[1], nodes[-1] - nodes[-2])
-    return curve(inside) + curve(inside, 1) * further
 
 
 def limited(z: np.ndarray) -> np.ndarray:

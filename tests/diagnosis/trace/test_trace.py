@@ -15,7 +15,7 @@ from sma_actuator.diagnosis.selection import Entry
 from sma_actuator.diagnosis.trace import Evidence, race, trace
 from sma_actuator.diagnosis.trace.analysis import quantities
 from sma_actuator.diagnosis.trace.candidates import candidate, scales_of, untestable
-from sma_actuator.diagnosis.trace.evidence import LIMIT, limited, through
+from sma_actuator.diagnosis.trace.evidence import LIMIT, limited
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit
 from sma_actuator.diagnosis.trace.report import sentence, summary
@@ -82,6 +82,21 @@ def test_what_might_as_well_be_nothing_is_named_only_where_the_name_explains_all
     assert traced(wire, config, {"hum": 1.5e-4}).verdict == "none"
     monkeypatch.setattr(race, "HINT", 0.0)
     assert trace(clean, jobs=1).verdict == "none"
+
+
+def test_however_small_the_error_a_rest_that_does_not_repeat_says_that_something_happened(
+    wire, config, clean, monkeypatch
+):
+    """A zero error of the voltage moves the resistance at the bias current by far more than it ever scatters."""
+    monkeypatch.setattr(race, "HINT", 1000.0)
+    monkeypatch.setattr(race, "GATE", 1000.0)
+    found = traced(wire, config, {"voltage_offset": 1.5e-3})
+    assert found.witnesses["before"]["resistance at cold rest"] > race.PLAIN
+    assert found.verdict == "traced" and found.fit.names == ("voltage_offset",)
+    assert "it could be nothing; resistance at cold rest could not" in sentence(found, {}, [])
+    monkeypatch.setattr(race, "PLAIN", 100.0)
+    assert traced(wire, config, {"voltage_offset": 1.5e-3}).verdict == "none"
+    assert max(trace(clean, jobs=1).witnesses["before"].values()) < 0.7 * 3.0
 
 
 @pytest.mark.long
@@ -271,22 +286,6 @@ def test_every_quantity_that_may_give_an_effect_away_is_looked_at(clean):
     assert set(QUANTITIES) - {"ambient_temperature_C"} <= set(found) <= set(QUANTITIES)  # not logged here
 
 
-def test_between_the_loads_of_a_calibration_the_cold_end_is_a_curve_and_beyond_them_it_goes_on():
-    """On strains as transformation strain saturates with stress, ε (1 − exp(−(σ + σ₀)/σ₁)): a tenth of what straight lines are off."""
-    nodes_Pa = np.array([18.5, 32.0, 45.0, 62.0, 85.0, 120.0]) * 1e6
-
-    def strain(stress_Pa):
-        return 0.042 * -np.expm1(-(stress_Pa + 3.4e6) / 24e6)
-
-    at_Pa = np.linspace(16e6, 120e6, 200)
-    off = np.abs(through(nodes_Pa, strain(nodes_Pa), at_Pa) - strain(at_Pa))
-    straight = np.abs(np.interp(at_Pa, nodes_Pa, strain(nodes_Pa)) - strain(at_Pa))
-    assert off.mean() < 0.2 * straight.mean() and off.max() < 0.25 * straight.max()
-    np.testing.assert_allclose(through(nodes_Pa, strain(nodes_Pa), nodes_Pa), strain(nodes_Pa), rtol=1e-12)
-    assert (np.diff(through(nodes_Pa, strain(nodes_Pa), np.linspace(0.0, 400e6, 999))) >= 0.0).all()
-    np.testing.assert_array_equal(through(nodes_Pa[:2], [1.0, 2.0], nodes_Pa[:3]), [1.0, 2.0, 2.0])
-
-
 def test_large_residuals_count_linearly():
     z = np.array([0.0, 1.0, LIMIT, 2.0 * LIMIT, np.nan, -np.inf])
     loss = 0.5 * limited(z) ** 2
@@ -334,7 +333,7 @@ def test_what_follows_the_wire_follows_it_and_not_the_model(clean, monkeypatch, 
         """A wire that is a tenth shorter than its model says."""
 
         @staticmethod
-        def residual_m(found, rows):
+        def residual_m(found, rows, ambient_counts):
             return -0.1 * found.model_m[rows]
 
     monkeypatch.setattr(clean, "_expectation", KnownError)

@@ -1,0 +1,99 @@
+"""What a wire at rest shows, against its calibration, without a log: each line is a rest that somebody could have seen."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sma_actuator.diagnosis.trace.at_rest import AS_HOT, REPEATS, AtRest, Usual
+from sma_actuator.estimation.calibration import Calibration
+
+CALIBRATION = Calibration(
+    cold_stress=(2e7, 4e7, 8e7),
+    cold_resistance=(2.0, 2.1, 2.2),
+    cold_displacement=(1e-3, 2e-3, 2.5e-3),
+    hot_stress=(2e7, 4e7, 8e7),
+    hot_resistance=(1.5, 1.51, 1.53),
+    hot_displacement=(1e-4, 1.2e-4, 1.6e-4),
+    hot_power=0.3,
+    contracted_slope=5e-4,
+)
+USUAL = Usual(CALIBRATION, heat_loss_W_K=0.005, resistance_Ohm=0.7, stroke_m=4e-3)
+COLD = AtRest(False, 2.1, 2e-3, 0.0, 4e7, 0.0, 0.005, 0.0, 0.0)
+HOT = AtRest(True, 1.51, 1.2e-4, 0.0, 4e7, 0.0, 0.3, 0.0, 0.0)
+
+
+def off(rest, usual=USUAL):
+    (found,) = usual.off([rest])
+    return found
+
+
+def test_a_rest_like_the_calibration_s_is_not_off():
+    np.testing.assert_allclose(USUAL.off([COLD, HOT]), 0.0, atol=1e-12)
+    assert USUAL.off([]).shape == (0, 2)
+
+
+@pytest.mark.parametrize("rest", [COLD, HOT])
+def test_more_resistance_or_another_length_counts_in_what_a_rest_repeats_to(rest):
+    more_Ohm = replace(rest, resistance_Ohm=rest.resistance_Ohm + 3.0 * REPEATS[0] * 0.7)
+    longer = replace(rest, displacement_m=rest.displacement_m + 2.0 * REPEATS[1] * 4e-3)
+    np.testing.assert_allclose(off(more_Ohm), (3.0, 0.0), atol=1e-9)
+    np.testing.assert_allclose(off(longer), (0.0, 2.0), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("rest", "but"),
+    [
+        (COLD, {"further_m": 1e-4}),  # it creeps on
+        (COLD, {"since_Pa": 2e7}),  # it became martensite under another load
+        (COLD, {"warmer_K": -5.0}),  # the room is colder
+        (COLD, {"beside_W": 0.025}),  # or seems so to an effect
+        (HOT, {"further_m": 1e-4}),
+    ],
+)
+def test_a_rest_is_trusted_less(rest, but):
+    shown = replace(rest, resistance_Ohm=rest.resistance_Ohm + 0.01, displacement_m=rest.displacement_m + 1e-4)
+    assert (np.abs(off(replace(shown, **but))) < 0.9 * np.abs(off(shown))).all()
+
+
+def test_between_the_calibration_s_loads_it_is_trusted_less_than_at_them():
+    between = replace(COLD, stress_Pa=6e7, resistance_Ohm=2.3, displacement_m=3e-3)
+    at = replace(COLD, stress_Pa=8e7, resistance_Ohm=2.3, displacement_m=3e-3)
+    calibrated = USUAL._expected(False, {"stress_Pa": np.array([6e7, 8e7]), "since_Pa": np.zeros(2)})
+    assert calibrated[1][0] > calibrated[1][1] == 0.0
+    assert np.isfinite(off(between)).all() and np.isfinite(off(at)).all()
+
+
+def test_a_contracted_wire_is_held_against_what_it_has_at_its_temperature():
+    """0.05 W over 0.005 W/K is ten kelvin, and so is a room that is ten kelvin warmer: 5 mΩ."""
+    hotter = replace(HOT, heat_W=0.35, resistance_Ohm=1.515)
+    in_the_sun = replace(HOT, warmer_K=10.0, resistance_Ohm=1.515)
+    np.testing.assert_allclose(off(hotter), 0.0, atol=1e-9)
+    np.testing.assert_allclose(off(in_the_sun), 0.0, atol=1e-9)
+    assert off(replace(hotter, resistance_Ohm=1.51))[0] < -1.0
+    far = replace(HOT, heat_W=0.3 * (1.01 + AS_HOT), resistance_Ohm=9.0)
+    np.testing.assert_array_equal(off(far), 0.0)  # nobody knows what it has there
+
+
+def test_where_pulses_ended_too_soon_a_contracted_wire_is_trusted_less_and_the_less_the_colder_it_is():
+    hasty = replace(USUAL, calibration=replace(CALIBRATION, hot_to_go=5e-5))
+    longer = replace(HOT, displacement_m=2e-4)
+    as_hot, colder = off(longer, hasty)[1], off(replace(longer, heat_W=0.25), hasty)[1]
+    assert off(longer)[1] > as_hot > colder > 0.0
+
+
+def test_a_wire_that_changed_while_it_was_calibrated_is_longer_since_and_less_sure():
+    """A quarter of what the hot end moved, two fifths of that at the cold one."""
+    changed = replace(USUAL, calibration=replace(CALIBRATION, changed=4e-4))
+    np.testing.assert_allclose(off(replace(HOT, displacement_m=1.2e-4 + 1e-4), changed), 0.0, atol=1e-9)
+    np.testing.assert_allclose(off(replace(COLD, displacement_m=2e-3 + 0.4e-4), changed), 0.0, atol=1e-9)
+    shown = replace(HOT, resistance_Ohm=1.52)
+    assert abs(off(shown, changed)[0]) < abs(off(shown)[0])
+
+
+def test_without_a_calibration_a_rest_is_held_against_the_session_s_others():
+    nobody = Usual(Calibration(), heat_loss_W_K=0.005, resistance_Ohm=0.7, stroke_m=4e-3)
+    apart_Ohm = 10.0 * REPEATS[0] * 0.7
+    other_load = replace(COLD, stress_Pa=8e7, resistance_Ohm=5.0)
+    found = nobody.off([COLD, replace(COLD, resistance_Ohm=2.1 + apart_Ohm), other_load])
+    np.testing.assert_allclose(found[:, 0], (-5.0, 5.0, 0.0), rtol=1e-6)
