@@ -113,7 +113,9 @@ class Rules:
     least_beside: float = 0.0  #: share of a pair's gain that is lost at least where either of the two is left out
     #: Of the gain of one that leaves nothing to be looked for: what one more may take off beside it; more, and it was the wrong one.
     most_beside: Callable[[float], float] = lambda gain: inf
-    no_sign_beside: tuple[str, ...] = ()  #: names that may take off as much as they like there
+    #: Names that may take off as much as they like there, and beside which others may: what has but roughly the form of what it
+    #: is called leaves a rest where it is right, too.
+    no_sign_beside: tuple[str, ...] = ()
     most: int = 1  #: candidates chosen at the most
     unit: str = "cycle"  #: what a unit is called
 
@@ -194,7 +196,7 @@ def _unsettled(
 ) -> Generator[list[Entry], list[Trial], Trial | None]:
     """The sketch of a winner that leaves nothing to be looked for with one more that takes off too much for that, if there is one."""
     most = rules.most_beside(winner.gain)
-    if not (most < inf and clean(winner)):
+    if not (most < inf and clean(winner)) or set(winner.names) & set(rules.no_sign_beside):
         return None
     asked = [(*winner.candidates, c) for c in others if c.name not in (*winner.names, *rules.no_sign_beside)]
     sketches = yield [Entry(candidates, winner, sketch=True) for candidates in asked if together(candidates)]

@@ -148,10 +148,9 @@ def test_what_leaves_nothing_is_not_surely_it_where_another_takes_much_off_besid
     assert (selection.unsettled and selection.unsettled.names) == unsettled
     unclean = chosen(world, ["slip", "creep", "rate"], rules, clean=lambda trial: False)
     assert unclean.unsettled is None  # that it leaves something is known already
-    no_sign = chosen(
-        world, ["slip", "creep", "rate"], replace(rules, no_sign_beside=("rate",)), clean=lambda trial: True
-    )
-    assert no_sign.unsettled is None
+    for rough in ("rate", "slip"):  # that has roughly the form of what it is called: it may take much off, or leave it
+        no_sign = replace(rules, no_sign_beside=(rough,))
+        assert chosen(world, ["slip", "creep", "rate"], no_sign, clean=lambda trial: True).unsettled is None
 
 
 def test_where_another_takes_much_off_beside_it_a_pair_may_win():

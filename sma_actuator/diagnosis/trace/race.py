@@ -38,27 +38,29 @@ WORTH = 0.1  #: share of what is still in excess that an effect must at least ex
 WORTH_OF_ALL = 0.03  #: … and of what was at first
 #: Share of what two effects explain that is each one's own, unless it is the model's errors of always that are sought: a second
 #: name for a small rest, chosen among all there are, makes a first name look clean that is wrong.
-WORTH_BESIDE = 0.1
+WORTH_BESIDE = 0.13
 #: And what a second name may take off beside a first that leaves nothing unusual: of what the first does, and of what a log like the
 #: calibration's loses.  A relative of the true effect leaves what the two differ by, and there is always a name for some of it.
-MOST_BESIDE, MOST_BESIDE_USUAL = 0.03, 0.2
-#: But for this: what any model leaves in partial cycles has its form.
+MOST_BESIDE, MOST_BESIDE_USUAL = 0.03, 0.3
+#: But for this: what any model leaves in partial cycles has its form, and no alloy has quite that.
 NO_SIGN_BESIDE = ("minor_loop_memory",)
 #: What the calibration does not let expect may be at most so many times what that was off where it was not fitted: a
 #: fresh log is another log.  Beyond it the error is real.
 GATE = 1.75
 #: Between this and the gate there is an error only if a name explains it: this share of the excess, and all of the news.
 HINT, HINT_SHARE = 1.3, 0.9
+#: And likewise, whatever the news are, where a witness is off by so many standard deviations, rms: a name that leaves nothing unusual.
+PLAIN = 3.0
 #: A name leaves no more news than this times the floor, or this share of what there is beyond the floor is gone …
 CLEAN, CLEAN_SHARE = 1.55, 0.9
 #: … and has its signature.  A witness that was usual (within USUAL, rms, in standard deviations of the calibration) stays as
 #: well as it was: within WELL, or off by at most so many times as before.  One that was not is mended: usual, or off by no more
 #: than this share of what it was.
-USUAL, WELL, WORSE = 2.0, 1.25, 1.3
-LEFT_SHARE = 0.5
+USUAL, WELL, WORSE = 2.0, 1.5, 1.3
+LEFT_SHARE = 0.35
 #: And what is left goes no more with time, nor with the quantity that gives the effect away: with a mean square of this many
 #: variances of the calibration at the most; with the latter, which the effect moves most, or of this share of what there was.
-BENT, BENT_SHARE = 0.5, 0.05
+BENT, BENT_SHARE = 0.6, 0.05
 BENT_BY_TIME_SHARE = 0.01  #: the same share for time: a slip that is called a drift leaves a saw's tooth
 #: With any other quantity it may go with so many, or this share: a relative of the true effect leaves what the two differ by.
 BENT_BY_OTHERS, BENT_BY_OTHERS_SHARE = 1.0, 0.03
@@ -147,11 +149,18 @@ class Judge:
         """Whether what was chosen leaves nothing to be looked for."""
         return selection.chosen is not None and selection.unsettled is None and self.clean(selection.chosen)
 
+    @property
+    def plain(self) -> bool:
+        """Whether a witness says that something happened, however small the error."""
+        return self.evidence.knows_its_scatter and max(self.witnesses.values(), default=0.0) > PLAIN
+
     def convincing(self, selection: Selection) -> bool:
         """Whether what was chosen is all that there is to what might as well be nothing."""
         trial = selection.chosen
-        if trial is None or not self.settles(selection):
+        if trial is None or len(trial.candidates) > 1 or not self.settles(selection):
             return False
+        if self.plain:
+            return True
         left = float(trial.fit.held_out_news_percent.mean())
         return self.share(trial) >= HINT_SHARE and left <= self.evidence.floor_percent
 
@@ -237,7 +246,7 @@ def trace(
         quantities(evidence, predictions),
     )
     result = _nothing(evidence, reasons, train, judge)
-    if judge.news_percent <= HINT * evidence.floor_percent and not only:
+    if judge.news_percent <= HINT * evidence.floor_percent and not (only or judge.plain):
         return result
     work = Work(evidence, train)
     if only:

@@ -20,7 +20,7 @@ from .analysis import anatomy
 from .evidence import Evidence
 from .experiments import best_experiment
 from .fitting import Fit, fit
-from .race import USUAL, Tracing, of_the_model, usual
+from .race import PLAIN, USUAL, Tracing, of_the_model, usual
 
 DRAWS = 1000
 SELDOM = 0.05  #: share of redrawn cycles on which an alternative does best, below which it does surely less well
@@ -158,7 +158,7 @@ NEXT = {
 def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[str, Any]]) -> str:
     before, after = (float(tracing.news_percent[w].mean()) for w in ("before", "after"))
     what = "; and ".join(f"{EFFECTS[n].WORDS} ({n})" for n in names)
-    text = f"{what[0].upper()}{what[1:]}: that explains {1.0 - after / before:.0%} of what is unusual in these logs"
+    text = f"{what[0].upper()}{what[1:]}: that explains {max(1.0 - after / before, 0.0):.0%} of what is unusual in these logs"
     mended = [name for name, off in tracing.witnesses["before"].items() if off > USUAL]
     text += (
         f", and {_listed(mended)} {'is' if len(mended) == 1 else 'are'} as at the calibration with it."
@@ -171,7 +171,10 @@ def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[st
         text += "; or ".join(dict.fromkeys(a["experiment"]["what"] for a in alternatives)) + "."
     elif tracing.rounds:
         text += " Nothing else that was tried does that."
-    if before <= tracing.gate_percent:
+    plain = [name for name, off in tracing.witnesses["before"].items() if off > PLAIN]
+    if before <= tracing.gate_percent and plain:
+        text += f" By its size alone ({before:.2f} % of full stroke, where {tracing.gate_percent:.2f} % may be usual) it could be nothing; {_listed(plain)} could not."
+    elif before <= tracing.gate_percent:
         text += f" It is small: by its size alone ({before:.2f} % of full stroke, where {tracing.gate_percent:.2f} % may be usual) it could be nothing."
     parts = dict.fromkeys(EFFECTS[n].PART for n in names)
     return " ".join([text, *(NEXT[part] for part in parts if part in NEXT), _allowed_for(names)])
