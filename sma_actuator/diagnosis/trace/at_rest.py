@@ -25,6 +25,7 @@ REPEATS = 0.003, 0.005  #: share of the ranges of R and δ to which a rest repea
 #: How far a rest may be off, of those ranges, per distance from the calibration's nearest stress over its largest; and so
 #: many times that per difference from the load that a cold wire came to rest under: it has the variants of that.
 BETWEEN, OTHER_VARIANTS = 0.05, 2.0
+BENDS_WITHIN = 0.5  #: how far the curve between these stresses may be off, of what it lies beside straight lines
 #: The same of a cold wire in surroundings known to be others, per kelvin: many alloys have not transformed to the end at
 #: room temperature.
 PER_KELVIN = 0.005
@@ -74,7 +75,7 @@ class Usual:
         c = self.calibration
         ranges = np.array([self.resistance_Ohm, self.stroke_m])
         scatter = np.nan_to_num([c.resistance_scatter, c.displacement_scatter])
-        expected, away = self._expected(hot, is_)
+        expected, away, bent = self._expected(hot, is_)
         to_go_m = np.abs(is_["further_m"])
         known = np.ones(len(away), dtype=bool)
         warms = np.zeros(len(away))
@@ -89,7 +90,7 @@ class Usual:
                 warms = WARMS_WITHIN * np.abs(c.contracted_slope * warmer_K)
             to_go_m = to_go_m + c.hot_to_go * np.maximum(1.0, np.abs(warmer_K) / TAIL_K)
         away = np.hypot(away, to_go_m / self.stroke_m)
-        squares = scatter**2 + (ranges * REPEATS) ** 2 + np.outer(away, ranges) ** 2
+        squares = scatter**2 + (ranges * REPEATS) ** 2 + np.outer(away, ranges) ** 2 + bent**2
         # What training does to the length of a cold wire is known, but not what to its resistance.
         changed = np.array([c.changed / self.stroke_m * self.resistance_Ohm, self._changed_m(hot)])
         squares += (SPREAD * SINCE_THEN_WITHIN * changed) ** 2
@@ -97,19 +98,24 @@ class Usual:
         shown = np.column_stack((is_["resistance_Ohm"], is_["displacement_m"]))
         return np.where(known[:, None], (shown - expected) / np.sqrt(squares), 0.0)
 
-    def _expected(self, hot: bool, is_: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-        """R and δ of the calibration at the rests' stresses, (n, 2), and how far off they may be, of the ranges, (n,)."""
+    def _expected(self, hot: bool, is_: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """R and δ of the calibration at the rests' stresses, (n, 2).
+
+        And how far off they may be: of the ranges, (n,), and because they bend between the calibration's loads, (n, 2).
+        """
         c, stress_Pa = self.calibration, is_["stress_Pa"]
         nodes_Pa = np.asarray(c.hot_stress if hot else c.cold_stress)
         if not len(nodes_Pa):
-            return self._of_the_others(hot, is_), np.zeros(len(stress_Pa))
+            return self._of_the_others(hot, is_), np.zeros(len(stress_Pa)), np.zeros((len(stress_Pa), 2))
         tables = (c.hot_resistance, c.hot_displacement) if hot else (c.cold_resistance, c.cold_displacement)
         expected = np.column_stack([through(nodes_Pa, values, stress_Pa) for values in tables])
+        straight = np.column_stack([np.interp(stress_Pa, nodes_Pa, values) for values in tables])
+        bent = BENDS_WITHIN * np.abs(expected - straight)
         expected[:, 1] += SINCE_THEN * self._changed_m(hot)
         away_Pa = np.min(np.abs(stress_Pa[:, None] - nodes_Pa), axis=1)
         if not hot:
             away_Pa = away_Pa + OTHER_VARIANTS * np.abs(is_["since_Pa"])
-        return expected, BETWEEN * away_Pa / np.max(np.abs(nodes_Pa))
+        return expected, BETWEEN * away_Pa / np.max(np.abs(nodes_Pa)), bent
 
     @staticmethod
     def _of_the_others(hot: bool, is_: dict[str, np.ndarray]) -> np.ndarray:
