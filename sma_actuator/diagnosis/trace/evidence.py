@@ -323,12 +323,12 @@ class Evidence:
     def through(self, chain: Chain) -> list[Prediction]:
         """Every log through a chain.  Between two logs of a session nobody saw the wire: only its position is forgotten."""
         out = []
+        # What other surroundings do is news, until they are what is held against it.
+        ambient_counts = any(isinstance(effect, AmbientTemperature) for effect in chain.effects)
         for i, ((p, kept), rows) in enumerate(zip(self._judgements(chain), self.compared, strict=True)):
             here = np.arange(len(p.time_s))[kept][rows]
             expected_m = np.zeros(len(p.time_s))
             if self._expectation is not None:
-                # What other surroundings do is news, until they are what is held against it.
-                ambient_counts = any(isinstance(effect, AmbientTemperature) for effect in chain.effects)
                 usual_m = self._expectation.residual_m(p, here, ambient_counts)
                 expected_m = np.interp(p.time_s, p.time_s[here], usual_m)
                 expected_m = expected_m + self._always_so_m[i] + SINCE_THEN * self._changed_m(p)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,22 +20,25 @@ ELASTIC_MODULUS_Pa = 40e9
 RATE_WINDOW_s = 0.3  #: a rate is the slope over this lag, so that noise of single samples does not show
 
 
-def _rise_K(frame: Frame, state: np.ndarray, time_constant_s: float, heat_loss_W_K: float) -> np.ndarray:
-    """Temperature above ambient by the heat balance C dT/dt = P − h (T − T_amb), C/h = the time constant."""
-    return frame.lag(frame.power_W, state, time_constant_s) / heat_loss_W_K
-
-
-def _latent_rise_K(
-    frame: Frame, share: np.ndarray, state: np.ndarray, latent_K: float, time_constant_s: float
+def _rise_K(
+    frame: Frame,
+    state: np.ndarray,
+    time_constant_s: float,
+    heat_loss_W_K: float,
+    latent_heat_J: float = 0.0,
+    share_of: Callable[[Frame], np.ndarray] | None = None,
 ) -> np.ndarray:
-    """How much warmer it is for the heat that transforming sets free, as ``C dT/dt = … + Q dX/dt``.
+    """Temperature above ambient by the heat balance C dT/dt = P − h (T − T_amb) + Q dX/dt, C/h = the time constant.
 
-    X: the share of the stroke; ``latent_K``: Q over C.
+    X: the share of the stroke, by ``share_of``; asked only where there is a latent heat Q, which takes four states
+    instead of two.
     """
-    if not latent_K > 0.0:
-        return np.zeros(len(share))
-    share = np.clip(share, 0.0, 1.0)
-    return latent_K * (share - frame.lag(share, state, time_constant_s))
+    rise_K = frame.lag(frame.power_W, state[:2], time_constant_s) / heat_loss_W_K
+    if share_of is None or not latent_heat_J > 0.0:
+        return rise_K
+    share = np.clip(share_of(frame), 0.0, 1.0)
+    ahead = share - frame.lag(share, state[2:], time_constant_s)
+    return rise_K + latent_heat_J / (heat_loss_W_K * time_constant_s) * ahead
 
 
 @EFFECTS.register("heat_loss")
@@ -60,10 +64,8 @@ class HeatLoss(Effect):
     def at_resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Take the heat off that goes beside the balance."""
         now = 1.0 + self.change
-        lag_s = self.time_constant / now
-        latent_K = self.latent_heat / (self.heat_loss * self.time_constant)
-        rise_K = _rise_K(frame, state[:2], lag_s, self.heat_loss * now)
-        rise_K = rise_K + _latent_rise_K(frame, place.share_by_resistance(frame), state[2:], latent_K, lag_s)
+        balance = self.time_constant / now, self.heat_loss * now, self.latent_heat
+        rise_K = _rise_K(frame, state, *balance, place.share_by_resistance)
         frame.power_W = frame.power_W - self.change * self.heat_loss * rise_K
 
     @classmethod
@@ -113,11 +115,8 @@ class SelfHeating(Effect):
 
     def at_resistance(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """The resistance at the onset's temperature."""
-        rise_K = _rise_K(frame, state[:2], self.time_constant, self.heat_loss)
-        latent_K = self.latent_heat / (self.heat_loss * self.time_constant)
-        rise_K = rise_K + _latent_rise_K(
-            frame, place.share_by_resistance(frame), state[2:], latent_K, self.time_constant
-        )
+        balance = self.time_constant, self.heat_loss, self.latent_heat
+        rise_K = _rise_K(frame, state, *balance, place.share_by_resistance)
         change = self.temperature_coefficient * np.maximum(0.0, rise_K - self.onset)
         change = change + self.cold_temperature_coefficient * np.minimum(0.0, rise_K - self.cold_onset)
         frame.resistance_Ohm = frame.resistance_Ohm / (1.0 + change)
@@ -182,9 +181,8 @@ class AmbientTemperature(Effect):
         """What a fit may vary."""
         rise_K = scales.rise_K
         how_warm = [size("temperature_coefficient", 5e-3, 5e-4)]
-        if (
-            not scales.ambient_logged
-        ):  # the power says how warm it is; a metal's resistance rises with that, but not by any amount
+        if not scales.ambient_logged:
+            # The power says how warm it is; a metal's resistance rises with that, but not by any amount.
             coefficient = shape("temperature_coefficient", 1e-4, 2.5e-3, 6e-4, other_at=("high",))
             how_warm = [size("difference", 40.0, 2.0), coefficient]
         return [
@@ -240,9 +238,8 @@ class ThermalExpansion(Effect):
 
     def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add the expansion."""
-        rise_K = _rise_K(frame, state[:2], self.time_constant, self.heat_loss)
-        latent_K = self.latent_heat / (self.heat_loss * self.time_constant)
-        rise_K = rise_K + _latent_rise_K(frame, place.share_of_stroke(frame), state[2:], latent_K, self.time_constant)
+        balance = self.time_constant, self.heat_loss, self.latent_heat
+        rise_K = _rise_K(frame, state, *balance, place.share_of_stroke)
         frame.displacement_m = frame.displacement_m + place.length_m * self.coefficient * rise_K
 
     @classmethod
