@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from .evidence import Evidence, Prediction
+from .evidence import Evidence, Prediction, smooth
 
 BINS = 10
 POWER_LAGS_s = (1.0, 10.0, 100.0)
-WINDOW_s = 0.3
 BLOCKED = ("time_s", "cycle")  #: quantities that go with the cycle itself
 
 
@@ -34,7 +33,7 @@ def quantities(evidence: Evidence, predictions: Sequence[Prediction]) -> dict[st
         s = experiment.signals
         period_s = float(np.median(np.diff(s.time_s)))
         power_W, resistance_Ohm = p.power_W, p.resistance_Ohm
-        slope = np.gradient(_smooth(resistance_Ohm, period_s), s.time_s)
+        slope = np.gradient(smooth(resistance_Ohm, period_s), s.time_s)
         reversal = np.flatnonzero(np.diff(p.heating.astype(int))) + 1
         last = np.concatenate(([0], reversal))[np.searchsorted(reversal, np.arange(len(p.heating)), side="right")]
         values = {
@@ -100,7 +99,7 @@ def noise_percent(evidence: Evidence, predictions: Sequence[Prediction]) -> floa
     total, number = 0.0, 0
     for experiment, p, measured_m in zip(evidence.experiments, predictions, evidence.measured_m, strict=True):
         reference_m = _white(measured_m)
-        moved = np.gradient(_smooth(p.model_m, 0.05)) / _away_from_zero(np.gradient(_smooth(p.resistance_Ohm, 0.05)))
+        moved = np.gradient(smooth(p.model_m, 0.05)) / _away_from_zero(np.gradient(smooth(p.resistance_Ohm, 0.05)))
         slope = np.median(np.abs(moved[np.isfinite(moved)])) if np.isfinite(moved).any() else 0.0
         total += len(measured_m) * float(np.hypot(reference_m, slope * _white(experiment.resistance_Ohm)))
         number += len(measured_m)
@@ -114,11 +113,6 @@ def _white(values: np.ndarray) -> float:
 
 def _away_from_zero(values: np.ndarray) -> np.ndarray:
     return np.where(np.abs(values) > np.percentile(np.abs(values), 60.0), values, np.nan)
-
-
-def _smooth(values: np.ndarray, period_s: float) -> np.ndarray:
-    n = max(1, round(WINDOW_s / period_s))
-    return np.convolve(np.pad(values, (n // 2, n - 1 - n // 2), mode="edge"), np.full(n, 1.0 / n), mode="valid")
 
 
 def _lag(values: np.ndarray, period_s: float, lag_s: float) -> np.ndarray:

@@ -63,6 +63,7 @@ ON_ITS_WAY = 0.1  #: of full stroke: so far from where it will rest, a wire stil
 FEWEST_CYCLES = 3  #: in all logs together
 FEWEST_UNITS = 8
 HOPELESS_percent = 50.0  #: of full stroke: an error of a model that is not of this wire
+SMOOTHED_s = 0.3  #: within which a wire does not go to and fro
 LARGEST = 60_000  #: samples that the chain sees; longer logs are thinned …
 COMPARED = 4_000  #: … and so many of them at the most are compared with the measured displacement
 
@@ -74,6 +75,7 @@ class Prediction:
     shown_m: np.ndarray  #: displacement that the reference sensor should show
     model_m: np.ndarray  #: displacement of the strain model alone
     sensor_m: np.ndarray  #: what it should show beyond what the load pulls at
+    beside_m: np.ndarray  #: how much further than the wire it should show the joint, where the wire is as expected
     expected_m: np.ndarray  #: residual that is no news, of the samples that are compared (:attr:`Evidence.compared`)
     heating: np.ndarray
     resistance_Ohm: np.ndarray  #: as the strain model sees it
@@ -231,7 +233,7 @@ class Evidence:
             if not found:
                 continue
             signals = dataclasses.replace(self.experiments[i].signals, stress_Pa=p.stress_Pa)
-            share = c.share_of_stroke(self._measured_m[i] - (p.shown_m - p.model_m), p.stress_Pa)
+            share = c.share_of_stroke(self._measured_m[i] - p.beside_m, p.stress_Pa)
             off_K, ahead = warmer_K(signals, p.heat_W, share, c, thermal, found)
             usual = np.mean(np.reshape(c.transformation_speed, (2, 2)), axis=1)[[int(heating) for heating, _ in found]]
             rise_K = np.mean([*c.transformation_heating, *c.transformation_cooling]) - thermal.ambient_temperature
@@ -333,12 +335,14 @@ class Evidence:
                 expected_m = np.interp(p.time_s, p.time_s[here], usual_m)
                 expected_m = expected_m + self._always_so_m[i] + SINCE_THEN * self._changed_m(p)
             where = _Where(chain, self.place, p, expected_m)
+            shown_beside_m = where.shown_beside_the_model_m()
             out.append(
                 Prediction(
                     shown_m=p.shown_m[kept],
                     model_m=p.model_m[kept],
                     sensor_m=where.beyond_the_load_m()[kept],
-                    expected_m=where.shown_beside_the_model_m()[here],
+                    beside_m=(p.shown_m - p.model_m + shown_beside_m - expected_m)[kept],
+                    expected_m=shown_beside_m[here],
                     heating=p.branch[kept].astype(bool),
                     resistance_Ohm=p.resistance_Ohm[kept],
                     power_W=p.signals.power_W[kept],
@@ -417,16 +421,16 @@ class Evidence:
         thermal = self.config.thermal
         time_constant_s = thermal.heat_capacity / thermal.heat_loss
         signals, stress_Pa = self.experiments[number].signals, float(np.mean(p.stress_Pa[here]))
-        shown_m = self._measured_m[number] - (p.shown_m - p.model_m)
+        creeps_m = self._measured_m[number] - (p.shown_m - p.model_m)
         further_Ohm, further_m = (
-            rest.further(values, signals.time_s, time_constant_s) for values in (p.resistance_Ohm, shown_m)
+            rest.further(values, signals.time_s, time_constant_s) for values in (p.resistance_Ohm, creeps_m)
         )
-        read_C = np.broadcast_to(signals.ambient_temperature_C, len(shown_m))[here]
+        read_C = np.broadcast_to(signals.ambient_temperature_C, len(creeps_m))[here]
         warmer_K = float(np.mean(read_C)) - self.calibration.ambient_temperature
         return AtRest(
             hot=rest.hot,
             resistance_Ohm=float(np.mean(p.resistance_Ohm[here])) + (further_Ohm if rest.hot else 0.0),
-            displacement_m=float(np.mean(shown_m[here])) + (0.0 if rest.hot else further_m),
+            displacement_m=float(np.mean((self._measured_m[number] - p.beside_m)[here])) + (0.0 if rest.hot else further_m),
             further_m=further_m,
             stress_Pa=stress_Pa,
             since_Pa=stress_Pa - float(p.stress_Pa[self._on_its_way(number, rest)]),
@@ -512,17 +516,21 @@ class _Where:
         model_m = self.found.model_m
         # A model has nothing but the resistance to tell when the wire turns, and near its ends that is late.
         turns = dataclasses.replace(self, place=dataclasses.replace(self.place, resistance_range_Ohm=math.nan))
-        return turns._through(model_m + self.expected_m, False) - self._through(model_m, False)
+        return turns._through(model_m + self.expected_m, steady=True) - self._through(model_m)
 
     def beyond_the_load_m(self) -> np.ndarray:
         """How much further than where the load pulls the sensor shows the joint."""
         true_m = self.found.model_m + self.expected_m
-        return self._through(true_m, True) - true_m
+        return self._through(true_m, steady=True, beyond_the_load=True) - true_m
 
-    def _through(self, displacement_m: np.ndarray, beyond_the_load: bool) -> np.ndarray:
-        """What the sensor shows of a displacement; ``beyond_the_load``: by what comes after the place that the load pulls at."""
+    def _through(self, displacement_m: np.ndarray, steady: bool = False, beyond_the_load: bool = False) -> np.ndarray:
+        """What the sensor shows of a displacement; ``beyond_the_load``: by what comes after the place that the load pulls at.
+
+        ``steady``: what lies behind the load follows the wire, and not the noise of the resistance that tells where the
+        wire is: a wire at rest leaves the play as it is, and noise would take it up.
+        """
         acts = [
-            (getattr(effect, stage), np.full(effect.STATES, np.nan))
+            (getattr(effect, stage), np.full(effect.STATES, np.nan), steady and effect.BEHIND_THE_LOAD)
             for stage in AFTER_THE_MODEL
             for effect in self.chain.effects
             if hasattr(effect, stage) and (stage == "shown" or effect.BEHIND_THE_LOAD or not beyond_the_load)
@@ -533,9 +541,22 @@ class _Where:
         frame = Frame.of(found.signals, float(found.time_s[0] - found.elapsed_s[0]))
         frame.heating, frame.cycles = found.branch.astype(bool), np.ones(len(displacement_m))
         frame.displacement_m = displacement_m.copy()
-        for act, state in acts:
+        for act, state, steadily in acts:
+            noise_m = frame.displacement_m - smooth(frame.displacement_m, self._period_s) if steadily else 0.0
+            frame.displacement_m = frame.displacement_m - noise_m
             act(frame, state, self.place)
+            frame.displacement_m = frame.displacement_m + noise_m
         return frame.displacement_m
+
+    @property
+    def _period_s(self) -> float:
+        return float(np.median(np.diff(self.found.time_s)))
+
+
+def smooth(values: np.ndarray, period_s: float) -> np.ndarray:
+    """Running mean over SMOOTHED_s of n values that are so far apart."""
+    n = max(1, round(SMOOTHED_s / period_s))
+    return np.convolve(np.pad(values, (n // 2, n - 1 - n // 2), mode="edge"), np.full(n, 1.0 / n), mode="valid")
 
 
 def limited(z: np.ndarray) -> np.ndarray:

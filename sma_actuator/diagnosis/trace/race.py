@@ -41,7 +41,7 @@ WORTH_OF_ALL = 0.03  #: … and of what was at first
 WORTH_BESIDE = 0.13
 #: And what a second name may take off beside a first that leaves nothing unusual: of what the first does, and of what a log like the
 #: calibration's loses.  A relative of the true effect leaves what the two differ by, and there is always a name for some of it.
-MOST_BESIDE, MOST_BESIDE_USUAL = 0.03, 0.3
+MOST_BESIDE, MOST_BESIDE_USUAL = 0.06, 0.3
 #: But for this: what any model leaves in partial cycles has its form, and no alloy has quite that.
 NO_SIGN_BESIDE = ("minor_loop_memory",)
 #: What the calibration does not let expect may be at most so many times what that was off where it was not fitted: a
@@ -52,7 +52,7 @@ HINT, HINT_SHARE = 1.3, 0.9
 #: And likewise, whatever the news are, where a witness is off by so many standard deviations, rms: a name that leaves nothing unusual.
 PLAIN = 3.0
 #: A name leaves no more news than this times the floor, or this share of what there is beyond the floor is gone …
-CLEAN, CLEAN_SHARE = 1.55, 0.9
+CLEAN, CLEAN_SHARE = 1.55, 0.8
 #: … and has its signature.  A witness that was usual (within USUAL, rms, in standard deviations of the calibration) stays as
 #: well as it was: within WELL, or off by at most so many times as before.  One that was not is mended: usual, or off by no more
 #: than this share of what it was.

@@ -203,6 +203,7 @@ def test_a_name_is_not_given_where_another_takes_much_off_beside_it(wire, config
     evidence = Evidence(session(wire[0], {"elastic_compliance": 1e-4}), config)
     monkeypatch.setattr(race, "BENT_BY_OTHERS", math.inf)
     monkeypatch.setattr(Evidence, "expects_what_repeats", True)
+    monkeypatch.setattr(race, "MOST_BESIDE", 0.0)
     found = trace(evidence, jobs=1)
     assert found.verdict == "unexplained" and found.fit.names == ("elastic_compliance",) and not found.unusual
     further, share = found.beside
