@@ -427,10 +427,11 @@ class Evidence:
         )
         read_C = np.broadcast_to(signals.ambient_temperature_C, len(creeps_m))[here]
         warmer_K = float(np.mean(read_C)) - self.calibration.ambient_temperature
+        shown_m = self._measured_m[number] - p.beside_m
         return AtRest(
             hot=rest.hot,
             resistance_Ohm=float(np.mean(p.resistance_Ohm[here])) + (further_Ohm if rest.hot else 0.0),
-            displacement_m=float(np.mean((self._measured_m[number] - p.beside_m)[here])) + (0.0 if rest.hot else further_m),
+            displacement_m=float(np.mean(shown_m[here])) + (0.0 if rest.hot else further_m),
             further_m=further_m,
             stress_Pa=stress_Pa,
             since_Pa=stress_Pa - float(p.stress_Pa[self._on_its_way(number, rest)]),

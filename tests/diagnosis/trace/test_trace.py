@@ -15,7 +15,7 @@ from sma_actuator.diagnosis.selection import Entry
 from sma_actuator.diagnosis.trace import Evidence, race, trace
 from sma_actuator.diagnosis.trace.analysis import quantities
 from sma_actuator.diagnosis.trace.candidates import candidate, scales_of, untestable
-from sma_actuator.diagnosis.trace.evidence import LIMIT, limited
+from sma_actuator.diagnosis.trace.evidence import LIMIT, _Where, limited, smooth
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit
 from sma_actuator.diagnosis.trace.report import sentence, summary
@@ -341,16 +341,34 @@ def test_what_follows_the_wire_follows_it_and_not_the_model(clean, monkeypatch, 
     followed_m = []
     for found, kept in clean._judgements(clean.chain({})):
         frame = Frame.of(found.signals, float(found.signals.time_s[0]))
-        frame.displacement_m = 0.9 * found.model_m
+        true_m = 0.9 * found.model_m
+        # Between wire and load there is no noise of the resistance, which tells the model where the wire is.
+        noise_m = true_m - smooth(true_m, _period_s(found)) if effect.BEHIND_THE_LOAD else 0.0
+        frame.displacement_m = true_m - noise_m
         stage = next(s for s in STAGES if hasattr(effect, s))
         getattr(effect, stage)(frame, np.full(effect.STATES, np.nan), clean.place)
-        followed_m.append(frame.displacement_m[kept])
+        followed_m.append((frame.displacement_m + noise_m)[kept])
     monkeypatch.setattr(clean, "_measured_m", followed_m)
     after, without = clean.predict({name: effect}), clean.predict({})
     of_the_model = [dataclasses.replace(a, expected_m=b.expected_m) for a, b in zip(after, without, strict=True)]
     whole, alone, nothing = (clean.news_percent(p).mean() for p in (after, of_the_model, without))
     # What is expected is known at the readings compared, with straight lines between them.
     assert whole < 0.5 * alone < 0.2 * nothing
+
+
+def test_a_wire_at_rest_leaves_the_play_as_it_is(clean):
+    """Where the wire is, the resistance tells; its noise does not take the play up."""
+    chain = clean.chain({"backlash": EFFECTS["backlash"](width=1e-4)})
+    for found, _ in clean._judgements(chain):
+        quiet = dataclasses.replace(found, model_m=smooth(found.model_m, _period_s(found)))
+        of_wire_m, of_model_m = (
+            _Where(chain, clean.place, f, np.zeros(len(f.model_m))).beyond_the_load_m() for f in (quiet, found)
+        )
+        assert np.abs(of_model_m - of_wire_m).mean() < 0.025 * 1e-4
+
+
+def _period_s(found):
+    return float(np.median(np.diff(found.time_s)))
 
 
 def test_a_wire_that_changed_while_it_was_calibrated_is_said_to_have(wire, config, clean):
