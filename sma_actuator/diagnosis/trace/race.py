@@ -39,9 +39,9 @@ WORTH_OF_ALL = 0.03  #: … and of what was at first
 #: Share of what two effects explain that is each one's own, unless it is the model's errors of always that are sought: a second
 #: name for a small rest, chosen among all there are, makes a first name look clean that is wrong.
 WORTH_BESIDE = 0.13
-#: And what a second name may take off beside a first that leaves nothing unusual: of what the first does, and of what a log like the
-#: calibration's loses.  A relative of the true effect leaves what the two differ by, and there is always a name for some of it.
-MOST_BESIDE, MOST_BESIDE_USUAL = 0.06, 0.3
+#: And what a second name may take off beside a first that leaves nothing unusual, of what the first does: a relative of the true
+#: effect leaves what the two differ by, and there is always a name for some of it.
+MOST_BESIDE = 0.04
 #: But for this: what any model leaves in partial cycles has its form, and no alloy has quite that.
 NO_SIGN_BESIDE = ("minor_loop_memory",)
 #: What the calibration does not let expect may be at most so many times what that was off where it was not fitted: a
@@ -51,8 +51,8 @@ GATE = 1.75
 HINT, HINT_SHARE = 1.3, 0.9
 #: And likewise, whatever the news are, where a witness is off by so many standard deviations, rms: a name that leaves nothing unusual.
 PLAIN = 3.0
-#: A name leaves no more news than this times the floor, or this share of what there is beyond the floor is gone …
-CLEAN, CLEAN_SHARE = 1.55, 0.8
+#: A name leaves no more loss than this times what a log like the calibration's has, or this share of what there was …
+CLEAN, CLEAN_SHARE = 3.0, 0.1
 #: … and has its signature.  A witness that was usual (within USUAL, rms, in standard deviations of the calibration) stays as
 #: well as it was: within WELL, or off by at most so many times as before.  One that was not is mended: usual, or off by no more
 #: than this share of what it was.
@@ -141,8 +141,7 @@ class Judge:
 
     def clean(self, trial: Trial) -> bool:
         """Whether what remains is like the calibration, in all that it shows: the signature of a name that is right."""
-        floor, left = self.evidence.floor_percent, float(trial.fit.held_out_news_percent.mean())
-        gone = left <= max(CLEAN * floor, floor + (1.0 - CLEAN_SHARE) * (self.news_percent - floor))
+        gone = float(trial.losses.mean()) <= max(CLEAN * self.expected, CLEAN_SHARE * float(self.losses.mean()))
         return gone and not self.unusual(trial)
 
     def settles(self, selection: Selection) -> bool:
@@ -194,8 +193,7 @@ class Judge:
 
         As much as it likes where what the model always leaves is not expected: that goes with all kinds of names itself.
         """
-        most = max(MOST_BESIDE * gain, MOST_BESIDE_USUAL * self.expected)
-        return most if self.evidence.expects_what_repeats else math.inf
+        return MOST_BESIDE * gain if self.evidence.expects_what_repeats else math.inf
 
     @property
     def rules(self) -> Rules:

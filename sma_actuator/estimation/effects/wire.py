@@ -335,9 +335,10 @@ class Fatigue(Effect):
         return [
             size("displacement", 0.1 * scales.stroke_m, 0.005 * scales.stroke_m, least),
             size("resistance", 0.1, 0.001, least),
-            # How far from a logarithm, and whether the stroke shrinks: between what was seen of wires.
+            # How far from a logarithm, and how much the stroke shrinks: between what was seen of wires.  Where it does not
+            # shrink at all, the whole wire has grown longer: it creeps, or slips.
             Free("exponent", 0.05, 1.0, 1.0, (0.5, 0.1), False),
-            Free("cold_share", 0.0, 1.2, 1.0, (0.4, 1.0), False),
+            Free("cold_share", 0.0, 1.0, 1.0, (0.4, 0.8), False, other_at=("high",)),
         ]
 
     @classmethod
