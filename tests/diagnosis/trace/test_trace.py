@@ -220,12 +220,16 @@ def test_a_name_is_not_given_where_another_takes_much_off_beside_it(wire, config
 
 
 def test_an_effect_at_the_end_where_it_is_another_has_no_name(wire, config):
-    """A contact that has drifted at once is a lead, and a creep that comes at once is a compliance."""
-    for hidden, imitator in (({"lead_resistance": 0.03}, "contact_drift"), ({"elastic_compliance": 1e-4}, "creep")):
+    """A drift at once is a lead, a creep at once a compliance, and a wear that takes no stroke a creep."""
+    for hidden, imitator, end in (
+        ({"lead_resistance": 0.03}, "contact_drift", "time_constant"),
+        ({"elastic_compliance": 1e-4}, "creep", "time_constant"),
+        ({"creep": 8e-5}, "fatigue", "cold_share"),
+    ):
         evidence = Evidence(session(wire[0], hidden), config)
         train = np.ones(evidence.units, dtype=bool)
         found = fit(evidence, [candidate(imitator, scales_of(evidence))], train)
-        assert found.at_bound == (f"{imitator}.time_constant",)
+        assert f"{imitator}.{end}" in found.at_bound
 
 
 def test_a_fault_of_the_reference_is_not_put_into_the_model(wire, config):
