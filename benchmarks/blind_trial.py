@@ -42,6 +42,7 @@ from sma_actuator.bench.hidden import FOREIGN, TWINS
 from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import NODE_NAME
 from sma_actuator.diagnosis.trace.race import GATE
+from sma_actuator.identify.experiments import IdentificationError
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.worlds import DRAWN, HOME, WORLDS, world_of
 
@@ -173,8 +174,8 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=math.inf, metavar="M", help="begin no case after so long")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every case here")
     args = parser.parse_args()
-    todo = _asked(args)
     until_s = time.monotonic() + 60.0 * args.minutes
+    todo = _that_have_a_model(_asked(args))
     found = track(_answers(todo, args.jobs, args.only_blind, until_s), "cases", len(todo), console=Console(stderr=True))
     answers = [answer for answer in found if answer is not None]
     if args.json:
@@ -204,13 +205,23 @@ def _asked(args: argparse.Namespace) -> list[Case]:
     return [case for row in itertools.zip_longest(*lists) for case in row if case is not None]
 
 
+def _that_have_a_model(asked: Sequence[Case]) -> list[Case]:
+    """The cases of wires that can be identified; says of which not, and why."""
+    lacking = set()
+    for alloy, physics in sorted({(c.alloy, c.physics) for c in asked}):
+        try:
+            identified(alloy, physics)  # here, so that not every process does
+        except IdentificationError as error:
+            lacking.add((alloy, physics))
+            print(f"left out, {physics}, {alloy}: {error}")
+    return [c for c in asked if (c.alloy, c.physics) not in lacking]
+
+
 def _answers(todo: Sequence[Case], jobs: int, only_blind: bool, until_s: float) -> Iterator[dict | None]:
     """What is said of each case; None of those that are neither kept nor begun in time."""
     if jobs == 1:
         yield from (judge(case, only_blind, until_s) for case in todo)
         return
-    for alloy, physics in {(c.alloy, c.physics) for c in todo}:
-        identified(alloy, physics)  # once, not in every process
     with ProcessPoolExecutor(jobs) as pool:
         for future in [pool.submit(judge, case, only_blind, until_s) for case in todo]:
             yield future.result()

@@ -12,6 +12,7 @@ from scipy.optimize import least_squares
 from sma_actuator.estimation.models import StrainModel, ThermalStrainModel
 
 from .experiments import Experiment, IdentificationError, begins_anew
+from .kinds import FULL, PARTIAL
 from .ranges import determinate_interval_m, distinct_stresses, full_cycles
 
 LOSS_SCALE = 0.01  #: residual, as a share of the full stroke, above which it counts linearly
@@ -252,13 +253,24 @@ def bootstrap(build: Model, theta: np.ndarray, data: Data, seed: int = 0) -> np.
 
 
 def require_loads(experiments: Sequence[Experiment], order: int, what: str) -> None:
-    """Raise IdentificationError where a polynomial of ``order`` in stress has more coefficients than there are "
-    "loads."""
+    """Raise IdentificationError where a polynomial of ``order`` in stress has more coefficients than there are loads."""
     full = full_cycles(experiments)
     loads = distinct_stresses(full)
     if loads < order + 1:
-        listed = ", ".join(f"{np.mean(t.signals.load_N):.2f} N" for t in full)
+        hurried = [
+            t for t in experiments if t.kind == PARTIAL and t.log.metadata.get("kind") == FULL and t.constant_load
+        ]
+        why = (
+            f"; at {_loads_N(hurried)} the wire still moved where a pulse or the pause after it ended, make these longer "
+            "(characterise --heat-time, --cool-time)"
+            if hurried
+            else ""
+        )
         raise IdentificationError(
             f"{what}: a polynomial of order {order} in stress needs full cycles at {order + 1} different loads; "
-            f"the logs hold {loads} ({listed}); measure at more loads or choose a lower order"
+            f"the logs hold {loads} ({_loads_N(full)}){why}; measure at more loads or choose a lower order"
         )
+
+
+def _loads_N(experiments: Sequence[Experiment]) -> str:
+    return ", ".join(f"{np.mean(t.signals.load_N):.2f} N" for t in experiments)

@@ -225,6 +225,18 @@ def without_cooling(log):
     return log.slice(0, 60)
 
 
+def hurried(log):
+    """With three tenths of every pause: the wire is still on its way when the next pulse comes."""
+    volts = log["reference_voltage_V"]
+    off = volts < 0.5 * volts.max()
+    start = np.maximum.accumulate(np.where(~off, np.arange(len(off)), 0))  # of the pause, the pulse's last sample
+    whole = np.bincount(start[off], minlength=len(off))[start]
+    kept = np.flatnonzero(~off | (np.arange(len(off)) - start <= 0.3 * whole))
+    columns = {k: v[kept] for k, v in log.columns.items()}
+    columns["time_s"] = log["time_s"][: len(kept)]
+    return dataclasses.replace(log, columns=columns)
+
+
 def saturated(log):
     columns = {k: v.copy() for k, v in log.columns.items()}
     columns["load_cell_voltage_V"][50] = 10.0
@@ -262,6 +274,12 @@ def in_other_ohms(log):
             {"order": 2},
             "needs full cycles at 3 different loads; the logs hold 2",
             id="two loads for a quadratic",
+        ),
+        pytest.param(
+            lambda f: [*f.only("pulses_1.200N"), *map(hurried, f.only("pulses_0.600N"))],
+            {},
+            "the logs hold 1 .1.20 N.; at 0.60 N the wire still moved where a pulse or the pause after it ended, make",
+            id="pauses too short for a light load",
         ),
         pytest.param(lambda f: f.only("partial"), {}, "no log of full cycles at a constant load", id="no full cycles"),
         pytest.param(
