@@ -82,7 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.0,
         metavar="S",
-        help="pause after a pulse (default: from the thermal section)",
+        help="pause after a pulse (default: from the thermal section); up to four times as long while the wire still moves",
     )
     parser.add_argument("--pulses", type=int, default=3, help="pulses at each load (default %(default)s)")
     parser.add_argument(

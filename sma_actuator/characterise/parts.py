@@ -22,6 +22,7 @@ from .rig import Rig
 Progress = Callable[[float], None]
 #: What a load cell that is not calibrated yet may seem to show.
 UNCALIBRATED = ("reading_implausible",)
+PATIENCE = 4.0  #: a pause after a pulse is at most so many times as long, while the wire still moves
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,15 +95,17 @@ def lvdt(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog],
 
 
 def pulses(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
-    """Open-loop square pulses at one load (4.1.1); also the training and fatigue cycles (4.1.4)."""
+    """Open-loop square pulses at one load (4.1.1); also the training and fatigue cycles (4.1.4).
+
+    The few that a model is fitted on wait until the wire is at rest: near room temperature many cool with a long tail.
+    """
     _apply_load(part, operator)
     p = part.parameters
-    log = _record(
-        rig,
-        part,
-        square_pulses(p["cycles"], p["heat_current_A"], rig.config.supply.bias_current, p["heat_s"], p["cool_s"]),
-        progress,
+    longest_s = PATIENCE * p["cool_s"] if part.kind == "pulses" else p["cool_s"]
+    program = square_pulses(
+        p["cycles"], p["heat_current_A"], rig.config.supply.bias_current, p["heat_s"], p["cool_s"], longest_s
     )
+    log = _record(rig, part, program, progress)
     return Outcome({part.name: log}, {"stroke_m": _stroke_m(log, rig.config)})
 
 

@@ -6,6 +6,7 @@ measured while it was in force.  It knows nothing of instruments, so it runs on 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from math import nan
@@ -23,6 +24,9 @@ class Drive:
 
 Program = Generator[Drive, Signals, None]
 
+STILL = 0.06  #: a wire that moves more of a pulse's stroke in the last STILL_PART of a pause is not at rest
+STILL_PART = 0.15
+
 
 def hold(current_A: float, duration_s: float) -> Program:
     """A constant current for some time."""
@@ -32,12 +36,37 @@ def hold(current_A: float, duration_s: float) -> Program:
         signals = yield Drive(current_A)
 
 
-def square_pulses(cycles: int, heat_current_A: float, bias_current_A: float, heat_s: float, cool_s: float) -> Program:
-    """Open-loop square pulses: ``heat_s`` at the heating current, ``cool_s`` at the bias current (4.1.1)."""
+def rest(current_A: float, least_s: float, longest_s: float) -> Program:
+    """A constant current until the wire is at rest: for ``least_s``, and on up to ``longest_s`` while it moves."""
+    signals = yield Drive(current_A)
+    start_s, from_m = signals.time_s, signals.reference_displacement_m
+    shown: deque[tuple[float, float]] = deque()
+    moves = True
+    while (elapsed_s := signals.time_s - start_s) < least_s or (moves and elapsed_s < longest_s):
+        signals = yield Drive(current_A)
+        shown.append((signals.time_s, signals.reference_displacement_m))
+        while shown[0][0] < signals.time_s - STILL_PART * (signals.time_s - start_s):
+            shown.popleft()
+        # Where no displacement is measured nothing moves.
+        moves = abs(shown[-1][1] - shown[0][1]) > STILL * abs(shown[-1][1] - from_m)
+
+
+def square_pulses(
+    cycles: int,
+    heat_current_A: float,
+    bias_current_A: float,
+    heat_s: float,
+    cool_s: float,
+    longest_cool_s: float = 0.0,
+) -> Program:
+    """Open-loop square pulses: ``heat_s`` at the heating current, ``cool_s`` at the bias current (4.1.1).
+
+    While the wire has not come to rest a pause goes on, up to ``longest_cool_s``.
+    """
     yield from hold(bias_current_A, 1.0)
     for _ in range(cycles):
         yield from hold(heat_current_A, heat_s)
-        yield from hold(bias_current_A, cool_s)
+        yield from rest(bias_current_A, cool_s, longest_cool_s)
 
 
 def partial_cycles(

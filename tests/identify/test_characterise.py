@@ -34,6 +34,24 @@ def test_the_walk_takes_every_ordered_pair_of_set_points_once(n):
     assert sorted(steps) == sorted((i, j) for i in range(n) for j in range(n) if i != j)
 
 
+@pytest.mark.parametrize(
+    ("slow_s", "pause_s"),
+    [(1.0, 10.0), (8.0, 14.7), (60.0, 40.0), (None, 10.0)],
+    ids=["at rest in time", "a long tail", "never at rest", "nothing measured"],
+)
+def test_a_pause_goes_on_until_the_wire_is_at_rest(slow_s, pause_s):
+    """A tail of exp(-t/8 s) moves 6 % of the way that it has come in the last 15 % of 14.7 s."""
+    program, time_s, off_s = square_pulses(1, 0.3, 0.05, heat_s=5.0, cool_s=10.0, longest_cool_s=40.0), 0.0, 0.0
+    drive = next(program)
+    with contextlib.suppress(StopIteration):
+        while True:
+            time_s += 0.05
+            off_s = off_s + 0.05 if time_s > 6.0 and drive.current_A < 0.1 else 0.0
+            at_m = math.nan if slow_s is None else 4e-3 * (1.0 - math.exp(-off_s / slow_s))
+            drive = program.send(SimpleNamespace(time_s=time_s, reference_displacement_m=at_m))
+    assert off_s == pytest.approx(pause_s, abs=0.3)
+
+
 def test_held_currents_take_every_step_between_two_of_them_and_stand_long_and_short():
     program, time_s, driven = held_currents((0.05, 0.2, 0.3), hold_s=4.0, cool_s=6.0), 0.0, []
     drive = next(program)
