@@ -52,7 +52,7 @@ HINT, HINT_SHARE = 1.3, 0.9
 #: And likewise, whatever the news are, where a witness is off by so many standard deviations, rms: a name that leaves nothing unusual.
 PLAIN = 3.0
 #: A name leaves no more loss than this times what a log like the calibration's has, or this share of what there was …
-CLEAN, CLEAN_SHARE = 3.0, 0.1
+CLEAN, CLEAN_SHARE = 3.0, 0.125
 #: … and has its signature.  A witness that was usual (within USUAL, rms, in standard deviations of the calibration) stays as
 #: well as it was: within WELL, or off by at most so many times as before.  One that was not is mended: usual, or off by no more
 #: than this share of what it was.
