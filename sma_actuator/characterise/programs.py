@@ -24,8 +24,9 @@ class Drive:
 
 Program = Generator[Drive, Signals, None]
 
-STILL = 0.06  #: a wire that moves more of a pulse's stroke in the last STILL_PART of a pause is not at rest
-STILL_PART = 0.15
+#: A wire that moves more of a pulse's stroke in the last STILL_PART of a pause is not at rest.  Stricter than what ``identify``
+#: takes for a full cycle (``kinds``: 0.08 in the same part), so that what is measured here is one.
+STILL, STILL_PART = 0.06, 0.15
 
 
 def hold(current_A: float, duration_s: float) -> Program:
