@@ -35,6 +35,7 @@ from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.circuit import Circuit, LoadCell, ReferenceSensor
 from sma_actuator.estimation.effects import EFFECTS, Effects, effects_from_mapping
 from sma_actuator.estimation.models import COEFFICIENTS, Coefficients
+from sma_actuator.estimation.models.checks import wrong_sense
 from sma_actuator.instruments.parameters import Instruments
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.logs.recorder import RecorderParameters
@@ -97,6 +98,8 @@ class Config(BenchConfig):
         if config is not None:
             problems += _cross_checks(config) + config.calibration.mismatches()
             problems += config.model.mismatches(config.wire) + config.controller.mismatches(config)
+            if not problems and hasattr(model := config.model.build(config.wire), "limits_m"):
+                problems += wrong_sense(model, config.wire)
         refuse(problems, source)
         return dataclasses.replace(config, effects=effects)
 

@@ -173,6 +173,13 @@ class Calibration:
                 for table in tables
                 if getattr(self, table) and len(getattr(self, table)) != len(stresses)
             ]
+        if self.hot_displacement and self.cold_displacement and not out:
+            hot_m = np.interp(self.cold_stress, self.hot_stress, self.hot_displacement)
+            if np.mean(hot_m) > np.mean(self.cold_displacement):
+                out.append(
+                    "calibration.hot_displacement: the wire is longer hot than cold, so displacement counts contraction; turn "
+                    "its sign in the logs (--unit displacement_m=-mm) and identify the wire again"
+                )
         return out
 
     def share_of_stroke(self, displacement_m: Any, stress_Pa: Any) -> Any:

@@ -16,10 +16,11 @@ from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.derived import Derived, with_derived
 from sma_actuator.estimation.models.thesis import wrong_alloy
 from sma_actuator.logs.bench_log import BenchLog
+from sma_actuator.logs.sense import counts_contraction
 
 from .calibration import calibration_of
 from .errors import LogError, log_errors
-from .experiments import Experiment
+from .experiments import Experiment, IdentificationError
 from .fatigue import Fatigue, fit_fatigue
 from .fitters import FITTERS, METHODS, Asked, Fitter, Progress
 from .fitting import predict
@@ -83,6 +84,7 @@ def identify(
     everything = (
         as_one_wire(logs, with_derived(mapping)) if fitter.any_size else make_experiments(logs, bench, fitter.remembers)
     )
+    _refuse_contraction(everything)
     reasons: dict[str, str] = {}
     at_odds: list[str] = []
     if not fitter.any_size:
@@ -140,6 +142,25 @@ def identify(
             bounds=fitted.bounds,
         ),
         bounds=fitted.bounds,
+    )
+
+
+def _refuse_contraction(experiments: Sequence[Experiment]) -> None:
+    """Raise IdentificationError where a displacement counts contraction: the model would ask for heat where it should cool."""
+    turned = [t for t in experiments if counts_contraction(t.resistance_Ohm, t.signals.current_A, t.displacement_m)]
+    if not turned:
+        return
+    raw = "displacement_m" not in turned[0].log
+    how = (
+        "turn the signs of reference_sensor.slope and reference_sensor.offset in the bench file"
+        if raw
+        else "turn it with a minus before its unit, as --unit displacement_m=-mm"
+    )
+    sources = dict.fromkeys(t.part_of or t.log.source for t in turned)
+    names = ", ".join(sources) if len(turned) < len(experiments) or len(sources) == 1 else f"all {len(sources)} logs"
+    raise IdentificationError(
+        f"{names}: the displacement grows while the wire is heated and its resistance falls, so it counts contraction, and "
+        f"extension is positive here; a node with a model of it would go to full current. {how[0].upper()}{how[1:]}"
     )
 
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .bench_log import BenchLog, longest_pause_s, uncalibrated_resistance_and_current
+from .sense import log_counts_contraction
 
 #: What the requirements ask for.
 SLOWEST_PERIOD_s = 0.051  #: 20 Hz, and a little for a clock that is not exact
@@ -273,16 +274,11 @@ def _noise(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
 
 
 def _direction(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
-    falls = []
-    for log in logs:
-        _, current_A = uncalibrated_resistance_and_current(log)
-        good = np.isfinite(current_A + displacement_m(log))
-        heat = np.convolve(current_A[good] ** 2, np.ones(10) / 10.0, mode="same")
-        falls.append(float(np.corrcoef(heat, displacement_m(log)[good])[0, 1]))
+    turned = [log.name for log in logs if log_counts_contraction(log)]
     return Finding(
         "displacement grows when the wire gets longer",
-        "it does" if max(falls) < 0.0 else "it grows with the heat in some log",
-        max(falls) < 0.0,
+        f"it grows with the heat in {', '.join(turned)}" if turned else "it does",
+        not turned,
         "turn its sign round: --unit displacement_m=-mm",
     )
 

@@ -19,11 +19,11 @@ from .bench_log import (
     log_of,
     longest_pause_s,
     read_metadata,
-    uncalibrated_resistance_and_current,
 )
 from .errors import BenchLogError
 from .formats import READERS, read_table
 from .mapping import ColumnMap, column_map
+from .sense import log_counts_contraction
 
 Say = Callable[[str], None]
 ENDINGS = (".csv", ".tsv", ".txt", *READERS, ".mcap", ".db3")
@@ -186,7 +186,7 @@ def _extension_positive(logs: list[BenchLog], reading: ReadingOptions, say: Say)
     if "displacement_m" in reading.columns.units:
         return logs  # somebody said which way it counts
     asked = [log for log in logs if "displacement_m" in log and "recorded_by" not in log.metadata]
-    turned = [log for log in asked if _counts_contraction(log)]
+    turned = [log for log in asked if log_counts_contraction(log)]
     if not turned:
         return logs
     zero_m = float(max(np.nanmax(log["displacement_m"]) for log in turned))
@@ -202,14 +202,3 @@ def _extension_positive(logs: list[BenchLog], reading: ReadingOptions, say: Say)
         else log
         for log in logs
     ]
-
-
-def _counts_contraction(log: BenchLog) -> bool:
-    """Whether the displacement is large where the wire is hot, by its resistance and by the current before."""
-    resistance, current = uncalibrated_resistance_and_current(log)
-    displacement_m = log["displacement_m"]
-    good = np.isfinite(resistance + current + displacement_m) & (current > 0.02 * np.nanmax(current))
-    if np.count_nonzero(good) < 20 or np.ptp(displacement_m[good]) == 0.0 or np.ptp(resistance[good]) == 0.0:
-        return False
-    rank = [np.argsort(np.argsort(values[good])) for values in (resistance, displacement_m)]
-    return float(np.corrcoef(rank[0], rank[1])[0, 1]) < -0.5

@@ -8,6 +8,7 @@ import pytest
 import yaml
 from characterised import virtual_rig
 
+from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Quality, Signals
 from sma_actuator.characterise.programs import partial_cycles, square_pulses
 from sma_actuator.config import Config
@@ -33,6 +34,15 @@ def unseen():
         pulses = rig.record(square_pulses(2, 0.3, 0.05, 5.0, 10.0))
         partial = rig.record(partial_cycles(list(np.linspace(0.004, 0.001, 4)), 0.3, 0.05, 6.0, 8.0))
     return [pulses, partial]
+
+
+def test_a_model_turned_round_is_not_loaded(whole):
+    mapping = {**whole.mapping, "model": {**whole.mapping["model"]}}
+    mapping["model"]["curve"] = [-value for value in mapping["model"]["curve"]]
+    with pytest.raises(
+        ConfigError, match=r"model.curve: displacement falls from the hot wire to the cold one.*counts contraction"
+    ):
+        Config.from_mapping(mapping)
 
 
 def sample(signals: Signals, i: int) -> Signals:

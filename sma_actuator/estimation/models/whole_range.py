@@ -33,7 +33,7 @@ from sma_actuator.base.jit import jit
 from sma_actuator.base.parameters import parameter
 from sma_actuator.base.sections import Wire
 
-from .checks import wrong_ranges, wrong_size
+from .checks import COUNTS_CONTRACTION, wrong_ranges, wrong_size
 from .model import COEFFICIENTS
 
 DIRECT = 3  #: features that are no plays: R, σ, θ
@@ -535,8 +535,15 @@ class WholeRangeCoefficients:
             *wrong_ranges(
                 stress_range=self.stress_range, displacement_range=self.displacement_range, stroke=self.stroke
             ),
-            *self._wrong_lengths(),
+            *(self._wrong_lengths() or self._wrong_sense()),
         ]
+
+    def _wrong_sense(self) -> list[str]:
+        """The physical curve goes up from the hot and little resistant wire to the cold and resistant one."""
+        by_resistance, by_temperature = self.curve[1], self.curve[DIRECT]
+        if by_resistance > by_temperature:
+            return []
+        return [f"model.curve: displacement falls from the hot wire to the cold one, {COUNTS_CONTRACTION}"]
 
     def _wrong_lengths(self) -> list[str]:
         plays = len(self.play_widths_K) + len(self.play_widths_Ohm)
