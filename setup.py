@@ -29,6 +29,7 @@ setup(
         "PyYAML>=6.0",
         "PyVISA>=1.13",
         "PyVISA-py>=0.7",
+        "pyserial>=3.5",
         "rich>=13",
         "joblib>=1.3",
         "threadpoolctl>=3.0",
@@ -46,6 +47,9 @@ setup(
         "baselines": ["scikit-learn>=1.3"],
         # Many wires at once: a table, logs behind URLs, a cluster; s3fs, gcsfs … bring the kinds of URLs.
         "fleet": ["distributed>=2024.1", "fsspec>=2024.2", "pyarrow>=14"],
+        # Instruments over USB and GPIB; serial lines and the network need nothing more.
+        "usb": ["pyusb>=1.2"],
+        "gpib": ["gpib-ctypes>=0.3"],
         "pymeasure": ["PyMeasure>=0.14"],
         "check": ["ruff>=0.17,<0.18", "mypy>=1.11", "import-linter>=2.0"],
         "docs": ["sphinx>=8.2", "myst-parser>=4.0", "sphinx-rtd-theme>=3.0"],

@@ -22,6 +22,8 @@ from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.registry import MEND, PlugInError, described, load_plug_in
 from sma_actuator.base.yaml_text import read_yaml
 
+from .parameters import TERMINATIONS
+
 FOLDER = Path(__file__).parent / "dialects"
 #: Entry points of other packages that bring a dialect: its name, and the package whose folder holds <name>.yaml.
 GROUP = "sma_actuator.dialects"
@@ -88,6 +90,7 @@ _KEYS = {
         "notes",
         "identity",
         "termination",
+        "answer_termination",
         "chained_queries",
         "watchdog_range_s",
         "watchdog_step_s",
@@ -97,7 +100,18 @@ _KEYS = {
         "queries",
         "trips",
     },
-    "daq": {"kind", "family", "source", "notes", "identity", "termination", "measures_celsius", "commands", "queries"},
+    "daq": {
+        "kind",
+        "family",
+        "source",
+        "notes",
+        "identity",
+        "termination",
+        "answer_termination",
+        "measures_celsius",
+        "commands",
+        "queries",
+    },
 }
 _YES = {"on", "yes", "true"}
 _NO = {"off", "no", "false"}  #: not the empty answer: it proves nothing
@@ -137,7 +151,7 @@ class Dialect:
     kind: str  #: supply or daq
     family: str
     identity: re.Pattern
-    termination: str
+    terminations: tuple[str, str]  #: of a line sent, of a line of an answer
     commands: Mapping[str, tuple[str, ...]]
     queries: Mapping[str, str]
     trips: Mapping[str, str]  #: word (OVP, OCP, OTP, WDOG) or ``*`` → query
@@ -180,10 +194,15 @@ class Dialect:
         if not (_is_number(step_s) and step_s >= 0.0):
             problems.append(f"watchdog_step_s: {step_s!r} is not a number of seconds")
         termination = document.get("termination", "\n")
-        if termination not in ("\n", "\r\n", "\r"):
-            problems.append(
-                f'termination: {termination!r} ends no line; "\\n", "\\r\\n" or "\\r" is wanted, in double quotes'
-            )
+        terminations = {
+            "termination": termination,
+            "answer_termination": document.get("answer_termination", termination),
+        }
+        problems += [
+            f'{key}: {value!r} ends no line; "\\n", "\\r\\n" or "\\r" is wanted, in double quotes'
+            for key, value in terminations.items()
+            if value not in TERMINATIONS.values()
+        ]
         flags = {key: document.get(key, False) for key in ("chained_queries", "measures_celsius", "second_session")}
         problems += [
             f"{key}: {value!r} is neither true nor false" for key, value in flags.items() if not isinstance(value, bool)
@@ -204,7 +223,7 @@ class Dialect:
             kind=kind,
             family=document.get("family", path.stem),
             identity=identity,
-            termination=termination,
+            terminations=(terminations["termination"], terminations["answer_termination"]),
             commands=commands,
             queries={name: lines[0] for name, lines in queries.items()},
             trips=document.get("trips", {}),

@@ -8,12 +8,48 @@ from typing import Protocol
 from sma_actuator.base.parameters import parameter, section
 from sma_actuator.base.sections import Loop, SupplyParameters
 
+#: Ends of a line by name: a parameter file that says \n in single quotes means something else.
+TERMINATIONS = {"lf": "\n", "cr": "\r", "crlf": "\r\n"}
+
 
 @dataclass(frozen=True, slots=True)
-class SupplyInstrument:
+class SerialLine:
+    """How the characters go over a serial line (``ASRL…``); on any other connection it means nothing."""
+
+    baud_rate: int = parameter(9600, "bits per second, as set on the instrument", "1/s", 50, 4_000_000)
+    data_bits: int = parameter(8, "bits of a character", "1", 5, 8)
+    parity: str = parameter("none", "parity of a character", choices=("none", "even", "odd", "mark", "space"))
+    stop_bits: int = parameter(1, "bits that end a character", "1", 1, 2)
+    flow_control: str = parameter(
+        "none",
+        "how one side tells the other to wait; rts_cts and dtr_dsr only where the cable has those wires",
+        choices=("none", "xon_xoff", "rts_cts", "dtr_dsr"),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Connection:
+    """What every instrument's connection has."""
+
+    serial: SerialLine = section(SerialLine, "serial line")
+    write_termination: str = parameter(
+        "", "end of a line sent; empty: the dialect's", choices=tuple(TERMINATIONS), optional=True
+    )
+    read_termination: str = parameter(
+        "", "end of a line of its answers; empty: the dialect's", choices=tuple(TERMINATIONS), optional=True
+    )
+    command_pause: float = parameter(
+        0.0, "least time from the end of one command or answer to the next command", "s", 0.0, 1.0
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class SupplyInstrument(Connection):
     """The power supply."""
 
-    resource: str = parameter("", "VISA resource, as TCPIP::192.168.0.5::5025::SOCKET", optional=True)
+    resource: str = parameter(
+        "", "VISA resource, as TCPIP::192.168.0.5::5025::SOCKET or ASRL/dev/ttyUSB0::INSTR", optional=True
+    )
     dialect: str = parameter(
         "virtual_bench_supply", "name of a dialect in sma_actuator/instruments/dialects, or path of a YAML file"
     )
@@ -29,10 +65,12 @@ class SupplyInstrument:
 
 
 @dataclass(frozen=True, slots=True)
-class DaqInstrument:
+class DaqInstrument(Connection):
     """The data acquisition unit."""
 
-    resource: str = parameter("", "VISA resource, as TCPIP::192.168.0.6::5025::SOCKET", optional=True)
+    resource: str = parameter(
+        "", "VISA resource, as TCPIP::192.168.0.6::5025::SOCKET or ASRL/dev/ttyUSB0::INSTR", optional=True
+    )
     dialect: str = parameter(
         "virtual_bench_daq", "name of a dialect in sma_actuator/instruments/dialects, or path of a YAML file"
     )

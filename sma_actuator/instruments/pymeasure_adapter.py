@@ -79,7 +79,7 @@ class PymeasureSupply(SessionSupply):
         self._class = _find_class(config.instruments.supply.pymeasure_class)
         self._names: dict[str, str] = {}
         self._output: Any = None
-        super().__init__(config, "\n", ())
+        super().__init__(config, ("\n", "\n"), ())
 
     def open(self) -> None:
         """Connect, output off, compliance voltage programmed and read back.

@@ -14,7 +14,7 @@ from sma_actuator.base.signals import Reading, SupplyState
 from . import Clock, InstrumentRefused, LimitsNotHeld, OutputStaysOn, WatchdogNotHeld
 from .dialect import Dialect, number, yes
 from .parameters import InstrumentSections
-from .session import OPENING_ANSWERS, Claim, Session
+from .session import OPENING_ANSWERS, Claim, Manner, Session
 from .supply import Abilities, SessionSupply
 
 #: The over-voltage trip sits this much above the compliance voltage, so that noise does not trip it.
@@ -70,7 +70,7 @@ class ScpiSupply(SessionSupply):
         off_lines = dialect.lines("output_off", channel=channel) + dialect.lines(
             "set_current", channel=channel, value=0.0
         )
-        super().__init__(config, dialect.termination, off_lines, dialect.lines("unlock", channel=channel))
+        super().__init__(config, dialect.terminations, off_lines, dialect.lines("unlock", channel=channel))
 
     @property
     def reads_back(self) -> frozenset[str]:
@@ -231,7 +231,7 @@ class ScpiDaq:
         self._instrument = daq = config.instruments.daq
         self._clock = clock
         self._dialect = Dialect.load(daq.dialect, "daq")
-        self._session = Session("daq", daq.resource, self._dialect.termination, daq.timeout)
+        self._session = Session("daq", daq.resource, Manner.of(daq, *self._dialect.terminations), daq.timeout)
         channels = {
             "supply_voltage_V": daq.supply_voltage_channel,
             "reference_voltage_V": daq.reference_voltage_channel,

@@ -25,11 +25,14 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Protocol, TypeVar, cast
 
 import pyvisa
 
 from . import InstrumentLost, InstrumentRefused, InstrumentUnreachable
+from .parameters import TERMINATIONS, Connection, SerialLine
 
 _log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -44,6 +47,26 @@ LAST_WORDS_s = 0.05
 OPENING_ANSWERS = 10
 
 
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """How lines go to and fro: where they end, how quickly they may follow each other, and over which kind of line."""
+
+    write_termination: str = "\n"
+    read_termination: str = "\n"
+    pause_s: float = 0.0  #: from the end of a command or an answer to the next command
+    serial: SerialLine = field(default_factory=SerialLine)  #: where it is one
+
+    @classmethod
+    def of(cls, connection: Connection, write_termination: str = "\n", read_termination: str = "\n") -> Manner:
+        """What the parameters say; the terminations are the dialect's, for where they say none."""
+        return cls(
+            TERMINATIONS.get(connection.write_termination, write_termination),
+            TERMINATIONS.get(connection.read_termination, read_termination),
+            connection.command_pause,
+            connection.serial,
+        )
+
+
 class Wire(Protocol):
     """Bytes to and from an instrument.  ``send`` and ``receive`` raise TimeoutError, OSError or pyvisa.Error."""
 
@@ -54,7 +77,7 @@ class Wire(Protocol):
         """At least one byte, before the deadline."""
 
     def unread(self) -> bytes:
-        """What has come and was not received yet; nothing where that cannot be known."""
+        """What has come already; nothing where that cannot be known."""
 
     def cut(self) -> None:
         """Break it under another thread that waits for it."""
@@ -104,9 +127,9 @@ class SocketWire:
         return data
 
     def unread(self) -> bytes:
-        """What has come unasked.  An end that has come is left for the next ``receive``."""
+        """What has come already.  An end that has come is for the next ``receive``."""
         try:
-            return self._socket.recv(_PIECE, socket.MSG_PEEK)
+            return self._socket.recv(_PIECE)
         except BlockingIOError:
             return b""
 
@@ -135,21 +158,41 @@ class VisaWire:
     """Any other resource of VISA, by pyvisa-py: VXI-11, HiSLIP, USB, GPIB, serial.
 
     Each call into VISA is bounded by VISA's own time-out, which some backends take by the wall
-    clock; the deadline of the whole answer is ours.  What came unasked is not seen here.
+    clock; the deadline of the whole answer is ours.  What came unasked is seen on a serial line alone.
     """
 
-    def __init__(self, resource: str, termination: str, deadline_s: float):
+    def __init__(self, resource: str, manner: Manner, deadline_s: float):
         visa = pyvisa.ResourceManager("@py").open_resource(
-            resource, read_termination=termination, open_timeout=_left_ms(deadline_s)
+            resource, read_termination=manner.read_termination, open_timeout=_left_ms(deadline_s)
         )
         self._visa = cast("pyvisa.resources.MessageBasedResource", visa)
-        # A serial line has no messages, only bytes: pyvisa-py would wait for all that are asked for, by the wall clock.
-        self._piece = 1 if isinstance(self._visa, pyvisa.resources.SerialInstrument) else 4096
+        self._serial = isinstance(self._visa, pyvisa.resources.SerialInstrument)
+        if self._serial:
+            try:
+                self._prepare(cast("pyvisa.resources.SerialInstrument", visa), manner.serial)
+            except BaseException:
+                self._visa.close()
+                raise
+
+    @staticmethod
+    def _prepare(line: pyvisa.resources.SerialInstrument, wanted: SerialLine) -> None:
+        """Set a serial line as it is wanted, and forget what came before: it has no beginning, as a stream has."""
+        constants = pyvisa.constants
+        line.baud_rate, line.data_bits = wanted.baud_rate, wanted.data_bits
+        line.parity = constants.Parity[wanted.parity]
+        line.stop_bits = {1: constants.StopBits.one, 2: constants.StopBits.two}[wanted.stop_bits]
+        line.flow_control = constants.ControlFlow[wanted.flow_control]
+        line.flush(constants.BufferOperation.discard_read_buffer)
 
     def lock(self) -> None:
-        """Take VISA's exclusive lock, where the resource class has one."""
-        with contextlib.suppress(NotImplementedError, AttributeError):
+        """Take VISA's exclusive lock, where the interface has one: pyvisa-py's have none but for VXI-11."""
+        try:
             self._visa.lock_excl(timeout=0)
+        except (NotImplementedError, AttributeError):
+            pass
+        except pyvisa.VisaIOError as error:
+            if error.error_code != pyvisa.constants.StatusCode.error_nonsupported_operation:
+                raise
 
     def send(self, data: bytes, deadline_s: float) -> None:
         """Write all of it."""
@@ -158,14 +201,23 @@ class VisaWire:
 
     def receive(self, deadline_s: float) -> bytes:
         """A piece of an answer, or all of it."""
-        code = pyvisa.constants.StatusCode.success_max_count_read
-        with self._until(deadline_s), self._visa.ignore_warning(code):
-            data, _ = self._visa.visalib.read(self._visa.session, self._piece)
-        return data
+        # A serial line has no messages, only bytes: pyvisa-py would wait for all that are asked for, by the wall clock.
+        return self._read(max(1, self._waiting) if self._serial else 4096, deadline_s)
 
     def unread(self) -> bytes:
-        """Not to be known."""
-        return b""
+        """What has come on a serial line; of any other that is not to be known."""
+        waiting = self._waiting if self._serial else 0
+        return self._read(waiting, time.monotonic() + LAST_WORDS_s) if waiting else b""
+
+    @property
+    def _waiting(self) -> int:
+        return cast("pyvisa.resources.SerialInstrument", self._visa).bytes_in_buffer
+
+    def _read(self, most: int, deadline_s: float) -> bytes:
+        code = pyvisa.constants.StatusCode.success_max_count_read
+        with self._until(deadline_s), self._visa.ignore_warning(code):
+            data, _ = self._visa.visalib.read(self._visa.session, most)
+        return data
 
     def cut(self) -> None:
         """Close it: the call that waits for it then fails, at the latest by its time-out."""
@@ -214,11 +266,11 @@ class Claim:
 class Session:
     """One connection at a time: texts out, texts in, every failure an InstrumentError that says who and what."""
 
-    def __init__(self, role: str, resource: str, termination: str, timeout_s: float, off_lines: Sequence[str] = ()):
+    def __init__(self, role: str, resource: str, manner: Manner, timeout_s: float, off_lines: Sequence[str] = ()):
         self.role = role
         self.resource = resource
         self.lock = threading.RLock()
-        self._termination = termination.encode()
+        self._manner = manner
         self._timeout_s = timeout_s
         self.off_lines = tuple(off_lines)
         self._addresses: list[tuple] = []  #: asked for once: a name server may be slower than any instrument
@@ -242,7 +294,7 @@ class Session:
 
     def beside(self) -> Session:
         """A second session to the same instrument, not open yet."""
-        other = Session(self.role, self.resource, self._termination.decode(), self._timeout_s, self.off_lines)
+        other = Session(self.role, self.resource, self._manner, self._timeout_s, self.off_lines)
         other._addresses = self._addresses
         return other
 
@@ -289,16 +341,24 @@ class Session:
         self._wire = wire
         self._midline = False  #: a line was begun and not ended
         self._answered = False  #: a question, on this connection
+        self._free_s = -math.inf  #: when the next line may go
 
     def say_off(self) -> None:
         """Write the off lines, blind and in bounded time, from any thread.  Never raises."""
         wire = self._wire
         if wire is None or not self.off_lines:
             return
-        start = self._termination if self._midline else b""
-        data = start + b"".join(line.encode() + self._termination for line in self.off_lines)
+        end = self._manner.write_termination
+        pieces = [line + end for line in self.off_lines]
+        if self._midline:
+            pieces[0] = end + pieces[0]
+        if not self._manner.pause_s:
+            pieces = ["".join(pieces)]
         try:
-            wire.send(data, time.monotonic() + LAST_WORDS_s)
+            for piece in pieces:
+                self._pause(math.inf)
+                wire.send(piece.encode(), time.monotonic() + LAST_WORDS_s)
+                self._has_spoken()
         except (OSError, pyvisa.Error) as error:
             _log.debug("%s: off could not be written: %s", self.name, error)
 
@@ -320,6 +380,7 @@ class Session:
                 )
             self._send(line, by_s)
             reply, extra = self._do(line, lambda wire: self._line(wire, by_s))
+            self._has_spoken()
         text = reply.decode("ascii", errors="replace").strip()
         if text == line:
             raise self.give_up(f"repeats what it is asked, '{line}': {self._for_people}, or its echo is on")
@@ -372,7 +433,7 @@ class Session:
                     raise OSError(f"there is no port {port}")
                 self._addresses = socket.getaddrinfo(name.host_address, port, type=socket.SOCK_STREAM)
             return SocketWire(self._addresses, by_s)
-        wire = VisaWire(self.resource, self._termination.decode(), by_s)
+        wire = VisaWire(self.resource, self._manner, by_s)
         if lock:
             try:
                 wire.lock()
@@ -382,24 +443,39 @@ class Session:
         return wire
 
     def _send(self, line: str, by_s: float) -> None:
+        data = (line + self._manner.write_termination).encode()
+        self._do(line, lambda _: self._pause(by_s))
         self._midline = True
-        self._do(line, lambda wire: wire.send(line.encode() + self._termination, by_s))
+        self._do(line, lambda wire: wire.send(data, by_s))
         self._midline = False
+        self._has_spoken()
+
+    def _has_spoken(self) -> None:
+        self._free_s = time.monotonic() + self._manner.pause_s
+
+    def _pause(self, by_s: float) -> None:
+        """Leave the instrument its time after the last line.  Raises TimeoutError where that lasts too long."""
+        if self._free_s > by_s:
+            raise TimeoutError(f"instruments.{self.role}.command_pause, {self._manner.pause_s:g} s, is a part of it")
+        left_s = self._free_s - time.monotonic()
+        if left_s > 0.0:
+            time.sleep(left_s)
 
     def _line(self, wire: Wire, by_s: float) -> tuple[bytes, bytes]:
         """One line of the answer, and what came after it."""
-        got = b""
-        while self._termination not in got:
+        got, end = b"", self._manner.read_termination.encode()
+        while end not in got:
             if len(got) > LONGEST_ANSWER:
                 raise OSError(f"its answer has no end within {LONGEST_ANSWER} bytes")
             try:
                 got += wire.receive(by_s)
             except TimeoutError as error:
                 begun = (
-                    f"'{_shown(got)}' came, without the end of a line, {self._termination.decode()!r}" if got else ""
+                    f"'{_shown(got)}' came, without the end of a line, {self._manner.read_termination!r} "
+                    f"(instruments.{self.role}.read_termination)"
                 )
-                raise TimeoutError(begun) from error
-        line, _, extra = got.partition(self._termination)
+                raise TimeoutError(begun if got else "") from error
+        line, _, extra = got.partition(end)
         return line, extra
 
     def _do(self, line: str, action: Callable[[Wire], T]) -> T:
@@ -410,6 +486,8 @@ class Session:
             return action(wire)
         except TimeoutError as error:
             begun = f": {error}" if str(error) else ""
+            if not self._answered and self.resource.upper().startswith("ASRL"):
+                begun += f"; is instruments.{self.role}.serial.baud_rate, {self._manner.serial.baud_rate}, right?"
             raise self.give_up(f"no complete answer to '{line}' within {self._timeout_s:g} s{begun}") from error
         except (pyvisa.Error, OSError, ValueError) as error:
             raise self.give_up(f"the connection broke at '{line}' ({error})") from error
@@ -432,6 +510,9 @@ def _canonical(resource: str) -> str:
         name = pyvisa.rname.ResourceName.from_string(resource)
     except pyvisa.rname.InvalidResourceName:
         return resource
+    if isinstance(name, pyvisa.rname.ASRLInstr) and name.board.startswith("/"):
+        name.board = str(Path(name.board).resolve())  # /dev/serial/by-id/… is one of several names
+        return str(name)
     if isinstance(name, pyvisa.rname.TCPIPSocket | pyvisa.rname.TCPIPInstr):
         with contextlib.suppress(OSError, UnicodeError):  # a host without an address has no other name either
             found = socket.getaddrinfo(name.host_address, None, type=socket.SOCK_STREAM)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from . import InstrumentError, InstrumentRefused, OutputStaysOn
 from .parameters import InstrumentSections
-from .session import OPENING_ANSWERS, Claim, Session
+from .session import OPENING_ANSWERS, Claim, Manner, Session
 
 _log = logging.getLogger(__name__)
 
@@ -70,12 +70,17 @@ class SessionSupply(ABC):
     """How a supply is opened, switched off and given up; what it is told is for the subclasses to say."""
 
     def __init__(
-        self, config: InstrumentSections, termination: str, off_lines: Sequence[str], unlock_lines: Sequence[str] = ()
+        self,
+        config: InstrumentSections,
+        terminations: tuple[str, str],
+        off_lines: Sequence[str],
+        unlock_lines: Sequence[str] = (),
     ):
         self._limits = config.supply
         self._instrument = config.instruments.supply
         self._channel = self._instrument.channel
-        self._session = Session("supply", self._instrument.resource, termination, self._instrument.timeout, off_lines)
+        manner = Manner.of(self._instrument, *terminations)
+        self._session = Session("supply", self._instrument.resource, manner, self._instrument.timeout, off_lines)
         self._unlock_lines = tuple(unlock_lines)
         self._claim: Claim | None = None
         self._ours = False  #: it was opened, so that whatever flows is ours

@@ -13,7 +13,7 @@ import pyvisa
 
 from sma_actuator.instruments import InstrumentLost, InstrumentRefused, InstrumentUnreachable
 from sma_actuator.instruments import session as session_module
-from sma_actuator.instruments.session import Session
+from sma_actuator.instruments.session import Manner, Session
 
 TIMEOUT_s = 0.4  #: where an answer must not come
 PATIENT_s = 20.0  #: where it must
@@ -84,7 +84,7 @@ def peer():
 
 @pytest.fixture
 def session(peer):
-    session = Session("supply", peer.resource, "\n", TIMEOUT_s, ["OUTP OFF", "CURR 0"])
+    session = Session("supply", peer.resource, Manner(), TIMEOUT_s, ["OUTP OFF", "CURR 0"])
     session.open()
     peer.accept()
     yield session
@@ -118,7 +118,7 @@ def test_an_answer_without_an_end_is_given_up_though_the_wall_clock_steps_back(p
 
 
 def test_what_came_of_an_answer_without_an_end_is_shown(peer):
-    session = Session("supply", peer.resource, "\r\n", TIMEOUT_s)
+    session = Session("supply", peer.resource, Manner("\r\n", "\r\n"), TIMEOUT_s)
     session.open()
     peer.accept()
     peer.answer(b"1.5\n")
@@ -128,7 +128,7 @@ def test_what_came_of_an_answer_without_an_end_is_shown(peer):
 
 
 def test_an_answer_may_come_in_pieces_that_part_the_end_of_the_line(peer):
-    session = Session("supply", peer.resource, "\r\n", PATIENT_s)
+    session = Session("supply", peer.resource, Manner("\r\n", "\r\n"), PATIENT_s)
     session.open()
     connection = peer.accept()
 
@@ -180,7 +180,7 @@ def test_a_port_that_repeats_what_it_hears_is_said_to_be_for_people(peer, sessio
 
 
 def test_a_connection_that_is_closed_after_each_answer_is_lost_and_not_used_again(peer):
-    session = Session("supply", peer.resource, "\n", PATIENT_s)
+    session = Session("supply", peer.resource, Manner(), PATIENT_s)
     session.open()
     peer.accept()
     peer.answer(b"1\n")
@@ -311,7 +311,7 @@ def test_a_host_that_does_not_answer_is_given_up_in_time():
         waiting.append(socket.socket())
         waiting[-1].setblocking(False)
         waiting[-1].connect_ex(address)
-    session = Session("daq", f"TCPIP::127.0.0.1::{address[1]}::SOCKET", "\n", TIMEOUT_s)
+    session = Session("daq", f"TCPIP::127.0.0.1::{address[1]}::SOCKET", Manner(), TIMEOUT_s)
     start_s = time.monotonic()
     with pytest.raises(InstrumentUnreachable, match="cannot be opened"):
         session.open()
@@ -330,14 +330,14 @@ def test_a_host_that_does_not_answer_is_given_up_in_time():
     ],
 )
 def test_a_port_where_nobody_is_says_so(port, words):
-    session = Session("daq", f"TCPIP::127.0.0.1::{port}::SOCKET", "\n", PATIENT_s)
+    session = Session("daq", f"TCPIP::127.0.0.1::{port}::SOCKET", Manner(), PATIENT_s)
     with pytest.raises(InstrumentUnreachable, match=words):
         session.open()
 
 
 def test_of_several_addresses_the_first_that_answers_is_taken(peer):
     """As of a name with an IPv6 address beside the one where the instrument is."""
-    session = Session("daq", peer.resource, "\n", PATIENT_s)
+    session = Session("daq", peer.resource, Manner(), PATIENT_s)
     port = int(peer.resource.split("::")[2])
     session._addresses = [
         (socket.AF_INET, socket.SOCK_STREAM, 0, "", (host, number))
@@ -424,7 +424,7 @@ def test_a_connection_that_cannot_be_closed_is_given_up_all_the_same(session, mo
 @pytest.mark.parametrize("host", ("127.0.0.1", "127.1", "LocalHost"))
 def test_one_program_alone_speaks_to_a_claimed_instrument_however_its_host_is_written(peer, host):
     resources = (peer.resource, peer.resource.replace("127.0.0.1", host))
-    one, other = (Session("supply", resource, "\n", TIMEOUT_s) for resource in resources)
+    one, other = (Session("supply", resource, Manner(), TIMEOUT_s) for resource in resources)
     claim = one.claim("why")
     with pytest.raises(InstrumentRefused, match="another program on this computer.*speaks to it") as refused:
         other.claim("why")
@@ -444,7 +444,7 @@ def test_a_host_of_two_kinds_of_addresses_is_claimed_by_that_which_most_have(pee
         socket, "getaddrinfo", lambda host, *more, **how: both if host == "psu.lab" else found(host, *more, **how)
     )
     resources = (peer.resource.replace("127.0.0.1", host) for host in ("psu.lab", "127.0.0.1", "127.0.0.2"))
-    named, same, another = (Session("supply", resource, "\n", TIMEOUT_s) for resource in resources)
+    named, same, another = (Session("supply", resource, Manner(), TIMEOUT_s) for resource in resources)
     claims = [named.claim("why"), another.claim("why")]
     with pytest.raises(InstrumentRefused, match="another program on this computer"):
         same.claim("why")
@@ -456,7 +456,7 @@ def test_a_host_of_two_kinds_of_addresses_is_claimed_by_that_which_most_have(pee
     "resource", ("TCPIP::no.such.host.invalid::5025::SOCKET", f"TCPIP::{'x' * 70}::INSTR", "ASRL1::INSTR", "anything")
 )
 def test_what_has_no_address_is_claimed_by_its_name(resource):
-    one, other = (Session("supply", resource, "\n", TIMEOUT_s) for _ in range(2))
+    one, other = (Session("supply", resource, Manner(), TIMEOUT_s) for _ in range(2))
     claim = one.claim("why")
     with pytest.raises(InstrumentRefused, match="another program on this computer"):
         other.claim("why")
@@ -471,7 +471,7 @@ def test_a_resource_that_visa_does_not_find_cannot_be_opened(monkeypatch):
     with pytest.raises(
         InstrumentUnreachable, match="daq at USB0::1::2::3::INSTR: cannot be opened .*is it switched on"
     ):
-        Session("daq", "USB0::1::2::3::INSTR", "\n", PATIENT_s).open()
+        Session("daq", "USB0::1::2::3::INSTR", Manner(), PATIENT_s).open()
 
 
 class TestSerial:
@@ -482,7 +482,7 @@ class TestSerial:
         ours, theirs = os.openpty()
         tty.setraw(ours)
         tty.setraw(theirs)
-        session = Session("supply", f"ASRL{os.ttyname(theirs)}::INSTR", "\n", PATIENT_s, ["OUTP OFF"])
+        session = Session("supply", f"ASRL{os.ttyname(theirs)}::INSTR", Manner(), PATIENT_s, ["OUTP OFF"])
         session.open()
         yield ours, session
         session.close()
