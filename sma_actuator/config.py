@@ -147,14 +147,29 @@ def bench_from_mapping(mapping: Mapping[str, Any], source: str = "") -> BenchCon
     return bench
 
 
+def config_from_mapping(mapping: Mapping[str, Any], source: str = "") -> BenchConfig:
+    """A Config where ``mapping`` has a model, else the parameters of a bench.  Raises ConfigError."""
+    return (Config.from_mapping if "model" in mapping else bench_from_mapping)(mapping, source)
+
+
+def require_sense_resistor(config: BenchConfig) -> None:
+    """Raise ConfigError where the sense resistor is not given: everything else is measured with it."""
+    refuse(_sense_resistor(config), "")
+
+
+def _sense_resistor(config: BenchConfig) -> list[str]:
+    if math.isfinite(config.circuit.reference_resistance):
+        return []
+    missing = (
+        "circuit.reference_resistance: missing; the resistance of the sense resistor in ohms is wanted, without it "
+        "neither the current nor the wire's resistance is known"
+    )
+    return [missing]
+
+
 def require_calibrated(config: BenchConfig) -> None:
     """Raise ConfigError where a raw channel of the bench has no calibration: nothing may be driven by a guess of it."""
-    problems = []
-    if not math.isfinite(config.circuit.reference_resistance):
-        problems.append(
-            "circuit.reference_resistance: missing; the resistance of the sense resistor in ohms is wanted, without it "
-            "neither the current nor the wire's resistance is known"
-        )
+    problems = _sense_resistor(config)
     if not config.load_cell.calibrated:
         problems.append(
             "load_cell.slope, load_cell.offset: missing; the load cell's calibration in N/V and N is wanted "

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from pathlib import Path
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
+from sma_actuator.check import look_first
 from sma_actuator.config import bench_from_mapping, read_parameter_file
 from sma_actuator.console import add_output_arguments, notes, questions, refuse_to_overwrite, results, write_json
 from sma_actuator.console.asking import Asking, paused, read_answers
+from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.plant.worlds import HOME, WORLDS
 
 from .operators import BenchOperator, Operator, ScpiBenchOperator, TerminalOperator
 from .parts import RUN
 from .plan import Part, PlanOptions, make_plan
 from .rig import Rig
-from .session import characterise
+from .session import BENCH_FILE, characterise
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -110,7 +113,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="time averaged at each calibration point (default %(default)s)",
     )
     parser.add_argument(
-        "--skip", action="append", default=[], choices=sorted(RUN), help="leave out this kind of part; may be repeated"
+        "--skip",
+        action="append",
+        default=[],
+        choices=["check", *sorted(RUN)],
+        help="leave out this kind of part, or the check of the wiring before anything is heated; may be repeated",
     )
     parser.add_argument("--seed", type=int, default=0, help="seed of the virtual bench's noise")
     parser.add_argument(
@@ -216,12 +223,24 @@ def run(args: argparse.Namespace) -> int:
                 console.print(f"part {len(begun)} of {len(plan)}: {part.name}, about {part.duration_s:.0f} s")
             bar.update(task, completed=before_s[part.name] + min(elapsed_s, part.duration_s), description=part.name)
 
-        manifest = characterise(mapping, plan, rig, operator, args.out, progress)
+        def first() -> None:
+            # A calibration in the file is that of an older model; the wire of the bench in this process has no wiring.
+            if not args.virtual and "check" not in args.skip:
+                with paused(bar):
+                    unknown = dataclasses.replace(rig.config, calibration=Calibration())
+                    look_first(unknown, rig.supply, rig.daq, rig.clock, console)
+
+        manifest = characterise(mapping, plan, rig, operator, args.out, progress, first)
     write_page(args.out, manifest)
     write_json(args, manifest.data)
     results(args).print(
         f"{len(plan)} parts are in {args.out}: logs, {manifest.path.name}, bench.yaml and calibration.html"
     )
+    logs = " ".join(
+        f"{args.out}/{kind}_*.csv" for kind in ("pulses", "partial", "levels") if kind in {p.kind for p in plan}
+    )
+    if logs:
+        console.print(f"next: sma-actuator identify {logs} --config {args.out / BENCH_FILE} --out my_wire.yaml")
     return 0
 
 

@@ -20,8 +20,8 @@ from .programs import Program, held_currents, hold, partial_cycles, square_pulse
 from .rig import Rig
 
 Progress = Callable[[float], None]
-#: What a load cell that is not calibrated yet may seem to show.
-UNCALIBRATED = ("reading_implausible",)
+#: What a load cell that is not calibrated yet may seem to show; no more than the bias flows meanwhile.
+UNCALIBRATED = ("reading_implausible", "stress_above_limit")
 PATIENCE = 4.0  #: a pause after a pulse is at most so many times as long, while the wire still moves
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from sma_actuator.base.parameters import ConfigError
+from sma_actuator.config import require_sense_resistor
 
 from .programs import every_ordered_pair
 
@@ -133,11 +134,7 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
 
 def _measurable(config, options: PlanOptions) -> None:
     """Raise ConfigError where a channel has no calibration that the plan does not measure either."""
-    if not math.isfinite(config.circuit.reference_resistance):
-        raise ConfigError(
-            "circuit.reference_resistance: missing; the resistance of the sense resistor in ohms is wanted, it is what "
-            "everything else is measured with"
-        )
+    require_sense_resistor(config)
     if not config.load_cell.calibrated and "load_cell" in options.skip:
         raise ConfigError(
             "load_cell.slope, load_cell.offset: missing, and --skip load_cell leaves them out; without them the wire's "

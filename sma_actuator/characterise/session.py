@@ -26,9 +26,11 @@ def characterise(
     operator: Operator,
     folder: Path,
     progress: Callable[[Part, float], None] = lambda part, elapsed_s: None,
+    first: Callable[[], None] = lambda: None,
 ) -> Manifest:
     """Measure every part of ``plan`` that ``folder`` does not hold yet.
 
+    ``first`` is called before the instruments are opened, where anything is left to measure.
     Writes ``NAME.csv`` with its metadata for every log, ``manifest.json`` after every part, and
     ``bench.yaml``: ``mapping`` (the bench's parameters) with the calibrations that were measured.
     Raises ConfigError, InstrumentError or BenchLogError; what was finished stays, and the current is off.
@@ -45,6 +47,7 @@ def characterise(
     _use_calibration(mapping, manifest, rig, folder)
     if not todo:
         return manifest
+    first()
     with rig.opened():
         for part in todo:
             outcome = RUN[part.kind](part, rig, operator, logs, partial(progress, part))

@@ -1,6 +1,6 @@
 """Whether a wire is wired as its parameters say: every instrument asked, a little current, and the watchdog put to the test."""
 
-from .command import add_arguments, run
+from .command import add_arguments, look_first, next_step, run
 from .selftest import Found, SelfTest, passed
 
-__all__ = ["Found", "SelfTest", "add_arguments", "passed", "run"]
+__all__ = ["Found", "SelfTest", "add_arguments", "look_first", "next_step", "passed", "run"]

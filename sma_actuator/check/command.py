@@ -1,21 +1,30 @@
-"""``sma-actuator check``: the self-test, on instruments that no node holds."""
+"""``sma-actuator check``: the self-test, on instruments that no node holds; and before a wire is heated for the first time."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Callable
+from pathlib import Path
 
+from rich.console import Console
+
+from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import noted_signals
-from sma_actuator.config import Config
+from sma_actuator.config import BenchConfig, Config, config_from_mapping, read_parameter_file, require_sense_resistor
 from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, write_json
+from sma_actuator.instruments import Clock, Daq, PowerSupply
 
-from .selftest import Level, SelfTest, passed
+from .selftest import Found, Level, SelfTest, passed
 
 _MARKS = {Level.OK: "ok", Level.WARNING: "look", Level.WRONG: "WRONG"}
 
 
 def add_arguments(parser) -> None:
     """Declare the options of ``sma-actuator check``."""
-    parser.add_argument("--config", required=True, metavar="FILE", help="parameter file of the wire")
+    parser.add_argument(
+        "--config", type=Path, required=True, metavar="FILE", help="parameter file of the wire, with a model or without"
+    )
     parser.add_argument("--virtual", choices=("flexinol", "furukawa"), help="on this wire of the virtual bench")
     add_output_arguments(parser, "what was found")
 
@@ -23,19 +32,62 @@ def add_arguments(parser) -> None:
 def run(args) -> int:
     """Test; 0 where nothing is wrong."""
     refuse_to_overwrite(args)
-    config = Config.load(args.config)
+    config = config_from_mapping(read_parameter_file(args.config), str(args.config))
+    require_sense_resistor(config)
     with noted_signals() as interrupts:
-        test = SelfTest(config, *_instruments(config, args.virtual))
-        notes(args).print(f"at most {2e3 * config.supply.bias_current:g} mA will flow; the output is off afterwards")
-        found = test.run(lambda: bool(interrupts))
-        for each in found:
-            results(args).print(f"{_MARKS[each.level]:6} {each.part:15} {each.sentence}", markup=False)
+        found = _test(config, *_instruments(config, args.virtual), lambda: bool(interrupts), notes(args), results(args))
         write_json(args, [dataclasses.asdict(each) | {"level": each.level.name.lower()} for each in found])
         interrupts.raise_noted()
+    again = f"sma-actuator check --config {args.config}"
+    notes(args).print(
+        f"next: {next_step(config, args.config)}" if passed(found) else f"mend that, then look again: {again}",
+        markup=False,
+    )
     return 0 if passed(found) else 1
 
 
-def _instruments(config: Config, virtual: str | None):
+def look_first(config: BenchConfig, supply: PowerSupply, daq: Daq, clock: Clock, console: Console) -> None:
+    """Look at the wiring before a wire is heated.  Raises UserError where it is not as the parameters say."""
+    console.print("first the wiring is checked, with the wire between its crimps", markup=False)
+    with noted_signals() as interrupts:
+        found = _test(config, supply, daq, clock, lambda: bool(interrupts), console, console)
+        interrupts.raise_noted()
+    if not passed(found):
+        wrong = "; ".join(f"{each.part}: {each.sentence}" for each in found if each.level is Level.WRONG)
+        raise UserError(
+            f"nothing was heated, since the wiring is not what the bench file says: {wrong}. Mend that and start again; "
+            "`--skip check` goes on regardless"
+        )
+
+
+def _test(
+    config: BenchConfig,
+    supply: PowerSupply,
+    daq: Daq,
+    clock: Clock,
+    interrupted: Callable[[], bool],
+    before: Console,
+    lines: Console,
+) -> list[Found]:
+    """Test, and print a line for each part."""
+    most_A = min(2.0 * config.supply.bias_current, config.supply.max_current)
+    before.print(f"at most {1e3 * most_A:g} mA will flow; the output is off afterwards")
+    found = SelfTest(config, supply, daq, clock).run(interrupted)
+    for each in found:
+        lines.print(f"{_MARKS[each.level]:6} {each.part:15} {each.sentence}", markup=False)
+    return found
+
+
+def next_step(config: BenchConfig, path: Path) -> str:
+    """What to do with a parameter file whose wiring is right."""
+    if isinstance(config, Config):
+        return f"drive the wire: sma_actuator_node --ros-args --params-file {path}"
+    if math.isfinite(config.load_cell.slope) and not config.instruments.daq.lvdt_channel:
+        return f"identify a model from logs of the wire: sma-actuator identify LOG… --config {path} --out my_wire.yaml"
+    return f"measure the wire: sma-actuator characterise --config {path} --out out/wire"
+
+
+def _instruments(config: BenchConfig, virtual: str | None) -> tuple[PowerSupply, Daq, Clock]:
     if virtual:
         from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
 

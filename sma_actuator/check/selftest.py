@@ -7,6 +7,7 @@ the current is zero and the output off, and what the supply read back of that is
 from __future__ import annotations
 
 import enum
+import math
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_actuator.base.signals import Reading
-from sma_actuator.config import Config
+from sma_actuator.config import BenchConfig
 from sma_actuator.estimation.calibration import through
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
@@ -64,9 +65,12 @@ class _Ends(Exception):
 
 
 class SelfTest:
-    """The parts, on instruments that are not connected yet.  :meth:`abort` ends it from another thread."""
+    """The parts, on instruments that are not connected yet, of a wire with a model or without.
 
-    def __init__(self, config: Config, supply: PowerSupply, daq: Daq, clock: Clock):
+    :meth:`abort` ends it from another thread.
+    """
+
+    def __init__(self, config: BenchConfig, supply: PowerSupply, daq: Daq, clock: Clock):
         self._config, self._supply, self._daq, self._clock = config, supply, daq, clock
         self._aborted = threading.Event()
         self._feeding = False  #: the watchdog of the supply
@@ -218,6 +222,12 @@ class SelfTest:
 
     def _load(self, values: dict[str, np.ndarray]) -> None:
         cell, wire = self._config.load_cell, self._config.wire
+        self._load_N = math.nan
+        if not cell.calibrated:
+            self._say(
+                "load cell", "not told: it has no calibration yet; `sma-actuator characterise` makes it", Level.WARNING
+            )
+            return
         most_N = wire.max_stress * wire.area_m2
         load_N = float(np.mean(values["load_cell_voltage_V"])) * cell.slope + cell.offset
         if load_N < -LEAST_LOAD_SHARE * most_N:
@@ -339,8 +349,8 @@ class SelfTest:
 
     def _leads(self, resistance_Ohm: float) -> None:
         calibration, config = self._config.calibration, self._config
-        if not calibration.cold_resistance:
-            self._say("leads", "not told: the calibration does not say what the cold wire has", Level.WARNING)
+        if not (calibration.cold_resistance and math.isfinite(self._load_N)):
+            self._say("leads", "not told: no calibration says what the cold wire has", Level.WARNING)
             return
         stress_Pa = self._load_N / config.wire.area_m2
         cold_Ohm = float(through(calibration.cold_stress, calibration.cold_resistance, stress_Pa))

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +19,7 @@ from sma_actuator.base.yaml_text import parse_yaml
 from sma_actuator.config import (
     BenchConfig,
     Config,
-    bench_from_mapping,
+    config_from_mapping,
     read_parameter_file,
     require_calibrated,
     write_parameter_file,
@@ -29,6 +28,7 @@ from sma_actuator.console import add_output_arguments, notes, questions, refuse_
 from sma_actuator.console.asking import Asking, read_answers
 from sma_actuator.derived import derived
 from sma_actuator.instruments.dialect import FOLDER, Dialect
+from sma_actuator.logs.units import quantity
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +37,10 @@ class Question:
 
     name: str  #: dotted
     words: str
+    explained: str  #: what a person is told who answers with a question mark
     default: str | None = None  #: what an empty answer means; None: there must be one
     when: Callable[[Mapping[str, Any]], bool] = lambda mapping: True
+    of: str = ""  #: asked only where this was asked: a file that has the instrument has its usual channels too
 
 
 def _dialects(kind: str) -> str:
@@ -51,33 +53,114 @@ def _has_no_watchdog(mapping: Mapping[str, Any]) -> bool:
 
 
 QUESTIONS = (
-    Question("wire.alloy", "Alloy of the wire: ni-ti or ni-ti-cu?"),
-    Question("wire.length", "Length of the wire between its crimps, in metres (100 mm is 0.1)?"),
-    Question("wire.diameter", "Diameter of the wire, in metres (0.15 mm is 0.15e-3)?"),
-    Question("circuit.reference_resistance", "Sense resistor in series with the wire, in ohms?"),
-    Question("load_cell.slope", "Load cell, newtons per volt (Enter: `characterise` will measure it)?", ""),
     Question(
-        "load_cell.offset",
-        "Load at zero volts of the load cell, in newtons?",
-        "0.0",
-        lambda mapping: "slope" in mapping.get("load_cell", {}),
+        "wire.alloy",
+        "Alloy of the wire: ni-ti or ni-ti-cu?",
+        "Flexinol and most wires that are sold for actuators are ni-ti. Ni-Ti-Cu (as Furukawa NT-H7) has some 10 % copper; the "
+        "packet says so.",
     ),
-    Question("instruments.supply.resource", "Power supply, as TCPIP::192.168.0.5::5025::SOCKET?"),
     Question(
-        "instruments.supply.dialect", f"Language of the power supply: {_dialects('supply')}, or the path of a file?"
+        "wire.length",
+        "Length of the wire between its crimps, as 100mm?",
+        "From crimp to crimp, pulled straight and cold. Resistance, stroke and the current it bears follow from it. A bare "
+        "number is metres.",
+    ),
+    Question(
+        "wire.diameter",
+        "Diameter of the wire, as 0.15mm or 0.006in?",
+        "As on the packet. An error of 5 % here is 10 % in stress. A bare number is metres.",
+    ),
+    Question(
+        "circuit.reference_resistance",
+        "Sense resistor in series with the wire, as 1ohm?",
+        "The current is measured as the voltage across it, so it must be known well: a four-wire resistor of 0.1 to 1 Ω, 0.1 % "
+        "or better, that bears the power (1 Ω at 400 mA: 0.16 W, so take 1 W) and hardly warms.",
+    ),
+    Question(
+        "instruments.supply.resource",
+        "Power supply, as TCPIP::192.168.0.5::5025::SOCKET?",
+        "Its VISA address. Over the network: the address that its menu shows, with port 5025 for most makes (see its manual). "
+        "USB: USB0::…::INSTR, a serial line: ASRL/dev/ttyUSB0::INSTR; `pyvisa-shell`, then `list`, shows what is found.",
+    ),
+    Question(
+        "instruments.supply.dialect",
+        f"Language of the power supply: {_dialects('supply')}, or the path of a file?",
+        "The commands of its family. Another family is a short file of your own, no code: docs/dialects.md.",
+    ),
+    Question(
+        "instruments.supply.channel",
+        "Output of the power supply (Enter: 1)?",
+        "The number of the output that the wire hangs on; a supply with one output has 1.",
+        "1",
+        of="instruments.supply.resource",
     ),
     Question(
         "supply.allow_no_watchdog",
         "This supply has no watchdog, so a killed computer leaves the current on; true accepts that, wired against "
         "(docs/safety.md); true or false?",
+        "A watchdog is the supply's own timer: it cuts the output when the computer falls silent. Without one max_current must "
+        "be what the wire survives for ever (it is, as derived here), and something else has to cut when nobody is there.",
         when=_has_no_watchdog,
     ),
-    Question("instruments.daq.resource", "Data acquisition, as TCPIP::192.168.0.6::5025::SOCKET?"),
     Question(
-        "instruments.daq.dialect", f"Language of the data acquisition: {_dialects('daq')}, or the path of a file?"
+        "instruments.daq.resource",
+        "Data acquisition, as TCPIP::192.168.0.6::5025::SOCKET?",
+        "The VISA address of the instrument that reads the voltages, as that of the supply.",
     ),
-    Question("instruments.daq.lvdt_channel", "Channel of a displacement sensor beside the wire (Enter: none)?", "0"),
-    Question("thermal.ambient_temperature", "The warmest that the surroundings become, in °C (Enter: 24)?", "24.0"),
+    Question(
+        "instruments.daq.dialect",
+        f"Language of the data acquisition: {_dialects('daq')}, or the path of a file?",
+        "The commands of its family. Another family is a short file of your own, no code: docs/dialects.md.",
+    ),
+    Question(
+        "instruments.daq.supply_voltage_channel",
+        "Channel across wire, leads and sense resistor together (Enter: 101)?",
+        "Its taps sit at the supply's end of the wire's lead and at the far end of the sense resistor, so that it sees the whole "
+        "circuit: U1 in the drawing of docs/first_wire.md. 101 is slot 1, channel 01 of a Keysight or Keithley mainframe.",
+        "101",
+        of="instruments.daq.resource",
+    ),
+    Question(
+        "instruments.daq.reference_voltage_channel",
+        "Channel across the sense resistor alone (Enter: 102)?",
+        "Its taps sit right at the resistor, beside the current's terminals: U2 in the drawing of docs/first_wire.md.",
+        "102",
+        of="instruments.daq.resource",
+    ),
+    Question(
+        "instruments.daq.load_cell_channel",
+        "Channel of the load cell's amplifier (Enter: 103)?",
+        "The amplifier's output voltage, U3 in the drawing of docs/first_wire.md.",
+        "103",
+        of="instruments.daq.resource",
+    ),
+    Question(
+        "load_cell.slope",
+        "Load cell, newtons per volt (Enter: `characterise` will measure it)?",
+        "From its data sheet and the amplifier's gain: 78.6 mV per N are 1 / 0.0786 = 12.7 N/V. Negative where the voltage falls "
+        "when the wire pulls. With a few known masses `characterise` measures it better than any data sheet.",
+        "",
+    ),
+    Question(
+        "load_cell.offset",
+        "Load at zero volts of the load cell, as 0N?",
+        "Usually near zero; `sma-actuator call tare_load` corrects it later.",
+        "0.0",
+        lambda mapping: "slope" in mapping.get("load_cell", {}),
+    ),
+    Question(
+        "instruments.daq.lvdt_channel",
+        "Channel of a displacement sensor beside the wire (Enter: none)?",
+        "An LVDT or laser that measures the end of the wire, for `characterise` and `identify` only; afterwards it may go. "
+        "Without one bring logs with a displacement from elsewhere.",
+        "0",
+    ),
+    Question(
+        "thermal.ambient_temperature",
+        "The warmest that the surroundings become, in °C (Enter: 24)?",
+        "The current that the wire survives for ever is reckoned from here. In an enclosure it is warmer than in the room.",
+        "24.0",
+    ),
 )
 
 
@@ -118,8 +201,14 @@ def run(args: argparse.Namespace) -> int:
         _put(mapping, name, _value(name, answers.pop(name)))
     asking = Asking(questions(), answers)
     given = set()
+    told = False
     for question in QUESTIONS:
+        if question.of and question.of not in given and question.name not in answers:
+            continue
         if _get(mapping, question.name) is None and question.when(mapping):
+            if not told and not asking.answered(question.name):
+                asking.say("numbers may have a unit: 100mm, 0.15 mm, 400mA; a lone ? explains the question")
+                told = True
             answer = _answer(question, asking)
             if answer is not None:
                 _put(mapping, question.name, answer)
@@ -132,7 +221,7 @@ def run(args: argparse.Namespace) -> int:
             _put(mapping, name, each.value)
             comments[name] = each.why
     mapping = _in_order(mapping)
-    bench = (Config.from_mapping if "model" in mapping else bench_from_mapping)(mapping)
+    bench = config_from_mapping(mapping)
     write_parameter_file(
         args.out, mapping, "Written by `sma-actuator init`: what was asked, and what follows from it.", comments
     )
@@ -141,11 +230,10 @@ def run(args: argparse.Namespace) -> int:
     for header in ("parameter", "value", "from"):
         table.add_column(header)
     for name in (name for name in found if name in comments):
-        unit = look_up(BenchConfig, name)[0].unit
-        table.add_row(name, f"{_get(mapping, name):g}{'' if unit == '1' else f' {unit}'}", comments[name])
+        table.add_row(name, _with_unit(name, _get(mapping, name)), comments[name])
     out.print(table)
     write_json(args, mapping)
-    console.print(f"wrote {args.out}; {_next(bench, args.out)}")
+    console.print(f"wrote {args.out}; {_next(bench, args.out)}", markup=False)
     return 0
 
 
@@ -154,6 +242,9 @@ def _answer(question: Question, asking: Asking) -> Any:
     while True:
         from_file = asking.answered(question.name)
         text = asking.ask(question.name, question.words)
+        if text == "?" and not from_file:
+            asking.say(f"  {question.explained}")
+            continue
         if not text:
             if question.default is None:
                 asking.say("an answer is wanted")
@@ -162,7 +253,10 @@ def _answer(question: Question, asking: Asking) -> Any:
                 return None
             text = question.default
         try:
-            return _value(question.name, text)
+            value = _value(question.name, text)
+            if isinstance(value, float) and not from_file:
+                asking.say(f"  {_with_unit(question.name, value)}")
+            return value
         except ConfigError as error:
             if from_file:
                 raise
@@ -172,7 +266,9 @@ def _answer(question: Question, asking: Asking) -> Any:
 def _value(name: str, text: Any) -> Any:
     """The value of a parameter from text or YAML.  Raises ConfigError."""
     declaration, kind = look_up(BenchConfig, name)
-    value = parse_yaml(text, name) if isinstance(text, str) and kind != "str" else text
+    value = quantity(text, declaration.unit) if isinstance(text, str) and kind == "float" else None
+    if value is None:
+        value = parse_yaml(text, name) if isinstance(text, str) and kind != "str" else text
     if kind == "float" and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     value, problem = check(name, value, declaration, kind)
@@ -181,6 +277,11 @@ def _value(name: str, text: Any) -> Any:
     if name.endswith(".dialect"):
         Dialect.load(value, name.split(".")[1])
     return list(value) if isinstance(value, tuple) else value
+
+
+def _with_unit(name: str, value: float) -> str:
+    unit = look_up(BenchConfig, name)[0].unit
+    return f"{value:g}{'' if unit == '1' else f' {unit}'}"
 
 
 def _get(mapping: Mapping[str, Any], name: str) -> Any:
@@ -223,7 +324,4 @@ def _next(bench: BenchConfig, path: Path) -> str:
             require_calibrated(bench)
         except ConfigError as error:
             return f"before a node drives the wire: {error}"
-        return f"drive the wire with sma_actuator_node --ros-args --params-file {path}"
-    if math.isfinite(bench.load_cell.slope) and not bench.instruments.daq.lvdt_channel:
-        return f"give it to identify with logs of the wire: sma-actuator identify LOG… --config {path}"
-    return f"measure the wire with it: sma-actuator characterise --config {path} --out out/wire"
+    return f"with the wire between its crimps and its load on it, check the wiring: sma-actuator check --config {path}"

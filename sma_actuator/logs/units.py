@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,6 +57,20 @@ UNITS: dict[str, dict[str, Unit]] = {
     },
     "1": {"1": _SAME, "%": Unit(0.01)},
 }
+#: How parameters write a unit whose name in a column is another.
+_TYPED = {"Ω": "Ohm", "°C": "C"}
+
+
+def quantity(text: str, unit: str) -> float | None:
+    """The number that was typed, as ``0.15 mm`` or ``0.15e-3``, in ``unit``; None where it is no number with such a unit."""
+    written = re.fullmatch(r"\s*([-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", text)
+    if written is None:
+        return None
+    number, symbol = float(written[1].replace(",", ".")), written[2]
+    if symbol in ("", unit):
+        return number
+    known = UNITS.get(_TYPED.get(unit, unit), {}).get(symbol)
+    return None if known is None else float(f"{known.factor * number + known.offset:.12g}")
 
 
 def is_unit(text: str) -> bool:

@@ -11,7 +11,7 @@ from sma_actuator.bench.bench import Setup, VirtualBench
 from sma_actuator.check import SelfTest, passed
 from sma_actuator.check.selftest import Level
 from sma_actuator.cli.main import main
-from sma_actuator.config import Config
+from sma_actuator.config import Config, read_parameter_file, write_parameter_file
 from sma_actuator.plant.worlds import wire_in_world
 
 
@@ -111,6 +111,23 @@ def test_each_mistake_gets_its_own_sentence_and_the_output_is_off_afterwards(mis
     assert stand.test.off_confirmed
     assert not stand.bench.supply.output_on
     assert stand.bench.supply.current_A == 0.0
+
+
+def test_a_wire_without_a_model_is_looked_at_too_before_it_is_heated(tmp_path, capsys):
+    mapping = read_parameter_file(shared_file("config/flexinol_bench.yaml"))
+    del mapping["load_cell"]
+    path = tmp_path / "bench.yaml"
+    write_parameter_file(path, mapping, "as init writes it")
+    words = ["check", "--config", str(path), "--virtual", "flexinol", "--json", str(tmp_path / "found.json")]
+    assert main(words) == 0
+    found = {each["part"]: each for each in json.loads((tmp_path / "found.json").read_text())}
+    assert {part for part, each in found.items() if each["level"] == "warning"} == {"load cell", "leads"}
+    assert "`sma-actuator characterise` makes it" in found["load cell"]["sentence"]
+    assert f"next: measure the wire: sma-actuator characterise --config {path}" in capsys.readouterr().err
+    del mapping["circuit"]["reference_resistance"]
+    write_parameter_file(path, mapping, "without a sense resistor")
+    assert main([*words, "--force"]) == 1
+    assert "circuit.reference_resistance: missing" in capsys.readouterr().err
 
 
 def test_without_a_load_the_sign_of_the_load_cell_is_not_told():

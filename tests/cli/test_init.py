@@ -11,18 +11,23 @@ from sma_actuator.base.share import shared_file
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file, write_parameter_file
 from sma_actuator.derived import LARGEST_RESISTIVITY_Ohm_m, derived
+from sma_actuator.logs.units import quantity
 
 ANSWERS = {
     "wire.alloy": "ni-ti",
     "wire.length": "0.1",
     "wire.diameter": "0.1524e-3",
     "circuit.reference_resistance": "1.0",
-    "load_cell.slope": "12.7297",
-    "load_cell.offset": "-0.0598",
     "instruments.supply.resource": "TCPIP::127.0.0.1::5025::SOCKET",
     "instruments.supply.dialect": "virtual_bench_supply",
+    "instruments.supply.channel": "1",
     "instruments.daq.resource": "TCPIP::127.0.0.1::5026::SOCKET",
     "instruments.daq.dialect": "virtual_bench_daq",
+    "instruments.daq.supply_voltage_channel": "101",
+    "instruments.daq.reference_voltage_channel": "102",
+    "instruments.daq.load_cell_channel": "103",
+    "load_cell.slope": "12.7297",
+    "load_cell.offset": "-0.0598",
     "instruments.daq.lvdt_channel": "104",
     "thermal.ambient_temperature": "30",
 }
@@ -62,6 +67,48 @@ def test_answers_at_a_pipe_make_a_file_that_says_where_every_limit_comes_from(tm
     for name in derived(mapping):
         (line,) = [one for one in text.splitlines() if one.strip().startswith(f"{name.split('.')[1]}: ")]
         assert "  # " in line, line
+
+
+def test_numbers_may_have_a_unit_enter_takes_the_usual_and_a_question_mark_explains(tmp_path):
+    out = tmp_path / "bench.yaml"
+    typed = {
+        **ANSWERS,
+        "wire.length": "100mm",
+        "wire.diameter": "?\n0.15 mm",
+        "circuit.reference_resistance": "100 mOhm",
+        "instruments.daq.supply_voltage_channel": "",
+        "instruments.daq.reference_voltage_channel": "?\n202",
+    }
+    done = asked("\n".join(typed.values()) + "\n", "--out", out, "--set", "supply.max_current=300mA")
+    assert done.returncode == 0, done.stderr
+    mapping = read_parameter_file(out)
+    assert (mapping["wire"]["length"], mapping["wire"]["diameter"]) == (0.1, 0.15e-3)
+    assert mapping["circuit"]["reference_resistance"] == 0.1 and mapping["supply"]["max_current"] == 0.3
+    daq = mapping["instruments"]["daq"]
+    assert [daq[f"{name}_channel"] for name in ("supply_voltage", "reference_voltage", "load_cell")] == [101, 202, 103]
+    assert "As on the packet" in done.stderr and "  0.00015 m" in done.stderr, "explained, and shown as understood"
+    assert "U2 in the drawing" in done.stderr
+    assert "max_voltage" in done.stdout, "what was derived is shown"
+    assert f"sma-actuator check --config {out}" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("0.15 mm", "m", 0.15e-3),
+        ("0,15mm", "m", 0.15e-3),
+        ("0.006in", "m", 0.1524e-3),
+        ("1 ohm", "Ω", 1.0),
+        ("75 °F", "°C", pytest.approx(23.889, abs=1e-3)),
+        ("12.7 N/V", "N/V", 12.7),
+        ("1e-3", "A", 1e-3),
+        ("400 mV", "A", None),
+        ("a lot", "A", None),
+        ("nan", "A", None),
+    ],
+)
+def test_a_number_that_was_typed(text, unit, value):
+    assert quantity(text, unit) == value
 
 
 def test_answers_may_stand_in_a_file_with_any_other_parameter(tmp_path, capsys):

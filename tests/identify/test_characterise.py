@@ -288,8 +288,12 @@ def test_an_output_that_is_not_confirmed_to_be_off_at_the_end_is_said():
 
 
 def test_the_same_characterisation_over_tcp(tmp_path):
-    """In a physics whose cold wire stands still as soon as it is loaded, so that a fifth of a second measures its place."""
+    """In a physics whose cold wire stands still as soon as it is loaded, so that a fifth of a second measures its place.
+
+    The load cell has no calibration before, as in a file that ``init`` has written.
+    """
     mapping = bench_mapping("flexinol")
+    known = mapping.pop("load_cell")
     with background(VirtualBench.from_name("flexinol", physics="liang_rogers")) as server:
         ports = server.ports[0]
         for name in ("supply", "daq"):
@@ -328,6 +332,7 @@ def test_the_same_characterisation_over_tcp(tmp_path):
     manifest = json.loads((tmp_path / "out" / "manifest.json").read_text())
     assert manifest["calibration"]["circuit.lead_resistance"] == pytest.approx(0.25, abs=0.01)
     assert manifest["calibration"]["reference_sensor.slope"] == pytest.approx(0.315842, rel=0.01)
+    assert manifest["calibration"]["load_cell.slope"] == pytest.approx(known["slope"], rel=0.01)
     log = read_bench_log(tmp_path / "out" / "pulses_0.600N.csv")
     assert log["reference_voltage_V"].max() > 0.25 and len(log) >= 20
     assert "data:image/png" in (tmp_path / "out" / "calibration.html").read_text()

@@ -113,6 +113,25 @@ def test_every_question_can_be_read_and_says_what_hangs_there(bench, tmp_path, t
     assert "Traceback" not in person.seen
 
 
+@pytest.mark.parametrize(
+    ("fault", "sentence"),
+    [("channel_reversed,102", "the taps of the sense resistor are swapped"), ("open_wire", "the circuit is open")],
+    ids=["a tap that is swapped", "no wire"],
+)
+def test_nothing_is_heated_where_the_wiring_is_not_what_the_file_says(bench, tmp_path, fault, sentence):
+    bench[1]._do(f"BENC:FAUL {fault}")
+    try:
+        refused = run(words(bench, tmp_path / "out"))
+        regardless = run(words(bench, tmp_path / "out", "--skip", "check", "--skip", "lead_resistance"))
+    finally:
+        bench[1]._do("BENC:FAUL:CLE")
+    assert refused.returncode == 1
+    assert "nothing was heated" in refused.stderr and sentence in refused.stderr and "--skip check" in refused.stderr
+    assert "►" not in refused.stderr, "nobody was asked to hang anything"
+    assert not list((tmp_path / "out").rglob("*.csv"))
+    assert "nothing was heated" not in regardless.stderr and "► Hang 20.0 g" in regardless.stderr
+
+
 def run(command):
     return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120, check=False)
 
