@@ -1,6 +1,7 @@
 # make demo   the node holds a wire of the virtual bench at setpoints, live in the terminal (VIEW=1: in the browser too)
 # make test   the tests; make long-tests those that take half a minute each
 # make check  format, lint, types and the floors of the house
+# make counterparts   the driver against instruments that others wrote (FOREIGN_PYTHON=python3.12 for those that want it)
 # make docs   the documentation with the API reference, warnings are errors
 # make tables, make benchmarks, make coefficients   the figures and the models, made again
 # Both do all their own set-up: a virtual environment with pinned ROS 2 wheels in .venv.
@@ -12,7 +13,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds control-experiments feed-forward tuning pair fleet foreign-speed tutorial forward health clean
+.PHONY: counterparts page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds control-experiments feed-forward tuning pair fleet foreign-speed tutorial forward health clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
@@ -23,6 +24,15 @@ test: $(VENV)/ready
 
 long-tests: $(VENV)/ready
 	$(BIN)/python -m pytest -n 2 -m long
+
+counterparts: $(VENV)/ready .counterparts/ready
+	$(BIN)/python -m pytest tests/counterparts -rs
+
+FOREIGN_PYTHON ?= $(PYTHON)
+.counterparts/ready: tests/counterparts/requirements.txt
+	$(FOREIGN_PYTHON) -m venv .counterparts
+	.counterparts/bin/python -m pip install --quiet --requirement $<
+	touch $@
 
 check: $(VENV)/ready
 	$(BIN)/ruff format --check .
@@ -149,4 +159,4 @@ mutants: $(VENV)/ready
 	nice -n 5 $(BIN)/python benchmarks/mutants.py $(MUTANTS)
 
 clean:
-	rm -rf $(VENV) build install log out
+	rm -rf $(VENV) .counterparts build install log out

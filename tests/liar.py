@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import contextlib
 import select
 import socket
@@ -18,11 +19,12 @@ class Liar:
     ``manner`` says what becomes of the answers: ``honest``; ``mute`` (none), ``empty`` (a line with
     nothing), ``garbage``, ``endless`` (a byte now and then, never the end of the line), ``flood`` (as
     many bytes as go), ``twice`` (each line twice).  ``deaf`` reads nothing more from its clients; ``stubborn`` answers
-    what it is asked and does nothing of what it is told.
+    what it is asked and does nothing of what it is told.  Honest answers come ``late_s`` after they were given.
     """
 
     def __init__(self, port: int):
         self.manner = "honest"
+        self.late_s = 0.0
         self.heard: list[tuple[float, str]] = []  #: when, what
         self.opened = 0  #: connections so far
         self._target = port
@@ -76,13 +78,17 @@ class Liar:
     def _serve(self, client: socket.socket) -> None:
         with contextlib.suppress(OSError), client, socket.create_connection(("127.0.0.1", self._target), 5.0) as target:
             self._connections += [client, target]
+            late: collections.deque[tuple[float, bytes]] = collections.deque()
             for end in (client, target):
                 end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             while not self._ended.is_set():
                 if self.manner in ("endless", "flood") and not select.select([client, target], [], [], TRICKLE_s)[0]:
                     self._push(client)
                     continue
-                ready = select.select([target] if self.manner == "deaf" else [client, target], [], [], TRICKLE_s)[0]
+                while late and time.monotonic() >= late[0][0]:
+                    client.sendall(late.popleft()[1])
+                wait_s = max(0.0, min(TRICKLE_s, late[0][0] - time.monotonic())) if late else TRICKLE_s
+                ready = select.select([target] if self.manner == "deaf" else [client, target], [], [], wait_s)[0]
                 if client in ready:
                     data = client.recv(65536)
                     if not data:
@@ -93,7 +99,10 @@ class Liar:
                     data = target.recv(65536)
                     if not data:
                         return
-                    self._answer(client, data)
+                    if self.late_s and self.manner == "honest":
+                        late.append((time.monotonic() + self.late_s, data))
+                    else:
+                        self._answer(client, data)
 
     def _obeyed(self, data: bytes) -> bytes:
         lines = data.splitlines(keepends=True)

@@ -1,9 +1,11 @@
 """Time as a wait counts it, on a machine that may stop any process for a while."""
 
+import threading
 import time
 
 #: Of the time between two looks no more counts: the rest is a process that did not run.
 MOST_OF_A_LOOK_s = 0.1
+STALL_LOOK_s = 0.005
 
 
 class Elapsed:
@@ -18,3 +20,27 @@ class Elapsed:
         self._seconds += min(now_s - self._looked_s, MOST_OF_A_LOOK_s)
         self._looked_s = now_s
         return self._seconds
+
+
+class Stalls:
+    """How long this machine let this process stand still: what is promised is promised of a machine that runs."""
+
+    def __init__(self):
+        self._lost_s, self._ended = 0.0, threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+        self._thread.start()
+
+    def _watch(self):
+        before_s = time.monotonic()
+        while not self._ended.wait(STALL_LOOK_s):
+            now_s = time.monotonic()
+            self._lost_s += max(now_s - before_s - 2.0 * STALL_LOOK_s, 0.0)
+            before_s = now_s
+
+    def since(self, begun_s):
+        """Time since then, less what was stood still."""
+        return time.monotonic() - begun_s - self._lost_s
+
+    def close(self):
+        self._ended.set()
+        self._thread.join()

@@ -13,7 +13,7 @@ import time
 import pytest
 from liar import Liar
 from stand_ins import RealClock
-from waiting import Elapsed
+from waiting import Elapsed, Stalls
 
 from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
@@ -23,35 +23,10 @@ from sma_actuator.instruments import InstrumentError, open_daq, open_supply
 from sma_actuator.safety.faults import FAULTS
 
 SOON_s = 60.0  #: bound of every wait; none is expected to take long
-STALL_LOOK_s = 0.005
 TRIES = 10  #: to open the instruments
 #: What the bench's tick and the oracle's question add to a time, and a busy machine to every switch of threads.
 MEASURING_s = 0.15
 OFF_s = 4.0  #: within which the output must be off: what is promised, and the stalls of a busy machine
-
-
-class Stalls:
-    """How long this machine let this process stand still: what is promised is promised of a machine that runs."""
-
-    def __init__(self):
-        self._lost_s, self._ended = 0.0, threading.Event()
-        self._thread = threading.Thread(target=self._watch, daemon=True)
-        self._thread.start()
-
-    def _watch(self):
-        before_s = time.monotonic()
-        while not self._ended.wait(STALL_LOOK_s):
-            now_s = time.monotonic()
-            self._lost_s += max(now_s - before_s - 2.0 * STALL_LOOK_s, 0.0)
-            before_s = now_s
-
-    def since(self, begun_s):
-        """Time since then, less what was stood still."""
-        return time.monotonic() - begun_s - self._lost_s
-
-    def close(self):
-        self._ended.set()
-        self._thread.join()
 
 
 class Oracle:

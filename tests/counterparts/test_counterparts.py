@@ -1,0 +1,216 @@
+"""The driver against power supplies that others wrote: driven, told to stop, killed, slowed, answered late, cut off.
+
+What is judged is the emulator's own state, asked through its back door, not what anybody says about it.
+"""
+
+import contextlib
+import json
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+
+import pytest
+import yaml
+from counterpart import HERE, UNSAFE, Emulator, Rig, python_with
+from emulators import EMULATORS
+from liar import Liar
+from waiting import Stalls
+
+from sma_actuator.config import Config
+from sma_actuator.instruments import open_supply
+from sma_actuator.instruments.dialect import FOLDER
+from sma_actuator.safety.faults import FAULTS
+
+TIMEOUT_s = 0.5  #: instruments.supply.timeout here
+MEASURING_s = 0.15  #: what the back door's question adds to a time, and a busy machine to every switch of threads
+STOP_s = 1.0  #: Driver.stop()
+
+
+@dataclass(frozen=True)
+class Counterpart:
+    """What its owner would write into the parameter file."""
+
+    dialect: str  #: shipped, or a file in ``dialects``
+    unknown: tuple[str, ...] = ()  #: commands of the real instrument that the emulator's author left out
+    supply: dict = field(default_factory=dict)  #: more of instruments.supply
+
+    def dialect_file(self, folder):
+        """The dialect without what the emulator does not know."""
+        own = HERE / "dialects" / f"{self.dialect}.yaml"
+        source = own if own.exists() else FOLDER / own.name
+        document = yaml.safe_load(source.read_text())
+        for name in self.unknown:
+            del document["commands"][name]
+        path = folder / own.name
+        path.write_text(yaml.safe_dump(document))
+        return str(path)
+
+
+COUNTERPARTS = {
+    "instro": Counterpart("instro"),
+    "rigol_dp832": Counterpart("rigol_dp800", unknown=("prepare", "lock", "unlock")),
+}
+
+
+@pytest.fixture(scope="module", params=COUNTERPARTS)
+def running(request):
+    """An emulator for all tests; each leaves it switched off."""
+    module = EMULATORS[request.param][1]
+    python = python_with(module)
+    if python is None:
+        pytest.skip(f"{module} is not installed; `make counterparts` installs it and runs these tests")
+    one = Emulator(request.param, python)
+    yield one
+    one.close()
+
+
+@pytest.fixture
+def emulator(running):
+    """The same, with a line of its own that no test before has disturbed."""
+    running.liar = Liar(running.ports["port"])
+    assert not running.back_door.state().on
+    yield running
+    running.liar.close()
+
+
+@pytest.fixture
+def make_mapping(emulator, make_config, tmp_path):
+    """The parameters of its owner."""
+    counterpart = COUNTERPARTS[emulator.name]
+    supply = {
+        "resource": emulator.liar.resource,
+        "dialect": counterpart.dialect_file(tmp_path),
+        "timeout": TIMEOUT_s,
+        **counterpart.supply,
+    }
+    common = {"instruments.supply": supply, "safety.reading_timeout": 1.0, "supply.watchdog_timeout": 0.0, **UNSAFE}
+    return lambda **changes: make_config(**common, **changes)
+
+
+@pytest.fixture
+def make_rig(emulator, make_mapping):
+    with contextlib.ExitStack() as stack:
+
+        def make(**changes):
+            one = Rig(make_mapping(**changes), emulator.back_door, emulator.liar)
+            stack.callback(one.close)
+            one.driver.start()
+            return one
+
+        yield make
+
+
+@pytest.fixture
+def rig(make_rig):
+    return make_rig()
+
+
+def off_within(rig, promised_s):
+    """The emulator's output is off within the promised time from now on."""
+    with contextlib.closing(Stalls()) as stalls:
+        begun_s = time.monotonic()
+        while rig.is_on:
+            assert stalls.since(begun_s) < promised_s + MEASURING_s, rig.status
+
+
+def test_it_is_driven_to_a_setpoint_and_switched_off(rig):
+    rig.drive()
+    start_m = rig.wire.bench.truth.displacement_m
+    rig.driver.offer_setpoint(0.0025)
+    rig.until(lambda: abs(rig.wire.bench.truth.displacement_m - 0.0025) < 2e-4)
+    assert abs(start_m - 0.0025) > 5e-4
+    assert rig.status.fault == "" and rig.driver.refusals() == []
+    assert rig.driver.enable(False)[0]
+    assert not rig.is_on
+    assert rig.driver.stop()
+    state = rig.back_door.state()
+    assert (state.on, state.setting_A) == (False, 0.0)
+
+
+def test_answers_that_come_too_late_switch_it_off_and_are_said_so(rig):
+    rig.drive()
+    rig.liar.late_s = 2.0 * TIMEOUT_s
+    off_within(rig, FAULTS["supply_lost"].within(rig.config))
+    rig.until(lambda: rig.status.fault in ("supply_lost", "output_not_confirmed"))
+    rig.liar.late_s = 0.0
+    rig.until(lambda: not rig.driver.lost_instruments)
+    assert not rig.is_on
+    rig.drive()
+
+
+def test_a_slow_one_is_driven_all_the_same(make_rig):
+    rig = make_rig(**{"loop.rate": 5.0})  # a read-back has four questions and those of its trips
+    rig.liar.late_s = 0.02
+    rig.drive()
+    rig.driver.offer_setpoint(0.0025)
+    rig.until(lambda: abs(rig.wire.bench.truth.displacement_m - 0.0025) < 2e-4)
+    assert rig.status.fault == ""
+    assert rig.driver.enable(False)[0] and not rig.is_on
+
+
+def test_a_connection_that_is_cut_is_made_anew_with_off_first(rig):
+    rig.drive()
+    rig.liar.hang_up()
+    off_within(rig, FAULTS["supply_lost"].within(rig.config))
+
+
+def test_stop_has_it_off_and_confirmed_within_its_second(rig):
+    rig.drive()
+    begun_s = time.monotonic()
+    with contextlib.closing(Stalls()) as stalls:
+        confirmed = rig.driver.stop()
+        took_s = stalls.since(begun_s)
+    assert confirmed and not rig.is_on
+    assert took_s < STOP_s + MEASURING_s
+
+
+@pytest.fixture
+def program(emulator, make_mapping):
+    """Starts a program that drives through the emulator; current flows when it is handed out."""
+    started = []
+
+    def start():
+        one = subprocess.Popen(
+            [sys.executable, str(HERE / "drive.py"), str(emulator.ports["back_door"])],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        started.append(one)
+        one.stdin.write(json.dumps(make_mapping()))
+        one.stdin.close()
+        assert one.stdout.readline() == "it flows\n"
+        assert emulator.back_door.state().on
+        return one
+
+    yield start
+    for one in started:
+        one.kill()
+        one.wait()
+        one.stdout.close()
+
+
+def test_a_program_that_is_told_to_end_switches_it_off(emulator, program):
+    one = program()
+    one.send_signal(signal.SIGTERM)
+    one.wait(60.0)
+    state = emulator.back_door.state()
+    assert (state.on, state.setting_A) == (False, 0.0)
+
+
+def test_after_a_killed_program_the_next_ones_first_words_switch_it_off(emulator, program, make_mapping):
+    one = program()
+    one.kill()
+    one.wait()
+    assert emulator.back_door.state().on  # it has no watchdog: the parameter file acknowledges that
+    supply = open_supply(Config.from_mapping(make_mapping()))
+    heard = len(emulator.liar.heard)
+    try:
+        supply.open()
+        assert not emulator.back_door.state().on
+        first = [line for _, line in emulator.liar.heard[heard:]][: len(supply._session.off_lines)]
+        assert first == list(supply._session.off_lines)
+    finally:
+        supply.close()
