@@ -13,7 +13,7 @@ import threading
 import time
 from pathlib import Path
 
-from emulators import EMULATORS, State
+from emulators import State
 from liar import Liar
 from waiting import Elapsed
 
