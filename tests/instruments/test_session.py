@@ -508,7 +508,9 @@ class TestSerial:
         _, session = line
         session._timeout_s = TIMEOUT_s
         start_s = time.monotonic()
-        with pytest.raises(InstrumentLost, match=r"no complete answer to 'CURR\?' within 0.4 s; is .*baud_rate, 9600, right"):
+        with pytest.raises(
+            InstrumentLost, match=r"no complete answer to 'CURR\?' within 0.4 s; is .*baud_rate, 9600, right"
+        ):
             session.ask("CURR?")
         assert time.monotonic() - start_s < TIMEOUT_s + SLACK_s
 
