@@ -122,7 +122,7 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
     elif names:
         text += f" {' and '.join(names)} would take off part of it (that is the error after), and may be the wrong name"
         text += (
-            f": with it {_listed(tracing.unusual)} would be off as never at the calibration."
+            f": even with it {_listed(tracing.unusual)} would not agree with the calibration."
             if tracing.unusual
             else "."
         )
