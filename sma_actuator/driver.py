@@ -34,6 +34,7 @@ import numpy as np
 
 from sma_actuator.actuator import Actuator
 from sma_actuator.base.interrupts import ending_signals
+from sma_actuator.base.jit import at_once
 from sma_actuator.base.signals import Command, Mode, Output, Reading, SupplyState
 from sma_actuator.config import Config
 from sma_actuator.instruments import Clock, Daq, InstrumentError, InstrumentUnreachable, OutputStaysOn, PowerSupply
@@ -437,8 +438,9 @@ class Driver:
 
     def _loop(self) -> None:
         try:
-            while not self._stopping.is_set():
-                self._step_at_deadline()
+            with at_once():  # what the warm-up has not reached is not waited for
+                while not self._stopping.is_set():
+                    self._step_at_deadline()
         except BaseException as error:  # noqa: BLE001 - reported by _fail: nobody awaits this thread
             if self.failure is None:
                 self._fail(error)
@@ -746,8 +748,8 @@ class Driver:
 def _warm_up(config: Config) -> None:
     """Drive a wire that does not exist, so that nothing is compiled or imported while the real one is driven.
 
-    Compiling the kernels takes some tenths of a second, which the loop would miss in its first step
-    with current.
+    Loading the kernels takes some tenths of a second, and compiling them, once on a machine, many seconds, which the
+    loop would miss in its first step with current.
     """
     actuator = Actuator(config)
     current_A, circuit, safety = config.supply.bias_current, config.circuit, config.safety

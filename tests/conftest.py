@@ -92,7 +92,9 @@ _RECKONING = (
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile the bench once before many want it: on a fresh machine that takes a minute, and longer where four do it at once."""
     if getattr(session.config.option, "numprocesses", None):
-        bench = "from sma_actuator.bench import VirtualBench; VirtualBench.from_name('flexinol').advance(0.01)"
+        bench = (
+            "from sma_actuator.bench.server import BenchServer, VirtualBench as B; BenchServer(B.from_name('flexinol'))"
+        )
         subprocess.run([sys.executable, "-c", bench], check=True, timeout=600)
 
 

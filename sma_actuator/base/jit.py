@@ -2,31 +2,132 @@
 
 The kernels are written once, for one sample; the loop over many samples is a kernel too.  With
 numba a replay runs some hundred times faster; the node does not need it.
+
+A kernel is compiled when it is called first, which takes seconds, once on a machine: what was compiled is kept beside the
+sources, or in the folder that ``NUMBA_CACHE_DIR`` names; where neither can be written, in the user's cache folder, else
+in one of the user's own below the system's temporary folder.  Who cannot wait so long calls it under :func:`at_once`.
 """
 
 from __future__ import annotations
 
+import contextlib
+import logging
 import os
-from collections.abc import Callable
-from typing import TypeVar
+import stat
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, TypeVar
 
+_log = logging.getLogger(__name__)
 Kernel = TypeVar("Kernel", bound=Callable)
+
+COMPILING = "compiling kernels"  #: how it is said that this is why nothing happens yet
+PLAIN = "runs as plain Python: it was not compiled before it had to be quick"
+_NEWS_s = 10.0  #: how often it is said that kernels are still being compiled
+_PACKAGE = Path(__file__).parents[1]
+_hurry = threading.local()
+
+
+@contextlib.contextmanager
+def at_once() -> Iterator[None]:
+    """In this block, in this thread, nothing is compiled: a kernel that is not ready runs as plain Python."""
+    before, _hurry.on = _in_a_hurry(), True
+    try:
+        yield
+    finally:
+        _hurry.on = before
+
+
+def _in_a_hurry() -> bool:
+    return getattr(_hurry, "on", False)
+
+
+def _last_resort() -> str:
+    """A cache folder below the system's temporary one, nobody else's: what lies in it is executed.  "" where there is none."""
+    folder = Path(tempfile.gettempdir()) / f"sma_actuator-{os.getuid()}"
+    with contextlib.suppress(OSError):
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+        if stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & 0o077:
+            return str(folder)
+    return ""
+
 
 try:
     if os.environ.get("SMA_ACTUATOR_NO_JIT"):
         raise ImportError
+    import numba
     from numba import njit
+    from numba.core import event
 
     COMPILED = True
 
+    class _News(event.Listener):
+        """Says that kernels are being compiled, and where they are kept."""
+
+        def __init__(self) -> None:
+            self._said_s = 0.0
+            self._kernels = 0
+
+        def on_start(self, event: Any) -> None:
+            """The first of a process, and now and then another."""
+            if not event.data["dispatcher"].py_func.__module__.startswith("sma_actuator."):
+                return
+            now_s = time.monotonic()
+            if not self._kernels:
+                _log.warning("%s, once on this machine; %s", COMPILING, _kept(event.data["dispatcher"]))
+                self._said_s = now_s
+            elif now_s - self._said_s >= _NEWS_s:
+                _log.warning("still %s, %d so far", COMPILING, self._kernels)
+                self._said_s = now_s
+            self._kernels += 1
+
+        def on_end(self, event: Any) -> None:
+            """Nothing."""
+
+    event.register("numba:compile", _News())
+
+    def _kept(kernel: Any) -> str:
+        """Where what is compiled will be found the next time."""
+        folder = kernel.stats.cache_path
+        if folder is None:
+            return "no folder can be written to keep them in: set NUMBA_CACHE_DIR to one that can"
+        place = Path(folder)
+        return (
+            f"kept in {place.parent}"
+            if place.name != "__pycache__"
+            else f"kept in {_PACKAGE}, in its __pycache__ folders"
+        )
+
     def jit(function: Kernel) -> Kernel:
         """Compile ``function`` to machine code and keep it in the on-disk cache."""
-        return njit(cache=True, error_model="numpy")(function)
+        try:
+            return _hurried(njit(cache=True, error_model="numpy")(function))
+        except RuntimeError:  # of all places that numba knows none can be written
+            numba.config.CACHE_DIR = _last_resort()
+            keep = bool(numba.config.CACHE_DIR)
+            return _hurried(njit(cache=keep, error_model="numpy")(function))
 
     def inlined(function: Kernel) -> Kernel:
         """Compile ``function`` into each of its callers: for parts of a loop that are handed arrays, whose counting of
         references would else cost more than they do."""
-        return njit(inline="always", error_model="numpy")(function)
+        return _hurried(njit(inline="always", error_model="numpy")(function))
+
+    def _hurried(kernel: Any) -> Any:
+        """Under :func:`at_once`, run what has not been compiled for these types as plain Python."""
+        compiled_for = kernel._compile_for_args  # what numba asks where it has nothing for the types of the arguments
+
+        def ready_or_plain(*args: Any) -> Any:
+            if not _in_a_hurry():
+                return compiled_for(*args)
+            _log.debug("%s.%s %s", kernel.py_func.__module__, kernel.py_func.__name__, PLAIN)
+            return kernel.py_func
+
+        kernel._compile_for_args = ready_or_plain
+        return kernel
 
 except ImportError:
     COMPILED = False

@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from sma_actuator.base.jit import at_once
 from sma_actuator.console import refuse_to_overwrite
 from sma_actuator.instruments import InstrumentError
 from sma_actuator.logs.files import write_atomically
@@ -71,9 +72,8 @@ class BenchServer:
     """One or more benches, each behind a supply port and a DAQ port."""
 
     def __init__(self, benches: VirtualBench | Sequence[VirtualBench], speed: float = 1.0):
-        # Compiling takes seconds where the kernels were never compiled: before the ports open, not after.
-        VirtualBench.from_name("flexinol").advance(0.01)
         self.benches = [benches] if isinstance(benches, VirtualBench) else list(benches)
+        _warm_up(self.benches[0])  # before the ports open, not after
         self.ports: list[dict[str, Any]] = []
         self._pacers = [Pacer(bench, speed) for bench in self.benches]
         for number, bench in enumerate(self.benches):
@@ -177,15 +177,25 @@ class BenchServer:
                 pacer.catch_up()
 
 
+def _warm_up(like: VirtualBench) -> None:
+    """Run every kernel that an answer can reach, on a bench that nobody asks: compiling takes seconds, once on a machine."""
+    bench = VirtualBench(like.setup)
+    bench.advance(0.01)
+    bench.daq.block(1)
+    if isinstance(like.joint, JointBench):
+        JointBench(bench, VirtualBench(like.setup), like.joint.joint).advance(0.02)
+
+
 async def _run(
     server: BenchServer, host: str, supply_port: int, daq_port: int, ready: Callable[[], None], stop: asyncio.Event
 ) -> None:
-    await server.start(host, supply_port, daq_port)
-    try:
-        ready()
-        await stop.wait()
-    finally:
-        await server.stop()
+    with at_once():
+        await server.start(host, supply_port, daq_port)
+        try:
+            ready()
+            await stop.wait()
+        finally:
+            await server.stop()
 
 
 @contextlib.contextmanager

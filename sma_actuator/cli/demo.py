@@ -10,6 +10,7 @@ import contextlib
 import json
 import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -26,6 +27,7 @@ from rich.live import Live
 from rich.table import Table
 
 from sma_actuator.base.interrupts import Interrupts, noted_signals
+from sma_actuator.base.jit import COMPILING
 from sma_actuator.base.share import shared_file
 from sma_actuator.config import NODE_NAME, Config, read_parameter_file
 from sma_actuator.console import add_output_arguments, refuse_to_overwrite, write_json
@@ -34,9 +36,8 @@ from sma_actuator.control.tracking import TrackingErrors
 from sma_actuator.instruments import InstrumentError
 from sma_actuator.plant.worlds import HOME, WORLDS
 
-READY_TIMEOUT_s = 30.0
-#: The first start on a machine compiles the physics of the bench; later ones take it from the cache on the disk.
-COMPILING_TIMEOUT_s = 240.0
+#: How long a process may take to be ready: the first start on a machine compiles its kernels, and the machine may be busy.
+READY_TIMEOUT_s = 600.0
 STOP_TIMEOUT_s = 5.0
 ANSWER_TIMEOUT_s = 5.0
 SILENT_s = 2.0  #: after which what was told last is not shown as what is so
@@ -76,11 +77,7 @@ def run(args) -> int:
     refuse_to_overwrite(args)
     console = Console(stderr=args.json == Path("-"))
     parameters = read_parameter_file(shared_file(f"config/{args.wire}.yaml"))
-    with (
-        noted_signals() as interrupts,
-        tempfile.TemporaryDirectory(prefix="sma_demo_") as folder,
-        contextlib.ExitStack() as stack,
-    ):
+    with noted_signals() as interrupts, _folder() as folder, contextlib.ExitStack() as stack:
         os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         ports_file = Path(folder) / "ports.json"
         bench = stack.enter_context(
@@ -107,6 +104,7 @@ def run(args) -> int:
                     str(ports_file),
                 ],
                 Path(folder) / "bench.log",
+                console,
             )
         )
         ports = _wait_for_ports(ports_file, bench, interrupts)
@@ -120,12 +118,13 @@ def run(args) -> int:
                 "node",
                 [sys.executable, "-m", "sma_actuator.ros.node", "--ros-args", "--params-file", str(parameter_file)],
                 Path(folder) / "node.log",
+                console,
             )
         )
         children = [bench, node]
         if args.view:
             command = [sys.executable, "-m", "sma_actuator", "view", "--quiet", "--port", "0"]
-            children.append(stack.enter_context(_process("page", command, Path(folder) / "view.log")))
+            children.append(stack.enter_context(_process("page", command, Path(folder) / "view.log", console)))
             console.print(f"open {_address_of(children[-1], interrupts)}", soft_wrap=True, highlight=False)
         errors = TrackingErrors(config.wire.full_stroke_m)
         _drive(config, args.duration, errors, console, children, interrupts)
@@ -333,6 +332,8 @@ class _Child:
     name: str
     popen: subprocess.Popen
     log: Path
+    console: Console
+    _shown: int = 0  #: lines of the log that were looked at
 
     def stop(self) -> None:
         """End it as a user would, with SIGINT; by force if it does not listen."""
@@ -345,19 +346,42 @@ class _Child:
                 self.popen.wait()
 
     def check(self) -> None:
-        """Raise InstrumentError with the process's last words when it has ended."""
-        if self.popen.poll() is not None:
-            words = self.log.read_text(errors="replace").strip().splitlines()[-5:]
-            raise InstrumentError(f"the {self.name} ended with code {self.popen.returncode}: " + " / ".join(words))
+        """Show that it compiles, where it does; raise InstrumentError with its last words when it has ended."""
+        ended = self.popen.poll() is not None
+        lines = self.log.read_text(errors="replace").strip().splitlines()
+        for line in lines[self._shown :]:
+            if COMPILING in line:
+                self.console.print(f"{self.name}: {line}", soft_wrap=True, highlight=False, markup=False)
+        self._shown = len(lines)
+        if ended:
+            words = lines[-1] if lines else "it said nothing"
+            raise InstrumentError(f"the {self.name} ended with code {self.popen.returncode}: {words}")
 
 
 @contextlib.contextmanager
-def _process(name: str, command: list[str], log: Path):
+def _folder():
+    """A folder for the files of the run, gone after it unless the run failed: then the logs in it say why."""
+    folder = tempfile.mkdtemp(prefix="sma_demo_")
+    failed = False
+    try:
+        yield folder
+    except InstrumentError as error:
+        failed = True
+        raise InstrumentError(
+            f"{error}\nRun it once more; if it fails so again, the logs in {folder} say what came before"
+        ) from error
+    finally:
+        if not failed:
+            shutil.rmtree(folder)
+
+
+@contextlib.contextmanager
+def _process(name: str, command: list[str], log: Path, console: Console):
     with log.open("wb") as output:
         popen = subprocess.Popen(
             command, stdout=output, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, start_new_session=True
         )
-    child = _Child(name, popen, log)
+    child = _Child(name, popen, log, console)
     try:
         yield child
     finally:
@@ -366,12 +390,12 @@ def _process(name: str, command: list[str], log: Path):
 
 def _wait_for_ports(ports_file: Path, bench: _Child, interrupts: Interrupts) -> dict[str, int]:
     """The ports of the first bench, once it has announced them."""
-    deadline = time.monotonic() + COMPILING_TIMEOUT_s
+    deadline = time.monotonic() + READY_TIMEOUT_s
     while not ports_file.exists():
         interrupts.raise_noted()
         bench.check()
         if time.monotonic() > deadline:
-            raise InstrumentError(f"the virtual bench did not open its ports within {COMPILING_TIMEOUT_s:g} s")
+            raise InstrumentError(f"the virtual bench did not open its ports within {READY_TIMEOUT_s:g} s")
         time.sleep(0.02)
     return json.loads(ports_file.read_text())[0]
 
@@ -379,13 +403,15 @@ def _wait_for_ports(ports_file: Path, bench: _Child, interrupts: Interrupts) -> 
 def _address_of(page: _Child, interrupts: Interrupts) -> str:
     """Where the page is, once it has said so."""
     deadline = time.monotonic() + READY_TIMEOUT_s
-    while not (words := page.log.read_text(errors="replace").split()):
+    while True:
         interrupts.raise_noted()
         page.check()
+        for word in page.log.read_text(errors="replace").split():
+            if word.startswith("http"):
+                return word
         if time.monotonic() > deadline:
             raise InstrumentError(f"the page did not say its address within {READY_TIMEOUT_s:g} s")
         time.sleep(0.02)
-    return words[0]
 
 
 def _supply_is_off(config: Config) -> bool:

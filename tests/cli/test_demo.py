@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -33,11 +34,14 @@ sys.exit(main())
 class Demo:
     """``sma-actuator demo``; its output goes to a file."""
 
-    def __init__(self, log, program, arguments):
+    def __init__(self, log, program, arguments, environment):
         self._log = log
         with log.open("wb") as stream:
             self.process = subprocess.Popen(
-                [sys.executable, *program, "demo", *arguments], stdout=stream, stderr=stream
+                [sys.executable, *program, "demo", *arguments],
+                stdout=stream,
+                stderr=stream,
+                env={**os.environ, **environment},
             )
 
     @property
@@ -58,8 +62,8 @@ def demo(tmp_path):
     """Starts a :class:`Demo`; kills what is left of it."""
     demos = []
 
-    def start(*arguments, program=("-m", "sma_actuator")):
-        demos.append(Demo(tmp_path / "demo.log", program, arguments))
+    def start(*arguments, program=("-m", "sma_actuator"), **environment):
+        demos.append(Demo(tmp_path / "demo.log", program, arguments, environment))
         return demos[-1]
 
     yield start
@@ -133,3 +137,30 @@ def test_ctrl_c_before_anything_is_driven_ends_it_too(demo):
     assert started.process.wait(WAIT_s) in (0, 130), started.words
     assert "Traceback" not in started.words
     assert not [pid for pid in running if alive(pid)]
+
+
+@pytest.mark.long
+def test_the_first_command_on_a_machine_compiles_and_says_so_before_anything_answers(demo, tmp_path):
+    pytest.importorskip("numba")
+    started = demo("--duration", "6", NUMBA_CACHE_DIR=str(tmp_path / "cache"))
+    assert started.process.wait(600.0) == 0, started.words
+    assert f"virtual bench: compiling kernels, once on this machine; kept in {tmp_path}/cache" in started.words
+    assert f"node: compiling kernels, once on this machine; kept in {tmp_path}/cache" in started.words
+    assert "supply output off; node and bench have ended" in started.words
+
+
+def test_one_that_fails_says_what_to_do_and_keeps_what_was_said(demo):
+    started = demo("--duration", "0")
+    started.wait_for(lambda: "estimate" in started.words)
+    (bench,) = [
+        pid
+        for pid in children(started.process.pid)
+        if b"bench" in Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0")
+    ]
+    os.kill(bench, signal.SIGKILL)
+    assert started.process.wait(WAIT_s) == 1, started.words
+    why, advice = [line for line in started.words.splitlines() if line][-2:]
+    assert why.startswith("sma-actuator demo: the virtual bench ended with code -9")
+    folder = Path(advice.removeprefix("Run it once more; if it fails so again, the logs in ").split()[0])
+    assert "the output is on" in (folder / "node.log").read_text()
+    shutil.rmtree(folder)
