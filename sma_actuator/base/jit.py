@@ -74,11 +74,12 @@ try:
 
         def on_start(self, event: Any) -> None:
             """The first of a process, and now and then another."""
-            if not event.data["dispatcher"].py_func.__module__.startswith("sma_actuator."):
-                return
+            kernel = event.data["dispatcher"]
+            if not kernel.py_func.__module__.startswith("sma_actuator.") or "inline" in kernel.targetoptions:
+                return  # another's, or a part of one that will come
             now_s = time.monotonic()
             if not self._kernels:
-                _log.warning("%s, once on this machine; %s", COMPILING, _kept(event.data["dispatcher"]))
+                _log.warning("%s, once on this machine; %s", COMPILING, _place(kernel))
                 self._said_s = now_s
             elif now_s - self._said_s >= _NEWS_s:
                 _log.warning("still %s, %d so far", COMPILING, self._kernels)
@@ -90,7 +91,7 @@ try:
 
     event.register("numba:compile", _News())
 
-    def _kept(kernel: Any) -> str:
+    def _place(kernel: Any) -> str:
         """Where what is compiled will be found the next time."""
         folder = kernel.stats.cache_path
         if folder is None:
