@@ -51,6 +51,9 @@ setup(
         "usb": ["pyusb>=1.2"],
         "gpib": ["gpib-ctypes>=0.3"],
         "pymeasure": ["PyMeasure>=0.14"],
+        # DAQs by their makers' packages; each wants a library of the maker's beside it.
+        "nidaqmx": ["nidaqmx>=1.0,<2"],
+        "labjack": ["labjack-ljm>=1.23,<2"],
         "check": ["ruff>=0.17,<0.18", "mypy>=1.11", "import-linter>=2.0"],
         "docs": ["sphinx>=8.2", "myst-parser>=4.0", "sphinx-rtd-theme>=3.0"],
         "mutants": ["cosmic-ray>=8.4", "coverage>=7.4"],
@@ -65,6 +68,8 @@ setup(
             "moto[server]>=5.0",
             "s3fs>=2024.2",
             "xacro>=2.0",
+            "nidaqmx>=1.0,<2",
+            "labjack-ljm>=1.23,<2",
         ],
     },
     entry_points={

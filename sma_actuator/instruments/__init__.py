@@ -1,8 +1,8 @@
 """The edge to hardware: what a power supply and a data acquisition unit must do for the loop.
 
-Three families stand behind these interfaces: SCPI instruments over pyvisa (``scpi.py``), classes
-of pymeasure (``pymeasure_adapter.py``), and the virtual bench in the same process
-(``sma_actuator.bench``).
+Behind these interfaces stand SCPI instruments over pyvisa (``scpi.py``), classes of pymeasure
+(``pymeasure_adapter.py``), DAQs by their makers' packages (``makers_daq.py``), and the virtual bench
+in the same process (``sma_actuator.bench``).
 """
 
 from __future__ import annotations
@@ -142,7 +142,14 @@ def open_supply(config: InstrumentSections) -> PowerSupply:
 
 
 def open_daq(config: InstrumentSections, clock: Clock) -> Daq:
-    """The data acquisition unit that ``config`` names, not connected yet.  Raises ConfigError."""
+    """The data acquisition unit that ``config`` names, not connected yet.
+
+    Raises ConfigError for a dialect that will not do, or a maker's package that is not there.
+    """
+    if config.instruments.daq.package:
+        from .makers_daq import PACKAGES
+
+        return PACKAGES[config.instruments.daq.package](config, clock)
     from .scpi import ScpiDaq
 
     return ScpiDaq(config, clock)

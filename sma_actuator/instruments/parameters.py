@@ -74,6 +74,13 @@ class DaqInstrument(Connection):
     dialect: str = parameter(
         "virtual_bench_daq", "name of a dialect in sma_actuator/instruments/dialects, or path of a YAML file"
     )
+    package: str = parameter(
+        "",
+        "Python package of the DAQ's maker, instead of a dialect; resource is then the device's name there, and channel n its "
+        "input n (0 stays free)",
+        choices=("nidaqmx", "labjack"),
+        optional=True,
+    )
     timeout: float = parameter(0.2, "time in which a reading or a connection must be complete", "s", 0.01, 60.0)
     supply_voltage_channel: int = parameter(101, "channel of the supply voltage", "1", 0, 10**6)
     reference_voltage_channel: int = parameter(102, "channel of the sense resistor's voltage", "1", 0, 10**6)

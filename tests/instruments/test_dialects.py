@@ -136,6 +136,26 @@ DAQS = {
             "READ?",
         ],
     ),
+    "keithley_2700": (
+        "KEITHLEY INSTRUMENTS INC.,MODEL 2701,1074832,A09  /A02",
+        [
+            "*IDN?",
+            "*CLS",
+            "INIT:CONT OFF",
+            "ROUT:SCAN:LSEL NONE",
+            "FORM:ELEM READ",
+            "SENS:FUNC 'VOLT',(@101,102,103)",
+            "SENS:VOLT:RANG 10,(@101,102,103)",
+            "TRIG:SOUR IMM",
+            "TRIG:COUN 1",
+            "SAMP:COUN 6",
+            "ROUT:SCAN (@101,102,103)",
+            "ROUT:SCAN:TSO IMM",
+            "ROUT:SCAN:LSEL INT",
+            "SYST:ERR?",
+            "READ?",
+        ],
+    ),
     "keithley_daq6510": (
         "KEITHLEY INSTRUMENTS,MODEL DAQ6510,04340543,1.7.12",
         [
