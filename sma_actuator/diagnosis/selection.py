@@ -125,12 +125,17 @@ class Rules:
             return trial.objection
         gain, error = paired(losses, trial.losses)
         if not gain > self.margin:
-            return f"too small a gain on {self.unit}s it has not seen"
+            return (
+                f"it takes {gain:.2f} off a {self.unit} that it has not seen, where more than {self.margin:g} is wanted"
+            )
         falls = np.sort(losses - trial.losses)
         if not (gain - self.significant * error > self.margin or falls[:-1].sum() > self.decisive):
-            return f"its gain on {self.unit}s it has not seen is not beyond {self.significant:g} standard errors"
+            return (
+                f"it takes {gain:.2f} ± {error:.2f} off a {self.unit} that it has not seen, "
+                f"which is not sure by {self.significant:g} standard errors"
+            )
         rise = float(np.max(trial.losses - losses))
-        return f"makes one {self.unit} worse that it has not seen" if rise > self.worst_rise else ""
+        return f"it makes one {self.unit} worse that it has not seen, by {rise:.2f}" if rise > self.worst_rise else ""
 
 
 def paired(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
@@ -216,7 +221,12 @@ def _decide(
     judged = []
     for trial in trials:
         gain, error = paired(held, trial.losses)
-        refusal = rules.falls_short(trial, held) or ("" if gain > least else "gains too little to be worth a name")
+        little = (
+            ""
+            if gain > least
+            else f"it takes {gain:.2f} off a {rules.unit}, too little to be worth a name: {least:.2f} is"
+        )
+        refusal = rules.falls_short(trial, held) or little
         judged.append(replace(trial, gain=gain, gain_error=error, refusal=refusal))
     judged.sort(key=lambda t: -t.gain)
     good = [t for t in judged if not t.refusal]
@@ -291,7 +301,10 @@ def _take_a_pair(
 def _falls_short_beside(trial: Trial, rival: Trial, gain: float, rules: Rules) -> str:
     """Why a pair with this gain does not do so much better than another trial that two names are worth it; empty if it does."""
     beside, _ = paired(rival.losses, trial.losses)
-    little = "" if beside > rules.least_beside * gain else "the other gains too little to be worth a name"
+    least = rules.least_beside * gain
+    little = (
+        "" if beside > least else f"the other takes {beside:.2f} off, too little to be worth a name: {least:.2f} is"
+    )
     return rules.falls_short(trial, rival.losses) or little
 
 

@@ -26,7 +26,7 @@ from sma_actuator.logs.reading import add_log_arguments, find_logs, place, read_
 
 from .evidence import Evidence
 from .race import trace
-from .report import extended, summary
+from .report import explained, extended, summary
 
 _HEADER = "Written by `sma-actuator trace`"
 
@@ -62,6 +62,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--without", nargs="+", metavar="EFFECT", default=[], help="leave these candidates out")
     parser.add_argument(
+        "--explain",
+        nargs="+",
+        metavar="EFFECT",
+        default=[],
+        help="say of these what speaks for and against them, whether they were named or not",
+    )
+    parser.add_argument(
         "--beyond-floor",
         action="store_true",
         help="look also for what the model lacked at its calibration already (default: for what has come since)",
@@ -79,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     """Experiment, write and report; 0 when the report was written, whatever the verdict."""
     from .page import write_page
 
-    for option in ("only", "without"):
+    for option in ("only", "without", "explain"):
         for name in getattr(args, option):
             if name not in EFFECTS:
                 raise ConfigError(f"--{option}: '{name}' is no effect; known are {', '.join(EFFECTS)}")
@@ -90,6 +97,8 @@ def run(args: argparse.Namespace) -> int:
             raise ConfigError(
                 "--calibration: not with --table; models that identify wrote have their calibration with them"
             )
+        if args.explain:
+            raise ConfigError("--explain: not with --table; trace the one log by itself")
         asked = {name: getattr(args, name) for name in ("only", "without", "beyond_floor")}
         asked["reading"] = reading_of(args)
         return run_fleet(args, "trace", trace_logs, args.logs, args.config, asked, models=str(args.out or ""))
@@ -124,7 +133,7 @@ def run(args: argparse.Namespace) -> int:
             bar.update(tasks[what], completed=fraction)
 
         with cluster(args.dask):
-            tracing = trace(evidence, args.only, args.without, args.jobs, progress)
+            tracing = trace(evidence, args.only, args.without, args.jobs, progress, args.explain)
         report = summary(evidence, tracing)
         model = extended(mapping, evidence, tracing, report, _when(find_logs(args.logs)))
     path = args.out / "model.yaml"
@@ -133,11 +142,12 @@ def run(args: argparse.Namespace) -> int:
         Config.for_tools(model, str(path))
         report["model_file"] = str(path)
         write_parameter_file(path, model, f"{_HEADER}; the evidence is in report.html beside it.")
-    write_page(args.out / "report.html", evidence, tracing, report)
+    write_page(args.out / "report.html", evidence, tracing, report, args.explain)
     text = json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     write_atomically(args.out / "report.json", lambda stream: stream.write(text.encode()))
     write_json(args, report)
     _print(results(args), report)
+    _explain(results(args), report, args.explain)
     console.print(f"wrote {args.out / 'report.json'}, report.html" + (" and model.yaml" if model is not None else ""))
     return 0
 
@@ -201,3 +211,21 @@ def _print(console: Console, report: dict) -> None:
         console.print(f"note: {note}")
     for u in report["untestable"]:
         console.print(f"untestable: {u['name']}: {u['reason']}")
+
+
+def _explain(console: Console, report: dict, names: Sequence[str]) -> None:
+    """What speaks for and against some names, beside what was chosen."""
+    for row in explained(report, names):
+        console.print(f"[bold]{' and '.join(row['effects'])}[/bold], {row['answer']}: {row['reason']}")
+    shown = [row for row in explained(report, names) if row["gain"] is not None]
+    if not shown:
+        return
+    table = Table(title="nats taken off, on cycles that the fit had not seen")
+    table.add_column("")
+    for row in shown:
+        table.add_column(" and ".join(row["effects"]), justify="right")
+    for name in shown[0]["nats_by_witness"]:
+        table.add_row(name, *(f"{row['nats_by_witness'][name]:.1f}" for row in shown))
+    for number in range(len(shown[0]["nats_by_stretch"])):
+        table.add_row(f"stretch {number + 1} of the logs", *(f"{row['nats_by_stretch'][number]:.1f}" for row in shown))
+    console.print(table)

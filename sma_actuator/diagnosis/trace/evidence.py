@@ -454,6 +454,12 @@ class Evidence:
         """Loss of every unit, shape (units,)."""
         return 0.5 * np.bincount(self.unit_of_row, rows**2, minlength=self.units)
 
+    def rows_by_witness(self) -> dict[str, np.ndarray]:
+        """Which rows each witness has (bool): the residual first, then those of WITNESSES of which there is something."""
+        of_row = np.concatenate((np.full(self.rows_of_samples, -1), self._witness))
+        named = {"residual": of_row == -1} | {name: of_row == k for k, name in enumerate(WITNESSES)}
+        return {name: rows for name, rows in named.items() if rows.any()}
+
     def witnesses(self, rows: np.ndarray, units: np.ndarray) -> dict[str, float]:
         """How far each of WITNESSES is off in some units (bool), rms in standard deviations of the calibration.
 

@@ -14,14 +14,18 @@ from sma_actuator.report import Page, figure
 from .analysis import quantities, residual_m
 from .evidence import Evidence
 from .race import Tracing
+from .report import explained
 
+REFUSED_SHOWN = 8  #: rows of the table of candidates
 _MM = 1e3
 _MOST_POINTS = 6000
 BEFORE, AFTER = {"color": "tab:red", "label": "before"}, {"color": "tab:blue", "label": "after"}
 
 
-def write_page(path: Path, evidence: Evidence, tracing: Tracing, report: dict[str, Any]) -> None:
-    """Write the page, whole or not at all."""
+def write_page(
+    path: Path, evidence: Evidence, tracing: Tracing, report: dict[str, Any], explain: Sequence[str] = ()
+) -> None:
+    """Write the page, whole or not at all; ``explain``: names of which it says in a picture what speaks for and against."""
     page = Page("What the model lacks", report["sentence"])
     _residual(page, evidence, tracing)
     _what_to_do(page, report)
@@ -29,6 +33,8 @@ def write_page(path: Path, evidence: Evidence, tracing: Tracing, report: dict[st
     _loop(page, evidence, tracing)
     if tracing.rounds:
         _race(page, tracing)
+    _why(page, report)
+    _for_and_against(page, explained(report, explain))
     if tracing.fit is not None:
         _tell_tale(page, evidence, tracing, tracing.fit.names)
     _rests(page, evidence, tracing, report)
@@ -168,6 +174,45 @@ def _race(page: Page, tracing: Tracing) -> None:
             title=f"after {_words(round_.before)}" if round_.before else "first",
         )
     page.figure(drawing, "Green: named. Olive: within a standard error of it. Bars: standard error over cycles.")
+
+
+def _why(page: Page, report: dict[str, Any]) -> None:
+    """Of every candidate why it was given, or was not."""
+    rows = [row for row in report["candidates"] if row["gain"] is not None]
+    if not rows:
+        return
+    page.heading("Why this, and nothing else")
+    page.table(
+        ("candidate", "takes off a cycle, nats", "answer", "why"),
+        [(_words(row["effects"]), f"{row['gain']:.1f}", row["answer"], row["reason"]) for row in rows[:REFUSED_SHOWN]],
+        caption="report.json has them all, under candidates; trace --explain NAME … draws what speaks for and against a name.",
+    )
+
+
+def _for_and_against(page: Page, rows: Sequence[dict[str, Any]]) -> None:
+    """By witness and by stretch of the logs, what each of some names takes off."""
+    for row in rows:
+        page.text(f"{_words(row['effects'])}, {row['answer']}: {row['reason']}")
+    shown = [row for row in rows if row["gain"] is not None]
+    if not shown:
+        return
+    page.heading("For and against")
+    drawing, axes = figure(2, 1, height_in=4.0)
+    width = 0.8 / len(shown)
+    for number, row in enumerate(shown):
+        for ax, nats in zip(axes[0], (list(row["nats_by_witness"].values()), row["nats_by_stretch"]), strict=True):
+            ax.barh(np.arange(len(nats)) + number * width, nats, height=width, label=_words(row["effects"]))
+    for ax, labels in zip(
+        axes[0],
+        (list(shown[0]["nats_by_witness"]), [str(k + 1) for k in range(len(shown[0]["nats_by_stretch"]))]),
+        strict=True,
+    ):
+        ax.set_yticks(np.arange(len(labels)) + 0.4 - 0.5 * width, labels)
+        ax.set(xlabel="nats taken off, on cycles that the fit had not seen")
+        ax.axvline(0.0, color="black", lw=0.8)
+        ax.legend()
+    axes[0, 1].set(ylabel="stretch of the logs")
+    page.figure(drawing, "Left of the line a witness, or a stretch of the logs, speaks against the name.")
 
 
 def _tell_tale(page: Page, evidence: Evidence, tracing: Tracing, names: Sequence[str]) -> None:

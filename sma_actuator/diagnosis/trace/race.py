@@ -5,6 +5,7 @@ The competition is that of :mod:`sma_actuator.diagnosis.selection`; a unit is a 
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,6 +14,7 @@ from functools import partial
 import numpy as np
 
 from sma_actuator.base.one_thread import one_thread
+from sma_actuator.base.parameters import declaration_of
 from sma_actuator.diagnosis.selection import (
     Entry,
     Progress,
@@ -76,6 +78,23 @@ def usual(before: float) -> float:
     return min(USUAL, max(WELL, WORSE * before)) if before <= USUAL else max(USUAL, LEFT_SHARE * before)
 
 
+@dataclass(frozen=True, slots=True)
+class Held:
+    """One thing that a name is held against."""
+
+    what: str  #: a witness, a trend, or LOSS
+    found: float  #: what is left of it with the name, on cycles that the fit has not seen …
+    most: float  #: … and what may be
+
+    @property
+    def refuses(self) -> bool:
+        """Whether it speaks against the name."""
+        return self.found > self.most
+
+
+LOSS = "the loss of a cycle"
+
+
 @dataclass(slots=True)
 class Tracing:
     """The result."""
@@ -97,6 +116,8 @@ class Tracing:
     share: float  #: of the excess loss that is explained
     witnesses: dict[str, dict[str, float]]  #: how far each is off, before and after (:meth:`Evidence.witnesses`)
     unusual: list[str]  #: those that are not as usual after
+    judge: Judge  #: what every name was held against
+    singles: dict[str, Trial]  #: of every name that was tried alone
     beside: tuple[str, float] | None = None  #: a further name that would take off too much, and how much over the gain
 
 
@@ -113,8 +134,7 @@ class Work:
         if entry.sketch:
             return Trial(entry.candidates, sketch(self.evidence, entry.candidates, self.train, known), None)
         fitted = fit(self.evidence, entry.candidates, self.train, known)
-        objection = f"{', '.join(fitted.at_bound)}: at the end of what is possible, or nothing" * bool(fitted.at_bound)
-        return Trial(entry.candidates, fitted.held_out[self.train], fitted, objection)
+        return Trial(entry.candidates, fitted.held_out[self.train], fitted, _objection(fitted))
 
 
 @dataclass(frozen=True)
@@ -141,8 +161,7 @@ class Judge:
 
     def clean(self, trial: Trial) -> bool:
         """Whether what remains is like the calibration, in all that it shows: the signature of a name that is right."""
-        gone = float(trial.losses.mean()) <= max(CLEAN * self.expected, CLEAN_SHARE * float(self.losses.mean()))
-        return gone and not self.unusual(trial)
+        return not any(held.refuses for held in self.held(trial))
 
     def settles(self, selection: Selection) -> bool:
         """Whether what was chosen leaves nothing to be looked for."""
@@ -165,24 +184,30 @@ class Judge:
 
     def unusual(self, trial: Trial) -> list[str]:
         """What is off by more than is usual with a trial's effects, on cycles its fits have not seen."""
+        return [held.what for held in self.held(trial) if held.refuses and held.what != LOSS]
+
+    def held(self, trial: Trial) -> list[Held]:
+        """All that a trial's effects are held against, on cycles that their fits have not seen."""
+        most = max(CLEAN * self.expected, CLEAN_SHARE * float(self.losses.mean()))
+        out = [Held(LOSS, float(trial.losses.mean()), most)]
         if not self.evidence.knows_its_scatter:
-            return []
+            return out
         rows = trial.fit.held_out_rows
         witnesses = self.evidence.witnesses(rows, self.train)
-        off = [name for name, found in witnesses.items() if found > usual(self.witnesses[name])]
+        out += [Held(name, found, usual(self.witnesses[name])) for name, found in witnesses.items()]
         telling = {"time_s", *(c.effect.TELL_TALE for c in trial.candidates)}
+        few = self.train.sum() < FEWEST_FOR_TIME
         asked = [n for n in self.quantities if n in telling or self.evidence.expects_what_repeats]
         was = size(self.evidence, self.rows, self.train)
-        return off + [f"the trend over {QUANTITIES[n]}" for n in asked if self._bent(n, rows, n in telling, was)]
+        return out + [self._trend(n, rows, n in telling, was) for n in asked if not (few and n in BLOCKED)]
 
-    def _bent(self, name: str, rows: np.ndarray, telling: bool, was: float) -> bool:
-        """Whether what is left of ``was`` still goes with a quantity; ``telling``: one that gives the effect away."""
+    def _trend(self, name: str, rows: np.ndarray, telling: bool, was: float) -> Held:
+        """How much of what is left of ``was`` still goes with a quantity; ``telling``: one that gives the effect away."""
         blocked = name in BLOCKED
-        if blocked and self.train.sum() < FEWEST_FOR_TIME:
-            return False
         most, share = (BENT, BENT_SHARE) if telling else (BENT_BY_OTHERS, BENT_BY_OTHERS_SHARE)
         most = max(most, (BENT_BY_TIME_SHARE if blocked else share) * was)
-        return bend(self.evidence, rows, self.quantities[name], self.train, blocked) > most
+        left = bend(self.evidence, rows, self.quantities[name], self.train, blocked)
+        return Held(f"the trend over {QUANTITIES[name]}", left, most)
 
     def _worth(self, mean_loss: float) -> float:
         """What an effect must at least take off."""
@@ -221,10 +246,12 @@ def trace(
     without: Sequence[str] = (),
     jobs: int = 2,
     progress: Progress = lambda what, fraction: None,
+    explain: Sequence[str] = (),
 ) -> Tracing:
     """Find what the model lacks in these logs.
 
     ``only``: names of the only candidates, fitted together without a race; ``without``: of those left out.
+    ``explain``: names that are tried alone, whether they competed or not, to say what speaks for and against them.
     ``jobs``: fits at a time, by joblib, so that ``joblib.parallel_config("dask")`` around the call spreads them over
     a cluster.  Raises BenchLogError where an effect of ``only`` cannot be fitted on these logs.
     """
@@ -244,19 +271,36 @@ def trace(
         quantities(evidence, predictions),
     )
     result = _nothing(evidence, reasons, train, judge)
-    if judge.news_percent <= HINT * evidence.floor_percent and not (only or judge.plain):
-        return result
     work = Work(evidence, train)
-    if only:
-        selection = _together(work, field_, judge)
-    else:
-        contest = select(field_, judge.losses, judge.rules, judge.clean)
-        (selection,) = run([contest], [work], jobs, partial(progress, "race"))
-        if judge.news_percent <= result.gate_percent and not judge.convincing(selection):
-            return result
-    _conclude(result, evidence, selection, judge)
-    result.verdict = _verdict(result, selection, judge, asked=bool(only))
+    if only or judge.plain or judge.news_percent > HINT * evidence.floor_percent:
+        if only:
+            selection = _together(work, field_, judge)
+        else:
+            contest = select(field_, judge.losses, judge.rules, judge.clean)
+            (selection,) = run([contest], [work], jobs, partial(progress, "race"))
+        result.singles = _singles(selection)
+        if only or judge.news_percent > result.gate_percent or judge.convincing(selection):
+            _conclude(result, evidence, selection, judge)
+            result.verdict = _verdict(result, selection, judge, asked=bool(only))
+    _try(result, work, [name for name in explain if name not in result.singles])
     return result
+
+
+def _singles(selection: Selection) -> dict[str, Trial]:
+    """Of every name that competed alone, how it did."""
+    return {t.names[0]: t for t in selection.trials if len(t.names) == 1}
+
+
+def _try(result: Tracing, work: Work, names: Sequence[str]) -> None:
+    """Fit some effects alone, each by itself, where these logs could show it."""
+    scales = scales_of(work.evidence)
+    result.untestable |= untestable(list(names), scales)
+    for name in names:
+        if name not in result.untestable:
+            trial = work(Entry((candidate(name, scales),), None))
+            gain, error = paired(result.judge.losses, trial.losses)
+            refusal = result.judge.rules.falls_short(trial, result.judge.losses)
+            result.singles[name] = replace(trial, gain=gain, gain_error=error, refusal=refusal)
 
 
 def _field(evidence: Evidence, only: Sequence[str], without: Sequence[str]) -> tuple[list[Candidate], dict[str, str]]:
@@ -293,6 +337,8 @@ def _nothing(evidence: Evidence, reasons: dict[str, str], train: np.ndarray, jud
         share=0.0,
         witnesses={"before": judge.witnesses, "after": judge.witnesses},
         unusual=[],
+        judge=judge,
+        singles={},
     )
 
 
@@ -360,3 +406,18 @@ def _alternatives(rounds: list[Round], current: Fit) -> dict[str, Trial]:
 def of_the_model(names: Sequence[str]) -> list[str]:
     """Those of the effects that belong into a model file; the others are named and left alone."""
     return [n for n in names if EFFECTS[n].PART not in NOT_THE_MODEL]
+
+
+def _objection(found: Fit) -> str:
+    """Why a fit may not be chosen, whatever it gains; empty if it may."""
+    return "; ".join(_at_its_end(found, *where.split(".")) for where in found.at_bound)
+
+
+def _at_its_end(found: Fit, name: str, parameter: str) -> str:
+    value, (low, high) = found.values[name][parameter], found.intervals[name][parameter]
+    effect = EFFECTS[name]
+    unit = declaration_of(next(f for f in dataclasses.fields(effect) if f.name == parameter)).unit  # type: ignore[arg-type]
+    unit = "" if unit == "1" else f" {unit}"
+    if parameter in effect.ESSENTIAL and low <= 0.0 <= high:
+        return f"{name}'s {parameter} may as well be nothing ({low:.2g} to {high:.2g}{unit})"
+    return f"{name}'s {parameter} comes to {value:.3g}{unit}, the end of what is possible: there it is another effect"

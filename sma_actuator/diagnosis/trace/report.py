@@ -16,6 +16,7 @@ from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL, QUANTITIES
 from sma_actuator.identify.expectation import learn
 
+from . import why
 from .analysis import anatomy
 from .evidence import Evidence
 from .experiments import best_experiment
@@ -35,12 +36,14 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
     left = anatomy(evidence, tracing.predictions["after"])
     at_first = anatomy(evidence, tracing.predictions["before"])
     alternatives = _alternatives(evidence, tracing)
+    found = why.whys(evidence, tracing)
     out: dict[str, Any] = {
         "verdict": tracing.verdict,
         "sentence": sentence(tracing, left.depends, alternatives) + _trained_first(evidence.changed_percent),
         "effects": _effects(evidence, tracing),
         "alternatives": alternatives,
         "witnesses": _witnesses(tracing),
+        "candidates": why.as_numbers(found),
         "untestable": [{"name": name, "reason": why} for name, why in tracing.untestable.items()],
         "error_before_pct_stroke": _mean(before, weight),
         "error_before_interval": _interval(before, weight),
@@ -92,6 +95,18 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
         "logs": [t.log.source for t in evidence.experiments],
     }
     return _plain(out)
+
+
+def explained(report: dict[str, Any], names: Sequence[str]) -> list[dict[str, Any]]:
+    """Of a report's candidates those with these names, behind what was given, or came nearest to it."""
+    rows = report["candidates"]
+    if not names or not rows:
+        return []
+    first = rows[0]
+    return [
+        first,
+        *(row for row in rows[1:] if row["effects"] != first["effects"] and set(row["effects"]) & set(names)),
+    ]
 
 
 def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence[dict[str, Any]]) -> str:

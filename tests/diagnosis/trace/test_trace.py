@@ -19,6 +19,7 @@ from sma_actuator.diagnosis.trace.evidence import LIMIT, _Where, limited, smooth
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit
 from sma_actuator.diagnosis.trace.report import sentence, summary
+from sma_actuator.diagnosis.trace.why import whys
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.effects import EFFECTS, QUANTITIES, STAGES
 from sma_actuator.estimation.effects.frame import Frame
@@ -464,3 +465,57 @@ def test_bad_logs_are_refused_in_a_sentence(wire, config, spoil, said):
     with pytest.raises(BenchLogError, match=said) as raised:
         Evidence([spoil(log)], config)
     assert "session_1.csv" in str(raised.value)
+
+
+# --- why -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def a_lead(wire, config):
+    """(evidence, tracing) of a session with a lead of 0.03 Ω more."""
+    evidence = Evidence(session(wire[0], {"lead_resistance": 0.03}), config)
+    return evidence, trace(evidence, jobs=1)
+
+
+def test_of_every_candidate_it_is_said_why_it_was_given_or_not(a_lead):
+    evidence, found = a_lead
+    said = {why.names: why for why in whys(evidence, found)}
+    assert {n for names in said for n in names} == set(EFFECTS)  # none is left out
+    given = [why.names for why in said.values() if why.answer == "given"]
+    assert given == [found.fit.names]
+    for names, why in said.items():
+        assert why.reason.endswith(".") and why.answer in ("given", "alternative", "refused", "untestable"), names
+        assert (why.answer == "untestable") == (names[0] in found.untestable)
+        if why.answer == "refused":  # with numbers, its own and those of what was given
+            takes = f"{' and '.join(found.fit.names)} {said[found.fit.names].trial.gain:.1f}"
+            assert takes in why.reason and f"{why.trial.gain:.1f} nats" in why.reason, names
+
+
+def test_the_rule_that_refused_a_name_is_said_with_what_it_found_and_what_may_be(a_lead):
+    """A slip moves δ at rest and not R: it mends the residual, and a rest refuses it."""
+    evidence, found = a_lead
+    slip = next(why for why in whys(evidence, found) if why.names == ("slip",))
+    refusing = {held.what: held for held in slip.held if held.refuses}
+    assert {"resistance at cold rest", "displacement at cold rest"} <= set(refusing)
+    at_rest = refusing["resistance at cold rest"]
+    assert at_rest.most == race.usual(found.witnesses["before"]["resistance at cold rest"]) < at_rest.found
+    assert slip.by_witness["displacement at cold rest"] < 0.0  # it speaks against the name
+
+
+def test_nats_by_witness_and_by_stretch_are_those_of_the_gain(a_lead):
+    evidence, found = a_lead
+    for why in whys(evidence, found):
+        if why.trial is not None:
+            taken_off = why.trial.gain * found.train.sum()
+            assert sum(why.by_witness.values()) == pytest.approx(taken_off, abs=1e-6)
+            assert sum(why.by_stretch) == pytest.approx(taken_off, abs=1e-6)
+
+
+def test_what_did_not_compete_is_explained_too(wire, config, clean, a_lead):
+    nothing = trace(clean, jobs=1, explain=["slip", "ambient_temperature"])
+    slip, ambient = whys(clean, nothing)
+    assert (slip.names, slip.answer, ambient.answer) == (("slip",), "refused", "untestable")
+    evidence, _ = a_lead
+    found = trace(evidence, only=["slip"], jobs=1, explain=["lead_resistance"])
+    _, lead = (why for why in whys(evidence, found) if why.trial is not None)
+    assert lead.reason.startswith("It did not compete: it takes") and lead.reason.endswith("leave nothing unusual.")

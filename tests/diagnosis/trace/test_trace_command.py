@@ -69,6 +69,22 @@ def test_the_page_is_one_file_with_its_pictures_in_it(traced):
     assert "voltage offset" in page and 'src="http' not in page
 
 
+def test_a_name_that_was_not_given_is_explained(traced, capsys):
+    folder, logs, model = traced
+    out = folder / "explained"
+    words = ["--only", "voltage_offset", "--explain", "slip", "elastic_compliance", "--json", str(folder / "why.json")]
+    assert main(["trace", *logs, "--config", model, "--out", str(out), "--jobs", "1", *words]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "voltage_offset, given: It takes" in said and "slip, refused: " in said and "stretch 6 of the logs" in said
+    report = json.loads((folder / "why.json").read_text())
+    rows = {" ".join(row["effects"]): row for row in report["candidates"]}
+    assert next(iter(rows)) == "voltage_offset" and {"slip", "elastic_compliance"} < set(rows)
+    assert any(held["refuses"] and held["found"] > held["most"] for held in rows["slip"]["held_against"])
+    page = (out / "report.html").read_text()
+    assert "Why this, and nothing else" in page and "speaks against the name" in page
+    assert rows["slip"]["reason"].split(" (")[0].split(";")[0][:40] in page
+
+
 def test_the_extended_model_runs_in_every_tool_and_has_the_error_that_was_reported(traced, report):
     folder, logs, _ = traced
     model = folder / "out" / "model.yaml"
@@ -126,10 +142,12 @@ def test_a_model_that_does_not_say_how_good_it_was_takes_its_calibration_logs(wi
     ("change", "words", "said"),
     [
         ({}, ["--only", "gremlins"], "--only: 'gremlins' is no effect"),
+        ({}, ["--explain", "gremlins"], "--explain: 'gremlins' is no effect"),
+        ({}, ["--explain", "slip", "--table", "t.parquet"], "--explain: not with --table"),
         ({"file_format": 7}, [], "file_format.*newer version"),
         ({"effects": {"gremlins": {}}}, [], "effects.gremlins: no such effect"),
     ],
-    ids=["unknown effect", "a newer file", "an effect of a newer version"],
+    ids=["unknown effect", "nothing to explain", "to explain a fleet", "a newer file", "an effect of a newer version"],
 )
 def test_bad_input_is_refused_in_a_sentence(wire, traced, tmp_path, capsys, change, words, said):
     model = write_model({**wire[1], **change}, tmp_path / "model.yaml")
