@@ -3,7 +3,7 @@
     python benchmarks/feed_forward.py [--physics NAME …] [--wire flexinol furukawa] [--load weight spring]
                                       [--law feed_forward_pid] [--json FILE]                        (make feed-forward)
 
-Wires, models of the whole range, steps and sine are those of `control_worlds.py`, and so is the kept work.  Control
+Wires come the user's way (`users_way.py`) with models of the whole range; steps and sine are those of `driven.py`.  Control
 errors are means in % of full stroke.
 
 * fastest: of the steps, the way that no law can shorten
@@ -11,7 +11,7 @@ errors are means in % of full stroke.
 * less: by how much the law's error is below that of the PID
 * wrong: the law's error over that of the PID alone where both are given a heat loss, or a heat capacity, that is 30 %
   too large or too small, the worst of the four; the PID needs neither, but its estimate and its limits do
-* unrest: the command at held setpoints, RMS, PID and law [mA]
+* unrest: the command at held positions from sample to sample, rms, PID and law [% of max_current]
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from control_worlds import LAWS, LOADS, Case, Found, once, prepared
+from driven import LAWS, LOADS, Case, Found, fastest_once, once
 from rich.console import Console
 from rich.table import Table
-from whole_range import WIRES
+from users_way import WIRES, prepared
 
 from sma_actuator.plant.worlds import WORLDS
 
 MODEL = "whole_range"
-PID, FASTEST = "pid", "fastest"
+PID = "pid"
 WRONG = tuple((name, times) for name in ("heat_loss", "heat_capacity") for times in (0.7, 1.3))
-HEADERS = ("PID", "law", "fastest", "less", "wrong", "PID", "law", "less", "wrong", "PID", "law", "less", "unrest mA")
+HEADERS = ("PID", "law", "fastest", "less", "wrong", "PID", "law", "less", "wrong", "PID", "law", "less", "unrest %")
 
 
 def both(case: Case, law: str, program: str, wrong: tuple[tuple[str, float], ...] = ()) -> tuple[Found, Found]:
@@ -56,11 +56,11 @@ def compared(job: tuple[Case, str]) -> dict[str, Any]:
         found = [pid, own, *(each for two in wrong for each in two)]
         row[f"{program} faults"] = sorted({f"{each.case.law}: {each.fault}" for each in found if each.fault})
         if program == "steps":
-            row["unrest"] = pid.unrest_mA, own.unrest_mA
+            row["unrest"] = pid.unrest, own.unrest
         else:
             row["going pid"], row["going law"] = pid.going, own.going
             row["going less"] = 1.0 - own.going / pid.going
-    row["steps fastest"] = once(replace(case, law=FASTEST, program="steps")).control
+    row["steps fastest"] = fastest_once(replace(case, program="steps"))
     return row
 
 
@@ -97,13 +97,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--physics", nargs="*", choices=tuple(WORLDS), default=tuple(WORLDS))
     parser.add_argument("--wire", nargs="*", choices=WIRES, default=WIRES)
-    parser.add_argument("--load", nargs="*", choices=tuple(LOADS), default=tuple(LOADS))
+    parser.add_argument("--load", nargs="*", choices=LOADS, default=("weight", "spring"))
     parser.add_argument("--law", nargs="*", choices=LAWS, default=("feed_forward_pid",))
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every number here")
     args = parser.parse_args()
-    pairs = [(physics, wire, MODEL) for physics in args.physics for wire in args.wire]
-    wires = [Case(wire, physics, MODEL, load, "steps", PID) for physics, wire, _ in pairs for load in args.load]
+    pairs = [(wire, physics, (MODEL,)) for physics in args.physics for wire in args.wire]
+    wires = [Case(wire, physics, MODEL, load, "steps", PID) for wire, physics, _ in pairs for load in args.load]
     rows = prepared(pairs, compared, [(case, law) for law in args.law for case in wires], args.jobs)
     for law in args.law:
         its = [row for row in rows if row["law"] == law]

@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 from blind_cases import ALLOYS, UNITS
-from control_worlds import digest
 from kept import MODEL, kept
 from rich.console import Console
 from rich.table import Table
+from users_way import digest
 from whole_range import CALIBRATION, WIRES, OneWire, logs_of
 
 from sma_actuator.base.share import shared_file

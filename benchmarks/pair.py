@@ -3,7 +3,7 @@
     python benchmarks/pair.py [--physics NAME …]     (make pair)
 
 The joint of ``config/pair.yaml``, whose mechanism the bench has too; in the physics of home with the model of that file, in
-another with the thesis's model identified from the logs of that physics (``benchmarks/control_worlds.py`` keeps them), and
+another with the thesis's model identified from the logs of that physics (``benchmarks/users_way.py`` keeps them), and
 no less co-contraction than these were.
 Steps of 20 s over ±0.25 rad and sines of ±0.25 rad, with several co-contractions and with a torque from outside.
 
@@ -21,9 +21,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from control_worlds import identified
 from rich.console import Console
 from rich.table import Table
+from users_way import identified
 
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualClock
 from sma_actuator.bench.joint import JointBench

@@ -1,4 +1,4 @@
-"""Control laws that were tried beside those of the package, and the one that no law can better.
+"""Control laws that were tried beside those of the package.
 
 Importing this registers them; ``control_worlds.py --law`` drives with them.  ``held_heat`` and ``sliding_mode`` keep the
 wire's heat balance, on the power that did flow, and from it the current that would hold the wire as warm as it is now.
@@ -10,47 +10,13 @@ from dataclasses import dataclass
 from math import exp, isfinite, nan, sqrt
 
 from sma_actuator.base.signals import Estimate, Signals
-from sma_actuator.control import CONTROL_LAWS, ControllerParameters
+from sma_actuator.control import CONTROL_LAWS
 from sma_actuator.control.law import LawSections
 from sma_actuator.control.pid import PidController, PidParameters
 
-TRIALS = ("held_heat", "sliding_mode", "fastest")
+TRIALS = ("held_heat", "sliding_mode")
 #: Boundary layer of the sliding mode, as share of the full stroke.
 LAYER = 0.025
-
-
-@CONTROL_LAWS.register("fastest")
-@dataclass(frozen=True, slots=True)
-class FastestParameters(ControllerParameters):
-    """The section ``controller`` of the law that shows what no law can better."""
-
-    def build(self, sections: LawSections) -> Fastest:
-        """The law."""
-        return Fastest(sections.supply.bias_current)
-
-
-class Fastest:
-    """All current there is while the wire is too long, the bias while it is too short."""
-
-    rate_limited = False
-
-    def __init__(self, bias_A: float):
-        self.bias_A = bias_A
-        self.reset(0.0, bias_A)
-
-    def reset(self, position_m: float, output_A: float) -> None:
-        """Start at a position and a current."""
-        self.reference_m, self.output_A = position_m, output_A
-        self.at_max = self.at_bias = False
-
-    def set_gains(self, gains: FastestParameters) -> None:
-        """It has none."""
-
-    def step(self, position_m: float, setpoint_m: float, dt_s: float, limit_A: float) -> float:
-        """The limit or the bias."""
-        self.reference_m = setpoint_m
-        self.output_A = limit_A if position_m > setpoint_m else self.bias_A
-        return self.output_A
 
 
 @CONTROL_LAWS.register("held_heat")

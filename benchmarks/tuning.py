@@ -3,14 +3,14 @@
     python benchmarks/tuning.py [--physics NAME …] [--wire flexinol furukawa] [--model whole_range thesis]
                                 [--load weight spring] [--json FILE]                                      (make tuning)
 
-Models are identified from each wire's own logs, as `control_worlds.py` does it, and its steps and sine are what the
-gains are judged by: control error, mean absolute, over that with the shipped gains (kp 800, ki 400, kd 100).  Each wire is
-tuned twice as `sma-actuator tune` does it, from the shipped gains ten times too high and ten times too low; errors and
+Wires come the user's way (`users_way.py`), and steps and a sine (`driven.py`) are what the gains are judged by: control
+error, mean absolute, over that with the gains that `init` derives.  Each wire is
+tuned twice as `sma-actuator tune` does it, from those gains ten times too high and ten times too low; errors and
 unrest are the worse of the two.  Once more with `thermal.derate_temperature` where the wire is sure to come to be hotter.
 
 * time: of the bench, from the first reading to the gains, with the wait for the wire to count as cool, the longer of the two
 * current: the most that was commanded, as share of the bound, the larger of the two
-* unrest: the command, RMS about its own line over the second half of each step, shipped and tuned [mA]
+* unrest: the command at held positions from sample to sample, rms, derived and tuned [% of max_current]
 * hot: after so long it was given up since the wire was too hot, with the output off and read back as off [s]
 """
 
@@ -22,17 +22,16 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from control_worlds import LOADS, MODELS, RUN_BY, Case, bench_for, digest, identified, once, prepared
+from driven import LOADS, RUN_BY, Case, bench_for, config_of, once
 from kept import MODEL, kept
 from rich.console import Console
 from rich.table import Table
-from whole_range import WIRES
+from users_way import MODELS, WIRES, digest, prepared
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.signals import Mode, Output, Tuned
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualClock
 from sma_actuator.cli.tune import bounded, tune
-from sma_actuator.config import Config
 from sma_actuator.control.tuning import GAINS
 from sma_actuator.driver import Driver
 from sma_actuator.plant.worlds import WORLDS
@@ -56,7 +55,7 @@ class Found:
     current: float  #: the most, over the bound
     steps: float  #: control error over that of the shipped gains
     sine: float
-    unrest_mA: tuple[float, float]
+    unrest: tuple[float, float]
     hot_s: float
     trouble: str = ""
 
@@ -76,7 +75,7 @@ class Way:
 def way(case: Case, changes: dict[str, Any]) -> Way:
     """Tune the wire of a case with other parameters than its file has."""
     config = bounded(config_of(case).replace(changes))
-    bench = bench_for(case, seed=SEED)
+    bench = bench_for(case, config, seed=SEED)
     outputs: list[Output] = []
     supply = InProcessSupply(bench, config)
     driver = Driver(config, supply, InProcessDaq(bench, config), VirtualClock(bench))
@@ -107,11 +106,6 @@ def way(case: Case, changes: dict[str, Any]) -> Way:
     )
 
 
-def config_of(case: Case) -> Config:
-    """The file of the wire, with the shipped gains."""
-    return Config.from_mapping(identified(case.wire, case.physics, case.model))
-
-
 def run(case: Case) -> Found:
     """One wire in one physics under one load."""
     shipped = config_of(case)
@@ -125,7 +119,7 @@ def run(case: Case) -> Found:
         current=max(w.current_A for w in ways) / bound_A,
         steps=float("inf"),
         sine=float("inf"),
-        unrest_mA=(0.0, 0.0),
+        unrest=(0.0, 0.0),
         hot_s=hot_s(case, max(w.hottest_C for w in ways)),
         trouble="; ".join(sorted({w.words for w in ways if w.words} | {"not off" for w in ways if not w.off})),
     )
@@ -138,7 +132,7 @@ def run(case: Case) -> Found:
         ours.append([once(replace(each.case, changes=changes)) for each in by_shipped])
     found.steps = max(pair[0].control for pair in ours) / by_shipped[0].control
     found.sine = max(pair[1].control for pair in ours) / by_shipped[1].control
-    found.unrest_mA = (by_shipped[0].unrest_mA, max(pair[0].unrest_mA for pair in ours))
+    found.unrest = (by_shipped[0].unrest, max(pair[0].unrest for pair in ours))
     faults = {each.fault for pair in ours for each in pair if each.fault}
     found.trouble = "; ".join([*sorted(faults), *filter(None, [found.trouble])])
     return found
@@ -163,7 +157,7 @@ def table_of(found: list[Found]) -> Table:
     table = Table(title="Tuned from ten times off; control error over that of the shipped gains", title_justify="left")
     for header in ("physics", "wire", "model", "load"):
         table.add_column(header)
-    for header in ("kp A/m", "ki A/(m·s)", "time s", "current", "steps", "sine", "unrest mA", "hot s"):
+    for header in ("kp A/m", "ki A/(m·s)", "time s", "current", "steps", "sine", "unrest %", "hot s"):
         table.add_column(header, justify="right")
     for f in found:
         table.add_row(
@@ -177,7 +171,7 @@ def table_of(found: list[Found]) -> Table:
             f"{f.current:.2f}",
             f"{f.steps:.2f}",
             f"{f.sine:.2f}",
-            f"{f.unrest_mA[0]:.1f} {f.unrest_mA[1]:.1f}",
+            f"{f.unrest[0]:.1f} {f.unrest[1]:.1f}",
             f"{f.hot_s:.0f}",
         )
     return table
@@ -189,14 +183,14 @@ def main() -> int:
     parser.add_argument("--physics", nargs="*", choices=tuple(WORLDS), default=tuple(WORLDS))
     parser.add_argument("--wire", nargs="*", choices=WIRES, default=WIRES)
     parser.add_argument("--model", nargs="*", choices=MODELS, default=("whole_range",))
-    parser.add_argument("--load", nargs="*", choices=tuple(LOADS), default=tuple(LOADS))
+    parser.add_argument("--load", nargs="*", choices=LOADS, default=("weight", "spring"))
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every number here")
     args = parser.parse_args()
-    pairs = [(physics, wire, " ".join(args.model)) for physics in args.physics for wire in args.wire]
+    pairs = [(wire, physics, args.model) for physics in args.physics for wire in args.wire]
     cases = [
         Case(wire, physics, model, load, "steps", "pid")
-        for physics, wire, _ in pairs
+        for wire, physics, _ in pairs
         for model in args.model
         for load in args.load
     ]

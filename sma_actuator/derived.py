@@ -147,6 +147,7 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None
 
 
 def _settle_gains(wire: Wire, most_A: float, lag_s: float, settle: Any) -> None:
+    """No kd: it doubles what noise makes of the current, and buys no error (docs/control.md)."""
     kp = settle(
         "controller.kp",
         _digits(8.0 * most_A / wire.full_stroke_m, 2),
@@ -157,7 +158,6 @@ def _settle_gains(wire: Wire, most_A: float, lag_s: float, settle: Any) -> None:
         _digits(kp / (0.4 * lag_s), 2),
         "kp over 0.4 of the lag of the temperature, which it makes up for",
     )
-    settle("controller.kd", _digits(kp * lag_s / 40.0, 2), "kp times a fortieth of that lag")
 
 
 def with_derived(mapping: Mapping[str, Any]) -> dict[str, Any]:

@@ -35,6 +35,12 @@ def contracts(rig: Rig) -> None:
     tracks(rig, 0.0015)
 
 
+def contracts_and_comes_back(rig: Rig) -> None:
+    """Where the power falls again, but not to where it was."""
+    contracts(rig)
+    tracks(rig, 0.0017)
+
+
 def is_loaded(rig: Rig, load_N: float, seconds: float = 0.5) -> None:
     rig.bench.load = Weight(load_N)
     rig.run(seconds)
@@ -175,7 +181,7 @@ SITUATIONS = [
     Situation("wire.max_stress", 60e6, lambda rig: is_loaded(rig, 1.5)),
     Situation("loop.overruns_to_fault", 2, comes_late),
     Situation("estimator.heating_power", 0.05, contracts, given={"estimator.branch_decision": "power"}),
-    Situation("estimator.heating_power_hysteresis", 0.5, contracts),
+    Situation("estimator.heating_power_hysteresis", 0.5, contracts_and_comes_back),
     Situation("estimator.thermal_time_constant", 1.0),
     Situation("estimator.resistance_deadband", 0.1, given={"estimator.branch_decision": "resistance_rate"}),
     Situation("estimator.velocity_time_constant", 1.0),

@@ -174,7 +174,7 @@ class FeedForwardPid(PidController):
         self._wearing_off_A = 0.0
         self._paced_m = nan
         self.paced = False
-        super().__init__(gains, supply.bias_current)
+        super().__init__(gains, supply.bias_current, supply.max_current)
         self.braking = 1.0 - gains.feed_forward
 
     # --- what the wire does -------------------------------------------------------------------------

@@ -2,21 +2,26 @@
 
 ``u = Kp e + Ki ∫e dt + Kd dx/dt`` with ``e = x − x_d``: a wire that is too long gives a positive
 error, hence more current, heat and contraction.  The derivative acts on the position alone, so a
-step of the setpoint does not kick.
+step of the setpoint does not kick.  Both act on the position without its noise (:mod:`.smoothing`),
+so that the current does not rattle.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import hypot, inf
 
 from sma_actuator.base.parameters import parameter
 
 from .law import CONTROL_LAWS, ControlLaw, ControllerParameters, LawSections
+from .smoothing import Smoother
 
 #: Beyond these no position or setpoint of a wire lies; NaN and infinities fail the same comparison.
 POSITION_BOUND_m = 100.0
 #: Shorter steps carry no information about velocity.
 SHORTEST_STEP_s = 1e-6
+#: Share of the largest current by which noise of the position may move the current from step to step, rms.
+UNREST = 0.01
 
 
 @CONTROL_LAWS.register("pid")
@@ -39,7 +44,7 @@ class PidParameters(ControllerParameters):
 
     def build(self, sections: LawSections) -> ControlLaw:
         """The PID with these gains."""
-        return PidController(self, sections.supply.bias_current)
+        return PidController(self, sections.supply.bias_current, sections.supply.max_current)
 
 
 class PidController:
@@ -60,16 +65,20 @@ class PidController:
         "error_m",
         "gains",
         "integral_A",
+        "max_A",
         "output_A",
         "position_m",
         "rate_limited",
         "reference_m",
+        "smoother",
         "velocity_m_s",
     )
 
-    def __init__(self, gains: PidParameters, bias_current_A: float):
+    def __init__(self, gains: PidParameters, bias_current_A: float, max_current_A: float = inf):
         self.gains = gains
         self.bias_A = bias_current_A
+        self.max_A = max_current_A  #: what unrest is measured by; infinite: any noise will do
+        self.smoother = Smoother()
         self.ahead_A = 0.0  #: what is given ahead of the PID, by a law that is built on it
         self.braking = 1.0  #: share of the derivative that acts, less in a law that brakes otherwise
         self.reset(0.0, bias_current_A)
@@ -83,6 +92,7 @@ class PidController:
             return
         self.reference_m = position_m
         self.position_m = position_m
+        self.smoother.reset(position_m)
         self.integral_A = output_A
         self.velocity_m_s = 0.0
         self.error_m = 0.0
@@ -125,6 +135,7 @@ class PidController:
             self.reference_m += most_m if change_m > 0.0 else -most_m
             self.rate_limited = True
 
+        position_m = self.smoother.step(position_m, dt_s, self._allowed_m(dt_s))
         error_m = position_m - self.reference_m
         # First-order low-pass of the difference quotient, implicit in time: stable for any step.
         self.velocity_m_s += (position_m - self.position_m - self.velocity_m_s * dt_s) / (
@@ -148,3 +159,10 @@ class PidController:
             output_A = bias_A
         self.output_A = output_A
         return output_A
+
+    def _allowed_m(self, dt_s: float) -> float:
+        """How far noise may move the position from step to step."""
+        gains = self.gains
+        derivative = self.braking * gains.kd / (gains.derivative_time_constant + dt_s)
+        gain = hypot(gains.kp + derivative, derivative)
+        return UNREST * self.max_A / gain if gain > 0.0 else inf

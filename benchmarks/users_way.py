@@ -1,0 +1,186 @@
+"""A wire of the virtual bench as a user gets to drive it: ``init``, ``characterise``, ``identify``, ``init`` again.
+
+Nothing comes from the limits and gains in ``config/``: of ``config/*_bench.yaml`` only what the wire and its instruments are
+(:data:`FACTS`) is taken.  Logs and models lie in ``out/control_worlds`` and are used again while nothing has changed that
+they depend on; what ``init`` derives is derived each time.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import io
+import tempfile
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from replay_tables import TRAINED
+
+from sma_actuator.base.share import shared_file
+from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
+from sma_actuator.characterise import PlanOptions, Rig, characterise, make_plan
+from sma_actuator.characterise.operators import BenchOperator
+from sma_actuator.cli.main import main as sma_actuator
+from sma_actuator.config import Config, bench_from_mapping, read_parameter_file, write_parameter_file
+from sma_actuator.estimation.chain import Chain
+from sma_actuator.identify.experiments import make_experiment
+from sma_actuator.logs.bench_log import read_bench_log
+from sma_actuator.plant.loads import Load, Schedule
+
+ROOT = Path(__file__).resolve().parents[1]
+KEPT = ROOT / "out" / "control_worlds"
+WIRES = ("flexinol", "furukawa")
+MODELS = ("thesis", "whole_range")
+#: What a user knows of wire and bench without having measured.
+FACTS = ("wire", "circuit", "load_cell", "reference_sensor", "instruments")
+#: Load cell and LVDT are calibrated already, and the wire is trained before (:data:`TRAINED` cycles).
+SKIPPED = ("lead_resistance", "load_cell", "lvdt", "training", "fatigue")
+CHARACTERISED = PlanOptions(levels=6, skip=SKIPPED)
+#: A load between those that are characterised, for logs that no fit has seen.
+UNSEEN_Pa = 54e6
+#: The rooms that the logs depend on, and those that the models do beside.
+LOGS_BY, MODELS_BY = ("plant", "bench", "characterise"), ("identify", "estimation")
+#: The stroke that a wire truly has is that between this temperature at its hottest place and the bias current.
+HOT_C = 160.0
+COOL_s, LONGEST_s = 40.0, 60.0
+
+
+def digest(rooms: Iterable[str]) -> str:
+    """What these rooms are now, in a few letters."""
+    files = sorted(p for room in rooms for p in (ROOT / "sma_actuator" / room).rglob("*.py"))
+    files += [p for room in rooms for at in ("sma_actuator", "benchmarks") if (p := ROOT / at / f"{room}.py").is_file()]
+    files += sorted((ROOT / "config").glob("*_bench.yaml"))
+    return hashlib.sha256(b"".join(p.read_bytes() for p in files)).hexdigest()[:12]
+
+
+def command(*words: object) -> None:
+    """One command of the user's, without its words; raises where it fails.  A model that is not good is written all the same."""
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        code = sma_actuator([str(word) for word in words])
+    if code not in (0, 3):
+        raise RuntimeError(f"sma-actuator {words[0]}: {said.getvalue()[-2000:]}")
+
+
+def folder_of(wire: str, physics: str) -> Path:
+    """Where the logs and models of a wire lie."""
+    return KEPT / digest(LOGS_BY) / f"{physics}_{wire}"
+
+
+def facts_of(wire: str, folder: Path) -> Path:
+    """What is known of the wire and its bench, as a parameter file."""
+    path = folder / "facts.yaml"
+    if not path.is_file():
+        mapping = read_parameter_file(shared_file(f"config/{wire}_bench.yaml"))
+        folder.mkdir(parents=True, exist_ok=True)
+        write_parameter_file(path, {name: mapping[name] for name in FACTS}, "What is known of wire and bench.", {})
+    return path
+
+
+def logs_of(wire: str, physics: str) -> list[Path]:
+    """The logs that ``characterise`` makes of it, on a bench file that ``init`` has written."""
+    folder = folder_of(wire, physics)
+    if not (folder / "complete").is_file():
+        bench_path = _init(facts_of(wire, folder), folder / "bench.yaml")
+        cycles = _characterised(wire, physics, bench_path, CHARACTERISED, 1, folder / "logs", TRAINED)
+        area_m2 = bench_from_mapping(read_parameter_file(bench_path)).wire.area_m2
+        unseen = PlanOptions(loads_N=(round(UNSEEN_Pa * area_m2, 3),), pulses=2, set_points=4, skip=SKIPPED)
+        cycles = _characterised(wire, physics, bench_path, unseen, 2, folder / "unseen", cycles)
+        (folder / "complete").write_text(f"{cycles:g}\n", encoding="utf-8")
+    return sorted((folder / "logs").glob("*.csv"))
+
+
+def _characterised(
+    wire: str, physics: str, bench_path: Path, options: PlanOptions, seed: int, folder: Path, cycles: float
+) -> float:
+    """Make the logs of a plan; returns how many cycles the wire has done after it."""
+    mapping = read_parameter_file(bench_path)
+    config = bench_from_mapping(mapping)
+    bench = VirtualBench.from_name(wire, seed=seed, physics=physics, cycles=cycles)
+    rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
+    operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
+    characterise(mapping, make_plan(config, options), rig, operator, folder)
+    return cycles + bench.cycles
+
+
+def _init(start: Path, path: Path, *words: str) -> Path:
+    command("init", "--start", start, "--set", "thermal.ambient_temperature=24.0", *words, "--out", path, "--force")
+    return path
+
+
+def cycles_done(wire: str, physics: str) -> float:
+    """How many cycles it has done when it is driven."""
+    return float((folder_of(wire, physics) / "complete").read_text(encoding="utf-8"))
+
+
+def identified(wire: str, physics: str, model: str = "whole_range") -> dict[str, Any]:
+    """The parameters that a node drives the wire with: its model, and what ``init`` adds to it."""
+    logs, folder = logs_of(wire, physics), folder_of(wire, physics)
+    path = folder / f"{model}_{digest(MODELS_BY)}.yaml"
+    if not path.is_file():
+        name = {"thesis": wire}.get(model, model)
+        command("identify", *logs, "--config", facts_of(wire, folder), "--model", name, "--jobs", 1, "--out", path)
+    with tempfile.TemporaryDirectory(prefix="sma_users_way_") as scratch:
+        return read_parameter_file(_init(path, Path(scratch) / "node.yaml"))
+
+
+def prepare(job: tuple[str, str, Sequence[str]]) -> None:
+    """Have a wire (alloy, physics, models) identified; apart, so that no two processes make the same."""
+    wire, physics, models = job
+    for model in models:
+        identified(wire, physics, model)
+
+
+def prepared(
+    wires: Sequence[tuple[str, str, Sequence[str]]], run_one: Callable[[Any], Any], cases: Sequence[Any], jobs: int
+) -> list[Any]:
+    """What each case comes to, once the models of all wires (alloy, physics, models) are there; in so many processes."""
+    if jobs == 1:
+        for wire in wires:
+            prepare(wire)
+        return [run_one(case) for case in cases]
+    with ProcessPoolExecutor(jobs) as pool:
+        list(pool.map(prepare, wires))
+        return list(pool.map(run_one, cases))
+
+
+def replayed(wire: str, physics: str, model: str = "whole_range") -> tuple[float, float]:
+    """Of logs that were not fitted: mean absolute error [% of full stroke], and the share within the 95 % intervals."""
+    config = Config.from_mapping(identified(wire, physics, model))
+    errors_m, inside = [], []
+    for path in sorted((folder_of(wire, physics) / "unseen").glob("*.csv")):
+        experiment = make_experiment(read_bench_log(path), config)
+        found = Chain(config).run(experiment.signals)
+        errors_m.append(np.abs(found.displacement_m - experiment.displacement_m))
+        inside.append(errors_m[-1] <= found.uncertainty_m)
+    return (
+        float(np.nanmean(np.concatenate(errors_m))) / config.wire.full_stroke_m * 100.0,
+        float(np.mean(np.concatenate(inside))),
+    )
+
+
+def stroke_of(wire: str, physics: str, load: Load) -> tuple[float, float]:
+    """Where the wire truly ends under a load, contracted and cold [m]; under one that changes, what all of it share."""
+    loads = [each for _, each in load.steps] if isinstance(load, Schedule) else [load]
+    ends_m = [_ends_m(wire, physics, each) for each in loads]
+    return max(hot_m for hot_m, _ in ends_m), min(cold_m for _, cold_m in ends_m)
+
+
+@functools.cache
+def _ends_m(wire: str, physics: str, load: Load) -> tuple[float, float]:
+    bench = VirtualBench.from_name(wire, seed=1, load=load, physics=physics, cycles=cycles_done(wire, physics))
+    bench.supply.set_voltage(20.0)
+    bench.supply.set_output(True)
+    current_A = 0.3
+    while bench.hottest_C < HOT_C and bench.time_s < LONGEST_s:
+        bench.supply.set_current(current_A)
+        bench.advance(bench.time_s + 0.25)
+        current_A *= 1.02
+    hot_m = bench.truth.displacement_m
+    bench.supply.set_current(0.05)
+    bench.advance(bench.time_s + COOL_s)
+    return hot_m, bench.truth.displacement_m
