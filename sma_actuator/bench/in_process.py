@@ -75,7 +75,7 @@ class InProcessSupply(_InProcess):
     """The bench's supply behind the interface :class:`~sma_actuator.instruments.PowerSupply`."""
 
     name = "supply"
-    reads_back = frozenset({"over_current_trip", "watchdog_trip"})
+    reads_back = frozenset({"voltage_setting", "over_current_trip", "watchdog_trip"})
 
     def open(self) -> None:
         """Output off, limits and protections programmed and read back, watchdog armed.

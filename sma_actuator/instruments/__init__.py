@@ -65,7 +65,8 @@ class PowerSupply(Protocol):
 
     @property
     def reads_back(self) -> frozenset[str]:
-        """What not every supply tells: ``over_current_trip``, its setting; ``watchdog_trip``, as WDOG, once it has cut."""
+        """What not every supply tells: ``voltage_setting``; ``over_current_trip``, its setting; ``watchdog_trip``, as WDOG,
+        once it has cut."""
 
     def open(self) -> None:
         """Connect, output off, check who answers, program compliance voltage, over-voltage and

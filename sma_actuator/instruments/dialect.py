@@ -10,11 +10,9 @@ from __future__ import annotations
 import difflib
 import importlib.resources
 import re
-import string
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
-from math import copysign, inf, isfinite, nan
 from pathlib import Path
 from typing import Any
 
@@ -23,98 +21,78 @@ from sma_actuator.base.registry import MEND, PlugInError, described, load_plug_i
 from sma_actuator.base.yaml_text import read_yaml
 
 from .parameters import TERMINATIONS
+from .phrases import Command, Query, is_number, pattern_or_none
 
 FOLDER = Path(__file__).parent / "dialects"
 #: Entry points of other packages that bring a dialect: its name, and the package whose folder holds <name>.yaml.
 GROUP = "sma_actuator.dialects"
-#: Placeholders each entry may use.
-_SUPPLY_COMMANDS = {
-    "prepare": {"channel"},
-    "lock": {"channel"},
-    "unlock": {"channel"},
-    "output_on": {"channel"},
-    "output_off": {"channel"},
-    "set_current": {"channel", "value"},
-    "set_voltage": {"channel", "value"},
-    "set_over_voltage": {"channel", "value"},
-    "set_over_current": {"channel", "value"},
-    "clear_trips": {"channel"},
-    "arm_watchdog": {"channel", "value"},
-    "disarm_watchdog": {"channel"},
+#: What every instrument is asked and told unless its dialect says otherwise; ``null`` there: nothing.
+STANDARD: dict[str, dict[str, Any]] = {"queries": {"identity": "*IDN?"}, "commands": {"clear_status": "*CLS"}}
+_CHANNEL, _VALUE, _CHANNELS = (
+    frozenset({"channel"}),
+    frozenset({"channel", "value"}),
+    frozenset({"channels", "samples", "readings"}),
+)
+_NOTHING: frozenset[str] = frozenset()
+#: Placeholders each command may use, and each query with what its answer is (a key of ``phrases.READINGS``).
+_COMMANDS: dict[str, dict[str, frozenset[str]]] = {
+    "supply": {
+        **dict.fromkeys(("select", "clear_status", "prepare", "lock", "unlock"), _CHANNEL),
+        **dict.fromkeys(("output_on", "output_off", "clear_trips", "disarm_watchdog"), _CHANNEL),
+        **dict.fromkeys(("set_current", "set_voltage", "set_over_voltage", "set_over_current"), _VALUE),
+        "arm_watchdog": _VALUE,
+    },
+    "daq": {"clear_status": _NOTHING, "prepare": _CHANNELS, "before_read": _CHANNELS},
 }
-_SUPPLY_QUERIES = {
-    name: {"channel"}
-    for name in (
-        "current_setting",
-        "voltage_setting",
-        "over_voltage_setting",
-        "over_current_setting",
-        "output",
-        "voltage",
-        "current",
-        "watchdog_armed",
-        "watchdog_tied",
-        "watchdog_delay",
-        "error",
-    )
+_QUERIES: dict[str, dict[str, tuple[frozenset[str], str]]] = {
+    "supply": {
+        "identity": (_CHANNEL, "text"),
+        **dict.fromkeys(("current_setting", "voltage_setting", "voltage", "current"), (_CHANNEL, "number")),
+        **dict.fromkeys(("over_voltage_setting", "over_current_setting"), (_CHANNEL, "number")),
+        "output": (_CHANNEL, "truth"),
+        **dict.fromkeys(("watchdog_armed", "watchdog_tied"), (_CHANNEL, "truth")),
+        "watchdog_delay": (_CHANNEL, "number"),
+        "error": (_CHANNEL, "code"),
+    },
+    "daq": {
+        "identity": (_NOTHING, "text"),
+        "ready": (_CHANNELS, "text"),
+        "read": (_CHANNELS, "numbers"),
+        "error": (_NOTHING, "code"),
+    },
 }
-_DAQ_COMMANDS = {"prepare": {"channels", "samples", "readings"}, "before_read": {"channels", "samples", "readings"}}
-_DAQ_QUERIES: dict[str, set[str]] = {
-    "ready": {"channels", "samples", "readings"},
-    "read": {"channels", "samples", "readings"},
-    "error": set(),
-}
-#: Placeholders without which an entry would say the same whatever is wanted.
+#: Placeholders without which a command would say the same whatever is wanted.
 _NEEDED_PLACEHOLDERS = {
-    **dict.fromkeys(("set_current", "set_voltage", "set_over_voltage", "set_over_current", "arm_watchdog"), "value"),
-    "prepare": "channels",
-}
-#: What stands in for the placeholders when a file is checked.
-_TRIAL = {"channel": 1, "value": 0.5, "channels": "101,102", "samples": 50, "readings": 100}
-_KNOWN: dict[str, dict[str, dict[str, set[str]]]] = {
-    "supply": {"commands": _SUPPLY_COMMANDS, "queries": _SUPPLY_QUERIES},
-    "daq": {"commands": _DAQ_COMMANDS, "queries": _DAQ_QUERIES},
+    "supply": dict.fromkeys(
+        ("set_current", "set_voltage", "set_over_voltage", "set_over_current", "arm_watchdog"), "value"
+    ),
+    "daq": {"prepare": "channels"},
 }
 _NEEDED: dict[str, dict[str, tuple[str, ...]]] = {
     "supply": {
-        "commands": ("output_on", "output_off", "set_current", "set_voltage", "clear_trips"),
-        "queries": ("current_setting", "voltage_setting", "output", "voltage", "current"),
+        "commands": ("output_on", "output_off", "set_current", "set_voltage"),
+        "queries": ("output", "voltage", "current"),
     },
     "daq": {"commands": ("prepare",), "queries": ("read",)},
 }
-_KEYS = {
-    "supply": {
-        "kind",
-        "family",
-        "source",
-        "notes",
-        "identity",
-        "termination",
-        "answer_termination",
-        "chained_queries",
-        "watchdog_range_s",
-        "watchdog_step_s",
-        "watchdog_fed_by",
-        "second_session",
-        "commands",
-        "queries",
-        "trips",
-    },
-    "daq": {
-        "kind",
-        "family",
-        "source",
-        "notes",
-        "identity",
-        "termination",
-        "answer_termination",
-        "measures_celsius",
-        "commands",
-        "queries",
-    },
+_KEYS_OF_ALL = {
+    *("kind", "family", "source", "notes", "identity", "termination", "answer_termination", "acknowledgement"),
+    *("commands", "queries"),
 }
-_YES = {"on", "yes", "true"}
-_NO = {"off", "no", "false"}  #: not the empty answer: it proves nothing
+_KEYS = {
+    "supply": _KEYS_OF_ALL
+    | {"chained_queries", "watchdog_range_s", "watchdog_step_s", "watchdog_fed_by", "second_session", "trips"}
+    | {"zero_current", "measures_while_off", "off_resets"},
+    "daq": _KEYS_OF_ALL | {"measures_celsius"},
+}
+#: True or false; what it is where a dialect says nothing.
+_FLAGS = {
+    "chained_queries": False,
+    "measures_celsius": False,
+    "second_session": False,
+    "measures_while_off": True,
+    "off_resets": False,
+}
 
 
 def _named(name: str, kind: str) -> Path:
@@ -150,13 +128,17 @@ class Dialect:
     path: Path
     kind: str  #: supply or daq
     family: str
-    identity: re.Pattern
+    identity: re.Pattern[str]
     terminations: tuple[str, str]  #: of a line sent, of a line of an answer
-    commands: Mapping[str, tuple[str, ...]]
-    queries: Mapping[str, str]
-    trips: Mapping[str, str]  #: word (OVP, OCP, OTP, WDOG) or ``*`` → query
+    acknowledgement: re.Pattern[str] | None  #: the whole line that answers a command; None: a command has no answer
+    commands: Mapping[str, Command]
+    queries: Mapping[str, Query]
+    trips: Mapping[str, Query]  #: by word (OVP, OCP, OTP, WDOG) or ``*``
+    zero_current_A: float  #: the least that it takes for 0 A
     chained_queries: bool
     measures_celsius: bool  #: whether the channel of a temperature sensor answers in °C
+    measures_while_off: bool  #: whether voltage and current can be asked for while the output is off
+    off_resets: bool  #: whether switching off changes settings
     watchdog_range_s: tuple[float, float] | None
     watchdog_step_s: float
     watchdog_fed_by: str  #: session or anyone; "" where there is none
@@ -182,40 +164,41 @@ class Dialect:
             for key in document
             if key not in _KEYS[kind]
         ]
-        commands, queries = (_texts(document, kind, group, problems) for group in ("commands", "queries"))
-        problems += _wrong_trips(document.get("trips", {}))
+        commands = _commands(document, kind, problems)
+        queries = _queries(document, kind, problems)
+        trips = _trips(document.get("trips", {}), problems)
         if {"arm_watchdog", "disarm_watchdog"} & set(commands):
             problems += _wrong_watchdog(document, queries)
         span, step_s = document.get("watchdog_range_s"), document.get("watchdog_step_s", 0.0)
         if span is not None and not (
-            isinstance(span, list) and len(span) == 2 and all(map(_is_number, span)) and 0.0 <= span[0] <= span[1]
+            isinstance(span, list) and len(span) == 2 and all(map(is_number, span)) and 0.0 <= span[0] <= span[1]
         ):
             problems.append(f"watchdog_range_s: {span!r} is not shortest and longest delay in seconds, as [1, 3600]")
-        if not (_is_number(step_s) and step_s >= 0.0):
+        if not (is_number(step_s) and step_s >= 0.0):
             problems.append(f"watchdog_step_s: {step_s!r} is not a number of seconds")
+        zero_A = document.get("zero_current", 0.0)
+        if not (is_number(zero_A) and 0.0 <= zero_A <= 1.0):
+            problems.append(f"zero_current: {zero_A!r} is not the least current that it takes, in amperes")
         termination = document.get("termination", "\n")
-        terminations = {
-            "termination": termination,
-            "answer_termination": document.get("answer_termination", termination),
-        }
+        terminations = (termination, document.get("answer_termination", termination))
         problems += [
             f'{key}: {value!r} ends no line; "\\n", "\\r\\n" or "\\r" is wanted, in double quotes'
-            for key, value in terminations.items()
+            for key, value in zip(("termination", "answer_termination"), terminations, strict=True)
             if value not in TERMINATIONS.values()
         ]
-        flags = {key: document.get(key, False) for key in ("chained_queries", "measures_celsius", "second_session")}
+        flags = {key: document.get(key, default) for key, default in _FLAGS.items()}
         problems += [
             f"{key}: {value!r} is neither true nor false" for key, value in flags.items() if not isinstance(value, bool)
         ]
-        identity = re.compile("")
-        try:
-            identity = re.compile(document["identity"])
-            if identity.search(""):
+        acknowledgement = None
+        if "acknowledgement" in document:
+            acknowledgement = pattern_or_none(document["acknowledgement"])
+            if acknowledgement is None:
                 problems.append(
-                    "identity: a regular expression for the answer to *IDN? is wanted (this one lets any instrument pass)"
+                    f"acknowledgement: {document['acknowledgement']!r}; a regular expression for the whole line that answers a "
+                    "command is wanted, in quotes"
                 )
-        except (KeyError, TypeError, re.error) as error:
-            problems.append(f"identity: a regular expression for the answer to *IDN? is wanted ({error})")
+        identity = _identity(document, queries, problems)
         if problems:
             raise ConfigError([f"{path}: {problem}" for problem in problems])
         return cls(
@@ -223,10 +206,12 @@ class Dialect:
             kind=kind,
             family=document.get("family", path.stem),
             identity=identity,
-            terminations=(terminations["termination"], terminations["answer_termination"]),
+            terminations=terminations,
+            acknowledgement=acknowledgement,
             commands=commands,
-            queries={name: lines[0] for name, lines in queries.items()},
-            trips=document.get("trips", {}),
+            queries=queries,
+            trips=trips,
+            zero_current_A=float(zero_A),
             watchdog_range_s=(float(span[0]), float(span[1])) if span else None,
             watchdog_step_s=float(step_s),
             watchdog_fed_by=document.get("watchdog_fed_by", ""),
@@ -235,50 +220,94 @@ class Dialect:
 
     def lines(self, name: str, **values: Any) -> list[str]:
         """The texts of a command, filled in; none where the family has no such command."""
-        return [line.format(**values) for line in self.commands.get(name, ())]
+        return self.commands[name].lines(values) if name in self.commands else []
 
-    def query(self, name: str, **values: Any) -> str:
-        """The text of a query, filled in."""
-        return self.queries[name].format(**values)
+    def asked(self, **values: Any) -> tuple[dict[str, Query], dict[str, Query]]:
+        """Queries and trips with their placeholders filled in.  Raises ConfigError for a channel that has no bit."""
+        try:
+            filled = (
+                {name: query.filled(values) for name, query in each.items()} for each in (self.queries, self.trips)
+            )
+            return next(filled), next(filled)
+        except KeyError as channel:
+            raise ConfigError(
+                f"instruments.{self.kind}.channel: {channel} is no channel of {self.family}: {self.path} has no bit for it"
+            ) from None
+
+    def off_lines(self, channel: int) -> list[str]:
+        """What is said blind, first and last on every connection."""
+        return [
+            *self.lines("select", channel=channel),
+            *self.lines("output_off", channel=channel),
+            *self.lines("set_current", channel=channel, value=self.zero_current_A),
+        ]
 
 
-def _texts(document: Mapping[str, Any], kind: str, group: str, problems: list[str]) -> dict[str, tuple[str, ...]]:
-    """The SCPI texts of a group by name; what is wrong with them goes to ``problems``."""
-    known = _KNOWN[kind][group]
+def _section(document: Mapping[str, Any], group: str, kind: str, known: Collection[str], problems: list[str]) -> dict:
+    """The entries of a group that there may be, with the standard ones; what is wrong goes to ``problems``."""
     entries = document.get(group)
     if not isinstance(entries, Mapping):
-        problems.append(f"{group}: missing; a section of SCPI texts is wanted")
+        problems.append(f"{group}: missing; a section of texts is wanted")
         entries = {}
-    texts = {}
-    for name, text in entries.items():
-        lines = (text,) if isinstance(text, str) else tuple(text) if isinstance(text, list) else ()
-        if name not in known:
-            problems.append(f"{group}.{name}: no such entry; known are {', '.join(known)}")
-            continue
-        if not lines or not all(isinstance(line, str) and line for line in lines):
-            problems.append(f"{group}.{name}: {text!r} is neither a SCPI text nor a list of them")
-            continue
-        if group == "queries" and len(lines) != 1:
-            problems.append(f"queries.{name}: {text!r} has {len(lines)} texts; a query has one")
-        problems += _wrong_placeholders(f"{group}.{name}", lines, known[name])
-        texts[name] = lines
+    problems += [
+        f"{group}.{name}: no such entry; known are {', '.join(known)}" for name in entries if name not in known
+    ]
     problems += [
         f"{group}.{name}: missing; the driver cannot do without it"
         for name in _NEEDED[kind][group]
-        if name not in entries
+        if entries.get(name) is None
     ]
-    return texts
+    return {
+        name: entry for name, entry in {**STANDARD[group], **entries}.items() if name in known and entry is not None
+    }
 
 
-def _wrong_trips(trips: Any) -> list[str]:
-    if not isinstance(trips, Mapping) or not all(isinstance(query, str) and query for query in trips.values()):
-        return [f"trips: {trips!r} is no section of SCPI texts"]
-    problems = []
-    for word, query in trips.items():
-        if word not in ("OVP", "OCP", "OTP", "WDOG", "*"):
-            problems.append(f"trips.{word}: no such trip; OVP, OCP, OTP, WDOG or * is wanted")
-        problems += _wrong_placeholders(f"trips.{word}", (query,), {"channel"})
-    return problems
+def _commands(document: Mapping[str, Any], kind: str, problems: list[str]) -> dict[str, Command]:
+    known, needed = _COMMANDS[kind], _NEEDED_PLACEHOLDERS[kind]
+    read = {
+        name: Command.read(f"commands.{name}", entry, known[name], needed.get(name), problems)
+        for name, entry in _section(document, "commands", kind, known, problems).items()
+    }
+    return {name: command for name, command in read.items() if command is not None}
+
+
+def _queries(document: Mapping[str, Any], kind: str, problems: list[str]) -> dict[str, Query]:
+    known = _QUERIES[kind]
+    read = {
+        name: Query.read(f"queries.{name}", entry, *known[name], problems)
+        for name, entry in _section(document, "queries", kind, known, problems).items()
+    }
+    return {name: query for name, query in read.items() if query is not None}
+
+
+def _trips(entries: Any, problems: list[str]) -> dict[str, Query]:
+    if not isinstance(entries, Mapping):
+        problems.append(f"trips: {entries!r} is no section of queries")
+        return {}
+    problems += [
+        f"trips.{word}: no such trip; OVP, OCP, OTP, WDOG or * is wanted"
+        for word in entries
+        if word not in ("OVP", "OCP", "OTP", "WDOG", "*")
+    ]
+    read = {
+        word: Query.read(f"trips.{word}", entry, _CHANNEL, "words" if word == "*" else "truth", problems)
+        for word, entry in entries.items()
+    }
+    return {word: query for word, query in read.items() if query is not None}
+
+
+def _identity(document: Mapping[str, Any], queries: Mapping[str, Query], problems: list[str]) -> re.Pattern[str]:
+    """What it must say of itself; anything where it cannot be asked."""
+    if "identity" not in queries:
+        if "identity" in document:
+            problems.append("identity: nothing is asked that could be held against it (queries.identity: null)")
+        return re.compile("")
+    asked = queries["identity"].text
+    identity = pattern_or_none(document.get("identity"))
+    if identity is None or identity.search(""):
+        loose = "" if identity is None else " (this one lets any instrument pass)"
+        problems.append(f"identity: a regular expression for the answer to {asked} is wanted{loose}")
+    return identity or re.compile("")
 
 
 def _wrong_watchdog(document: Mapping[str, Any], queries: Collection[str]) -> list[str]:
@@ -291,58 +320,4 @@ def _wrong_watchdog(document: Mapping[str, Any], queries: Collection[str]) -> li
         )
     if "watchdog_range_s" not in document:
         problems.append("watchdog_range_s: missing; shortest and longest delay in seconds are wanted")
-    return problems
-
-
-def yes(reply: str) -> bool:
-    """A boolean reply: a word, or a number as SCPI may write it (``1``, ``+1``, ``1.000000E+00``).
-
-    Raises ValueError for one that is none.
-    """
-    word = reply.strip().strip('"').lower()
-    if word in _YES or word in _NO:
-        return word in _YES
-    if re.fullmatch(r"[+-]?\d+(\.\d*)?(e[+-]?\d+)?", word) and float(word) in (0.0, 1.0):
-        return float(word) == 1.0
-    raise ValueError(f"'{reply}' is neither on nor off")
-
-
-def number(reply: str) -> float:
-    """A numeric reply; 9.91e37 is SCPI's NaN, ±9.9e37 its infinity (SCPI-99, 7.2.1.4, 7.2.1.5).
-
-    Raises ValueError for one that is none.
-    """
-    if "_" in reply:  # Python's own way to write numbers
-        raise ValueError(f"'{reply}' is not a number")
-    value = float(reply)
-    if isfinite(value) and abs(value) >= 9.9e37:
-        return nan if abs(value) > 9.905e37 else copysign(inf, value)
-    return value
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _wrong_placeholders(name: str, lines: tuple[str, ...], allowed: set[str]) -> list[str]:
-    problems = []
-    seen: set[str] = set()
-    for line in lines:
-        try:
-            used = {field for _, field, _, _ in string.Formatter().parse(line) if field is not None}
-        except ValueError as error:
-            problems.append(f"{name}: '{line}' cannot be filled in ({error})")
-            continue
-        for field in sorted(used - allowed):
-            choice = ", ".join("{" + a + "}" for a in sorted(allowed)) or "none"
-            problems.append(f"{name}: '{line}' has the placeholder {{{field}}}; allowed are {choice}")
-        seen |= used
-        if used <= allowed:
-            try:
-                line.format(**_TRIAL)
-            except (ValueError, TypeError) as error:
-                problems.append(f"{name}: '{line}' cannot be filled in ({error})")
-    needed = _NEEDED_PLACEHOLDERS.get(name.partition(".")[2])
-    if name.startswith("commands.") and needed in allowed and needed not in seen:
-        problems.append(f"{name}: {' | '.join(lines)!r} has no placeholder {{{needed}}}")
     return problems

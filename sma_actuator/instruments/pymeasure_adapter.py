@@ -21,7 +21,7 @@ from sma_actuator.base.signals import SupplyState
 
 from . import InstrumentLost, InstrumentRefused, LimitsNotHeld, OutputStaysOn
 from .parameters import InstrumentSections
-from .session import Session
+from .session import Manner, Session
 from .supply import Abilities, SessionSupply
 
 #: What is needed → names it has in pymeasure, in order of preference.
@@ -73,20 +73,20 @@ class _OnPaper(Adapter):
 class PymeasureSupply(SessionSupply):
     """A pymeasure instrument behind the interface :class:`~sma_actuator.instruments.PowerSupply`."""
 
-    reads_back: frozenset[str] = frozenset()
+    reads_back: frozenset[str] = frozenset({"voltage_setting"})
 
     def __init__(self, config: InstrumentSections):
         self._class = _find_class(config.instruments.supply.pymeasure_class)
         self._names: dict[str, str] = {}
         self._output: Any = None
-        super().__init__(config, ("\n", "\n"), ())
+        super().__init__(config, Manner.of(config.instruments.supply), ())
 
     def open(self) -> None:
         """Connect, output off, compliance voltage programmed and read back.
 
         Raises InstrumentLost or InstrumentRefused.
         """
-        self._acknowledged(Abilities(self._class.__name__))
+        self._acknowledged(Abilities(self._class.__name__, voltage_setting=True))
         if not self._session.off_lines:
             self._session.off_lines = self._off_on_paper()
         super().open()

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping
 from decimal import Decimal
 from functools import partial
 from math import nan
+from typing import TypeVar
 
 import numpy as np
 
 from sma_actuator.base.signals import Reading, SupplyState
 
 from . import Clock, InstrumentRefused, LimitsNotHeld, OutputStaysOn, WatchdogNotHeld
-from .dialect import Dialect, number, yes
+from .dialect import Dialect
 from .parameters import InstrumentSections
+from .phrases import Query
 from .session import OPENING_ANSWERS, Claim, Manner, Session
 from .supply import Abilities, SessionSupply
+
+T = TypeVar("T")
 
 #: The over-voltage trip sits this much above the compliance voltage, so that noise does not trip it.
 OVER_VOLTAGE_MARGIN = 1.1
@@ -23,27 +27,25 @@ OVER_VOLTAGE_MARGIN = 1.1
 SETTING_TOLERANCE = 0.02
 
 
-def _identify(session: Session, dialect: Dialect) -> str:
-    identity = session.ask("*IDN?")
+def _identify(session: Session, dialect: Dialect, queries: Mapping[str, Query]) -> str:
+    """What it says of itself; its family where that cannot be asked."""
+    if "identity" not in queries:
+        return f"{dialect.family} (not asked)"
+    identity = session.introduce(queries["identity"].text, dialect.identity)
     if not dialect.identity.search(identity):
         session.close()
         raise InstrumentRefused(
             f"{session.name}: says it is '{identity}', which is no {dialect.family}; "
             f"instruments.{session.role}.resource or instruments.{session.role}.dialect is wrong"
         )
-    session.tell("*CLS")
     return identity
 
 
-def _no_errors(session: Session, dialect: Dialect) -> None:
+def _no_errors(session: Session, dialect: Dialect, queries: Mapping[str, Query]) -> None:
     """Raise InstrumentRefused where the instrument's error queue holds anything."""
-    if "error" not in dialect.queries:
+    if (query := queries.get("error")) is None:
         return
-    reply = session.ask(dialect.query("error", channel=""))
-    try:
-        code = int(reply.split(",")[0])
-    except ValueError:
-        raise session.garbled(dialect.queries["error"], reply) from None
+    code, reply = session.ask_for(query.text, lambda reply: (query.code(reply), reply))
     if code != 0:
         raise InstrumentRefused(
             f"{session.name}: refused its configuration: {reply}; is the dialect '{dialect.path.stem}' the right one?"
@@ -66,56 +68,69 @@ class ScpiSupply(SessionSupply):
 
     def __init__(self, config: InstrumentSections):
         self._dialect = dialect = Dialect.load(config.instruments.supply.dialect, "supply")
-        channel = config.instruments.supply.channel
-        off_lines = dialect.lines("output_off", channel=channel) + dialect.lines(
-            "set_current", channel=channel, value=0.0
-        )
-        super().__init__(config, dialect.terminations, off_lines, dialect.lines("unlock", channel=channel))
+        instrument = config.instruments.supply
+        channel = instrument.channel
+        self._queries, self._trips = dialect.asked(channel=channel)
+        self._told_A = 0.0  #: the current that it was told last
+        manner = Manner.of(instrument, dialect.terminations, dialect.acknowledgement)
+        super().__init__(config, manner, dialect.off_lines(channel), dialect.lines("unlock", channel=channel))
 
     @property
     def reads_back(self) -> frozenset[str]:
         """What not every supply tells."""
         dialect = self._dialect
         told = {
+            "voltage_setting": "voltage_setting" in dialect.queries,
             "over_current_trip": "set_over_current" in dialect.commands and "over_current_setting" in dialect.queries,
             "watchdog_trip": not {"*", "WDOG"}.isdisjoint(dialect.trips),
         }
         return frozenset(what for what, is_told in told.items() if is_told)
 
     def _tell_current(self, current_A: float) -> None:
-        self._tell("set_current", _RoundedDown(current_A))
+        self._tell("set_current", _RoundedDown(max(current_A, self._dialect.zero_current_A)))
+        self._told_A = current_A
 
     def set_output(self, on: bool) -> None:
         """Switch the output."""
         self._tell("output_on" if on else "output_off")
 
     def read_back(self) -> SupplyState:
-        """Settings and measurements, as the instrument gives them; ``time_s`` is left NaN."""
-        names = ["current_setting", "output", "voltage", "current"]
-        lines = [self._dialect.query(name, channel=self._channel) for name in names]
-        lines += [query.format(channel=self._channel) for query in self._dialect.trips.values()]
+        """Settings and measurements, as the instrument gives them; ``time_s`` is left NaN.
+
+        What it cannot be asked is what follows: the current that it was told; nothing, behind an output that is off.
+        """
+        queries, at_any_time = self._queries, self._dialect.measures_while_off
+        measured = [queries["voltage"], queries["current"]]
+        asked = [queries[name] for name in ("current_setting", "output") if name in queries]
         with self._session.within():
-            replies = self._ask_all(lines)
-        try:
-            setting_A, voltage_V, current_A = (number(replies[i]) for i in (0, 2, 3))
-            output_on = yes(replies[1])
-            tripped = [self._trip(word, reply) for word, reply in zip(self._dialect.trips, replies[4:], strict=True)]
-        except ValueError:
-            raise self._session.garbled("; ".join(lines), "; ".join(replies)) from None
+            replies = self._ask_all([*asked, *(measured if at_any_time else ()), *self._trips.values()])
+            output_on = self._read(queries["output"].truth, queries["output"], replies)
+            if output_on and not at_any_time:
+                replies |= self._ask_all(measured)
+        setting_A, voltage_V, current_A = (
+            self._read(query.number, query, replies) if query is not None and query.text in replies else otherwise
+            for query, otherwise in zip(
+                (queries.get("current_setting"), *measured), (self._told_A, 0.0, 0.0), strict=True
+            )
+        )
+        tripped = [self._read(partial(self._trip, word, query), query, replies) for word, query in self._trips.items()]
         return SupplyState(nan, setting_A, output_on, voltage_V, current_A, ",".join(filter(None, tripped)))
+
+    def _read(self, read: Callable[[str], T], query: Query, replies: Mapping[str, str]) -> T:
+        try:
+            return read(replies[query.text])
+        except ValueError:
+            raise self._session.garbled(query.text, replies[query.text]) from None
 
     def _watchdog_holds(self) -> None:
         """Raise WatchdogNotHeld where the watchdog does not stand as it was armed."""
-        dialect, wanted_s = self._dialect, self._limits.watchdog_timeout
-        names = [name for name in ("watchdog_armed", "watchdog_tied", "watchdog_delay") if name in dialect.queries]
-        replies = [self._session.ask(dialect.query(name, channel=self._channel)) for name in names]
-        try:
-            # A delay of zero is no watchdog at all in many families.
-            holds = (
-                all(map(yes, replies[:-1])) and 0.0 < number(replies[-1]) <= wanted_s + dialect.watchdog_step_s + 1e-3
-            )
-        except ValueError:
-            raise self._session.garbled(dialect.queries["watchdog_delay"], "; ".join(replies)) from None
+        dialect, session, wanted_s = self._dialect, self._session, self._limits.watchdog_timeout
+        truths = [self._queries[name] for name in ("watchdog_armed", "watchdog_tied") if name in self._queries]
+        delay = self._queries["watchdog_delay"]
+        armed = [session.ask_for(query.text, query.truth) for query in truths]
+        delay_s = session.ask_for(delay.text, delay.number)
+        # A delay of zero is no watchdog at all in many families.
+        holds = all(armed) and 0.0 < delay_s <= wanted_s + dialect.watchdog_step_s + 1e-3
         if not holds:
             raise WatchdogNotHeld(
                 f"{self._session.name}: its watchdog was armed with {wanted_s:g} s and does not read back so: "
@@ -127,64 +142,86 @@ class ScpiSupply(SessionSupply):
         """Clear a tripped protection; the output stays off."""
         self._tell("output_off")
         self._tell("clear_trips")
+        self._program_anew()
+
+    def switch_off(self) -> None:
+        """Output off and 0 A, read back.  Raises InstrumentLost, or OutputStaysOn."""
+        super().switch_off()
+        self._program_anew()
 
     def _output_is_on(self, session: Session) -> bool:
-        query = self._dialect.query("output", channel=self._channel)
-        reply = session.ask(query)
-        try:
-            return yes(reply)
-        except ValueError:
-            raise session.garbled(query, reply) from None
+        query = self._queries["output"]
+        return session.ask_for(query.text, query.truth)
+
+    def _off(self, session: Session) -> None:
+        super()._off(session)
+        self._told_A = 0.0
 
     def _configure(self) -> None:
-        session, limits = self._session, self._limits
-        self.identity = _identify(session, self._dialect)
+        session, limits, dialect = self._session, self._limits, self._dialect
+        if limits.bias_current < dialect.zero_current_A:
+            raise InstrumentRefused(
+                f"supply.bias_current: {limits.bias_current:g} A; {dialect.family} takes no less than {dialect.zero_current_A:g} A"
+            )
+        self.identity = _identify(session, dialect, self._queries)
+        self._tell("clear_status")
         self._tell("prepare")
         if self._instrument.exclusive_lock:
             self._tell("lock")
         self._tell("output_off")
         self._tell("clear_trips")
-        self._tell("set_current", 0.0)
-        self._tell("set_voltage", limits.max_voltage)
-        over_voltage_V = OVER_VOLTAGE_MARGIN * limits.max_voltage
-        self._tell("set_over_voltage", over_voltage_V)
-        self._tell("set_over_current", limits.over_current_trip)
+        self._tell("set_current", dialect.zero_current_A)
+        self._program_limits()
         self._arm_watchdog()
-        _no_errors(session, self._dialect)
+        _no_errors(session, dialect, self._queries)
         if self._output_is_on(session):
             raise OutputStaysOn(session.name)
         wanted = {
             "voltage_setting": (limits.max_voltage, f"supply.max_voltage, {limits.max_voltage:g} V"),
-            "over_voltage_setting": (over_voltage_V, f"an over-voltage trip of {over_voltage_V:g} V"),
+            "over_voltage_setting": (self._over_voltage_V, f"an over-voltage trip of {self._over_voltage_V:g} V"),
             "over_current_setting": (
                 limits.over_current_trip,
                 f"supply.over_current_trip, {limits.over_current_trip:g} A",
             ),
         }
         self._checks = [
-            partial(self._holds, query, *value) for query, value in wanted.items() if query in self._dialect.queries
+            partial(self._holds, query, *value) for query, value in wanted.items() if query in self._queries
         ]
         if self._has_watchdog:
             self._checks.append(self._watchdog_holds)
         self.check_settings()
 
+    @property
+    def _over_voltage_V(self) -> float:
+        return OVER_VOLTAGE_MARGIN * self._limits.max_voltage
+
+    def _program_limits(self) -> None:
+        self._tell("set_voltage", self._limits.max_voltage)
+        self._tell("set_over_voltage", self._over_voltage_V)
+        self._tell("set_over_current", self._limits.over_current_trip)
+
+    def _program_anew(self) -> None:
+        """What switching off has changed."""
+        if self._dialect.off_resets:
+            with self._session.within():
+                self._program_limits()
+
     def _tell(self, name: str, value: float = nan) -> None:
         self._session.tell(*self._dialect.lines(name, channel=self._channel, value=value))
 
-    def _ask_all(self, lines: Sequence[str]) -> list[str]:
+    def _ask_all(self, queries: Iterable[Query]) -> dict[str, str]:
+        """The answer to each text, which is asked once."""
+        texts = list(dict.fromkeys(query.text for query in queries))
         if not self._dialect.chained_queries:
-            return [self._session.ask(line) for line in lines]
-        line = ";".join(lines)
-        reply = self._session.ask(line)
-        parts = reply.split(";")
-        if len(parts) != len(lines):
-            raise self._session.garbled(line, reply)
-        return parts
+            return {text: self._session.ask(text) for text in texts}
+        return self._session.ask_for(";".join(texts), lambda reply: dict(zip(texts, reply.split(";"), strict=True)))
 
-    def _trip(self, word: str, reply: str) -> str:
-        if word == "*":
-            return "" if reply.strip().strip('"').upper() in ("NONE", "0", "") else reply.strip().strip('"')
-        return word if yes(reply) else ""
+    @staticmethod
+    def _trip(word: str, query: Query, reply: str) -> str:
+        if word != "*":
+            return word if query.truth(reply) else ""
+        words = query.value(reply).strip('"')
+        return "" if words.upper() in ("NONE", "0", "") else words
 
     @property
     def _has_watchdog(self) -> bool:
@@ -198,6 +235,7 @@ class ScpiSupply(SessionSupply):
                 watchdog=self._has_watchdog,
                 watchdog_of_session=dialect.watchdog_fed_by == "session",
                 second_session=dialect.second_session,
+                voltage_setting="voltage_setting" in self.reads_back,
                 over_voltage_trip="set_over_voltage" in dialect.commands and "over_voltage_setting" in dialect.queries,
                 over_current_trip="over_current_trip" in self.reads_back,
             )
@@ -214,12 +252,8 @@ class ScpiSupply(SessionSupply):
 
     def _holds(self, query: str, wanted: float, what: str) -> None:
         """Ask for a setting; raise LimitsNotHeld where it is not as wanted."""
-        line = self._dialect.query(query, channel=self._channel)
-        reply = self._session.ask(line)
-        try:
-            found = number(reply)
-        except ValueError:
-            raise self._session.garbled(line, reply) from None
+        asked = self._queries[query]
+        found, reply = self._session.ask_for(asked.text, lambda reply: (asked.number(reply), reply))
         if not abs(found - wanted) <= SETTING_TOLERANCE * wanted:
             raise LimitsNotHeld(f"{self._session.name}: does not hold {what}: it reads back {reply}")
 
@@ -230,8 +264,9 @@ class ScpiDaq:
     def __init__(self, config: InstrumentSections, clock: Clock):
         self._instrument = daq = config.instruments.daq
         self._clock = clock
-        self._dialect = Dialect.load(daq.dialect, "daq")
-        self._session = Session("daq", daq.resource, Manner.of(daq, *self._dialect.terminations), daq.timeout)
+        self._dialect = dialect = Dialect.load(daq.dialect, "daq")
+        manner = Manner.of(daq, dialect.terminations, dialect.acknowledgement)
+        self._session = Session("daq", daq.resource, manner, daq.timeout)
         channels = {
             "supply_voltage_V": daq.supply_voltage_channel,
             "reference_voltage_V": daq.reference_voltage_channel,
@@ -247,6 +282,7 @@ class ScpiDaq:
             "samples": samples,
             "readings": samples * len(self._channels),
         }
+        self._queries, _ = dialect.asked(**self._values)
         self._claim: Claim | None = None
         self.identity = ""
 
@@ -274,25 +310,19 @@ class ScpiDaq:
             )
         with self._session.within(OPENING_ANSWERS * self._instrument.timeout):
             self._session.open()
-            self.identity = _identify(self._session, self._dialect)
-            self._session.tell(*self._dialect.lines("prepare", **self._values))
-            _no_errors(self._session, self._dialect)
-            if "ready" in self._dialect.queries:
-                self._session.ask(self._dialect.query("ready", **self._values))
+            self.identity = _identify(self._session, self._dialect, self._queries)
+            for name in ("clear_status", "prepare"):
+                self._session.tell(*self._dialect.lines(name, **self._values))
+            _no_errors(self._session, self._dialect, self._queries)
+            if "ready" in self._queries:
+                self._session.ask(self._queries["ready"].text)
 
     def read_block(self) -> Reading:
         """The mean of the newest block; NaN for channels that are not configured."""
-        line = self._dialect.query("read", **self._values)
+        query = self._queries["read"]
         with self._session.within():
             self._session.tell(*self._dialect.lines("before_read", **self._values))
-            reply = self._session.ask(line)
-        try:
-            numbers = np.array([number(text) for text in reply.split(",")])
-            if len(numbers) not in (len(self._channels), self._values["readings"]):
-                raise ValueError("neither one mean nor all readings of every channel")
-            values = numbers.reshape(-1, len(self._channels)).mean(axis=0)
-        except ValueError:
-            raise self._session.garbled(line, reply) from None
+            values = self._session.ask_for(query.text, lambda reply: self._means(query.numbers(reply)))
         reading = dict(zip(self._channels, values.tolist(), strict=True))
         shunt_Ohm = self._instrument.lvdt_shunt_resistance
         return Reading(
@@ -303,6 +333,12 @@ class ScpiDaq:
             lvdt_current_A=reading.get("lvdt_current_A", nan) / shunt_Ohm,
             ambient_temperature_C=reading.get("ambient_temperature_C", nan),
         )
+
+    def _means(self, numbers: list[float]) -> np.ndarray:
+        """The mean of each channel; raises ValueError for what is neither one mean nor all readings of every channel."""
+        if len(numbers) not in (len(self._channels), self._values["readings"]):
+            raise ValueError
+        return np.array(numbers).reshape(-1, len(self._channels)).mean(axis=0)
 
     def close(self) -> None:
         """Give up the connection, and let others speak to it.  Never raises."""

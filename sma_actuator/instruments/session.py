@@ -8,7 +8,8 @@ Three rules hold on every connection, whatever the other side does:
 * *Every answer has an end.*  It must be complete by a deadline of the monotonic clock and may not
   be longer than :data:`LONGEST_ANSWER`; bytes that trickle in do not extend it.
 * *An answer belongs to its question.*  What came without a question, and what follows the end of an
-  answer, means that the two sides are out of step.
+  answer, means that the two sides are out of step.  Where commands are acknowledged, each waits for its own; those
+  of the blind ``off_lines`` are read before the next line is sent.
 
 A connection on which one of them fails is given up and never used again: a late reply would be
 taken for the answer to the next question.  ``open`` makes a new one.
@@ -20,6 +21,7 @@ import contextlib
 import hashlib
 import logging
 import math
+import re
 import select
 import socket
 import threading
@@ -43,6 +45,8 @@ LONGEST_ANSWER = 1 << 20
 _PIECE = 1 << 16
 #: How long the last words on a connection may take: a full send buffer must not hold up what follows.
 LAST_WORDS_s = 0.05
+#: How long is waited for an identity behind lines that are none: of an instrument that answers commands.
+_LATE_s = 0.3
 #: How long opening may take with all its questions together, in multiples of the time for one answer.
 OPENING_ANSWERS = 10
 
@@ -53,15 +57,22 @@ class Manner:
 
     write_termination: str = "\n"
     read_termination: str = "\n"
+    acknowledgement: re.Pattern[str] | None = None  #: the whole line that answers a command; None: it has no answer
     pause_s: float = 0.0  #: from the end of a command or an answer to the next command
     serial: SerialLine = field(default_factory=SerialLine)  #: where it is one
 
     @classmethod
-    def of(cls, connection: Connection, write_termination: str = "\n", read_termination: str = "\n") -> Manner:
-        """What the parameters say; the terminations are the dialect's, for where they say none."""
+    def of(
+        cls,
+        connection: Connection,
+        terminations: tuple[str, str] = ("\n", "\n"),
+        acknowledgement: re.Pattern[str] | None = None,
+    ) -> Manner:
+        """What the parameters say; the terminations, of what is written and read, for where they say none."""
         return cls(
-            TERMINATIONS.get(connection.write_termination, write_termination),
-            TERMINATIONS.get(connection.read_termination, read_termination),
+            TERMINATIONS.get(connection.write_termination, terminations[0]),
+            TERMINATIONS.get(connection.read_termination, terminations[1]),
+            acknowledgement,
             connection.command_pause,
             connection.serial,
         )
@@ -340,7 +351,10 @@ class Session:
     def _begin(self, wire: Wire | None) -> None:
         self._wire = wire
         self._midline = False  #: a line was begun and not ended
+        self._got = b""  #: received, and not a whole line yet
         self._answered = False  #: a question, on this connection
+        self._told: list[str] = []  #: lines that have no answer, since the last question
+        self._owed = 0  #: acknowledgements of blind lines
         self._free_s = -math.inf  #: when the next line may go
 
     def say_off(self) -> None:
@@ -359,37 +373,93 @@ class Session:
                 self._pause(math.inf)
                 wire.send(piece.encode(), time.monotonic() + LAST_WORDS_s)
                 self._has_spoken()
+            self._owe(*self.off_lines)
         except (OSError, pyvisa.Error) as error:
             _log.debug("%s: off could not be written: %s", self.name, error)
 
     def tell(self, *lines: str) -> None:
-        """Send lines that have no answer."""
+        """Send lines; raises InstrumentRefused for one that is not acknowledged where that is wanted."""
+        with self.lock:
+            for line in lines:
+                by_s = self._by_s()
+                if self._manner.acknowledgement is None:
+                    self._send(line, by_s)
+                else:
+                    self._settle(by_s)
+                    self._must_be_silent(line, by_s)
+                    self._send(line, by_s)
+                    self._hear_acknowledgement(line, by_s)
+                self._told.append(line)
+
+    def tell_blind(self, *lines: str) -> None:
+        """Send lines, whatever is answered to them."""
         with self.lock:
             for line in lines:
                 self._send(line, self._by_s())
+                self._owe(line)
 
     def ask(self, line: str) -> str:
         """Send a query; its answer, which must be one line of text and must not be empty."""
+        return self.ask_for(line, lambda reply: reply)
+
+    def ask_for(self, line: str, read: Callable[[str], T]) -> T:
+        """Send a query; what ``read`` makes of its answer.
+
+        ``read`` raises ValueError for a line that is no answer to that.
+        """
         with self.lock:
             by_s = self._by_s()
-            extra = self._do(line, lambda wire: wire.unread())
-            if extra:
-                raise self.give_up(
-                    f"said '{_shown(extra)}' without being asked: "
-                    + ("its answers and our questions are out of step" if self._answered else self._for_people)
-                )
+            self._settle(by_s)
+            self._must_be_silent(line, by_s)
             self._send(line, by_s)
-            reply, extra = self._do(line, lambda wire: self._line(wire, by_s))
-            self._has_spoken()
-        text = reply.decode("ascii", errors="replace").strip()
-        if text == line:
-            raise self.give_up(f"repeats what it is asked, '{line}': {self._for_people}, or its echo is on")
-        if extra:
-            raise self.give_up(f"answered '{line}' with more than one line: '{_shown(reply)}', '{_shown(extra)}'")
-        if not text or not text.replace("\t", " ").isprintable():
-            raise self.garbled(line, text)
-        self._answered = True
-        return text
+            text = self._line(f"'{line}'", by_s)
+            while self._acknowledges(text):  # a late one, of a connection before this
+                text = self._line(f"'{line}'", by_s)
+            if text == line:
+                raise self.give_up(f"repeats what it is asked, '{line}': {self._for_people}, or its echo is on")
+            if self._got:
+                both = f"'{_shown(text)}', '{_shown(self._got)}'"
+                raise self.give_up(f"answered '{line}' with more than one line: {both}{self._advice(text)}")
+            try:
+                if not text or not text.replace("\t", " ").isprintable():
+                    raise ValueError
+                value = read(text)
+            except ValueError:
+                raise self.garbled(line, text) from None
+            self._answered = True
+            self._told.clear()
+        return value
+
+    def introduce(self, line: str, identity: re.Pattern[str]) -> str:
+        """Ask who it is, as the first question on a connection: the answer, whether it is like ``identity`` or not.
+
+        Raises InstrumentRefused where commands told before were answered, and nothing says that they are.
+        """
+        with self.lock:
+            by_s = self._by_s()
+            self._settle(by_s)
+            self._send(line, by_s)
+            lines = [self._line(f"'{line}'", by_s)]
+            until_s = min(by_s, time.monotonic() + _LATE_s)
+            with contextlib.suppress(InstrumentLost):
+                while lines[-1] != line and not identity.search(lines[-1]):
+                    lines.append(self._line(f"'{line}'", until_s))
+            said = lines[-1] if lines[-1] == line or identity.search(lines[-1]) else lines[0]
+            if said == line:
+                raise self.give_up(f"repeats what it is asked, '{line}': {self._for_people}, or its echo is on")
+            if not said or not said.replace("\t", " ").isprintable():
+                raise self.garbled(line, said)
+            if said != lines[0] and self._manner.acknowledgement is None:
+                if not self._told:
+                    raise self.give_up(f"said '{_shown(lines[0])}' without being asked: {self._for_people}")
+                self.give_up("")
+                raise InstrumentRefused(
+                    f"{self.name}: it answers commands ('{_shown(lines[0])}' to '{self._told[0]}'): put acknowledgement: "
+                    f"'{_shown(lines[0])}' into its dialect (docs/dialects.md)"
+                )
+            self._answered = True
+            self._told.clear()
+        return said
 
     def give_up(self, why: str) -> InstrumentLost:
         """Say off, close, and the error that tells why."""
@@ -399,7 +469,18 @@ class Session:
 
     def garbled(self, line: str, reply: str) -> InstrumentLost:
         """The error for an answer that is none; the connection is given up, since its order is lost."""
-        return self.give_up(f"answered '{_shown(reply.encode())}' to '{line}', which is not an answer to that")
+        return self.give_up(
+            f"answered '{_shown(reply)}' to '{line}', which is not an answer to that{self._advice(reply)}"
+        )
+
+    def _advice(self, said: str) -> str:
+        """What may be wrong where something came that was not asked for."""
+        if not self._told or self._manner.acknowledgement is not None:
+            return ""
+        return (
+            f"; if that is what it says to commands, as to '{self._told[-1]}' before, put acknowledgement: "
+            f"'{_shown(said)}' into its dialect"
+        )
 
     def cut(self) -> None:
         """Say off on a connection that hangs in another thread, and break it; what hangs then fails.
@@ -444,9 +525,9 @@ class Session:
 
     def _send(self, line: str, by_s: float) -> None:
         data = (line + self._manner.write_termination).encode()
-        self._do(line, lambda _: self._pause(by_s))
+        self._do(f"'{line}'", lambda _: self._pause(by_s))
         self._midline = True
-        self._do(line, lambda wire: wire.send(data, by_s))
+        self._do(f"'{line}'", lambda wire: wire.send(data, by_s))
         self._midline = False
         self._has_spoken()
 
@@ -461,24 +542,74 @@ class Session:
         if left_s > 0.0:
             time.sleep(left_s)
 
-    def _line(self, wire: Wire, by_s: float) -> tuple[bytes, bytes]:
-        """One line of the answer, and what came after it."""
-        got, end = b"", self._manner.read_termination.encode()
-        while end not in got:
-            if len(got) > LONGEST_ANSWER:
-                raise OSError(f"its answer has no end within {LONGEST_ANSWER} bytes")
-            try:
-                got += wire.receive(by_s)
-            except TimeoutError as error:
-                begun = (
-                    f"'{_shown(got)}' came, without the end of a line, {self._manner.read_termination!r} "
-                    f"(instruments.{self.role}.read_termination)"
-                )
-                raise TimeoutError(begun if got else "") from error
-        line, _, extra = got.partition(end)
-        return line, extra
+    def _settle(self, by_s: float) -> None:
+        """Hear what is still said to lines told blind."""
+        while self._owed:
+            self._owed -= 1
+            self._line(
+                f"'{self._told[-1]}', or a line before it, where acknowledgement '{self._wanted}' was wanted", by_s
+            )
 
-    def _do(self, line: str, action: Callable[[Wire], T]) -> T:
+    def _must_be_silent(self, line: str, by_s: float) -> None:
+        """Nothing may have come before ``line`` is sent but what acknowledges a line of an earlier connection."""
+        self._got += self._do(f"'{line}'", lambda wire: wire.unread())
+        while came := self._got:
+            first = self._line(f"'{line}'", by_s) if self._line_is_whole else _shown(came)
+            if not self._acknowledges(first):
+                whose = self._out_of_step if self._answered else self._for_people
+                raise self.give_up(f"said '{_shown(came)}' without being asked: {whose}{self._advice(first)}")
+
+    def _owe(self, *lines: str) -> None:
+        self._told += lines
+        if self._manner.acknowledgement is not None:
+            self._owed += len(lines)
+
+    def _acknowledges(self, text: str) -> bool:
+        pattern = self._manner.acknowledgement
+        return pattern is not None and pattern.fullmatch(text) is not None
+
+    def _hear_acknowledgement(self, line: str, by_s: float) -> None:
+        said = self._line(f"'{line}'", by_s)
+        if not self._acknowledges(said):
+            self.give_up("")
+            raise InstrumentRefused(
+                f"{self.name}: answered '{_shown(said)}' to '{line}', where acknowledgement '{self._wanted}' of its dialect was "
+                "wanted: it refuses that, or the dialect is not its own"
+            )
+
+    @property
+    def _wanted(self) -> str:
+        return self._manner.acknowledgement.pattern if self._manner.acknowledgement is not None else ""
+
+    @property
+    def _end(self) -> bytes:
+        return self._manner.read_termination.encode()
+
+    @property
+    def _line_is_whole(self) -> bool:
+        return self._end in self._got
+
+    def _line(self, what: str, by_s: float) -> str:
+        """One line of what it says to ``what``."""
+        while not self._line_is_whole:
+            self._got += self._do(what, lambda wire: self._piece(wire, by_s))
+        text, _, self._got = self._got.partition(self._end)
+        self._has_spoken()
+        return text.decode("ascii", errors="replace").strip()
+
+    def _piece(self, wire: Wire, by_s: float) -> bytes:
+        if len(self._got) > LONGEST_ANSWER:
+            raise OSError(f"its answer has no end within {LONGEST_ANSWER} bytes")
+        try:
+            return wire.receive(by_s)
+        except TimeoutError as error:
+            begun = (
+                f"'{_shown(self._got)}' came, without the end of a line, {self._manner.read_termination!r} "
+                f"(instruments.{self.role}.read_termination)"
+            )
+            raise TimeoutError(begun if self._got else "") from error
+
+    def _do(self, what: str, action: Callable[[Wire], T]) -> T:
         wire = self._wire
         if wire is None:
             raise InstrumentLost(f"{self.name}: not connected")
@@ -488,9 +619,13 @@ class Session:
             begun = f": {error}" if str(error) else ""
             if not self._answered and self.resource.upper().startswith("ASRL"):
                 begun += f"; is instruments.{self.role}.serial.baud_rate, {self._manner.serial.baud_rate}, right?"
-            raise self.give_up(f"no complete answer to '{line}' within {self._timeout_s:g} s{begun}") from error
+            raise self.give_up(f"no complete answer to {what} within {self._timeout_s:g} s{begun}") from error
         except (pyvisa.Error, OSError, ValueError) as error:
-            raise self.give_up(f"the connection broke at '{line}' ({error})") from error
+            raise self.give_up(f"the connection broke at {what} ({error})") from error
+
+    @property
+    def _out_of_step(self) -> str:
+        return "its answers and our questions are out of step"
 
     @property
     def _for_people(self) -> str:
@@ -522,7 +657,8 @@ def _canonical(resource: str) -> str:
     return str(name).upper()
 
 
-def _shown(text: bytes) -> str:
+def _shown(text: bytes | str) -> str:
     """What an instrument said, short enough for a sentence, and with nothing in it that a terminal would obey."""
-    words = text.strip().decode("latin-1").encode("unicode_escape").decode("ascii")
+    raw = text.decode("latin-1") if isinstance(text, bytes) else text
+    words = raw.strip().encode("unicode_escape").decode("ascii")
     return words if len(words) <= 80 else f"{words[:77]}…"

@@ -30,6 +30,7 @@ class Abilities:
     watchdog: bool = False  #: its own silence cuts its output
     watchdog_of_session: bool = False  #: and only the connection that armed it counts
     second_session: bool = False  #: it is known to listen to a second connection while the first one hangs
+    voltage_setting: bool = False  #: it can be read back
     over_voltage_trip: bool = False  #: one that is programmed and can be read back
     over_current_trip: bool = False
 
@@ -58,6 +59,8 @@ class Abilities:
             for name, has in (("over-voltage", self.over_voltage_trip), ("over-current", self.over_current_trip))
             if not has
         ]
+        if not self.voltage_setting:
+            lacking.append("no compliance voltage that can be read back")
         if lacking:
             states["allow_no_trips"] = (
                 f"{self.what} has {' and '.join(lacking)}, so nothing in it stands against a setting that is wrong or that "
@@ -72,14 +75,13 @@ class SessionSupply(ABC):
     def __init__(
         self,
         config: InstrumentSections,
-        terminations: tuple[str, str],
+        manner: Manner,
         off_lines: Sequence[str],
         unlock_lines: Sequence[str] = (),
     ):
         self._limits = config.supply
         self._instrument = config.instruments.supply
         self._channel = self._instrument.channel
-        manner = Manner.of(self._instrument, *terminations)
         self._session = Session("supply", self._instrument.resource, manner, self._instrument.timeout, off_lines)
         self._unlock_lines = tuple(unlock_lines)
         self._claim: Claim | None = None
@@ -230,7 +232,7 @@ class SessionSupply(ABC):
     def _off(self, session: Session) -> None:
         """Output off and 0 A.  The answer proves that both were heard, and obeyed; else OutputStaysOn."""
         for _ in range(_OFF_ATTEMPTS):
-            session.tell(*session.off_lines)
+            session.tell_blind(*session.off_lines)
             if not self._output_is_on(session):
                 return
             time.sleep(_OFF_PAUSE_s)

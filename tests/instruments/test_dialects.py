@@ -11,7 +11,8 @@ from sma_actuator.base.registry import PlugInError
 from sma_actuator.config import Config
 from sma_actuator.instruments import InstrumentRefused, dialect, open_daq, open_supply
 from sma_actuator.instruments.clock import MonotonicClock
-from sma_actuator.instruments.dialect import FOLDER, GROUP, Dialect, yes
+from sma_actuator.instruments.dialect import FOLDER, GROUP, Dialect
+from sma_actuator.instruments.phrases import yes
 
 SHIPPED = sorted((path.stem, yaml.safe_load(path.read_text())["kind"]) for path in FOLDER.glob("*.yaml"))
 
@@ -301,7 +302,7 @@ def test_an_unknown_dialect_names_its_neighbour():
     (
         (lambda d: d["commands"].pop("output_off"), "commands.output_off: missing"),
         (lambda d: d["queries"].pop("current"), "queries.current: missing"),
-        (lambda d: d["queries"].pop("voltage_setting"), "queries.voltage_setting: missing"),
+        (lambda d: d["queries"].pop("output"), "queries.output: missing"),
         (lambda d: d["commands"].update(output_onn="OUTP ON"), "commands.output_onn: no such entry"),
         (lambda d: d["commands"].update(set_current="CURR {valeu}"), r"commands.set_current: .*placeholder \{valeu\}"),
         (lambda d: d["commands"].update(set_current="CURR {value"), "commands.set_current: .*cannot be filled in"),
@@ -325,10 +326,10 @@ def test_an_unknown_dialect_names_its_neighbour():
         ),
         (lambda d: d["commands"].update(clear_trips=["CLE", 7]), "commands.clear_trips: .* is neither"),
         (lambda d: d["commands"].update(clear_trips=["CLE", ""]), "commands.clear_trips: .* is neither"),
-        (lambda d: d.pop("queries"), "queries: missing; a section of SCPI texts"),
+        (lambda d: d.pop("queries"), "queries: missing; a section of texts"),
         (lambda d: d["queries"].update(current=["A?", "B?"]), "queries.current: .* has 2 texts; a query has one"),
-        (lambda d: d.update(trips=["OVP"]), "trips: .* is no section of SCPI texts"),
-        (lambda d: d.update(trips={"OVP": 5}), "trips: .* is no section of SCPI texts"),
+        (lambda d: d.update(trips=["OVP"]), "trips: .* is no section of queries"),
+        (lambda d: d.update(trips={"OVP": 5}), "trips.OVP: 5 is not a text"),
         (lambda d: d.pop("watchdog_fed_by"), "watchdog_fed_by: session, .* or anyone is wanted"),
         (lambda d: d.update(second_session="yes"), "second_session: 'yes' is neither true nor false"),
         (lambda d: d.update(watchdog_range_s=5), "watchdog_range_s: 5 is not shortest and longest"),
@@ -338,6 +339,58 @@ def test_an_unknown_dialect_names_its_neighbour():
         (lambda d: d.update(watchdog_step_s="one"), "watchdog_step_s: 'one' is not a number"),
         (lambda d: d.update(chained_queries="no"), "chained_queries: 'no' is neither true nor false"),
         (lambda d: d.update(termination="LF"), "termination: 'LF' ends no line"),
+        (lambda d: d.update(answer_termination=" "), "answer_termination: ' ' ends no line"),
+        (lambda d: d.update(acknowledgement="("), r"acknowledgement: '\('; a regular expression for the whole line"),
+        (lambda d: d.update(zero_current="1 mA"), "zero_current: '1 mA' is not the least current"),
+        (lambda d: d.update(zero_current=-0.1), "zero_current: -0.1 is not the least current"),
+        (lambda d: d.update(measures_while_off=0), "measures_while_off: 0 is neither true nor false"),
+        (lambda d: d.update(off_resets="no"), "off_resets: 'no' is neither true nor false"),
+        (lambda d: d["queries"].update(identity=None), "identity: nothing is asked that could be held against it"),
+        (lambda d: d["queries"].update(identity="ID?", current=None), "queries.current: missing"),
+        (lambda d: d["commands"].update(set_current={"tell": "CURR 1"}), r"no placeholder \{value\}"),
+        (
+            lambda d: d["commands"].update(set_current={"say": "CURR {value}"}),
+            "set_current.say: no such entry; known are",
+        ),
+        (
+            lambda d: d["commands"].update(set_current={"tell": "I {value}", "scale": 0}),
+            "set_current.scale: 0 is not a",
+        ),
+        (lambda d: d["commands"].update(set_current={"tell": "I {value}", "scale": "m"}), "scale: 'm' is not a number"),
+        (lambda d: d["queries"].update(current={"answer": "(.*)A"}), "queries.current: None is not a text"),
+        (
+            lambda d: d["queries"].update(current={"ask": "I?", "answer": ".*A"}),
+            "current.answer: '.*A' has not one group",
+        ),
+        (
+            lambda d: d["queries"].update(current={"ask": "I?", "answer": "(.*A"}),
+            "a regular expression for the whole line",
+        ),
+        (
+            lambda d: d["queries"].update(current={"ask": "I?", "field": 0}),
+            "current.field: 0; the number of a field, from 1",
+        ),
+        (lambda d: d["queries"].update(current={"ask": "I?", "base": 8}), "current.base: 8; 10 or 16 is wanted"),
+        (
+            lambda d: d["queries"].update(current={"ask": "I?", "scale": 0}),
+            "current.scale: 0; a number that is not zero",
+        ),
+        (
+            lambda d: d["queries"].update(current={"ask": "I?", "bit": 1}),
+            "current.bit: no such entry here; known are ask, answer",
+        ),
+        (lambda d: d["queries"].update(output={"ask": "O?", "bit": True}), "output.bit: True; the number of a bit"),
+        (lambda d: d["queries"].update(output={"ask": "O?", "bit": {1: "a"}}), "output.bit: .*; the number of a bit"),
+        (lambda d: d["queries"].update(output={"ask": "O?", "bit": {}}), "output.bit: {}; the number of a bit"),
+        (lambda d: d["queries"].update(output={"ask": "O?", "scale": 2}), "output.scale: no such entry here"),
+        (
+            lambda d: d["queries"].update(output={"ask": "O?", "yes": "CC|CV"}),
+            "queries.output: yes and no are wanted together",
+        ),
+        (
+            lambda d: d["queries"].update(output={"ask": "O?", "yes": True, "no": "0"}),
+            "yes: True; a regular expression, in quotes",
+        ),
         (lambda d: d.update(identity=""), "identity: .*lets any instrument pass"),
     ),
 )
@@ -410,9 +463,9 @@ def test_a_supply_may_say_on_and_off_as_words_or_as_any_scpi_number(reply, on):
 @pytest.mark.parametrize(
     ("name", "told"),
     [
-        ("virtual_bench_supply", {"over_current_trip", "watchdog_trip"}),
-        ("keithley_2260b", {"over_current_trip"}),
-        ("keysight_n6700", set()),
+        ("virtual_bench_supply", {"voltage_setting", "over_current_trip", "watchdog_trip"}),
+        ("keithley_2260b", {"voltage_setting", "over_current_trip"}),
+        ("keysight_n6700", {"voltage_setting"}),
     ],
 )
 def test_what_a_family_reads_back_is_what_its_dialect_asks(make_config, name, told):

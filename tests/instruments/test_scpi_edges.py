@@ -18,7 +18,8 @@ from sma_actuator.instruments import (
     open_daq,
     open_supply,
 )
-from sma_actuator.instruments.dialect import FOLDER, number
+from sma_actuator.instruments.dialect import FOLDER
+from sma_actuator.instruments.phrases import number
 from sma_actuator.instruments.session import Session
 
 NAN, INF = math.nan, math.inf

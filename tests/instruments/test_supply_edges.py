@@ -187,7 +187,7 @@ def test_a_supply_that_was_never_opened_is_told_nothing(supply, server):
     ],
 )
 def test_what_a_supply_cannot_do_is_left_to_others(abilities, left):
-    states = Abilities("it", **abilities).unsafe_states()
+    states = Abilities("it", **{"voltage_setting": True, **abilities}).unsafe_states()
     assert set(states) == left
     assert all(sentence.startswith("it ") for sentence in states.values())
 
@@ -196,7 +196,7 @@ def test_what_a_supply_cannot_do_is_left_to_others(abilities, left):
     ("has", "lacks"), [("over_voltage_trip", "no over-current trip"), ("over_current_trip", "no over-voltage trip")]
 )
 def test_the_trip_that_is_missing_is_named_alone(has, lacks):
-    sentence = Abilities("it", **{has: True}).unsafe_states()["allow_no_trips"]
+    sentence = Abilities("it", voltage_setting=True, **{has: True}).unsafe_states()["allow_no_trips"]
     assert f"it has {lacks} that can be read back, so" in sentence
 
 

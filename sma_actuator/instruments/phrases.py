@@ -1,0 +1,255 @@
+"""One thing said to an instrument, and what its answer means: the entries of a dialect.
+
+A command is one or more texts and the scale of its value.  A query is a text and the way from the line that answers it
+to a value: a pattern that takes header and unit off, a field of a list, a scale, a bit of a status word, words for yes and no.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import string
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from math import copysign, inf, isfinite, nan
+from typing import Any, Self
+
+#: What stands in for the placeholders when a file is checked.
+_TRIAL = {"channel": 1, "value": 0.5, "channels": "101,102", "samples": 50, "readings": 100}
+_YES = {"on", "yes", "true"}
+_NO = {"off", "no", "false"}  #: not the empty answer: it proves nothing
+
+#: What the answer of a query is → the entries that say how it is read, beside ``ask``.
+READINGS = {
+    "text": ("answer",),
+    "number": ("answer", "field", "base", "scale"),
+    "numbers": ("answer", "scale"),
+    "code": ("answer", "field", "base"),
+    "truth": ("answer", "field", "base", "bit", "yes", "no"),
+    "words": ("answer", "field"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """Texts that change something."""
+
+    texts: tuple[str, ...]
+    scale: float = 1.0  #: by which a value in ampere, volt or second is multiplied before it is written
+
+    @classmethod
+    def read(
+        cls, name: str, entry: Any, allowed: Collection[str], needed: str | None, problems: list[str]
+    ) -> Self | None:
+        """Read an entry; what is wrong with it goes to ``problems``."""
+        mapping = dict(entry) if isinstance(entry, Mapping) else {"tell": entry}
+        texts = _texts(mapping.pop("tell", None))
+        scale = mapping.pop("scale", 1.0)
+        problems += [f"{name}.{key}: no such entry; known are tell, scale" for key in mapping]
+        problems += _not_a_scale(f"{name}.scale", scale)
+        if not texts:
+            problems.append(f"{name}: {entry!r} is neither a text nor a list of them")
+            return None
+        seen = _wrong_placeholders(name, texts, allowed, problems)
+        if needed is not None and needed not in seen:
+            problems.append(f"{name}: {' | '.join(texts)!r} has no placeholder {{{needed}}}")
+        return cls(texts, float(scale) if is_number(scale) else 1.0)
+
+    def lines(self, values: Mapping[str, Any]) -> list[str]:
+        """The texts, filled in."""
+        if self.scale != 1.0 and "value" in values:
+            value = values["value"]
+            values = {**values, "value": type(value)(value * self.scale)}
+        return [text.format(**values) for text in self.texts]
+
+
+@dataclass(frozen=True, slots=True)
+class Query:
+    """A text that asks, and what the line that answers it means."""
+
+    text: str
+    answer: re.Pattern[str] | None = None  #: its one group is the value
+    field: int = 0  #: of a list with commas, counted from 1; 0: it is no list
+    base: int = 10
+    scale: float = 1.0
+    bit: Mapping[int, int] | int | None = None  #: of a status word; by channel where it depends on that
+    yes: re.Pattern[str] | None = None
+    no: re.Pattern[str] | None = None
+
+    @classmethod
+    def read(cls, name: str, entry: Any, allowed: Collection[str], reading: str, problems: list[str]) -> Self | None:
+        """Read an entry whose answer is a ``reading`` (a key of READINGS); what is wrong with it goes to ``problems``."""
+        mapping = dict(entry) if isinstance(entry, Mapping) else {"ask": entry}
+        text = mapping.pop("ask", None)
+        known = READINGS[reading]
+        problems += [
+            f"{name}.{key}: no such entry here; known are ask, {', '.join(known)}" for key in mapping.keys() - known
+        ]
+        if not isinstance(text, str) or not text:
+            shown = f"has {len(text)} texts; a query has one" if isinstance(text, list) else "is not a text"
+            problems.append(f"{name}: {text!r} {shown}")
+            return None
+        _wrong_placeholders(name, (text,), allowed, problems)
+        for key, (fits, wanted) in _QUERY_CHECKS.items():
+            if key in mapping and not fits(mapping[key]):
+                problems.append(f"{name}.{key}: {mapping[key]!r}; {wanted} is wanted")
+                del mapping[key]
+        if "answer" in mapping and re.compile(mapping["answer"]).groups != 1:
+            problems.append(f"{name}.answer: {mapping['answer']!r} has not one group; the value goes in (parentheses)")
+        if ("yes" in mapping) != ("no" in mapping):
+            problems.append(f"{name}: yes and no are wanted together: an answer that is neither proves nothing")
+        compiled = {key: re.compile(mapping[key]) for key in ("answer", "yes", "no") if key in mapping}
+        entries: dict[str, Any] = {key: value for key, value in mapping.items() if key in known}
+        return cls(text, **{**entries, **compiled})
+
+    def filled(self, values: Mapping[str, Any]) -> Self:
+        """This query with the placeholders of its text filled in.  Raises KeyError for a channel without a bit."""
+        bit = self.bit[values["channel"]] if isinstance(self.bit, Mapping) else self.bit
+        return dataclasses.replace(self, text=self.text.format(**values), bit=bit)
+
+    def value(self, reply: str) -> str:
+        """The part of an answer that counts.  Raises ValueError for one of another shape."""
+        if self.answer is not None:
+            found = self.answer.fullmatch(reply.strip())
+            if found is None or found[1] is None:
+                raise ValueError(f"'{reply}' is not like '{self.answer.pattern}'")
+            reply = found[1]
+        if self.field:
+            parts = reply.split(",")
+            if len(parts) < self.field:
+                raise ValueError(f"'{reply}' has no field {self.field}")
+            reply = parts[self.field - 1]
+        return reply.strip()
+
+    def number(self, reply: str) -> float:
+        """A number; raises ValueError for an answer that is none."""
+        value = self.value(reply)
+        return self.scale * (number(value) if self.base == 10 else float(_integer(value, self.base)))
+
+    def numbers(self, reply: str) -> list[float]:
+        """A list of numbers; raises ValueError for an answer that is none."""
+        one = dataclasses.replace(self, field=0)
+        return [one.number(part) for part in reply.split(",")]
+
+    def code(self, reply: str) -> int:
+        """The whole number at the beginning of an answer; raises ValueError where there is none."""
+        value = self.value(reply)
+        return _integer(value if self.field or self.answer else value.split(",")[0].strip(), self.base)
+
+    def truth(self, reply: str) -> bool:
+        """Yes or no; raises ValueError for an answer that is neither."""
+        value = self.value(reply)
+        if self.bit is not None:
+            assert isinstance(self.bit, int)  # filled
+            return bool(_integer(value, self.base) >> self.bit & 1)
+        if self.yes is not None and self.no is not None:
+            if self.no.fullmatch(value):
+                return False
+            if self.yes.fullmatch(value):
+                return True
+            raise ValueError(f"'{reply}' is neither '{self.yes.pattern}' nor '{self.no.pattern}'")
+        return yes(value)
+
+
+def yes(reply: str) -> bool:
+    """A boolean reply: a word, or a number as SCPI may write it (``1``, ``+1``, ``1.000000E+00``).
+
+    Raises ValueError for one that is none.
+    """
+    word = reply.strip().strip('"').lower()
+    if word in _YES or word in _NO:
+        return word in _YES
+    if re.fullmatch(r"[+-]?\d+(\.\d*)?(e[+-]?\d+)?", word) and float(word) in (0.0, 1.0):
+        return float(word) == 1.0
+    raise ValueError(f"'{reply}' is neither on nor off")
+
+
+def number(reply: str) -> float:
+    """A numeric reply; 9.91e37 is SCPI's NaN, ±9.9e37 its infinity (SCPI-99, 7.2.1.4, 7.2.1.5).
+
+    Raises ValueError for one that is none.
+    """
+    if "_" in reply:  # Python's own way to write numbers
+        raise ValueError(f"'{reply}' is not a number")
+    value = float(reply)
+    if isfinite(value) and abs(value) >= 9.9e37:
+        return nan if abs(value) > 9.905e37 else copysign(inf, value)
+    return value
+
+
+def _integer(text: str, base: int) -> int:
+    """A whole number; ``0x`` and SCPI's ``#H`` say themselves that it is hexadecimal."""
+    if found := re.fullmatch(r"(?:0x|#h)([0-9a-f]+)", text, re.IGNORECASE):
+        return int(found[1], 16)
+    if base == 16 and re.fullmatch(r"[0-9a-fA-F]+", text):
+        return int(text, 16)
+    if base == 10 and re.fullmatch(r"[+-]?\d+", text):
+        return int(text)
+    raise ValueError(f"'{text}' is not a whole number")
+
+
+def is_number(value: Any) -> bool:
+    """Whether it is a number as YAML has them."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def pattern_or_none(text: Any) -> re.Pattern[str] | None:
+    """A regular expression; None where it is none."""
+    try:
+        return re.compile(text)
+    except (TypeError, re.error):
+        return None
+
+
+def _is_bit(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 64
+
+
+#: Entry → whether a value will do, and what is wanted.
+_QUERY_CHECKS: dict[str, tuple[Callable[[Any], bool], str]] = {
+    "answer": (lambda value: pattern_or_none(value) is not None, "a regular expression for the whole line"),
+    "yes": (lambda value: pattern_or_none(value) is not None, "a regular expression, in quotes,"),
+    "no": (lambda value: pattern_or_none(value) is not None, "a regular expression, in quotes,"),
+    "field": (lambda value: _is_bit(value) and value > 0, "the number of a field, from 1 on,"),
+    "base": (lambda value: value in (10, 16), "10 or 16"),
+    "scale": (lambda value: not _not_a_scale("", value), "a number that is not zero"),
+    "bit": (
+        lambda value: (
+            _is_bit(value)
+            or (isinstance(value, Mapping) and bool(value) and all(map(_is_bit, [*value, *value.values()])))
+        ),
+        "the number of a bit, from 0 on, or of one for each channel, as {1: 4, 2: 5},",
+    ),
+}
+
+
+def _not_a_scale(name: str, value: Any) -> list[str]:
+    good = is_number(value) and isfinite(value) and value != 0.0
+    return [] if good else [f"{name}: {value!r} is not a number that is not zero"]
+
+
+def _texts(entry: Any) -> tuple[str, ...]:
+    """The texts of an entry; none where it is neither a text nor a list of them."""
+    texts = (entry,) if isinstance(entry, str) else tuple(entry) if isinstance(entry, list) else ()
+    return texts if all(isinstance(text, str) and text for text in texts) else ()
+
+
+def _wrong_placeholders(name: str, texts: tuple[str, ...], allowed: Collection[str], problems: list[str]) -> set[str]:
+    """The placeholders that stand in texts; what is wrong with them goes to ``problems``."""
+    seen: set[str] = set()
+    for text in texts:
+        try:
+            used = {field for _, field, _, _ in string.Formatter().parse(text) if field is not None}
+        except ValueError as error:
+            problems.append(f"{name}: '{text}' cannot be filled in ({error})")
+            continue
+        for field in sorted(used - set(allowed)):
+            choice = ", ".join("{" + a + "}" for a in sorted(allowed)) or "none"
+            problems.append(f"{name}: '{text}' has the placeholder {{{field}}}; allowed are {choice}")
+        seen |= used
+        if used <= set(allowed):
+            try:
+                text.format(**_TRIAL)
+            except (ValueError, TypeError) as error:
+                problems.append(f"{name}: '{text}' cannot be filled in ({error})")
+    return seen
