@@ -223,7 +223,7 @@ class Dialect:
         return self.commands[name].lines(values) if name in self.commands else []
 
     def asked(self, **values: Any) -> tuple[dict[str, Query], dict[str, Query]]:
-        """Queries and trips with their placeholders filled in.  Raises ConfigError for a channel that has no bit."""
+        """Queries and trips with their placeholders filled in.  Raises ConfigError for a channel without bits."""
         try:
             filled = (
                 {name: query.filled(values) for name, query in each.items()} for each in (self.queries, self.trips)
@@ -231,7 +231,7 @@ class Dialect:
             return next(filled), next(filled)
         except KeyError as channel:
             raise ConfigError(
-                f"instruments.{self.kind}.channel: {channel} is no channel of {self.family}: {self.path} has no bit for it"
+                f"instruments.{self.kind}.channel: {channel} is no channel of {self.family}: {self.path} has no mask for it"
             ) from None
 
     def off_lines(self, channel: int) -> list[str]:

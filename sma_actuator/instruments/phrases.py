@@ -1,7 +1,7 @@
 """One thing said to an instrument, and what its answer means: the entries of a dialect.
 
 A command is one or more texts and the scale of its value.  A query is a text and the way from the line that answers it
-to a value: a pattern that takes header and unit off, a field of a list, a scale, a bit of a status word, words for yes and no.
+to a value: a pattern that takes header and unit off, a field of a list, a scale, bits of a status word, words for yes and no.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ READINGS = {
     "number": ("answer", "field", "base", "scale"),
     "numbers": ("answer", "scale"),
     "code": ("answer", "field", "base"),
-    "truth": ("answer", "field", "base", "bit", "yes", "no"),
+    "truth": ("answer", "field", "base", "mask", "yes", "no"),
     "words": ("answer", "field"),
 }
 
@@ -72,7 +72,9 @@ class Query:
     field: int = 0  #: of a list with commas, counted from 1; 0: it is no list
     base: int = 10
     scale: float = 1.0
-    bit: Mapping[int, int] | int | None = None  #: of a status word; by channel where it depends on that
+    mask: Mapping[int, int] | int = (
+        0  #: bits of a status word, any of which says yes; by channel where it depends on that
+    )
     yes: re.Pattern[str] | None = None
     no: re.Pattern[str] | None = None
 
@@ -103,9 +105,9 @@ class Query:
         return cls(text, **{**entries, **compiled})
 
     def filled(self, values: Mapping[str, Any]) -> Self:
-        """This query with the placeholders of its text filled in.  Raises KeyError for a channel without a bit."""
-        bit = self.bit[values["channel"]] if isinstance(self.bit, Mapping) else self.bit
-        return dataclasses.replace(self, text=self.text.format(**values), bit=bit)
+        """This query with the placeholders of its text filled in.  Raises KeyError for a channel without bits."""
+        mask = self.mask[values["channel"]] if isinstance(self.mask, Mapping) else self.mask
+        return dataclasses.replace(self, text=self.text.format(**values), mask=mask)
 
     def value(self, reply: str) -> str:
         """The part of an answer that counts.  Raises ValueError for one of another shape."""
@@ -139,9 +141,9 @@ class Query:
     def truth(self, reply: str) -> bool:
         """Yes or no; raises ValueError for an answer that is neither."""
         value = self.value(reply)
-        if self.bit is not None:
-            assert isinstance(self.bit, int)  # filled
-            return bool(_integer(value, self.base) >> self.bit & 1)
+        if self.mask:
+            assert isinstance(self.mask, int)  # filled
+            return bool(_integer(value, self.base) & self.mask)
         if self.yes is not None and self.no is not None:
             if self.no.fullmatch(value):
                 return False
@@ -201,8 +203,8 @@ def pattern_or_none(text: Any) -> re.Pattern[str] | None:
         return None
 
 
-def _is_bit(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 64
+def _counts(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value > 0
 
 
 #: Entry → whether a value will do, and what is wanted.
@@ -210,15 +212,15 @@ _QUERY_CHECKS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "answer": (lambda value: pattern_or_none(value) is not None, "a regular expression for the whole line"),
     "yes": (lambda value: pattern_or_none(value) is not None, "a regular expression, in quotes,"),
     "no": (lambda value: pattern_or_none(value) is not None, "a regular expression, in quotes,"),
-    "field": (lambda value: _is_bit(value) and value > 0, "the number of a field, from 1 on,"),
+    "field": (_counts, "the number of a field, from 1 on,"),
     "base": (lambda value: value in (10, 16), "10 or 16"),
     "scale": (lambda value: not _not_a_scale("", value), "a number that is not zero"),
-    "bit": (
+    "mask": (
         lambda value: (
-            _is_bit(value)
-            or (isinstance(value, Mapping) and bool(value) and all(map(_is_bit, [*value, *value.values()])))
+            _counts(value)
+            or (isinstance(value, Mapping) and bool(value) and all(map(_counts, [*value, *value.values()])))
         ),
-        "the number of a bit, from 0 on, or of one for each channel, as {1: 4, 2: 5},",
+        "the value of a bit, or the sum of several, as 0x10, or one for each channel, as {1: 0x10, 2: 0x20},",
     ),
 }
 

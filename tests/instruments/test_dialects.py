@@ -376,12 +376,12 @@ def test_an_unknown_dialect_names_its_neighbour():
             "current.scale: 0; a number that is not zero",
         ),
         (
-            lambda d: d["queries"].update(current={"ask": "I?", "bit": 1}),
-            "current.bit: no such entry here; known are ask, answer",
+            lambda d: d["queries"].update(current={"ask": "I?", "mask": 1}),
+            "current.mask: no such entry here; known are ask, answer",
         ),
-        (lambda d: d["queries"].update(output={"ask": "O?", "bit": True}), "output.bit: True; the number of a bit"),
-        (lambda d: d["queries"].update(output={"ask": "O?", "bit": {1: "a"}}), "output.bit: .*; the number of a bit"),
-        (lambda d: d["queries"].update(output={"ask": "O?", "bit": {}}), "output.bit: {}; the number of a bit"),
+        (lambda d: d["queries"].update(output={"ask": "O?", "mask": True}), "output.mask: True; the value of a bit"),
+        (lambda d: d["queries"].update(output={"ask": "O?", "mask": {1: "a"}}), "output.mask: .*; the value of a bit"),
+        (lambda d: d["queries"].update(output={"ask": "O?", "mask": {}}), "output.mask: {}; the value of a bit"),
         (lambda d: d["queries"].update(output={"ask": "O?", "scale": 2}), "output.scale: no such entry here"),
         (
             lambda d: d["queries"].update(output={"ask": "O?", "yes": "CC|CV"}),
