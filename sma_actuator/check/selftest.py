@@ -159,15 +159,18 @@ class SelfTest:
             self._end("trips", "the output is on although it was told to be off: somebody else commands the supply")
         self._supply.check_settings()
         limits = self._config.supply
-        trip = (
-            f" and over-current trip {limits.over_current_trip:g} A"
-            if "over_current_trip" in self._supply.reads_back
-            else ""
-        )
+        settings = {
+            "voltage_setting": ("compliance voltage", f"{limits.max_voltage:g} V"),
+            "over_current_trip": ("over-current trip", f"{limits.over_current_trip:g} A"),
+        }
+        told = self._supply.reads_back
+        held = " and ".join(f"{what} {value}" for name, (what, value) in settings.items() if name in told)
+        lacking = " and no ".join(what for name, (what, _) in settings.items() if name not in told)
         self._say(
             "trips",
-            f"compliance voltage {limits.max_voltage:g} V{trip} read back as programmed; nothing has tripped"
-            + ("" if trip else "; this supply has no over-current trip that can be read back"),
+            (f"{held} read back as programmed; " if held else "")
+            + "nothing has tripped"
+            + (f"; this supply has no {lacking} that can be read back" if lacking else ""),
         )
 
     def _at_rest(self) -> None:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from decimal import Decimal
 from functools import partial
 from math import nan
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -18,8 +18,6 @@ from .parameters import InstrumentSections
 from .phrases import Query
 from .session import OPENING_ANSWERS, Claim, Manner, Session
 from .supply import Abilities, SessionSupply
-
-T = TypeVar("T")
 
 #: The over-voltage trip sits this much above the compliance voltage, so that noise does not trip it.
 OVER_VOLTAGE_MARGIN = 1.1
@@ -99,28 +97,21 @@ class ScpiSupply(SessionSupply):
 
         What it cannot be asked is what follows: the current that it was told; nothing, behind an output that is off.
         """
-        queries, at_any_time = self._queries, self._dialect.measures_while_off
-        measured = [queries["voltage"], queries["current"]]
-        asked = [queries[name] for name in ("current_setting", "output") if name in queries]
+        queries = self._queries
+        measured = {name: (queries[name].text, queries[name].number) for name in ("voltage", "current")}
+        asked: dict[str, tuple[str, Callable[[str], Any]]] = {}
+        if setting := queries.get("current_setting"):
+            asked["setting"] = (setting.text, setting.number)
+        asked["output"] = (queries["output"].text, queries["output"].truth)
+        if self._dialect.measures_while_off:
+            asked |= measured
+        asked |= {word: (query.text, partial(self._trip, word, query)) for word, query in self._trips.items()}
         with self._session.within():
-            replies = self._ask_all([*asked, *(measured if at_any_time else ()), *self._trips.values()])
-            output_on = self._read(queries["output"].truth, queries["output"], replies)
-            if output_on and not at_any_time:
-                replies |= self._ask_all(measured)
-        setting_A, voltage_V, current_A = (
-            self._read(query.number, query, replies) if query is not None and query.text in replies else otherwise
-            for query, otherwise in zip(
-                (queries.get("current_setting"), *measured), (self._told_A, 0.0, 0.0), strict=True
-            )
-        )
-        tripped = [self._read(partial(self._trip, word, query), query, replies) for word, query in self._trips.items()]
-        return SupplyState(nan, setting_A, output_on, voltage_V, current_A, ",".join(filter(None, tripped)))
-
-    def _read(self, read: Callable[[str], T], query: Query, replies: Mapping[str, str]) -> T:
-        try:
-            return read(replies[query.text])
-        except ValueError:
-            raise self._session.garbled(query.text, replies[query.text]) from None
+            values = {"setting": self._told_A, "voltage": 0.0, "current": 0.0} | self._ask_all(asked)
+            if values["output"] and not self._dialect.measures_while_off:
+                values |= self._ask_all(measured)
+        tripped = ",".join(filter(None, (values[word] for word in self._trips)))
+        return SupplyState(nan, values["setting"], values["output"], values["voltage"], values["current"], tripped)
 
     def _watchdog_holds(self) -> None:
         """Raise WatchdogNotHeld where the watchdog does not stand as it was armed."""
@@ -209,12 +200,24 @@ class ScpiSupply(SessionSupply):
     def _tell(self, name: str, value: float = nan) -> None:
         self._session.tell(*self._dialect.lines(name, channel=self._channel, value=value))
 
-    def _ask_all(self, queries: Iterable[Query]) -> dict[str, str]:
-        """The answer to each text, which is asked once."""
-        texts = list(dict.fromkeys(query.text for query in queries))
-        if not self._dialect.chained_queries:
-            return {text: self._session.ask(text) for text in texts}
-        return self._session.ask_for(";".join(texts), lambda reply: dict(zip(texts, reply.split(";"), strict=True)))
+    def _ask_all(self, asked: Mapping[str, tuple[str, Callable[[str], Any]]]) -> dict[str, Any]:
+        """Name → value, from name → (text of the query, what reads its answer).  A text is asked once."""
+        texts = list(dict.fromkeys(text for text, _ in asked.values()))
+
+        def values(replies: Mapping[str, str]) -> dict[str, Any]:
+            return {name: read(replies[text]) for name, (text, read) in asked.items() if text in replies}
+
+        def of_one(text: str, reply: str) -> dict[str, Any]:
+            return values({text: reply})
+
+        if self._dialect.chained_queries:
+            return self._session.ask_for(
+                ";".join(texts), lambda reply: values(dict(zip(texts, reply.split(";"), strict=True)))
+            )
+        found: dict[str, Any] = {}
+        for text in texts:
+            found |= self._session.ask_for(text, partial(of_one, text))
+        return found
 
     @staticmethod
     def _trip(word: str, query: Query, reply: str) -> str:

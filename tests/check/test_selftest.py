@@ -141,7 +141,7 @@ def test_of_a_supply_that_does_not_tell_what_tripped_nothing_is_said_that_was_no
     """As a Keysight N6700: after its watchdog has cut, OUTP? still answers 1, and nothing names the trip."""
 
     def taciturn(stand):
-        stand.reads_back = frozenset()
+        stand.reads_back = frozenset({"voltage_setting"})
         stand.after_opening = say_less
 
     def say_less(bench):

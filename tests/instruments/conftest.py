@@ -2,7 +2,8 @@
 
 import pytest
 
-from sma_actuator.instruments import supply
+from sma_actuator.config import Config
+from sma_actuator.instruments import open_supply, supply
 
 
 @pytest.fixture(scope="session")
@@ -24,3 +25,21 @@ def confirmed_slowly(monkeypatch):
     """Nor is half a second enough on a busy machine for an instrument that would confirm."""
     for name in ("_CONFIRM_s", "_CONFIRM_BESIDE_s"):
         monkeypatch.setattr(supply, name, 10.0)
+
+
+@pytest.fixture
+def supply_of(make_config):
+    """``supply_of(line, dialect, **parameters)``: a supply without watchdog and trips, not open yet."""
+    made = []
+
+    def make(line, path, **parameters):
+        changes = {"instruments.supply.resource": line.resource, "instruments.supply.dialect": path}
+        changes |= dict.fromkeys(
+            (f"supply.allow_{what}" for what in ("no_watchdog", "single_session", "no_trips")), True
+        )
+        made.append(open_supply(Config.from_mapping(make_config(**{**changes, **parameters}))))
+        return made[-1]
+
+    yield make
+    for each in made:
+        each.close()

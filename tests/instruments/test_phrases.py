@@ -1,0 +1,115 @@
+"""What the answer of an instrument means: every way that a dialect can say it."""
+
+import math
+
+import pytest
+
+from sma_actuator.instruments.phrases import Command, Query
+
+
+def query(reading, **entry):
+    problems = []
+    read = Query.read("queries.it", {"ask": "IT?", **entry}, {"channel"}, reading, problems)
+    assert not problems
+    return read
+
+
+@pytest.mark.parametrize(
+    ("entry", "reply", "value"),
+    [
+        ({}, " +1.5E-01 ", 0.15),
+        ({"answer": "V1 (.*)"}, "V1 4.000", 4.0),
+        ({"answer": "(.*)A"}, "0.05A", 0.05),
+        ({"answer": r"(?:I\d )?(.*?)A?"}, "I1 0.4", 0.4),
+        ({"answer": r".*MV\(([^)]*)\).*"}, "MV(1.25),PV(6.0),MC(0.1)", 1.25),
+        ({"field": 2}, "1.0, 0.25, 9.91E37", 0.25),
+        ({"field": 3}, "1.0,0.25,9.91E37", math.nan),
+        ({"scale": 0.001}, "250", 0.25),
+        ({"base": 16, "scale": 0.5}, "0A", 5.0),
+        ({"answer": "R(...).*", "base": 16}, "R0FF123", 255.0),
+        ({"answer": "I=(.*)", "field": 1, "scale": 1e-3}, "I=120,3", 0.12),
+    ],
+)
+def test_a_number_is_found_in_what_is_around_it(entry, reply, value):
+    assert query("number", **entry).number(reply) == pytest.approx(value, nan_ok=True)
+
+
+@pytest.mark.parametrize(
+    ("entry", "reply"),
+    [
+        ({}, "0.05A"),
+        ({"answer": "V1 (.*)"}, "V2 4.000"),
+        ({"answer": "V1 (.*)"}, "V1 4.000 V"),
+        ({"answer": "V1(?: (.*))?"}, "V1"),
+        ({"field": 2}, "1.0"),
+        ({"base": 16}, "1.5"),
+        ({"base": 16}, "0xZZ"),
+    ],
+)
+def test_an_answer_of_another_shape_is_none(entry, reply):
+    with pytest.raises(ValueError):
+        query("number", **entry).number(reply)
+
+
+@pytest.mark.parametrize(
+    ("entry", "reply", "truth"),
+    [
+        ({}, "ON", True),
+        ({"answer": "OUT (.*)"}, "OUT OFF", False),
+        ({"yes": "CV|CC", "no": "OFF"}, "CC", True),
+        ({"yes": "CV|CC", "no": "OFF"}, "OFF", False),
+        ({"yes": ".*", "no": "OFF"}, "OFF", False),
+        ({"mask": 0x10}, "0x0010", True),
+        ({"mask": 0x10}, "0x0224", False),
+        ({"mask": 0x10, "base": 16}, "30", True),
+        ({"mask": 0x10, "base": 16}, "20", False),
+        ({"mask": 0x10}, "#H30", True),
+        ({"mask": 3}, "+2", True),
+        ({"mask": 3}, "4", False),
+        ({"answer": r".*FR\((..)\)", "base": 16, "mask": 0x10}, "SR(04),FR(10)", True),
+    ],
+)
+def test_yes_and_no_are_words_numbers_or_bits(entry, reply, truth):
+    assert query("truth", **entry).truth(reply) is truth
+
+
+@pytest.mark.parametrize(
+    ("entry", "reply"),
+    [({}, ""), ({}, "CV"), ({"yes": "CV|CC", "no": "OFF"}, ""), ({"mask": 1}, "ON"), ({"mask": 1}, "1.0")],
+)
+def test_what_is_neither_yes_nor_no_proves_nothing(entry, reply):
+    with pytest.raises(ValueError):
+        query("truth", **entry).truth(reply)
+
+
+def test_bits_may_depend_on_the_channel():
+    both = query("truth", mask={1: 0x10, 2: 0x20})
+    assert [both.filled({"channel": channel}).truth("0x0020") for channel in (1, 2)] == [False, True]
+    with pytest.raises(KeyError):
+        both.filled({"channel": 3})
+
+
+@pytest.mark.parametrize(
+    ("entry", "reply", "code"),
+    [
+        ({}, '0,"No error"', 0),
+        ({}, '+0, "No error"', 0),
+        ({}, '-113,"Undefined header"', -113),
+        ({"answer": r"(\d+) .*"}, "0  No Error", 0),
+        ({"answer": "ERR (.*)"}, "ERR 7", 7),
+    ],
+)
+def test_an_error_has_a_number(entry, reply, code):
+    assert query("code", **entry).code(reply) == code
+
+
+def test_a_list_is_read_number_by_number():
+    assert query("numbers", answer="(.*)VDC", scale=2).numbers("1.0VDC,2.5VDC") == [2.0, 5.0]
+
+
+def test_a_value_is_written_in_the_unit_of_the_instrument():
+    problems = []
+    entry = {"tell": ["A {value:.0f}", "B {value:.3f}"], "scale": 1000}
+    command = Command.read("commands.it", entry, {"value"}, "value", problems)
+    assert not problems
+    assert command.lines({"value": 0.25}) == ["A 250", "B 250.000"]
