@@ -13,6 +13,7 @@ import numpy as np
 from sma_actuator.base.signals import Reading, SupplyState
 
 from . import Clock, InstrumentRefused, LimitsNotHeld, OutputStaysOn, WatchdogNotHeld
+from .channels import Channels
 from .dialect import Dialect
 from .parameters import InstrumentSections
 from .phrases import Query
@@ -270,20 +271,12 @@ class ScpiDaq:
         self._dialect = dialect = Dialect.load(daq.dialect, "daq")
         manner = Manner.of(daq, dialect.terminations, dialect.acknowledgement)
         self._session = Session("daq", daq.resource, manner, daq.timeout)
-        channels = {
-            "supply_voltage_V": daq.supply_voltage_channel,
-            "reference_voltage_V": daq.reference_voltage_channel,
-            "load_cell_voltage_V": daq.load_cell_channel,
-            "lvdt_current_A": daq.lvdt_channel,
-            "ambient_temperature_C": daq.ambient_temperature_channel,
-        }
-        # Instruments scan in ascending order, whatever order they are told.
-        self._channels = dict(sorted(((n, c) for n, c in channels.items() if c), key=lambda item: item[1]))
-        samples = config.loop.samples_per_block
+        self._channels = Channels(daq)
+        numbers, samples = self._channels.numbers, config.loop.samples_per_block
         self._values = {
-            "channels": ",".join(str(channel) for channel in self._channels.values()),
+            "channels": ",".join(map(str, numbers)),
             "samples": samples,
-            "readings": samples * len(self._channels),
+            "readings": samples * len(numbers),
         }
         self._queries, _ = dialect.asked(**self._values)
         self._claim: Claim | None = None
@@ -291,22 +284,7 @@ class ScpiDaq:
 
     def open(self) -> None:
         """Connect, check who answers, program channel list and block.  Raises InstrumentLost or InstrumentRefused."""
-        for quantity in ("supply_voltage", "reference_voltage", "load_cell"):
-            if getattr(self._instrument, f"{quantity}_channel") == 0:
-                raise InstrumentRefused(
-                    f"instruments.daq.{quantity}_channel: is 0; the driver cannot do without that channel"
-                )
-        if len(set(self._channels.values())) < len(self._channels):
-            raise InstrumentRefused(
-                "instruments.daq: two quantities are read from one channel; every channel is wanted once"
-            )
-        ambient_channel = self._instrument.ambient_temperature_channel
-        if ambient_channel != 0 and not self._dialect.measures_celsius:
-            # 0.02 V would pass for a room of 0.02 °C, and the heat balance would take the wire for colder than it is.
-            raise InstrumentRefused(
-                f"instruments.daq.ambient_temperature_channel: is {ambient_channel}, but dialect '{self._dialect.path.stem}' "
-                "reads every channel in volts; 0 is wanted, and the room's temperature in thermal.ambient_temperature"
-            )
+        self._channels.check(f"dialect '{self._dialect.path.stem}'", self._dialect.measures_celsius)
         if self._claim is None:
             self._claim = self._session.claim(
                 "its list of channels is one for all who ask: each would read the other's"
@@ -326,22 +304,14 @@ class ScpiDaq:
         with self._session.within():
             self._session.tell(*self._dialect.lines("before_read", **self._values))
             values = self._session.ask_for(query.text, lambda reply: self._means(query.numbers(reply)))
-        reading = dict(zip(self._channels, values.tolist(), strict=True))
-        shunt_Ohm = self._instrument.lvdt_shunt_resistance
-        return Reading(
-            time_s=self._clock.now_s(),
-            supply_voltage_V=reading["supply_voltage_V"],
-            reference_voltage_V=reading["reference_voltage_V"],
-            load_cell_voltage_V=reading["load_cell_voltage_V"],
-            lvdt_current_A=reading.get("lvdt_current_A", nan) / shunt_Ohm,
-            ambient_temperature_C=reading.get("ambient_temperature_C", nan),
-        )
+        return self._channels.reading(self._clock.now_s(), values)
 
-    def _means(self, numbers: list[float]) -> np.ndarray:
+    def _means(self, numbers: list[float]) -> list[float]:
         """The mean of each channel; raises ValueError for what is neither one mean nor all readings of every channel."""
-        if len(numbers) not in (len(self._channels), self._values["readings"]):
+        wanted = len(self._channels.numbers)
+        if len(numbers) not in (wanted, self._values["readings"]):
             raise ValueError
-        return np.array(numbers).reshape(-1, len(self._channels)).mean(axis=0)
+        return np.array(numbers).reshape(-1, wanted).mean(axis=0).tolist()
 
     def close(self) -> None:
         """Give up the connection, and let others speak to it.  Never raises."""
