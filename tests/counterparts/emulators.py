@@ -12,6 +12,7 @@ import json
 import socketserver
 import sys
 import threading
+import time
 from dataclasses import dataclass
 
 
@@ -98,10 +99,128 @@ class RigolDp832(_LabMcp):
     family, model = "rigol", "DP832"
 
 
+class SiglentSpd3303x(_LabMcp):
+    family, model = "siglent", "SPD3303X"
+
+
+class SiglentSpd1168x(_LabMcp):
+    family, model = "siglent", "SPD1168X"
+
+
+class TtiPl303(_LabMcp):
+    family, model = "tti", "PL303-P"
+
+
+class Keithley2400:
+    """The SourceMeter of ``labmcp-keithley-smu``, sourcing into a resistor."""
+
+    simulator = "Keithley2400Simulator"
+
+    def __init__(self):
+        from labmcp_keithley_smu import simulator
+
+        self._core = simulator.SMUCore(simulator.make_dut("resistor", 8.0), 21.0, 1.05)
+        self.port = serve(getattr(simulator, self.simulator)(self._core).handle)
+
+    def load(self, load_Ohm):
+        self._core.dut.r = load_Ohm
+
+    @property
+    def state(self):
+        core = self._core
+        if core.func == "CURR":
+            return State(core.output, core.level["CURR"], core.limit["VOLT"])
+        return State(core.output, core.limit["CURR"], core.level["VOLT"])
+
+
+class Keithley2450(Keithley2400):
+    simulator = "Keithley2450Simulator"
+
+
+class Labwire:
+    """The power supply of ``labwire-sim``: it answers every command, takes no 0 A, slews, and needs some milliseconds."""
+
+    def __init__(self):
+        import asyncio
+
+        from labwire.sim import SimPowerSupply
+
+        self._simulator = SimPowerSupply()
+        loop = asyncio.new_event_loop()
+        loop.run_until_complete(self._simulator.start())
+        threading.Thread(target=loop.run_forever, daemon=True).start()
+        self.port = self._simulator.port
+
+    def load(self, load_Ohm):
+        self._simulator.load_ohms = load_Ohm
+
+    @property
+    def state(self):
+        return State(self._simulator.output, self._simulator.limit_a, self._simulator.setpoint_v)
+
+
+class ScpiControl:
+    """The power supply with which ``SCPI-Instrument-Control`` tests itself; what it measures is what it was set to."""
+
+    def __init__(self):
+        from scpi_control.connection.mock import MockConnection
+
+        self._mock = MockConnection(psu_mode=True)
+        self._mock.connect()
+        self.port = serve(self._answer)
+
+    def _answer(self, line):
+        return self._mock.query(line) if "?" in line else self._mock.write(line)
+
+    def load(self, load_Ohm):
+        """It has none."""
+
+    @property
+    def state(self):
+        output = self._mock.psu_outputs[1]
+        return State(output["enabled"], output["current"], output["voltage"])
+
+
+class LewisGenesys:
+    """A TDK-Lambda Genesys in the framework of ``lewis``; the device is ours, since lewis has no power supply."""
+
+    def __init__(self):
+        import socket
+        from pathlib import Path
+
+        from lewis.core.simulation import SimulationFactory
+
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            self.port = free.getsockname()[1]
+        sys.path.insert(0, str(Path(__file__).parent))
+        options = {"bind_address": "127.0.0.1", "port": self.port}
+        simulation = SimulationFactory("lewis_devices").create("genesys", protocols={"stream": options})
+        simulation.cycle_delay = 0.002
+        self._device = simulation._device
+        threading.Thread(target=simulation.start, daemon=True).start()
+        while not simulation.is_started:
+            time.sleep(0.01)
+
+    def load(self, load_Ohm):
+        self._device.load_Ohm = load_Ohm
+
+    @property
+    def state(self):
+        return State(self._device.output_on, self._device.setting_A, self._device.setting_V)
+
+
 #: Name → what serves it, and the module that must be importable.
 EMULATORS = {
     "instro": (Instro, "instro.psu"),
     "rigol_dp832": (RigolDp832, "labmcp_bench_psu"),
+    "siglent_spd3303x": (SiglentSpd3303x, "labmcp_bench_psu"),
+    "siglent_spd1168x": (SiglentSpd1168x, "labmcp_bench_psu"),
+    "tti_pl303": (TtiPl303, "labmcp_bench_psu"),
+    "keithley_2400": (Keithley2400, "labmcp_keithley_smu"),
+    "keithley_2450": (Keithley2450, "labmcp_keithley_smu"),
+    "labwire": (Labwire, "labwire.sim"),
+    "scpi_control": (ScpiControl, "scpi_control"),
+    "lewis_genesys": (LewisGenesys, "lewis"),
 }
 
 

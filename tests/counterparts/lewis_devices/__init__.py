@@ -1,0 +1,1 @@
+"""Devices in lewis' framework, where lewis has none packaged."""
