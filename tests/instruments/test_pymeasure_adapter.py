@@ -1,7 +1,10 @@
 """A supply through pymeasure's own driver class, over TCP."""
 
 import importlib.util
+import re
+import socket
 import sys
+from pathlib import Path
 
 import pytest
 from stand_in_server import ScpiStandIn
@@ -11,6 +14,7 @@ from sma_actuator.config import Config
 from sma_actuator.instruments import InstrumentLost, InstrumentRefused, LimitsNotHeld, open_supply, pymeasure_adapter
 
 pytest.importorskip("pymeasure", reason="extra 'pymeasure' is not installed")
+import pymeasure
 from pymeasure.instruments import Instrument
 
 E36312A = "pymeasure.instruments.keysight.KeysightE36312A"
@@ -101,6 +105,115 @@ def test_what_a_class_of_pymeasure_says_on_opening(server, make_config):
     supply_of(server, make_config).open()
     off = ["OUTPut 0, (@1)", "CURR 0, (@1)"]
     assert server.lines == [*off, "*IDN?", *off, "VOLT 6, (@1)", "VOLT? (@1)", "OUTPut? (@1)"]
+
+
+#: One class of each family that fits → its questions and the answers, which say 6 V and 0.2 A; what it is switched off by.
+FAMILIES = {
+    "aimtti.PL303P": (
+        {"V1?": "V1 6.00", "I1?": "I1 0.200", "V1O?": "1.30V", "I1O?": "0.200A"},
+        ["OP1 1", "OP1 0", "I1 0", "OP1?"],
+    ),
+    "keithley.Keithley2200": (
+        {
+            "INST:SEL CH1;VOLT?": "6.0",
+            "INST:SEL CH1;CURR?": "0.2",
+            "INST:SEL CH1;MEAS:VOLT?": "1.3",
+            "INST:SEL CH1;MEAS:CURR?": "0.2",
+        },
+        [
+            "INST:SEL CH1;SOURCE:OUTP:ENAB 1",
+            "INST:SEL CH1;SOURCE:OUTP:ENAB 0",
+            "INST:SEL CH1;CURR 0",
+            "INST:SEL CH1;SOURCE:OUTP:ENAB?",
+        ],
+    ),
+    "keithley.Keithley2260B": (
+        {":SOUR:VOLT?": "6.0", ":SOUR:CURR?": "0.2", ":MEAS:VOLT?": "1.3", ":MEAS:CURR?": "0.2"},
+        ["OUTPut 1", "OUTPut 0", ":SOUR:CURR 0", "OUTPut?"],
+    ),
+    "kepco.KepcoBOP3612": (
+        {"VOLTage?": "6.0", "CURRent?": "0.2", "MEASure:VOLTage?": "1.3", "MEASure:CURRent?": "0.2"},
+        ["OUTPut 1", "OUTPut 0", "CURRent 0", "OUTPut?"],
+    ),
+    "keysight.KeysightE36312A": (
+        {"VOLT? (@1)": "6.0", "CURR? (@1)": "0.2", "MEASure:VOLTage? (@1)": "1.3", "MEAS:CURRent? (@1)": "0.2"},
+        ["OUTPut 1, (@1)", "OUTPut 0, (@1)", "CURR 0, (@1)", "OUTPut? (@1)"],
+    ),
+    "keysight.KeysightE3631A": (
+        {
+            "INST:NSEL 1;:VOLT?": "6.0",
+            "INST:NSEL 1;:CURR?": "0.2",
+            "INST:NSEL 1;:MEAS:VOLT?": "1.3",
+            "INST:NSEL 1;:MEAS:CURR?": "0.2",
+        },
+        ["OUTPut 1, (@1)", "OUTPut 0, (@1)", "INST:NSEL 1;:CURR 0", "INST:NSEL 1;:OUTPut?"],
+    ),
+    "texio.TexioPSW360L30": (
+        {":SOUR:VOLT?": "6.0", ":SOUR:CURR?": "0.2", ":MEAS:VOLT?": "1.3", ":MEAS:CURR?": "0.2"},
+        ["OUTPut 1", "OUTPut 0", ":SOUR:CURR 0", "OUTPut?"],
+    ),
+}
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_family_that_fits_is_opened_driven_and_switched_off(server, make_config, family):
+    replies, (on, *off, question) = FAMILIES[family]
+    server.replies.update({**replies, question: "0"})
+    supply = supply_of(server, make_config, f"pymeasure.instruments.{family}")
+    supply.open()
+    assert server.lines[: len(off)] == off
+    supply.set_current(0.2)
+    supply.set_output(True)
+    assert server.heard(on)
+    server.replies[question] = "1"
+    state = supply.read_back()
+    assert (state.current_setting_A, state.output_on, state.voltage_V, state.current_A) == (0.2, True, 1.3, 0.2)
+    server.replies[question] = "0"
+    assert supply.shut_down()
+    assert server.lines[-1 - len(off) :] == [*off, question]
+
+
+def test_the_page_of_classes_says_what_fits_and_every_family_of_it_is_driven_above():
+    page = (Path(__file__).parents[2] / "docs" / "pymeasure.md").read_text()
+    drive, lack = pymeasure_adapter.survey()
+    fits, fits_not = page.split("What looks like")
+    if f"of pymeasure {pymeasure.__version__} " in page:  # another one may have others
+        assert set(re.findall(r"`(pymeasure\.instruments\.\S+)`", fits)) - {"pymeasure.instruments"} == set(drive)
+        assert set(re.findall(r"`(pymeasure\.instruments\.\S+)`", fits_not)) == set(lack)
+    makers = {name.split(".")[2] for name in drive}
+    assert makers == {family.partition(".")[0] for family in FAMILIES}
+
+
+@pytest.mark.parametrize(
+    ("dotted", "why"),
+    [
+        ("tdk.TDK_Gen40_38", "reads an answer to 'ADR 6', which does not ask"),
+        ("eurotest.EurotestHPP120256", "reads an answer to 'STATUS,I', which does not ask"),
+        ("hp.HP6632A", "has no current setting"),
+        ("siglenttechnologies.SPD1168X", "has no output"),
+    ],
+)
+def test_a_class_that_does_not_fit_is_refused_without_a_word_to_it(server, make_config, dotted, why):
+    with pytest.raises(InstrumentRefused, match=f"{why}.*; write a dialect for it instead"):
+        supply_of(server, make_config, f"pymeasure.instruments.{dotted}").open()
+    assert server.lines == []
+
+
+def test_lines_end_as_the_parameters_say(make_config):
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        section = {
+            "resource": f"TCPIP::127.0.0.1::{listening.getsockname()[1]}::SOCKET",
+            "pymeasure_class": E36312A,
+            "timeout": 0.2,
+            "write_termination": "crlf",
+        }
+        accepted = {f"supply.allow_{what}": True for what in ("no_watchdog", "single_session", "no_trips")}
+        supply = open_supply(Config.from_mapping(make_config(**{"instruments.supply": section, **accepted})))
+        with pytest.raises(InstrumentLost):
+            supply.open()
+        with listening.accept()[0] as connection:
+            heard = connection.recv(1000)
+    assert heard.startswith(b"OUTPut 0, (@1)\r\nCURR 0, (@1)\r\n*IDN?\r\n")
 
 
 def test_a_voltage_that_is_not_held_is_refused_on_opening_and_found_while_driving(server, make_config):

@@ -1,6 +1,8 @@
 """A TDK-Lambda Genesys on its serial line, after the chapter "RS232 & RS485 remote control" of its user manual
 (83-507-1): it hears nothing before its address, every command is answered by OK or by an error, lines end with CR."""
 
+from typing import ClassVar
+
 from lewis.adapters.stream import Cmd, StreamInterface
 from lewis.devices import Device
 
@@ -31,7 +33,7 @@ class GenesysInterface(StreamInterface):
     """Its commands."""
 
     in_terminator = out_terminator = "\r"
-    commands = {
+    commands: ClassVar = {
         Cmd("address", r"^ADR (\d+)$", argument_mappings=(int,)),
         Cmd("identity", r"^IDN\?$"),
         Cmd("clear", r"^CLS$"),
