@@ -35,14 +35,13 @@ from sma_actuator.console import (
 from sma_actuator.derived import with_derived
 from sma_actuator.diagnosis.extension import Extended, extend
 from sma_actuator.fleet import Finding, add_fleet_arguments, run_fleet
-from sma_actuator.identify.fitters import FITTERS, METHODS
-from sma_actuator.identify.identification import Identification, identify
+from sma_actuator.identify.fitters import FITTERS, METHODS, Progress
+from sma_actuator.identify.identification import THESIS_MODEL, Identification, identify, identify_best
 from sma_actuator.identify.verdict import REGIONS
+from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.reading import add_log_arguments, place, read_logs, reading_of
 
 NOT_GOOD = 3  #: exit code where a model was written that should not drive a wire
-#: Model of the thesis for each alloy.
-THESIS_MODEL = {"ni-ti": "flexinol", "ni-ti-cu": "furukawa"}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -71,7 +70,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="one more parameter, as circuit.reference_resistance=0.5 where the log holds the voltage over it; may be repeated",
     )
     parser.add_argument(
-        "--model", metavar="TYPE", help="model.type to fit: flexinol, furukawa, whole_range … (default: the alloy's)"
+        "--model",
+        metavar="TYPE",
+        help="model.type to fit: whole_range, flexinol, furukawa … (default: the best one for these logs; the thesis's where "
+        "--method, --variant or --order is given)",
     )
     parser.add_argument(
         "--out",
@@ -83,14 +85,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--method",
         choices=METHODS,
-        default="joint",
-        help="flexinol: all together, or the thesis's appendix C (default %(default)s)",
+        help="flexinol: joint, all together (the default), or the thesis's appendix C",
     )
     parser.add_argument(
         "--variant",
         choices=("average", "direct_switching", "transition"),
-        default="average",
-        help="furukawa: how the curves are used (default %(default)s)",
+        help="furukawa: how the curves are used (default average)",
     )
     parser.add_argument(
         "--order", type=int, help="order of the stress polynomials (default: chosen on held-out cycles)"
@@ -122,23 +122,14 @@ def run(args: argparse.Namespace) -> int:
     refuse_to_overwrite(args, args.out, page)
     reading, console = reading_of(args), notes(args)
     mapping = _what_is_given(args)
-    model = args.model or THESIS_MODEL[bench_from_mapping(with_derived(mapping)).wire.alloy]
     with progress_bar(args) as bar:
         task = bar.add_task("reading", total=1.0)
         logs = read_logs(args.logs, reading, console.print, lambda fraction: bar.update(task, completed=fraction))
         fitting = bar.add_task("fitting", total=1.0)
-        result = identify(
-            logs,
-            mapping,
-            model,
-            args.method,
-            args.variant,
-            args.order,
-            lambda fraction: bar.update(fitting, completed=fraction),
-        )
+        result = _fitted(logs, mapping, vars(args), lambda fraction: bar.update(fitting, completed=fraction))
         bar.update(fitting, completed=1.0)
         extended = None
-        if FITTERS[model].extended and not args.no_extension:
+        if FITTERS[result.config.model_type].extended and not args.no_extension:
             searching = bar.add_task("what it lacks", total=1.0)
             extended = extend(result, args.jobs, lambda fraction: bar.update(searching, completed=fraction))
             result = dataclasses.replace(extended.result, notes=[*extended.result.notes, *extended.sentences])
@@ -149,6 +140,8 @@ def run(args: argparse.Namespace) -> int:
     out = results(args)
     out.print(_table(result))
     out.print(_regions(result))
+    if result.chosen:
+        out.print(f"[bold]model[/bold]: {result.chosen}")
     first, *others = result.verdict.sentences
     out.print(f"[bold]verdict[/bold]: {first}")
     for sentence in others:
@@ -156,7 +149,8 @@ def run(args: argparse.Namespace) -> int:
     said = extended.sentences if extended else []
     for sentence in said:
         out.print(f"[bold]extension[/bold]: {sentence}")
-    for note in result.notes:
+    beside = () if result.chosen or not result.beside else (result.beside,)
+    for note in (*beside, *result.notes):
         if note not in said:
             console.print(f"note: {note}")
     console.print(f"wrote {args.out} and {page}")
@@ -167,10 +161,8 @@ def fit_logs(paths: Sequence[Path], config: Path, options: Mapping[str, Any]) ->
     """The work on the logs of one wire of a fleet."""
     given = argparse.Namespace(config=config if config.stat().st_size else None, **options["given"])
     mapping = _what_is_given(given)
-    model = options["model"] or THESIS_MODEL[bench_from_mapping(with_derived(mapping)).wire.alloy]
-    asked = (options[name] for name in ("method", "variant", "order"))
-    result = identify(read_logs(paths, options["reading"]), mapping, model, *asked)
-    if FITTERS[model].extended and not options["no_extension"]:
+    result = _fitted(read_logs(paths, options["reading"]), mapping, options)
+    if FITTERS[result.config.model_type].extended and not options["no_extension"]:
         result = extend(result, 1).result
     findings = []
     for path in paths:
@@ -185,6 +177,21 @@ def fit_logs(paths: Sequence[Path], config: Path, options: Mapping[str, Any]) ->
             )
         )
     return findings
+
+
+def _fitted(
+    logs: Sequence[BenchLog],
+    mapping: Mapping[str, Any],
+    options: Mapping[str, Any],
+    progress: Progress = lambda fraction: None,
+) -> Identification:
+    """The model that the options ask for; the best one, where they leave it to the logs."""
+    model, method, variant, order = (options[name] for name in ("model", "method", "variant", "order"))
+    if model is None and method is None and variant is None and order is None:
+        return identify_best(logs, mapping, progress)
+    if model is None:
+        model = THESIS_MODEL[bench_from_mapping(with_derived(mapping)).wire.alloy]
+    return identify(logs, mapping, model, method or "joint", variant or "average", order, progress)
 
 
 def _what_is_given(args: argparse.Namespace) -> dict[str, Any]:
@@ -235,6 +242,7 @@ def summary(result: Identification, extended: Extended | None = None) -> dict:
         "intervals_95_percent": result.intervals,
         "errors": [dataclasses.asdict(e) for e in result.errors],
         "verdict": result.verdict.as_mapping(),
+        "chosen": result.chosen,
         "notes": result.notes,
     }
     if extended:

@@ -20,7 +20,7 @@ from sma_actuator.base.parameters import to_mapping
 from sma_actuator.config import Config
 from sma_actuator.identify.calibration import calibration_of
 from sma_actuator.identify.errors import LogError, log_error
-from sma_actuator.identify.identification import Identification, within_what_is_seen
+from sma_actuator.identify.identification import Identification, foreign_loads_N, within_what_is_seen
 from sma_actuator.identify.unseen import Unseen
 from sma_actuator.identify.verdict import judge
 from sma_actuator.logs.bench_log import BenchLog
@@ -101,6 +101,7 @@ def extend(result: Identification, jobs: int = 2, progress: Progress = lambda fr
         model_type=config.model_type,
         seen_too=False,
         bounds=result.bounds,
+        foreign_loads_N=foreign_loads_N(result.experiments, config),
     )
     errors = _errors(evidence, final, range_m)
     extended = dataclasses.replace(result, mapping=mapping, config=config, notes=notes, verdict=verdict, errors=errors)

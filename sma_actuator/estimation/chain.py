@@ -54,6 +54,13 @@ class PlausibleResistance(Protocol):
         """Highest [Ω]."""
 
 
+def stresses_inside_Pa(range_Pa: tuple[float, float]) -> tuple[float, float]:
+    """Between which stresses an estimate is inside the calibration of a model with a range of them."""
+    low_Pa, high_Pa = range_Pa
+    margin_Pa = STRESS_MARGIN * (high_Pa - low_Pa)
+    return low_Pa - margin_Pa, high_Pa + margin_Pa
+
+
 class ChainSections(CircuitSections, HotEndSections, Protocol):
     """The parameters that the chain is built from; a ``Config`` has them."""
 
@@ -198,9 +205,7 @@ class Chain:
         self._hot_end = HotEnd(config)
         self._asks_hot_end = self._hot_end.known and self._thermal is None
         self._length_m = config.wire.length
-        stress_lo, stress_hi = self._model.stress_range_Pa
-        margin_Pa = STRESS_MARGIN * (stress_hi - stress_lo)
-        self._stress_Pa = stress_lo - margin_Pa, stress_hi + margin_Pa
+        self._stress_Pa = stresses_inside_Pa(self._model.stress_range_Pa)
         low_m, high_m = self._model.displacement_range_m if self._thermal is None else self._thermal.stroke_m
         # A model of the whole range has been at both ends; its estimates scatter about them.
         slack_m = 0.0 if self._thermal is None else STROKE_MARGIN * (high_m - low_m)

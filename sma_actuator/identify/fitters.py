@@ -20,6 +20,7 @@ from .experiments import Experiment, IdentificationError
 from .flexinol import FlexinolFit, fit_appendix_c, fit_joint
 from .furukawa import fit_furukawa
 from .normalised import fit_furukawa_normalised, flexinol_normalised
+from .ranges import distinct_stresses, full_cycles
 from .unseen import Unseen
 from .whole_range import beside_the_thesis, fit_whole_range
 
@@ -52,6 +53,8 @@ class Fitted:
         0.0  #: mean absolute error on logs left out, of a model that learns its own by heart, % of full stroke
     )
     bounds: list[str] = field(default_factory=list)  #: a sentence for every bound that binds
+    beside: str = ""  #: how it compares with the thesis's model of the alloy
+    rather: bool = False  #: whether that is the better one for these logs
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +74,8 @@ FITTERS: Registry[Fitter] = Registry("fitter", "sma_actuator.fitters")
 
 def _found(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> FlexinolFit:
     if asked.method == "appendix-c":
-        return fit_appendix_c(experiments, bench.wire, 2 if asked.order is None else asked.order)
+        highest = min(2, max(distinct_stresses(full_cycles(experiments)) - 1, 0))
+        return fit_appendix_c(experiments, bench.wire, highest if asked.order is None else asked.order)
     return fit_joint(
         experiments, bench.wire, None if asked.order is None else (asked.order, asked.order), asked.progress
     )
@@ -121,20 +125,22 @@ def _one_size(experiments: Sequence[Experiment]) -> list[str]:
 def _whole_range(experiments: Sequence[Experiment], bench: BenchConfig, asked: Asked) -> Fitted:
     found = fit_whole_range(experiments, bench, asked.progress, asked.change_m)
     fit_thesis = _flexinol if bench.wire.alloy == "ni-ti" else _furukawa
+    rather = False
     try:
         thesis = fit_thesis(experiments, bench, Asked("joint", asked.variant, asked.order)).coefficients.build(
             bench.wire
         )
-        note = beside_the_thesis(experiments, thesis, found, bench.wire.full_stroke_m)
+        rather, beside = beside_the_thesis(experiments, thesis, found, bench.wire.full_stroke_m)
     except IdentificationError as error:
-        note = f"there is no model of the thesis to compare with: {error}"
+        beside = f"take whole_range: there is no model of the thesis to compare with ({error})"
     return Fitted(
         found.coefficients,
         how=found,
-        notes=[note],
         unseen=found.unseen,
         fresh_percent=found.held_out.logs_percent,
         bounds=found.bounds,
+        beside=beside,
+        rather=rather,
     )
 
 

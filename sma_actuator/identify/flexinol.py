@@ -16,7 +16,7 @@ from .appendix_c import Asymptotes, asymptotes
 from .experiments import Experiment
 from .fitting import Data
 from .material import RPhaseAlloy, asymptotes_from_material
-from .ranges import distinct_stresses, full_cycles, working_range_m
+from .ranges import distinct_stresses, full_cycles, lowest_order, stress_range_Pa, working_range_m
 from .unseen import Unseen, unseen_of
 
 STRESS_UNIT_Pa = 100e6  #: polynomials are fitted in units of this, so that their coefficients are of one size
@@ -85,14 +85,15 @@ def fit_joint(
     ``orders`` of the stress polynomials (heating, cooling); None: the lowest that are as good
     as the best on held-out cycles.  Raises IdentificationError.
     """
-    fitting.require_loads(experiments, max(orders) if orders else 1, "asymptotes")
+    lowest = lowest_order(experiments)
+    fitting.require_loads(experiments, max(orders) if orders else lowest, "asymptotes")
     data = fitting.make_data(experiments, wire.full_stroke_m)
     problem = _Joint(experiments, wire, data)
     errors: dict[tuple[int, int], np.ndarray] = {}
     begun: dict[tuple[int, int], np.ndarray] = {}
     if orders is None:
         highest = min(HIGHEST_ORDER, distinct_stresses(full_cycles(experiments)) - 1)
-        tried = [(h, c) for h in range(1, highest + 1) for c in range(h, highest + 1)]
+        tried = [(h, c) for h in range(lowest, highest + 1) for c in range(h, highest + 1)]
         for i, pair in enumerate(tried):
             errors[pair], begun[pair] = fitting.held_out_errors(problem.builder(pair), problem.start(pair), data)
             progress(0.8 * (i + 1) / len(tried))
@@ -188,10 +189,3 @@ def _coefficients(polynomials, wire, stress_range, displacement_range, initial_s
         stress_range=stress_range,
         displacement_range=displacement_range,
     )
-
-
-def stress_range_Pa(experiments: Sequence[Experiment]) -> tuple[float, float]:
-    """Lowest and highest stress the polynomials rest on, with a margin of 2 % for noise."""
-    values = [t.mean_stress_Pa for t in full_cycles(experiments)]
-    margin = 0.02 * max(values)
-    return float(min(values) - margin), float(max(values) + margin)

@@ -15,8 +15,8 @@ from sma_actuator.estimation.models import COEFFICIENTS
 from . import fitting
 from .experiments import Experiment
 from .fitting import Data
-from .flexinol import HIGHEST_ORDER, STRESS_UNIT_Pa, stress_range_Pa
-from .ranges import distinct_stresses, full_cycles, working_range_m
+from .flexinol import HIGHEST_ORDER, STRESS_UNIT_Pa
+from .ranges import distinct_stresses, full_cycles, lowest_order, stress_range_Pa, working_range_m
 from .unseen import Unseen, unseen_of
 
 ORDER_R = 2  #: G_2 R² + G_1 R + G_0 (5.55, 5.56)
@@ -52,7 +52,8 @@ def fit_furukawa(
     ``order`` of the stress polynomials; None: the lowest that is as good as the best on held-out
     cycles.  Raises IdentificationError.
     """
-    fitting.require_loads(experiments, order or 1, "curves")
+    lowest = lowest_order(experiments)
+    fitting.require_loads(experiments, lowest if order is None else order, "curves")
     data = fitting.make_data(experiments, wire.full_stroke_m)
     fitted_as = "transition" if variant == "average" else variant
     problem = _Curves(experiments, wire, data, fitted_as)
@@ -60,9 +61,9 @@ def fit_furukawa(
     begun: dict[int, np.ndarray] = {}
     if order is None:
         highest = min(HIGHEST_ORDER, distinct_stresses(full_cycles(experiments)) - 1)
-        for tried in range(1, highest + 1):
+        for tried in range(lowest, highest + 1):
             errors[tried], begun[tried] = fitting.held_out_errors(problem.builder(tried), problem.start(tried), data)
-            progress(0.6 * tried / highest)
+            progress(0.6 * (tried + 1 - lowest) / (highest + 1 - lowest))
         order = fitting.choose_simplest(errors, int)
     build = problem.builder(order)
     found = fitting.fit(build, begun[order] if order in begun else problem.start(order), data)

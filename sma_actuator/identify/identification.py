@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,6 +15,7 @@ from sma_actuator.base.one_thread import one_thread
 from sma_actuator.base.parameters import ConfigError, to_mapping
 from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.derived import Derived, with_derived
+from sma_actuator.estimation.chain import stresses_inside_Pa
 from sma_actuator.estimation.models.thesis import wrong_alloy
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.sense import counts_contraction
@@ -24,14 +26,17 @@ from .experiments import Experiment, IdentificationError
 from .fatigue import Fatigue, fit_fatigue
 from .fitters import FITTERS, METHODS, Asked, Fitter, Progress
 from .fitting import predict
-from .kinds import LEFT_OUT, make_experiments
+from .kinds import LEFT_OUT, make_experiments, usable_logs
 from .measured import lowest_current_A, measured
 from .normalised import as_one_wire
-from .ranges import MARGIN, check_width, shortest_seen_m
+from .ranges import MARGIN, check_width, distinct_stresses, shortest_seen_m, without_misjudged
 from .training import change_while_measured_m, words_of
 from .unseen import unseen_of
 from .verdict import Verdict, judge
 
+WHOLE_RANGE = "whole_range"
+#: Model of the thesis for each alloy.
+THESIS_MODEL = {"ni-ti": "flexinol", "ni-ti-cu": "furukawa"}
 _COMPARED = ("thermal.heat_loss", "estimator.thermal_time_constant")
 _FAR = 1.6  #: factor by which a parameter that is given may be off what was measured without a word
 
@@ -51,6 +56,27 @@ class Identification:
     reasons: Mapping[str, str] = field(default_factory=dict)  #: of parameters that the logs told, by dotted name
     verdict: Verdict = field(kw_only=True)  #: what it is good for
     bounds: list[str] = field(default_factory=list, kw_only=True)  #: a sentence for every bound that binds
+    beside: str = field(default="", kw_only=True)  #: how it compares with the thesis's model of the alloy
+    rather: bool = field(default=False, kw_only=True)  #: whether that is the better one for these logs
+    chosen: str = field(default="", kw_only=True)  #: why it is this model, where nobody asked for one
+
+
+def identify_best(
+    logs: Sequence[BenchLog], config_mapping: Mapping[str, Any], progress: Progress = lambda fraction: None
+) -> Identification:
+    """Fit the best model that the logs allow: the whole range's, or the thesis's where that cannot be or is worse.
+
+    ``chosen`` of the result says which and why.  Raises what :func:`identify` raises.
+    """
+    thesis = THESIS_MODEL[bench_from_mapping(with_derived(config_mapping)).wire.alloy]
+    try:
+        found = identify(logs, config_mapping, WHOLE_RANGE, progress=progress)
+        if not found.rather:
+            return dataclasses.replace(found, chosen=found.beside)
+        why = found.beside
+    except IdentificationError as error:
+        why = str(error)
+    return dataclasses.replace(identify(logs, config_mapping, thesis, progress=progress), chosen=f"{thesis}: {why}")
 
 
 @one_thread()
@@ -81,22 +107,26 @@ def identify(
     if "bias_current" not in mapping.get("supply", {}) and math.isfinite(lowest_A := lowest_current_A(logs, bench)):
         mapping.setdefault("supply", {})["bias_current"] = lowest_A
         bench = bench_from_mapping(with_derived(mapping))
+    notes: list[str] = []
+    if not fitter.any_size:
+        logs = usable_logs(logs, bench, notes.append)
     everything = (
         as_one_wire(logs, with_derived(mapping)) if fitter.any_size else make_experiments(logs, bench, fitter.remembers)
     )
     _refuse_contraction(everything)
+    everything = without_misjudged(everything, notes.append)
     reasons: dict[str, str] = {}
     at_odds: list[str] = []
     if not fitter.any_size:
         reasons, at_odds = _add_measured(mapping, measured(everything, mapping, bench))
         if reasons:
             bench = bench_from_mapping(with_derived(mapping))
-            everything = make_experiments(logs, bench, fitter.remembers)
+            everything = without_misjudged(make_experiments(logs, bench, fitter.remembers))
     fatigued = [t for t in everything if t.kind == "fatigue"]
     experiments = [t for t in everything if t.kind != "fatigue"]
     change_m = 0.0 if fitter.any_size else change_while_measured_m(logs, bench)
     fitted = fitter.fit(experiments, bench, Asked(method, variant, order, progress, change_m))
-    notes = at_odds + list(fitted.notes)
+    notes += at_odds + list(fitted.notes)
     if change_m:
         notes.append(words_of(change_m, bench.wire.full_stroke_m))
     mapping["model"] = {"type": model_type, **to_mapping(fitted.coefficients)}
@@ -140,9 +170,20 @@ def identify(
             model_type=model_type,
             seen_too=seen_too,
             bounds=fitted.bounds,
+            foreign_loads_N=foreign_loads_N(experiments, config),
         ),
         bounds=fitted.bounds,
+        beside=fitted.beside,
+        rather=fitted.rather,
     )
+
+
+def foreign_loads_N(experiments: Sequence[Experiment], config: Config) -> tuple[float, float] | None:
+    """Below and above which load the estimate says that it is outside its calibration, where all logs are of one; else None."""
+    if distinct_stresses(experiments) != 1:
+        return None
+    low_Pa, high_Pa = stresses_inside_Pa(config.model.build(config.wire).stress_range_Pa)
+    return low_Pa * config.wire.area_m2, high_Pa * config.wire.area_m2
 
 
 def _refuse_contraction(experiments: Sequence[Experiment]) -> None:

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from sma_actuator.logs.bench_log import BenchLog, uncalibrated_resistance_and_current
+from sma_actuator.logs.errors import BenchLogError
 
 from .experiments import NOT_FITTED, Experiment, IdentificationError, cycles_of, judged_rows, make_experiment, sessions
 
@@ -26,8 +27,11 @@ _WINDOW_s = 1.0  #: over which a load is steady or not
 _STEADY_N = 0.02  #: or SAME_LOAD of the load
 _STEADY_SHARE = 0.9  #: of the time, with weights; a spring's load moves with the wire
 _SHORTEST = 10  #: samples of a stretch
-_AT_REST = 0.08  #: share of a cycle's stroke that it may move at its ends
-_HOT_PART, _COLD_PART = 0.25, 0.15  #: shares of the time driven and not, at their ends, in which it rests
+_AT_REST = 0.08  #: share of a cycle's stroke within which of an end it is at rest there
+_HOT_PART, _COLD_PART = (
+    0.25,
+    0.15,
+)  #: shares of the time driven and not, in which it rests at the hot and at the cold end
 #: Share of the widest stroke of a load that a full cycle has at least: the first one begins at a rest of any length, the
 #: others at what a pause between pulses leaves of the long tail that the cooling of a real wire ends with.
 _WIDEST = 0.88
@@ -98,6 +102,22 @@ def make_experiments(logs: Sequence[BenchLog], config: Any, remembered: bool = F
     return with_kinds(experiments, remembered)
 
 
+def usable_logs(logs: Sequence[BenchLog], config: Any, say: Callable[[str], None]) -> list[BenchLog]:
+    """Those of the logs to fit that can be used; of the others ``say`` is told; raises what is wrong with the first where none can be."""
+    kept, errors = [], []
+    for log in logs_to_fit(logs):
+        try:
+            make_experiment(log, config)
+            kept.append(log)
+        except BenchLogError as error:
+            errors.append(error)
+    if errors and not kept:
+        raise errors[0]
+    for each in errors:
+        say(f"left out: {each}")
+    return kept
+
+
 def logs_to_fit(logs: Sequence[BenchLog]) -> list[BenchLog]:
     """Those of neither calibration nor training, in which the current moves."""
     return [log for log in logs if log.metadata.get("kind") not in NOT_FITTED and _is_cycled(log)]
@@ -130,9 +150,12 @@ def _cycle(displacement_m: np.ndarray, driven: np.ndarray) -> _Cycle:
     if len(cold) == 0:
         return _Cycle(stroke_m, rests=False, heated=0)
     away = np.abs(hot - 0.5 * (displacement_m.min() + displacement_m.max()))
-    ends = hot[-max(3, round(_HOT_PART * len(hot))) :], cold[-max(3, round(_COLD_PART * len(cold))) :]
-    rests = all(float(np.ptp(end)) <= _AT_REST * stroke_m for end in ends)
-    return _Cycle(stroke_m, rests, int(np.count_nonzero(away < 0.25 * stroke_m)))
+    near_m = _AT_REST * stroke_m
+    rests = (
+        np.percentile(hot, 100.0 * _HOT_PART) - hot.min() <= near_m
+        and cold.max() - np.percentile(cold, 100.0 * (1.0 - _COLD_PART)) <= near_m
+    )
+    return _Cycle(stroke_m, bool(rests), int(np.count_nonzero(away < 0.25 * stroke_m)))
 
 
 def _same_load(a: Experiment, b: Experiment) -> bool:

@@ -21,9 +21,9 @@ from sma_actuator.logs.bench_log import BenchLog
 
 from . import fitting
 from .experiments import NOT_FITTED, Experiment, IdentificationError, judged_rows, make_experiment, sessions
-from .flexinol import HIGHEST_ORDER, FlexinolFit, STRESS_UNIT_Pa, stress_range_Pa
+from .flexinol import HIGHEST_ORDER, FlexinolFit, STRESS_UNIT_Pa
 from .kinds import with_kinds
-from .ranges import distinct_stresses, full_cycles, working_range_m
+from .ranges import distinct_stresses, full_cycles, lowest_order, stress_range_Pa, working_range_m
 
 _ASYMPTOTES = ("heating_slope", "heating_intercept", "cooling_slope", "cooling_intercept")
 
@@ -108,7 +108,8 @@ def fit_furukawa_normalised(experiments: Sequence[Experiment], wire, order: int 
     ``order`` of the stress polynomials; None: the lowest that is as good as the best on held-out
     cycles.  Raises IdentificationError.
     """
-    fitting.require_loads(experiments, order or 1, "curves")
+    lowest = lowest_order(experiments)
+    fitting.require_loads(experiments, lowest if order is None else order, "curves")
     data = fitting.make_data(experiments, wire.full_stroke_m)
     full = full_cycles(experiments)
     stress = np.array([t.mean_stress_Pa for t in full]) / STRESS_UNIT_Pa
@@ -151,7 +152,7 @@ def fit_furukawa_normalised(experiments: Sequence[Experiment], wire, order: int 
     begun: dict[int, np.ndarray] = {}
     if order is None:
         errors = {}
-        for tried in range(1, min(HIGHEST_ORDER, distinct_stresses(full) - 1) + 1):
+        for tried in range(lowest, min(HIGHEST_ORDER, distinct_stresses(full) - 1) + 1):
             errors[tried], begun[tried] = fitting.held_out_errors(build, start(tried), data)
         order = fitting.choose_simplest(errors, int)
     found = fitting.fit(build, begun[order] if order in begun else start(order), data)

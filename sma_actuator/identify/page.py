@@ -35,7 +35,7 @@ def write_page(path: Path, result: Identification) -> None:
         f"{low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm, "
         f"stress {stress_lo / 1e6:.0f} to {stress_hi / 1e6:.0f} MPa."
     )
-    for note in result.notes:
+    for note in filter(None, (result.chosen or result.beside, *result.notes)):
         page.text(f"Note: {note}.")
     page.heading("Errors")
     page.table(

@@ -54,10 +54,12 @@ def judge(
     model_type: str,
     seen_too: bool,
     bounds: Sequence[str] = (),
+    foreign_loads_N: tuple[float, float] | None = None,
 ) -> Verdict:
     """The verdict on a model of ``model_type`` with a working range.
 
-    ``unseen``: what it was judged on; ``seen_too``: on cycles it was fitted on, since there are no others.
+    ``unseen``: what it was judged on; ``seen_too``: on cycles it was fitted on, since there are no others;
+    ``foreign_loads_N``: below and above which the node calls a load foreign, where the logs are of one load.
     """
     regions = _regions(unseen, range_m, np.ones(len(unseen.place_m), dtype=bool))
     loads = [
@@ -81,6 +83,8 @@ def judge(
             f"another model{other}"
         )
     sentences += _about_loads(loads, working)
+    if foreign_loads_N is not None:
+        sentences.append(_about_one_load(unseen, foreign_loads_N))
     sentences += _about_ends(unseen, regions, range_m, other)
     sentences += _about_partial_cycles(regions, other)
     sentences += _about_the_range(experiments, range_m, stroke_m, full_stroke_m) if share < _NARROW else []
@@ -120,6 +124,15 @@ def _about_loads(loads: Sequence[Mapping[str, float]], working: float) -> list[s
             "keep away from it"
         )
     ]
+
+
+def _about_one_load(unseen: Unseen, foreign_N: tuple[float, float]) -> str:
+    return (
+        f"for one load, {float(np.mean(unseen.load_N)):.2f} N: another costs up to some 1.5 % of full stroke for each tenth that it "
+        f"differs (measured on the virtual bench); below {foreign_N[0]:.2f} and above {foreign_N[1]:.2f} N the node calls the "
+        "estimate outside its calibration, and switches off where that lasts (estimator_outside); to use other loads record "
+        "pulses at two or three more weights and give identify all the logs"
+    )
 
 
 def _about_ends(unseen: Unseen, regions: Mapping[str, float], range_m: tuple[float, float], other: str) -> list[str]:

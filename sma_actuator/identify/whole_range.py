@@ -28,7 +28,7 @@ from sma_actuator.estimation.models.whole_range import (
 
 from .experiments import Experiment, IdentificationError, begins_anew
 from .fitting import at_bound, predict
-from .ranges import distinct_stresses, load_numbers
+from .ranges import ONE_LOAD, distinct_stresses, load_numbers
 from .unseen import Unseen
 
 LEARNERS = 3
@@ -107,7 +107,7 @@ def fit_whole_range(
 
     ``config``: the bench's parameters; ``change_m``: how far the wire moved its hot end in all of the logs together.
 
-    Raises IdentificationError where fewer than three loads were measured.
+    Raises IdentificationError where there are fewer than three logs, and in them fewer than three cycles.
     """
     data = _Data(experiments, config)
     data.change = change_m / data.percent_m
@@ -158,8 +158,10 @@ def regions(place: np.ndarray, partial: np.ndarray, size: np.ndarray) -> dict[st
     return {name: float(size[rows].mean()) for name, rows in chosen.items() if rows.any()}
 
 
-def beside_the_thesis(experiments: Sequence[Experiment], thesis, found: WholeRangeFit, full_stroke_m: float) -> str:
-    """Which of the two to take, and why: one sentence.
+def beside_the_thesis(
+    experiments: Sequence[Experiment], thesis, found: WholeRangeFit, full_stroke_m: float
+) -> tuple[bool, str]:
+    """Whether to take the thesis's rather, and why: one sentence.
 
     ``thesis`` is a model of the thesis fitted on the very logs it is judged on; the whole-range model is judged on
     cycles left out, so what speaks for it is not the fit.
@@ -173,10 +175,16 @@ def beside_the_thesis(experiments: Sequence[Experiment], thesis, found: WholeRan
     words = ", ".join(f"{name} {ours[name]:.2f} against {theirs[name]:.2f} %" for name in ours if name in theirs)
     worse = [name for name in ours if name in theirs and ours[name] > theirs[name]]
     if not worse:
-        return f"take whole_range: on cycles left out it is better in every region than the thesis's model ({words})"
+        return (
+            False,
+            f"take whole_range: on cycles left out it is better in every region than the thesis's model ({words})",
+        )
     if found.held_out.cycles_percent < float(size[good].mean()):
-        return f"take whole_range, but not for its sake at {' and '.join(worse)}, where the thesis's model is better ({words})"
-    return f"take the thesis's model: on cycles left out whole_range is worse ({words}); it may want more logs"
+        return (
+            False,
+            f"take whole_range, but not for its sake at {' and '.join(worse)}, where the thesis's model is better ({words})",
+        )
+    return True, f"take the thesis's model: on cycles left out whole_range is worse ({words}); it may want more logs"
 
 
 class _Data:
@@ -186,9 +194,12 @@ class _Data:
         self.config, self.wire, self.thermal = config, config.wire, config.thermal
         self.percent_m = config.wire.full_stroke_m / 100.0
         parts = [_thinned(t, config.thermal.ambient_temperature) for t in experiments]
+        loads = distinct_stresses(experiments)
         rng = np.random.default_rng(0)
         for error_K in (LEARNED_ERROR_K, JUDGED_ERROR_K):
             parts += [_with_other_surroundings(p, error_K, rng) for p in parts[: len(experiments)]]
+        if loads == 1:
+            parts[len(experiments) :] = [_with_another_load(p, rng) for p in parts[len(experiments) :]]
         copies = len(parts) // len(experiments)
         columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
         self.time, self.power, self.ambient, self.resistance, self.stress = columns[:5]
@@ -201,20 +212,29 @@ class _Data:
         self.lengths = lengths[: len(experiments)]
         self.first = np.zeros(len(self.time), dtype=np.bool_)
         self.first[np.cumsum([0, *lengths[:-1]])] = begins_anew(experiments) * copies
-        self.log_fold = np.repeat(np.tile(_log_folds(experiments), copies), lengths)
+        if (
+            len(experiments) < FOLDS
+        ):  # of a few long logs a third of the cycles is held out in turn, one beside the other
+            thirds = [_thirds(p[7]) for p in parts[: len(experiments)]]
+            self.log_fold = np.concatenate(thirds * copies)
+        else:
+            self.log_fold = np.repeat(np.tile(_log_folds(experiments), copies), lengths)
         self.load_fold = np.repeat(np.tile(_load_folds(experiments), copies), lengths)
         self.cycle = self.cycle + np.repeat(np.tile(np.arange(len(experiments)), copies), lengths)
-        if len(experiments) < FOLDS:
+        cycles = sum(int(t.cycle[-1]) for t in experiments)
+        if len(experiments) < FOLDS and cycles < FOLDS:
             raise IdentificationError(
-                f"whole_range: {FOLDS} logs at least are needed, one to be left out while the others are fitted; "
-                f"there {'is' if len(experiments) == 1 else 'are'} {len(experiments)}"
+                f"whole_range: {FOLDS} logs or cycles at least are needed, some to be left out while the others are fitted; "
+                f"there {'is' if cycles == 1 else 'are'} {cycles}: heat and cool the wire more often"
             )
         stride = max(1, -(-len(self.time) // MOST_ROWS))
         self.rows = np.arange(0, len(self.time), stride)
         self.measured = self.rows < sum(self.lengths)  # the others are of copies
         self.learned = self.rows < 2 * sum(self.lengths)
         self.change = 0.0  #: of the wire meanwhile
-        gaps = max(distinct_stresses(experiments) - 1, 1)
+        gaps = max(loads - 1, 1)
+        #: Rows whose spread is the unit of a feature; a single load has none but in the copies.
+        self.scaling_rows = self.rows if loads == 1 else self.rows[self.measured]
         self.smooth = SMOOTH_IN_STRESS * max(1.0, ((USUAL_LOADS - 1) / gaps) ** 2)
         self.span_Ohm = float(np.subtract(*np.percentile(self.resistance, (99, 1))))
 
@@ -321,6 +341,17 @@ def _with_other_surroundings(
     for period_s in (11.0, 37.0, 131.0):
         off_K += rng.normal() * np.sin(2.0 * np.pi * (time_s / period_s + rng.uniform()))
     return time_s, power_W, ambient_C + error_K * off_K, *rest
+
+
+def _with_another_load(part: tuple[np.ndarray, ...], rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+    """The same log as if the load slowly wandered about, within ONE_LOAD: of how the loop goes with it one load says nothing."""
+    phase = 2.0 * np.pi * (part[0] / 23.0 + rng.uniform())
+    return *part[:4], part[4] * (1.0 + ONE_LOAD * np.sin(phase)), *part[5:]
+
+
+def _thirds(cycle: np.ndarray) -> np.ndarray:
+    """A fold for every sample of a log: its cycles in as many stretches, one after the other."""
+    return np.minimum(np.maximum(cycle - 1, 0) * FOLDS // max(int(cycle[-1]), 1), FOLDS - 1)
 
 
 def _log_folds(experiments: Sequence[Experiment]) -> np.ndarray:
@@ -451,7 +482,7 @@ def _heat_balance(data: _Data, progress: Callable[[float], None]) -> tuple[np.nd
     known = _KNOWN.copy()
     rows = data.rows[data.measured]
     target = data.displacement[rows]
-    seen = data.features(known)[rows]
+    seen = data.features(known)[data.scaling_rows]
     centre, scale = seen.mean(axis=0), seen.std(axis=0) + 1e-12
     learner = _Learner(seen.shape[1], JOINT_UNITS, 0, data.smooth)
 

@@ -173,13 +173,12 @@ def test_the_same_logs_give_the_same_numbers_and_a_file_keeps_them(whole, flexin
 
 
 def test_identify_says_which_model_it_would_take_and_why(whole):
-    (note,) = [n for n in whole.notes if "take" in n]
-    assert note.startswith("take whole_range")
-    assert "hot end" in note and "cold end" in note and "partial cycles" in note
+    assert whole.beside.startswith("take whole_range") and not whole.rather
+    assert "hot end" in whole.beside and "cold end" in whole.beside and "partial cycles" in whole.beside
 
 
-def test_too_few_logs_are_refused_in_a_sentence(flexinol):
-    with pytest.raises(IdentificationError, match="3 logs at least"):
+def test_too_few_cycles_are_refused_in_a_sentence(flexinol):
+    with pytest.raises(IdentificationError, match="3 logs or cycles at least are needed.* there are 2"):
         identify(flexinol.only("pulses_0.6"), flexinol.mapping, "whole_range")
 
 

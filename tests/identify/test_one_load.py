@@ -1,0 +1,131 @@
+"""Most people hang one weight on a wire: one load, or one log, gives a model, and says what it is not good for."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from characterised import bench_mapping, virtual_rig
+
+from sma_actuator.base.signals import Quality
+from sma_actuator.characterise.programs import partial_cycles, square_pulses
+from sma_actuator.estimation.chain import Chain
+from sma_actuator.identify import IdentificationError, identify
+from sma_actuator.identify.experiments import make_experiment
+from sma_actuator.identify.identification import identify_best
+from sma_actuator.logs.bench_log import BenchLog
+from sma_actuator.plant.loads import Weight
+
+LOAD_N = 1.0
+
+
+def record(wire, seed, load_N=LOAD_N, cycles=4):
+    """Pulses, then partial cycles, at one weight."""
+    _, rig, _ = virtual_rig(wire, seed=seed, load=Weight(load_N))
+    current_A = {"flexinol": 0.3, "furukawa": 0.6}[wire]
+    places_m = {"flexinol": (0.0035, 0.0010), "furukawa": (0.0015, 0.0005)}[wire]
+    with rig.opened():
+        return [
+            rig.record(square_pulses(cycles, current_A, 0.05, 5.0, 10.0)),
+            rig.record(partial_cycles(list(np.linspace(*places_m, 4)), current_A, 0.05, 6.0, 8.0)),
+        ]
+
+
+@pytest.fixture(scope="module")
+def logs():
+    return record("flexinol", 1)
+
+
+@pytest.fixture(scope="module")
+def thesis(logs):
+    return identify(logs, bench_mapping("flexinol"), "flexinol")
+
+
+@pytest.fixture(scope="module")
+def from_one_log(logs):
+    """The best model of one long log of one load."""
+    return identify_best(logs[:1], bench_mapping("flexinol"))
+
+
+def error_percent(result, log):
+    """Mean absolute, in the working range, of a log that was not fitted; and the share of readings inside the calibration."""
+    experiment = make_experiment(log, result.config)
+    found = Chain(result.config).run(experiment.signals)
+    low_m, high_m = result.config.model.build(result.config.wire).displacement_range_m
+    inside = (experiment.displacement_m > low_m) & (experiment.displacement_m < high_m)
+    error = np.abs(found.displacement_m - experiment.displacement_m)[inside] / result.config.wire.full_stroke_m * 100.0
+    return float(np.nanmean(error)), float(np.mean(found.quality[inside] < Quality.OUTSIDE_CALIBRATION))
+
+
+@pytest.mark.parametrize("model", ("flexinol", "flexinol_normalised"))
+def test_one_weight_gives_the_thesiss_model_without_a_flag(logs, model):
+    found = identify(logs, bench_mapping("flexinol"), model)
+    assert len(found.config.model.heating_slope) == 1  # of order 0 in stress
+    assert found.verdict.good_for_control
+
+
+@pytest.mark.parametrize("model", ("furukawa", "furukawa_normalised"))
+def test_so_does_one_weight_on_a_wire_of_ni_ti_cu(model):
+    found = identify(record("furukawa", 1), bench_mapping("furukawa"), model)
+    assert error_percent(found, record("furukawa", 2)[0])[0] < 2.0
+
+
+def test_an_order_that_one_load_cannot_tell_is_still_refused_where_it_is_asked_for(logs):
+    with pytest.raises(IdentificationError, match="order 1 in stress needs full cycles at 2 different loads"):
+        identify(logs, bench_mapping("flexinol"), "flexinol", order=1)
+
+
+@pytest.mark.parametrize("which", ("thesis", "from_one_log"))
+def test_the_verdict_says_from_which_load_on_the_node_calls_it_foreign(which, request):
+    result = request.getfixturevalue(which)
+    (sentence,) = [s for s in result.verdict.sentences if s.startswith("for one load")]
+    assert "1.00 N" in sentence and "each tenth" in sentence
+    low_N, high_N = map(float, re.search(r"below ([\d.]+) and above ([\d.]+) N", sentence).groups())
+    assert 0.85 < low_N < 0.92 and 1.08 < high_N < 1.15
+    for load_N, seen in ((high_N + 0.03, False), (low_N - 0.03, False), (high_N - 0.04, True), (low_N + 0.04, True)):
+        share = error_percent(result, record("flexinol", 3, load_N, cycles=1)[0])[1]
+        assert (share > 0.9) == seen, (load_N, share)
+
+
+def test_a_tenth_more_load_costs_what_the_verdict_says(thesis, from_one_log):
+    for result in (thesis, from_one_log):
+        at_home, _ = error_percent(result, record("flexinol", 2)[0])
+        heavier, _ = error_percent(result, record("flexinol", 2, 1.1 * LOAD_N)[0])
+        assert at_home < 1.2 and heavier - at_home < 1.5
+
+
+def test_one_long_log_is_cut_into_stretches_to_hold_some_out(from_one_log):
+    assert from_one_log.config.model_type == "whole_range"
+    assert from_one_log.fit.held_out.logs_percent > 0.0
+    assert from_one_log.chosen.startswith("take whole_range")
+    assert error_percent(from_one_log, record("flexinol", 2)[0])[0] < 0.6
+
+
+def test_two_cycles_are_too_few_for_it_and_the_thesiss_model_is_taken(logs):
+    short = record("flexinol", 1, cycles=2)[:1]
+    found = identify_best(short, bench_mapping("flexinol"))
+    assert found.config.model_type == "flexinol"
+    assert found.chosen.startswith("flexinol: whole_range: 3 logs or cycles at least")
+
+
+def test_a_log_that_is_judged_wrongly_is_named_and_left_out(logs):
+    """The wire on its way back is not in it, as of a recorder that was switched off and on."""
+    pulses = logs[0]
+    place, current = pulses["lvdt_current_A"], pulses["reference_voltage_V"]
+    share = (place - place.min()) / np.ptp(place)
+    kept = (current > 0.5 * current.max()) | (share < 0.2) | (share > 0.8)
+    columns = {name: values[kept] for name, values in pulses.columns.items()}
+    columns["time_s"] = np.arange(kept.sum()) * pulses.period_s
+    broken = BenchLog(columns, source="broken.csv")
+    found = identify([*logs, broken], bench_mapping("flexinol"), "flexinol")
+    (note,) = [n for n in found.notes if n.startswith("left out")]
+    assert "broken.csv" in note and "the cooling branch has 0 samples" in note
+    assert not any("broken" in e.name for e in found.errors)
+
+
+def test_a_log_of_another_wire_is_named_and_left_out_among_others(logs):
+    other = dataclasses.replace(logs[0], metadata={"wire": {"length_m": 0.2}}, source="other.csv")
+    found = identify([*logs, other], bench_mapping("flexinol"), "flexinol")
+    assert [n for n in found.notes if "other.csv" in n and "another wire" in n]
+    with pytest.raises(ValueError, match="another wire"):
+        identify([other], bench_mapping("flexinol"), "flexinol")
