@@ -328,7 +328,7 @@ class Actuator:
         stress nobody watches any more.
         """
         if self._commanding.is_driven:
-            return False, "not tared: the wire is driven; switch it off with ~/enable first"
+            return False, "not tared: the wire is driven; switch it off first: ~/enable false"
         if (
             len(self._loads_N) < FEWEST_READINGS
             or not self._now_s - self._reading_s <= self._config.safety.reading_timeout

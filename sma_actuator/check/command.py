@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from sma_actuator.base.commands import as_commands
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.config import BenchConfig, Config, config_from_mapping, read_parameter_file, require_sense_resistor
@@ -74,7 +75,7 @@ def _test(
     before.print(f"at most {1e3 * most_A:g} mA will flow; the output is off afterwards")
     found = SelfTest(config, supply, daq, clock).run(interrupted)
     for each in found:
-        lines.print(f"{_MARKS[each.level]:6} {each.part:15} {each.sentence}", markup=False)
+        lines.print(f"{_MARKS[each.level]:6} {each.part:15} {as_commands(each.sentence)}", markup=False)
     return found
 
 

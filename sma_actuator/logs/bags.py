@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,6 +16,9 @@ from .bench_log import COLUMNS, BenchLog, log_of
 from .errors import BenchLogError
 from .recorder import RECORDED_COLUMNS
 from .tables import Table
+
+#: Bytes at a message's end that are tried as meaningless, in turn; up to 3 more are none of the reader's concern.
+_SPARE_B = (0, 4, 8)
 
 
 def is_bag(path: Path) -> bool:
@@ -80,12 +84,22 @@ def _series(
             )
     connections = [c for c in reader.connections if c.topic in {topic for topic, _ in wanted.values()}]
     for connection, stamp_ns, raw in reader.messages(connections=connections):
-        message = reader.deserialize(raw, connection.msgtype)
+        message = _message(reader, raw, connection.msgtype)
         time_s = _stamp_s(message, stamp_ns)
         for column, (topic, field) in wanted.items():
             if topic == connection.topic:
                 series[column].append((time_s, _field(message, field, f"{path}: topic {topic}")))
     return series
+
+
+def _message(reader: Any, raw: bytes, kind: str) -> Any:
+    """The message in ``raw``, behind which rclpy's ``serialize_message`` leaves up to 8 bytes that mean nothing."""
+    from rosbags.highlevel import AnyReaderError
+
+    for spare in _SPARE_B:
+        with contextlib.suppress(AnyReaderError):
+            return reader.deserialize(raw[: len(raw) - spare], kind)
+    return reader.deserialize(raw, kind)  # and raise what is wrong with the whole
 
 
 def _log_of_signals(reader: Any, path: Path) -> BenchLog:
@@ -103,7 +117,7 @@ def _log_of_signals(reader: Any, path: Path) -> BenchLog:
         )
     rows: dict[float, tuple[dict[str, float], str]] = {}
     for connection, _, raw in reader.messages(connections=connections):
-        message = reader.deserialize(raw, connection.msgtype)
+        message = _message(reader, raw, connection.msgtype)
         values = dict(zip(message.name, message.position.tolist(), strict=False))
         if "time_s" in values:
             rows[values["time_s"]] = values, message.header.frame_id

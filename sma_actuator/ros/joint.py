@@ -88,7 +88,7 @@ class JointNode(Node):
         self._published: tuple[Any, ...] = ()
         self._said: tuple[Any, ...] = (Mode.OFF, "")
         self._pair = PairDriver(parameters, [wire.config for wire in wires], wires, self._take_output)
-        self._parameters = NodeParameters(self, parameters, lambda changed, _: self._pair.update(changed))
+        self._declared = NodeParameters(self, parameters, lambda changed, _: self._pair.update(changed))
         self._joint_states = self.create_publisher(JointState, "~/joint_states", _DEPTH)
         self._signals = self.create_publisher(JointState, "~/signals", _DEPTH)
         self._status = self.create_publisher(DiagnosticStatus, "~/status", _LATCHED)
@@ -111,7 +111,7 @@ class JointNode(Node):
             )
             return
         try:
-            asked = pair_command_from(deserialize_message(serialized, JointState), self._parameters.config.joint_name)
+            asked = pair_command_from(deserialize_message(serialized, JointState), self._declared.config.joint_name)
         except ValueError as error:
             self.report(str(error))
             return
@@ -120,7 +120,7 @@ class JointNode(Node):
             self.report(refusal)
 
     def _on_trajectory(self, serialized: bytes) -> None:
-        name, now_ns = self._parameters.config.joint_name, self.get_clock().now().nanoseconds
+        name, now_ns = self._declared.config.joint_name, self.get_clock().now().nanoseconds
         try:
             refusal = self._pair.follow(*trajectory_of(serialized, name, now_ns))
         except ValueError as error:
@@ -168,10 +168,10 @@ class JointNode(Node):
             stamp = self._wires[0].stamp(output.time_s)
             # Silence rather than an angle that nobody knows, as of a wire.
             if math.isfinite(output.estimate.angle_rad) and is_heard(self._joint_states):
-                name = self._parameters.config.joint_name
+                name = self._declared.config.joint_name
                 self._joint_states.publish(joint_estimate_message(name, output.estimate, stamp))
             if is_heard(self._signals):
-                setpoints = zip(self._parameters.config.wires, output.setpoints_m, strict=True)
+                setpoints = zip(self._declared.config.wires, output.setpoints_m, strict=True)
                 named = {name: value for name, value in output.status.values.items() if isinstance(value, float)}
                 named |= {f"{wire}_setpoint_m": setpoint_m for wire, setpoint_m in setpoints}
                 self._signals.publish(signals_message(named, "", stamp))
@@ -189,7 +189,7 @@ class JointNode(Node):
             else:
                 self.get_logger().info(f"the joint: {status.message}")
         self._published = _in_short(status)
-        message = diagnostic_status_from(self.get_fully_qualified_name(), self._parameters.config.joint_name, status)
+        message = diagnostic_status_from(self.get_fully_qualified_name(), self._declared.config.joint_name, status)
         self._status.publish(message)
         if is_heard(self._diagnostics):
             array = DiagnosticArray(status=[message])

@@ -280,7 +280,7 @@ class SmaActuatorNode(LifecycleNode):
             response.success, response.message = self.switch_off()
             return response
         if self._self_test is not None:
-            response.success, response.message = False, "not enabled: a self-test runs; ~/enable it off ends it"
+            response.success, response.message = False, "not enabled: a self-test runs; ~/enable false ends it"
             return response
         with self._arming:
             return self._answer(response, lambda driver: driver.enable(True, timeout_s=CALL_TIMEOUT_s))
@@ -364,7 +364,7 @@ class SmaActuatorNode(LifecycleNode):
             return f"no self-test: {error}"
         if driven or not driver.output_is_off:
             words = "the output is on" if driven else driver.output_words
-            return f"no self-test: {words}; switch it off with ~/enable first"
+            return f"no self-test: {words}; switch it off first: ~/enable false"
         return ""
 
     def _end_self_test(self, self_test: SelfTest) -> tuple[bool, str]:

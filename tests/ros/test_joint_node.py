@@ -1,6 +1,7 @@
 """Two wires on one joint, over real processes and topics."""
 
 import math
+import re
 import signal
 
 import pytest
@@ -9,11 +10,13 @@ from processes import SOON_s, wait_until
 pytest.importorskip("rclpy")
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rcl_interfaces.srv import ListParameters
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from sma_actuator.actuator import AFTER_A_FAULT
 from sma_actuator.base.share import shared_file
+from sma_actuator.cli.main import main
 from sma_actuator.config import read_parameter_file
 from sma_msgs_py import pair_command_message, status_from, trajectory_message
 
@@ -59,7 +62,7 @@ def status_of(client, name, condition):
 
 
 def test_a_joint_is_turned_by_commands_and_a_fault_of_one_wire_switches_both_off(
-    start_bench, make_config, start_node, client
+    start_bench, make_config, start_node, client, capsys
 ):
     bench = start_bench("--load", "joint:0.004,0.0017")
     calibration = read_parameter_file(FILE, "left")["calibration"]
@@ -85,9 +88,20 @@ def test_a_joint_is_turned_by_commands_and_a_fault_of_one_wire_switches_both_off
     assert float(bench.tell("BENC:JOIN:ANGL?")) == pytest.approx(0.15, abs=0.1)
     assert status_of(client, "joint", lambda s: s.mode.value == "tracking").values["uncertainty_rad"] < 0.2
 
+    answer = client.call("/joint/list_parameters", ListParameters)
+    assert {"pulley_radius", "tension_limit"} <= set(answer.result.names)
+
     commander.cancel()
     lost = status_of(client, "joint", lambda s: s.fault == "setpoint_stale")
     assert lost.mode.value == "hold" and "joint_command_timeout is 0.5 s" in lost.message
+
+    assert main(["move", "0.1rad", "--node", "joint", "--patience", "60", "--within", "60"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[-2].startswith("there after") and said[-2].endswith("held there"), said
+    angle_deg, angle_rad = map(float, re.match(r"angle +(.+)° = +(.+) rad ± .* co-contraction", said[-1]).groups())
+    assert angle_rad == pytest.approx(0.1, abs=0.03) and angle_deg == pytest.approx(math.degrees(angle_rad), abs=0.05)
+    assert main(["move", "2mm", "--node", "joint", "--patience", "60"]) == 1
+    assert "10deg is wanted" in capsys.readouterr().err
 
     client.publish("/joint/joint_trajectory", trajectory_message("joint", [0.5, 1.0], [0.12, 0.1]))
     moved = status_of(client, "joint", lambda s: s.values["asked_angle_rad"] == 0.1)

@@ -42,7 +42,7 @@ def _enable(capsys):
 
 def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
     assert main(["move", "0.0025", *NODE]) == 1, "the output is off"
-    assert "switch it on first: sma-actuator enable" in capsys.readouterr().err
+    assert "switch it on first: `sma-actuator enable --node left --namespace /arm`" in capsys.readouterr().err
     _enable(capsys)
     wait_until(lambda: bench.current_A() > 0.04)
     assert main(["move", "2.5mm", *NODE, "--within", "60"]) == 0
@@ -71,7 +71,17 @@ def test_services_without_an_argument_are_called_by_their_name(bench, capsys):
     assert main(["call", "~/self_test", *NODE]) == 0
     assert "resistance" in capsys.readouterr().out
     assert main(["call", "dance", *NODE]) == 1
-    assert "/arm/left has no service ~/dance; it has clear_fault, measure_lead_resistance," in capsys.readouterr().err
+    assert "/arm/left has no service dance; it has clear_fault, measure_lead_resistance," in capsys.readouterr().err
+
+
+def test_people_at_the_command_line_are_told_commands(bench, capsys):
+    assert main(["call", "measure_lead_resistance", *NODE]) == 1
+    assert "`sma-actuator enable --node left --namespace /arm`" in capsys.readouterr().out
+    _enable(capsys)
+    assert main(["call", "self_test", *NODE]) == 1
+    said = capsys.readouterr().out
+    assert "`sma-actuator enable --off --node left --namespace /arm`" in said and "~/" not in said
+    assert main(["stop", *NODE]) == 0
 
 
 def test_a_position_that_is_not_reached_is_said_and_the_wire_is_held(bench, capsys):

@@ -28,7 +28,7 @@ def test_the_wiring_is_tested_refused_while_driven_ended_by_stop_and_a_loss_outl
     _enabled(client)
     answer = client.call(f"{NAME}/self_test", SelfTest)
     assert answer.passed == b"\0"
-    assert "switch it off with ~/enable first" in answer.status[0].message
+    assert "switch it off first: ~/enable false" in answer.status[0].message
     assert _enable(client, on=False).success
 
     # A mistake has its sentence; a stop ends the test at once, with the output off.

@@ -27,12 +27,12 @@ def run(args) -> int:
         client.status()  # a node that is not there has no services
         offered = {service: kinds[kind] for service, kind in client.services().items() if kind in kinds}
         if name not in offered:
-            raise UserError(f"{client.full_name} has no service ~/{name}; it has {', '.join(sorted(offered))}")
+            raise UserError(f"{client.full_name} has no service {name}; it has {', '.join(sorted(offered))}")
         kind = offered[name]
         response = client.call(name, kind, kind.Request(), max(args.patience, LONGEST_s))
     if kind is Trigger:
-        print(f"{client.full_name}: {response.message}")
+        print(f"{client.full_name}: {client.words(response.message)}")
         return 0 if response.success else 1
     for status in response.status:
-        print(f"{status.name}: {status.message}")
+        print(f"{status.name}: {client.words(status.message)}")
     return 0 if response.passed != b"\0" else 1

@@ -10,6 +10,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from sma_actuator.base.commands import as_commands
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import Interrupts, noted_signals
 from sma_actuator.base.signals import Mode, Status
@@ -142,6 +143,12 @@ class NodeClient:
     def publish(self, topic: str, message: Any) -> None:
         """Publish on ``~/topic``, which was advertised."""
         self._publishers[topic].publish(message)
+
+    def words(self, sentence: str) -> str:
+        """A sentence of this node, with commands in it that reach it."""
+        options = f" --node {self.name}" if self.name != NODE_NAME else ""
+        options += f" --namespace {self.namespace}" if self.namespace != "/" else ""
+        return as_commands(sentence, options)
 
     def finish(self) -> None:
         """A signal that has come is dealt with: what follows is the way out, and has its time."""

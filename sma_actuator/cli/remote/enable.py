@@ -24,5 +24,5 @@ def run(args) -> int:
         )
         if response.success:
             client.wait_until_said(on=not args.off)
-    print(f"{client.full_name}: {response.message}")
+    print(f"{client.full_name}: {client.words(response.message)}")
     return 0 if response.success else 1

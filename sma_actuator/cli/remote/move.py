@@ -1,69 +1,87 @@
-"""``sma-actuator move``: the wire to a position, and held there."""
+"""``sma-actuator move``: a wire to a position, or a joint to an angle, and held there."""
 
 from __future__ import annotations
 
 import argparse
+import math
 import time
+from dataclasses import dataclass
+from typing import Any
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.signals import Mode, Status
+from sma_actuator.logs.units import quantity
 
 from .client import NodeClient, add_node_arguments, connected
-from .watch import line, listen_to_motion
+from .watch import is_joint, line, listen_to_motion
 
 SETPOINT_PERIOD_s = 0.05
 THERE_s = 0.5  #: within the tolerance for so long, it is there
 ENDED_s = 3.0  #: for the node to say that it holds the wire
 LINE_s = 1.0
 FURTHEST_m = 0.5  #: no wire moves so far: who asks for it means millimetres
+NEAR_m, NEAR_rad = 0.05e-3, 0.01  #: what counts as there
+_ANGLES = {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0}
+_WIRE, _JOINT = "0.0025 (metres) or 2.5mm is wanted", "0.2 (radians), 0.2rad or 10deg is wanted"
 
 
-def metres(text: str) -> float:
-    """A position [m] as it was typed, ``0.0025`` or ``2.5mm``.  Raises argparse.ArgumentTypeError."""
-    number, factor = (text.removesuffix("mm"), 1e-3) if text.endswith("mm") else (text, 1.0)
-    try:
-        position_m = float(number) * factor
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"'{text}' is no position; 0.0025 (metres) or 2.5mm is wanted") from None
-    if not abs(position_m) <= FURTHEST_m:
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A place as it was typed: a length [m], an angle [rad], or a bare number, which is in the unit of what is moved."""
+
+    value: float
+    unit: str  #: m, rad or ""
+
+
+def place(text: str) -> Place:
+    """``0.0025``, ``2.5mm``, ``0.2rad`` or ``10deg``.  Raises argparse.ArgumentTypeError."""
+    symbol = next((unit for unit in _ANGLES if text.endswith(unit)), "")
+    number = quantity(text.removesuffix(symbol), "rad" if symbol else "m")
+    if number is None:
+        raise argparse.ArgumentTypeError(f"'{text}' is no position; {_WIRE} (of a joint: 0.2rad or 10deg)")
+    if symbol:
+        return Place(number * _ANGLES[symbol], "rad")
+    if not abs(number) <= FURTHEST_m:
         raise argparse.ArgumentTypeError(
-            f"{position_m:g} m is further than a wire moves; 0.0025 (metres) or 2.5mm is wanted"
+            f"{number:g} m is further than a wire moves; {_WIRE} (of a joint: 0.2rad or 10deg)"
         )
-    return position_m
+    return Place(number, "m" if text.strip()[-1].isalpha() else "")
 
 
 def add_arguments(parser) -> None:
     """Declare the options of ``sma-actuator move``."""
     parser.add_argument(
-        "position", type=metres, metavar="M", help="where to, in metres or with mm, extension positive: 0.0025, 2.5mm"
+        "position",
+        type=place,
+        metavar="PLACE",
+        help="where to: a wire, in metres or with mm, extension positive (0.0025, 2.5mm); a joint, in radians or with deg (0.2, 10deg)",
     )
     parser.add_argument(
         "--within", type=float, default=20.0, metavar="S", help="give up after this time (default %(default)s)"
     )
     parser.add_argument(
         "--tolerance",
-        type=metres,
-        default=0.05e-3,
-        metavar="M",
-        help="near enough, in metres or with mm (default %(default)s)",
+        type=place,
+        metavar="SIZE",
+        help=f"near enough, as the position (default {NEAR_m * 1e3:g}mm, of a joint {NEAR_rad:g}rad)",
     )
     add_node_arguments(parser)
 
 
 def run(args) -> int:
-    """Send setpoints until the wire is there; it is held where it is then, on every way out.  0 where it came there."""
+    """Send setpoints until it is there; it is held where it is then, on every way out.  0 where it came there."""
     with connected(args) as client:
-        from std_msgs.msg import Float64
         from trajectory_msgs.msg import JointTrajectory
 
         listen_to_motion(client)
         status = client.status()
         if status.mode is Mode.OFF:
-            raise UserError(f"{client.full_name}: {status.message}; switch it on first: sma-actuator enable")
-        client.advertise("setpoint", Float64)
+            raise UserError(client.words(f"{client.full_name}: {status.message}; switch it on first: ~/enable"))
+        motion = _of_joint(client, args) if is_joint(status) else _of_wire(client, args)
+        client.advertise(motion.topic, type(motion.message))
         client.advertise("joint_trajectory", JointTrajectory)
         try:
-            took_s = _send(client, args)
+            took_s = _send(client, motion, args)
         finally:
             client.finish()
             # Without points it ends the motion: a setpoint that nobody repeats any more would count as lost.
@@ -74,21 +92,52 @@ def run(args) -> int:
     return 0 if held else 1
 
 
-def _send(client: NodeClient, args) -> float:
-    """Send the setpoint until the estimate has been near it for a while; the time that took.  Raises UserError."""
+@dataclass(frozen=True, slots=True)
+class _Motion:
+    """What is sent, and from when on it has come to pass."""
+
+    topic: str
+    message: Any
+    asked: float
+    near: float
+
+
+def _of_wire(client: NodeClient, args) -> _Motion:
     from sma_msgs_py import setpoint_message
 
+    asked_m, near_m = _in(args.position, "m", _WIRE), _in(args.tolerance or Place(NEAR_m, "m"), "m", _WIRE)
+    return _Motion("setpoint", setpoint_message(asked_m), asked_m, near_m)
+
+
+def _of_joint(client: NodeClient, args) -> _Motion:
+    """The co-contraction stays what it is."""
+    from sma_msgs_py import pair_command_message
+
+    asked_rad = _in(args.position, "rad", _JOINT)
+    near_rad = _in(args.tolerance or Place(NEAR_rad, "rad"), "rad", _JOINT)
+    joint_name = client.latest("status").hardware_id
+    return _Motion("joint_command", pair_command_message(joint_name, asked_rad), asked_rad, near_rad)
+
+
+def _in(given: Place, unit: str, wanted: str) -> float:
+    if given.unit not in ("", unit):
+        raise UserError(f"{given.value:g} {given.unit} is nothing that this node moves by; {wanted}")
+    return given.value
+
+
+def _send(client: NodeClient, motion: _Motion, args) -> float:
+    """Send it until the estimate has been near it for a while; the time that took.  Raises UserError."""
     start_s = time.monotonic()
     near_since_s: float | None = None
     next_line_s = start_s
     while (now_s := time.monotonic()) - start_s <= args.within:
-        client.publish("setpoint", setpoint_message(args.position))
+        client.publish(motion.topic, motion.message)
         client.spin(SETPOINT_PERIOD_s)
         status = client.status()
         if status.mode is Mode.OFF or _refused(status):
-            raise UserError(f"{client.full_name}: {status.message}")
+            raise UserError(client.words(f"{client.full_name}: {status.message}"))
         state = client.latest("joint_states", 1.0)
-        if state is None or not abs(state.position[0] - args.position) <= args.tolerance:
+        if state is None or not abs(state.position[0] - motion.asked) <= motion.near:
             near_since_s = None
         else:
             near_since_s = now_s if near_since_s is None else near_since_s

@@ -20,9 +20,9 @@ def run(args) -> int:
     refuse_to_overwrite(args)
     with connected(args) as client:
         status = client.status()
-        name = client.full_name
+        name, words = client.full_name, client.words(status.message)
     console = results(args)
-    console.print(f"{name}: {status.message}", markup=False)
+    console.print(f"{name}: {words}", markup=False)
     for key, value in status.values.items():
         console.print(f"  {key:24} {value if isinstance(value, str) else f'{value:.6g}'}", markup=False)
     write_json(args, {"node": name, **dataclasses.asdict(status), "mode": status.mode.value})

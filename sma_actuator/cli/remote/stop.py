@@ -18,5 +18,5 @@ def run(args) -> int:
         response = client.call("stop", Trigger, Trigger.Request(), again_s=OFF_AGAIN_s)
         if response.success:
             client.wait_until_said(on=False)
-    print(response.message)
+    print(client.words(response.message))
     return 0 if response.success else 1

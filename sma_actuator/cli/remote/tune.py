@@ -31,7 +31,7 @@ def by_node(args: argparse.Namespace) -> Tuned:
         begun_s = time.monotonic()
         answer = client.call("tune", Trigger, Trigger.Request())
         if not answer.success:
-            raise UserError(f"{client.full_name}: {answer.message}")
+            raise UserError(client.words(f"{client.full_name}: {answer.message}"))
         console = notes(args)
         console.print(answer.message, markup=False)
         try:

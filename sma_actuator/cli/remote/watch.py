@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import time
 
+from sma_actuator.base.signals import Status
+
 from .client import NodeClient, add_node_arguments, connected
 
 #: Beyond this age nothing that was heard is shown as if it were so.
@@ -34,6 +36,11 @@ def run(args) -> int:
     return 0
 
 
+def is_joint(status: Status) -> bool:
+    """Whether a node turns a joint: it has an angle, and no displacement."""
+    return "angle_rad" in status.values
+
+
 def listen_to_motion(client: NodeClient) -> None:
     """Position, load and current, as they come."""
     from geometry_msgs.msg import WrenchStamped
@@ -47,16 +54,25 @@ def listen_to_motion(client: NodeClient) -> None:
 
 def line(client: NodeClient) -> str:
     """What is known now, on a line; what has not been heard of for a while is a dash."""
+    from sma_msgs_py import status_from
+
     status = client.latest("status", STALE_s)
     if status is None:
         return f"nothing has been heard of {client.full_name} for {STALE_s:g} s"
-    state, load, current = (client.latest(topic, 1.0) for topic in ("joint_states", "load", "command_current"))
     values = {pair.key: pair.value for pair in status.values}
+    state, load, current = (client.latest(topic, 1.0) for topic in ("joint_states", "load", "command_current"))
+    if is_joint(status_from(status)):
+        angle_rad = state and state.position[0]
+        return (
+            f"angle {_number(angle_rad and math.degrees(angle_rad), '6.2f')}° = {_number(angle_rad, '6.3f')} rad "
+            f"± {_number(_known(values.get('uncertainty_rad'), 1.0), '5.3f')}  "
+            f"co-contraction {_number(state and state.effort[0], '5.3f')} N  {client.words(status.message)}"
+        )
     return (
         f"position {_number(state and state.position[0] * 1e3, '6.3f')} mm "
         f"± {_number(_known(values.get('uncertainty_m'), 1e3), '5.3f')}  "
         f"load {_number(load and load.wrench.force.x, '6.3f')} N  "
-        f"current {_number(current and current.data * 1e3, '5.1f')} mA  {status.message}"
+        f"current {_number(current and current.data * 1e3, '5.1f')} mA  {client.words(status.message)}"
     )
 
 

@@ -20,7 +20,7 @@ class LoadCellDrift(Effect):
 
     PART = "load cell"
     WORDS = "the zero of the load cell has moved, or moves"
-    REMEDY = "Re-zero the load cell (~/tare) with nothing hanging on the wire, and let it warm up before."
+    REMEDY = "Re-zero the load cell (~/tare_load) with nothing hanging on the wire, and let it warm up before."
     TELL_TALE = "time_s"
     offset: float = parameter(0.0, "load shown at no load when the session began", "N", -1e5, 1e5)
     rate: float = parameter(0.0, "its change with time", "N/s", -1e3, 1e3)
