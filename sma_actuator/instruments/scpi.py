@@ -22,6 +22,8 @@ from .supply import Abilities, SessionSupply
 
 #: The over-voltage trip sits this much above the compliance voltage, so that noise does not trip it.
 OVER_VOLTAGE_MARGIN = 1.1
+#: Where nothing clears a queue of errors, at most so many are read away.
+_ERRORS_QUEUED = 20
 #: Readback of a setting may differ by the instrument's resolution.
 SETTING_TOLERANCE = 0.02
 
@@ -38,6 +40,15 @@ def _identify(session: Session, dialect: Dialect, queries: Mapping[str, Query]) 
             f"instruments.{session.role}.resource or instruments.{session.role}.dialect is wrong"
         )
     return identity
+
+
+def _forget_errors(session: Session, queries: Mapping[str, Query], lines: list[str]) -> None:
+    """Empty its error queue: what somebody else did wrong before is no fault of ours."""
+    session.tell(*lines)
+    if not lines and (query := queries.get("error")) is not None:
+        for _ in range(_ERRORS_QUEUED):
+            if session.ask_for(query.text, query.code) == 0:
+                break
 
 
 def _no_errors(session: Session, dialect: Dialect, queries: Mapping[str, Query]) -> None:
@@ -156,7 +167,7 @@ class ScpiSupply(SessionSupply):
                 f"supply.bias_current: {limits.bias_current:g} A; {dialect.family} takes no less than {dialect.zero_current_A:g} A"
             )
         self.identity = _identify(session, dialect, self._queries)
-        self._tell("clear_status")
+        _forget_errors(session, self._queries, dialect.lines("clear_status", channel=self._channel))
         self._tell("prepare")
         if self._instrument.exclusive_lock:
             self._tell("lock")
@@ -292,8 +303,8 @@ class ScpiDaq:
         with self._session.within(OPENING_ANSWERS * self._instrument.timeout):
             self._session.open()
             self.identity = _identify(self._session, self._dialect, self._queries)
-            for name in ("clear_status", "prepare"):
-                self._session.tell(*self._dialect.lines(name, **self._values))
+            _forget_errors(self._session, self._queries, self._dialect.lines("clear_status"))
+            self._session.tell(*self._dialect.lines("prepare", **self._values))
             _no_errors(self._session, self._dialect, self._queries)
             if "ready" in self._queries:
                 self._session.ask(self._queries["ready"].text)
