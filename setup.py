@@ -18,6 +18,10 @@ setup(
             f"share/{NAME}/config",
             [str(path) for ending in ("yaml", "xml") for path in Path("config").glob(f"*.{ending}")],
         ),
+        (
+            f"share/{NAME}/hook",
+            ["resource/hook/path.dsv"],
+        ),  # colcon.pkg names it: `sma-actuator` is found after setup.bash
         (f"share/{NAME}/layouts", [str(path) for path in Path("layouts").iterdir()]),
         (f"share/{NAME}/launch", [str(path) for path in Path("launch").glob("*.py")]),
         (f"share/{NAME}/urdf", [str(path) for path in Path("urdf").iterdir()]),

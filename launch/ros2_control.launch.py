@@ -23,7 +23,10 @@ CONTROLLERS = ("joint_state_broadcaster", "joint_trajectory_controller")
 def generate_launch_description():
     """The node by its own launch file, the controller manager, the controllers."""
     share = Path(get_package_share_directory("sma_actuator"))
-    urdf = ParameterValue(Command(["xacro ", LaunchConfiguration("urdf")]), value_type=str)
+    urdf = ParameterValue(
+        Command(["xacro ", LaunchConfiguration("urdf"), " params_file:=", LaunchConfiguration("params_file")]),
+        value_type=str,
+    )
     controllers = LaunchConfiguration("controllers_file")
     return LaunchDescription(
         [

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 COLCON = shutil.which("colcon", path=str(Path(sys.executable).parent)) or shutil.which("colcon")
@@ -43,9 +44,31 @@ def test_colcon_installs_node_launch_file_and_configurations(workspace):
         "share/ament_index/resource_index/packages/sma_actuator",
         "share/sma_actuator/package.xml",
         "share/sma_actuator/launch/sma_actuator.launch.py",
-        "share/sma_actuator/launch/ros2_control.launch.py",
+        *(f"share/sma_actuator/launch/{name}.launch.py" for name in ("ros2_control", "bench", "wires", "rviz")),
+        "share/sma_actuator/urdf/one_wire.rviz",
         "share/sma_actuator/urdf/sma_wire.xacro",
         "share/sma_actuator/urdf/controllers.yaml",
         "share/sma_actuator/config/flexinol.yaml",
         "share/sma_actuator/config/furukawa.yaml",
     } <= installed
+    # As a person does who has sourced the workspace.
+    path = subprocess.run(
+        ["bash", "-c", ". install/local_setup.bash && command -v sma-actuator"],
+        cwd=workspace,
+        capture_output=True,
+        text=True,
+        env={"PATH": "/usr/bin:/bin"},
+        check=True,
+    )
+    assert Path(path.stdout.strip()) == prefix / "lib" / "sma_actuator" / "sma-actuator"
+
+
+def test_what_tools_of_ros_read_is_there():
+    catkin = pytest.importorskip("catkin_pkg.package")
+    changelog = pytest.importorskip("catkin_pkg.changelog")
+    package = catkin.parse_package(str(ROOT / "package.xml"))
+    changelog.get_changelog_from_path(str(ROOT), package.name).foreach_version(lambda *_: None)
+    keys = yaml.safe_load((ROOT / "rosdep.yaml").read_text())
+    wanted = {each.name for each in package.exec_depends}
+    assert set(keys) <= wanted, "a key that nothing asks for"
+    assert all(set(systems) == {"debian", "ubuntu"} for systems in keys.values())

@@ -15,6 +15,7 @@ from sensor_msgs.msg import JointState
 from test_node import NAME, _enable, _enabled, _status
 
 from sma_actuator.base.signals import Mode
+from sma_actuator.config import Config
 from sma_msgs_py import joint_command_message, signals_from, status_from
 
 URDF = Path(__file__).resolve().parents[2] / "urdf" / "one_wire.urdf.xacro"
@@ -25,6 +26,26 @@ def plugin():
     double = PluginDouble(xacro.process_file(URDF).toxml())
     yield double
     double.close()
+
+
+@pytest.mark.parametrize("name", ["flexinol", "flexinol_normalised", "furukawa"])
+def test_the_joints_limits_are_those_of_the_parameter_file(name):
+    path = URDF.parents[1] / "config" / f"{name}.yaml"
+    config = Config.load(path)
+    for given in (path, Path("..") / "config" / path.name):
+        robot = xacro.process_file(URDF, mappings={"params_file": str(given)})
+        (limit,) = robot.getElementsByTagName("limit")
+        said = {name: float(limit.getAttribute(name)) for name in ("lower", "upper", "velocity", "effort")}
+        low_m, high_m = config.model.build(config.wire).displacement_range_m
+        assert said == pytest.approx(
+            {
+                "lower": low_m,
+                "upper": high_m,
+                "velocity": config.controller.setpoint_rate_limit,
+                "effort": config.wire.max_stress * config.wire.area_m2,
+            }
+        )
+        assert robot.getElementsByTagName("joint")[0].getAttribute("name") == config.joint_name
 
 
 def _says(client, words, **wanted):

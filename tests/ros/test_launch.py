@@ -33,6 +33,17 @@ def test_the_node_comes_up_where_it_is_told(start_bench, make_config, folder, la
     assert process.wait(30.0) == 0
 
 
+def test_several_wires_come_up_in_one_process(start_bench, make_config, folder, launch, client):
+    bench = start_bench("--count", "2")
+    wires = {name: make_config(instruments=bench.instruments(i)) for i, name in enumerate(("left", "right"))}
+    path = parameter_file(folder, wires)
+    process = launch("wires", f"params_file:={path}", "nodes:=left right")
+    for name in wires:
+        _enabled(client, f"/{name}")
+    os.killpg(process.pid, signal.SIGINT)
+    wait_until(lambda: bench.current_A(0) == bench.current_A(1) == 0.0, what="end of the current")
+
+
 def test_without_autostart_it_waits_for_a_lifecycle_manager(start_bench, make_config, folder, launch, client):
     bench = start_bench("--load", "weight:0.98")
     path = parameter_file(folder, {"sma_actuator": make_config(instruments=bench.instruments())})
