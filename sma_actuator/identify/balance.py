@@ -33,6 +33,7 @@ _FEWEST = 30  #: samples of a branch
 ENDS = 0.1, 0.9  #: shares of the stroke beyond which a transformation counts as complete
 MIDDLE = 0.25, 0.75  #: and between which a passage is judged
 _BACK = 0.05  #: share by which a wire that goes through may go back
+_BEYOND = 0.1  #: share of the stroke by which a wire may be beyond its ends, and be taken for what it is
 
 
 def balance_of(experiments: Sequence[Experiment], config: Config, calibration: Calibration) -> dict:
@@ -45,7 +46,7 @@ def balance_of(experiments: Sequence[Experiment], config: Config, calibration: C
         if experiment.kind != "pulses" or not experiment.constant_load:
             continue
         signals = experiment.signals
-        share = calibration.share_of_stroke(experiment.displacement_m, experiment.stress_Pa)
+        share = _share(experiment, calibration)
         settled_C = _settled_C(signals, signals.power_W, thermal)
         lag_s = thermal.heat_capacity / thermal.heat_loss
         warm_C, slow = (_lagged(signals.time_s, v, lag_s) for v in (settled_C, share))
@@ -75,12 +76,21 @@ def balance_of(experiments: Sequence[Experiment], config: Config, calibration: C
     return {**values, **_scatter(experiments, thermal, replace(calibration, **values))}
 
 
+def _share(experiment: Experiment, calibration: Calibration) -> np.ndarray:
+    """How far the wire is along the stroke that it comes back to.
+
+    One that does not come back by itself at a light load began far beyond that: it does not count how far.
+    """
+    share = calibration.share_of_stroke(experiment.displacement_m, experiment.stress_Pa)
+    return np.clip(share, -_BEYOND, 1.0 + _BEYOND)
+
+
 def _scatter(experiments: Sequence[Experiment], thermal: ThermalParameters, calibration: Calibration) -> dict:
     """How far off passages are, of all logs, and how fast they were."""
     off_K: list[float] = []
     ahead: tuple[list[float], list[float]] = [], []
     for experiment in experiments:
-        share = calibration.share_of_stroke(experiment.displacement_m, experiment.stress_Pa)
+        share = _share(experiment, calibration)
         found = passages(share)
         warm_K, before = warmer_K(experiment.signals, experiment.signals.power_W, share, calibration, thermal, found)
         for (heating, _), warm, far in zip(found, warm_K, before, strict=True):

@@ -1,10 +1,13 @@
 """The temperatures of the transformation, as far as the logs tell them."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from sma_actuator.base.share import shared_file
 from sma_actuator.config import Config
 from sma_actuator.identify.balance import balance_of, passages
+from sma_actuator.identify.kinds import make_experiments
 
 
 def test_without_full_pulses_nothing_is_said_of_the_transformation():
@@ -21,3 +24,15 @@ def test_a_passage_goes_from_end_to_end_without_turning_back():
     assert heating and not cooling
     np.testing.assert_allclose(down, np.arange(0.7, 0.29, -0.05))
     np.testing.assert_allclose(up, down[::-1])
+
+
+def test_a_wire_that_does_not_come_back_under_a_light_load_counts_as_little(flexinol):
+    """It began stretched and stays contracted: the pulse that contracted it is ten times as long as what it moves by then."""
+    config = Config.load(shared_file("config/flexinol.yaml"))
+    calibration = config.calibration
+    hot_m = np.interp(calibration.cold_stress[0], calibration.contracted_stress, calibration.contracted_displacement)
+    stays = (float(hot_m) + 0.3e-3, *calibration.cold_displacement[1:])
+    experiments = make_experiments(flexinol.only("pulses", "partial"), config, False)
+    found = balance_of(experiments, config, replace(calibration, cold_displacement=stays))
+    assert np.all(np.abs(found["transformation_speed"]) < 1.0)
+    assert found["latent_rise"] > 10.0
