@@ -160,6 +160,21 @@ def _settle_gains(wire: Wire, most_A: float, lag_s: float, settle: Any) -> None:
     )
 
 
+def without_derived(mapping: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+    """``mapping`` without what follows from the rest of it, and the names of that: nobody gave it, so what is measured may take its place.
+
+    Raises ConfigError where the wire is not known.
+    """
+    out = copy.deepcopy(dict(mapping))
+    names = []
+    for name, found in derived(mapping).items():
+        section, _, key = name.partition(".")
+        if not _lacks(out, name) and out.get(section, {}).get(key) == found.value:
+            del out[section][key]
+            names.append(name)
+    return out, names
+
+
 def with_derived(mapping: Mapping[str, Any]) -> dict[str, Any]:
     """``mapping`` with what it lacks of the parameters that every file must have, for tools that drive nothing.
 

@@ -99,6 +99,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="also N currents held one after the other at each load, for `--model whole_range`; 6 is a good number",
     )
     parser.add_argument(
+        "--follow",
+        type=Path,
+        metavar="NODE.yaml",
+        help="a second round: the model in this file (from `init --start`) drives the wire to held positions, a sine and a triangle "
+        "at each load; give the logs to identify together with the first round's",
+    )
+    parser.add_argument(
         "--training-cycles",
         type=int,
         default=40,
@@ -152,8 +159,10 @@ def run(args: argparse.Namespace) -> int:
         transient=True,
         disable=args.quiet or not console.is_terminal,  # where nothing can be written over, lines say how far it is
     )
-    path = args.config or shared_file(
-        f"config/{args.virtual}_bench.yaml" if args.virtual else "config/flexinol_bench.yaml"
+    path = (
+        args.config
+        or args.follow
+        or shared_file(f"config/{args.virtual}_bench.yaml" if args.virtual else "config/flexinol_bench.yaml")
     )
     mapping = read_parameter_file(path)
     config = bench_from_mapping(mapping, str(path))
@@ -171,6 +180,7 @@ def run(args: argparse.Namespace) -> int:
         fatigue_cycles=args.fatigue_cycles,
         average_s=args.average,
         skip=tuple(args.skip),
+        follow=str(args.follow or ""),
     )
     plan = make_plan(config, options)
     largest_force_N = config.wire.max_stress * config.wire.area_m2
@@ -237,10 +247,15 @@ def run(args: argparse.Namespace) -> int:
         f"{len(plan)} parts are in {args.out}: logs, {manifest.path.name}, bench.yaml and calibration.html"
     )
     logs = " ".join(
-        f"{args.out}/{kind}_*.csv" for kind in ("pulses", "partial", "levels") if kind in {p.kind for p in plan}
+        f"{args.out}/{kind}_*.csv"
+        for kind in ("pulses", "partial", "levels", "followed")
+        if kind in {p.kind for p in plan}
     )
     if logs:
-        console.print(f"next: sma-actuator identify {logs} --config {args.out / BENCH_FILE} --out my_wire.yaml")
+        first_round = "FIRST_ROUND/*.csv " if args.follow else ""
+        console.print(
+            f"next: sma-actuator identify {first_round}{logs} --config {args.out / BENCH_FILE} --out my_wire.yaml"
+        )
     return 0
 
 

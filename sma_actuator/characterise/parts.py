@@ -10,12 +10,15 @@ from typing import Any
 import numpy as np
 
 from sma_actuator.base.parameters import ConfigError
+from sma_actuator.config import Config, require_calibrated
 from sma_actuator.estimation.circuit import resistance_and_current
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log
 
+from . import programs
 from .calibration import Line, fit_line
+from .following import ModelFollower
 from .operators import Operator
-from .plan import Part
+from .plan import SHARES, Part
 from .programs import Program, held_currents, hold, partial_cycles, square_pulses
 from .rig import Rig
 
@@ -133,6 +136,34 @@ def levels(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog
     return Outcome({part.name: log}, {"currents_A": currents_A})
 
 
+def followed(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
+    """What a controller does with the wire: positions held, a sine and a triangle, by the model that was identified."""
+    p = part.parameters
+    config = Config.load(p["model"])
+    require_calibrated(config)
+    if not (config.calibration.cold_stress and config.calibration.contracted_stress):
+        raise ConfigError(
+            f"--follow: {p['model']} does not say where the wire ends; identify it from logs of full pulses"
+        )
+    low_m, high_m = _ends_m(config, p.get("load_N", p.get("preload_N")), p.get("stiffness_N_m", 0.0))
+    positions_m = [low_m + share * (high_m - low_m) for share in SHARES]
+    _apply_load(part, operator)
+    program = programs.followed(ModelFollower(config), positions_m, p["dwell_s"], p["period_s"])
+    log = _record(rig, part, program, progress)
+    return Outcome({part.name: log}, {"positions_m": positions_m})
+
+
+def _ends_m(config: Config, load_N: float, stiffness_N_m: float) -> tuple[float, float]:
+    """Where the wire is contracted and cold at a load, by the calibration; against a spring it contracts to more load."""
+    known, area_m2 = config.calibration, config.wire.area_m2
+    high_m = float(np.interp(load_N / area_m2, known.cold_stress, known.cold_displacement))
+    low_m = float(np.interp(load_N / area_m2, known.contracted_stress, known.contracted_displacement))
+    if stiffness_N_m:
+        hot_Pa = (load_N + stiffness_N_m * (high_m - low_m)) / area_m2
+        low_m = float(np.interp(hot_Pa, known.contracted_stress, known.contracted_displacement))
+    return low_m, high_m
+
+
 RUN: dict[str, Callable[[Part, Rig, Operator, Mapping[str, BenchLog], Progress], Outcome]] = {
     "lead_resistance": lead_resistance,
     "load_cell": load_cell,
@@ -141,6 +172,7 @@ RUN: dict[str, Callable[[Part, Rig, Operator, Mapping[str, BenchLog], Progress],
     "pulses": pulses,
     "partial": partial,
     "levels": levels,
+    "followed": followed,
     "fatigue": pulses,
 }
 

@@ -23,6 +23,13 @@ STRESSES_Pa = (
     120e6,
 )  #: default loads; from the thesis's lightest to above its judged ones
 
+#: The second round: stresses between those of the first, a spring as stiff as makes much of the stroke a rise of stress, how long a
+#: position is held and a period lasts, and the positions, as shares of the stroke from contracted to cold, in an order
+#: without a pattern.
+FOLLOWED_Pa, SPRING_Pa_m = (20e6, 40e6, 70e6, 110e6), 11e9
+DWELL_s, PERIOD_s = 12.0, 40.0
+SHARES = (0.7, 0.3, 0.9, 0.5, 0.1, 0.6, 0.2, 0.95, 0.4, 0.05, 0.8, 0.15)
+
 
 @dataclass(frozen=True, slots=True)
 class Part:
@@ -52,6 +59,7 @@ class PlanOptions:
     probe_places: int = 8
     average_s: float = 10.0  #: as in appendices A and B
     skip: tuple[str, ...] = ()  #: kinds of parts to leave out
+    follow: str = ""  #: a parameter file: a second round, in which its model drives the wire
 
 
 def make_plan(config, options: PlanOptions) -> list[Part]:
@@ -71,6 +79,8 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
             raise ConfigError(
                 f"loads: {load_N:g} N is outside what the wire may carry, 0 to {strongest_N:.3g} N (wire.max_stress)"
             )
+    if options.follow:
+        return _second_round(config, options)
     heat_A = options.heat_current_A or default_heat_current_A(config)
     resistance_Ohm = typical_resistance_Ohm(wire)
     hottest_C = thermal.ambient_temperature + heat_A**2 * resistance_Ohm / thermal.heat_loss
@@ -130,6 +140,25 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
             )
     parts += _cycled("fatigue", options.fatigue_cycles, 25, {"load_N": loads_N[len(loads_N) // 2], **pulse}, cycle_s)
     return [part for part in parts if part.kind not in options.skip]
+
+
+def _second_round(config, options: PlanOptions) -> list[Part]:
+    """Setpoints followed by the model's own estimate and law, at each load."""
+    area_m2 = config.wire.area_m2
+    stresses_Pa = [s for s in FOLLOWED_Pa if s < 0.9 * config.wire.max_stress]
+    loads_N = options.loads_N or tuple(round(s * area_m2, 3) for s in stresses_Pa)
+    springs = options.springs_N_m or ((round(SPRING_Pa_m * area_m2, 1), round(stresses_Pa[0] * area_m2, 3)),)
+    loads: list[tuple[str, dict[str, Any]]] = [(f"{load_N:.3f}N", {"load_N": load_N}) for load_N in loads_N]
+    loads += [(f"spring_{k:g}N_m_{p:g}N", {"stiffness_N_m": k, "preload_N": p}) for k, p in springs]
+    return [
+        Part(
+            f"followed_{label}",
+            "followed",
+            {**load, "model": options.follow, "dwell_s": DWELL_s, "period_s": PERIOD_s},
+            DWELL_s * len(SHARES) + 4.0 * PERIOD_s,
+        )
+        for label, load in loads
+    ]
 
 
 def _measurable(config, options: PlanOptions) -> None:

@@ -10,8 +10,10 @@ from collections import deque
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from math import nan
+from typing import Protocol
 
 from sma_actuator.base.signals import Signals
+from sma_actuator.control.setpoints import Setpoint, sine, steps, triangle
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,6 +25,16 @@ class Drive:
 
 
 Program = Generator[Drive, Signals, None]
+
+
+class Following(Protocol):
+    """A control law and what it goes by."""
+
+    rest_A: float  #: before anything is known
+
+    def __call__(self, signals: Signals, setpoint_m: float) -> float:
+        """The current [A] for what was measured and where the wire should be."""
+
 
 #: A wire that moves more of a pulse's stroke in the last STILL_PART of a pause is not at rest.  Stricter than what ``identify``
 #: takes for a full cycle (``kinds``: 0.08 in the same part), so that what is measured here is one.
@@ -108,3 +120,23 @@ def every_ordered_pair(n: int) -> list[int]:
             walk += [j, i]
         walk.append(i + 1)
     return walk + list(range(n - 2, -1, -1))
+
+
+def followed(law: Following, positions_m: Sequence[float], dwell_s: float, period_s: float) -> Program:
+    """What a controller does: each position held for some time, then a sine and a triangle between the outermost.
+
+    ``law`` makes a current of what is measured and where the wire should be.
+    """
+    low_m, high_m = min(positions_m), max(positions_m)
+    middle_m, half_m = 0.5 * (low_m + high_m), 0.5 * (high_m - low_m)
+    parts: tuple[tuple[float, Setpoint], ...] = (
+        (dwell_s * len(positions_m), steps(positions_m, dwell_s)),
+        (2.0 * period_s, sine(middle_m, half_m, period_s)),
+        (2.0 * period_s, triangle(middle_m, 0.7 * half_m, period_s)),
+    )
+    signals = yield Drive(law.rest_A, nan)
+    for lasts_s, setpoint in parts:
+        start_s = signals.time_s
+        while (elapsed_s := signals.time_s - start_s) < lasts_s:
+            setpoint_m = setpoint(elapsed_s)
+            signals = yield Drive(law(signals, setpoint_m), setpoint_m)

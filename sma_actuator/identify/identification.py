@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
@@ -14,7 +13,7 @@ import numpy as np
 from sma_actuator.base.one_thread import one_thread
 from sma_actuator.base.parameters import ConfigError, to_mapping
 from sma_actuator.config import Config, bench_from_mapping
-from sma_actuator.derived import Derived, with_derived
+from sma_actuator.derived import Derived, derived, with_derived, without_derived
 from sma_actuator.estimation.chain import stresses_inside_Pa
 from sma_actuator.estimation.models.thesis import wrong_alloy
 from sma_actuator.logs.bench_log import BenchLog
@@ -97,7 +96,7 @@ def identify(
     Ni-Ti-Cu model.  Raises IdentificationError naming what the logs lack, BenchLogError, ConfigError.
     """
     fitter = _fitter(model_type, method)
-    mapping = copy.deepcopy(dict(config_mapping))
+    mapping, follows = without_derived(config_mapping)
     for stale in ("effects", "calibration", "model"):
         mapping.pop(stale, None)
     bench = bench_from_mapping(with_derived(mapping))
@@ -129,6 +128,7 @@ def identify(
     notes += at_odds + list(fitted.notes)
     if change_m:
         notes.append(words_of(change_m, bench.wire.full_stroke_m))
+    reasons |= _follow_anew(mapping, follows)
     mapping["model"] = {"type": model_type, **to_mapping(fitted.coefficients)}
     config = Config.for_tools(mapping)
     notes += within_what_is_seen(mapping, experiments)
@@ -248,6 +248,17 @@ def _add_measured(mapping: dict[str, Any], found: Mapping[str, Derived]) -> tupl
                 "bench file, and the measured one is used"
             )
     return reasons, at_odds
+
+
+def _follow_anew(mapping: dict[str, Any], names: Sequence[str]) -> dict[str, str]:
+    """Put in what ``init`` had derived, from what was measured meanwhile; returns the reasons, by dotted name."""
+    reasons = {}
+    for name, each in derived(mapping).items():
+        section, _, key = name.partition(".")
+        if name in names and key not in mapping.get(section, {}):
+            mapping.setdefault(section, {})[key] = each.value
+            reasons[name] = each.why
+    return reasons
 
 
 def _fitter(model_type: str, method: str) -> Fitter:

@@ -19,8 +19,9 @@ from sma_actuator.logs.errors import BenchLogError
 from .experiments import NOT_FITTED, Experiment, IdentificationError, cycles_of, judged_rows, make_experiment, sessions
 
 FULL, PARTIAL, MANY = "pulses", "partial", "fatigue"
-#: Currents held one after the other: partial cycles that are never cut, since each stands on those before.
-HELD = "levels"
+#: Currents held one after the other, and setpoints followed by a control law: partial cycles that are never cut, since each
+#: stands on those before.
+WHOLE = ("levels", "followed")
 LEFT_OUT = "cycles_left_out"  #: in the metadata of an experiment: how many full cycles its log has beside those that are fitted
 SAME_LOAD = 0.05  #: relative difference of stress below which two loads count as one
 _WINDOW_s = 1.0  #: over which a load is steady or not
@@ -47,11 +48,15 @@ def with_kinds(experiments: Sequence[Experiment], remembered: bool = False) -> l
     ``remembered``: for a model that knows the wire's past; a stretch then begins where the one before it ended, and none
     of its cycles is left out.
     """
-    stretches = [stretch for experiment in experiments for stretch in _of_one_load(experiment)]
+    stretches = [
+        stretch
+        for experiment in experiments
+        for stretch in ([experiment] if experiment.kind in WHOLE else _of_one_load(experiment))
+    ]
     seen = [_cycles_of(stretch) for stretch in stretches]
     out: list[Experiment] = []
     for stretch, cycles in zip(stretches, seen, strict=True):
-        if stretch.kind in (MANY, HELD):
+        if stretch.kind == MANY or stretch.kind in WHOLE:
             out.append(stretch if stretch.kind == MANY else dataclasses.replace(stretch, kind=PARTIAL))
             continue
         widest_m = max(

@@ -1,0 +1,62 @@
+"""A wire driven by its own model while it is characterised, and what identify makes of that; and of a file that `init` wrote."""
+
+import numpy as np
+import pytest
+from characterised import virtual_rig
+
+from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.share import shared_file
+from sma_actuator.characterise import PlanOptions, characterise, make_plan
+from sma_actuator.config import Config, read_parameter_file, write_parameter_file
+from sma_actuator.derived import derived, with_derived, without_derived
+from sma_actuator.identify.kinds import PARTIAL, make_experiments
+from sma_actuator.logs.bench_log import read_bench_log
+
+NODE = shared_file("config/flexinol.yaml")
+
+
+def second_round(folder, model=NODE):
+    """One spring of it, on the virtual bench."""
+    _, rig, operator = virtual_rig("flexinol")
+    options = PlanOptions(follow=str(model), loads_N=(0.98,), springs_N_m=((150.0, 0.8),))
+    plan = [part for part in make_plan(rig.config, options) if "spring" in part.name]
+    characterise(read_parameter_file(NODE), plan, rig, operator, folder)
+    return read_bench_log(folder / f"{plan[0].name}.csv")
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    return second_round(tmp_path_factory.mktemp("second"))
+
+
+def test_the_model_drives_the_wire_to_positions_over_its_stroke(log):
+    config = Config.load(NODE)
+    (followed,) = make_experiments([log], config)
+    place_m, asked_m = followed.displacement_m, log["setpoint_m"][: len(followed.displacement_m)]
+    assert np.ptp(asked_m[np.isfinite(asked_m)]) > 0.6 * config.wire.full_stroke_m
+    off = np.abs(place_m - asked_m)[np.isfinite(asked_m)] / config.wire.full_stroke_m
+    assert np.median(off) < 0.04  # the thesis's model does not err by more
+    assert len(np.unique(asked_m[np.isfinite(asked_m)].round(7))) > 100  # positions, and a sine and a triangle
+
+
+def test_it_is_fitted_whole_since_each_motion_stands_on_those_before_it(log):
+    (whole,) = make_experiments([log], Config.load(NODE))
+    assert whole.kind == PARTIAL and len(whole.signals.time_s) > 0.95 * len(log)
+
+
+def test_a_model_that_does_not_know_its_ends_is_refused(tmp_path):
+    lacking, mapping = tmp_path / "model.yaml", read_parameter_file(NODE)
+    del mapping["calibration"]
+    write_parameter_file(lacking, mapping, "Without its ends.", {})
+    with pytest.raises(ConfigError, match="does not say where the wire ends"):
+        second_round(tmp_path / "out", lacking)
+
+
+def test_what_follows_from_the_rest_gives_way_to_what_is_measured():
+    given = {"wire": {"alloy": "ni-ti", "length": 0.1, "diameter": 0.1524e-3}, "thermal": {"heat_loss": 0.006}}
+    given["controller"] = {"kp": 500.0}
+    bare, names = without_derived(with_derived(given))
+    assert bare["thermal"] == {"heat_loss": 0.006} and bare["controller"] == {"kp": 500.0}
+    assert "supply.max_current" in names and "thermal.heat_loss" not in names
+    measured = {**bare, "thermal": {"heat_loss": 0.008}}
+    assert derived(measured)["supply.max_current"].value > derived(bare)["supply.max_current"].value
