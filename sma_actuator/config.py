@@ -25,7 +25,7 @@ from sma_actuator.base.parameters import (
     typed_section,
 )
 from sma_actuator.base.sections import Loop, SupplyParameters, ThermalParameters, Wire
-from sma_actuator.base.yaml_text import read_yaml, yaml_of
+from sma_actuator.base.yaml_text import read_yaml, with_values, yaml_of
 from sma_actuator.control import CONTROL_LAWS
 from sma_actuator.control.law import ControllerParameters
 from sma_actuator.control.pair import PairParameters
@@ -206,6 +206,14 @@ def read_parameter_file(path: str | Path, node: str = NODE_NAME) -> dict[str, An
     found = ", ".join(map(str, document))
     found = found if len(found) <= 200 else f"{found[:180]}… ({len(document)} in all)"
     raise ConfigError(f"{path}: has no section '{node}: ros__parameters:'; found {found}")
+
+
+def text_with(path: Path, section: str, values: Mapping[str, float], comment: str, node: str = NODE_NAME) -> str:
+    """The parameter file at ``path`` with other numbers in one section, and a comment there.  Raises ConfigError."""
+    sections = read_sections(path)
+    found = next((name for name in (node, f"/{node}", "/**") if name in sections), node)
+    text = path.read_text(encoding="utf-8-sig")
+    return with_values(text, str(path), (found, "ros__parameters", section), values, comment)
 
 
 def write_parameter_file(

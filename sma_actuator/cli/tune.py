@@ -15,8 +15,7 @@ from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Mode, Output, Tuned
-from sma_actuator.base.yaml_text import with_values
-from sma_actuator.config import NODE_NAME, Config, read_sections
+from sma_actuator.config import Config, text_with
 from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, write_json
 from sma_actuator.control.pid import PidParameters
 from sma_actuator.control.tuning import GAINS, words_of
@@ -148,11 +147,7 @@ def tune(driver: Driver, outputs: Iterator[Output], tell: Callable[[str], None])
 
 def _with_gains(path: Path, gains: Mapping[str, float], before: Mapping[str, float]) -> str:
     """The parameter file at ``path`` with other gains, and those of before as a comment.  Raises ConfigError."""
-    sections = read_sections(path)
-    node = next((name for name in (NODE_NAME, f"/{NODE_NAME}", "/**") if name in sections), NODE_NAME)
-    place = (node, "ros__parameters", "controller")
-    text = path.read_text(encoding="utf-8-sig")
-    return with_values(text, str(path), place, gains, f"Tuned; before: {words_of(before)}")
+    return text_with(path, "controller", gains, f"Tuned; before: {words_of(before)}")
 
 
 def _steps(

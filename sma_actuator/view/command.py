@@ -33,7 +33,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "from elsewhere rather ssh -L 8765:127.0.0.1:8765",
     )
     parser.add_argument(
-        "--config", type=Path, metavar="MODEL.yaml", help="model for logs that are dropped while no node is there"
+        "--config",
+        type=Path,
+        metavar="FILE",
+        help="the node's parameter file: gains are saved to it, and its model is that of logs dropped while no node is there",
     )
 
 
@@ -50,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     with noted_signals() as interrupts:
         wire = Wire(node)
         try:
-            asyncio.run(_serve(ViewServer(wire, host, config), host, args, interrupts))
+            asyncio.run(_serve(ViewServer(wire, host, config, args.config), host, args, interrupts))
         finally:
             wire.close()
     return 0

@@ -16,6 +16,7 @@ import logging
 import secrets
 from collections.abc import Awaitable, Callable
 from importlib import resources
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -23,7 +24,8 @@ from aiohttp import WSMsgType, web
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.signals import Quality
-from sma_actuator.config import Config
+from sma_actuator.config import Config, text_with
+from sma_actuator.logs.files import write_atomically
 
 from .asymptotes import Asymptotes, asymptotes_of
 from .logs import LogDesk
@@ -56,6 +58,7 @@ _HEADERS = {
 _REPORT_HEADERS = _HEADERS | {
     "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox"
 }
+_LAW = "controller."
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _QUALITY = {
     Quality.DETERMINATE: "determinate: the resistance tells where the wire is",
@@ -81,13 +84,17 @@ class _Page:
 
 
 class ViewServer:
-    """Serves the pages of one node.  ``config``: the model for dropped logs where the node tells none."""
+    """Serves the pages of one node.
 
-    def __init__(self, wire: Wire, host: str, config: Config | None = None):
+    ``config``: the model for dropped logs where the node tells none; ``file``: where gains are saved to.
+    """
+
+    def __init__(self, wire: Wire, host: str, config: Config | None = None, file: Path | None = None):
         self.token = secrets.token_urlsafe(24)
         self._wire = wire
         self._hosts = {*_LOOPBACK, host}
         self._config = config
+        self._file = file
         self._pages: set[_Page] = set()
         self._logs = LogDesk(lambda said: self._tell_all({"log": said}))
         self._asymptotes: Asymptotes | None = None
@@ -101,6 +108,7 @@ class ViewServer:
             "setpoint": lambda asked: wire.send_setpoint(float(asked["position_m"])),
             "parameter": lambda asked: wire.set_parameter(str(asked["name"]), asked["value"]),
             "trigger": lambda asked: wire.trigger(str(asked["name"])),
+            "save": lambda _: self._save(),
             "forget_log": lambda _: self._forget_log(),
         }
         self.app = web.Application(middlewares=[self._guarded], client_max_size=LONGEST_QUESTION_B)
@@ -212,6 +220,7 @@ class ViewServer:
                 "range_m": model.range_m if model else None,
                 "full_stroke_m": model.full_stroke_m if model else None,
                 "note": self._no_asymptotes,
+                "file": str(self._file) if self._file else None,
             }
         }
 
@@ -269,6 +278,33 @@ class ViewServer:
                 await self._wire.watch()
             except (TimeoutError, Refused) as error:
                 _log.warning("ROS did not answer: %s", error)
+
+    async def _save(self) -> str:
+        """The law's numbers as they are in the node, into the parameter file; those of before stay as a comment."""
+        if self._file is None:
+            raise UserError("no file to save to: start sma-actuator view with --config FILE")
+        now = {
+            name.removeprefix(_LAW): value["value"]
+            for name, value in self._wire.live.items()
+            if name.startswith(_LAW) and type(value["value"]) in (int, float)
+        }
+        before = Config.load(self._file, self._wire.node.rpartition("/")[2]).to_mapping()["controller"]
+        changed = {name: value for name, value in now.items() if before.get(name) != value}
+        if not changed:
+            return f"{self._file} has these gains already"
+        were = ", ".join(f"{name} {before[name]:g}" for name in changed if name in before)
+        text = text_with(
+            self._file,
+            "controller",
+            changed,
+            f"Saved from the page; before: {were}",
+            self._wire.node.rpartition("/")[2],
+        )
+        try:
+            write_atomically(self._file, lambda stream: stream.write(text.encode()))
+        except OSError as error:
+            raise UserError(f"{self._file}: not written ({error.strerror or error})") from error
+        return f"saved to {self._file}: {', '.join(f'{name} {value:g}' for name, value in changed.items())} (before: {were})"
 
     # --- logs -------------------------------------------------------------------------------------
 

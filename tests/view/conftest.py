@@ -35,7 +35,17 @@ class Stand:
         self.start_node()
         self.log = folder / "view.log"
         with self.log.open("wb") as log:
-            command = [sys.executable, "-m", "sma_actuator", "view", "--quiet", "--port", "0"]
+            command = [
+                sys.executable,
+                "-m",
+                "sma_actuator",
+                "view",
+                "--quiet",
+                "--port",
+                "0",
+                "--config",
+                str(self.file),
+            ]
             self.view = subprocess.Popen(command, stdout=log, stderr=log)
         wait_until(lambda: "token=" in self.words and self.words.endswith("\n"), what="the address of the page")
         self.address = self.words.split()[0]
@@ -46,8 +56,8 @@ class Stand:
         return self.log.read_text()
 
     def start_node(self):
-        path = parameter_file(self.folder, {"sma_actuator": self.parameters})
-        self.node = NodeProcess(["--ros-args", "--params-file", str(path)], self.folder)
+        self.file = parameter_file(self.folder, {"sma_actuator": self.parameters})
+        self.node = NodeProcess(["--ros-args", "--params-file", str(self.file)], self.folder)
 
     def kill_node(self):
         self.node.popen.kill()

@@ -454,6 +454,66 @@ def test_in_the_browser_stop_is_seen_at_the_supply_within_half_a_second(browser,
     assert min(took_s) < STOP_s
 
 
+def test_in_the_browser_the_space_bar_stops_wherever_the_cursor_stands(browser, stand):
+    _enabled_by_hand(browser, stand)
+    browser.value("document.querySelector('#enable').focus()")  # of which a blank would be a press
+    for kind in ("keyDown", "keyUp"):
+        browser.command(
+            "Input.dispatchKeyEvent", type=kind, code="Space", key=" ", text=" " if kind == "keyDown" else ""
+        )
+    assert _seconds_to_no_current(stand) < SOON_s
+    browser.wait_for("document.querySelector('#mode').textContent === 'off'")
+    assert "the output is off" in browser.text("#said li")
+
+
+def test_in_the_browser_gains_are_saved_to_the_parameter_file(browser, stand):
+    field = "document.querySelector('[name=\"controller.kp\"]')"
+    browser.wait_for(f"{field} && !document.querySelector('#save').disabled")
+    browser.value(f"{field}.value = '640'; {field}.dispatchEvent(new Event('change'))")
+    browser.wait_for("document.querySelector('#said li').textContent === 'controller.kp is 640'")
+    browser.click("#save")
+    browser.wait_for("document.querySelector('#said li').textContent.startsWith('saved to')")
+    assert Config.load(stand.file).controller.kp == 640.0
+    assert "# Saved from the page; before: kp 800" in stand.file.read_text()
+    stand.parameters["controller"]["kp"] = 640.0  # for who starts the node again
+
+
+@pytest.mark.parametrize(("width", "height", "mobile"), [(1366, 640, False), (390, 700, True)], ids=["laptop", "phone"])
+def test_in_the_browser_commands_and_plot_are_seen_at_once(browser, width, height, mobile):
+    """A window of 1366 × 768, less what a browser puts around it; and a phone."""
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": mobile}
+    browser.command("Emulation.setDeviceMetricsOverride", **size)
+    try:
+        browser.value("scrollTo(0, 0)")
+        browser.wait_for(f"innerWidth === {width}")  # and nothing is wider, or a phone would show it smaller
+        for part in (
+            "#stop",
+            "#enable",
+            "#setpoint",
+            "#setpoint-send",
+            "#said",
+            "#position-plot canvas",
+            "#heat-plot canvas",
+        ):
+            browser.wait_for(
+                f"(() => {{ const r = document.querySelector('{part}').getBoundingClientRect(); "
+                "return r.height > 0 && r.top >= 0 && r.bottom <= innerHeight && r.right <= innerWidth; })()"
+            )
+    finally:
+        browser.command("Emulation.clearDeviceMetricsOverride")
+
+
+def test_in_the_browser_a_file_that_is_no_log_is_answered_in_sight(browser):
+    browser.value(
+        "(() => { const d = new DataTransfer(); d.items.add(new File(['nothing'], 'nothing.csv')); "
+        "document.querySelector('#drop').dispatchEvent(new DragEvent('drop', {dataTransfer: d, bubbles: true})); })()"
+    )
+    browser.wait_for("/nothing.csv/.test($('said').textContent) || !$('log').hidden")
+    browser.wait_for(
+        "[...document.querySelectorAll('#said li'), $('log')].some((e) => /no |not |nothing/.test(e.textContent) && e.getBoundingClientRect().top < innerHeight)"
+    )
+
+
 def test_in_the_browser_a_log_that_is_dropped_is_drawn(browser, log):
     text = log.read_text()
     browser.value(
@@ -480,6 +540,7 @@ def test_a_node_that_was_killed_is_found_again(stand, request):
         assert NAME in refused["sentence"]
         if browser:
             await asyncio.to_thread(browser.wait_for, not_there)
+            await asyncio.to_thread(browser.wait_for, "Number(getComputedStyle($('values')).opacity) < 0.5")
         stand.start_node()
         page.rows.clear()
         await page.enabled()

@@ -7,6 +7,9 @@ const MOST_ROWS = 3000; // kept; the memory of the page does not grow
 const DRAW_PERIOD_ms = 100;
 const SETPOINT_PERIOD_ms = 100;
 const RETRY_ms = 1000;
+const SHORT_px = 900; // a window that is no higher has lower plots, so that plots and commands are seen at once
+// An axis spans no less: a wire at rest is a line, and its noise no picture.
+const LEAST = { mm: 0.2, mA: 20, C: 10 };
 const LEVELS = ["good", "warn", "bad", "warn"];
 // Columns as they are drawn: factor to the unit shown.
 const FACTORS = {
@@ -103,16 +106,27 @@ function line(label, stroke, more = {}) {
   return { label, stroke, width: 1.5, spanGaps: false, points: { show: false }, value: (_, v) => (v == null ? "–" : v.toFixed(3)), ...more };
 }
 
-function plot(place, height, columns, series, axes, bands = []) {
+function noLessThan(span) {
+  return (_, low, high) => {
+    if (low === null || high === null) return [0, span];
+    const more = Math.max(span - (high - low), 0.1 * (high - low)) / 2;
+    return [low - more, high + more];
+  };
+}
+
+function plot(place, height, spans, columns, series, axes, bands = []) {
+  const ranges = Object.fromEntries(Object.entries(spans).map(([name, span]) => [name, { range: noLessThan(span) }]));
   const made = new uPlot(
     {
       width: 300, height, series: [{ label: "time", value: (_, v) => (v == null ? "–" : clock(v)) }, ...series], axes, bands,
-      scales: { x: { time: false } }, cursor: { sync: { key: "time" }, drag: { x: true, y: false } },
+      scales: { x: { time: false }, ...ranges }, cursor: { sync: { key: "time" }, drag: { x: true, y: false } },
     },
     [[], ...columns.map(() => [])],
     place,
   );
-  new ResizeObserver(() => made.setSize({ width: Math.max(place.clientWidth, 200), height })).observe(place);
+  const size = () => made.setSize({ width: Math.max(place.clientWidth, 200), height: height * (innerHeight <= SHORT_px ? 0.75 : 1) });
+  new ResizeObserver(size).observe(place);
+  addEventListener("resize", size);
   return (rows) => {
     made.setData([rows.times, ...columns.map((name) => rows.column(name))], false);
     const end = rows.last("at_s") ?? 1;
@@ -124,7 +138,7 @@ function plot(place, height, columns, series, axes, bands = []) {
 const timeAxis = { values: (_, splits) => splits.map(clock), space: 90 };
 
 const drawPosition = plot(
-  $("position-plot"), 300,
+  $("position-plot"), 300, { y: LEAST.mm },
   ["setpoint_m", "limited_setpoint_m", "high", "low", "displacement_m", "displacement_estimate_m"],
   [
     line("setpoint", "#d98200", { dash: [6, 4] }), line("rate limited", "#e9b872"),
@@ -136,7 +150,7 @@ const drawPosition = plot(
   [{ series: [3, 4], fill: "rgba(31,95,174,.12)" }],
 );
 const drawHeat = plot(
-  $("heat-plot"), 200,
+  $("heat-plot"), 200, { y: LEAST.mA, C: LEAST.C },
   ["current_A", "current_limit_A", "temperature_C"],
   [line("current [mA]", "#17794a"), line("limit [mA]", "#9fc9b3", { dash: [3, 3] }), line("temperature [°C]", "#b3201d", { scale: "C" })],
   [timeAxis, { label: "current [mA]", size: 60 }, { scale: "C", side: 1, label: "temperature [°C]", size: 60, grid: { show: false } }],
@@ -286,6 +300,7 @@ const diagnosticItems = new Map();
 let offered = "";
 
 function showState(state) {
+  silent(!state.present);
   const status = state.status;
   const words = !state.present ? "no word from the node: it is not there, or busy with a self-test (it is looked for)" : status ? status.message : "no status yet";
   $("status").textContent = words;
@@ -312,6 +327,10 @@ function showState(state) {
     offered = state.services.join();
     $("services").replaceChildren(...state.services.map((name) => sureButton(name.replaceAll("_", " "), () => ask("trigger", { name }))));
   }
+}
+
+function silent(yes) {
+  document.body.classList.toggle("silent", yes);
 }
 
 // A button that wants to be pressed twice: what it does cannot be taken back, and a dialog would cover the stop.
@@ -411,6 +430,9 @@ function showParameters(parameters) {
   const range = parameters.range_m;
   for (const id of ["setpoint", "setpoint-mm", "setpoint-send"]) $(id).disabled = !range;
   if (range) { $("setpoint").min = range[0] * 1e3; $("setpoint").max = range[1] * 1e3; }
+  $("range").textContent = range ? `${(range[0] * 1e3).toFixed(2)} … ${(range[1] * 1e3).toFixed(2)} mm` : "";
+  $("save").disabled = !parameters.file || !given.length;
+  $("save-note").textContent = parameters.file ? `of ${parameters.file}` : "sma-actuator view --config FILE can save them there";
 }
 
 // --- asking ------------------------------------------------------------------------------------------
@@ -438,6 +460,15 @@ function ask(what, more = {}) {
 }
 
 $("stop").onclick = () => ask("stop");
+// Before whatever has the focus gets it: no button is pressed by it, no field takes a blank.
+addEventListener("keydown", (event) => {
+  if (event.code !== "Space") return;
+  event.preventDefault();
+  event.stopPropagation();
+  if (!event.repeat) ask("stop");
+}, true);
+addEventListener("keyup", (event) => { if (event.code === "Space") event.preventDefault(); }, true);
+$("save").onclick = () => ask("save");
 $("enable").onclick = () => ask("enable");
 $("disable").onclick = () => ask("disable");
 
@@ -489,6 +520,7 @@ function connect() {
     for (const [kind, content] of Object.entries(JSON.parse(event.data))) takers[kind]?.(content);
   };
   socket.onclose = () => {
+    silent(true);
     banner("No connection to sma-actuator view: nothing here is of now, and STOP cannot reach the node. If the command was started anew, open the address that it prints.");
     for (const done of asked.values()) done({ ok: false, sentence: "the connection ended before the answer" });
     asked.clear();
@@ -499,6 +531,7 @@ function connect() {
 // --- logs --------------------------------------------------------------------------------------------
 
 function showLog(log) {
+  const came = log && $("log").hidden;
   shownLog = log && log.columns ? Rows.ofLog(log.columns) : null;
   $("log").hidden = !log;
   if (log) {
@@ -507,19 +540,20 @@ function showLog(log) {
     $("log-trace").textContent = log.trace ?? "";
     $("log-report").hidden = !log.report;
     if (log.report) $("log-report").href = log.report;
+    if (came) $("log").scrollIntoView({ block: "nearest" });
   }
   redraw();
 }
 
 async function dropLog(file) {
-  $("dropped").textContent = `sending ${file.name} …`;
+  say(true, `sending ${file.name} …`);
   try {
     const response = await fetch(`/log?name=${encodeURIComponent(file.name)}`, {
       method: "POST", body: file, headers: { Authorization: `Bearer ${token}` },
     });
-    $("dropped").textContent = response.ok ? "" : await response.text();
+    if (!response.ok) say(false, await response.text());
   } catch (error) {
-    $("dropped").textContent = `${file.name} was not sent: ${error.message}`;
+    say(false, `${file.name} was not sent: ${error.message}`);
   }
 }
 
