@@ -49,7 +49,7 @@ from sma_actuator.safety.limits import (
     SETPOINT_RATE,
     SETPOINT_REACH,
 )
-from sma_actuator.safety.reach import BEYOND_K, Reach
+from sma_actuator.safety.reach import BEYOND_K, Needed, Reach
 from sma_actuator.safety.records import Fault, Limit, Step
 from sma_actuator.safety.supervisor import Supervisor
 
@@ -427,7 +427,11 @@ class Actuator:
             self._sense(reading)
         elif supply is not None and not supply.output_on:
             self._power_W = 0.0  # without either, the current may well flow on
-        supervisor.keep_heat(self._power_W, self._signals.current_A, dt_s, self._signals.ambient_temperature_C)
+        signals = self._signals
+        shown_Ohm = signals.resistance_Ohm if reading is not None else nan
+        supervisor.keep_heat(
+            self._power_W, signals.current_A, dt_s, signals.ambient_temperature_C, shown_Ohm, signals.load_N
+        )
 
         driven = self._commanding.is_driven
         settled = driven and supervisor.settled(now_s)
@@ -526,15 +530,16 @@ class Actuator:
                 limits.add(SETPOINT_RANGE)
                 setpoint_m = min(max(setpoint_m, lo_m), hi_m)
         setpoint_m = max(setpoint_m, self._supervisor.stress_floor_m)
-        contracted_C, thermal = self._config.calibration.contracted_temperature, self._config.thermal
+        told_A, most_A = self._told.current_A, self._config.supply.max_current
         self._reach.step(
             now_s,
             self._estimate.displacement_m,
             setpoint_m,
-            at_max=self._told.current_A >= ALL_THERE_IS * self._supervisor.limit_A(),
-            ample_W=thermal.heat_loss * (contracted_C + BEYOND_K - self._supervisor.heat.ambient.temperature_C),
+            at_max=told_A >= ALL_THERE_IS * most_A,
+            at_limit=told_A >= ALL_THERE_IS * self._supervisor.limit_A(),
             power_W=self._power_W,
             load_N=self._signals.load_N,
+            heat=self._needed_heat(),
         )
         if self._reach.floor_m > setpoint_m:
             limits.add(SETPOINT_REACH)
@@ -542,6 +547,16 @@ class Actuator:
             if vain:
                 self._supervisor.latch(no_motion, vain)
         return max(setpoint_m, self._reach.floor_m)
+
+    def _needed_heat(self) -> Needed | None:
+        """What heat the wire takes to be where it seems to be; None where the calibration does not say."""
+        calibration, thermal, stress_Pa = self._config.calibration, self._config.thermal, self._signals.stress_Pa
+        if not calibration.transformation_known:
+            return None
+        share = calibration.share_of_stroke(self._estimate.displacement_m, stress_Pa)
+        rise_K = calibration.heating_C(share, stress_Pa) - self._supervisor.heat.ambient.temperature_C
+        loss_W_K = thermal.heat_loss
+        return Needed(share, loss_W_K * rise_K, loss_W_K * BEYOND_K, loss_W_K * calibration.latent_rise)
 
     def _control(self, setpoint_m: float, is_new: bool, limits: set[Limit]) -> float:
         """Current the controller asks for [A]; without a new estimate, the one it asked for last."""

@@ -24,6 +24,8 @@ DENSITY_kg_m3 = 6450.0
 SPECIFIC_HEAT_J_kgK = {"ni-ti": 837.0, "ni-ti-cu": 500.0}
 #: Resistivities of such wires lie between; the higher one is hotter for the same current, the lower one cools worse.
 LEAST_RESISTIVITY_Ohm_m, LARGEST_RESISTIVITY_Ohm_m = 0.70e-6, 1.00e-6
+#: Of a wire so hot that it is austenite all through (the maker's 0.80e-6, warm).
+HOT_RESISTIVITY_Ohm_m = 0.90e-6
 #: Still air at 55 °C, a wire 60 K above it.
 _CONDUCTIVITY_W_mK, _VISCOSITY_m2_s, _DIFFUSIVITY_m2_s, _FILM_K, _RISE_K = 0.0283, 1.83e-5, 2.60e-5, 328.0, 60.0
 _RADIATION_W_m2K = 5.0  #: emissivity 0.6
@@ -32,7 +34,7 @@ _MORGAN = ((1e-2, 0.675, 0.058), (1e2, 1.02, 0.148), (math.inf, 0.850, 0.188))
 LATENT = 3.0  #: by how much latent heat lengthens the lag of the temperature
 _BIAS_RISE_K = 3.0
 _TRIP_HEADROOM_K = 5.0
-_AMBIENT_C, _DERATE_C, _HOTTEST_C = 24.0, 160.0, 200.0  # the defaults of the section thermal
+_AMBIENT_C, _DERATE_C, _HOTTEST_C = 24.0, 180.0, 200.0  # the defaults of the section thermal
 
 #: Without these a parameter file is refused, though only what drives a wire uses them.
 _WANTED = (
@@ -111,13 +113,13 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
 
 
 def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None:
-    hottest_Ohm = LARGEST_RESISTIVITY_Ohm_m * wire.length / wire.area_m2
+    hot_Ohm = HOT_RESISTIVITY_Ohm_m * wire.length / wire.area_m2
     ambient_C = given("thermal.ambient_temperature", _AMBIENT_C)
     derate_C = given("thermal.derate_temperature", _DERATE_C)
     hottest_C = given("thermal.max_temperature", _HOTTEST_C) - _TRIP_HEADROOM_K
 
     def steady_A(temperature_C: float) -> float:
-        exact_A = math.sqrt(loss_W_K * (temperature_C - ambient_C) / hottest_Ohm)
+        exact_A = math.sqrt(loss_W_K * (temperature_C - ambient_C) / hot_Ohm)
         unit_A = 10.0 ** (math.floor(math.log10(exact_A)) - 2)
         return _digits(math.floor(exact_A / unit_A) * unit_A, 3)  # rounded down: it is a limit
 
@@ -129,7 +131,7 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None
     most_A = settle(
         "supply.max_current",
         steady_A(derate_C),
-        f"for ever in still air of {ambient_C:g} °C: {derate_C:g} °C (derate_temperature), by I² · {hottest_Ohm:.3g} Ω / heat_loss",
+        f"for ever in still air of {ambient_C:g} °C: {derate_C:g} °C (derate_temperature), by I² · {hot_Ohm:.3g} Ω / heat_loss",
     )
     settle(
         "supply.over_current_trip",
@@ -138,7 +140,7 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None
     )
     sense_Ohm, leads_Ohm = given("circuit.reference_resistance", 0.0), given("circuit.lead_resistance", 0.0)
     sense_Ohm = 0.0 if math.isnan(sense_Ohm) else sense_Ohm
-    total_Ohm = hottest_Ohm + sense_Ohm + leads_Ohm
+    total_Ohm = LARGEST_RESISTIVITY_Ohm_m * wire.length / wire.area_m2 + sense_Ohm + leads_Ohm
     settle(
         "supply.max_voltage",
         max(math.ceil(12.5 * most_A * total_Ohm) / 10.0, 0.1),

@@ -199,6 +199,7 @@ SITUATIONS = [
     Situation("thermal.ambient_temperature", 40.0, has_no_ambient_sensor),
     Situation("thermal.ambient_tolerance", 0.5),
     Situation("thermal.ambient_stuck_time", 1.0, has_a_stuck_ambient_sensor),
+    Situation("thermal.transformed_temperature", 60.0),
     Situation("thermal.derate_temperature", 45.0),
     Situation("thermal.max_temperature", 80.0, given={"thermal.derate_temperature": 60.0}),
     Situation("safety.open_wire_current_fraction", 0.9, is_half_open, given={"safety.resistance_max": 500.0}),

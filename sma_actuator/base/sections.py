@@ -137,7 +137,15 @@ class ThermalParameters:
         1e6,
         live=True,
     )
+    transformed_temperature: float = parameter(
+        150.0,
+        "a wire that is hotter transforms no more at any stress: one whose resistance still falls as it is heated is not",
+        "°C",
+        40.0,
+        400.0,
+        live=True,
+    )
     derate_temperature: float = parameter(
-        160.0, "estimated temperature where the current limit starts to fall", "°C", 40.0, 400.0, live=True
+        180.0, "estimated temperature where the current limit starts to fall", "°C", 40.0, 400.0, live=True
     )
     max_temperature: float = parameter(200.0, "temperature that the wire must never have", "°C", 40.0, 400.0, live=True)

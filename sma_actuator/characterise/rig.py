@@ -188,7 +188,14 @@ class Watch:
         self._seen_s = now_s
         usable = supervisor.usable(reading, -inf, now_s)
         wire_V = max(reading.supply_voltage_V - reading.reference_voltage_V, 0.0)
-        supervisor.keep_heat(signals.current_A * wire_V, signals.current_A, dt_s, reading.ambient_temperature_C)
+        supervisor.keep_heat(
+            signals.current_A * wire_V,
+            signals.current_A,
+            dt_s,
+            reading.ambient_temperature_C,
+            signals.resistance_Ohm if usable is not None else nan,
+            signals.load_N,
+        )
         place_m = signals.reference_displacement_m
         estimate = Estimate(
             signals.time_s, place_m if isfinite(place_m) else 0.0, nan, 0.0, Branch.HEATING, Quality.DETERMINATE

@@ -204,6 +204,14 @@ class Calibration:
         hot_m = np.interp(self.cold_stress, self.contracted_stress, self.contracted_displacement)
         return bool(np.all(np.array(self.cold_displacement) > hot_m))
 
+    def heating_C(self, share: float, stress_Pa: float) -> float:
+        """Temperature, by the heat balance, of a heating wire at a share of its stroke and a stress; NaN where not known."""
+        if not (self.transformation_heating and self.transformation_shift):
+            return nan
+        places = np.linspace(0.0, 1.0, len(self.transformation_heating))
+        shifted_K = self.transformation_shift[1] * stress_Pa
+        return float(np.interp(share, places, self.transformation_heating)) + shifted_K
+
     def cooling_rise_K(self, stress_Pa: float) -> float:
         """The rise above ambient at which a cooling wire passes ``cooling_position``; NaN where that is not known."""
         return float(np.interp(stress_Pa, self.cooling_stress, self.cooling_rise)) if self.cooling_rise else nan

@@ -3,8 +3,18 @@
 from __future__ import annotations
 
 from .formula import longest, parameter_value, seconds
-from .reach import BACK_OFF, BEYOND_K, MOTION, PATIENCE_TIMES, WARM, PATIENCE_s
+from .reach import (
+    BACK_OFF,
+    BEYOND_K,
+    FIRST_AGAIN_TIMES,
+    LAST_AGAIN_TIMES,
+    MOTION,
+    PATIENCE_TIMES,
+    WARM,
+    PATIENCE_s,
+)
 from .records import Limit
+from .thermal import LEAST_SLOPE_1_K
 from .timing import ONE_STEP, TWO_STEPS
 
 SETPOINT_RANGE = Limit(
@@ -54,21 +64,27 @@ TEMPERATURE_DERATING = Limit(
     "current limit lowered by temperature",
     "Give the wire time to cool",
     "the largest current that could flow on until supply.watchdog_timeout cuts it (for ever, where there is no watchdog) "
-    "and leave the wire below thermal.max_temperature even if it lost only heat_loss / heat_loss_margin; and above "
+    "and leave the wire below thermal.max_temperature even if it lost only heat_loss / heat_loss_margin, from what that "
+    "heat balance says, but no more than its resistance: thermal.transformed_temperature at the least resistance since the "
+    f"wire was certainly below it, and 1 K for each {LEAST_SLOPE_1_K:g} more of it; and above "
     "thermal.derate_temperature, by the parameters' heat_loss, from supply.max_current linearly down to "
-    "supply.bias_current at max_temperature. A wire of which nothing is known yet counts as that hot",
+    "supply.bias_current at max_temperature. A wire of which nothing is known yet counts as that hot; it, and one whose "
+    "resistance does not tell when the balance comes to its end, gets the bias until it is certainly below "
+    "transformed_temperature",
     ONE_STEP,
 )
 
 SETPOINT_REACH = Limit(
     "setpoint_reach",
-    "no further contraction: all the current there is does not move the wire",
+    "no further contraction: no more heat moves the wire",
     "Ask for positions that the wire can hold under this load, where its resistance tells where it is",
-    f"all the current there is, a wire that is warm from it ({100 * WARM:g} % of what it will be, or {BEYOND_K:g} K more "
-    "than a contracted wire was at its calibration), and for the longer of "
+    "all of supply.max_current in a wire that is warm from it "
+    f"({100 * WARM:g} % of what it will be), or all that the limits leave in one that is {BEYOND_K:g} K hotter than it has "
+    "contracted at this stress (by the calibration and the heat balance), and for the longer of "
     f"{PATIENCE_s:g} s and {PATIENCE_TIMES:g} of its time constants not {100 * MOTION:g} % of the full stroke of motion towards "
-    f"the setpoint; the shortest setpoint is then {100 * BACK_OFF:g} % longer than the wire seems to be, until a longer one "
-    "is asked for or the load changes",
+    f"the setpoint; the shortest setpoint is then {100 * BACK_OFF:g} % longer than the wire seems to be, until another is "
+    f"asked for, the load changes, or it is tried again: after {FIRST_AGAIN_TIMES:g} of the wire's time constants, in vain "
+    f"twice as long, at most {LAST_AGAIN_TIMES:g}",
     longest(
         PATIENCE_s, PATIENCE_TIMES * parameter_value("thermal.heat_capacity") / parameter_value("thermal.heat_loss")
     )

@@ -8,6 +8,8 @@ from typing import Protocol
 from sma_actuator.base.parameters import parameter
 from sma_actuator.base.sections import Loop, SupplyParameters, ThermalParameters, Wire
 
+from .thermal import Contracted
+
 
 @dataclass(frozen=True, slots=True)
 class SafetyParameters:
@@ -71,8 +73,8 @@ class SetpointTimeout(Protocol):
         """Longest silence of a stream of joint commands [s]."""
 
 
-class CoolingWire(Protocol):
-    """What a cooling wire shows of its heat, which the calibration says."""
+class ShownHeat(Contracted, Protocol):
+    """What a wire shows of its heat, which the calibration says."""
 
     @property
     def cooling_position(self) -> float:
@@ -110,5 +112,5 @@ class SafetySections(Protocol):
         """How long a setpoint may be awaited."""
 
     @property
-    def calibration(self) -> CoolingWire:
-        """What a cooling wire shows of its heat."""
+    def calibration(self) -> ShownHeat:
+        """What a wire shows of its heat."""

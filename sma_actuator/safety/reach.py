@@ -1,14 +1,19 @@
-"""How far the wire goes: all the current there is, and no motion, is an end of the way.
+"""How far the wire goes: all the heat that can help, and no motion, is an end of the way.
 
-Whatever the reason, a load, the limit of temperature, or an estimate whose sign has turned, more of
-the same does not help, and where the sign has turned it harms.  So the shortest setpoint becomes one
-that lies a little longer than the wire seems to be: the controller backs off to the side from which
-it came and where it could see.
+More does not help then, whatever the reason: a load, a wire that is held fast, an estimate whose sign has turned; and where the
+sign has turned it harms.  So the shortest setpoint becomes one that lies a little longer than the wire seems to be: the
+controller backs off to the side from which it came and where it could see.
+
+A limit that the driver itself has lowered is not all that can help, and a wire that only warms up is not at its end: what
+counts is all the current that the parameters allow, in a wire that is warm from it, or so much heat that by its calibration
+the wire would long be further.  And what was concluded is tried again: for a setpoint that is new at once, for one that
+stands after a while, which doubles as long as it is in vain.
 """
 
 from __future__ import annotations
 
-from math import expm1, inf, nan
+from math import expm1, inf, isfinite, nan
+from typing import NamedTuple
 
 #: Time without motion that counts, and the same in the wire's thermal time constants: the longer of the two.
 PATIENCE_s, PATIENCE_TIMES = 0.8, 0.3
@@ -18,12 +23,24 @@ MOTION = 0.01
 BACK_OFF = 0.02
 #: Share of its final temperature above which a wire counts as warm as its power makes it; below, motion may still come.
 WARM = 0.9
-#: So much hotter than a contracted wire was at its calibration, by the heat balance, and no motion will come any more.
+#: So much hotter than a heating wire of this stress is where it seems to be, and no motion will come any more: five times what
+#: passages through the transformation scatter by.
 BEYOND_K = 10.0
 #: Times running that backing off may be in vain.
 TRIES = 5
 #: Share by which a load may differ from the one it was tried with, before it is tried again.
 SAME_LOAD = 0.1
+#: Time after which the same setpoint is tried again, in the wire's thermal time constants: at first, and at the most.
+FIRST_AGAIN_TIMES, LAST_AGAIN_TIMES = 4.0, 32.0
+
+
+class Needed(NamedTuple):
+    """What heat a wire takes to be where it seems to be."""
+
+    share: float  #: of the stroke at its stress, 0 contracted
+    there_W: float  #: would hold it at the temperature that a heating wire has there
+    beyond_W: float  #: and so much more would hold it :data:`BEYOND_K` hotter
+    latent_W: float  #: the same for the rise that the latent heat of the whole stroke would make
 
 
 class Reach:
@@ -35,6 +52,7 @@ class Reach:
         self._time_constant_s = thermal_time_constant_s
         self._patience_s = max(PATIENCE_s, PATIENCE_TIMES * thermal_time_constant_s)
         self._held_W = 0.0  #: the power that would hold the present temperature, of a wire that began cold
+        self._slow_share = nan  #: of the stroke, through the same lag
         self._now_s = nan
         self.forget()
 
@@ -42,7 +60,8 @@ class Reach:
         """Another setpoint, load or start: try again."""
         self.floor_m = -inf
         self.tries = 0  #: times that it has backed off without reaching what it backed off to
-        self._since_s = self._from_m = self._load_N = self._there_s = nan
+        self._again_s = FIRST_AGAIN_TIMES * self._time_constant_s  #: how long the next end stands
+        self._since_s = self._from_m = self._load_N = self._there_s = self._ended_s = self._asked_m = nan
 
     def step(
         self,
@@ -50,34 +69,58 @@ class Reach:
         position_m: float,
         wanted_m: float,
         at_max: bool,
-        ample_W: float,
+        at_limit: bool,
         power_W: float,
         load_N: float,
+        heat: Needed | None = None,
     ) -> None:
-        """Take note of one step: where the wire is, where it should be, and whether all current there is flows.
+        """Take note of one step: where the wire is, where it should be, and what current flows.
 
-        ``ample_W`` would hold a wire hotter than it need be to be contracted; NaN where nobody knows.
+        ``at_max``: all that the parameters allow; ``at_limit``: all that heat and stress leave of it now.  ``heat``: what the
+        calibration says that the wire needs to be where it is; None where it does not say.
         """
-        if now_s > self._now_s:
-            self._held_W -= expm1((self._now_s - now_s) / self._time_constant_s) * (power_W - self._held_W)
-        self._now_s = now_s
-        other_load = abs(load_N - self._load_N) > SAME_LOAD * abs(self._load_N)
-        if self.floor_m > -inf and (wanted_m >= self.floor_m or other_load):
-            self.forget()
+        ample = self._keep_heat(now_s, power_W, heat)
+        if self.floor_m > -inf:
+            self._try_again(now_s, wanted_m, load_N)
         aim_m = max(wanted_m, self.floor_m)
-        if at_max or not abs(position_m - aim_m) < self._motion_m:
+        if at_limit or not abs(position_m - aim_m) < self._motion_m:
             self._there_s = now_s
         elif now_s - self._there_s >= self._patience_s:
             self.tries = 0
-        stuck = (
-            at_max
-            and position_m > aim_m
-            and position_m > self._from_m - self._motion_m
-            and (self._held_W > ample_W or self._held_W > WARM * power_W)
-        )
-        if not stuck:
+        no_use = (at_limit and ample) or (at_max and self._held_W > WARM * power_W)
+        if not (no_use and position_m > aim_m and position_m > self._from_m - self._motion_m):
             self._since_s, self._from_m = now_s, position_m
         elif now_s - self._since_s >= self._patience_s:
-            self.floor_m = position_m + self._back_off_m
-            self.tries += 1
-            self._since_s, self._load_N = now_s, load_N
+            self._end(now_s, position_m, wanted_m, load_N)
+
+    def _keep_heat(self, now_s: float, power_W: float, heat: Needed | None) -> bool:
+        """Keep the heat balance; whether the wire is hotter than a heating one is where it seems to be."""
+        lag = -expm1((self._now_s - now_s) / self._time_constant_s) if now_s > self._now_s else 0.0
+        self._now_s = now_s
+        self._held_W += lag * (power_W - self._held_W)
+        if heat is None or not isfinite(heat.share):
+            return False
+        if not isfinite(self._slow_share):
+            self._slow_share = heat.share
+        self._slow_share += lag * (heat.share - self._slow_share)
+        # What has transformed of late took latent heat, which the balance leaves out.
+        return self._held_W + heat.latent_W * (heat.share - self._slow_share) > heat.there_W + heat.beyond_W
+
+    def _end(self, now_s: float, position_m: float, wanted_m: float, load_N: float) -> None:
+        """This is an end, for now."""
+        if self._ended_s == self._ended_s:  # and was one before
+            self._again_s = min(2.0 * self._again_s, LAST_AGAIN_TIMES * self._time_constant_s)
+        self.floor_m = position_m + self._back_off_m
+        self.tries += 1
+        self._since_s = self._ended_s = now_s
+        self._load_N, self._asked_m = load_N, wanted_m
+
+    def _try_again(self, now_s: float, wanted_m: float, load_N: float) -> None:
+        """Whether what was an end may be none any more."""
+        stood_s = now_s - self._ended_s
+        other_load = abs(load_N - self._load_N) > SAME_LOAD * abs(self._load_N)
+        other_setpoint = abs(wanted_m - self._asked_m) > self._motion_m and stood_s >= self._patience_s
+        if wanted_m >= self.floor_m or other_load or other_setpoint:
+            self.forget()
+        elif stood_s >= self._again_s:
+            self.floor_m = -inf

@@ -17,7 +17,7 @@ from .guards.readings import voltages
 from .limits import STRESS_NEAR_LIMIT, TEMPERATURE_DERATING
 from .parameters import SafetySections
 from .records import Action, Fault, Guard, Limit, Memory, Step
-from .thermal import WireHeat, derated_limit_A
+from .thermal import WireHeat, derated_limit_A, most_contracted_Ohm
 from .timing import SETTLING_READINGS, SETTLING_TIME_s
 
 _OFF = Command(0.0, False)
@@ -66,11 +66,24 @@ class Supervisor:
         bound_V = self.config.safety.channel_max_voltage
         return reading if all(-bound_V < value < bound_V for value in voltages(reading).values()) else None
 
-    def keep_heat(self, power_W: float, current_A: float, dt_s: float, ambient_C: float) -> None:
-        """Keep the heat balance, on the power [W] and current [A] measured in wire and leads."""
+    def keep_heat(
+        self,
+        power_W: float,
+        current_A: float,
+        dt_s: float,
+        ambient_C: float,
+        resistance_Ohm: float = nan,
+        load_N: float = nan,
+    ) -> None:
+        """Keep the heat balance, on the power [W] and current [A] measured in wire and leads.
+
+        ``resistance_Ohm`` of the wire alone and its load, NaN where none was measured in this step.
+        """
         if power_W > 0.0 and current_A > 0.0:
             self._resistance_Ohm = power_W / current_A**2
-        self.heat.step(power_W, dt_s, ambient_C, self.config.thermal)
+        thermal = self.config.thermal
+        most_Ohm = most_contracted_Ohm(self.config.calibration, thermal)
+        self.heat.step(power_W, dt_s, ambient_C, thermal, resistance_Ohm, load_N, most_Ohm)
 
     def inspect(self, step: Step, but: Collection[str] = ()) -> dict[Fault, str]:
         """The faults of this step and why, but for those of these names; those that latch are latched.

@@ -6,6 +6,9 @@ parameters, and with the least that the wire may have (``thermal.heat_loss_margi
 hangs in a tube loses its heat more slowly than one in the open.  What limits the current is the
 second.
 
+The wire is a thermometer beside it, which knows nothing of heat loss (:class:`Thermometer`).  What it says bounds the
+second balance from above: else a limit that provides for any heat loss would not let a wire contract.
+
 Nothing is known of a wire when an actuator begins: it may come from another that was ended while
 the wire was hot.  So it starts as hot as a wire may be and cools by the balance, which takes a few
 of the wire's time constants; meanwhile it may be driven with less current.
@@ -14,15 +17,36 @@ of the wire's time constants; meanwhile it may be driven with less current.
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 from sma_actuator.base.sections import ThermalParameters
 
 #: The hottest that a wire may be is aimed at with this distance, for noise and a resistance that rises.
 HEADROOM_K = 5.0
+#: The least and the most by which the resistance of austenite rises with its temperature, as a share; makers and bench: 2e-4 to 1e-3.
+LEAST_SLOPE_1_K, MOST_SLOPE_1_K = 2e-4, 1e-3
+#: So near to the hottest that is aimed at, the balance has come to its limit.
+AT_LIMIT_K = 1.0
+#: Time over which a resistance is averaged, and from which on one is of another time.
+SMOOTH_s, LONG_AGO_s = 0.2, 1.0
+#: Share by which a load changes from one reading to the next where it is another one.
+OTHER_LOAD = 0.03
 #: Surroundings no wire is driven in [°C]; a sensor that reads more is not believed.
 HOTTEST_AMBIENT_C = 100.0
 #: A sensor that falls below the usual temperature is followed at this rate: surroundings cool no faster.
 AMBIENT_FALL_K_s = 0.1
+
+
+class Contracted(Protocol):
+    """What the calibration says of a wire that has contracted as far as it goes."""
+
+    @property
+    def contracted_resistance(self) -> tuple[float, ...]:
+        """Its resistance at several stresses [Ω]."""
+
+    @property
+    def contracted_temperature(self) -> float:
+        """The temperature that it has them at [°C]."""
 
 
 class HeatBalance:
@@ -90,11 +114,74 @@ class Ambient:
         return ""
 
 
+class Thermometer:
+    """How hot the wire can be at most by its resistance, whatever heat it loses.
+
+    A wire that transforms shows less resistance the hotter it gets; one that has contracted, and is austenite
+    all through, shows more.  So one that shows the least since it was certainly no hotter than any wire transforms at
+    (``thermal.transformed_temperature``) is no hotter than that; and one that shows more than the least is
+    either longer again or hotter by what that makes of its austenite's resistance.  Both are counted as the second.
+    """
+
+    __slots__ = ("_gap_s", "_least_Ohm", "_load_N", "_shown_Ohm")
+
+    def __init__(self) -> None:
+        self._shown_Ohm = self._load_N = math.nan  #: the resistance, smooth, and the load of then
+        self._gap_s = 0.0  #: since then
+        self._least_Ohm = math.nan  #: since the wire was certainly not hotter than it transforms at
+
+    def step(
+        self,
+        resistance_Ohm: float,
+        load_N: float,
+        dt_s: float,
+        at_most_C: float,
+        transformed_C: float,
+        contracted_Ohm: float,
+    ) -> float:
+        """Take note of a resistance, NaN where none was measured; the hottest that the wire can be [°C].
+
+        ``at_most_C``: what was known before.  Resistance that comes with another load says nothing of heat.  A wire that has
+        contracted shows no more than ``contracted_Ohm``, however hot it may be.
+        """
+        self._gap_s += dt_s
+        if not math.isfinite(resistance_Ohm):
+            return math.inf
+        gap_s, self._gap_s = self._gap_s, 0.0
+        if not (math.isfinite(self._shown_Ohm) and gap_s < LONG_AGO_s):
+            self._shown_Ohm, self._least_Ohm = resistance_Ohm, math.nan
+        elif abs(load_N - self._load_N) > OTHER_LOAD * abs(self._load_N):
+            self._least_Ohm += resistance_Ohm - self._shown_Ohm
+            self._shown_Ohm = resistance_Ohm
+        self._load_N = load_N
+        self._shown_Ohm -= math.expm1(-gap_s / SMOOTH_s) * (resistance_Ohm - self._shown_Ohm)
+        if at_most_C < transformed_C or self._shown_Ohm > contracted_Ohm:
+            self._least_Ohm = self._shown_Ohm
+        self._least_Ohm = min(self._least_Ohm, self._shown_Ohm)
+        if not math.isfinite(self._least_Ohm):
+            return math.inf
+        return transformed_C + (self._shown_Ohm - self._least_Ohm) / (LEAST_SLOPE_1_K * self._least_Ohm)
+
+
+def most_contracted_Ohm(calibration: Contracted, parameters: ThermalParameters) -> float:
+    """The most resistance that a contracted wire shows below max_temperature, whatever its load; ∞ where nobody knows."""
+    if not calibration.contracted_resistance or not math.isfinite(calibration.contracted_temperature):
+        return math.inf
+    hotter_K = max(parameters.max_temperature - calibration.contracted_temperature, 0.0)
+    return max(calibration.contracted_resistance) * (1.0 + MOST_SLOPE_1_K * hotter_K)
+
+
 class WireHeat:
-    """What is known of the heat of one wire."""
+    """What is known of the heat of one wire.
+
+    Where the balance has come to its limit and the resistance does not tell, a limit that stood would hold the wire where it is for
+    ever.  So it is let cool (``cools``) until it certainly transforms, which takes a second or two: from there on its resistance tells.
+    """
 
     def __init__(self, parameters: ThermalParameters):
         self.ambient = Ambient(parameters)
+        self._thermometer = Thermometer()
+        self.cools = True  #: nothing is known of it yet
         self._likely = HeatBalance(parameters.max_temperature)
         self._most = HeatBalance(parameters.max_temperature)
 
@@ -105,21 +192,40 @@ class WireHeat:
 
     @property
     def at_most_C(self) -> float:
-        """The temperature with the least heat loss that the wire may have."""
+        """The temperature with the least heat loss that the wire may have, and no more than its resistance says."""
         return self._most.temperature_C
 
-    def step(self, power_W: float, dt_s: float, ambient_read_C: float, parameters: ThermalParameters) -> None:
-        """Keep both balances, on measured power [W]."""
+    def step(
+        self,
+        power_W: float,
+        dt_s: float,
+        ambient_read_C: float,
+        parameters: ThermalParameters,
+        resistance_Ohm: float = math.nan,
+        load_N: float = 0.0,
+        contracted_Ohm: float = math.inf,
+    ) -> None:
+        """Keep both balances, on measured power [W]; resistance [Ω] and load [N] of the same reading, NaN where there is none.
+
+        ``contracted_Ohm``: the most that the wire shows once it has contracted (:func:`most_contracted_Ohm`).
+        """
         ambient_C = self.ambient.step(ambient_read_C, dt_s, parameters)
         loss_W_K, capacity_J_K = parameters.heat_loss, parameters.heat_capacity
         self._likely.step(power_W, dt_s, ambient_C, capacity_J_K, loss_W_K)
         self._most.step(power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / parameters.heat_loss_margin)
+        at_most_C, transformed_C = self._most.temperature_C, parameters.transformed_temperature
+        shown_C = self._thermometer.step(resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, contracted_Ohm)
+        self._most.temperature_C = min(at_most_C, shown_C)
+        at_its_limit = self.at_most_C > parameters.max_temperature - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
+        self.cools = self.at_most_C >= transformed_C and (self.cools or at_its_limit)
 
     def power_limit_W(self, horizon_s: float, parameters: ThermalParameters) -> float:
         """Power that may flow on for ``horizon_s`` without anybody looking and leave the wire below max_temperature.
 
-        May be below zero: then the wire is too hot already.
+        None in a wire that is let cool.  May be below zero: then the wire is too hot already.
         """
+        if self.cools:
+            return 0.0
         loss_W_K = parameters.heat_loss / parameters.heat_loss_margin
         decay = math.exp(-horizon_s * loss_W_K / parameters.heat_capacity)
         hottest_C = parameters.max_temperature - HEADROOM_K

@@ -9,6 +9,7 @@ from attack import heat, hours, lines, soak
 from attack.promises import Promises, read_table
 from attack.proxy import Mischief
 from attack.result import Result
+from sma_actuator.plant.loads import Weight
 
 #: One mischief of each sort; the long attack does all of them, on both instruments.
 SPOILT = (
@@ -72,7 +73,7 @@ class TestHalfTheHeatLoss:
     def test_no_wire_gets_too_hot_by_the_driver(self):
         heating = heat.Heating(self.WORST)
         heating.judge("held", heating.driven(heat.LOADS[0], 20.0, "held"))
-        assert heating.result.worst["flexinol in vertical, at all the current there is [°C]"] > 120.0
+        assert heating.result.worst["flexinol in vertical, held [°C]"] > 110.0
         _unbroken(heating.result)
 
     def test_nor_by_characterise(self):
@@ -80,6 +81,22 @@ class TestHalfTheHeatLoss:
         heating.judge("characterise", heating.characterised())
         assert heating.result.worst["flexinol in vertical, characterise [°C]"] > 150.0
         _unbroken(heating.result)
+
+    def test_nor_under_a_cover_that_is_put_over_it(self):
+        heating = heat.Heating(self.WORST)
+        heating.judge("covered", heating.driven(heat.LOADS[0], 40.0, "covered"))
+        _unbroken(heating.result)
+
+    def test_and_the_hottest_wire_that_was_measured_contracts_and_is_held(self):
+        heating = heat.Heating(heat.UNITS.index(("flexinol", "hot")))
+        heating.judge_contraction("a light load", heating.contracted(Weight(0.3), 60.0))
+        _unbroken(heating.result)
+
+    def test_which_the_judge_would_not_believe_of_limits_that_are_too_low(self):
+        heating = heat.Heating(heat.UNITS.index(("flexinol", "hot")))
+        heating.config = heating.config.replace({"thermal.transformed_temperature": 300.0})
+        heating.judge_contraction("a light load", heating.contracted(Weight(0.3), 40.0))
+        assert len(heating.result.violations) == 1
 
     def test_nor_would_the_judge_miss_it(self):
         heating = heat.Heating(self.WORST, heat_loss=0.1)

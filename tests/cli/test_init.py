@@ -10,7 +10,7 @@ from rig import Rig
 from sma_actuator.base.share import shared_file
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file, write_parameter_file
-from sma_actuator.derived import LARGEST_RESISTIVITY_Ohm_m, derived
+from sma_actuator.derived import HOT_RESISTIVITY_Ohm_m, derived
 from sma_actuator.logs.units import quantity
 
 ANSWERS = {
@@ -56,12 +56,12 @@ def test_answers_at_a_pipe_make_a_file_that_says_where_every_limit_comes_from(tm
     assert "metres are wanted: 100 mm is 0.100" in done.stderr
     mapping = read_parameter_file(out)
     bench = bench_from_mapping(mapping)
-    hottest_Ohm = LARGEST_RESISTIVITY_Ohm_m * bench.wire.length / bench.wire.area_m2
+    hot_Ohm = HOT_RESISTIVITY_Ohm_m * bench.wire.length / bench.wire.area_m2
     for current_A, limit_C in (
         (bench.supply.max_current, bench.thermal.derate_temperature),
         (bench.supply.over_current_trip, bench.thermal.max_temperature),
     ):
-        settled_C = 30.0 + current_A**2 * hottest_Ohm / bench.thermal.heat_loss
+        settled_C = 30.0 + current_A**2 * hot_Ohm / bench.thermal.heat_loss
         assert limit_C - 8.0 < settled_C <= limit_C
     text = out.read_text()
     for name in derived(mapping):

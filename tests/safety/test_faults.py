@@ -182,7 +182,15 @@ SCENARIOS = {
     "no_motion": Scenario(
         seem_to_grow,
         lambda rig: setattr(rig, "reading_of", lambda reading: reading),
-        changes={"controller.kp": 1e5, "controller.setpoint_rate_limit": 1.0},
+        changes={
+            "controller.kp": 1e5,
+            "controller.setpoint_rate_limit": 1.0,
+            # All that the parameters allow: a current that heat has lowered says nothing of an end.
+            "thermal.heat_loss_margin": 1.0,
+            "thermal.derate_temperature": 300.0,
+            "thermal.max_temperature": 400.0,
+            "safety.voltage_disagreement": 5.0,
+        },
     ),
     "setpoint_flood": Scenario(flood, lambda rig: None),
     "reading_not_finite": bench_fault("channel_nan", 103),
@@ -339,6 +347,7 @@ def test_a_reading_that_is_not_finite_gives_the_bias_and_then_off(make_rig, chan
 def test_each_channel_can_be_stuck(make_rig, channel):
     rig = make_rig()
     rig.enable()
+    rig.track(1.0)  # at the bias: with a current that rises another guard is faster
     stands = []
 
     def stick(reading):

@@ -7,6 +7,7 @@ own logs.
 """
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -29,9 +30,13 @@ from sma_actuator.plant.loads import Spring, Weight
 from sma_actuator.plant.materials import WIRES
 from sma_actuator.safety.limits import CURRENT_MAX
 from sma_actuator.safety.reach import Reach
+from sma_actuator.safety.thermal import WireHeat
 
 #: The thesis's mean output error under control, exclusive model of the Ni-Ti wire, % of full stroke (its Table 4).
 THESIS_PCT = 3.80
+#: And of steps with Ni-Ti-Cu where the load is not constant (its Table 9).  There this model takes a wire that is contracted for one that
+#: is 7 % of the stroke longer, which a limit of heat that did not let it contract kept out of sight.
+SPRING_PCT = 4.32
 #: Temperature coefficient of the austenite's resistivity [1/K]; that of the bench's own wires is 0.4e-3 and 0.3e-3.
 STEEP = {"flexinol": 2e-3, "furukawa": 1.5e-3}
 TAIL_K = 15.0
@@ -114,7 +119,9 @@ def test_the_wire_follows_over_its_whole_working_range_and_never_latches_hot(ide
     errors, latched, longest_s = follow(rig, STEPS, 20.0)
     assert latched < 0.005
     assert longest_s < 1.0
-    assert errors["output_error_pct_stroke"] < THESIS_PCT
+    on_springs = identified[0] == "furukawa" and isinstance(load, Spring)
+    assert errors["control_error_pct_stroke"] < THESIS_PCT
+    assert errors["output_error_pct_stroke"] < (SPRING_PCT if on_springs else THESIS_PCT)
 
 
 def test_without_what_the_calibration_knows_of_the_hot_end_it_does_latch(identified, monkeypatch):
@@ -124,7 +131,9 @@ def test_without_what_the_calibration_knows_of_the_hot_end_it_does_latch(identif
     model = {**mapping["model"], "displacement_range": before_m}
     monkeypatch.setattr(HotEnd, "known", property(lambda self: False, lambda self, value: None), raising=False)
     monkeypatch.setattr(Reach, "step", lambda *_, **__: None)
-    rig = stand((name, {**mapping, "model": model}), Weight(0.98))
+    monkeypatch.setattr(WireHeat, "power_limit_W", lambda *_: math.inf)  # the other that would keep it from it
+    thermal = {**mapping["thermal"], "heat_loss_margin": 1.0}
+    rig = stand((name, {**mapping, "model": model, "thermal": thermal}), Weight(0.98))
     _, latched, _ = follow(rig, (1.0, 0.0) * 3, 20.0)
     assert latched > 0.05
 

@@ -6,7 +6,16 @@ from dataclasses import replace
 import pytest
 
 from sma_actuator.config import Config
-from sma_actuator.safety.thermal import Ambient, AMBIENT_FALL_K_s, HeatBalance, WireHeat, derated_limit_A
+from sma_actuator.safety.thermal import (
+    LEAST_SLOPE_1_K,
+    Ambient,
+    AMBIENT_FALL_K_s,
+    HeatBalance,
+    LONG_AGO_s,
+    Thermometer,
+    WireHeat,
+    derated_limit_A,
+)
 
 
 @pytest.fixture
@@ -76,7 +85,7 @@ def test_a_wire_of_which_nothing_is_known_counts_as_hot_as_it_may_be(parameters)
 @pytest.mark.parametrize("horizon_s", [0.1, 1.05, 60.0, math.inf])
 def test_the_power_limit_takes_the_wire_to_its_limit_at_the_horizon_and_no_further(parameters, at_most_C, horizon_s):
     heat = WireHeat(parameters)
-    heat._most.temperature_C = at_most_C
+    heat._most.temperature_C, heat.cools = at_most_C, False
     power_W = heat.power_limit_W(horizon_s, parameters)
     heat.step(power_W, min(horizon_s, 1e6), math.nan, parameters)
     assert heat.at_most_C == pytest.approx(195.0)
@@ -153,3 +162,85 @@ class TestBoundsOfAmbient:
         assert ambient.doubt == ""
         ambient.step(read_C, 0.5, thermal)
         assert bool(ambient.doubt) is may_be_stuck
+
+
+class TestThermometer:
+    """The wire's resistance as a bound of its temperature; 150 °C is what no wire transforms above."""
+
+    @pytest.fixture
+    def shown_C(self):
+        thermometer = Thermometer()
+
+        def run(resistance_Ohm, at_most_C=170.0, seconds=2.0, load_N=1.0, contracted_Ohm=math.inf):
+            for _ in range(round(seconds / 0.05)):
+                found_C = thermometer.step(resistance_Ohm, load_N, 0.05, at_most_C, 150.0, contracted_Ohm)
+            return found_C
+
+        return run
+
+    def test_of_a_wire_that_was_never_cool_it_says_nothing(self, shown_C):
+        assert shown_C(4.5) == math.inf
+
+    def test_one_that_shows_less_the_hotter_it_is_transforms(self, shown_C):
+        shown_C(5.0, at_most_C=100.0)
+        assert shown_C(4.6) == pytest.approx(150.0)
+        assert shown_C(4.5) == pytest.approx(150.0)
+
+    def test_what_it_shows_more_than_the_least_counts_as_heat(self, shown_C):
+        shown_C(5.0, at_most_C=100.0)
+        shown_C(4.5)
+        assert shown_C(4.5 * (1.0 + 20.0 * LEAST_SLOPE_1_K)) == pytest.approx(170.0, abs=0.1)
+
+    def test_a_wire_that_is_certainly_cool_begins_anew(self, shown_C):
+        shown_C(5.0, at_most_C=100.0)
+        shown_C(4.5)
+        shown_C(4.9, at_most_C=149.0)
+        assert shown_C(4.9) == pytest.approx(150.0, abs=0.1)
+
+    def test_more_than_a_contracted_wire_can_show_is_not_heat(self, shown_C):
+        """Martensite that warms shows more and more before it transforms."""
+        shown_C(5.0, at_most_C=100.0)
+        assert shown_C(5.2) > 300.0
+        assert shown_C(5.2, contracted_Ohm=4.9) == pytest.approx(150.0)
+        assert shown_C(4.8, contracted_Ohm=4.9) == pytest.approx(150.0)
+        assert shown_C(4.85, contracted_Ohm=4.9) > 195.0
+
+    def test_another_load_makes_no_heat(self, shown_C):
+        shown_C(5.0, at_most_C=100.0)
+        shown_C(4.5)
+        assert shown_C(4.55, load_N=2.0) == pytest.approx(150.0)
+        assert shown_C(4.55, load_N=2.0) == pytest.approx(150.0)
+
+    @pytest.mark.parametrize("resistance_Ohm", [math.nan, math.inf])
+    def test_what_is_no_resistance_says_nothing_and_after_a_while_nothing_is_known(self, shown_C, resistance_Ohm):
+        shown_C(5.0, at_most_C=100.0)
+        shown_C(4.5)
+        assert shown_C(resistance_Ohm, seconds=0.5) == math.inf
+        assert shown_C(4.5) == pytest.approx(150.0)
+        assert shown_C(resistance_Ohm, seconds=1.5) == math.inf
+        assert shown_C(4.5) == math.inf
+
+    def test_a_gap_in_the_readings_leaves_nothing_known(self, parameters):
+        heat = WireHeat(parameters)
+        heat.step(0.0, 60.0, math.nan, parameters)
+        for _ in range(100):
+            heat.step(0.5, 0.05, math.nan, parameters, 4.5, 1.0)
+        assert heat.at_most_C == pytest.approx(150.0, abs=0.5)
+        heat.step(0.5, LONG_AGO_s, math.nan, parameters, 4.5, 1.0)
+        assert heat.at_most_C > 160.0
+
+
+def test_at_its_limit_and_without_a_word_of_its_resistance_a_wire_is_let_cool_until_it_transforms(parameters):
+    heat = WireHeat(parameters)
+    assert heat.cools
+    assert heat.power_limit_W(1.0, parameters) == 0.0
+    seconds = 0.0
+    while heat.cools:
+        heat.step(0.0, 0.05, math.nan, parameters)
+        seconds += 0.05
+    assert heat.at_most_C == pytest.approx(parameters.transformed_temperature, abs=2.0)
+    assert seconds < 2.5
+    while not heat.cools:  # no resistance is measured
+        heat.step(heat.power_limit_W(1.05, parameters), 0.05, math.nan, parameters)
+        assert heat.at_most_C < 195.0
+    assert heat.at_most_C > 193.0

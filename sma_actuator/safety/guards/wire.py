@@ -97,7 +97,8 @@ def load_spike(step: Step) -> str:
 @guard(
     words="the wire is too hot",
     remedy="Let the wire cool, and ask less of it; see thermal.max_temperature",
-    detector="heat balance on measured power, with heat_loss / heat_loss_margin, above thermal.max_temperature",
+    detector="heat balance on measured power, with heat_loss / heat_loss_margin and no more than the resistance says, above "
+    "thermal.max_temperature",
     within=TWO_STEPS,
     action=Action.OFF,
     latches=True,
