@@ -423,6 +423,51 @@ class HeatLoss(Hidden):
         inputs[physics.LOSS_FACTOR] *= max(1.0 + self.strength, 0.1)
 
 
+# --- what a bench with a real coil reported ------------------------------------------------------
+
+
+@TWINS.register("first_pulse_set")
+class FirstPulseSet(Hidden):
+    """The wire was handled since its last cycle: as its martensite goes for the first time some of the strain stays."""
+
+    unit, where = "m", "wire"
+
+    def draw(self, rng):
+        self.least, self.left_m = 1.0, 0.0
+
+    def stretch_m(self, state, time_s, step_s):
+        self.least = min(self.least, float(state[physics.MARTENSITE]))
+        # Most of it goes with the last of the martensite: what turns back half-way leaves a quarter.
+        self.left_m = self.strength * (1.0 - self.least) ** 2
+        return self.left_m
+
+
+@TWINS.register("current_feedthrough")
+class CurrentFeedthrough(Hidden):
+    """The displacement sensor's cable lies beside the current's: its signal moves with the current."""
+
+    unit, where = "m/A", "reference"
+
+    def read(self, rows, time_s):
+        rows[:, POSITION] += self.strength * rows[:, CURRENT]
+
+
+@TWINS.register("channel_delay")
+class ChannelDelay(Hidden):
+    """The displacement comes through another instrument, whose clock is late by the strength."""
+
+    unit, where = "s", "reference"
+
+    def draw(self, rng):
+        self.past_m = np.empty(0)
+
+    def read(self, rows, time_s):
+        if not len(self.past_m):
+            self.past_m = np.full(round(abs(self.strength) / STEP_s), rows[0, POSITION])
+        known_m = np.concatenate((self.past_m, rows[:, POSITION]))
+        rows[:, POSITION], self.past_m = known_m[: len(rows)], known_m[len(rows) :]
+
+
 # --- what no model has a name for ------------------------------------------------------------------
 
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import correlate
 
 from .bench_log import BenchLog, longest_pause_s, uncalibrated_resistance_and_current
 from .sense import log_counts_contraction
@@ -25,11 +26,21 @@ SPRING_SPREAD = 0.3  #: relative spread of the load within one log from which it
 FULL_SHARE = 0.9  #: of the widest stroke of its log or of its load, from which a cycle is full
 FEWEST_FULL = 2  #: full cycles for each load: one shows no repeatability
 FEWEST_PARTIAL = 4
+FEWEST_READINGS = 32  #: of which a spectrum, or two clocks, can be told
 LARGEST_STEP = 0.002  #: of the stroke: how finely the displacement must be resolved
 LARGEST_NOISE = 0.01  #: of the range of resistance, from one reading to the next
 REST_s = 1.0
 STILL = 0.02  #: of the stroke, that a wire at rest may move in REST_s
 PLAUSIBLE_STRAIN = (0.005, 0.09)
+LATEST_s = 5.0  #: so far a channel's clock is looked for, and no further than a quarter of the mean cycle
+LATE_s = 0.3  #: resistance and displacement of the virtual bench's wires are within 0.1 s of each other
+MOVES_TOGETHER = 0.3  #: correlation of two channels' rates from which their clocks can be compared
+SLOWEST_TONE_Hz = 1.0  #: what is slower may be the drive
+SMALLEST_TONE = 0.001  #: amplitude over the channel's range …
+LONE = 3.0  #: … and over every other line within a fifth of its frequency: the corners of a drive make combs of lines
+OVER_NOISE = 10.0  #: … and over the median of these
+MOST_LINES = 100  #: that are looked at, the loudest first
+MOST_REPEATED = 0.01  #: share of the rows that may repeat the row before to the last digit
 MOST_FLAT = 0.2  #: share of the rows that may stand at the very largest or smallest displacement, to the last digit
 
 
@@ -77,6 +88,9 @@ def judge(logs: Sequence[BenchLog], length_m: float = math.nan) -> list[Finding]
         _resolution,
         _not_clipped,
         _noise,
+        _one_clock,
+        _no_tone,
+        _new_readings,
         _direction,
     )
     findings += [requirement(logs, cycles) for requirement in requirements]
@@ -271,6 +285,131 @@ def _noise(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
         max(shares) <= LARGEST_NOISE,
         "measure with four wires, average over a whole period of the mains, or let more current flow while cooling",
     )
+
+
+def _one_clock(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+    pairs = [pair for log in logs for pair in _clocks(log)]
+    worst = max(pairs, key=lambda pair: abs(pair[2]), default=("", "", 0.0, ""))
+    channel, other, late_s, name = worst
+    late = "late" if late_s > 0.0 else "early"
+    return Finding(
+        "all channels on one clock",
+        f"{channel} is {abs(late_s):.1f} s {late} against {other} in {name}" if pairs else "nothing moves together",
+        abs(late_s) <= LATE_s,
+        f"record all channels on one clock, or shift the times of {channel or 'one'} by {abs(late_s):.1f} s",
+    )
+
+
+def _clocks(log: BenchLog) -> list[tuple[str, str, float, str]]:
+    """(channel, the one it is held against, how late it is [s], name of the log) of the channels that move together."""
+    resistance_Ohm, _ = uncalibrated_resistance_and_current(log)
+    pulls_N, moved_m = load_N(log), displacement_m(log)
+    pairs = [("the displacement", moved_m, "the resistance", resistance_Ohm)]
+    if np.subtract(*np.nanpercentile(pulls_N, (97.5, 2.5))) > SPRING_SPREAD * abs(float(np.nanmean(pulls_N))):
+        pairs.append(("the load", pulls_N, "the displacement", moved_m))
+    out = []
+    for name, values, other_name, other in pairs:
+        late_s = _late_s(log["time_s"], values, other, _cycle_s(log))
+        if late_s is not None:
+            out.append((name, other_name, late_s, log.name))
+    return out
+
+
+def _cycle_s(log: BenchLog) -> float:
+    return float(np.ptp(log["time_s"])) / max(len(cycles_of(log)), 1)
+
+
+def _late_s(time_s: np.ndarray, values: np.ndarray, others: np.ndarray, cycle_s: float) -> float | None:
+    """By how much ``values`` come later than ``others``: where their rates go together best; None where they never do."""
+    good = np.isfinite(values + others)
+    if good.sum() < FEWEST_READINGS:
+        return None
+    period_s = float(np.median(np.diff(time_s)))
+    even_s = np.arange(time_s[0], time_s[-1], period_s)
+    width = max(1, round(REST_s / 3.0 / period_s))
+    a, b = (
+        np.diff(np.convolve(np.interp(even_s, time_s[good], x[good]), np.ones(width) / width, mode="valid"))
+        for x in (values, others)
+    )
+    most = int(min(LATEST_s, 0.25 * cycle_s, 0.25 * float(np.ptp(time_s))) / period_s)
+    scale = float(np.sqrt((a @ a) * (b @ b)))
+    if most < 1 or not scale > 0.0:
+        return None
+    whole = correlate(a, b, method="fft") / scale
+    middle = len(b) - 1
+    together = np.abs(whole[middle - most : middle + most + 1])
+    best = int(np.argmax(together))
+    return (best - most) * period_s if together[best] >= MOVES_TOGETHER else None
+
+
+def _no_tone(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+    found = [
+        (share, f"{frequency_Hz:.3g} Hz in {name}, {share:.2%} of its range, in {log.name}")
+        for log in logs
+        for name, values in _channels(log).items()
+        for frequency_Hz, share in [_tone(log["time_s"], values)]
+        if share > 0.0
+    ]
+    return Finding(
+        "no tone in a channel",
+        max(found)[1] if found else "none",
+        not found,
+        "look for what hums or shakes at that frequency (or faster: what is above half the rate of readings shows below it), and average "
+        "over its whole periods",
+        needed=False,
+    )
+
+
+def _channels(log: BenchLog) -> dict[str, np.ndarray]:
+    resistance_Ohm, _ = uncalibrated_resistance_and_current(log)
+    return {"the displacement": displacement_m(log), "the load": load_N(log), "the resistance": resistance_Ohm}
+
+
+def _tone(time_s: np.ndarray, values: np.ndarray) -> tuple[float, float]:
+    """(frequency [Hz], amplitude over the range) of the one line that stands out of a channel's spectrum; (0, 0) for none."""
+    good = np.isfinite(values)
+    if good.sum() < FEWEST_READINGS:
+        return 0.0, 0.0
+    period_s = float(np.median(np.diff(time_s)))
+    even = np.interp(np.arange(time_s[0], time_s[-1], period_s), time_s[good], values[good])
+    window = np.hanning(len(even))
+    amplitude = 2.0 * np.abs(np.fft.rfft((even - even.mean()) * window)) / window.sum()
+    frequency_Hz = np.fft.rfftfreq(len(even), period_s)
+    span = float(np.subtract(*np.percentile(even, (99.0, 1.0))))
+    loud = np.flatnonzero((frequency_Hz > SLOWEST_TONE_Hz) & (amplitude > SMALLEST_TONE * span))
+    for peak in loud[np.argsort(-amplitude[loud])][:MOST_LINES]:
+        near = np.abs(frequency_Hz - frequency_Hz[peak]) < 0.2 * frequency_Hz[peak]
+        near[max(peak - 3, 0) : peak + 4] = False  # the line itself, as wide as the window makes it
+        others = amplitude[near]
+        if span > 0.0 and len(others) and amplitude[peak] > max(LONE * others.max(), OVER_NOISE * np.median(others)):
+            # Between two bins a line is spread over both; Hann's window makes one and a half of its square.
+            line = math.sqrt(float(np.sum(amplitude[peak - 2 : peak + 3] ** 2)) / 1.5)
+            return float(frequency_Hz[peak]), line / span
+    return 0.0, 0.0
+
+
+def _new_readings(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+    shares = [(_repeated(log), log.name) for log in logs]
+    share, name = max(shares)
+    return Finding(
+        "every row is a new reading",
+        f"{share:.0%} of the rows of {name} repeat the row before",
+        share <= MOST_REPEATED,
+        "log no faster than the instruments measure, or leave the repeated rows out",
+        needed=False,
+    )
+
+
+def _repeated(log: BenchLog) -> float:
+    """Share of the rows that are the row before in all channels."""
+    channels = [values for name, values in log.columns.items() if name != "time_s" and _moves(values)]
+    same = [(values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1])) for values in channels]
+    return float(np.mean(np.all(same, axis=0))) if same and len(log) > 1 else 0.0
+
+
+def _moves(values: np.ndarray) -> bool:
+    known = values[np.isfinite(values)]
+    return bool(len(known) and np.ptp(known) > 0.0)
 
 
 def _direction(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:

@@ -33,6 +33,9 @@ STRENGTH = {
     "reference_gain": 0.05,
     "reference_drift": 5e-4,
     "heat_loss": 0.3,
+    "first_pulse_set": 2e-4,
+    "current_feedthrough": 1e-3,
+    "channel_delay": 0.3,
     "draught": 0.3,
     "hum": 2e-4,
     "lvdt_nonlinearity": 2e-4,
@@ -64,6 +67,9 @@ REACHES = {
             "reference_lag",
             "reference_gain",
             "reference_drift",
+            "first_pulse_set",
+            "current_feedthrough",
+            "channel_delay",
             "hum",
             "lvdt_nonlinearity",
             "stick_slip",
@@ -306,3 +312,22 @@ def test_the_reference_sensor_lies_in_its_three_ways():
     late = displacement_m(hidden(reference_lag=0.2))
     moving = slice(30, 110)
     assert (late[moving] - before[moving]).max() > 1e-4 and abs(late[-1] - before[-1]) < 1e-5
+
+
+def test_the_first_full_pulse_leaves_the_wire_longer_once():
+    error = displacement_m(hidden(first_pulse_set=2e-4)) - displacement_m(plain())
+    assert np.abs(error[:20]).max() < 1e-6  # nothing has been transformed yet
+    assert error[110:].min() > 1.8e-4 and np.ptp(error[110:]) < 5e-6  # later pulses add nothing
+
+
+def test_what_feeds_through_steps_with_the_current():
+    error = displacement_m(hidden(current_feedthrough=1e-3)) - displacement_m(plain())
+    assert error[5] == pytest.approx(1e-3 * 0.05, abs=5e-6) and error[100] == pytest.approx(1e-3 * 0.3, abs=5e-6)
+    jump = np.flatnonzero(np.abs(np.diff(error)) > 1e-4)
+    assert 19 <= jump[0] <= 21 and np.abs(np.diff(error[25:115])).max() < 1e-5
+
+
+def test_a_late_channel_shows_what_was():
+    before, late = displacement_m(plain()), displacement_m(hidden(channel_delay=0.3))
+    assert np.abs(late[6:] - before[:-6]).max() < 2e-5  # 0.3 s are six blocks of 50 ms
+    assert np.abs(late - before).max() > 1e-4

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
@@ -88,6 +89,62 @@ def test_logs_of_a_whole_calibration_are_fit(logs, tmp_path, capsys):
 )
 def test_what_is_missing_is_named(logs, change, requirement):
     assert requirement in lacking(change(logs))
+
+
+def found(logs, requirement):
+    (finding,) = (f for f in judge(logs) if f.requirement == requirement)
+    return finding
+
+
+def later(log, name, late_s):
+    """A channel as another clock would stamp it."""
+    return np.interp(log["time_s"] - late_s, log["time_s"], log[name])
+
+
+@pytest.mark.parametrize("late_s", [2.2, -1.0])
+def test_the_clock_of_a_channel_that_is_late_is_named_with_its_delay(logs, late_s):
+    delayed = changed(logs, lvdt_current_A=lambda log: later(log, "lvdt_current_A", late_s))
+    finding = found(delayed, "all channels on one clock")
+    assert finding.needed and not finding.met
+    number, way = re.search(r"the displacement is ([\d.]+) s (\w+) against the resistance", finding.found).groups()
+    assert float(number) == pytest.approx(abs(late_s), abs=0.11) and way == ("late" if late_s > 0.0 else "early")
+
+
+def test_a_wire_whose_resistance_tells_a_little_early_has_one_clock(logs):
+    assert found(
+        changed(logs, lvdt_current_A=lambda log: later(log, "lvdt_current_A", 0.1)), "all channels on one clock"
+    ).met
+
+
+def test_a_late_load_shows_where_the_wire_pulls_a_spring(logs):
+    spring = changed(logs, load_cell_voltage_V=lambda log: -later(log, "lvdt_current_A", 1.5) * 20.0 + 0.3)
+    assert re.search(r"the load is 1\.[456] s late", found(spring, "all channels on one clock").found)
+
+
+def test_a_tone_is_named_with_its_frequency_and_size(logs):
+    def hums(log):
+        time_s = np.arange(log["time_s"][0], log["time_s"][-1], 0.005)
+        columns = {name: np.interp(time_s, log["time_s"], values) for name, values in log.columns.items()}
+        swing = np.ptp(columns["lvdt_current_A"])
+        columns["lvdt_current_A"] += 0.005 * swing * np.sin(2.0 * np.pi * 66.0 * time_s)
+        return dataclasses.replace(log, columns={**columns, "time_s": time_s})
+
+    assert found(logs, "no tone in a channel").met
+    finding = found([hums(log) for log in logs[:2]], "no tone in a channel")
+    size = re.search(r"66 Hz in the displacement, ([\d.]+)% of its range", finding.found).group(1)
+    assert not finding.met and float(size) == pytest.approx(0.5, abs=0.03)
+
+
+def test_repeated_rows_are_counted(logs):
+    def doubled(log):
+        rows = np.sort(np.concatenate((np.arange(len(log)), np.arange(0, len(log), 4))))
+        columns = {name: values[rows] for name, values in log.columns.items()}
+        time_s = np.linspace(log["time_s"][0], log["time_s"][-1], len(rows))
+        return dataclasses.replace(log, columns={**columns, "time_s": time_s})
+
+    assert found(logs, "every row is a new reading").met
+    finding = found([doubled(log) for log in logs], "every row is a new reading")
+    assert not finding.met and finding.found.startswith("20% of the rows")
 
 
 def test_a_stroke_that_no_wire_has_is_a_wrong_unit(logs):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import least_squares, lsq_linear
 
 from sma_actuator.estimation.effects import Effect
 
@@ -17,11 +17,16 @@ from .evidence import Evidence
 FOLDS = 4
 STEP = 1e-3  #: of the finite differences, in the optimiser's units
 MAX_EVALUATIONS = 12
-#: What is far off counts linearly, so one linear step falls short of a large effect: so many at once are tried too, where no shape
-#: is sought as well, which takes a wrong one with a large size; and, of a single size, so many times what is typical: a rest that
-#: counts only where the wire is as hot as it was may lie between nothing and a large effect like a wall.
+#: Of a size, in units of what is typical: from so large an effect one linear step says how large it is.  What is far off counts
+#: linearly, so that step falls short of a large effect: so many at once are tried too, where no shape is sought as well, which
+#: takes a wrong one with a large size; and, of a single size, so many times what is typical: a rest that counts only where the
+#: wire is as hot as it was may lie between nothing and a large effect like a wall.
+PROBE = 0.5
 STRIDES = (1.0, 2.0, 4.0)
 SIZES = (-3.0, -1.0, 1.0, 3.0)
+APART = 0.3  #: in the optimiser's units: shapes nearer to each other lead to the same end
+STUCK = 0.01  #: share of the squares: where a fit takes off less, it begins somewhere else once more …
+PROMISING = 0.75  #: … and also where that other start takes off so much of what the fit did, before any step
 NEARLY, TRIED = 0.9, 8  #: of what the best time of a slip explains: with which others are tried too, and how many
 NEAR_SIZE, NEAR_SHAPE = 0.01, 0.05  #: of what is possible, so near its end counts as at it: a shape comes there slowly
 
@@ -77,6 +82,11 @@ class _Problem:
         values = self.values(u)
         return {c.name: c.build(values[c.name]) for c in self.candidates}
 
+    def differ(self, u: np.ndarray, other: np.ndarray) -> bool:
+        """Whether two starts lead, as far as can be known, to different ends: another shape, or another sign of a size."""
+        sizes = np.array([f.is_size for _, f in self.slots])
+        return bool(np.any(u[sizes] * other[sizes] < 0.0) or np.any(np.abs(u - other)[~sizes] > APART))
+
     def residual(self, u: np.ndarray) -> np.ndarray:
         return self.evidence.residual(self.effects(u))
 
@@ -120,8 +130,7 @@ def fit(
     other folds of ``train``; units outside it by the fit to all of ``train``.
     """
     problem, u, new, rows = _begun(evidence, candidates, train, known)
-    u = _start(problem, u, new, rows)
-    u = problem.solve(u, rows).x
+    u = _solved(problem, u, new, rows)
     for c in candidates:
         if c.scanned:  # the others are known now, so its time may be another
             before = problem.scanned[c.name]
@@ -162,7 +171,7 @@ def sketch(
     """About how much ``candidates`` together would lose on each unit of ``train``: by one linear step of their sizes."""
     problem, u, new, rows = _begun(evidence, candidates, train, known)
     everything = [i for i, (_, f) in enumerate(problem.slots) if f.is_size or i in new]
-    return evidence.losses(problem.residual(_start(problem, u, everything, rows)))[train]
+    return evidence.losses(problem.residual(_starts(problem, u, everything, rows)[0]))[train]
 
 
 def _begun(
@@ -187,36 +196,62 @@ def _begun(
     return problem, u, new, rows
 
 
-def _start(problem: _Problem, u: np.ndarray, new: list[int], rows: np.ndarray) -> np.ndarray:
-    """The best of the starts of the new shape parameters, each with sizes from one linear step; of sizes alone, from several."""
+def _starts(problem: _Problem, u: np.ndarray, new: list[int], rows: np.ndarray) -> list[np.ndarray]:
+    """Where it is worth to begin, best first: every start of the new shapes, each with several sizes; none of them nothing.
+
+    Nothing is no place to begin at: there no shape makes a difference, at the end of a size that has but one sign no step
+    leads away, and what a small effect does to a residual that is far off may point the wrong way.
+    """
     shapes = [i for i in new if problem.slots[i][1].starts]
     sizes = [i for i in new if problem.slots[i][1].is_size]
     tries = [u.copy()]
     for i in shapes:  # one at a time from the first start of the others: their number stays small
         tries += [_with(u, i, problem.slots[i][1].to_unit(s)) for s in problem.slots[i][1].starts[1:]]
-    best, best_cost = u, np.inf
-    for start in tries:
-        guess = start.copy()
-        further: list[list[float]] = [[]]
-        if sizes:
-            at = problem.residual(guess)
-            columns = []
-            for i in sizes:
-                step = 0.5
-                columns.append((problem.residual(_with(guess, i, guess[i] + step)) - at)[rows] / step)
-            change, *_ = np.linalg.lstsq(np.column_stack(columns), -at[rows], rcond=1e-8)
-            strides = (1.0,) if shapes else STRIDES
-            further = [[guess[i] + times * du for i, du in zip(sizes, change, strict=True)] for times in strides]
-            if len(sizes) == 1 and not shapes:
-                further += [[guess[sizes[0]] + size] for size in SIZES]
-        for values in further:
+    low = np.minimum(0.5 * problem.low, u)
+    high = np.maximum(0.5 * problem.high, u)
+    found: list[tuple[float, np.ndarray]] = []
+
+    def look(there: np.ndarray) -> np.ndarray:
+        """The residual there, which is kept in mind as a start."""
+        at = problem.residual(there)[rows]
+        found.append((float(at @ at), there))
+        return at
+
+    for guess in tries:
+        if not sizes:
+            look(guess)
+            continue
+        at = problem.residual(guess)[rows]
+        probes = [PROBE if guess[i] + PROBE <= high[i] else -PROBE for i in sizes]
+        columns = [(look(_with(guess, i, guess[i] + p)) - at) / p for i, p in zip(sizes, probes, strict=True)]
+        room = (low[sizes] - guess[sizes], high[sizes] - guess[sizes])
+        change = lsq_linear(np.column_stack(columns), -at, room).x
+        further = [times * change for times in ((1.0,) if shapes else STRIDES)]
+        if len(sizes) == 1 and not shapes:
+            further += [np.array([size]) for size in SIZES]
+        for step in further:
             there = guess.copy()
-            for i, value in zip(sizes, values, strict=True):
-                there[i] = min(max(value, 0.5 * problem.low[i]), 0.5 * problem.high[i])
-            cost = float(np.sum(problem.residual(there)[rows] ** 2))
-            if cost < best_cost:
-                best, best_cost = there, cost
-    return best
+            there[sizes] = np.clip(guess[sizes] + step, low[sizes], high[sizes])
+            if np.any(np.abs(there - guess) > 1e-3):
+                look(there)
+    return [there for _, there in sorted(found, key=lambda pair: pair[0])]
+
+
+def _solved(problem: _Problem, u: np.ndarray, new: list[int], rows: np.ndarray) -> np.ndarray:
+    """Least squares from the best start, and from the best that is another where that promises as much; nothing, if that is better."""
+
+    def squares(there: np.ndarray) -> float:
+        return float(np.sum(problem.residual(there)[rows] ** 2))
+
+    starts = _starts(problem, u, new, rows) if new else [u]
+    ends = [u, problem.solve(starts[0], rows).x]
+    nothing, best = map(squares, ends)
+    other = next((start for start in starts[1:] if problem.differ(start, starts[0])), None)
+    if other is not None:
+        stuck = nothing - best < STUCK * nothing
+        if stuck or nothing - squares(other) > PROMISING * (nothing - best):
+            ends.append(problem.solve(other, rows).x)
+    return min(ends, key=squares)
 
 
 def _squares(problem: _Problem, u: np.ndarray, rows: np.ndarray, name: str, scanned: dict[str, float]) -> float:

@@ -95,3 +95,60 @@ class ReferenceDrift(Effect):
             size("offset", stroke_m, 0.02 * stroke_m),
             size("rate", stroke_m / scales.duration_s, 0.02 * stroke_m / scales.duration_s),
         ]
+
+
+@EFFECTS.register("channel_delay")
+@dataclass(frozen=True, slots=True)
+class ChannelDelay(Effect):
+    """The displacement is logged on another clock than current and voltage: every reading of it is late (or early).
+
+    A sample alone knows nothing of what was: in a log, as all effects of the reference, it is looked for.
+    """
+
+    PART = "reference"
+    WORDS = "the displacement is logged late, or early, against the other channels"
+    REMEDY = "Log all channels on one clock, or shift the displacement's times by the delay; the model is not at fault."
+    TELL_TALE = "resistance_rate_Ohm_s"
+    delay: float = parameter(0.0, "how late the displacement is logged", "s", -100.0, 100.0)
+
+    def shown(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """What the sensor shows: what was so long ago.  Before and after the log it stands."""
+        known = np.isfinite(frame.displacement_m)
+        if known.any():
+            time_s = frame.elapsed_s
+            was_m = np.interp(time_s - self.delay, time_s[known], frame.displacement_m[known])
+            frame.displacement_m = np.where(known, was_m, frame.displacement_m)
+
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        return [size("delay", min(10.0, 0.2 * scales.duration_s), 0.5)]
+
+    @classmethod
+    def untestable(cls, scales: Scales) -> str:
+        """Why logs could not show it."""
+        if scales.period_s > 0.5:
+            return f"one reading in {scales.period_s:.2g} s is too slow to show a delay"
+        return ""
+
+
+@EFFECTS.register("current_feedthrough")
+@dataclass(frozen=True, slots=True)
+class CurrentFeedthrough(Effect):
+    """The current that drives the wire gets into the sensor's signal: what it shows steps with the current."""
+
+    PART = "reference"
+    WORDS = "the reference sensor moves in step with the drive current"
+    REMEDY = "Lead the sensor's cable away from the current's, shield and ground it at one end, and give it a supply of its own; the model is not at fault."
+    TELL_TALE = "power_W"
+    coupling: float = parameter(0.0, "displacement shown too much per ampere", "m/A", -10.0, 10.0)
+
+    def shown(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """What the sensor shows."""
+        frame.displacement_m = frame.displacement_m + self.coupling * frame.current_A
+
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        per_A = scales.stroke_m / scales.current_A
+        return [size("coupling", 0.5 * per_A, 0.02 * per_A)]

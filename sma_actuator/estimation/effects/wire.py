@@ -486,3 +486,33 @@ class Rate(Effect):
             size("displacement_per_rate", 2.0 * slope, 0.1 * slope),
             shape("relaxation_time", 1e-3, 5.0, 1e-2, 0.2),
         ]
+
+
+@EFFECTS.register("first_pulse_set")
+@dataclass(frozen=True, slots=True)
+class FirstPulseSet(Effect):
+    """The first full pulse of a session leaves the wire longer, once; what turns back earlier leaves a part of it.
+
+    It comes with what is transformed for the first time, so it is there from the first contraction on, at either end.
+    """
+
+    PART = "wire"
+    WORDS = "the first full pulse of the session has left the wire longer"
+    REMEDY = "Drive the wire through two full pulses before you measure, and set the position's zero after them."
+    TELL_TALE = "time_s"
+    STATES = 1
+    length: float = parameter(0.0, "how much longer the wire is after its first full pulse", "m", -1.0, 1.0)
+
+    def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
+        """Add what has been left so far."""
+        transformed = 1.0 - np.clip(np.nan_to_num(place.share_of_stroke(frame), nan=1.0), 0.0, 1.0)
+        furthest = np.maximum.accumulate(np.maximum(transformed, np.nan_to_num(state[0])))
+        state[0] = furthest[-1]
+        frame.displacement_m = frame.displacement_m + self.length * furthest
+
+    @classmethod
+    def free(cls, scales: Scales) -> list[Free]:
+        """What a fit may vary."""
+        # Nothing grows shorter of a pulse; beside what the calibration holds it may seem so.
+        least = None if scales.calibration_counts else 0.0
+        return [size("length", 0.2 * scales.stroke_m, 0.01 * scales.stroke_m, least)]

@@ -519,3 +519,29 @@ def test_what_did_not_compete_is_explained_too(wire, config, clean, a_lead):
     found = trace(evidence, only=["slip"], jobs=1, explain=["lead_resistance"])
     _, lead = (why for why in whys(evidence, found) if why.trial is not None)
     assert lead.reason.startswith("It did not compete: it takes") and lead.reason.endswith("leave nothing unusual.")
+
+
+# --- the fits ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("hidden", "truth"),
+    [
+        ({"reference_self_heating": 0.1}, {"coefficient": 0.1, "time_constant": 25.0}),
+        ({"shunt": 5e-3}, {"conductance": 5e-3}),
+        ({"creep": 1e-4}, {"compliance": 1e-4, "time_constant": 200.0}),
+        ({"channel_delay": 0.4}, {"delay": 0.4}),
+        ({"current_feedthrough": 3e-4}, {"coupling": 3e-4}),
+        ({"first_pulse_set": 1.5e-4}, {"length": 1.5e-4}),
+    ],
+    ids=lambda x: next(iter(x)),
+)
+def test_a_fit_that_begins_at_nothing_finds_what_one_from_the_truth_does(wire, config, hidden, truth):
+    """`benchmarks/fits_from_nothing.py` asks it of every effect in every physics with each model."""
+    (name,) = hidden
+    evidence = Evidence(session(wire[0], hidden), config)
+    every, effect = np.ones(evidence.units, dtype=bool), candidate(name, scales_of(evidence))
+    from_truth = fit(evidence, [effect], every, SimpleNamespace(values={name: truth}))
+    without = float(evidence.losses(evidence.residual({})).sum())
+    gains = [without - float(found.losses.sum()) for found in (fit(evidence, [effect], every), from_truth)]
+    assert gains[1] > 100.0 and gains[0] >= 0.95 * gains[1]

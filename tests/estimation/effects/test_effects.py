@@ -39,6 +39,9 @@ STRONG = {
     "reference_lag": {"time_constant": 0.5},
     "reference_gain": {"gain": 0.1},
     "reference_drift": {"offset": 1e-4, "rate": 1e-5},
+    "first_pulse_set": {"length": 1e-4},
+    "current_feedthrough": {"coupling": 1e-3},
+    "channel_delay": {"delay": 0.4},
 }
 PLACE = Place(
     reference_resistance_Ohm=1.0,
@@ -465,6 +468,35 @@ def test_slip_and_reference_effects():
     np.testing.assert_allclose(
         through("reference_lag", arrays, step)[2], 1e-3 * (1.0 - np.exp(-arrays.time_s / 0.5)), atol=1e-15
     )
+
+
+def test_a_late_channel_shows_what_was_and_an_early_one_what_will_be():
+    arrays = signals()
+    moving = np.cos(arrays.time_s)
+    for delay_s, rows in ((0.4, slice(8, None)), (-0.4, slice(None, -8))):
+        _, frame = Stages(build("channel_delay", delay=delay_s)).through(arrays, moving.copy())
+        np.testing.assert_allclose(frame.displacement_m[rows], np.cos(arrays.time_s - delay_s)[rows], atol=1e-9)
+    unknown = np.where(np.arange(400) == 200, np.nan, moving)  # what the chain drops hides nothing else
+    _, frame = Stages(build("channel_delay")).through(arrays, unknown)
+    assert np.flatnonzero(np.isnan(frame.displacement_m)).tolist() == [200]
+
+
+def test_what_feeds_through_goes_with_the_current():
+    arrays = signals()
+    _, _, shown_m = through("current_feedthrough", arrays, np.zeros(400))
+    np.testing.assert_allclose(shown_m, 1e-3 * arrays.current_A)
+
+
+def test_a_set_comes_with_what_is_transformed_for_the_first_time():
+    effect = Stages(build("first_pulse_set"))
+    arrays = signals(n=5)
+    hot_m, cold_m = PLACE.working_range_m
+    shares = np.array([1.0, 0.5, 0.8, 0.0, 1.0])
+    _, frame = effect.through(arrays, hot_m + (cold_m - hot_m) * shares)
+    left = (frame.displacement_m - hot_m) / 1e-4 - (cold_m - hot_m) / 1e-4 * shares
+    np.testing.assert_allclose(left, [0.0, 0.5, 0.5, 1.0, 1.0], atol=1e-9)
+    _, frame = effect.through(arrays, np.full(5, cold_m))  # the next log of the session
+    np.testing.assert_allclose(frame.displacement_m, cold_m + 1e-4)
 
 
 # --- the section of a parameter file -------------------------------------------------------------
