@@ -17,6 +17,7 @@ from math import inf, nan
 from typing import Any, Protocol
 
 import numpy as np
+from scipy.stats import t as student
 
 from sma_actuator.fleet import spread
 
@@ -104,6 +105,7 @@ class Rules:
     #: late, or once), their scatter says little.  In units of a logarithm of likelihood.
     decisive: float = inf
     worst_rise: float = inf  #: no unit may lose so much more: what is really there is there in all of them
+    probable: float = 0.0  #: probability with which a new unit, drawn like these, loses less: see :func:`next_fall`
     alike: float = 0.0  #: share of a gain within which two count as alike, even where their units tell them apart
     #: The same of those that leave nothing to be looked for: they explain it too, however surely others do better.
     alike_if_clean: float = 0.0
@@ -134,6 +136,9 @@ class Rules:
                 f"it takes {gain:.2f} ± {error:.2f} off a {self.unit} that it has not seen, "
                 f"which is not sure by {self.significant:g} standard errors"
             )
+        chance = next_fall(losses, trial.losses).chance if self.probable else 1.0
+        if chance < self.probable:
+            return f"on a new {self.unit} it would do better with a probability of {chance:.0%} only"
         rise = float(np.max(trial.losses - losses))
         return f"it makes one {self.unit} worse that it has not seen, by {rise:.2f}" if rise > self.worst_rise else ""
 
@@ -142,6 +147,30 @@ def paired(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
     """Mean fall from ``before`` to ``after``, unit by unit, shape (units,), and its standard error."""
     fall = before - after
     return float(fall.mean()), float(fall.std(ddof=1) / np.sqrt(len(fall))) if len(fall) > 1 else inf
+
+
+@dataclass(frozen=True, slots=True)
+class NextFall:
+    """What a unit that nobody has seen will lose less, by Student's predictive distribution of the units seen."""
+
+    chance: float  #: that it loses less at all
+    low: float  #: with a probability of INSIDE it loses less by between this …
+    high: float  #: … and this
+
+
+INSIDE = 0.8
+
+
+def next_fall(before: np.ndarray, after: np.ndarray) -> NextFall:
+    """The fall of a new unit's loss; each of the units seen, shape (units,), was judged by a fit that had not seen it."""
+    fall, n = before - after, len(before)
+    if n < 2:
+        return NextFall(0.0, -inf, inf)
+    mean, spread_ = float(fall.mean()), float(fall.std(ddof=1) * np.sqrt(1.0 + 1.0 / n))
+    law = student(n - 1)
+    reach = float(law.ppf(0.5 + 0.5 * INSIDE)) * spread_
+    chance = float(law.cdf(mean / spread_)) if spread_ > 0.0 else float(mean > 0.0)
+    return NextFall(chance, mean - reach, mean + reach)
 
 
 def select(

@@ -316,8 +316,9 @@ def test_the_reference_sensor_lies_in_its_three_ways():
 
 def test_the_first_full_pulse_leaves_the_wire_longer_once():
     error = displacement_m(hidden(first_pulse_set=2e-4)) - displacement_m(plain())
-    assert np.abs(error[:20]).max() < 1e-6  # nothing has been transformed yet
-    assert error[110:].min() > 1.8e-4 and np.ptp(error[110:]) < 5e-6  # later pulses add nothing
+    assert np.abs(error[:20]).max() < 5e-6  # hardly anything has been transformed yet
+    # The hot end of this wire keeps a tenth of its martensite; later pulses go hardly further and add hardly more.
+    assert error[110] > 0.75 * 2e-4 and np.ptp(error[110:]) < 0.1 * error[110]
 
 
 def test_what_feeds_through_steps_with_the_current():

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sma_actuator.diagnosis.selection import Entry, Rules, Trial, run, select
+from sma_actuator.diagnosis.selection import INSIDE, Entry, Rules, Trial, next_fall, run, select
 
 UNITS = 40
 BASE = 10.0 + 0.2 * np.random.default_rng(0).standard_normal(UNITS)
@@ -198,3 +198,28 @@ def test_whatever_the_world_only_what_earned_it_is_chosen(takes):
         assert not selection.chosen.refusal
         assert selection.chosen.losses.mean() < BASE.mean()
         assert len(selection.chosen.names) <= RULES.most
+
+
+def test_what_a_new_unit_will_show_is_said_as_often_right_as_it_claims():
+    """Drawn anew ten thousand times: the interval holds, and the chance is that of a fall."""
+    rng = np.random.default_rng(3)
+    inside, chances, fell = [], [], []
+    for _ in range(10_000):
+        falls = rng.normal(0.5, 0.7, 5)
+        said = next_fall(np.zeros(4), -falls[:4])
+        inside.append(said.low <= falls[4] <= said.high)
+        chances.append(said.chance)
+        fell.append(falls[4] > 0.0)
+    assert np.mean(inside) == pytest.approx(INSIDE, abs=0.02)
+    sure = np.array(chances) > 0.8
+    assert np.mean(np.array(fell)[sure]) == pytest.approx(0.78, abs=0.04)
+
+
+def test_what_helps_three_runs_and_harms_one_is_not_chosen_where_a_new_unit_counts():
+    """The logarithms of 4.1, 3.2, 3.5 and 2.0 % before and 2.4, 3.1, 1.4 and 4.1 % after: measured runs that were kept back."""
+    before, after = np.log([4.1, 3.2, 3.5, 2.0]), np.log([2.4, 3.1, 1.4, 4.1])
+    rules = Rules(significant=0.0, probable=0.8, unit="run")
+    said = rules.falls_short(Trial((Named("spread"),), after, None), before)
+    assert said == f"on a new run it would do better with a probability of {next_fall(before, after).chance:.0%} only"
+    assert not rules.falls_short(Trial((Named("spread"),), before - [0.5, 0.4, 0.6, 0.5], None), before)
+    assert next_fall(before[:1], after[:1]).chance == 0.0  # one run says nothing of the next

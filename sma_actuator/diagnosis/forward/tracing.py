@@ -17,7 +17,7 @@ from math import log
 
 import numpy as np
 
-from sma_actuator.diagnosis.selection import Entry, Progress, Rules, Selection, Trial, run, select
+from sma_actuator.diagnosis.selection import Entry, NextFall, Progress, Rules, Selection, Trial, next_fall, run, select
 from sma_actuator.fleet import Call, spread
 
 from .candidates import CANDIDATES, Candidate
@@ -31,7 +31,8 @@ AGREE_RATIO = 0.5  #: span of an effect's value over the folds, over its median:
 AGREE_SPAN = 0.05  #: or over the span that physics leaves it, if that is more
 NOTHING_STROKE = 0.002  #: a held-out error below this share of the stroke is that of the position sensor
 RULES = Rules(
-    significant=1.0,  # three or four runs leave no room for more
+    significant=0.0,  # what a new run will show is asked for instead
+    probable=0.8,  # of five new runs four are better with what is added
     margin=-log(EARNS_RATIO),
     worst_rise=log(1.03),
     leaders=2,
@@ -77,6 +78,11 @@ class Outcome:
     def names(self) -> tuple[str, ...]:
         """Names of its effects."""
         return self.trial.names
+
+    @property
+    def on_a_new_run(self) -> NextFall:
+        """What it will take off the logarithm of the plain model's RMS on a run that nobody has seen."""
+        return next_fall(_losses(self.plain_m), self.trial.losses)
 
     @property
     def verdict(self) -> str:
