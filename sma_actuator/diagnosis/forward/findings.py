@@ -119,19 +119,17 @@ def _errors(found: Tracing) -> str:
             f" On the very folds that {' + '.join(winner.names)} was chosen on it is {one:.3f} → {two:.3f} mm, "
             "which is no proof: it was chosen because it does that."
         )
-        new = _on_a_new_run(found.choice)
+        new = _on_a_new_run(winner)
         text += (
-            f" On a new run its error will be {new['interval'][0]:.2f} to {new['interval'][1]:.2f} times the plain model's "
+            f" As far as these runs tell, the error on a new one will be {new['interval'][0]:.2f} to {new['interval'][1]:.2f} times the plain model's "
             f"({INSIDE:.0%}), smaller with a probability of {new['probability_of_a_smaller_error']:.0%}."
         )
     return text
 
 
-def _on_a_new_run(choice: Choice) -> dict | None:
+def _on_a_new_run(winner: Outcome) -> dict:
     """What a run that nobody has seen will show: the error over the plain model's, with a probability of INSIDE."""
-    if not choice.winner.names:
-        return None
-    fall = choice.winner.on_a_new_run
+    fall = winner.on_a_new_run
     return {
         "probability_of_a_smaller_error": fall.chance,
         "error_over_plain": float(np.exp(-0.5 * (fall.low + fall.high))),
@@ -319,7 +317,7 @@ def _choice(choice: Choice) -> dict:
         "runs": names,
         "plain": entry(choice.plain) | {"verdict": "the plain model"},
         "winner": entry(choice.winner) if choice.winner.names else None,
-        "on_a_new_run": _on_a_new_run(choice),
+        "on_a_new_run": _on_a_new_run(choice.winner) if choice.winner.names else None,
         "alike": [list(e.names) for e in choice.alike],
         "race": [entry(e) for e in choice.entries],
     }

@@ -16,6 +16,8 @@ from .effect import EFFECTS, Effect
 from .frame import Frame, Place
 from .free import Free, Scales, shape, size
 
+PAST = 1024  #: samples that a late channel is behind at the most: 10 s at 100 Hz
+
 
 @EFFECTS.register("reference_lag")
 @dataclass(frozen=True, slots=True)
@@ -102,22 +104,30 @@ class ReferenceDrift(Effect):
 class ChannelDelay(Effect):
     """The displacement is logged on another clock than current and voltage: every reading of it is late (or early).
 
-    A sample alone knows nothing of what was: in a log, as all effects of the reference, it is looked for.
+    What was is remembered, as many samples as PAST; what will be is known only as far as the log goes.
     """
 
     PART = "reference"
     WORDS = "the displacement is logged late, or early, against the other channels"
     REMEDY = "Log all channels on one clock, or shift the displacement's times by the delay; the model is not at fault."
     TELL_TALE = "resistance_rate_Ohm_s"
+    STATES = 2 * PAST
     delay: float = parameter(0.0, "how late the displacement is logged", "s", -100.0, 100.0)
 
     def shown(self, frame: Frame, state: np.ndarray, place: Place) -> None:
-        """What the sensor shows: what was so long ago.  Before and after the log it stands."""
-        known = np.isfinite(frame.displacement_m)
-        if known.any():
-            time_s = frame.elapsed_s
-            was_m = np.interp(time_s - self.delay, time_s[known], frame.displacement_m[known])
-            frame.displacement_m = np.where(known, was_m, frame.displacement_m)
+        """What the sensor shows: what was so long ago.  Before and after what is known it stands."""
+        past, good = state.reshape(2, PAST), np.isfinite(frame.displacement_m)
+        now = np.stack((frame.elapsed_s[good], frame.displacement_m[good]))
+        known = np.concatenate((past[:, np.isfinite(past[0])], now), axis=1)
+        if known.size:
+            was_m = np.interp(frame.elapsed_s - self.delay, *known)
+            frame.displacement_m = np.where(good, was_m, frame.displacement_m)
+        latest = known[:, -PAST:]
+        past[:, PAST - latest.shape[1] :] = latest
+
+    def forget_the_loop(self, state: np.ndarray) -> None:
+        """Where the joint was before a pause says nothing of what is shown after it."""
+        state[:] = np.nan
 
     @classmethod
     def free(cls, scales: Scales) -> list[Free]:
