@@ -16,6 +16,7 @@ from .fatigue import EXTREMES
 from .fitting import predict
 from .identification import Identification
 from .ranges import full_cycles
+from .verdict import REGIONS
 
 
 def write_page(path: Path, result: Identification) -> None:
@@ -42,6 +43,14 @@ def write_page(path: Path, result: Identification) -> None:
         ("log", "load [N]", "working range [%]", "share of samples in it", "full range [%]"),
         [(e.name, e.load_N, e.working_percent, f"{e.working_share:.0%}", e.full_percent) for e in result.errors],
         "Mean absolute error in % of full_stroke_strain × length, on the logs that were fitted.",
+    )
+    page.table(
+        ("load [N]", *(f"{name} [%]" for name in REGIONS)),
+        [
+            ("all" if np.isnan(row["load_N"]) else row["load_N"], *(row.get(name, float("nan")) for name in REGIONS))
+            for row in (*result.verdict.loads, {"load_N": float("nan"), **result.verdict.regions})
+        ],
+        "The same, on cycles left out of the fit: what the verdict judges.",
     )
     _coefficients(page, result)
     if hasattr(model, "limits_m"):

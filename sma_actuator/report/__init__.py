@@ -86,11 +86,20 @@ class Page:
         html = template.render(
             title=self.title,
             verdict=self.verdict,
-            parts=[{**part, "zoom": _in_a_script(part.get("zoom"))} for part in self.parts],
+            parts=[{**part, "zoom": _in_a_script(part.get("zoom"))} for part in _filled(self.parts)],
             zooms=any(part.get("zoom") for part in self.parts),
             script=_safe(here.joinpath("zoom.js").read_text("utf-8")),
         )
         write_atomically(path, lambda stream: stream.write(html.encode("utf-8")))
+
+
+def _filled(parts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The parts without lists of nothing, and without headings of nothing."""
+    kept: list[dict[str, Any]] = []
+    for part in reversed([part for part in parts if part.get("lines") != []]):
+        if part["kind"] != "heading" or (kept and kept[-1]["kind"] != "heading"):
+            kept.append(part)
+    return kept[::-1]
 
 
 def _cell(value: Any) -> tuple[str, bool]:

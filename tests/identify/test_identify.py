@@ -452,6 +452,7 @@ def test_the_command_writes_a_file_that_the_node_accepts_and_a_page(flexinol, tm
     page = (tmp_path / "model.html").read_text()
     for heading in ("Coefficients against stress", "Transition curves", "Replay", "Fatigue"):
         assert heading in page
+    assert "on cycles left out of the fit" in page and "partial cycles [%]" in page
     assert "ood for control from" in page.split("<figure")[0] and "thesis" not in page
     assert "m/Ω/Pa²" in page and ">heating_slope<" not in page
     assert page.count("data:image/png") >= 6

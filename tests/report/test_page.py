@@ -87,3 +87,15 @@ def test_zooming_shows_a_part_of_the_data_with_its_own_numbers(page, tmp_path):
     assert high - low == pytest.approx(0.01 * 1.1 * 19_999, rel=0.01) and low < 1000 < high
     assert {"one", "time [s]", "a < b", "1000"} <= set(found["said"]) and found["points"] > 1000
     assert found["back"] == pytest.approx(1234.5) and found["ticks"] == pytest.approx([0, 0.2, 0.4, 0.6, 0.8, 1.0])
+
+
+def test_no_heading_stands_over_nothing(tmp_path):
+    page = Page("Title", "It is so.")
+    page.heading("over nothing")
+    page.heading("over an empty list")
+    page.lines([])
+    page.heading("over words")
+    page.text("Words.")
+    page.heading("last, over nothing")
+    page.write(tmp_path / "page.html")
+    assert re.findall("<h2>(.*?)</h2>", (tmp_path / "page.html").read_text()) == ["over words"]

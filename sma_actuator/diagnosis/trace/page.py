@@ -162,18 +162,21 @@ def _loop(page: Page, evidence: Evidence, tracing: Tracing) -> None:
 
 def _race(page: Page, tracing: Tracing) -> None:
     page.heading("The candidates' race")
+    named = tracing.verdict == "traced"
+    best = "tab:green" if named else "tab:orange"
     drawing, axes = figure(len(tracing.rounds), 1, height_in=5.0)
     for ax, round_ in zip(axes[0], tracing.rounds, strict=True):
         trials = round_.trials[:14][::-1]
         labels = [_words([n for n in t.names if n not in round_.before]) for t in trials]
         alike = {id(t) for t in round_.alternatives}
-        colours = ["tab:green" if t is round_.winner else "tab:olive" if id(t) in alike else "0.7" for t in trials]
+        colours = [best if t is round_.winner else "tab:olive" if id(t) in alike else "0.7" for t in trials]
         ax.barh(labels, [t.gain for t in trials], xerr=[t.gain_error for t in trials], color=colours)
         ax.set(
             xlabel="what it takes off a cycle that its fit has not seen [loss]",
             title=f"after {_words(round_.before)}" if round_.before else "first",
         )
-    page.figure(drawing, "Green: named. Olive: within a standard error of it. Bars: standard error over cycles.")
+    words = "Green: named" if named else "Orange: takes off most, and is not named: see the verdict"
+    page.figure(drawing, f"{words}. Olive: within a standard error of it. Bars: standard error over cycles.")
 
 
 def _why(page: Page, report: dict[str, Any]) -> None:
