@@ -74,6 +74,9 @@ setup(
             "xacro>=2.0",
             "nidaqmx>=1.0,<2",
             "labjack-ljm>=1.23,<2",
+            # Instruments that others wrote; more of them in tests/counterparts/requirements.txt.
+            "lewis>=1.4,<2",
+            "SCPI-Instrument-Control>=7.3,<8",
         ],
     },
     entry_points={

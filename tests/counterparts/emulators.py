@@ -160,20 +160,29 @@ class Labwire:
 
 
 class ScpiControl:
-    """The power supply with which ``SCPI-Instrument-Control`` tests itself; what it measures is what it was set to."""
+    """The power supply with which ``SCPI-Instrument-Control`` tests itself.  It has no load of its own: what it measures is
+    given to it, as it provides for."""
 
     def __init__(self):
         from scpi_control.connection.mock import MockConnection
 
         self._mock = MockConnection(psu_mode=True)
         self._mock.connect()
+        self._load_Ohm = 8.0
         self.port = serve(self._answer)
 
     def _answer(self, line):
-        return self._mock.query(line) if "?" in line else self._mock.write(line)
+        if "?" not in line:
+            return self._mock.write(line)
+        state = self.state
+        current_A = min(state.setting_A, state.setting_V / self._load_Ohm) if state.on else 0.0
+        self._mock.custom_responses.update(
+            {"MEAS:CURR? CH1": f"{current_A:.3f}", "MEAS:VOLT? CH1": f"{current_A * self._load_Ohm:.3f}"}
+        )
+        return self._mock.query(line)
 
     def load(self, load_Ohm):
-        """It has none."""
+        self._load_Ohm = load_Ohm
 
     @property
     def state(self):
@@ -195,7 +204,6 @@ class LewisGenesys:
         sys.path.insert(0, str(Path(__file__).parent))
         options = {"bind_address": "127.0.0.1", "port": self.port}
         simulation = SimulationFactory("lewis_devices").create("genesys", protocols={"stream": options})
-        simulation.cycle_delay = 0.002
         self._device = simulation._device
         threading.Thread(target=simulation.start, daemon=True).start()
         while not simulation.is_started:

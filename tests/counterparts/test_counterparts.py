@@ -35,6 +35,9 @@ class Counterpart:
     dialect: str  #: shipped, or a file in ``dialects``
     unknown: tuple[str, ...] = ()  #: commands of the real instrument that the emulator's author left out
     supply: dict = field(default_factory=dict)  #: more of instruments.supply
+    zero_A: float = 0.0  #: what it takes for 0 A
+    rate_Hz: float = 20.0  #: that it can be driven at
+    slow_rate_Hz: float = 5.0  #: where every answer takes 20 ms more
 
     def dialect_file(self, folder):
         """The dialect without what the emulator does not know."""
@@ -51,6 +54,16 @@ class Counterpart:
 COUNTERPARTS = {
     "instro": Counterpart("instro"),
     "rigol_dp832": Counterpart("rigol_dp800", unknown=("prepare", "lock", "unlock")),
+    "siglent_spd3303x": Counterpart("siglent_spd"),
+    "siglent_spd1168x": Counterpart("siglent_spd"),
+    "tti_pl303": Counterpart("tti_pl"),
+    "keithley_2400": Counterpart("keithley_2400"),
+    "keithley_2450": Counterpart("keithley_2450"),
+    "labwire": Counterpart("labwire", zero_A=1e-4),
+    "scpi_control": Counterpart("siglent_spd"),
+    "lewis_genesys": Counterpart(
+        "tdk_genesys", supply={"channel": 6}, rate_Hz=5.0, slow_rate_Hz=2.5
+    ),  # 20 ms an answer
 }
 
 
@@ -76,17 +89,27 @@ def emulator(running):
 
 
 @pytest.fixture
-def make_mapping(emulator, make_config, tmp_path):
+def counterpart(emulator):
+    return COUNTERPARTS[emulator.name]
+
+
+@pytest.fixture
+def make_mapping(emulator, counterpart, make_config, tmp_path):
     """The parameters of its owner."""
-    counterpart = COUNTERPARTS[emulator.name]
     supply = {
         "resource": emulator.liar.resource,
         "dialect": counterpart.dialect_file(tmp_path),
         "timeout": TIMEOUT_s,
         **counterpart.supply,
     }
-    common = {"instruments.supply": supply, "safety.reading_timeout": 1.0, "supply.watchdog_timeout": 0.0, **UNSAFE}
-    return lambda **changes: make_config(**common, **changes)
+    common = {
+        "instruments.supply": supply,
+        "loop.rate": counterpart.rate_Hz,
+        "safety.reading_timeout": 1.0,
+        "supply.watchdog_timeout": 0.0,
+        **UNSAFE,
+    }
+    return lambda **changes: make_config(**{**common, **changes})
 
 
 @pytest.fixture
@@ -115,7 +138,7 @@ def off_within(rig, promised_s):
             assert stalls.since(begun_s) < promised_s + MEASURING_s, rig.status
 
 
-def test_it_is_driven_to_a_setpoint_and_switched_off(rig):
+def test_it_is_driven_to_a_setpoint_and_switched_off(rig, counterpart):
     rig.drive()
     start_m = rig.wire.bench.truth.displacement_m
     rig.driver.offer_setpoint(0.0025)
@@ -126,7 +149,7 @@ def test_it_is_driven_to_a_setpoint_and_switched_off(rig):
     assert not rig.is_on
     assert rig.driver.stop()
     state = rig.back_door.state()
-    assert (state.on, state.setting_A) == (False, 0.0)
+    assert (state.on, state.setting_A) == (False, counterpart.zero_A)
 
 
 def test_answers_that_come_too_late_switch_it_off_and_are_said_so(rig):
@@ -140,8 +163,8 @@ def test_answers_that_come_too_late_switch_it_off_and_are_said_so(rig):
     rig.drive()
 
 
-def test_a_slow_one_is_driven_all_the_same(make_rig):
-    rig = make_rig(**{"loop.rate": 5.0})  # a read-back has four questions and those of its trips
+def test_a_slow_one_is_driven_all_the_same(make_rig, counterpart):
+    rig = make_rig(**{"loop.rate": counterpart.slow_rate_Hz})
     rig.liar.late_s = 0.02
     rig.drive()
     rig.driver.offer_setpoint(0.0025)
@@ -192,12 +215,12 @@ def program(emulator, make_mapping):
         one.stdout.close()
 
 
-def test_a_program_that_is_told_to_end_switches_it_off(emulator, program):
+def test_a_program_that_is_told_to_end_switches_it_off(emulator, program, counterpart):
     one = program()
     one.send_signal(signal.SIGTERM)
     one.wait(60.0)
     state = emulator.back_door.state()
-    assert (state.on, state.setting_A) == (False, 0.0)
+    assert (state.on, state.setting_A) == (False, counterpart.zero_A)
 
 
 def test_after_a_killed_program_the_next_ones_first_words_switch_it_off(emulator, program, make_mapping):
