@@ -33,7 +33,9 @@ class Counterpart:
     """What its owner would write into the parameter file."""
 
     dialect: str  #: shipped, or a file in ``dialects``
-    unknown: tuple[str, ...] = ()  #: commands of the real instrument that the emulator's author left out
+    unknown: tuple[
+        str, ...
+    ] = ()  #: commands of the real instrument, or lines of them, that the emulator's author left out
     supply: dict = field(default_factory=dict)  #: more of instruments.supply
     zero_A: float = 0.0  #: what it takes for 0 A
     rate_Hz: float = 20.0  #: that it can be driven at
@@ -44,8 +46,11 @@ class Counterpart:
         own = HERE / "dialects" / f"{self.dialect}.yaml"
         source = own if own.exists() else FOLDER / own.name
         document = yaml.safe_load(source.read_text())
-        for name in self.unknown:
-            del document["commands"][name]
+        for name, lines in list(document["commands"].items()):
+            if name in self.unknown:
+                del document["commands"][name]
+            elif isinstance(lines, list):
+                document["commands"][name] = [line for line in lines if line not in self.unknown]
         path = folder / own.name
         path.write_text(yaml.safe_dump(document))
         return str(path)
@@ -56,8 +61,8 @@ COUNTERPARTS = {
     "rigol_dp832": Counterpart("rigol_dp800", unknown=("prepare", "lock", "unlock")),
     "siglent_spd3303x": Counterpart("siglent_spd"),
     "siglent_spd1168x": Counterpart("siglent_spd"),
-    "tti_pl303": Counterpart("tti_pl"),
-    "keithley_2400": Counterpart("keithley_2400"),
+    "tti_pl303": Counterpart("aimtti_pl", supply={"read_termination": "lf"}),
+    "keithley_2400": Counterpart("keithley_2400", unknown=("OUTP:SMOD HIMP", "SOUR:CLE:AUTO OFF", "SENS:VOLT:RANG 20")),
     "keithley_2450": Counterpart("keithley_2450"),
     "labwire": Counterpart("labwire", zero_A=1e-4),
     "scpi_control": Counterpart("siglent_spd"),

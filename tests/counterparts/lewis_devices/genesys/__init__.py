@@ -1,5 +1,4 @@
-"""A TDK-Lambda Genesys on its serial line, after the chapter "RS232 & RS485 remote control" of its user manual
-(83-507-1): it hears nothing before its address, every command is answered by OK or by an error, lines end with CR."""
+"""A TDK-Lambda Genesys on its serial line, after chapter 7 of its technical manual (83-507-013): it hears nothing before its address, every command is answered by OK or by an error, lines end with CR."""
 
 from typing import ClassVar
 
@@ -41,6 +40,8 @@ class GenesysInterface(StreamInterface):
         Cmd("set_voltage", r"^PV ([\d.]+)$", argument_mappings=(float,)),
         Cmd("set_current", r"^PC ([\d.]+)$", argument_mappings=(float,)),
         Cmd("set_over_voltage", r"^OVP ([\d.]+)$", argument_mappings=(float,)),
+        Cmd("set_over_voltage_highest", r"^OVM$"),
+        Cmd("ignore", r"^(?:FLD|AST) OFF$|^UVL 0$"),
         Cmd("switch", r"^OUT (ON|OFF|1|0)$"),
         Cmd("voltage_setting", r"^PV\?$"),
         Cmd("current_setting", r"^PC\?$"),
@@ -48,6 +49,7 @@ class GenesysInterface(StreamInterface):
         Cmd("is_on", r"^OUT\?$"),
         Cmd("measured_voltage", r"^MV\?$"),
         Cmd("measured_current", r"^MC\?$"),
+        Cmd("everything", r"^STT\?$"),
     }
 
     def address(self, number):
@@ -58,6 +60,10 @@ class GenesysInterface(StreamInterface):
         return self._answer("LAMBDA,GEN6-100")
 
     def clear(self):
+        return self._answer("OK")
+
+    def ignore(self):
+        """Foldback, automatic restart and the lower limit are off already."""
         return self._answer("OK")
 
     def remote(self, _):
@@ -72,6 +78,16 @@ class GenesysInterface(StreamInterface):
     def set_over_voltage(self, value_V):
         too_low = value_V < 1.05 * self.device.setting_V
         return self._set("over_voltage_V", value_V, value_V <= 1.25 * RATED_V, "E04" if too_low else "")
+
+    def set_over_voltage_highest(self):
+        return self._set("over_voltage_V", 1.25 * RATED_V, True)
+
+    def everything(self):
+        device = self.device
+        return self._answer(
+            f"MV({device.voltage_V:.4f}),PV({device.setting_V:.4f}),MC({device.current_A:.3f}),PC({device.setting_A:.3f}),"
+            "SR(00),FR(00)"
+        )
 
     def switch(self, word):
         return self._set("output_on", word in (b"ON", b"1"), True)
