@@ -76,6 +76,7 @@ setup(
             "labjack-ljm>=1.23,<2",
             # Instruments that others wrote; more of them in tests/counterparts/requirements.txt.
             "lewis>=1.4,<2",
+            "pyvisa-sim>=0.7,<1",
             "SCPI-Instrument-Control>=7.3,<8",
         ],
     },

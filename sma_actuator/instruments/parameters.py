@@ -32,6 +32,10 @@ class Connection:
     """What every instrument's connection has."""
 
     serial: SerialLine = section(SerialLine, "serial line")
+    backend: str = parameter(
+        "py",
+        "VISA library, as pyvisa names it: py (pyvisa-py), ivi (one of NI, Keysight or R&S), simulated devices as file.yaml@sim",
+    )
     write_termination: str = parameter(
         "", "end of a line sent; empty: the dialect's", choices=tuple(TERMINATIONS), optional=True
     )

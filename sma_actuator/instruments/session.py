@@ -50,6 +50,9 @@ _LATE_s = 0.3
 #: How long opening may take with all its questions together, in multiples of the time for one answer.
 OPENING_ANSWERS = 10
 
+#: pyvisa-py; a socket with it is one of our own.
+OWN_BACKEND = "py"
+
 
 @dataclass(frozen=True, slots=True)
 class Manner:
@@ -60,6 +63,7 @@ class Manner:
     acknowledgement: re.Pattern[str] | None = None  #: the whole line that answers a command; None: it has no answer
     pause_s: float = 0.0  #: from the end of a command or an answer to the next command
     serial: SerialLine = field(default_factory=SerialLine)  #: where it is one
+    backend: str = OWN_BACKEND
 
     @classmethod
     def of(
@@ -75,6 +79,7 @@ class Manner:
             acknowledgement,
             connection.command_pause,
             connection.serial,
+            connection.backend,
         )
 
 
@@ -166,14 +171,14 @@ class SocketWire:
 
 
 class VisaWire:
-    """Any other resource of VISA, by pyvisa-py: VXI-11, HiSLIP, USB, GPIB, serial.
+    """Any other resource of VISA: VXI-11, HiSLIP, USB, GPIB, serial; and all of them with another backend than pyvisa-py.
 
     Each call into VISA is bounded by VISA's own time-out, which some backends take by the wall
     clock; the deadline of the whole answer is ours.  What came unasked is seen on a serial line alone.
     """
 
-    def __init__(self, resource: str, manner: Manner, deadline_s: float):
-        visa = pyvisa.ResourceManager("@py").open_resource(
+    def __init__(self, library: pyvisa.ResourceManager, resource: str, manner: Manner, deadline_s: float):
+        visa = library.open_resource(
             resource, read_termination=manner.read_termination, open_timeout=_left_ms(deadline_s)
         )
         self._visa = cast("pyvisa.resources.MessageBasedResource", visa)
@@ -193,7 +198,8 @@ class VisaWire:
         line.parity = constants.Parity[wanted.parity]
         line.stop_bits = {1: constants.StopBits.one, 2: constants.StopBits.two}[wanted.stop_bits]
         line.flow_control = constants.ControlFlow[wanted.flow_control]
-        line.flush(constants.BufferOperation.discard_read_buffer)
+        with contextlib.suppress(NotImplementedError):  # pyvisa-sim's
+            line.flush(constants.BufferOperation.discard_read_buffer)
 
     def lock(self) -> None:
         """Take VISA's exclusive lock, where the interface has one: pyvisa-py's have none but for VXI-11."""
@@ -332,6 +338,8 @@ class Session:
             )
         try:
             wire = self._connect(lock)
+        except InstrumentRefused:
+            raise
         except pyvisa.VisaIOError as error:
             if error.error_code == pyvisa.constants.StatusCode.error_resource_locked:
                 raise InstrumentRefused(
@@ -507,14 +515,14 @@ class Session:
     def _connect(self, lock: bool) -> Wire:
         by_s = self._by_s()
         name = pyvisa.rname.ResourceName.from_string(self.resource)
-        if isinstance(name, pyvisa.rname.TCPIPSocket):
+        if isinstance(name, pyvisa.rname.TCPIPSocket) and self._manner.backend == OWN_BACKEND:
             if not self._addresses:
                 port = int(name.port)
                 if not 0 < port < 65536:
                     raise OSError(f"there is no port {port}")
                 self._addresses = socket.getaddrinfo(name.host_address, port, type=socket.SOCK_STREAM)
             return SocketWire(self._addresses, by_s)
-        wire = VisaWire(self.resource, self._manner, by_s)
+        wire = VisaWire(self._library(), self.resource, self._manner, by_s)
         if lock:
             try:
                 wire.lock()
@@ -522,6 +530,16 @@ class Session:
                 wire.close()
                 raise
         return wire
+
+    def _library(self) -> pyvisa.ResourceManager:
+        backend = self._manner.backend
+        try:
+            return pyvisa.ResourceManager(backend if "@" in backend else f"@{backend}")
+        except Exception as error:  # each backend raises its own
+            raise InstrumentRefused(
+                f"instruments.{self.role}.backend: '{backend}' cannot be loaded ({_shown(str(error))}); py needs nothing more, ivi "
+                "wants the VISA library of NI, Keysight or R&S, and file.yaml@sim pyvisa-sim and that file"
+            ) from error
 
     def _send(self, line: str, by_s: float) -> None:
         data = (line + self._manner.write_termination).encode()
