@@ -31,6 +31,7 @@ HERE = Path(__file__).parent
 OWN_PYTHON = HERE.parents[1] / ".counterparts" / "bin" / "python"
 ANSWER_s = 30.0  #: for the back door, which no fault touches
 SOON_s = 60.0  #: bound of every wait; none is expected to take long
+TOLERANCE_m = 2e-4
 COLD_Ohm = 8.0  #: what hangs on the output until current has flown
 #: What none of the emulators has: their parameter files acknowledge it, as an owner's would.
 UNSAFE = {f"supply.allow_{what}": True for what in ("no_watchdog", "single_session", "no_trips")}
@@ -145,6 +146,16 @@ class Rig:
         """Have current flow; a machine that stalls may lose an instrument meanwhile."""
         self.until(lambda: self.outputs)
         self.until(self.drives)
+
+    def reach(self, position_m: float) -> None:
+        """Have the wire itself come there; enabled anew where a machine that stalls has switched it off on the way."""
+
+        def is_there() -> bool:
+            if self.drives():
+                self.driver.offer_setpoint(position_m)
+            return abs(self.wire.bench.truth.displacement_m - position_m) < TOLERANCE_m
+
+        self.until(is_there)
 
     def drives(self) -> bool:
         """Whether current flows, enabled anew where it does not."""

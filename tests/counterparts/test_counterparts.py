@@ -38,7 +38,7 @@ class Counterpart:
     ] = ()  #: commands of the real instrument, or lines of them, that the emulator's author left out
     supply: dict = field(default_factory=dict)  #: more of instruments.supply
     zero_A: float = 0.0  #: what it takes for 0 A
-    rate_Hz: float = 20.0  #: that it can be driven at
+    rate_Hz: float = 10.0  #: that it can be driven at
     slow_rate_Hz: float = 5.0  #: where every answer takes 20 ms more
 
     def dialect_file(self, folder):
@@ -67,7 +67,7 @@ COUNTERPARTS = {
     "labwire": Counterpart("labwire", zero_A=1e-4),
     "scpi_control": Counterpart("siglent_spd"),
     "lewis_genesys": Counterpart(
-        "tdk_genesys", supply={"channel": 6}, rate_Hz=5.0, slow_rate_Hz=2.5
+        "tdk_genesys", supply={"channel": 6}, rate_Hz=5.0, slow_rate_Hz=4.0
     ),  # 20 ms an answer
 }
 
@@ -146,8 +146,7 @@ def off_within(rig, promised_s):
 def test_it_is_driven_to_a_setpoint_and_switched_off(rig, counterpart):
     rig.drive()
     start_m = rig.wire.bench.truth.displacement_m
-    rig.driver.offer_setpoint(0.0025)
-    rig.until(lambda: abs(rig.wire.bench.truth.displacement_m - 0.0025) < 2e-4)
+    rig.reach(0.0025)
     assert abs(start_m - 0.0025) > 5e-4
     assert rig.status.fault == "" and rig.driver.refusals() == []
     assert rig.driver.enable(False)[0]
@@ -172,8 +171,7 @@ def test_a_slow_one_is_driven_all_the_same(make_rig, counterpart):
     rig = make_rig(**{"loop.rate": counterpart.slow_rate_Hz})
     rig.liar.late_s = 0.02
     rig.drive()
-    rig.driver.offer_setpoint(0.0025)
-    rig.until(lambda: abs(rig.wire.bench.truth.displacement_m - 0.0025) < 2e-4)
+    rig.reach(0.0025)
     assert rig.status.fault == ""
     assert rig.driver.enable(False)[0] and not rig.is_on
 
