@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import atexit
 import collections
+import concurrent.futures
 import contextlib
 import dataclasses
 import logging
@@ -37,7 +38,15 @@ from sma_actuator.base.interrupts import ending_signals
 from sma_actuator.base.jit import at_once
 from sma_actuator.base.signals import Command, Mode, Output, Reading, SupplyState
 from sma_actuator.config import Config
-from sma_actuator.instruments import Clock, Daq, InstrumentError, InstrumentUnreachable, OutputStaysOn, PowerSupply
+from sma_actuator.instruments import (
+    Clock,
+    Daq,
+    InstrumentError,
+    InstrumentUnreachable,
+    OutputStaysOn,
+    PowerSupply,
+    highest_rate_Hz,
+)
 from sma_actuator.safety.guards.program import loop_hung
 from sma_actuator.safety.timing import SETTLING_TIME_s
 
@@ -49,6 +58,10 @@ CURRENT_RESOLUTION_A = 5e-6
 NOT_ASKED = "it has not been asked yet"  #: why an instrument does not answer, before the first step
 _CALL_s = 5.0  #: how long a call waits for its turn between two steps, unless told otherwise
 _LONGEST_SLEEP_s = 0.05  #: so that a stop and a call do not wait for a slow loop's next deadline
+_CONFIRM_PERIOD_s = 0.005  #: how often it is looked whether the supply has read back that it is on
+_ASKED_STEPS = (
+    5  #: of the loop, of which the quickest says what the instruments need: a busy machine is no slow instrument
+)
 _OFF_PATIENCE_s = 0.1  #: how long off waits for its turn between two steps, before it is said beside them
 _JOIN_TIMEOUT_s = 0.3  #: what ``stop`` leaves a thread that waits for an instrument, of the second it has
 _WATCH_PERIOD_s = 0.05  #: how often the watchman looks
@@ -194,6 +207,9 @@ class Driver:
         self._hung = ""  #: what the watchman found, until the control thread goes on
         self._checked_s = -math.inf  #: when a setting of the supply was last looked at
         self._writing = threading.Lock()  #: held while the supply is told what a step has found, or off beside a step
+        self._reads_on = False  #: the supply has read back that its output is on, since it was told so
+        self._cancelled = 0  #: how often an ``enable`` that waits was told to end
+        self._asking_s: collections.deque[tuple[float, float]] = collections.deque(maxlen=_ASKED_STEPS)
         self._off_asked: Future | None = None  #: what the loop was told when off was last said beside a step
         self._cut = ""  #: why the watchman has shut the supply down, until the control thread has noted it
         self._thread: threading.Thread | None = None
@@ -243,7 +259,9 @@ class Driver:
         threading.Thread(target=self._watch, name=f"{self.name} watchman", daemon=True).start()
 
     def stop(self) -> bool:
-        """End the loop with the current at zero and the output off, within a second; whether off was read back.
+        """End the loop with the current at zero and the output off; whether off was read back.
+
+        Off is said at once; that it is confirmed takes 0.4 s and twice ``instruments.supply.timeout`` at the most.
 
         May be called from any thread but the control thread, and more than once.  A thread that
         hangs in an instrument's answer is not waited for: the supply is then shut down from here.
@@ -337,9 +355,14 @@ class Driver:
     def enable(self, on: bool, timeout_s: float = _CALL_s) -> tuple[bool, str]:
         """Switch the current on or off; whether that was done, and the sentence that says so.
 
-        Off is done when the supply has read it back, and does not wait for a DAQ that takes its time.
+        Either is done when the supply has read it back.  Off does not wait for a DAQ that takes its time, and ends an
+        ``enable`` of another thread that still waits.
         """
-        return self.call(self._enable_checked, timeout_s) if on else self._off(timeout_s)
+        return self._on(timeout_s) if on else self._off(timeout_s)
+
+    def cancel_enable(self) -> None:
+        """Have an ``enable`` that another thread waits for end at once."""
+        self._cancelled += 1
 
     def clear_fault(self, timeout_s: float = _CALL_s) -> tuple[bool, str]:
         """Clear a latched fault and the supply's own trips; the output stays off."""
@@ -482,12 +505,16 @@ class Driver:
     def _tick(self) -> Output:
         self._run_calls()
         self._reconnect()
+        began_s = self._clock.now_s()
         reading: Reading | None = self._daq.ask(self._daq_instrument.read_block)
+        read_s = self._clock.now_s()
         state: SupplyState | None = self._supply.ask(self._supply_instrument.read_back)
+        self._asking_s.append((read_s - began_s, self._clock.now_s() - read_s))
         if self._off_is_asked:  # the supply may have said what it is since then
             self._run_calls()
             state = self._supply.ask(self._supply_instrument.read_back)
         now_s = self._clock.now_s()
+        self._reads_on = state is not None and state.output_on and self._written is not None and self._written.output_on
         self._check_a_setting(now_s)
         self._report_losses(now_s)
         if now_s - self._fed_at_s > self._feed_timeout_s:
@@ -535,7 +562,7 @@ class Driver:
 
     def _switch_off(self) -> None:
         """Have the output off, and know it."""
-        self._written = None
+        self._written, self._reads_on = None, False
         self._may_flow = True
         self._supply_instrument.switch_off()
         self._written, self._may_flow = _OFF, False
@@ -591,20 +618,58 @@ class Driver:
             return False, f"not cleared: {self.output_words} ({self._supply.detail})"
         return actuator.clear_fault(now_s)
 
+    def _on(self, timeout_s: float) -> tuple[bool, str]:
+        """On, as soon as the loop has its turn, and read back as on: by its thread, where it has one."""
+        cancelled, until_s = self._cancelled, time.monotonic() + timeout_s
+        future = self.submit(self._enable_checked)
+        while not future.done() and time.monotonic() < until_s and self._cancelled == cancelled:
+            concurrent.futures.wait([future], _CONFIRM_PERIOD_s)
+        if future.cancel():
+            if self._cancelled != cancelled:
+                return False, "not enabled: it was switched off meanwhile"
+            raise TimeoutError(
+                f"{self.name}: the loop did not answer within {timeout_s:g} s: an instrument holds it up"
+            )
+        done, words = future.result(_CALL_s)
+        if not done or self._thread is None or threading.current_thread() is self._thread:
+            return done, words
+        while not self._reads_on:
+            if not self._actuator.is_driven or self._cancelled != cancelled or self._ended:
+                return False, f"not enabled: it was switched off meanwhile; {self.output_words}"
+            if time.monotonic() >= until_s:
+                return False, f"the supply was told to switch on, and has not read that back within {timeout_s:g} s"
+            time.sleep(_CONFIRM_PERIOD_s)
+        return done, words
+
+    def _rate_refusal(self) -> str:
+        """Why the loop's rate cannot be met, by the quickest of the last steps; "" where it can."""
+        if len(self._asking_s) < _ASKED_STEPS or not all(link.answers for link in self._links):
+            return ""
+        daq_s, supply_s = min(self._asking_s, key=sum)
+        if daq_s + supply_s <= self._period_s:
+            return ""
+        return (
+            f"a step takes the instruments {daq_s + supply_s:.3g} s (supply {supply_s:.3g} s, DAQ {daq_s:.3g} s), so loop.rate can "
+            f"be {highest_rate_Hz(daq_s + supply_s):.2g} Hz at the most; it is {self._config.loop.rate:g} Hz"
+        )
+
     def _enable_checked(self, actuator: Actuator, now_s: float) -> tuple[bool, str]:
+        if not actuator.is_driven and (refusal := self._rate_refusal()):
+            return False, f"not enabled: {refusal}"
         self._supply.ask(self._supply_instrument.check_settings)
         self._report_losses(now_s)
         return actuator.enable(now_s, True)
 
     def _off(self, timeout_s: float) -> tuple[bool, str]:
         """Off between two steps, or beside one that lasts: then the loop takes it over as soon as it goes on."""
+        self.cancel_enable()
         future = self.submit(self._disable)
         with contextlib.suppress(TimeoutError):
             return future.result(min(timeout_s, _OFF_PATIENCE_s))
         until_s = time.monotonic() + timeout_s - _OFF_PATIENCE_s
         if self._writing.acquire(timeout=max(until_s - time.monotonic(), 0.0)):  # not while the loop says "on"
             try:
-                self._off_asked, self._written = future, None
+                self._off_asked, self._written, self._reads_on = future, None, False
                 self._supply_instrument.switch_off()
                 self._may_flow = False
             except InstrumentError:

@@ -57,7 +57,8 @@ class PowerSupply(Protocol):
 
     Off is said first and last on every connection, without a question: before ``open`` asks who answers, and
     before a connection is given up.  Every method returns or raises within the time of one answer,
-    ``instruments.supply.timeout``; ``open`` within ten of them, ``shut_down`` within half a second.
+    ``instruments.supply.timeout``, and a pause between commands; but ``check_settings``, one for each question, ``open``, thirty,
+    and ``shut_down``, two and a tenth of a second.
     Not thread-safe, but for ``shut_down``: one owner.
     """
 
@@ -126,6 +127,15 @@ class Clock(Protocol):
 
     def sleep_until_s(self, deadline_s: float) -> None:
         """Return at ``deadline_s`` or, when it has passed, at once."""
+
+
+#: Of a period, what is left to instruments: the rest is for a step's own work and for what the computer does besides.
+INSTRUMENTS_SHARE = 0.9
+
+
+def highest_rate_Hz(step_s: float) -> float:
+    """The loop's rate that instruments allow which take ``step_s`` to be asked once."""
+    return INSTRUMENTS_SHARE / step_s
 
 
 def open_supply(config: InstrumentSections) -> PowerSupply:

@@ -47,8 +47,9 @@ _PIECE = 1 << 16
 LAST_WORDS_s = 0.05
 #: How long is waited for an identity behind lines that are none: of an instrument that answers commands.
 _LATE_s = 0.3
-#: How long opening may take with all its questions together, in multiples of the time for one answer.
-OPENING_ANSWERS = 10
+#: How long opening may take with all its lines together, in multiples of the time for one answer: a slow instrument
+#: takes its time for each, and there are up to thirty.
+OPENING_ANSWERS = 30
 
 #: pyvisa-py; a socket with it is one of our own.
 OWN_BACKEND = "py"
@@ -292,6 +293,8 @@ class Session:
         self.off_lines = tuple(off_lines)
         self._addresses: list[tuple] = []  #: asked for once: a name server may be slower than any instrument
         self._deadline_s = math.inf
+        self._answers = 0  #: that have come since a block with a deadline of its own began
+        self._began_s = math.nan
         self._begin(None)
 
     @property
@@ -319,12 +322,13 @@ class Session:
     def within(self, timeout_s: float | None = None) -> Iterator[None]:
         """Whatever is said and asked in this block is complete in this time, that of one answer if not given."""
         with self.lock:
-            before_s = self._deadline_s
-            self._deadline_s = min(before_s, time.monotonic() + (self._timeout_s if timeout_s is None else timeout_s))
+            before_s, answers, began_s = self._deadline_s, self._answers, self._began_s
+            self._answers, self._began_s = 0, time.monotonic()
+            self._deadline_s = min(before_s, self._began_s + (self._timeout_s if timeout_s is None else timeout_s))
             try:
                 yield
             finally:
-                self._deadline_s = before_s
+                self._deadline_s, self._answers, self._began_s = before_s, answers, began_s
 
     def open(self, lock: bool = False) -> None:
         """Connect and say off; with ``lock``, under VISA's exclusive lock where the resource class has one.
@@ -435,6 +439,7 @@ class Session:
             except ValueError:
                 raise self.garbled(line, text) from None
             self._answered = True
+            self._answers += 1
             self._told.clear()
         return value
 
@@ -635,6 +640,12 @@ class Session:
             return action(wire)
         except TimeoutError as error:
             begun = f": {error}" if str(error) else ""
+            if self._answers and math.isfinite(self._deadline_s):
+                took_s = time.monotonic() - self._began_s
+                begun += (
+                    f"; with the {self._answers} answers before it that took {took_s:.2g} s, and instruments.{self.role}.timeout is "
+                    "the time for all of them together"
+                )
             if not self._answered and self.resource.upper().startswith("ASRL"):
                 begun += f"; is instruments.{self.role}.serial.baud_rate, {self._manner.serial.baud_rate}, right?"
             raise self.give_up(f"no complete answer to {what} within {self._timeout_s:g} s{begun}") from error

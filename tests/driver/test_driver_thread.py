@@ -186,7 +186,8 @@ def test_off_is_not_said_between_the_words_that_switch_on(make_driver):
     driver.start()
     outputs.wait_for(lambda output: output.reading is not None)
     supply.holds = threading.Event()
-    assert driver.enable(True)[0]
+    enabling = threading.Thread(target=driver.enable, args=(True, SOON_s), daemon=True)
+    enabling.start()
     assert supply.holds.wait(SOON_s)  # the loop is about to say "on"
     assert driver.enable(False, timeout_s=0.05) == (
         False,
@@ -212,6 +213,8 @@ def test_off_is_not_said_between_the_words_that_switch_on(make_driver):
     supply.told.set()
     assert answers.get(timeout=SOON_s)[0]
     assert not supply.output_on
+    enabling.join(SOON_s)
+    assert not enabling.is_alive()
     outputs.wait_for(lambda output: not output.command.output_on)
     assert not supply.output_on
 

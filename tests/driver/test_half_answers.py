@@ -276,14 +276,14 @@ class TestHang:
 
     def hang_in_the_supply(self, rig):
         session = rig.driver._supply_instrument._session
-        ask = session.ask
+        ask_for = session.ask_for
 
-        def hang_with_the_lock(line):
+        def hang_with_the_lock(line, read):
             with session.lock:
                 rig.hang()
-                return ask(line)
+                return ask_for(line, read)
 
-        session.ask = hang_with_the_lock
+        session.ask_for = hang_with_the_lock
 
     @pytest.mark.parametrize("where", ["recorder", "supply"])
     def test_the_watchman_cuts_the_supply_and_the_status_says_so(self, hung, where):

@@ -3,7 +3,7 @@
 import pytest
 
 from sma_actuator.config import Config
-from sma_actuator.instruments import open_supply, supply
+from sma_actuator.instruments import open_supply
 
 
 @pytest.fixture(scope="session")
@@ -18,13 +18,6 @@ def make_config(make_config):
         return mapping
 
     return make
-
-
-@pytest.fixture(autouse=True)
-def confirmed_slowly(monkeypatch):
-    """Nor is half a second enough on a busy machine for an instrument that would confirm."""
-    for name in ("_CONFIRM_s", "_CONFIRM_BESIDE_s"):
-        monkeypatch.setattr(supply, name, 10.0)
 
 
 @pytest.fixture
