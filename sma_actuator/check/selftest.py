@@ -18,9 +18,10 @@ from sma_actuator.base.signals import Reading
 from sma_actuator.config import BenchConfig
 from sma_actuator.estimation.calibration import through
 from sma_actuator.estimation.circuit import signals_from_reading
-from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
+from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply, highest_rate_Hz
 
 BLOCKS = 20  #: read for each mean
+STEPS = 10  #: of the loop, of which the median says what the instruments take
 SETTLING_s = 0.4  #: after a change of the current
 MORE_CURRENT = 2.0  #: times the bias, for a moment, to tell a zero error from a resistance
 #: The current may be off by this share of the bias, a voltage by this share of what the wire should show.
@@ -223,6 +224,28 @@ class SelfTest:
         else:
             self._say("rate", f"a new block every {period_s * 1e3:.3g} ms")
 
+    def _step(self) -> None:
+        """What one step of the loop takes both instruments, with current: the highest rate that they allow."""
+        clock, times_s = self._clock, []
+        for _ in range(STEPS):
+            began_s = clock.now_s()
+            self._daq.read_block()
+            read_s = clock.now_s()
+            self._supply.read_back()
+            times_s.append((clock.now_s() - read_s, read_s - began_s))
+        supply_s, daq_s = (float(np.median(column)) for column in zip(*times_s, strict=True))
+        both_s, rate_Hz = supply_s + daq_s, self._config.loop.rate
+        if both_s == 0.0:
+            return  # instruments in this process
+        sentence = (
+            f"a step takes the supply {supply_s * 1e3:.3g} ms and the DAQ {daq_s * 1e3:.3g} ms, so loop.rate can be "
+            f"{highest_rate_Hz(both_s):.3g} Hz at the most; it is {rate_Hz:g} Hz"
+        )
+        if both_s > 1.0 / rate_Hz:
+            self._wrong("rate", sentence)
+        else:
+            self._say("rate", sentence, Level.OK if rate_Hz <= highest_rate_Hz(both_s) else Level.WARNING)
+
     def _load(self, values: dict[str, np.ndarray]) -> None:
         cell, wire = self._config.load_cell, self._config.wire
         self._load_N = math.nan
@@ -262,6 +285,7 @@ class SelfTest:
         self._supply.set_output(True)
         self._wait(SETTLING_s)
         values, state = self._read(), self._supply.read_back()
+        self._step()
         if state.tripped:
             self._end("bias", f"the supply's protection tripped at the bias current ({state.tripped})")
         for name in ("supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V"):

@@ -84,6 +84,7 @@ from .trajectories import trajectory_of
 from .words import ERROR, INFO, WARNING, Events, Refusals
 
 CALL_TIMEOUT_s = 0.6  #: a service waits no longer for the control thread
+ENABLE_TIMEOUT_s = 5.0  #: but ``~/enable`` waits for a supply of any speed to confirm it; off of any kind ends that
 SELF_TEST_END_s = 2.0  #: a self-test that is to end has done so by then, instruments that answer given
 FEED_PERIOD_s = 0.3
 FEED_TIMEOUT_s = 0.9  #: silence of the ROS thread after which the driver switches the wire off
@@ -283,7 +284,7 @@ class SmaActuatorNode(LifecycleNode):
             response.success, response.message = False, "not enabled: a self-test runs; ~/enable false ends it"
             return response
         with self._arming:
-            return self._answer(response, lambda driver: driver.enable(True, timeout_s=CALL_TIMEOUT_s))
+            return self._answer(response, lambda driver: driver.enable(True, timeout_s=ENABLE_TIMEOUT_s))
 
     def switch_on(self) -> tuple[bool, str]:
         """Output on; whether that was done, and the sentence that says so."""
@@ -309,6 +310,8 @@ class SmaActuatorNode(LifecycleNode):
 
     def _on_self_test(self, _: SelfTestService.Request, response: SelfTestService.Response) -> Any:
         """Test the instruments with a little current, in the ROS thread; the driver gives them up meanwhile."""
+        if self._driver is not None:
+            self._driver.cancel_enable()
         with self._arming:  # so that nothing goes on that was asked for before
             refusal = self._refuses_self_test()
             if not refusal:
@@ -694,6 +697,8 @@ class SmaActuatorNode(LifecycleNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Output off; the loop goes on measuring."""
         self._preempt("the node is deactivated")
+        if self._driver is not None:
+            self._driver.cancel_enable()
         with self._arming:  # so that nothing goes on that was asked for before
             self._active = False
         driver = self._driver

@@ -2,7 +2,8 @@
 
 ``~/enable`` and ``~/stop`` of every node of a process are served by one more node, in a context of its own: another
 DDS participant with its own ports, another thread.  A flood of setpoints fills the buffers of the participant it is
-sent to, and DDS offers a request lost there again only after seconds; here it comes through.
+sent to, and DDS offers a request lost there again only after seconds; here it comes through.  ``~/stop`` has a node and a
+thread to itself: ``~/enable`` is answered when the supply has confirmed it, which a slow one takes seconds for.
 """
 
 from __future__ import annotations
@@ -51,23 +52,32 @@ class Switch:
         self._context = rclpy.Context()
         rclpy.init(args=arguments, context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         first = nodes[0]
-        node = rclpy.create_node(
-            f"{first.get_name()}_switch",
-            namespace=first.get_namespace(),
-            context=self._context,
-            use_global_arguments=False,  # a remapping of the node's name is not meant for this one
-            start_parameter_services=False,
-            enable_rosout=False,
+        switch, stop = (
+            rclpy.create_node(
+                f"{first.get_name()}_{what}",
+                namespace=first.get_namespace(),
+                context=self._context,
+                use_global_arguments=False,  # a remapping of the node's name is not meant for this one
+                start_parameter_services=False,
+                enable_rosout=False,
+            )
+            for what in ("switch", "stop")
         )
         for wire in nodes:
-            node.create_service(SetBool, wire.resolve_service_name("~/enable"), wire.on_enable)
-            node.create_service(Trigger, wire.resolve_service_name("~/stop"), self._on_stop)
-        refuse_what_raises(node, first.report)
-        self._thread = threading.Thread(
-            target=spin, args=(node, lambda error: first.report(f"{type(error).__name__}: {error}")), daemon=True
-        )
-        self._thread.name = node.get_name()
-        self._thread.start()
+            switch.create_service(SetBool, wire.resolve_service_name("~/enable"), wire.on_enable)
+            stop.create_service(Trigger, wire.resolve_service_name("~/stop"), self._on_stop)
+        self._threads = [
+            threading.Thread(
+                target=spin,
+                args=(node, lambda error: first.report(f"{type(error).__name__}: {error}")),
+                daemon=True,
+                name=node.get_name(),
+            )
+            for node in (switch, stop)
+        ]
+        for node, thread in zip((switch, stop), self._threads, strict=True):
+            refuse_what_raises(node, first.report)
+            thread.start()
 
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Any:
         """All wires of the process off; the answer says of each what became of it."""
@@ -79,4 +89,5 @@ class Switch:
     def close(self) -> None:
         """Leave the ROS graph."""
         rclpy.try_shutdown(context=self._context)
-        self._thread.join(1.0)
+        for thread in self._threads:
+            thread.join(1.0)

@@ -184,3 +184,14 @@ def test_a_scale_never_lifts_a_current_over_its_limit(make_config, tmp_path):
     supply._session.tell = lambda *lines: told.extend(lines)
     supply.set_current(0.3996)
     assert told == ["CURR 399"]
+
+
+def test_a_read_back_that_takes_too_long_blames_all_its_answers(tmp_path, supply_of, quiet):
+    _, line = quiet
+    supply = supply_of(line, dialect(tmp_path), **{"instruments.supply.timeout": 0.5})
+    supply.open()
+    line.slow_s = 0.2
+    with pytest.raises(
+        InstrumentLost, match=r"; with the \d answers? before it that took .* instruments.supply.timeout is the"
+    ):
+        supply.read_back()

@@ -14,7 +14,7 @@ from processes import wait_until
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 POLICY = Path(__file__).resolve().parents[2] / "config" / "sros2_policy.xml"
-NODES = ("sma_actuator", "sma_actuator_switch")
+NODES = ("sma_actuator", "sma_actuator_switch", "sma_actuator_stop")
 
 
 def allowed(enclave, kind, how):

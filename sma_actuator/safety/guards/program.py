@@ -87,7 +87,7 @@ def clock_jump(step: Step) -> str:
 
 @guard(
     words="the control loop overruns",
-    remedy="Lower loop.rate, or take other work off this computer",
+    remedy="Lower loop.rate, or take other work off this computer; `sma-actuator check` says which rate the instruments allow",
     detector="loop.overruns_to_fault steps running, each later than 1.5 periods of loop.rate after the one before",
     within=parameter_value("loop.overruns_to_fault") * READING_TIMEOUT,
     action=Action.OFF,
