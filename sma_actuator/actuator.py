@@ -34,6 +34,7 @@ from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.control.tuning import Sample, Surroundings, Tuning, words_of
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain
 from sma_actuator.estimation.circuit import is_driven, signals_from_reading, without_undriven
+from sma_actuator.estimation.ends import Ends
 from sma_actuator.estimation.health import ModelHealth
 from sma_actuator.estimation.uncertainty import Uncertainty
 from sma_actuator.safety.faults import FAULTS, gravest
@@ -79,6 +80,8 @@ class Actuator:
         require_calibrated(config)
         self._config = config
         self._chain = Chain(config)
+        self._ends = Ends(config, self._chain.displacement_range_m, self._chain.knows_the_ends)
+        self._beyond = ""  #: which end the setpoint is held at
         self._uncertainty = Uncertainty(config.model.build(config.wire), config.calibration)
         self._controller = config.controller.build(config)
         self._sensing = self._controller if isinstance(self._controller, SensingLaw) else None
@@ -505,7 +508,7 @@ class Actuator:
 
     def _sense(self, reading: Reading) -> None:
         """Signals and estimate of a usable reading."""
-        config = self._config
+        config, before_s = self._config, self._reading_s
         self._reading_s = reading.time_s
         calibrated = without_undriven(signals_from_reading(reading, config, self._tare_N), config.supply.bias_current)
         self._signals, estimate = self._chain.step(calibrated)
@@ -514,6 +517,7 @@ class Actuator:
             self._sensing.sense(self._signals, self._estimate)
         if self._health.step(self._signals, self._estimate):
             self._changes.append(f"model health: {self._health.verdict.words}")
+        self._ends.step(self._signals.stress_Pa, reading.time_s - before_s)
         self._loads_N.append(self._signals.load_N + self._tare_N)
         self._power_W = 0.0
         if is_driven(calibrated.current_A, config.supply.bias_current):
@@ -525,10 +529,11 @@ class Actuator:
         """What the controller is to reach [m], inside the working range."""
         setpoint_m = self._commanding.position_m(now_s) if self._tuning is None else self._tuning.setpoint_m
         if self._commanding.mode is Mode.TRACKING:
-            lo_m, hi_m = self._chain.displacement_range_m
-            if not lo_m <= setpoint_m <= hi_m:
+            short_m, long_m = self._range_m()
+            if not short_m <= setpoint_m <= long_m:
                 limits.add(SETPOINT_RANGE)
-                setpoint_m = min(max(setpoint_m, lo_m), hi_m)
+                self._beyond = "short" if setpoint_m < short_m else "long"
+                setpoint_m = min(max(setpoint_m, short_m), long_m)
         setpoint_m = max(setpoint_m, self._supervisor.stress_floor_m)
         told_A, most_A = self._told.current_A, self._config.supply.max_current
         self._reach.step(
@@ -547,6 +552,10 @@ class Actuator:
             if vain:
                 self._supervisor.latch(no_motion, vain)
         return max(setpoint_m, self._reach.floor_m)
+
+    def _range_m(self) -> tuple[float, float]:
+        """Shortest and longest displacement that can be held at the present load and limits [m]."""
+        return self._ends.range_m(self._supervisor.most_rise_K(), self._supervisor.heat.ambient.temperature_C)
 
     def _needed_heat(self) -> Needed | None:
         """What heat the wire takes to be where it seems to be; None where the calibration does not say."""
@@ -641,6 +650,13 @@ class Actuator:
     def _words_of(self, latched: Fault) -> str:
         return f"{latched.words} ({self._supervisor.detail})"
 
+    def _words_of_limit(self, limit: Limit) -> str:
+        if limit is not SETPOINT_RANGE:
+            return limit.words
+        short_m, long_m = self._range_m()
+        end_m = short_m if self._beyond == "short" else long_m
+        return f"{limit.words} (at its {self._beyond} end, {end_m * 1e3:.3f} mm)"
+
     def _limited_setpoint_m(self) -> float:
         """How far the setpoint is followed by now; NaN before the controller has begun, and where it has no position."""
         if self._commanding.anew or not self._commanding.wants_position:
@@ -665,7 +681,8 @@ class Actuator:
             words = f"{words}: {fault.words} ({faults[fault]})"
         shown = tuple(limit for limit in LIMITS.values() if limit in limits)
         if fault is None and shown:
-            words = f"{words}: {', '.join(limit.words for limit in shown)}"
+            words = f"{words}: {', '.join(self._words_of_limit(limit) for limit in shown)}"
+        short_m, long_m = self._range_m()
         signals, estimate = self._signals, self._estimate
         # With the mode "off" no position is said, though the last reading may be of before the output went off:
         # this status stands for a while, and the wire moves.
@@ -687,6 +704,8 @@ class Actuator:
                 "temperature_at_most_C": supervisor.heat.at_most_C,
                 "current_limit_A": supervisor.limit_A(),
                 "limited_setpoint_m": self._limited_setpoint_m(),
+                "shortest_m": short_m,
+                "longest_m": long_m,
                 "branch": estimate.branch.name.lower(),
                 "quality": estimate.quality.name.lower(),
                 "joint_commands": self._joint_command_words(),

@@ -235,6 +235,11 @@ class Chain:
         """The model's working range [m]."""
         return self._model.displacement_range_m
 
+    @property
+    def knows_the_ends(self) -> bool:
+        """Whether the model follows the wire to both ends of its stroke at any load."""
+        return self._thermal is not None
+
     def begin_session(self) -> None:
         """Forget everything: the next sample is the first of a session."""
         self._start_s = nan

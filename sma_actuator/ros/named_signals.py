@@ -8,7 +8,14 @@ from sma_actuator.base.signals import Output, Quality
 from sma_actuator.logs.recorder import recorded_row
 
 #: Of the status, which holds them already.
-_OF_STATUS = ("temperature_C", "temperature_at_most_C", "current_limit_A", "limited_setpoint_m")
+_OF_STATUS = (
+    "temperature_C",
+    "temperature_at_most_C",
+    "current_limit_A",
+    "limited_setpoint_m",
+    "shortest_m",
+    "longest_m",
+)
 
 
 def named_signals(output: Output) -> dict[str, float]:

@@ -19,9 +19,11 @@ from .timing import ONE_STEP, TWO_STEPS
 
 SETPOINT_RANGE = Limit(
     "setpoint_range",
-    "setpoint clipped to the working range",
-    "Ask for positions inside model.displacement_range",
-    "setpoint outside the model's displacement range",
+    "setpoint held at the end of what can be reached now",
+    "Ask for positions between shortest_m and longest_m of the status, or change the load",
+    "setpoint shorter or longer than the wire can be held at its present load: the ends of the calibration at this stress, inside "
+    "model.displacement_range for the thesis's models; no shorter than the heat reaches that supply.max_current holds (without a "
+    "watchdog: thermal.heat_loss_margin). Without a calibration: model.displacement_range",
     ONE_STEP,
 )
 SETPOINT_RATE = Limit(

@@ -118,6 +118,14 @@ class Supervisor:
         """Highest current that temperature and stress leave [A], from the bias to ``supply.max_current``."""
         return min(self._derated_A(), self._stress_cap_A)
 
+    def most_rise_K(self) -> float:
+        """How far above its surroundings the wire can be held for long, by the parameters' heat balance [K]."""
+        supply, thermal = self.config.supply, self.config.thermal
+        held_K = supply.max_current**2 * self._resistance_Ohm / thermal.heat_loss
+        if supply.watchdog_timeout > 0.0:
+            return held_K
+        return min(held_K, self.heat.power_limit_W(inf, thermal) / thermal.heat_loss) if not self.heat.cools else held_K
+
     def _derated_A(self) -> float:
         """Highest current that the heat leaves [A]: what may flow on, if nobody looks any more, until the supply's
         watchdog cuts it; for ever, where there is none."""

@@ -88,6 +88,8 @@ def test_a_position_that_is_not_reached_is_said_and_the_wire_is_held(bench, caps
     _enable(capsys)
     assert main(["move", "-0.05", *NODE, "--within", "1.5", "-q"]) == 1
     said = capsys.readouterr()
+    assert "-50.000 mm is beyond what the wire reaches at this load" in said.err
+    assert "held at its short end" in said.err
     assert "not there within 1.5 s; position" in said.err and said.out == ""
     _status(capsys, mode="hold", fault="")
     assert main(["stop", *NODE]) == 0

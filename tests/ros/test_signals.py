@@ -22,6 +22,8 @@ from sma_msgs_py import setpoint_message, signals_from
 
 MADE_OF_IT = {
     "limited_setpoint_m",
+    "shortest_m",
+    "longest_m",
     "error_m",
     "resistance_Ohm",
     "stress_Pa",

@@ -5,8 +5,11 @@ import math
 from dataclasses import replace
 
 import pytest
+from rig import Rig
 
+from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Mode
+from sma_actuator.config import read_parameter_file
 from sma_actuator.plant.loads import Spring, Weight
 from sma_actuator.safety import supervisor as supervisor_module
 from sma_actuator.safety.guards.program import command_invalid
@@ -37,6 +40,32 @@ def test_a_setpoint_outside_the_working_range_is_clipped_to_it(make_rig):
         assert shown(rig, SETPOINT_RANGE)
     rig.track(0.5 * (lo_m + hi_m))
     assert not shown(rig, SETPOINT_RANGE)
+
+
+def test_beyond_an_end_at_the_present_load_it_is_held_there_and_nothing_winds_up():
+    """A working range is one for all loads: at 0.5 N the wire does not stretch as far as this one says."""
+    mapping = read_parameter_file(shared_file("config/furukawa.yaml"))
+    mapping["model"]["displacement_range"] = [mapping["model"]["displacement_range"][0], 1.8e-3]
+    rig = Rig(mapping, "furukawa", Weight(0.5))
+    rig.run(5.0)
+    rig.enable()
+    _, most_m = rig.config.model.displacement_range
+    longest_m = rig.status.values["longest_m"]
+    assert longest_m < most_m - 0.3e-3
+    rig.track(most_m)
+    rig.run(10.0)
+    assert shown(rig, SETPOINT_RANGE)
+    assert f"at its long end, {longest_m * 1e3:.2f}" in rig.status.message
+    assert rig.output.setpoint_m == pytest.approx(longest_m, abs=5e-6)
+    assert rig.bench.truth.displacement_m == pytest.approx(longest_m, abs=0.05e-3)
+    shortest_m = rig.status.values["shortest_m"]
+    rig.track(shortest_m - 1e-3)
+    rig.run(10.0)
+    assert "at its short end" in rig.status.message
+    rig.track(0.5 * (shortest_m + longest_m))
+    rig.run(4.0)
+    assert not shown(rig, SETPOINT_RANGE)
+    assert rig.output.estimate.displacement_m == pytest.approx(0.5 * (shortest_m + longest_m), abs=0.08e-3)
 
 
 def test_a_setpoint_that_leaps_is_followed_at_its_rate_limit(make_rig):

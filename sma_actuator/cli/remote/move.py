@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 import time
 from dataclasses import dataclass
 from typing import Any
@@ -78,6 +79,8 @@ def run(args) -> int:
         if status.mode is Mode.OFF:
             raise UserError(client.words(f"{client.full_name}: {status.message}; switch it on first: ~/enable"))
         motion = _of_joint(client, args) if is_joint(status) else _of_wire(client, args)
+        if not is_joint(status) and (beyond := beyond_words(motion.asked, status)):
+            print(f"{client.full_name}: {beyond}", file=sys.stderr, flush=True)
         client.advertise(motion.topic, type(motion.message))
         client.advertise("joint_trajectory", JointTrajectory)
         try:
@@ -100,6 +103,18 @@ class _Motion:
     message: Any
     asked: float
     near: float
+
+
+def beyond_words(asked_m: float, status: Status) -> str:
+    """A sentence where a position is beyond what the wire can reach now, or ""."""
+    short_m, long_m = status.values.get("shortest_m"), status.values.get("longest_m")
+    if not (isinstance(short_m, float) and isinstance(long_m, float)) or not (asked_m < short_m or asked_m > long_m):
+        return ""
+    which, end_m = ("short", short_m) if asked_m < short_m else ("long", long_m)
+    return (
+        f"{asked_m * 1e3:.3f} mm is beyond what the wire reaches at this load, {short_m * 1e3:.3f} to {long_m * 1e3:.3f} mm; it "
+        f"is held at its {which} end, {end_m * 1e3:.3f} mm"
+    )
 
 
 def _of_wire(client: NodeClient, args) -> _Motion:

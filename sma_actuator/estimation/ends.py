@@ -1,0 +1,91 @@
+"""Between which displacements a wire can be held at the load that it carries, by its calibration.
+
+A model's working range is one for all loads of its calibration; at one of them a wire goes less far, or further.
+"""
+
+from __future__ import annotations
+
+from math import exp, inf, isfinite, nan
+from typing import Protocol
+
+import numpy as np
+
+from .calibration import Calibration, through
+
+#: Time over which the stress is averaged: a load cell's noise does not move an end.
+SMOOTH_s = 0.5
+_PLACES = 41  #: stresses at which the ends are worked out beforehand; between them they are straight
+_BEYOND = 0.25  #: share of the calibration's range of stress that they go on for at either end
+
+
+class EndsSections(Protocol):
+    """The parameters that tell where the ends are."""
+
+    @property
+    def calibration(self) -> Calibration:
+        """What the model's own logs looked like."""
+
+
+class Ends:
+    """The ends of one wire at the load that it carries.
+
+    ``range_m``: the model's working range; ``whole``: the model follows the wire to both ends of its stroke, at any load.
+    """
+
+    def __init__(self, sections: EndsSections, range_m: tuple[float, float], whole: bool):
+        calibration = sections.calibration
+        self._calibration, self._range_m, self._whole = calibration, range_m, whole
+        self.known = bool(calibration.contracted_stress and calibration.cold_stress)
+        self._stress_Pa = nan
+        if self.known:
+            stresses_Pa = (*calibration.contracted_stress, *calibration.cold_stress)
+            low_Pa, high_Pa = min(stresses_Pa), max(stresses_Pa)
+            beyond_Pa = _BEYOND * (high_Pa - low_Pa)
+            self._at_Pa = np.unique((*np.linspace(low_Pa - beyond_Pa, high_Pa + beyond_Pa, _PLACES), *stresses_Pa))
+            self._short_m, self._long_m = (
+                through(nodes, values, self._at_Pa)
+                for nodes, values in (
+                    (calibration.contracted_stress, calibration.contracted_displacement),
+                    (calibration.cold_stress, calibration.cold_displacement),
+                )
+            )
+
+    def step(self, stress_Pa: float, dt_s: float) -> None:
+        """Take note of a stress, NaN where there is none."""
+        if not isfinite(stress_Pa):
+            return
+        if not isfinite(self._stress_Pa):
+            self._stress_Pa = stress_Pa
+        elif 0.0 <= dt_s < inf:
+            self._stress_Pa += (1.0 - exp(-dt_s / SMOOTH_s)) * (stress_Pa - self._stress_Pa)
+
+    def range_m(self, most_rise_K: float, ambient_C: float) -> tuple[float, float]:
+        """Shortest and longest displacement that can be held now, in a wire that may be held ``most_rise_K`` above its
+        surroundings; the model's working range where nobody knows more."""
+        low_m, high_m = self._range_m
+        if not (self.known and isfinite(self._stress_Pa)):
+            return low_m, high_m
+        short_m, long_m = (float(np.interp(self._stress_Pa, self._at_Pa, end)) for end in (self._short_m, self._long_m))
+        if not short_m < long_m:
+            return low_m, high_m
+        share = self._share_held(most_rise_K, ambient_C)
+        short_m += share * (long_m - short_m)
+        if not self._whole:
+            short_m, long_m = max(short_m, low_m), min(long_m, high_m)
+        return (short_m, long_m) if short_m < long_m else (low_m, high_m)
+
+    def _share_held(self, most_rise_K: float, ambient_C: float) -> float:
+        """The least share of the stroke that so much heat holds, 0 where it is enough, or where nobody knows."""
+        heating_C = self._calibration.transformation_heating
+        if not (heating_C and self._calibration.transformation_shift):
+            return 0.0
+        shifted_K = self._calibration.transformation_shift[1] * self._stress_Pa
+        away_K = np.asarray(heating_C) + shifted_K - ambient_C - most_rise_K
+        enough = np.flatnonzero(away_K <= 0.0)
+        if not len(enough):
+            return 1.0
+        first = int(enough[0])
+        if first == 0:
+            return 0.0
+        between = away_K[first - 1] / (away_K[first - 1] - away_K[first])
+        return float((first - 1 + between) / (len(heating_C) - 1))
