@@ -10,8 +10,10 @@ from pathlib import Path
 from rich.table import Table
 
 from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, write_csv, write_json
+from sma_actuator.logs.files import write_atomically
 from sma_actuator.logs.fitness import Finding, judge
-from sma_actuator.logs.reading import add_log_arguments, read_logs, reading_of
+from sma_actuator.logs.mapping import ColumnMap
+from sma_actuator.logs.reading import add_log_arguments, one_map, read_logs, reading_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,14 +22,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "logs", nargs="+", type=Path, metavar="LOG", help="all logs of one wire: files, folders, patterns"
     )
     parser.add_argument("--length", type=float, default=math.nan, metavar="M", help="length of the wire [m], if known")
+    parser.add_argument(
+        "--write-map",
+        type=Path,
+        metavar="MAP.yaml",
+        help="write which column was taken for which and in what unit, for --map-file of the other commands",
+    )
     add_log_arguments(parser)
     add_output_arguments(parser, "the findings", "the findings")
 
 
 def run(args: argparse.Namespace) -> int:
     """Say what the logs have and lack; 0 when they are fit."""
-    refuse_to_overwrite(args)
-    findings = judge(read_logs(args.logs, reading_of(args), notes(args).print), args.length)
+    refuse_to_overwrite(args, args.write_map)
+    found: list[ColumnMap] = []
+    findings = judge(read_logs(args.logs, reading_of(args), notes(args).print, found=found), args.length)
     table = Table(title="What was asked, and what is there")
     for header in ("", "asked", "found"):
         table.add_column(header)
@@ -39,6 +48,12 @@ def run(args: argparse.Namespace) -> int:
     for f in findings:
         if not f.met:
             out.print(f"- {f.requirement}: {f.remedy}.")
+    if args.write_map and found:
+        text = one_map(found).as_text()
+        write_atomically(args.write_map, lambda stream: stream.write(text.encode()))
+        notes(args).print(
+            f"wrote {args.write_map}: give it to identify, replay or trace with --map-file {args.write_map}"
+        )
     rows = [dataclasses.asdict(f) for f in findings]
     write_json(args, rows)
     write_csv(args, rows)

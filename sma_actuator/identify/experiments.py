@@ -12,7 +12,9 @@ from sma_actuator.base.signals import Signals
 from sma_actuator.estimation.branch import BranchDetector
 from sma_actuator.estimation.chain import Estimates
 from sma_actuator.logs.bench_log import BenchLog, longest_pause_s, require_reference, signals_from_log
+from sma_actuator.logs.cycles import cycle_numbers, is_driven
 from sma_actuator.logs.errors import BenchLogError
+from sma_actuator.logs.sense import MOST_STROKE
 
 NOT_FITTED = ("lead_resistance", "load_cell", "lvdt", "training")
 _WIRE_KEYS = {"length_m": "length", "diameter_m": "diameter"}
@@ -135,20 +137,22 @@ def make_experiment(log: BenchLog, config, with_reference: bool = True) -> Exper
             f"{log.source}: line 2: the stress is about {stress_Pa / 1e6:.0f} MPa, beyond wire.max_stress "
             f"({config.wire.max_stress / 1e6:.0f} MPa); check wire.diameter and the load's unit"
         )
+    if signals.reference_displacement_m is not None and np.ndim(signals.reference_displacement_m):
+        moved_m = signals.reference_displacement_m[np.isfinite(signals.reference_displacement_m)]
+        stroke_m = float(np.subtract(*np.percentile(moved_m, (99.0, 1.0)))) if len(moved_m) else 0.0
+        if stroke_m > MOST_STROKE * config.wire.length:
+            raise BenchLogError(
+                f"{log.source}: line 2: the displacement moves by {stroke_m * 1e3:.3g} mm, {stroke_m / config.wire.length:.0%} of the "
+                f"wire's length, and no wire does more than {MOST_STROKE:.0%}; check its unit (--unit displacement_m=mm) and wire.length"
+            )
     detector = BranchDetector(config.estimator)
     seen = [np.ascontiguousarray(v[good]) for v in (signals.time_s, signals.resistance_Ohm, signals.power_W)]
     time_s, resistance_Ohm, power_W = (float(v[0]) for v in seen)
     detector.reset(time_s, resistance_Ohm, power_W)
     latest = np.maximum(np.cumsum(good) - 1, 0)  # a reading that is missing stays on the branch of the one before
     heating = detector.run(*seen)[latest]
-    middle_A = 0.5 * (np.nanmin(signals.current_A) + np.nanmax(signals.current_A))
-    driven = signals.current_A > middle_A
-    return Experiment(log, str(log.metadata.get("kind", "")), signals, heating, driven, cycles_of(driven))
-
-
-def cycles_of(driven: np.ndarray) -> np.ndarray:
-    """Number of the cycle of every sample; one begins when the current is switched on."""
-    return np.concatenate(([0], np.cumsum(driven[1:] & ~driven[:-1])))
+    driven = is_driven(signals.current_A)
+    return Experiment(log, str(log.metadata.get("kind", "")), signals, heating, driven, cycle_numbers(driven))
 
 
 def sessions(experiment: Experiment) -> list[Experiment]:
@@ -159,7 +163,7 @@ def sessions(experiment: Experiment) -> list[Experiment]:
     starts = np.flatnonzero(np.diff(experiment.signals.time_s) > longest_pause_s(experiment.log)) + 1
     number = np.searchsorted(starts, np.arange(len(experiment.log)), side="right")
     pieces = [experiment.rows(number == k) for k in range(len(starts) + 1)]
-    pieces = [dataclasses.replace(piece, cycle=cycles_of(piece.driven)) for piece in pieces]
+    pieces = [dataclasses.replace(piece, cycle=cycle_numbers(piece.driven)) for piece in pieces]
     cycled = [piece for piece in pieces if piece.cycle[-1] > 0] or pieces[:1]
     if len(cycled) < 2:
         return cycled

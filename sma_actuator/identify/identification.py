@@ -16,7 +16,7 @@ from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.derived import Derived, derived, with_derived, without_derived
 from sma_actuator.estimation.chain import stresses_inside_Pa
 from sma_actuator.estimation.models.thesis import wrong_alloy
-from sma_actuator.logs.bench_log import BenchLog
+from sma_actuator.logs.bench_log import BenchLog, averaged
 from sma_actuator.logs.sense import counts_contraction
 
 from .calibration import calibration_of
@@ -96,6 +96,7 @@ def identify(
     Ni-Ti-Cu model.  Raises IdentificationError naming what the logs lack, BenchLogError, ConfigError.
     """
     fitter = _fitter(model_type, method)
+    logs = [averaged(log) for log in logs]
     mapping, follows = without_derived(config_mapping)
     for stale in ("effects", "calibration", "model"):
         mapping.pop(stale, None)

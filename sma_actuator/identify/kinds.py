@@ -1,43 +1,33 @@
 """What a log holds, seen in its data: full cycles, partial cycles, one load after another, many cycles alike.
 
-A cycle is full where the wire rests at both ends of it and no cycle of that load goes further.  A log of several kinds
-or loads is cut into stretches of one each.
+Which cycles are full is the judgement of :mod:`sma_actuator.logs.cycles`.  A log of several kinds or loads is cut into
+stretches of one each.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from sma_actuator.logs.bench_log import BenchLog, uncalibrated_resistance_and_current
+from sma_actuator.logs.cycles import SAME_LOAD, cycle_numbers, cycles_of, which_are_full
 from sma_actuator.logs.errors import BenchLogError
 
-from .experiments import NOT_FITTED, Experiment, IdentificationError, cycles_of, judged_rows, make_experiment, sessions
+from .experiments import NOT_FITTED, Experiment, IdentificationError, judged_rows, make_experiment, sessions
 
 FULL, PARTIAL, MANY = "pulses", "partial", "fatigue"
 #: Currents held one after the other, and setpoints followed by a control law: partial cycles that are never cut, since each
 #: stands on those before.
 WHOLE = ("levels", "followed")
 LEFT_OUT = "cycles_left_out"  #: in the metadata of an experiment: how many full cycles its log has beside those that are fitted
-SAME_LOAD = 0.05  #: relative difference of stress below which two loads count as one
 _WINDOW_s = 1.0  #: over which a load is steady or not
 _STEADY_N = 0.02  #: or SAME_LOAD of the load
 _STEADY_SHARE = 0.9  #: of the time, with weights; a spring's load moves with the wire
 _SHORTEST = 10  #: samples of a stretch
-_AT_REST = 0.08  #: share of a cycle's stroke within which of an end it is at rest there
-_HOT_PART, _COLD_PART = (
-    0.25,
-    0.15,
-)  #: shares of the time driven and not, in which it rests at the hot and at the cold end
-#: Share of the widest stroke of a load that a full cycle has at least: the first one begins at a rest of any length, the
-#: others at what a pause between pulses leaves of the long tail that the cooling of a real wire ends with.
-_WIDEST = 0.88
-_MOST_CUTS = 3  #: of one log: more, and its cycles are those of a controller and no programme of pulses
-_IN_MOTION = 5  #: samples in mid-stroke that the heating of some full cycles in a row has at least
+_MOST_CUTS = 3  #: of one log: more, and it is no programme, and is left whole as what most of its cycles are
 _ENOUGH = 8  #: full cycles of a stretch that are fitted: they repeat each other, and each costs time
 _MANY = 15  #: full cycles in a row of which no fit needs more, where other logs have full cycles too
 
@@ -53,25 +43,13 @@ def with_kinds(experiments: Sequence[Experiment], remembered: bool = False) -> l
         for experiment in experiments
         for stretch in ([experiment] if experiment.kind in WHOLE else _of_one_load(experiment))
     ]
-    seen = [_cycles_of(stretch) for stretch in stretches]
+    seen = [cycles_of(t.displacement_m, t.driven, t.cycle) for t in stretches]
+    fulls = which_are_full(seen, [t.mean_stress_Pa for t in stretches])
     out: list[Experiment] = []
-    for stretch, cycles in zip(stretches, seen, strict=True):
+    for stretch, full in zip(stretches, fulls, strict=True):
         if stretch.kind == MANY or stretch.kind in WHOLE:
             out.append(stretch if stretch.kind == MANY else dataclasses.replace(stretch, kind=PARTIAL))
             continue
-        widest_m = max(
-            (
-                c.stroke_m
-                for s, found in zip(stretches, seen, strict=True)
-                if _same_load(s, stretch)
-                for c in found
-                if c.rests
-            ),
-            default=np.inf,
-        )
-        full = np.array([c.rests and c.stroke_m >= _WIDEST * widest_m for c in cycles], dtype=bool)
-        for run in np.split(np.arange(len(full)), np.flatnonzero(full[1:] != full[:-1]) + 1):
-            full[run] &= sum(cycles[i].heated for i in run) >= _IN_MOTION
         out += _of_one_kind(stretch, full, 0.0 if remembered else _WINDOW_s)
     elsewhere = sum(t.kind == FULL and t.cycle[-1] < _MANY for t in out)
     out = [
@@ -135,38 +113,6 @@ def _is_cycled(log: BenchLog) -> bool:
     return not len(known) or float(np.ptp(known)) > 0.1 * float(np.abs(known).max())
 
 
-@dataclasses.dataclass(frozen=True, slots=True)
-class _Cycle:
-    stroke_m: float
-    rests: bool  #: at both ends
-    heated: int  #: samples in mid-stroke on the way there
-
-
-def _cycles_of(experiment: Experiment) -> list[_Cycle]:
-    """The cycles 1 … n of an experiment."""
-    bounds = np.searchsorted(experiment.cycle, np.arange(1, experiment.cycle[-1] + 2))
-    return [_cycle(experiment.displacement_m[a:b], experiment.driven[a:b]) for a, b in itertools.pairwise(bounds)]
-
-
-def _cycle(displacement_m: np.ndarray, driven: np.ndarray) -> _Cycle:
-    off = int(np.argmin(driven)) or len(driven)  # a cycle begins driven
-    hot, cold = displacement_m[:off], displacement_m[off:]
-    stroke_m = float(np.ptp(displacement_m))
-    if len(cold) == 0:
-        return _Cycle(stroke_m, rests=False, heated=0)
-    away = np.abs(hot - 0.5 * (displacement_m.min() + displacement_m.max()))
-    near_m = _AT_REST * stroke_m
-    rests = (
-        np.percentile(hot, 100.0 * _HOT_PART) - hot.min() <= near_m
-        and cold.max() - np.percentile(cold, 100.0 * (1.0 - _COLD_PART)) <= near_m
-    )
-    return _Cycle(stroke_m, bool(rests), int(np.count_nonzero(away < 0.25 * stroke_m)))
-
-
-def _same_load(a: Experiment, b: Experiment) -> bool:
-    return abs(a.mean_stress_Pa - b.mean_stress_Pa) <= SAME_LOAD * abs(b.mean_stress_Pa)
-
-
 def _of_one_load(experiment: Experiment) -> list[Experiment]:
     """An experiment cut where another weight was hung; one whose load moves with the wire is left whole."""
     load_N, time_s = experiment.signals.load_N, experiment.signals.time_s
@@ -204,7 +150,7 @@ def _of_one_kind(experiment: Experiment, full: np.ndarray, rest_s: float) -> lis
     """
     turns = np.flatnonzero(full[1:] != full[:-1]) + 1
     if len(turns) == 0 or len(turns) > _MOST_CUTS:
-        return [dataclasses.replace(experiment, kind=FULL if len(full) and full.all() else PARTIAL)]
+        return [dataclasses.replace(experiment, kind=FULL if len(full) and full.mean() >= 0.5 else PARTIAL)]
     starts = [0, *(int(np.searchsorted(experiment.cycle, turn + 1)) for turn in turns), len(experiment.cycle)]
     kinds = [FULL if full[k] else PARTIAL for k in (0, *turns)]
     time_s = experiment.signals.time_s
@@ -221,7 +167,7 @@ def _cut(experiment: Experiment, start: int, stop: int, kind: str) -> Experiment
     return dataclasses.replace(
         piece,
         kind=kind,
-        cycle=cycles_of(piece.driven),
+        cycle=cycle_numbers(piece.driven),
         log=dataclasses.replace(piece.log, source=name),
         part_of=experiment.part_of or experiment.log.source,
     )

@@ -12,9 +12,10 @@ import numpy as np
 
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain
+from sma_actuator.logs.cycles import SAME_LOAD
 
 from .experiments import Experiment, IdentificationError
-from .kinds import FULL, SAME_LOAD
+from .kinds import FULL
 
 MARGIN = 0.02  #: share of the full stroke that the working range keeps from where resistance stops telling
 #: Share by which a load may differ from the one that all logs are of before it counts as foreign.  On the virtual bench a tenth more or

@@ -244,9 +244,60 @@ def uncalibrated_resistance_and_current(log: BenchLog) -> tuple[np.ndarray, np.n
         return log[pair[0]] / log[pair[1]], log[pair[1]]
 
 
+def averaged(log: BenchLog, least_period_s: float = 0.02) -> BenchLog:
+    """A log with readings closer together than so averaged, as many as make a step of it: what a wire does takes longer.
+
+    Voltages and currents are averaged before anything is made of them, as a DAQ averages its blocks; blocks that hold a
+    pause are left out.
+    """
+    together = int(least_period_s / log.period_s * (1.0 + 1e-6)) if len(log) > 1 else 1
+    if together < 2:
+        return log
+    rows = len(log) // together * together
+    blocks = {name: values[:rows].reshape(-1, together) for name, values in log.columns.items()}
+    whole = (np.diff(blocks["time_s"], axis=1) <= longest_pause_s(log)).all(axis=1)
+    return dataclasses.replace(log, columns={name: values[whole].mean(axis=1) for name, values in blocks.items()})
+
+
 def longest_pause_s(log: BenchLog) -> float:
     """Time between two readings above which nobody knows what the wire did meanwhile."""
     return max(10.0 * log.period_s, 0.5) if len(log) > 1 else np.inf
+
+
+def with_rising_stamps(log: BenchLog, say: Callable[[str], None] = lambda sentence: None) -> BenchLog:
+    """A log whose readings have stamps of their own; ``say`` is told.
+
+    Rows that stand twice count once, and where a coarse clock gives several readings one stamp, they are spread until the
+    next.  Time that runs back is left as it is.
+    """
+    time_s = log.columns.get("time_s", np.empty(0))
+    if (
+        len(time_s) < 2
+        or not np.isfinite(time_s).all()
+        or (np.diff(time_s) != 0.0).all()
+        or (np.diff(time_s) < 0.0).any()
+    ):
+        return log
+    table = np.column_stack(list(log.columns.values()))
+    twice = np.zeros(len(time_s), dtype=bool)
+    twice[1:] = ((table[1:] == table[:-1]) | (np.isnan(table[1:]) & np.isnan(table[:-1]))).all(axis=1)
+    if twice.any():
+        log = dataclasses.replace(log, columns={name: values[~twice] for name, values in log.columns.items()})
+        time_s = log["time_s"]
+        say(f"{log.name}: {np.count_nonzero(twice)} rows stand twice, with all they hold; each counts once")
+    stamps, first = np.unique(time_s, return_index=True)
+    if len(stamps) == len(time_s) or len(stamps) < 2:
+        return log
+    step_s = float(np.median(np.diff(stamps)))
+    count = np.diff(np.append(first, len(time_s)))
+    within = np.minimum(np.append(np.diff(stamps), step_s), step_s)  # a pause is none of theirs
+    place = (np.arange(len(time_s)) - np.repeat(first, count)) / np.repeat(count, count)
+    spread_s = np.repeat(stamps, count) + place * np.repeat(within, count)
+    say(
+        f"{log.name}: {len(time_s) - len(stamps)} readings have the stamp of the one before, as of a clock with steps of "
+        f"{step_s:.3g} s; they are spread evenly until the next stamp"
+    )
+    return dataclasses.replace(log, columns={**log.columns, "time_s": spread_s})
 
 
 def check_bench_log(log: BenchLog, allow_gaps: bool = False) -> None:

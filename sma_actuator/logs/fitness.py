@@ -6,6 +6,7 @@ Each requirement is a function that looks at all logs together and says what it 
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Sequence
@@ -14,23 +15,22 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import correlate
 
-from .bench_log import BenchLog, longest_pause_s, uncalibrated_resistance_and_current
+from .bench_log import BenchLog, averaged, longest_pause_s, uncalibrated_resistance_and_current
+from .cycles import SAME_LOAD, cycle_numbers, cycles_of, is_driven, which_are_full
 from .sense import log_counts_contraction
 
 #: What the requirements ask for.
 SLOWEST_PERIOD_s = 0.051  #: 20 Hz, and a little for a clock that is not exact
 LEAST_MEASURED = 0.98  #: share of the rows that have a resistance: a small current flows also while the wire cools
 FEWEST_LOADS = 3
-SAME_LOAD = 0.08  #: relative difference below which two weights are one
 SPRING_SPREAD = 0.3  #: relative spread of the load within one log from which it pulls at a spring
-FULL_SHARE = 0.9  #: of the widest stroke of its log or of its load, from which a cycle is full
+FULL_SHARE = 0.9  #: of the widest stroke, below which a cycle is partial
 FEWEST_FULL = 2  #: full cycles for each load: one shows no repeatability
 FEWEST_PARTIAL = 4
 FEWEST_READINGS = 32  #: of which a spectrum, or two clocks, can be told
 LARGEST_STEP = 0.002  #: of the stroke: how finely the displacement must be resolved
 LARGEST_NOISE = 0.01  #: of the range of resistance, from one reading to the next
 REST_s = 1.0
-STILL = 0.02  #: of the stroke, that a wire at rest may move in REST_s
 PLAUSIBLE_STRAIN = (0.005, 0.09)
 LATEST_s = 5.0  #: so far a channel's clock is looked for, and no further than a quarter of the mean cycle
 LATE_s = 0.3  #: resistance and displacement of the virtual bench's wires are within 0.1 s of each other
@@ -56,14 +56,15 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
-class Cycle:
-    """From one switching-on of the current to the next."""
+class Seen:
+    """A cycle and what was on the wire meanwhile."""
 
     load_N: float
     spread: float  #: of the load, relative
     stroke_m: float
-    rests_cold: bool  #: stands still before the current goes on
-    rests_hot: bool  #: and before it goes off
+    rests_cold: bool
+    rests_hot: bool
+    full: bool
 
 
 def judge(logs: Sequence[BenchLog], length_m: float = math.nan) -> list[Finding]:
@@ -74,11 +75,11 @@ def judge(logs: Sequence[BenchLog], length_m: float = math.nan) -> list[Finding]
     findings = [_witnessed(logs)]
     if not findings[0].met:
         return findings
-    cycles = [cycle for log in logs for cycle in cycles_of(log)]
+    cycles = cycles_in(logs)
     if not cycles:  # nothing else could be asked of such logs
         remedy = "switch the current on and off, so that the wire moves, and record that"
         return [*findings, Finding("the wire is heated and cools", "no cycle in any log", False, remedy)]
-    requirements: tuple[Callable[[Sequence[BenchLog], Sequence[Cycle]], Finding], ...] = (
+    requirements: tuple[Callable[[Sequence[BenchLog], Sequence[Seen]], Finding], ...] = (
         _rate,
         _measured,
         _loads,
@@ -107,36 +108,39 @@ def load_N(log: BenchLog) -> np.ndarray:
     return log["load_N"] if "load_N" in log else log["load_cell_voltage_V"]
 
 
-def cycles_of(log: BenchLog) -> list[Cycle]:
-    """The cycles of a log, told by its current."""
-    _, current_A = uncalibrated_resistance_and_current(log)
-    moved_m, pulls_N, time_s = displacement_m(log), load_N(log), log["time_s"]
-    low_A, high_A = np.nanpercentile(current_A, (5.0, 95.0))
-    on = current_A > 0.5 * (low_A + high_A)
-    starts = np.flatnonzero(on[1:] & ~on[:-1]) + 1
-    if not len(starts):
-        return []
-    still_m = STILL * float(np.nanmax(moved_m) - np.nanmin(moved_m))
-    window = max(2, round(REST_s / log.period_s))
-    out = []
-    for start, stop in itertools.pairwise((*starts, len(on))):
-        if time_s[stop - 1] - time_s[start] < REST_s:
-            continue
-        off = start + int(np.argmin(on[start:stop])) if not on[start:stop].all() else stop
-        pull_N = pulls_N[start:stop]
-        mean_N = float(np.nanmean(pull_N))
-        spread = float(np.subtract(*np.nanpercentile(pull_N, (97.5, 2.5))) / abs(mean_N)) if mean_N else math.inf
-        moved = moved_m[start:stop]
-        out.append(
-            Cycle(
-                load_N=mean_N,
-                spread=spread,
-                stroke_m=float(np.nanmax(moved) - np.nanmin(moved)),
-                rests_cold=bool(start >= window and np.ptp(moved_m[start - window : start]) < still_m),
-                rests_hot=bool(off - start >= window and np.ptp(moved_m[off - window : off]) < still_m),
-            )
-        )
-    return out
+def cycles_in(logs: Sequence[BenchLog]) -> list[Seen]:
+    """The cycles of all logs, told by their current, and which of them are full, as `identify` judges them."""
+    stretches, found = [], []
+    for log in logs:
+        for piece in _sessions(averaged(log)):
+            moved, pull = displacement_m(piece), load_N(piece)
+            driven = is_driven(uncalibrated_resistance_and_current(piece)[1])
+            cycles = cycles_of(moved, driven, cycle_numbers(driven))
+            means = [float(np.mean(pull[c.start : c.stop])) for c in cycles]
+            changes = [k for k, (a, b) in enumerate(itertools.pairwise(means), 1) if abs(b - a) > SAME_LOAD * abs(a)]
+            for first, last in itertools.pairwise((0, *changes, len(cycles))):
+                if first < last:
+                    stretches.append((cycles[first:last], float(np.mean(means[first:last]))))
+                    found += [(c, pull[c.start : c.stop]) for c in cycles[first:last]]
+    full = which_are_full([cycles for cycles, _ in stretches], [load for _, load in stretches])
+    return [
+        Seen(float(np.mean(pull)), _spread(pull), c.stroke, c.rests_cold, c.rests_hot, bool(is_full))
+        for (c, pull), is_full in zip(found, itertools.chain(*full), strict=True)
+    ]
+
+
+def _sessions(log: BenchLog) -> list[BenchLog]:
+    """A log cut where it pauses, without the readings in which something is missing."""
+    good = np.isfinite(uncalibrated_resistance_and_current(log)[1] + displacement_m(log) + load_N(log))
+    kept = dataclasses.replace(log, columns={name: values[good] for name, values in log.columns.items()})
+    starts = np.flatnonzero(np.diff(kept["time_s"]) > longest_pause_s(log)) + 1
+    edges = itertools.pairwise((0, *(int(start) for start in starts), len(kept)))
+    return [kept.slice(first, last) for first, last in edges if last - first > 1]
+
+
+def _spread(pull: np.ndarray) -> float:
+    mean = float(np.mean(pull))
+    return float(np.subtract(*np.percentile(pull, (97.5, 2.5))) / abs(mean)) if mean else math.inf
 
 
 def _witnessed(logs: Sequence[BenchLog]) -> Finding:
@@ -149,14 +153,14 @@ def _witnessed(logs: Sequence[BenchLog]) -> Finding:
     )
 
 
-def _rate(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+def _rate(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
     slowest_s = max(log.period_s for log in logs)
     pauses = sum(int((np.diff(log["time_s"]) > longest_pause_s(log)).sum()) for log in logs)
     found = f"{1.0 / slowest_s:.3g} readings a second" + (f", {pauses} pauses" if pauses else "")
     return Finding("20 readings a second or more", found, slowest_s <= SLOWEST_PERIOD_s, "record at 20 to 100 Hz")
 
 
-def _measured(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+def _measured(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
     shares = [float(np.isfinite(uncalibrated_resistance_and_current(log)[0]).mean()) for log in logs]
     return Finding(
         "resistance is measured all the time",
@@ -166,7 +170,7 @@ def _measured(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
     )
 
 
-def _loads(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+def _loads(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
     weights = distinct_loads([c.load_N for c in cycles if c.spread < SPRING_SPREAD])
     springs = any(c.spread >= SPRING_SPREAD for c in cycles)
     found = f"{len(weights)} weights" + (", and a spring" if springs else "")
@@ -187,18 +191,11 @@ def distinct_loads(loads_N: Sequence[float]) -> list[float]:
     return out
 
 
-def _full(cycles: Sequence[Cycle]) -> list[Cycle]:
-    def widest_m(cycle: Cycle) -> float:
-        alike = [c.stroke_m for c in cycles if abs(c.load_N - cycle.load_N) <= SAME_LOAD * abs(cycle.load_N)]
-        return max(alike)
-
-    return [c for c in cycles if c.stroke_m >= FULL_SHARE * widest_m(c) and c.rests_cold and c.rests_hot]
-
-
-def _full_cycles(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+def _full_cycles(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
+    weights = [c.load_N for c in cycles if c.spread < SPRING_SPREAD] or [c.load_N for c in cycles]
     counts = [
-        sum(abs(c.load_N - each_N) <= SAME_LOAD * abs(each_N) for c in _full(cycles))
-        for each_N in distinct_loads([c.load_N for c in cycles])
+        sum(c.full and abs(c.load_N - each_N) <= SAME_LOAD * abs(each_N) for c in cycles)
+        for each_N in distinct_loads(weights)
     ]
     fewest = min(counts, default=0)
     return Finding(
@@ -209,10 +206,9 @@ def _full_cycles(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
     )
 
 
-def _partial_cycles(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
-    full = set(map(id, _full(cycles)))
+def _partial_cycles(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
     widest_m = max((c.stroke_m for c in cycles), default=0.0)
-    partial = [c for c in cycles if id(c) not in full and 0.05 * widest_m < c.stroke_m < FULL_SHARE * widest_m]
+    partial = [c for c in cycles if not c.full and 0.05 * widest_m < c.stroke_m < FULL_SHARE * widest_m]
     return Finding(
         f"{FEWEST_PARTIAL} partial cycles",
         f"{len(partial)}",
@@ -221,7 +217,7 @@ def _partial_cycles(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Findin
     )
 
 
-def _rests(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+def _rests(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
     cold, hot = (any(getattr(c, name) for c in cycles) for name in ("rests_cold", "rests_hot"))
     words = {(True, True): "at both ends", (True, False): "only cold", (False, True): "only hot"}
     return Finding(
@@ -236,7 +232,7 @@ def _stroke_m(logs: Sequence[BenchLog]) -> float:
     return max(float(np.nanmax(displacement_m(log)) - np.nanmin(displacement_m(log))) for log in logs)
 
 
-def _resolution(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+def _resolution(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
     steps = []
     for log in logs:
         moved_m = displacement_m(log)
@@ -253,7 +249,7 @@ def _resolution(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
     )
 
 
-def _not_clipped(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+def _not_clipped(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
     shares = []
     for log in logs:
         moved_m = displacement_m(log)
@@ -267,7 +263,7 @@ def _not_clipped(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
     )
 
 
-def _noise(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+def _noise(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
     shares = []
     for log in logs:
         resistance_Ohm, _ = uncalibrated_resistance_and_current(log)
@@ -287,7 +283,7 @@ def _noise(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
     )
 
 
-def _one_clock(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+def _one_clock(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
     pairs = [pair for log in logs for pair in _clocks(log)]
     worst = max(pairs, key=lambda pair: abs(pair[2]), default=("", "", 0.0, ""))
     channel, other, late_s, name = worst
@@ -316,7 +312,7 @@ def _clocks(log: BenchLog) -> list[tuple[str, str, float, str]]:
 
 
 def _cycle_s(log: BenchLog) -> float:
-    return float(np.ptp(log["time_s"])) / max(len(cycles_of(log)), 1)
+    return float(np.ptp(log["time_s"])) / max(len(cycles_in([log])), 1)
 
 
 def _late_s(time_s: np.ndarray, values: np.ndarray, others: np.ndarray, cycle_s: float) -> float | None:
@@ -342,7 +338,7 @@ def _late_s(time_s: np.ndarray, values: np.ndarray, others: np.ndarray, cycle_s:
     return (best - most) * period_s if together[best] >= MOVES_TOGETHER else None
 
 
-def _no_tone(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+def _no_tone(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
     found = [
         (share, f"{frequency_Hz:.3g} Hz in {name}, {share:.2%} of its range, in {log.name}")
         for log in logs
@@ -388,7 +384,7 @@ def _tone(time_s: np.ndarray, values: np.ndarray) -> tuple[float, float]:
     return 0.0, 0.0
 
 
-def _new_readings(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+def _new_readings(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
     shares = [(_repeated(log), log.name) for log in logs]
     share, name = max(shares)
     return Finding(
@@ -412,7 +408,7 @@ def _moves(values: np.ndarray) -> bool:
     return bool(len(known) and np.ptp(known) > 0.0)
 
 
-def _direction(logs: Sequence[BenchLog], cycles: Sequence[Cycle]) -> Finding:
+def _direction(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
     turned = [log.name for log in logs if log_counts_contraction(log)]
     return Finding(
         "displacement grows when the wire gets longer",

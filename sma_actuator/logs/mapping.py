@@ -23,12 +23,12 @@ from typing import Any
 
 import numpy as np
 
-from sma_actuator.base.yaml_text import read_yaml
+from sma_actuator.base.yaml_text import read_yaml, yaml_of
 
 from .bench_log import COLUMNS, ELECTRICAL, LOAD, REFERENCE
 from .errors import BenchLogError
 from .tables import Table
-from .units import UNITS, Unit
+from .units import UNITS, Unit, unit_of
 
 _MISSPELT = 0.86  #: likeness above which a name is one of ours with a slip in it
 _SECTIONS = ("columns", "units", "offsets")
@@ -74,6 +74,21 @@ class ColumnMap:
             self._must_do(columns, table)
         return Table(columns, table.source, {}, table.texts, tuple(notes), table.first_line)
 
+    def of(self, table: Table) -> ColumnMap:
+        """What is made of a table's columns, with all that was not said: the same again for any table like it."""
+        wanted, _ = self._sources(table)
+        units = dict(self.units)
+        for ours, theirs in wanted.items():
+            if isinstance(theirs, str) and ours not in units:
+                units[ours] = table.units.get(theirs) or unit_in(theirs, _own_unit(ours)) or _own_unit(ours)
+        units = {ours: unit for ours, unit in units.items() if ours in wanted and unit != _own_unit(ours)}
+        return ColumnMap(wanted, units, self.offsets, self.known)
+
+    def as_text(self) -> str:
+        """As a file for ``--map-file``."""
+        said = {"columns": dict(self.columns), "units": dict(self.units), "offsets": dict(self.offsets)}
+        return yaml_of({name: entries for name, entries in said.items() if entries})
+
     def _sources(self, table: Table) -> tuple[dict[str, str | float], set[str]]:
         """Ours → theirs for every column that is there, and which of theirs are spoken for."""
         wanted: dict[str, str | float] = {}
@@ -101,7 +116,7 @@ class ColumnMap:
     def _unit(self, ours: str, theirs: str, table: Table) -> tuple[Unit, str]:
         """Unit of a column, and words for it where it is not ours."""
         own = _own_unit(ours)
-        found = table.units.get(theirs) or _unit_in(theirs, own)
+        found = table.units.get(theirs) or unit_in(theirs, own)
         said = self.units.get(ours)
         if (
             said is not None
@@ -138,7 +153,7 @@ class ColumnMap:
             return  # then check_bench_log says what is missing
         words = []
         for ours, found in proposals.items():
-            guess = _unit_in(found[0], _own_unit(ours))
+            guess = unit_in(found[0], _own_unit(ours))
             unit = f" --unit {ours}={guess}" if guess and guess != _own_unit(ours) else ""
             others = f" (or {', '.join(repr(n) for n in found[1:])})" if len(found) > 1 else ""
             words.append(f"--map '{ours}={found[0]}'{unit}{others}")
@@ -156,18 +171,25 @@ def _ours(theirs: str, known: tuple[str, ...]) -> str | None:
     """Our column of which this is the name, whatever unit it ends with; None where it is none."""
     if theirs in known:
         return theirs
-    base, _, unit = theirs.rpartition("_")
+    name = theirs.strip().replace(" ", "_")
     for ours in known:
-        if base == ours.rsplit("_", 1)[0] and unit in UNITS[_own_unit(ours)]:
+        quantity = ours if _own_unit(ours) == "1" else ours.rsplit("_", 1)[0]
+        base, separator, unit = (
+            name[: len(quantity)],
+            name[len(quantity) : len(quantity) + 1],
+            name[len(quantity) + 1 :],
+        )
+        if base.lower() != quantity.lower():
+            continue
+        if (separator == "" and quantity == ours) or (separator == "_" and unit_of(unit, _own_unit(ours))):
             return ours
     return None
 
 
-def _unit_in(name: str, own: str) -> str:
+def unit_in(name: str, own: str) -> str:
     """Unit that a column's name says, as ``Pos (mm)``, ``Pos [mm]``, ``pos_mm``, ``Pos / mm``; "" where it says none."""
-    match = re.search(r"[(\[]\s*([^)\]]+?)\s*[)\]]\s*$|[/_]\s*([^\s/_]+)$", name)
-    text = (match[1] or match[2]) if match else ""
-    return text if text in UNITS[own] else ""
+    match = re.search(r"[(\[]\s*([^)\]]+?)\s*[)\]]\s*$|[/_ ]\s*([^\s/_]+)$", name)
+    return unit_of((match[1] or match[2]) if match else "", own)
 
 
 def _may_be(ours: str, theirs: str) -> bool:

@@ -19,6 +19,7 @@ from .bench_log import (
     log_of,
     longest_pause_s,
     read_metadata,
+    with_rising_stamps,
 )
 from .errors import BenchLogError
 from .formats import READERS, read_table
@@ -98,18 +99,28 @@ def read_logs(
     reading: ReadingOptions,
     say: Say = lambda sentence: None,
     progress: Callable[[float], None] = lambda fraction: None,
+    found: list[ColumnMap] | None = None,
 ) -> list[BenchLog]:
     """The logs at ``places``: files, folders and patterns, bags among them.
 
     Pauses and readings that are missing are kept as they are; files that follow each other in one recording are
-    joined; a displacement that counts contraction is turned round.  Raises BenchLogError.
+    joined; a displacement that counts contraction is turned round.  A file that cannot be read among others is left out,
+    which ``say`` is told.  ``found`` takes what was made of each table's columns.  Raises BenchLogError where none can be read.
     """
     paths = find_logs(places)
-    logs = []
+    found = [] if found is None else found
+    logs, errors = [], []
     for i, path in enumerate(paths):
-        logs.append(_read(path, reading, say))
+        try:
+            logs.append(_read(path, reading, say, found))
+        except BenchLogError as error:
+            errors.append(error)
         progress((i + 1) / len(paths))
-    return _extension_positive(_joined(logs, say), reading, say)
+    if errors and not logs:
+        raise errors[0]
+    for each in errors:
+        say(f"left out: {each}")
+    return _extension_positive(_joined(logs, say), reading, say, found)
 
 
 def find_logs(places: Sequence[Path | str]) -> list[Path]:
@@ -135,14 +146,16 @@ def find_logs(places: Sequence[Path | str]) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
-def _read(path: Path, reading: ReadingOptions, say: Say) -> BenchLog:
+def _read(path: Path, reading: ReadingOptions, say: Say, found: list[ColumnMap]) -> BenchLog:
     if is_bag(path):
         log = log_from_bag(path, reading.topics)
     else:
-        table = reading.columns.apply(read_table(path))
+        theirs = read_table(path)
+        table = reading.columns.apply(theirs)
+        found.append(reading.columns.of(theirs))
         for note in table.notes:
             say(f"{path.name}: {note}")
-        log = log_of(table, read_metadata(path))
+        log = with_rising_stamps(log_of(table, read_metadata(path)), say)
     check_bench_log(log, allow_gaps=True)
     pause_s = longest_pause_s(log)
     pauses = int(np.count_nonzero(np.diff(log["time_s"]) > pause_s))
@@ -181,7 +194,19 @@ def _follows(before: BenchLog, log: BenchLog) -> bool:
     )
 
 
-def _extension_positive(logs: list[BenchLog], reading: ReadingOptions, say: Say) -> list[BenchLog]:
+def one_map(found: Sequence[ColumnMap]) -> ColumnMap:
+    """The map that holds for all tables.  Raises BenchLogError where they do not name their columns alike."""
+    first = found[0]
+    if any(each != first for each in found[1:]):
+        raise BenchLogError(
+            "the files do not name their columns alike, so one map does not hold for all; give them in groups"
+        )
+    return first
+
+
+def _extension_positive(
+    logs: list[BenchLog], reading: ReadingOptions, say: Say, found: list[ColumnMap]
+) -> list[BenchLog]:
     """Logs whose displacement grows with extension: where it falls with the resistance, it counts contraction."""
     if "displacement_m" in reading.columns.units:
         return logs  # somebody said which way it counts
@@ -195,6 +220,10 @@ def _extension_positive(logs: list[BenchLog], reading: ReadingOptions, say: Say)
         f"{names}: grows while the wire is heated, so it counts contraction; turned round, extension = {zero_m:.6g} m less it "
         f"(to keep this zero for other logs: --unit displacement_m=-UNIT --offset displacement_m={zero_m:.6g})"
     )
+    for i, each in enumerate(found):
+        unit = each.units.get("displacement_m", "m")
+        turning = {**each.units, "displacement_m": f"-{unit}"}
+        found[i] = dataclasses.replace(each, units=turning, offsets={**each.offsets, "displacement_m": zero_m})
     ids = {id(log) for log in turned}
     return [
         dataclasses.replace(log, columns={**log.columns, "displacement_m": zero_m - log["displacement_m"]})

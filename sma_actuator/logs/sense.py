@@ -1,4 +1,4 @@
-"""Which way a displacement counts: extension is positive here, and many sensors count contraction."""
+"""What a wire can do: which way a displacement counts (extension is positive here), and how far it may go."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from .bench_log import BenchLog, uncalibrated_resistance_and_current
 _FOLLOWS = 0.5
 _DRIVEN = 0.02  #: share of the largest current from which the resistance is measured
 _FEWEST = 20  #: samples
+MOST_STROKE = 0.12  #: of a wire's length, more than any does: Ni-Ti transforms by 8 to 9 % at the most
 
 
 def counts_contraction(resistance: np.ndarray, current: np.ndarray, displacement: np.ndarray) -> bool:

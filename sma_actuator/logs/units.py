@@ -55,7 +55,15 @@ UNITS: dict[str, dict[str, Unit]] = {
         "F": Unit(5.0 / 9.0, -160.0 / 9.0),
         "°F": Unit(5.0 / 9.0, -160.0 / 9.0),
     },
-    "1": {"1": _SAME, "%": Unit(0.01)},
+    "Pa": {
+        "Pa": _SAME,
+        "kPa": Unit(1e3),
+        "MPa": Unit(1e6),
+        "GPa": Unit(1e9),
+        "psi": Unit(6894.757293168),
+        "bar": Unit(1e5),
+    },
+    "1": {"1": _SAME, "%": Unit(0.01), "percent": Unit(0.01), "pct": Unit(0.01)},
 }
 #: How parameters write a unit whose name in a column is another.
 _TYPED = {"Ω": "Ohm", "°C": "C"}
@@ -71,6 +79,15 @@ def quantity(text: str, unit: str) -> float | None:
         return number
     known = UNITS.get(_TYPED.get(unit, unit), {}).get(symbol)
     return None if known is None else float(f"{known.factor * number + known.offset:.12g}")
+
+
+def unit_of(text: str, own: str) -> str:
+    """The unit that a text names, of those that can be converted to ``own``, whatever its capitals; "" where none or several are meant."""
+    text = text.strip("()[] ")
+    if text in UNITS[own]:
+        return text
+    alike = [unit for unit in UNITS[own] if unit.lower() == text.lower()]
+    return alike[0] if len({UNITS[own][unit] for unit in alike}) == 1 else ""
 
 
 def is_unit(text: str) -> bool:

@@ -11,9 +11,10 @@ from rich.table import Table
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.console import add_output_arguments, notes, progress_bar, refuse_to_overwrite, results, write_json
+from sma_actuator.logs.reading import add_map_arguments, columns_of
 
 from .fitting import FAMILIES, Comparison, both, compare
-from .reading import Loop, read_loop
+from .reading import COLUMNS, Loop, read_loop
 from .temperatures import Temperatures, slopes_Pa_K, temperatures
 
 
@@ -24,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         type=Path,
         metavar="FILE",
-        help="one loop at one stress in each: CSV with temperature_C, strain, stress_MPa, or these three without a header",
+        help="one loop at one stress in each: CSV with temperature_C, strain (strain_%% for percent), stress_MPa, or these three without a header",
     )
     parser.add_argument(
         "--kinetics",
@@ -32,6 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"compare {', '.join(FAMILIES)}: fitted to all stresses, and judged on each after a fit to the others",
     )
     parser.add_argument("--report", type=Path, metavar="FILE.html", help="write a page with pictures here")
+    add_map_arguments(parser)
     add_output_arguments(parser, "all numbers")
 
 
@@ -40,7 +42,8 @@ def run(args: argparse.Namespace) -> int:
     if args.report:
         from .page import write_page
     refuse_to_overwrite(args, args.report)
-    loops = sorted((read_loop(path) for path in args.loops), key=lambda loop: loop.mean_stress_Pa)
+    columns = columns_of(args, COLUMNS)
+    loops = sorted((read_loop(path, columns) for path in args.loops), key=lambda loop: loop.mean_stress_Pa)
     names = [loop.name for loop in loops]
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise UserError(f"{twice[0]}: given more than once; each loop counts once")

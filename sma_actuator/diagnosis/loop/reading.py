@@ -9,8 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from sma_actuator.base.errors import UserError
+from sma_actuator.logs.mapping import ColumnMap
+from sma_actuator.logs.sense import MOST_STROKE
+from sma_actuator.logs.tables import read_text
 
-COLUMNS = ("temperature_C", "strain", "stress_MPa")
+COLUMNS = ("temperature_C", "strain", "stress_Pa")
+HOTTEST_C, MOST_STRESS_Pa = 300.0, 1.5e9  #: what no wire does: above 200 °C there is no loop to see, and 1 GPa tears it
 SHORTEST = 40  #: samples
 _SMOOTHED = 9  #: samples over which the stress of a loop is averaged: the load frame hunts
 
@@ -55,10 +59,11 @@ class Loop:
         return self.ends[1] - self.ends[0]
 
 
-def read_loop(path: str | Path) -> Loop:
-    """Read temperature [°C], strain and stress [MPa]: CSV with these columns, or three columns without a header.
+def read_loop(path: str | Path, columns: ColumnMap = ColumnMap(known=COLUMNS)) -> Loop:  # noqa: B008 - it is frozen
+    """Read temperature, strain and stress: a table with these columns in any unit that their names say, as ``strain_%``
+    or ``Stress (MPa)``, or that ``columns`` says; or three columns without a header, in °C, 1 and MPa.
 
-    Raises UserError, which names file and line, for what is no isobaric loop.
+    Raises UserError, which names file and line, for what is no isobaric loop, and for what no wire can do.
     """
     path = Path(path)
     try:
@@ -68,26 +73,55 @@ def read_loop(path: str | Path) -> Loop:
     rows = [(number, line.replace(",", " ").split()) for number, line in enumerate(lines, 1) if line.strip()]
     if not rows:
         raise UserError(f"{path}: is empty")
-    places: tuple[int, ...] = (0, 1, 2)
-    if not _is_number(rows[0][1][0]):
-        places = _places(path, rows.pop(0)[1])
-    elif len(rows[0][1]) != len(COLUMNS):
+    if _is_number(rows[0][1][0]):
+        temperature_C, strain, stress_Pa = _without_a_header(path, rows)
+    else:
+        table = columns.apply(read_text(path))
+        missing = [name for name in COLUMNS if name not in table.columns]
+        if missing:
+            raise UserError(
+                f"{path}: line 1: no column {missing[0]}; {', '.join(COLUMNS)} are wanted, in any unit that the name says "
+                f"(strain_%, stress_MPa), or say which it is: --map {missing[0]}=THEIRS --unit {missing[0]}=UNIT"
+            )
+        temperature_C, strain, stress_Pa = (table.columns[name] for name in COLUMNS)
+        bad = ~np.isfinite(temperature_C + strain + stress_Pa)
+        if bad.any():
+            line = table.first_line + int(np.argmax(bad))
+            raise UserError(f"{path}: line {line}: temperature, strain and stress are wanted, three numbers")
+    if len(strain) < SHORTEST:
+        raise UserError(f"{path}: {len(strain)} samples are no loop; at least {SHORTEST} are wanted")
+    _possible(path, temperature_C, strain, stress_Pa)
+    return Loop(path.stem, temperature_C, strain, stress_Pa, _turn(path, temperature_C))
+
+
+def _without_a_header(path: Path, rows: list[tuple[int, list[str]]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    if len(rows[0][1]) != len(COLUMNS):
         raise UserError(
             f"{path}: line {rows[0][0]}: {len(rows[0][1])} columns and no header; a header that names {', '.join(COLUMNS)} is "
             "wanted, or these three and no more"
         )
-    values = np.array([_numbers(path, number, words, places) for number, words in rows])
-    if len(values) < SHORTEST:
-        raise UserError(f"{path}: {len(values)} samples are no loop; at least {SHORTEST} are wanted")
-    temperature_C, strain, stress_Pa = values[:, 0].copy(), values[:, 1].copy(), 1e6 * values[:, 2]
-    return Loop(path.stem, temperature_C, strain, stress_Pa, _turn(path, temperature_C))
+    values = np.array([_numbers(path, number, words) for number, words in rows])
+    return values[:, 0].copy(), values[:, 1].copy(), 1e6 * values[:, 2]
 
 
-def _places(path: Path, names: list[str]) -> tuple[int, ...]:
-    missing = [name for name in COLUMNS if name not in names]
-    if missing:
-        raise UserError(f"{path}: line 1: no column {missing[0]}; {', '.join(COLUMNS)} are wanted")
-    return tuple(names.index(name) for name in COLUMNS)
+def _possible(path: Path, temperature_C: np.ndarray, strain: np.ndarray, stress_Pa: np.ndarray) -> None:
+    """Raise UserError where a unit must be another than was taken."""
+    stroke = float(np.subtract(*np.percentile(strain, (99.0, 1.0))))
+    if stroke > MOST_STROKE:
+        raise UserError(
+            f"{path}: a strain of {stroke:.0%} from end to end is more than any wire has (at most {MOST_STROKE:.0%}); is it in "
+            "percent? Name the column strain_%, or say --unit strain=%"
+        )
+    if (hottest_C := float(temperature_C.max())) > HOTTEST_C:
+        raise UserError(
+            f"{path}: {hottest_C:.0f} °C is hotter than any loop of a wire; is it in kelvin or fahrenheit? Name the column "
+            "temperature_K, or say --unit temperature_C=K"
+        )
+    if (largest_Pa := float(np.abs(stress_Pa).max())) > MOST_STRESS_Pa:
+        raise UserError(
+            f"{path}: {largest_Pa / 1e6:.0f} MPa is more than a wire bears; is the stress in another unit? Name the column "
+            "stress_Pa, or say --unit stress_Pa=kPa"
+        )
 
 
 def _is_number(word: str) -> bool:
@@ -98,12 +132,12 @@ def _is_number(word: str) -> bool:
     return True
 
 
-def _numbers(path: Path, number: int, words: list[str], places: tuple[int, ...]) -> list[float]:
+def _numbers(path: Path, number: int, words: list[str]) -> list[float]:
     try:
-        values = [float(words[place]) for place in places]
-    except (ValueError, IndexError):
+        values = [float(word) for word in words]
+    except ValueError:
         values = [np.nan]
-    if not np.isfinite(values).all():
+    if len(values) != len(COLUMNS) or not np.isfinite(values).all():
         raise UserError(f"{path}: line {number}: temperature, strain and stress are wanted, three numbers")
     return values
 

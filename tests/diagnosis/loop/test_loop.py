@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sma_actuator.base.errors import UserError
+from sma_actuator.cli.main import main
 from sma_actuator.diagnosis.loop.fitting import FAMILIES, both, fit, guess
 from sma_actuator.diagnosis.loop.reading import read_loop
 from sma_actuator.diagnosis.loop.temperatures import slopes_Pa_K, temperatures
@@ -78,7 +79,7 @@ def test_cooling_first_gives_the_same_branches(tmp_path):
     ("text", "sentence"),
     [
         ("", "is empty"),
-        ("temperature_C,strain\n1,2\n", "line 1: no column stress_MPa"),
+        ("temperature_C,strain\n1,2\n", "line 1: no column stress_Pa"),
         ("1 2\n" * 50, "line 1: 2 columns and no header"),
         ("1 2 3\n" * 5, "5 samples are no loop"),
         ("20 0.01 100\n" * 50, "spans 0.0 K"),
@@ -219,3 +220,39 @@ def test_one_loop_alone_is_drawn_and_says_that_it_tells_no_slope(tmp_path):
     assert "does not tell a Clausius-Clapeyron slope" in page.read_text()
     again = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert again.returncode == 1 and "exists already; --force overwrites it" in again.stderr
+
+
+def written_loop(path, strain_factor=1.0, header="temperature_C,strain,stress_MPa"):
+    """A loop of 4 % between 20 and 120 °C at 150 MPa."""
+    heating, cooling = np.linspace(20.0, 120.0, 80), np.linspace(120.0, 20.0, 80)
+    rows = [(t, 0.04 / (1.0 + np.exp((t - 80.0) / 4.0)), 150.0) for t in heating]
+    rows += [(t, 0.04 / (1.0 + np.exp((t - 60.0) / 4.0)), 150.0) for t in cooling]
+    lines = [f"{t},{strain_factor * s},{p}" for t, s, p in rows]
+    path.write_text("\n".join([header, *lines] if header else lines) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    "header",
+    (
+        "temperature_C,strain_%,stress_MPa",
+        "Temperature_C,Strain (%),Stress [MPa]",
+        "TEMPERATURE_C,STRAIN_PERCENT,stress_mpa",
+    ),
+)
+def test_strain_in_percent_is_read_where_the_column_says_so(tmp_path, header):
+    loop = read_loop(written_loop(tmp_path / "loop.csv", 100.0, header))
+    assert loop.stroke == pytest.approx(0.04, rel=0.01) and loop.mean_stress_Pa == pytest.approx(150e6)
+
+
+@pytest.mark.parametrize("header", ("temperature_C,strain,stress_MPa", ""))
+def test_a_strain_that_no_wire_has_is_asked_about(tmp_path, header):
+    with pytest.raises(UserError, match=r"a strain of 4\d\d% .* is it in percent\? Name the column strain_%"):
+        read_loop(written_loop(tmp_path / "loop.csv", 100.0, header))
+
+
+def test_the_command_takes_the_unit_that_it_asks_for(tmp_path, capsys):
+    path = written_loop(tmp_path / "loop.csv", 100.0)
+    assert main(["loop", str(path)]) == 1
+    assert "--unit strain=%" in capsys.readouterr().err
+    assert main(["loop", str(path), "--unit", "strain=%", "-q"]) == 0

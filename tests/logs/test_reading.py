@@ -1,0 +1,136 @@
+"""Logs as they come: stamps that stand twice, one bad file among good ones, columns in capitals, one map for all."""
+
+import numpy as np
+import pytest
+
+from sma_actuator.cli.main import main
+from sma_actuator.logs.bench_log import BenchLog, averaged, with_rising_stamps
+from sma_actuator.logs.cycles import cycle_numbers, cycles_of, is_driven, which_are_full
+from sma_actuator.logs.errors import BenchLogError
+from sma_actuator.logs.fitness import judge
+from sma_actuator.logs.reading import ReadingOptions, read_logs
+
+HEADER = "time_s,resistance_Ohm,current_A,load_N,displacement_m"
+
+
+def pulses(count, noise=0.0, partial_every=0, rate_Hz=50.0, seed=0):
+    """Time, resistance, current, load and displacement of heating for 3 s and cooling for 5 s, over and over."""
+    random = np.random.default_rng(seed)
+    time_s = np.arange(round(count * 8.0 * rate_Hz)) / rate_Hz
+    number, phase_s = (time_s - 5.0) // 8.0, time_s % 8.0
+    depth = np.where(partial_every and number % partial_every == 0, 0.6, 1.0) if partial_every else 1.0
+    on = phase_s >= 5.0
+    contracted = depth * np.where(on, 1.0 - np.exp(-(phase_s - 5.0) / 0.3), np.exp(-phase_s / 0.5))
+    contracted[time_s < 5.0] = 0.0
+    moved_m = 0.004 * (1.0 - contracted) + noise * 0.004 * random.normal(size=len(time_s))
+    return BenchLog(
+        {
+            "time_s": time_s,
+            "resistance_Ohm": 4.5 + 200.0 * moved_m,
+            "current_A": np.where(on, 0.3, 0.05),
+            "load_N": np.full(len(time_s), 1.0) + 0.005 * random.normal(size=len(time_s)),
+            "displacement_m": moved_m,
+        },
+        source="pulses.csv",
+    )
+
+
+def full_share(log):
+    driven = is_driven(log["current_A"])
+    cycles = cycles_of(log["displacement_m"], driven, cycle_numbers(driven))
+    return float(which_are_full([cycles], [1.0])[0].mean())
+
+
+@pytest.mark.parametrize("noise", (0.0, 0.01))
+def test_thirty_pulses_are_thirty_full_cycles_for_check_log_too(noise):
+    log = pulses(30, noise)
+    assert full_share(log) > 0.9
+    (finding,) = [f for f in judge([log]) if "full cycles at each load" in f.requirement]
+    assert finding.met and int(finding.found.split()[0]) >= 27
+
+
+def test_a_log_in_which_some_cycles_are_partial_now_and_then_is_one_of_full_cycles(config):
+    from sma_actuator.identify.kinds import FULL, make_experiments
+
+    log = pulses(54, partial_every=6)
+    assert 0.7 < full_share(log) < 0.95
+    (experiment,) = make_experiments([log], config)
+    assert experiment.kind == FULL
+
+
+def test_readings_closer_than_a_wire_moves_are_averaged_and_tell_the_same_cycles():
+    log = pulses(10, 0.01, rate_Hz=1000.0)
+    short = averaged(log)
+    assert len(short) == len(log) // 20 and short.period_s == pytest.approx(0.02)
+    assert full_share(short) >= 0.9  # the last one is cut off
+    assert averaged(short) is short
+    gap = BenchLog({**log.columns, "time_s": log["time_s"] + np.where(log["time_s"] > 7.005, 60.0, 0.0)})
+    assert len(averaged(gap)) == len(short) - 1  # no block holds the pause
+
+
+def test_rows_that_stand_twice_count_once():
+    log = pulses(2)
+    twice = BenchLog({name: np.repeat(values, 2) for name, values in log.columns.items()}, source="twice.csv")
+    said = []
+    mended = with_rising_stamps(twice, said.append)
+    assert all(np.array_equal(mended[name], log[name]) for name in log.columns)
+    assert said == [f"twice.csv: {len(log)} rows stand twice, with all they hold; each counts once"]
+
+
+def test_stamps_of_a_coarse_clock_are_spread_until_the_next_but_not_over_a_pause():
+    log = pulses(2)
+    coarse_s = np.floor(log["time_s"] * 10.0) / 10.0
+    coarse_s[coarse_s >= 6.0] += 30.0
+    said = []
+    mended = with_rising_stamps(BenchLog({**log.columns, "time_s": coarse_s}, source="coarse.csv"), said.append)
+    steps_s = np.diff(mended["time_s"])
+    assert (steps_s > 0.0).all() and np.sort(steps_s)[-2] < 0.05 and steps_s.max() == pytest.approx(30.0, abs=0.1)
+    assert "have the stamp of the one before" in said[0]
+    backwards = BenchLog({**log.columns, "time_s": coarse_s[::-1].copy()})
+    assert with_rising_stamps(backwards) is backwards  # it is refused by its line, as ever
+
+
+def write(path, log, header=HEADER):
+    table = np.column_stack([log[name] for name in HEADER.split(",")])
+    np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
+
+
+def test_one_bad_file_does_not_stop_a_folder_and_alone_it_is_refused(tmp_path):
+    for k in range(2):
+        write(tmp_path / f"good_{k}.csv", pulses(3, seed=k))
+    (tmp_path / "notes.txt").write_text("what we did on Monday\nmeasured\n")
+    said = []
+    logs = read_logs([tmp_path], ReadingOptions(), said.append)
+    assert [log.name for log in logs] == ["good_0.csv", "good_1.csv"]
+    assert [s for s in said if s.startswith("left out: ") and "notes.txt" in s]
+    with pytest.raises(BenchLogError, match=r"notes\.txt"):
+        read_logs([tmp_path / "notes.txt"], ReadingOptions())
+
+
+@pytest.mark.parametrize(
+    "header",
+    (
+        "TIME_S,RESISTANCE_OHM,CURRENT_A,LOAD_N,DISPLACEMENT_M",
+        "Time (s),Resistance (Ohm),Current [A],Load (N),Displacement (m)",
+    ),
+)
+def test_capitals_and_brackets_leave_no_choice_either(tmp_path, header):
+    write(tmp_path / "log.csv", pulses(3), header)
+    (log,) = read_logs([tmp_path / "log.csv"], ReadingOptions())
+    assert set(log.columns) == set(HEADER.split(","))
+
+
+def test_check_log_writes_the_map_that_it_went_by(tmp_path, capsys):
+    contraction = pulses(3)
+    turned = {**contraction.columns, "displacement_m": 1e3 * (0.005 - contraction["displacement_m"])}
+    write(tmp_path / "log.csv", BenchLog(turned), "time_s,R,current_A,load_N,displacement_mm")
+    words = ["check-log", str(tmp_path / "log.csv"), "--map", "resistance_Ohm=R"]
+    assert main([*words, "--write-map", str(tmp_path / "map.yaml")]) in (0, 1)
+    assert "--map-file" in capsys.readouterr().err
+    from sma_actuator.logs.mapping import column_map
+
+    again = ReadingOptions(column_map((), (), (), tmp_path / "map.yaml"))
+    (log,) = read_logs([tmp_path / "log.csv"], again)
+    assert again.columns.units == {"displacement_m": "-mm"}
+    moved_m = contraction["displacement_m"]
+    np.testing.assert_allclose(log["displacement_m"] - log["displacement_m"].max(), moved_m - moved_m.max(), atol=1e-8)
