@@ -78,7 +78,16 @@ def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
 
 
 #: Tests that mostly wait for processes, and tests that mostly reckon: together they fill a machine, and they take longest.
-_WAITING = ("tests/ros", "tests/view", "tests/cli", "tests/attack", "tests/check", "tests/driver", "tests/bench")
+_WAITING = (
+    "tests/ros",
+    "tests/counterparts",
+    "tests/view",
+    "tests/cli",
+    "tests/attack",
+    "tests/check",
+    "tests/driver",
+    "tests/bench",
+)
 _RECKONING = (
     "tests/identify",
     "tests/diagnosis",

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import json
 import os
+import select
 import socket
 import subprocess
 import sys
 import threading
 import time
+import tty
 from pathlib import Path
 
 from emulators import State
@@ -86,6 +89,47 @@ class Emulator:
     def close(self) -> None:
         self.back_door.close()
         self._process.communicate("")  # the end of its input is its end
+
+
+class SerialLine:
+    """A serial line (a pseudo-terminal) before an instrument on TCP: it never hangs up, whatever becomes of the connection."""
+
+    def __init__(self, port: int, end: bytes):
+        self._port, self._end = port, end
+        self._ours, self._theirs = os.openpty()
+        tty.setraw(self._theirs)
+        self.resource = f"ASRL{os.ttyname(self._theirs)}::INSTR"
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._carry, daemon=True)
+        self._thread.start()
+
+    def _carry(self) -> None:
+        said, target = b"", None
+        while not self._ended.is_set():
+            ends = [self._ours] if target is None else [self._ours, target]
+            ready = select.select(ends, [], [], 0.02)[0]
+            if self._ours in ready:
+                said += os.read(self._ours, 4096)
+                target = target or socket.create_connection(("127.0.0.1", self._port), ANSWER_s)
+                line, found, said = said.rpartition(self._end)
+                with contextlib.suppress(OSError):
+                    target.sendall(line + found)
+            if target in ready:
+                data = b""
+                with contextlib.suppress(OSError):
+                    data = target.recv(4096)
+                if data:
+                    os.write(self._ours, data)
+                else:
+                    target = target.close()
+        if target is not None:
+            target.close()
+
+    def close(self) -> None:
+        self._ended.set()
+        self._thread.join()
+        os.close(self._ours)
+        os.close(self._theirs)
 
 
 class WireBehind:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import pytest
 import yaml
-from counterpart import HERE, UNSAFE, Emulator, Rig, python_with
+from counterpart import HERE, UNSAFE, Emulator, Rig, SerialLine, python_with
 from emulators import EMULATORS
 from liar import Liar
 from waiting import Stalls
@@ -37,6 +37,8 @@ class Counterpart:
         str, ...
     ] = ()  #: commands of the real instrument, or lines of them, that the emulator's author left out
     supply: dict = field(default_factory=dict)  #: more of instruments.supply
+    emulator: str = ""  #: where that has another name
+    serial: bool = False  #: whether it is reached over a serial line
     zero_A: float = 0.0  #: what it takes for 0 A
     rate_Hz: float = 10.0  #: that it can be driven at
     slow_rate_Hz: float = 5.0  #: where every answer takes 20 ms more
@@ -66,43 +68,62 @@ COUNTERPARTS = {
     "keithley_2450": Counterpart("keithley_2450"),
     "labwire": Counterpart("labwire", zero_A=1e-4),
     "scpi_control": Counterpart("siglent_spd"),
-    "lewis_genesys": Counterpart(
-        "tdk_genesys", supply={"channel": 6}, rate_Hz=5.0, slow_rate_Hz=4.0
-    ),  # 20 ms an answer
+    "lewis_genesys": Counterpart("tdk_genesys", supply={"channel": 6}, rate_Hz=5.0, slow_rate_Hz=4.0),
+    "lewis_genesys_serial": Counterpart(
+        "tdk_genesys",
+        supply={"channel": 6, "serial": {"baud_rate": 19200}},
+        emulator="lewis_genesys",
+        serial=True,
+        rate_Hz=5.0,
+        slow_rate_Hz=4.0,
+    ),
+    # 20 ms an answer
 }
 
 
 @pytest.fixture(scope="module", params=COUNTERPARTS)
 def running(request):
     """An emulator for all tests; each leaves it switched off."""
-    module = EMULATORS[request.param][1]
+    name = COUNTERPARTS[request.param].emulator or request.param
+    module = EMULATORS[name][1]
     python = python_with(module)
     if python is None:
         pytest.skip(f"{module} is not installed; `make counterparts` installs it and runs these tests")
-    one = Emulator(request.param, python)
-    yield one
+    one = Emulator(name, python)
+    yield request.param, one
     one.close()
 
 
 @pytest.fixture
 def emulator(running):
     """The same, with a line of its own that no test before has disturbed."""
-    running.liar = Liar(running.ports["port"])
-    assert not running.back_door.state().on
-    yield running
-    running.liar.close()
+    _, one = running
+    one.liar = Liar(one.ports["port"])
+    assert not one.back_door.state().on
+    yield one
+    one.liar.close()
 
 
 @pytest.fixture
-def counterpart(emulator):
-    return COUNTERPARTS[emulator.name]
+def counterpart(running):
+    return COUNTERPARTS[running[0]]
 
 
 @pytest.fixture
-def make_mapping(emulator, counterpart, make_config, tmp_path):
+def resource(emulator, counterpart):
+    if not counterpart.serial:
+        yield emulator.liar.resource
+        return
+    line = SerialLine(emulator.liar.port, b"\r")
+    yield line.resource
+    line.close()
+
+
+@pytest.fixture
+def make_mapping(resource, counterpart, make_config, tmp_path):
     """The parameters of its owner."""
     supply = {
-        "resource": emulator.liar.resource,
+        "resource": resource,
         "dialect": counterpart.dialect_file(tmp_path),
         "timeout": TIMEOUT_s,
         **counterpart.supply,
