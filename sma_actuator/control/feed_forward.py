@@ -49,6 +49,11 @@ TOO_FAR = 0.01
 LONG_WAY, MOST_BEYOND_K = 0.03, 25.0
 #: Periods of the loop until what is asked for now acts: a reading is of the one before, and a command stands for one.
 OWN_PERIODS = 1.5
+#: Where a loop closes, the branch before it and the one that goes on need not agree: what they differ by wears off over this share
+#: of the stroke.
+CLOSING = 0.05
+#: Time over which what is asked for changes on a short way: a wire that turns can wait for it, and its current does not jump.
+TURNING_s = 0.15
 #: Time in which a jump of the current is worn off that taking over would have made.
 TAKE_OVER_s = 1.0
 
@@ -106,6 +111,7 @@ class Wanted:
         self._heats = False  #: which way the setpoint went last
         self._side = 0.0  #: how much of the heating branch counts
         self._turns = [0.0]  #: where it turned: the last is where the present branch began
+        self._closed_K = 0.0  #: by how much the branch that has closed a loop was above the one that goes on
 
     def move(self, share: float) -> None:
         """The setpoint is at another share of the stroke."""
@@ -113,6 +119,7 @@ class Wanted:
         change, self._share = share - self._share, share
         if change == 0.0:
             return
+        self._closed_K *= exp(-abs(change) / CLOSING)
         self._side = min(max(self._side - change / TURN, 0.0), 1.0)
         turns = self._turns
         if (change < 0.0) != self._heats:
@@ -120,7 +127,9 @@ class Wanted:
             turns.append(share - change)
             del turns[:-TURNS]
         while len(turns) > 2 and (share <= turns[-2] if self._heats else share >= turns[-2]):
+            before_C = self.temperature_C(share, 0.0)
             del turns[-2:]
+            self._closed_K += before_C - self.temperature_C(share, 0.0)
 
     def temperature_C(self, share: float, stress_Pa: float) -> float:
         """The temperature wanted at a share of the stroke that the load leaves, where ``move`` has been last."""
@@ -132,7 +141,7 @@ class Wanted:
         heating_C = _at(self._heating_C, share / max(heat_from, 0.1))
         cooling_C += self._shift_K_Pa[0] * stress_Pa
         heating_C += self._shift_K_Pa[1] * stress_Pa
-        return cooling_C + self._side * (heating_C - cooling_C)
+        return cooling_C + self._side * (heating_C - cooling_C) + self._closed_K
 
 
 def _at(curve_C: np.ndarray, share: float) -> float:
@@ -230,7 +239,8 @@ class FeedForwardPid(PidController):
         """As that of the PID, on the reference as far as the wire can follow it."""
         if isfinite(position_m + setpoint_m) and SHORTEST_STEP_s <= dt_s <= 1e6 and limit_A >= self.bias_A:
             self._look_ahead(position_m)
-            self._asked_A = self._asks_A(position_m, setpoint_m)
+            asks_A = self._asks_A(position_m, setpoint_m)
+            self._asked_A += (1.0 if self._long else dt_s / (TURNING_s + dt_s)) * (asks_A - self._asked_A)
             self._lead(min(self._asked_A, limit_A), dt_s)
             self._wearing_off_A *= exp(-dt_s / TAKE_OVER_s)
             self.ahead_A = self.gains.feed_forward * self._asked_A + self._wearing_off_A
@@ -266,14 +276,15 @@ class FeedForwardPid(PidController):
         if abs(wanted_C - led_C) > ON_THE_WAY_K and not self._way:
             self._way = 1 if wanted_C > self.temperature_C else -1
             self._long = False
-            self.integral_A *= (
-                1.0 - self.gains.feed_forward
-            )  # what held the wire inside its loop is of no use on the way
+            # What held the wire inside its loop is of no use on the way.
+            held_A = self.gains.feed_forward * self.integral_A
+            self.integral_A -= held_A
+            self._wearing_off_A += held_A
         if self._way:
             led_C = self.temperature_C
             left_m = self._way * (position_m - setpoint_m)
             if abs(left_m) > LONG_WAY * self._full_m:
-                self._long = True
+                self._long, self._wearing_off_A = True, 0.0
                 self._way = self._way if left_m > 0.0 else -self._way  # the setpoint is behind the wire by now
             if self._is_there(position_m, setpoint_m, wanted_C):
                 self._way = 0

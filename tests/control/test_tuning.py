@@ -278,9 +278,10 @@ def test_refusals_say_why():
     rig.run(0.5)
     tune(rig)
     assert "being tuned already" in rig.actuator.tune(rig.now_s)[1]
-    hot = Rig(SHIPPED.to_mapping(), load=Weight(0.98))
-    hot.enable()
-    assert "let the wire cool, take load off" in hot.actuator.tune(hot.now_s)[1]
+    loaded = Rig(SHIPPED.to_mapping(), load=Weight(3.05))  # 95 % of max_stress
+    loaded.enable()
+    loaded.run(0.5)
+    assert "let the wire cool, take load off" in loaded.actuator.tune(loaded.now_s)[1]
 
 
 @pytest.mark.parametrize(
