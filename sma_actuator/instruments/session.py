@@ -569,15 +569,15 @@ class Session:
         """Hear what is still said to lines told blind."""
         while self._owed:
             self._owed -= 1
-            self._line(
-                f"'{self._told[-1]}', or a line before it, where acknowledgement '{self._wanted}' was wanted", by_s
-            )
+            last = self._told[-1] if self._told else self.off_lines[-1]  # another thread may have said them
+            self._line(f"'{last}', or a line before it, where acknowledgement '{self._wanted}' was wanted", by_s)
 
     def _must_be_silent(self, line: str, by_s: float) -> None:
         """Nothing may have come before ``line`` is sent but what acknowledges a line of an earlier connection."""
         self._got += self._do(f"'{line}'", lambda wire: wire.unread())
         while came := self._got:
-            first = self._line(f"'{line}'", by_s) if self._line_is_whole else _shown(came)
+            whole = self._line_is_whole or self._manner.acknowledgement is not None  # of the latter the rest is to come
+            first = self._line(f"'{line}'", by_s) if whole else _shown(came)
             if not self._acknowledges(first):
                 whose = self._out_of_step if self._answered else self._for_people
                 raise self.give_up(f"said '{_shown(came)}' without being asked: {whose}{self._advice(first)}")

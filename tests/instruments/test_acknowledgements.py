@@ -1,5 +1,6 @@
 """Instruments that answer commands: each answer is heard where it belongs, and where nothing says so the advice is right."""
 
+import os
 import re
 import threading
 import time
@@ -183,6 +184,19 @@ def test_what_is_no_acknowledgement_and_was_not_asked_for_ends_the_connection():
             time.sleep(0.001)
         with pytest.raises(InstrumentLost, match="said '0.123' without being asked"):
             session.tell("OUTP 0")
+
+
+def test_an_acknowledgement_that_comes_late_and_in_pieces_is_waited_for():
+    with SerialInstrument(lambda line: "1" if "?" in line else None) as line:
+        session = Session("supply", line.resource, Manner(acknowledgement=OK), PATIENT_s)
+        session.open()
+        os.write(line._ours, b"OK")
+        while not session._wire._waiting:
+            time.sleep(0.001)
+        rest = threading.Timer(0.2, os.write, (line._ours, b"\n"))
+        rest.start()
+        assert session.ask("OUTP?") == "1"
+        rest.join()
 
 
 def test_a_greeting_is_no_answer_to_a_command(tmp_path, supply_of):
