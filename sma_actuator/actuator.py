@@ -702,6 +702,7 @@ class Actuator:
                 "stress_Pa": signals.stress_Pa,
                 "temperature_C": supervisor.heat.temperature_C,
                 "temperature_at_most_C": supervisor.heat.at_most_C,
+                "temperature_guessed_K": supervisor.heat.guessed_K,
                 "current_limit_A": supervisor.limit_A(),
                 "limited_setpoint_m": self._limited_setpoint_m(),
                 "shortest_m": short_m,

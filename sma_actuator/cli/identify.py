@@ -154,6 +154,9 @@ def run(args: argparse.Namespace) -> int:
         if note not in said:
             console.print(f"note: {note}")
     console.print(f"wrote {args.out} and {page}")
+    complete = "instruments" in result.mapping
+    next_ = f"check --config {args.out}" if complete else f"init --start {args.out} --out node.yaml"
+    console.print(f"next: {'' if complete else 'for a node: '}sma-actuator {next_}", markup=False)
     return 0 if result.verdict.good_for_control else NOT_GOOD
 
 

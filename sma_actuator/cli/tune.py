@@ -77,6 +77,8 @@ def run(args: argparse.Namespace) -> int:
         markup=False,
     )
     write_json(args, dataclasses.asdict(found))
+    if not args.running:
+        notes(args).print(f"next: sma_actuator_node --ros-args --params-file {out}", markup=False)
     return 0
 
 

@@ -9,7 +9,7 @@ from math import inf
 from sma_actuator.base.signals import Mode, Status
 from sma_actuator.driver import NOT_ASKED
 from sma_actuator.safety.faults import FAULTS
-from sma_actuator.safety.limits import LIMITS
+from sma_actuator.safety.limits import LIMITS, TEMPERATURE_DERATING
 
 INFO, WARNING, ERROR = "info", "warning", "error"
 #: A refusal that only repeats another with different numbers is said again after this time.
@@ -18,6 +18,10 @@ REPEAT_s = 1.0
 MOST_REFUSALS = 8
 #: A limit, or a fault that passes by itself, is said again once it has not acted for so long.
 PAUSE_s = 10.0
+
+#: So much of a temperature that nobody has seen is what a wire is not warned of.
+GUESS_K = 10.0
+NOTHING_KNOWN = "nothing is known yet of the wire's heat, so it counts as hot: full current in some seconds"
 
 _NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?|\bnan\b|\binf\b")
 
@@ -63,7 +67,10 @@ class Events:
         if status.fault and not latched and status.fault not in _REFUSED and self._begins(status.fault, now_s):
             yield WARNING, f"{status.message}. {FAULTS[status.fault].advice}"
         for limit in status.limits:
-            if self._begins(limit, now_s):
+            if limit == TEMPERATURE_DERATING.name and _is_guess(status):
+                if self._begins(NOTHING_KNOWN, now_s):
+                    yield INFO, NOTHING_KNOWN
+            elif self._begins(limit, now_s):
                 level = INFO if limit in _ROUTINE else WARNING
                 yield level, f"limit: {LIMITS[limit].words}{_read(limit, status)}. {LIMITS[limit].advice}"
 
@@ -94,6 +101,12 @@ _READ = {
     "stress_near_limit": ("stress_Pa", 1e-6, "MPa"),
     "temperature_derating": ("temperature_C", 1.0, "°C"),
 }
+
+
+def _is_guess(status: Status) -> bool:
+    """Whether the temperature is that of a wire of which nothing is known yet."""
+    guessed_K = status.values.get("temperature_guessed_K", 0.0)
+    return isinstance(guessed_K, float) and guessed_K >= GUESS_K
 
 
 def _is_latched(status: Status) -> bool:

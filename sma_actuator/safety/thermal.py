@@ -183,6 +183,8 @@ class WireHeat:
         self._thermometer = Thermometer()
         self.cools = True  #: nothing is known of it yet
         self._likely = HeatBalance(parameters.max_temperature)
+        #: How much of ``temperature_C`` is a guess: what the balance began with, as much of it as has not cooled away.
+        self.guessed_K = parameters.max_temperature - parameters.ambient_temperature
         self._most = HeatBalance(parameters.max_temperature)
 
     @property
@@ -212,6 +214,7 @@ class WireHeat:
         ambient_C = self.ambient.step(ambient_read_C, dt_s, parameters)
         loss_W_K, capacity_J_K = parameters.heat_loss, parameters.heat_capacity
         self._likely.step(power_W, dt_s, ambient_C, capacity_J_K, loss_W_K)
+        self.guessed_K *= math.exp(-max(dt_s, 0.0) * loss_W_K / capacity_J_K)
         self._most.step(power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / parameters.heat_loss_margin)
         at_most_C, transformed_C = self._most.temperature_C, parameters.transformed_temperature
         shown_C = self._thermometer.step(resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, contracted_Ohm)

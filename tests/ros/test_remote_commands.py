@@ -1,6 +1,7 @@
 """``sma-actuator move | status | enable | stop | call | watch`` speak to a running node; no ROS tool is needed."""
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -37,7 +38,9 @@ def _status(capsys, **wanted):
 def _enable(capsys):
     """Once there is a reading."""
     wait_until(lambda: main(["enable", *NODE]) == 0, what="a wire that can be enabled")
-    assert "the output is on" in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert "the output is on" in said.out
+    assert "next: sma-actuator move 40% --node left --namespace /arm" in said.err
 
 
 def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
@@ -48,6 +51,14 @@ def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
     assert main(["move", "2.5mm", *NODE, "--within", "60"]) == 0
     said = capsys.readouterr()
     assert "held there" in said.out and said.err == ""
+    reaches = r"to 2.500 mm; at this load the wire reaches (.+) \(0%\) to (.+) mm \(100%\)"
+    short_mm, long_mm = map(float, re.match(reaches, said.out).groups())
+    assert main(["move", "40%", *NODE, "--within", "60"]) == 0
+    aim_mm = short_mm + 0.4 * (long_mm - short_mm)
+    assert float(re.match("to (.+?) mm;", capsys.readouterr().out)[1]) == pytest.approx(aim_mm, abs=0.05)
+    assert bench.truth()[0] * 1e3 == pytest.approx(aim_mm, abs=0.3)
+    assert main(["move", "2.5mm", *NODE, "--within", "60", "-q"]) == 0
+    capsys.readouterr()
     assert bench.truth()[0] == pytest.approx(0.0025, abs=3e-4)
     status = _status(capsys, mode="hold", fault="")
     assert status["values"]["displacement_m"] == pytest.approx(0.0025, abs=2e-4)
@@ -97,7 +108,7 @@ def test_a_position_that_is_not_reached_is_said_and_the_wire_is_held(bench, caps
 
 def test_ctrl_c_ends_the_motion_and_leaves_the_wire_held(bench, capsys):
     _enable(capsys)
-    words = [sys.executable, "-m", "sma_actuator", "move", "0.0005", *NODE, "--tolerance", "0", "--within", "100"]
+    words = [sys.executable, "-m", "sma_actuator", "move", "0.0012", *NODE, "--tolerance", "0", "--within", "100"]
     moving = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         assert "tracking" in moving.stdout.readline() + moving.stdout.readline() + moving.stdout.readline()
@@ -116,6 +127,13 @@ def test_a_position_that_no_wire_has_is_not_sent(capsys, position):
     with pytest.raises(SystemExit):
         main(["move", position])
     assert "0.0025 (metres) or 2.5mm is wanted" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("share", ["40mm%", "much%", "101%"])
+def test_nor_a_share_that_no_way_has(capsys, share):
+    with pytest.raises(SystemExit):
+        main(["move", share])
+    assert "0% (contracted) to 100% is wanted" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,17 @@ import pytest
 
 from sma_actuator.base.signals import Mode, Status
 from sma_actuator.driver import NOT_ASKED
-from sma_actuator.ros.words import ERROR, INFO, MOST_REFUSALS, WARNING, Events, PAUSE_s, Refusals, REPEAT_s
+from sma_actuator.ros.words import (
+    ERROR,
+    INFO,
+    MOST_REFUSALS,
+    NOTHING_KNOWN,
+    WARNING,
+    Events,
+    PAUSE_s,
+    Refusals,
+    REPEAT_s,
+)
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.limits import LIMITS
 
@@ -47,6 +57,10 @@ def test_a_lost_setpoint_is_a_warning_where_the_wire_is_held_and_an_error_where_
 def test_a_limit_that_flickers_is_said_once_until_it_has_been_away_for_a_while():
     events = Events()
     _said(events, _HELD)
+    unknown = Status(
+        Mode.HOLD, limits=("temperature_derating",), values={"temperature_C": 194.0, "temperature_guessed_K": 60.0}
+    )
+    assert list(Events().of_status(unknown, 0.0))[-1] == (INFO, NOTHING_KNOWN)
     hot = Status(Mode.HOLD, limits=("temperature_derating",), values={"temperature_C": 163.21})
     ((level, sentence),) = _said(events, hot, 1.0)
     assert level == WARNING

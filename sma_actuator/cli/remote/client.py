@@ -144,11 +144,15 @@ class NodeClient:
         """Publish on ``~/topic``, which was advertised."""
         self._publishers[topic].publish(message)
 
+    @property
+    def options(self) -> str:
+        """What a command says to reach this node; nothing where it is the usual one."""
+        options = f" --node {self.name}" if self.name != NODE_NAME else ""
+        return options + (f" --namespace {self.namespace}" if self.namespace != "/" else "")
+
     def words(self, sentence: str) -> str:
         """A sentence of this node, with commands in it that reach it."""
-        options = f" --node {self.name}" if self.name != NODE_NAME else ""
-        options += f" --namespace {self.namespace}" if self.namespace != "/" else ""
-        return as_commands(sentence, options)
+        return as_commands(sentence, self.options)
 
     def finish(self) -> None:
         """A signal that has come is dealt with: what follows is the way out, and has its time."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import sys
 
 from .client import OFF_AGAIN_s, add_node_arguments, connected
+from .watch import is_joint
 
 
 def add_arguments(parser) -> None:
@@ -18,11 +20,14 @@ def run(args) -> int:
     with connected(args) as client:
         from std_srvs.srv import SetBool
 
-        client.status()  # a node whose instruments are not open yet answers with its state
+        status = client.status()  # a node whose instruments are not open yet answers with its state
         response = client.call(
             "enable", SetBool, SetBool.Request(data=not args.off), again_s=OFF_AGAIN_s if args.off else math.inf
         )
         if response.success:
             client.wait_until_said(on=not args.off)
     print(f"{client.full_name}: {client.words(response.message)}")
+    if response.success and not (args.off or args.quiet):
+        place = "0.1rad" if is_joint(status) else "40%"
+        print(f"next: sma-actuator move {place}{client.options}, or stop{client.options}", file=sys.stderr)
     return 0 if response.success else 1

@@ -28,14 +28,19 @@ _WIRE, _JOINT = "0.0025 (metres) or 2.5mm is wanted", "0.2 (radians), 0.2rad or 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A place as it was typed: a length [m], an angle [rad], or a bare number, which is in the unit of what is moved."""
+    """A place as it was typed: a length [m], an angle [rad], a share of the way [%], or a bare number, in the unit of what is moved."""
 
     value: float
-    unit: str  #: m, rad or ""
+    unit: str  #: m, rad, % or ""
 
 
 def place(text: str) -> Place:
-    """``0.0025``, ``2.5mm``, ``0.2rad`` or ``10deg``.  Raises argparse.ArgumentTypeError."""
+    """``0.0025``, ``2.5mm``, ``40%``, ``0.2rad`` or ``10deg``.  Raises argparse.ArgumentTypeError."""
+    if text.strip().endswith("%"):
+        share = quantity(text, "%")
+        if share is None or not 0.0 <= share <= 100.0:
+            raise argparse.ArgumentTypeError(f"'{text}' is no share of a wire's way; 0% (contracted) to 100% is wanted")
+        return Place(share, "%")
     symbol = next((unit for unit in _ANGLES if text.endswith(unit)), "")
     number = quantity(text.removesuffix(symbol), "rad" if symbol else "m")
     if number is None:
@@ -55,7 +60,7 @@ def add_arguments(parser) -> None:
         "position",
         type=place,
         metavar="PLACE",
-        help="where to: a wire, in metres or with mm, extension positive (0.0025, 2.5mm); a joint, in radians or with deg (0.2, 10deg)",
+        help="where to: a wire, in metres or with mm, extension positive (0.0025, 2.5mm), or 0%% (contracted) to 100%% of what it reaches; a joint, in radians or with deg (0.2, 10deg)",
     )
     parser.add_argument(
         "--within", type=float, default=20.0, metavar="S", help="give up after this time (default %(default)s)"
@@ -78,7 +83,7 @@ def run(args) -> int:
         status = client.status()
         if status.mode is Mode.OFF:
             raise UserError(client.words(f"{client.full_name}: {status.message}; switch it on first: ~/enable"))
-        motion = _of_joint(client, args) if is_joint(status) else _of_wire(client, args)
+        motion = _of_joint(client, args) if is_joint(status) else _of_wire(client, args, status)
         if not is_joint(status) and (beyond := beyond_words(motion.asked, status)):
             print(f"{client.full_name}: {beyond}", file=sys.stderr, flush=True)
         client.advertise(motion.topic, type(motion.message))
@@ -117,11 +122,25 @@ def beyond_words(asked_m: float, status: Status) -> str:
     )
 
 
-def _of_wire(client: NodeClient, args) -> _Motion:
+def _of_wire(client: NodeClient, args, status: Status) -> _Motion:
+    """Raises UserError for a share of a way that nobody knows."""
     from sma_msgs_py import setpoint_message
 
+    low_m, high_m = (_number(status.values.get(name)) for name in ("shortest_m", "longest_m"))
+    known = math.isfinite(high_m - low_m)
+    if args.position.unit == "%":
+        if not known:
+            raise UserError(f"{client.full_name}: it is not known how far the wire reaches at this load; {_WIRE}")
+        args.position = Place(low_m + args.position.value / 100.0 * (high_m - low_m), "m")
     asked_m, near_m = _in(args.position, "m", _WIRE), _in(args.tolerance or Place(NEAR_m, "m"), "m", _WIRE)
+    if known and not args.quiet:
+        reach = f"{low_m * 1e3:.3f} (0%) to {high_m * 1e3:.3f} mm (100%)"
+        print(f"to {asked_m * 1e3:.3f} mm; at this load the wire reaches {reach}", flush=True)
     return _Motion("setpoint", setpoint_message(asked_m), asked_m, near_m)
+
+
+def _number(value: float | str | None) -> float:
+    return value if isinstance(value, float) else math.nan
 
 
 def _of_joint(client: NodeClient, args) -> _Motion:

@@ -148,7 +148,7 @@ def run(args: argparse.Namespace) -> int:
     write_json(args, report)
     _print(results(args), report)
     _explain(results(args), report, args.explain)
-    console.print(f"wrote {args.out / 'report.json'}, report.html" + (" and model.yaml" if model is not None else ""))
+    console.print(f"wrote {args.out / 'report.json'}, report.html{_next(args.out, model)}", markup=False)
     return 0
 
 
@@ -177,6 +177,12 @@ def trace_logs(paths: Sequence[Path], config: Path, options: Mapping[str, Any]) 
 def _when(paths: list[Path]) -> str:
     """Day of the latest log, for the model's history: the same whenever it is traced."""
     return time.strftime("%Y-%m-%d: ", time.gmtime(max(path.stat().st_mtime for path in paths)))
+
+
+def _next(folder: Path, model: object | None) -> str:
+    """What was written beside the report, and what to do with it."""
+    path = folder / "model.yaml"
+    return "" if model is None else f" and model.yaml; next: sma_actuator_node --ros-args --params-file {path}"
 
 
 def _print(console: Console, report: dict) -> None:
