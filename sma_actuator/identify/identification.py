@@ -18,6 +18,7 @@ from sma_actuator.estimation.chain import stresses_inside_Pa
 from sma_actuator.estimation.models.thesis import wrong_alloy
 from sma_actuator.logs.bench_log import BenchLog, averaged
 from sma_actuator.logs.sense import counts_contraction
+from sma_actuator.logs.static import STATIC
 
 from .calibration import calibration_of
 from .errors import LogError, log_errors
@@ -140,7 +141,7 @@ def identify(
     config = Config.for_tools(mapping)
     model = config.model.build(bench.wire)
     full_stroke_m, unseen = bench.wire.full_stroke_m, fitted.unseen
-    seen_too = unseen is None
+    seen_too = unseen is None or any(STATIC in t.log.metadata for t in experiments)
     if unseen is None:
         unseen = unseen_of(experiments, predict(model, experiments), full_stroke_m)
     fatigue = None

@@ -78,10 +78,9 @@ def _loops(page: Page, result: Identification, model) -> None:
                 label=f"{np.mean(experiment.signals.load_N):.2f} N",
             )
         ax.set(title="heating" if heating else "cooling", xlabel="resistance [Ω]", ylabel="displacement [mm]")
-        ax.set_ylim(
-            -0.05 * 1e3 * np.max(experiment.displacement_m),
-            1.1e3 * max(t.displacement_m.max() for t in result.experiments),
-        )
+        low_mm = 1e3 * min(float(t.displacement_m.min()) for t in result.experiments)
+        high_mm = 1e3 * max(float(t.displacement_m.max()) for t in result.experiments)
+        ax.set_ylim(low_mm - 0.05 * (high_mm - low_mm), high_mm + 0.05 * (high_mm - low_mm))
     axes[0, 0].legend(fontsize=7)
     page.figure(drawing, "Full cycles at every load (dots) and the model's curves (lines).", zoom=True)
 

@@ -25,6 +25,7 @@ from .errors import BenchLogError
 from .formats import READERS, read_table
 from .mapping import ColumnMap, column_map
 from .sense import log_counts_contraction
+from .static import log_of_points
 
 Say = Callable[[str], None]
 ENDINGS = (".csv", ".tsv", ".txt", *READERS, ".mcap", ".db3")
@@ -36,6 +37,7 @@ class ReadingOptions:
 
     columns: ColumnMap = field(default_factory=ColumnMap)
     topics: Mapping[str, str] = field(default_factory=dict)  #: of bags: column → /topic:field
+    static_s: float = 0.0  #: tables hold steady points without times: seconds from each to the next; 0: they are logs
 
 
 def add_map_arguments(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
@@ -70,7 +72,16 @@ def add_map_arguments(parser: argparse.ArgumentParser) -> argparse._ArgumentGrou
 
 def add_log_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options that say how logs are to be read."""
-    add_map_arguments(parser).add_argument(
+    group = add_map_arguments(parser)
+    group.add_argument(
+        "--static",
+        type=float,
+        default=0.0,
+        metavar="SECONDS",
+        help="tables of steady points, one a row, without times: go through them in so many seconds each, which should be several "
+        "thermal time constants (0.15 mm: 10, 0.4 mm: 60)",
+    )
+    group.add_argument(
         "--topic",
         action="append",
         default=[],
@@ -91,7 +102,9 @@ def columns_of(args: argparse.Namespace, known: tuple[str, ...]) -> ColumnMap:
 
 def reading_of(args: argparse.Namespace) -> ReadingOptions:
     """How logs are to be read, by the options.  Raises BenchLogError."""
-    return ReadingOptions(columns_of(args, tuple(COLUMNS)), parse_topics(args.topic))
+    if not args.static >= 0.0:
+        raise BenchLogError(f"--static {args.static:g}: seconds from one point to the next are wanted, above 0")
+    return ReadingOptions(columns_of(args, tuple(COLUMNS)), parse_topics(args.topic), args.static)
 
 
 def read_logs(
@@ -151,11 +164,18 @@ def _read(path: Path, reading: ReadingOptions, say: Say, found: list[ColumnMap])
         log = log_from_bag(path, reading.topics)
     else:
         theirs = read_table(path)
+        if reading.static_s:
+            rows = np.arange(len(next(iter(theirs.columns.values()), ())))
+            theirs = dataclasses.replace(theirs, columns={**theirs.columns, "time_s": reading.static_s * rows})
         table = reading.columns.apply(theirs)
         found.append(reading.columns.of(theirs))
         for note in table.notes:
             say(f"{path.name}: {note}")
-        log = with_rising_stamps(log_of(table, read_metadata(path)), say)
+        log = (
+            log_of_points(table, reading.static_s, read_metadata(path), say)
+            if reading.static_s
+            else with_rising_stamps(log_of(table, read_metadata(path)), say)
+        )
     check_bench_log(log, allow_gaps=True)
     pause_s = longest_pause_s(log)
     pauses = int(np.count_nonzero(np.diff(log["time_s"]) > pause_s))
