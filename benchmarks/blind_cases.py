@@ -87,8 +87,8 @@ UNITS: dict[str, tuple[float, float]] = {
     "cross_talk": (4.5e-3, 4.5e-3),
     "heat_loss": (0.15, 0.15),
     "first_pulse_set": (1.4e-4, 8e-5),
-    "current_feedthrough": (4e-4, 2e-4),
-    "channel_delay": (0.25, 0.25),
+    "current_feedthrough": (6e-4, 3e-4),
+    "channel_delay": (0.3, 0.3),
 }
 PAIRS = (
     ("lead_resistance", "slip"),
