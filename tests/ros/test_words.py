@@ -2,6 +2,7 @@
 
 import pytest
 
+from sma_actuator.actuator import AFTER_A_FAULT
 from sma_actuator.base.signals import Mode, Status
 from sma_actuator.driver import NOT_ASKED
 from sma_actuator.ros.words import (
@@ -37,7 +38,7 @@ def test_on_and_off_are_each_said_once():
 def test_a_latched_fault_is_an_error_with_what_it_read_and_what_to_do_and_its_clearing_is_said():
     events = Events()
     _said(events, _HELD)
-    fault = Status(Mode.OFF, "open_wire", message="off: the wire is open (6 V and 0.001 A)")
+    fault = Status(Mode.OFF, "open_wire", message=f"off: the wire is open (6 V and 0.001 A){AFTER_A_FAULT}")
     ((level, sentence),) = _said(events, fault)
     assert (level, sentence) == (ERROR, f"off: the wire is open (6 V and 0.001 A). {FAULTS['open_wire'].advice}")
     assert _said(events, fault) == []
