@@ -21,7 +21,7 @@ from pathlib import Path
 
 from sma_actuator.bench.bench import VirtualBench
 
-from .heat import UNITS
+from .heat import UNITS, table
 from .lines import ALL
 from .result import Result, Violation
 from .units import RUNNERS
@@ -30,7 +30,8 @@ PAGE = Path(__file__).resolve().parents[1] / "docs" / "attack.md"
 #: The mischief of `lines` is done in so many parts.
 LINES_PARTS = 4
 TITLES = {
-    "heat": "heat, with half the heat loss",
+    "heat": "heat: how hot at half the loss, how far at the full",
+    "ends": "ends of the way",
     "hours": "virtual hours",
     "lines": "lines between driver and instruments",
     "kills": "kills",
@@ -93,6 +94,8 @@ def _units(name: str, options: argparse.Namespace) -> list[tuple]:
         return [(options.seed + number, part) for number in range(options.rounds) for part in parts]
     if name == "heat":
         return [(number,) for number in options.only or range(len(UNITS))]
+    if name == "ends":
+        return [(number, options.seconds) for number in options.only or range(len(UNITS))]
     if name == "soak":
         return [(options.seed, options.hours)]
     if name == "node_soak":
@@ -178,6 +181,16 @@ def page(results: dict[str, Result]) -> str:
     lines += ["", "## Worst seen", "", "| attack | what | worst |", "|---|---|---|"]
     for name, result in results.items():
         lines += [f"| {TITLES[name]} | {what} | {value:.3g} |" for what, value in sorted(result.worst.items())]
+    if "heat" in results:
+        lines += ["", "## How hot at half the heat loss, how far at the full", ""]
+        lines += [
+            "Limits as `sma-actuator init` writes them; shares are of the stroke from the cold to where the wire is shortest,"
+        ]
+        lines += [
+            "the least that was held for ten minutes under a light, a middle and the largest load.",
+            "",
+            *table(results["heat"].worst),
+        ]
     broken = sum(len(result.violations) for result in results.values())
     lines += ["", "## Promises broken", "", f"{broken} in all." if broken else "None."]
     for name, result in results.items():
@@ -195,8 +208,13 @@ def _options() -> argparse.ArgumentParser:
     parser.add_argument("--sessions", type=int, default=600, help="hours: sessions of ten virtual minutes")
     parser.add_argument("--rounds", type=int, default=5, help="lines: how often every mischief is done")
     parser.add_argument(
-        "--only", type=int, nargs="*", default=(), help="lines, heat: numbers of the mischief, or of the wires, to take"
+        "--only",
+        type=int,
+        nargs="*",
+        default=(),
+        help="lines, heat, ends: numbers of the mischief, or of the wires, to take",
     )
+    parser.add_argument("--seconds", type=float, default=6000.0, help="ends: virtual seconds for each load and start")
     parser.add_argument("--count", type=int, default=1000, help="kills")
     parser.add_argument("--messages", type=int, default=1_000_000, help="fuzz: messages")
     parser.add_argument("--hours", type=float, default=24.0, help="soak: virtual hours")

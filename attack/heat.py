@@ -44,6 +44,7 @@ HELD_s = MOVED_s = 60.0
 PERIOD_s = 12.0  #: of the sine and of the steps
 RESTART_s = 6.0  #: after so long it is begun anew
 AMBIENT_C, WARM_C = 24.0, 38.0
+HARD_C = 195.0  #: as hot as a wire is made to see how far it goes
 PULSES, PULSE_s = 2, 15.0
 #: Shares of the largest stress at which nothing else stops a contraction (safety.stress_limit_fraction).
 STRESSES = {"a light load": 0.1, "a middle load": 0.4, "the largest load": 0.99}
@@ -185,26 +186,31 @@ class Heating:
 
     # --- how far ------------------------------------------------------------------------------------
 
-    def stroke(self, load: Load) -> tuple[float, float]:
-        """Where the wire rests in the cold, and where it is shortest of all below the limit of its temperature [m]."""
+    def stroke(self, load: Load) -> tuple[float, float, float]:
+        """Where the wire rests in the cold, and where it is shortest of all below the limit of its temperature [m]; how hot
+        it is where it has come as far as is asked [°C]."""
         bench = self._bench(load, 1.0)
         bench.supply.set_voltage(20.0)
         bench.supply.set_output(True)
         current_A, cold_m = 0.1, bench.truth.displacement_m
-        shortest_m = cold_m
-        while bench.hottest_C < self.config.thermal.max_temperature and current_A < 0.98:
+        rows = [(cold_m, AMBIENT_C)]
+        while bench.hottest_C < HARD_C and current_A < 0.98:
             current_A *= 1.02
             bench.supply.set_current(current_A)
             bench.advance(bench.time_s + 1.5)
-            shortest_m = min(shortest_m, bench.truth.displacement_m)
-        return cold_m, shortest_m
+            rows.append((bench.truth.displacement_m, bench.hottest_C))
+        short_m = min(place_m for place_m, _ in rows)
+        asked_m = cold_m - ASKED * (cold_m - short_m)
+        return cold_m, short_m, next(warm_C for place_m, warm_C in rows if place_m <= asked_m)
 
     def contracted(self, load: Load, seconds: float = HOLD_s) -> float:
         """The least that a wire holds of its stroke, from soon after it was asked to contract, as a share."""
-        cold_m, short_m = self.stroke(load)
+        cold_m, short_m, there_C = self.stroke(load)
         bench = self._bench(load, 1.0)
         gains, bias_A = self.config.controller, self.config.supply.bias_current
-        law = ByTruth(gains, bias_A, lambda: bench.truth.displacement_m, cold_m - ASKED * (cold_m - short_m))
+        per_K = (cold_m - short_m) / (there_C - AMBIENT_C)
+        # By its heat: a wire that is hotter than where it is shortest expands again.
+        law = ByTruth(gains, bias_A, lambda: cold_m - per_K * (bench.hottest_C - AMBIENT_C), short_m)
         config = with_law(self.config, law)
         driver = Driver(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
         driver.run_for(0.2)

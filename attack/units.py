@@ -15,6 +15,13 @@ def run_hours(first: int, sessions: int) -> Result:
     return attack(first, sessions)
 
 
+def run_ends(unit: int, seconds: float) -> Result:
+    """One wire driven to and fro."""
+    from .ends import attack
+
+    return attack(unit, seconds)
+
+
 def run_lines(seed: int, only: Sequence[int] = ()) -> Result:
     """Every kind of mischief once on each instrument's line."""
     from .lines import ALL, attack
@@ -66,6 +73,7 @@ def _own_domain(number: int) -> None:
 
 
 RUNNERS = {
+    "ends": run_ends,
     "hours": run_hours,
     "lines": run_lines,
     "kills": run_kills,

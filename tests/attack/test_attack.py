@@ -5,11 +5,13 @@ import sys
 
 import pytest
 
-from attack import heat, hours, lines, soak
+from attack import ends, heat, hours, lines, soak
 from attack.promises import Promises, read_table
 from attack.proxy import Mischief
 from attack.result import Result
+from sma_actuator.base.share import shared_file
 from sma_actuator.plant.loads import Weight
+from sma_actuator.safety.reach import Reach
 
 #: One mischief of each sort; the long attack does all of them, on both instruments.
 SPOILT = (
@@ -102,6 +104,32 @@ class TestHalfTheHeatLoss:
         heating = heat.Heating(self.WORST, heat_loss=0.1)
         heating.judge("held", heating.driven(heat.LOADS[0], 20.0, "held"))
         assert len(heating.result.violations) == 1
+
+
+class TestEnds:
+    """At home, with the shipped file; ``python -m attack ends`` makes a model of every wire in its physics first."""
+
+    RULE = "an end is shown that is none"
+
+    @pytest.fixture
+    def driven(self, tmp_path, monkeypatch):
+        monkeypatch.setattr(ends, "KEPT", tmp_path)
+        shipped = shared_file("config/flexinol.yaml").read_text(encoding="utf-8")
+        (tmp_path / "measured_flexinol.yaml").write_text(shipped, encoding="utf-8")
+        its = ends.Ends(heat.UNITS.index(("flexinol", "measured")), 45.0)
+
+        def drive():
+            its.drive("a middle load", 0.98, hot=True)
+            return {violation.rule for violation in its.result.violations}
+
+        return drive
+
+    def test_a_wire_that_is_switched_on_while_it_counts_as_hot_shows_none(self, driven):
+        assert self.RULE not in driven()
+
+    def test_nor_would_the_judge_miss_one(self, driven, monkeypatch):
+        monkeypatch.setattr(Reach, "step", lambda self, *_, **__: setattr(self, "floor_m", 1.0))
+        assert self.RULE in driven()
 
 
 class TestMemory:
