@@ -47,7 +47,6 @@ class Killing:
         parameters["instruments"]["supply"]["resource"] = f"TCPIP::127.0.0.1::{self.stand.supply_port}::SOCKET"
         parameters["instruments"]["daq"]["resource"] = f"TCPIP::127.0.0.1::{self.stand.daq_port}::SOCKET"
         parameters["recorder"] = {"folder": str(self.logs), "max_files": 4, "max_file_size": 20_000}
-        parameters["wait_for_instruments"] = True
         self.loop_period_s = 1.0 / parameters.get("loop", {}).get("rate", 20.0)
         self.parameters = self.folder / "parameters.yaml"
         self.parameters.write_text(json.dumps({NAME: {"ros__parameters": parameters}}))

@@ -58,7 +58,7 @@ class BenchConfig:
     )
     autostart: bool = parameter(True, "configure and activate the node by itself; no current flows before ~/enable")
     wait_for_instruments: bool = parameter(
-        False, "with autostart: keep trying while the instruments do not answer; else the node ends with a sentence"
+        True, "with autostart: look again while the instruments are not there; else the node ends with a sentence"
     )
     joint_name: str = parameter("sma_joint", "name in the published JointState")
     frame_id: str = parameter("sma_base", "frame of the published load")

@@ -129,7 +129,10 @@ class SmaActuatorNode(LifecycleNode):
         self._ended = False  #: for good
         self._left_off = False  #: the last instruments were given up with the output read back as off
         self._arming = threading.Lock()  #: held while the output goes on, and while the node stops being active
-        self._refusal = ""
+        self._refusal = ""  #: why the instruments are not open
+        self._hopeless = False  #: and no waiting will help
+        self._awaited = ""  #: the refusal that was said
+        self._wait_s = 0.0  #: between the last two looks for the instruments
         self._monotonic = MonotonicClock()
         self._published: tuple[Any, ...] = ()  #: what the last status said
         self._told: tuple[Any, ...] = ()  #: what the executor was last woken for
@@ -631,16 +634,20 @@ class SmaActuatorNode(LifecycleNode):
         if state != "unconfigured":
             self._publish_status()
             return
-        if self.config.wait_for_instruments:
+        if self.config.wait_for_instruments and not self._hopeless:
             self._later(self._autostart)
         else:
             self._on_fatal(f"{self.get_fully_qualified_name()}: {self._refusal}")
 
     def _later(self, attempt: Callable[[], None]) -> None:
-        """Try again to reach the instruments."""
-        self.get_logger().warning(f"{self._refusal}; trying again", throttle_duration_sec=10.0)
+        """Look for the instruments again, more and more rarely; why they are waited for is said once."""
+        if self._refusal != self._awaited:
+            self._awaited = self._refusal
+            self._say(WARNING, f"waiting for the instruments: {self._refusal}; looking again until they are there")
+        longest_s = max(RETRY_PERIOD_s, self.config.instruments.reconnect_backoff_max)
+        self._wait_s = min(max(RETRY_PERIOD_s, 2.0 * self._wait_s), longest_s)
         # An attempt feeds the watchdog of the supply: it must have the time to cut what a dead program left on.
-        self._steady_timer(max(RETRY_PERIOD_s, 2.0 * self.config.supply.watchdog_timeout), attempt, once=True)
+        self._steady_timer(max(self._wait_s, 2.0 * self.config.supply.watchdog_timeout), attempt, once=True)
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Open instruments and recorder and start the loop; no current can flow yet."""
@@ -659,9 +666,11 @@ class SmaActuatorNode(LifecycleNode):
 
     def _open_driver(self) -> bool:
         """Whether instruments and recorder could be opened and the loop runs; else ``_refusal`` says why not."""
-        self._refusal = ""
+        self._refusal, self._hopeless = "", False
         self._left_off = False
         config = self.config
+        if not self._wait_s:
+            self._say(INFO, f"opening {_where(config)}")
         try:
             if config.recorder.folder:
                 self._recorder = BenchLogRecorder(config, self.get_fully_qualified_name())
@@ -683,15 +692,17 @@ class SmaActuatorNode(LifecycleNode):
             # wants to be fed, and a lost instrument to be found again.
             self._driver.start()
         except (InstrumentError, ConfigError) as error:
-            self._refusal = str(error)
+            self._refusal, self._hopeless = str(error), isinstance(error, ConfigError)
             self._give_up_driver()
             self._publish_status()
             return False
+        self._awaited, self._wait_s = "", 0.0
         return True
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish, and accept commands; the current stays off until ~/enable."""
         self._active = True
+        self._say(INFO, f"ready: {_where(self.config)} answer; the output is off until ~/enable")
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -729,19 +740,21 @@ class SmaActuatorNode(LifecycleNode):
         self._give_up_driver()
         return TransitionCallbackReturn.SUCCESS
 
-    def halt(self) -> str:
+    def halt(self) -> tuple[bool, str]:
         """Output off within a second, the log complete; needs no ROS, from any thread, more than once.
 
-        A sentence where off was not confirmed, else "".
+        Whether that is not confirmed, and a sentence; "" where no instrument was open.
         """
         self._ended = True
         self_test, driver = self._self_test, self._driver
-        tested = self._end_self_test(self_test) if self_test is not None else (True, "")
+        found = [self._end_self_test(self_test)] if self_test is not None else []
         self._let_go()
-        driven = (driver.stop(), driver.output_words) if driver is not None else (True, "")
-        return "; ".join(
-            f"{self.get_name()}: {words}; look at the supply" for off, words in (tested, driven) if not off
-        )
+        if driver is not None:
+            found.append((driver.stop(), driver.output_words))
+        failed = [words for off, words in found if not off]
+        if failed:
+            return True, "; ".join(f"{self.get_name()}: {words}; look at the supply" for words in failed)
+        return False, f"{self.get_name()}: output off, confirmed by the supply" if found else ""
 
     def _let_go(self) -> None:
         self._active = False
@@ -809,6 +822,12 @@ def main(arguments: list[str] | None = None) -> int:
     return 1 if sentences else 0
 
 
+def _where(config: Config) -> str:
+    """Where the instruments are, in words."""
+    supply, daq = config.instruments.supply, config.instruments.daq
+    return f"the supply at {supply.resource} and the DAQ at {daq.resource}"
+
+
 def _is_driven(driver: Driver) -> bool:
     """Whether a wire is driven.  The loop itself is asked: its last output may be of before an ~/enable that was answered."""
     return bool(driver.call(lambda actuator, _: actuator.is_driven, CALL_TIMEOUT_s))
@@ -872,7 +891,11 @@ def _stop(
     on: list[str] = []
     if nodes:
         with ThreadPoolExecutor(len(nodes)) as pool:
-            on += filter(None, pool.map(SmaActuatorNode.halt, nodes))
+            for failed, sentence in pool.map(SmaActuatorNode.halt, nodes):
+                if failed:
+                    on.append(sentence)
+                elif sentence:
+                    print(f"sma_actuator_node: {sentence}", file=sys.stderr)
     faulthandler.dump_traceback_later(ROS_END_s, exit=True)  # by a thread that asks Python for nothing
     for node in nodes:
         node.wake_no_more()

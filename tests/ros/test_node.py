@@ -338,20 +338,15 @@ class TestParameters:
 
 
 class TestInstruments:
-    def test_one_that_is_not_there_ends_the_node_with_its_address(self, bench, parameters, start_node):
-        node = start_node(parameters(**{"instruments.daq.resource": "TCPIP::127.0.0.1::1::SOCKET"}))
+    def test_one_that_is_not_there_and_not_waited_for_ends_the_node_with_its_address(
+        self, bench, parameters, start_node
+    ):
+        nowhere = {"instruments.daq.resource": "TCPIP::127.0.0.1::1::SOCKET"}
+        node = start_node(parameters(wait_for_instruments=False, **nowhere))
         assert node.ends() == 1
         assert "TCPIP::127.0.0.1::1::SOCKET" in node.words
         assert "Traceback" not in node.words
         assert bench.current_A() == 0.0
-
-    def test_told_to_wait_the_node_goes_on_trying(self, bench, parameters, start_bench, start_node, client):
-        bench.close()
-        node = start_node(parameters(wait_for_instruments=True))
-        node.says("trying again")
-        ports = bench.ports[0]
-        start_bench("--supply-port", str(ports["supply"]), "--daq-port", str(ports["daq"]))
-        _enabled(client)
 
     def test_one_that_is_lost_switches_off_is_found_again_and_stays_off_until_cleared(
         self, bench, parameters, start_node, client
@@ -397,6 +392,8 @@ class TestEnd:
         node.popen.send_signal(number)
         wait_until(lambda: bench.current_A() == 0.0, OFF_s, "end of the current")
         assert node.ends_in_order()
+        if node.popen.returncode == 0:
+            assert node.words.rstrip().endswith("sma_actuator_node: sma_actuator: output off, confirmed by the supply")
         assert "Traceback" not in node.words
 
     def test_a_supply_that_does_not_confirm_off_makes_it_end_with_1(self, bench, parameters, start_node, client):

@@ -258,8 +258,8 @@ class TestFromTheStart:
 
     def test_a_node_that_waits_for_instruments_can_be_shut_down_by_transition(self, make_config, start_node, client):
         nowhere = {f"instruments.{name}.resource": "TCPIP::127.0.0.1::1::SOCKET" for name in ("supply", "daq")}
-        node = start_node(make_config(wait_for_instruments=True, **nowhere))
-        node.says("trying again")
+        node = start_node(make_config(**nowhere))
+        node.says("looking again until they are there")
         assert _transition(client, Transition.TRANSITION_UNCONFIGURED_SHUTDOWN)
         assert client.call(f"{NAME}/get_state", GetState).current_state.label == "finalized"
         said = _status(client)  # the timer that tries again has run out by the time of the second
@@ -273,8 +273,8 @@ class TestFromTheStart:
         bench = start_bench("--load", "weight:0.98")
         resources = bench.instruments()
         bench.close()
-        node = start_node(make_config(instruments=resources, wait_for_instruments=True))
-        node.says("trying again")
+        node = start_node(make_config(instruments=resources))
+        node.says("looking again until they are there")
         ports = bench.ports[0]
         start_bench("--supply-port", str(ports["supply"]), "--daq-port", str(ports["daq"]))
         _transition(client, Transition.TRANSITION_CONFIGURE)  # or the node itself has been quicker

@@ -29,7 +29,7 @@ def test_a_node_that_waits_says_no_word_to_the_supply_and_drives_when_the_other_
     _enabled(client, "/first")
     wait_until(lambda: bench.current_A() > 0.04)
     opened = proxy.opened
-    second = start_node({"second": make_config(instruments=section, wait_for_instruments=True)}, names=["second"])
+    second = start_node({"second": make_config(instruments=section)}, names=["second"])
     second.says("another program on this computer, or another part of this one, speaks to it")
     for _ in range(3):  # and once more each time, beside those that it makes by itself
         request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))

@@ -1,0 +1,86 @@
+"""Instruments that come late, go and come back: the node stays alive, becomes ready, and arms nothing by itself."""
+
+import time
+
+import pytest
+
+pytest.importorskip("rclpy")
+from diagnostic_msgs.msg import DiagnosticStatus
+from lifecycle_msgs.srv import GetState
+from processes import wait_until
+from std_msgs.msg import Float64
+from std_srvs.srv import SetBool, Trigger
+from test_node import NAME, _enabled
+
+#: Somebody keeps asking for a position so long, and nothing may move.
+TEMPTED_s = 3.0
+
+
+@pytest.fixture
+def stand(start_bench, make_config, start_node):
+    """Node and bench, the bench to be switched off and on again at its address."""
+
+    class Stand:
+        def __init__(self):
+            self.bench = start_bench("--load", "weight:0.98")
+            self._ports = self.bench.ports[0]
+            self._instruments = self.bench.instruments()
+
+        def switch_off(self):
+            self.bench.close()
+
+        def switch_on(self):
+            supply, daq = str(self._ports["supply"]), str(self._ports["daq"])
+            self.bench = start_bench("--load", "weight:0.98", "--supply-port", supply, "--daq-port", daq)
+
+        def start(self):
+            self.node = start_node(make_config(instruments=self._instruments))
+            return self.node
+
+    return Stand()
+
+
+def _tempt(client, stand):
+    """Go on asking for a position; no current may come of it."""
+    until_s = time.monotonic() + TEMPTED_s
+    while time.monotonic() < until_s:
+        client.publish(f"{NAME}/setpoint", Float64(data=0.002))
+        client.executor.spin_once(timeout_sec=0.05)
+        assert stand.bench.current_A() == 0.0
+
+
+def test_a_node_that_starts_before_its_instruments_waits_for_them_and_is_ready_with_the_output_off(stand, client):
+    stand.switch_off()
+    node = stand.start()
+    address = stand._instruments["supply"]["resource"]
+    node.says(f"waiting for the instruments: supply at {address}: nothing listens there")
+    assert client.call(f"{NAME}/get_state", GetState).current_state.label == "unconfigured"
+    assert not client.call(f"{NAME}/enable", SetBool, SetBool.Request(data=True)).success
+    time.sleep(TEMPTED_s)  # it has looked again by then
+    assert node.words.count("waiting for the instruments") == 1
+    stand.switch_on()
+    node.says("answer; the output is off until ~/enable")
+    _tempt(client, stand)
+    _enabled(client)
+    wait_until(lambda: stand.bench.current_A() > 0.04)
+
+
+def test_instruments_pulled_in_mid_motion_come_back_to_a_node_that_drives_nothing_by_itself(stand, client):
+    node = stand.start()
+    _enabled(client)
+    client.publish(f"{NAME}/setpoint", Float64(data=0.002))
+    wait_until(lambda: stand.bench.current_A() > 0.1)
+    stand.switch_off()
+    status = client.next(f"{NAME}/status", DiagnosticStatus, lambda s: bytes(s.level) == b"\x02" and "off" in s.message)
+    assert "does not answer" in status.message
+    time.sleep(TEMPTED_s)
+    stand.switch_on()
+    node.says("the supply answers again")
+    node.says("the daq answers again")
+    _tempt(client, stand)
+    assert client.call(f"{NAME}/clear_fault", Trigger).success
+    _tempt(client, stand)
+    _enabled(client)
+    client.publish(f"{NAME}/setpoint", Float64(data=0.002))
+    wait_until(lambda: stand.bench.current_A() > 0.1)
+    assert node.popen.poll() is None
