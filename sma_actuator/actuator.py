@@ -237,13 +237,13 @@ class Actuator:
         """Take positions [m] at times [s] from ``delay_s`` after now; "" or the sentence why they were refused.
 
         Until a later start the wire goes on with what it does; of one that has begun already the rest is followed.
-        Without points the motion ends where the wire is.
+        Without points the motion ends where its reference has come.
         """
         refusal = self._refuses_setpoints(now_s)
         if refusal:
             return refusal
         if not len(times_s):
-            self._commanding.stop()
+            self._commanding.cancel(self._limited_setpoint_m())
             return ""
         try:
             trajectory = Trajectory(times_s, positions_m, velocities_m_s=velocities_m_s)
@@ -254,6 +254,13 @@ class Actuator:
             return f"trajectory refused: its last point was due {-delay_s - trajectory.duration_s:.3g} s ago"
         self._commanding.follow(now_s, trajectory, delay_s)
         return ""
+
+    def hold(self, now_s: float) -> str:
+        """End the motion where the wire is measured to be; "" or the sentence why that was refused."""
+        refusal = self._refuses_setpoints(now_s)
+        if not refusal:
+            self._commanding.stop()
+        return refusal
 
     def tune(self, now_s: float) -> tuple[bool, str]:
         """Begin to tune the gains; whether that was done, and a sentence.
@@ -455,6 +462,7 @@ class Actuator:
                 supervisor.heat,
             )
         )
+        late = self._late(raw, supply)  # the bias current flows, of which the law must not learn
         supervisor.watch_stress(self._signals.stress_Pa, self._estimate.displacement_m, self._told.current_A)
         limits: set[Limit] = set()
         setpoint_m = nan
@@ -469,11 +477,11 @@ class Actuator:
                 self._start_controller()
             if self._commanding.wants_position:
                 setpoint_m = self._setpoint(now_s, limits)
-                wanted_A = self._control(setpoint_m, reading is not None, limits)
+                wanted_A = self._control(setpoint_m, reading is not None and not late, limits)
         if self._tuning is not None and self._tuning.ended:
             self._commanding.stop()
             self._end_tuning("")
-        command, bent = supervisor.gate(wanted_A, driven, faults)
+        command, bent = supervisor.gate(wanted_A, driven, faults, late)
         limits |= bent
         if supervisor.latched is not None:
             self._commanding.switch_off()
@@ -590,6 +598,13 @@ class Actuator:
         if controller.at_bias:
             limits.add(CURRENT_BIAS)
         return wanted_A
+
+    def _late(self, reading: Reading | None, supply: SupplyState | None) -> bool:
+        """Whether an instrument has not answered, and has not done so for longer than an answer may take."""
+        instruments, memory = self._config.instruments, self._supervisor.memory
+        return (reading is None and self._now_s - memory.daq_s > instruments.daq.timeout) or (
+            supply is None and self._now_s - memory.supply_s > instruments.supply.timeout
+        )
 
     def _lose_setpoint(self, now_s: float) -> None:
         """What the parameters say when no setpoint has come for too long."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from sma_actuator.base.names import NODE_NAME as NODE_NAME
 from sma_actuator.base.packed import packed, unpacked
 from sma_actuator.base.parameters import (
     ConfigError,
@@ -40,8 +41,6 @@ from sma_actuator.instruments.parameters import Instruments
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.logs.recorder import RecorderParameters
 from sma_actuator.safety.parameters import SafetyParameters
-
-NODE_NAME = "sma_actuator"
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,6 +42,7 @@ from sma_actuator.instruments import (
     Clock,
     Daq,
     InstrumentError,
+    InstrumentLate,
     InstrumentUnreachable,
     OutputStaysOn,
     PowerSupply,
@@ -78,6 +79,7 @@ CHECK_PERIOD_s = 0.5  #: how often one of the supply's settings is read back whi
 _OFF = Command(0.0, False)
 _SETPOINT_QUEUE = 1024
 _STATISTICS_WINDOW = 2048
+_MINUTE_s = 60
 
 
 class DriverStopped(RuntimeError):
@@ -102,15 +104,44 @@ class LoopStatistics:
     period_max_s: float = math.nan
     busy_mean_s: float = math.nan  #: time from a step's deadline to the command being with the supply
     busy_max_s: float = math.nan
+    late_answers: int = 0  #: of the instruments, that came after their time-out or not at all
+    slowest_answer_s: float = 0.0  #: of the last minute, whatever was asked for
+
+
+class _Slowest:
+    """The longest of what took how long in the last minute."""
+
+    def __init__(self) -> None:
+        self._by_second: collections.deque[tuple[int, float]] = collections.deque()
+
+    def note(self, now_s: float, took_s: float) -> None:
+        """Something took ``took_s``."""
+        second, longest = int(now_s), self._by_second
+        if longest and longest[-1][0] == second:
+            if took_s > longest[-1][1]:
+                longest[-1] = second, took_s
+            return
+        longest.append((second, took_s))
+        while longest[0][0] <= second - _MINUTE_s:
+            longest.popleft()
+
+    def longest_s(self, now_s: float) -> float:
+        """0 where nothing was noted."""
+        return max((took_s for second, took_s in tuple(self._by_second) if second > now_s - _MINUTE_s), default=0.0)
 
 
 class _Link:
     """One instrument, whether it answers, and when to try again if it does not."""
 
-    def __init__(self, name: str, instrument: PowerSupply | Daq, longest_wait_s: float):
+    def __init__(self, name: str, instrument: PowerSupply | Daq, longest_wait_s: float, now_s: Callable[[], float]):
         self.name = name
         self.instrument = instrument
         self.answers = False
+        self.late = False  #: it owes an answer
+        self.late_answers = 0
+        self.slowest = _Slowest()
+        self._now_s = now_s
+        self._owed = self._owed_since_s = math.nan  #: which answer is late, and since when it is waited for
         self.detail = NOT_ASKED  #: why it does not answer
         self.fault = f"{name}_lost"  #: what that is
         self._longest_wait_s = longest_wait_s
@@ -119,34 +150,59 @@ class _Link:
         self._obeys = True  #: as far as is known
 
     def ask(self, question: Callable[[], Any]) -> Any:
-        """Answer of the instrument, or None where it has none; then ``answers`` is false."""
+        """Answer of the instrument, or None where it has none: then it is ``late``, or does not answer any more."""
         if not self.answers:
             return None
+        began_s = self._now_s()
         try:
             answer = question()
+        except InstrumentLate as error:
+            if error.asked_s != self._owed:
+                self._owed, self._owed_since_s = error.asked_s, began_s
+                self.late_answers += 1
+            self.late, self.detail = True, str(error)
+            self._note_answer(self._owed_since_s)
+            return None
         except InstrumentError as error:
+            self._note_answer(began_s)
             self.lose(error)
             return None
+        self._note_answer(self._owed_since_s if self.late and answer is not None else began_s)
+        if answer is not None:  # what was only told did not wait for what it owes
+            self.late = False
         self._wait_s, self._next_attempt_s = 0.0, -math.inf  # where it is lost, the first attempt is made at once
         return answer
 
+    def insist(self, question: Callable[[], Any], patience_s: float) -> None:
+        """Ask until it has answered, or is lost, or is ``late`` for so long: its answer is waited for."""
+        until_s = self._now_s() + patience_s
+        while self.answers:
+            self.late = False
+            self.ask(question)
+            if not self.late or self._now_s() >= until_s:
+                break
+
+    def _note_answer(self, since_s: float) -> None:
+        now_s = self._now_s()
+        self.slowest.note(now_s, now_s - since_s)
+
     def lose(self, error: InstrumentError) -> None:
-        self.answers = False
+        self.answers = self.late = False
         self._note(error)
         self._obeys = not isinstance(error, OutputStaysOn)
 
     def _note(self, error: InstrumentError) -> None:
         self.detail, self.fault = str(error), error.fault or f"{self.name}_lost"
 
-    def reconnect(self, now_s: Callable[[], float], quiet_s: float, unheard_s: float = math.inf) -> None:
+    def reconnect(self, quiet_s: float, unheard_s: float = math.inf) -> None:
         """Try to open it again, not more often than the back-off allows, but every ``unheard_s`` while it hears nothing.
 
         An attempt that was heard and failed is followed by ``quiet_s`` without a word, and so is a word that was heard
         and not obeyed; but no longer than ``_LONGEST_TRUST_s``, for answers that are out of step may have said so.
         """
         if not self._obeys:
-            self._obeys, self._next_attempt_s = True, now_s() + min(quiet_s, _LONGEST_TRUST_s)
-        if now_s() < self._next_attempt_s:
+            self._obeys, self._next_attempt_s = True, self._now_s() + min(quiet_s, _LONGEST_TRUST_s)
+        if self._now_s() < self._next_attempt_s:
             return
         self._wait_s = min(self._longest_wait_s, max(_SHORTEST_WAIT_s, 2.0 * self._wait_s))
         try:
@@ -159,7 +215,7 @@ class _Link:
         else:
             self.answers, quiet_s = True, 0.0
         # Also where it was opened: it may be lost with the first question that matters, each time.
-        self._next_attempt_s = now_s() + max(self._wait_s, quiet_s)
+        self._next_attempt_s = self._now_s() + max(self._wait_s, quiet_s)
 
 
 class Driver:
@@ -191,9 +247,11 @@ class Driver:
         self._actuator = Actuator(config)
         self._supply_instrument = supply
         self._daq_instrument = daq
-        self._supply = _Link("supply", supply, config.instruments.reconnect_backoff_max)
-        self._daq = _Link("daq", daq, config.instruments.reconnect_backoff_max)
+        longest_wait_s = config.instruments.reconnect_backoff_max
+        self._supply = _Link("supply", supply, longest_wait_s, clock.now_s)
+        self._daq = _Link("daq", daq, longest_wait_s, clock.now_s)
         self._links = (self._supply, self._daq)
+        supply.patience_s = daq.patience_s = config.safety.reading_timeout
         self._on_output = on_output
         self._on_failure = on_failure
         self._recorder = recorder
@@ -335,6 +393,10 @@ class Driver:
             lambda actuator, now_s: actuator.offer_trajectory(now_s, times_s, positions_m, velocities_m_s, delay_s)
         )
 
+    def hold(self) -> None:
+        """Have the motion end where the wire is measured to be; never waits."""
+        self._offer(lambda actuator, now_s: actuator.hold(now_s))
+
     def feed(self) -> None:
         """Say that the commander is alive."""
         self._fed_at_s = self._clock.now_s()
@@ -427,8 +489,11 @@ class Driver:
         """Period and overruns of the loop."""
         periods_s = self._periods_s[np.isfinite(self._periods_s)]
         busy_s = self._busy_s[np.isfinite(self._busy_s)]
+        now_s = self._clock.now_s()
+        late = sum(link.late_answers for link in self._links)
+        slowest_s = max(link.slowest.longest_s(now_s) for link in self._links)
         if not len(periods_s):
-            return LoopStatistics(self._steps, self._overruns)
+            return LoopStatistics(self._steps, self._overruns, late_answers=late, slowest_answer_s=slowest_s)
         return LoopStatistics(
             self._steps,
             self._overruns,
@@ -437,6 +502,8 @@ class Driver:
             float(periods_s.max()),
             float(busy_s.mean()),
             float(busy_s.max()),
+            late,
+            slowest_s,
         )
 
     # --- the loop ---------------------------------------------------------------------------------
@@ -535,7 +602,9 @@ class Driver:
 
     def _check_a_setting(self, now_s: float) -> None:
         """While driving, look now and then whether limits and watchdog still stand, one of them at a time."""
-        if now_s - self._checked_s >= CHECK_PERIOD_s and self._written is not None and self._written.output_on:
+        if self._supply.late or now_s - self._checked_s < CHECK_PERIOD_s:
+            return
+        if self._written is not None and self._written.output_on:
             self._checked_s = now_s
             self._supply.ask(self._supply_instrument.check_next_setting)
 
@@ -569,14 +638,14 @@ class Driver:
 
     def _reconnect(self) -> None:
         if not self._daq.answers:
-            self._daq.reconnect(self._clock.now_s, quiet_s=0.0)
+            self._daq.reconnect(quiet_s=0.0)
         if not self._supply.answers:
             self._written = None
             if self._may_flow:
                 quiet_s = _QUIET_WATCHDOGS * self._config.supply.watchdog_timeout
-                self._supply.reconnect(self._clock.now_s, quiet_s, _UNHEARD_WAIT_s)
+                self._supply.reconnect(quiet_s, _UNHEARD_WAIT_s)
             else:
-                self._supply.reconnect(self._clock.now_s, quiet_s=0.0)
+                self._supply.reconnect(quiet_s=0.0)
 
     def _with_truth(self, output: Output) -> Output:
         """The output of a step with what is known of the supply's output beside what was commanded."""
@@ -612,9 +681,9 @@ class Driver:
             return False, "; ".join(f"the {name} still does not answer: {detail}" for name, detail in lost.items())
         if not actuator.latched:
             return actuator.clear_fault(now_s)  # a wire that is driven goes on being driven
-        self._supply.ask(self._supply_instrument.clear_trip)
-        self._supply.ask(self._switch_off)
-        if not self._supply.answers:
+        self._insist(self._supply_instrument.clear_trip)
+        self._insist(self._switch_off)
+        if self._may_flow or not self._supply.answers:
             return False, f"not cleared: {self.output_words} ({self._supply.detail})"
         return actuator.clear_fault(now_s)
 
@@ -656,9 +725,15 @@ class Driver:
     def _enable_checked(self, actuator: Actuator, now_s: float) -> tuple[bool, str]:
         if not actuator.is_driven and (refusal := self._rate_refusal()):
             return False, f"not enabled: {refusal}"
-        self._supply.ask(self._supply_instrument.check_settings)
+        self._insist(self._supply_instrument.check_settings)
         self._report_losses(now_s)
+        if self._supply.late:
+            return False, f"not enabled: {self._supply.detail}"
         return actuator.enable(now_s, True)
+
+    def _insist(self, question: Callable[[], Any]) -> None:
+        """Have the supply answer, though late."""
+        self._supply.insist(question, self._config.safety.reading_timeout)
 
     def _off(self, timeout_s: float) -> tuple[bool, str]:
         """Off between two steps, or beside one that lasts: then the loop takes it over as soon as it goes on."""
@@ -689,7 +764,7 @@ class Driver:
 
     def _disable(self, actuator: Actuator, now_s: float) -> tuple[bool, str]:
         done, words = actuator.enable(now_s, False)
-        self._supply.ask(self._switch_off)
+        self._insist(self._switch_off)
         if not self._may_flow:
             actuator.switched_off()
             return done, words
@@ -699,6 +774,7 @@ class Driver:
     def _update(self, actuator: Actuator, config: Config) -> None:
         actuator.update(config)
         self._config = config
+        self._supply_instrument.patience_s = self._daq_instrument.patience_s = config.safety.reading_timeout
 
     # --- hand-over --------------------------------------------------------------------------------
 

@@ -168,19 +168,6 @@ def test_of_a_trajectory_that_has_begun_the_rest_is_followed_and_one_that_is_ove
     assert sentence == "trajectory refused: its last point was due 3 s ago"
 
 
-def test_a_trajectory_without_points_ends_the_motion_where_the_wire_is(rig):
-    rig.enable()
-    rig.actuator.offer_trajectory(rig.now_s, [0.0, 20.0], [0.0040, 0.0025])
-    rig.run(5.0)
-    assert rig.actuator.offer_trajectory(rig.now_s, [], []) == ""
-    rig.step()
-    held_m = rig.output.setpoint_m
-    assert rig.status.mode is Mode.HOLD
-    assert held_m == pytest.approx(rig.output.estimate.displacement_m, abs=1e-4)
-    rig.run(5.0)
-    assert rig.output.setpoint_m == held_m
-
-
 def test_the_velocities_of_a_trajectory_are_honoured(rig):
     rig.enable()
     rig.actuator.offer_trajectory(rig.now_s, [0.0, 2.0], [0.0040, 0.0030], [0.0, 0.0])
@@ -268,6 +255,73 @@ class TestJointCommands:
         rig.enable()
         refusals = [rig.actuator.offer_joint_command(rig.now_s, math.nan) for _ in range(200)]
         assert any("faster than safety.setpoint_flood_rate" in refusal for refusal in refusals)
+
+
+class TestTheEndOfAMotion:
+    """A motion that is cancelled ends at its reference, one that failed at the measured position; the current steps in neither."""
+
+    @pytest.fixture
+    def moving(self, make_rig):
+        """A rig whose wire is drawn along, with a following error."""
+        rig = make_rig()
+        rig.run(5.0)
+        rig.enable()
+        rig.track(0.0032)
+        rig.run(6.0)
+        rig.actuator.offer_trajectory(rig.now_s, [0.0, 4.0], [0.0032, 0.0016])
+        rig.run(2.0)
+        assert abs(self.reference_m(rig) - rig.output.estimate.displacement_m) > 2e-5
+        return rig
+
+    @staticmethod
+    def reference_m(rig):
+        return rig.status.values["limited_setpoint_m"]
+
+    @staticmethod
+    def steps_A(rig):
+        """By how much the current changed in each of the last steps; the first of them before the motion's end."""
+        return np.abs(np.diff([output.command.current_A for output in rig.outputs]))
+
+    def test_cancelled_it_ends_where_its_reference_has_come(self, moving):
+        reference_m = self.reference_m(moving)
+        usual_A = self.steps_A(moving)[-20:].max()
+        assert moving.actuator.offer_trajectory(moving.now_s, [], []) == ""
+        moving.step()
+        assert (moving.status.mode, moving.output.setpoint_m) == (Mode.HOLD, reference_m)
+        assert self.steps_A(moving)[-1] <= 2.0 * usual_A
+        moving.run(6.0)
+        assert moving.output.setpoint_m == reference_m
+        assert moving.output.estimate.displacement_m == pytest.approx(reference_m, abs=1e-4)
+
+    def test_of_a_setpoint_whose_reference_is_at_its_end_at_once_the_wire_is_held_where_it_is(self, make_rig):
+        rig = make_rig()
+        rig.enable()
+        rig.actuator.offer_setpoint(rig.now_s, 0.0025)
+        rig.run(0.5)
+        assert rig.actuator.offer_trajectory(rig.now_s, [], []) == ""
+        rig.step()
+        assert (rig.status.mode, rig.output.setpoint_m) == (Mode.HOLD, rig.output.estimate.displacement_m)
+
+    def test_failed_it_ends_where_the_wire_is_measured_to_be(self, moving):
+        usual_A = self.steps_A(moving)[-20:].max()
+        assert moving.actuator.hold(moving.now_s) == ""
+        moving.step()
+        held_m = moving.output.setpoint_m
+        assert (moving.status.mode, held_m) == (Mode.HOLD, moving.output.estimate.displacement_m)
+        assert self.steps_A(moving)[-1] <= 2.0 * usual_A
+
+    def test_a_wire_that_is_held_already_stays_held_where_it_was(self, moving):
+        moving.actuator.offer_trajectory(moving.now_s, [], [])
+        moving.run(1.0)
+        held_m = moving.output.setpoint_m
+        moving.actuator.offer_trajectory(moving.now_s, [0.0, 1.0], [0.002, 0.003], delay_s=60.0)
+        moving.actuator.offer_trajectory(moving.now_s, [], [])
+        moving.run(1.0)
+        assert moving.output.setpoint_m == held_m
+
+    def test_with_the_output_off_there_is_nothing_to_end(self, make_rig):
+        rig = make_rig()
+        assert "the output is off" in rig.actuator.hold(rig.now_s)
 
 
 class TestLostSetpoint:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import nan
+from math import inf, nan
 
 import numpy as np
 
 from sma_actuator.base.signals import Reading, SupplyState
 from sma_actuator.config import BenchConfig
 from sma_actuator.instruments import (
+    InstrumentLate,
     InstrumentLost,
     InstrumentRefused,
     InstrumentUnreachable,
@@ -47,20 +48,39 @@ class _InProcess:
         self._bench = bench
         self._config = config
         self._open = False
+        self._owed: tuple[float, float] | None = (
+            None  #: when the last question was asked that has no answer, when it has
+        )
         self.identity = ""
+        self.patience_s = 0.0
 
     def _reach(self, timeout_s: float) -> None:
-        """Spend the time a query takes; raise InstrumentLost where a real one would."""
+        """Spend the time a query takes; raise InstrumentLost or InstrumentLate where a real one would."""
         bench = self._bench
         if f"{self.name}_hangup" in bench.faults:
-            self._open = False
+            self._open, self._owed = False, None
             raise InstrumentUnreachable(f"virtual {self.name}: the connection was closed")
-        delay_s = bench.faults.get("slow_answers", 0.0)
-        if f"{self.name}_silent" in bench.faults or delay_s > timeout_s:
-            bench.advance(bench.time_s + timeout_s)
-            raise InstrumentLost(f"virtual {self.name}: no answer within {timeout_s:g} s")
-        if delay_s:
-            bench.advance(bench.time_s + delay_s)
+        by_s = bench.time_s + timeout_s
+        if self._owed is not None:  # answers come in the order of their questions
+            self._await(*self._owed, by_s, timeout_s)
+        answer_s = (
+            inf if f"{self.name}_silent" in bench.faults else bench.time_s + bench.faults.get("slow_answers", 0.0)
+        )
+        self._await(bench.time_s, answer_s, by_s, timeout_s)
+
+    def _await(self, asked_s: float, answer_s: float, by_s: float, timeout_s: float) -> None:
+        """An answer that comes at ``answer_s`` to a question of ``asked_s``."""
+        bench, lost_s = self._bench, asked_s + self.patience_s
+        self._owed = None
+        if answer_s <= by_s:
+            bench.advance(max(answer_s, bench.time_s))
+            return
+        why = f"virtual {self.name}: no answer within {timeout_s:g} s"
+        bench.advance(min(by_s, max(lost_s, bench.time_s)) if self.patience_s else by_s)
+        if bench.time_s >= lost_s - 1e-9:
+            raise InstrumentLost(why)
+        self._owed = (asked_s, answer_s)
+        raise InstrumentLate(why, asked_s)
 
     def _must_be_open(self) -> None:
         if not self._open:
@@ -68,7 +88,7 @@ class _InProcess:
 
     def close(self) -> None:
         """Give up the connection."""
-        self._open = False
+        self._open, self._owed = False, None
 
 
 class InProcessSupply(_InProcess):
@@ -82,6 +102,7 @@ class InProcessSupply(_InProcess):
 
         Raises InstrumentLost or InstrumentRefused.
         """
+        self._owed = None
         self._reach(self._timeout_s)
         self._open = True
         self.identity = "SMA Actuator,Virtual Supply,0,in process"
@@ -184,6 +205,7 @@ class InProcessDaq(_InProcess):
 
     def open(self) -> None:
         """Check the channel list.  Raises InstrumentLost or InstrumentRefused."""
+        self._owed = None
         self._reach(self._config.instruments.daq.timeout)
         daq = self._config.instruments.daq
         wanted = (daq.supply_voltage_channel, daq.reference_voltage_channel, daq.load_cell_channel)

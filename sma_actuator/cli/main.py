@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import difflib
 import importlib
-import importlib.metadata
 import logging
 import os
 import sys
@@ -58,7 +57,9 @@ def main(argv: list[str] | None = None) -> int:
         description="Drive and calibrate shape memory alloy wires.",
         epilog="sma-actuator COMMAND --help says what a command wants.",
     )
-    parser.add_argument("--version", action="version", version=f"sma-actuator {_version()}")
+    parser.add_argument(
+        "--version", action="version", version=f"sma-actuator {_version()}" if "--version" in argv else ""
+    )
     commands = parser.add_subparsers(dest="command", metavar="COMMAND")
     completing = "_ARGCOMPLETE" in os.environ
     words = os.environ.get("COMP_LINE", "").split()[1:] if completing else argv
@@ -122,6 +123,8 @@ def _run(args: argparse.Namespace) -> int:
 
 
 def _version() -> str:
+    import importlib.metadata  # by itself as slow as a third of a stop
+
     try:
         return importlib.metadata.version("sma_actuator")
     except importlib.metadata.PackageNotFoundError:

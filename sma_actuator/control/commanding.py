@@ -10,7 +10,7 @@
                           └────────────────── setpoint, trajectory ─────────────┘
 
 A setpoint or trajectory takes the place of the one before; ``stop`` leads from every driven state to
-HOLDING, and ``off`` to OFF.  ``tune`` leads from every driven state to TUNING, where the setpoints are the tuning's
+HOLDING, where the wire is (``cancel`` of a trajectory: where its reference has come), and ``off`` to OFF.  ``tune`` leads from every driven state to TUNING, where the setpoints are the tuning's
 own; its end is a ``stop``, and whatever else is wanted of the wire ends it.
 
 Joint commands come as a stream, from a program that may never have asked where the wire is.  One that counts is a
@@ -50,7 +50,8 @@ class Event(enum.Enum):
     OFF = "off"  #: by hand, or a fault that latches
     SETPOINT = "setpoint"
     TRAJECTORY = "trajectory"  #: one that begins now
-    STOP = "stop"  #: the motion ends where the wire is: asked for, or the estimator begins anew
+    STOP = "stop"  #: the motion ends where the wire is: something is wrong with it, or a tuning has ended
+    CANCEL = "cancel"  #: the motion ends where the reference has come: asked for
     TUNE = "tune"
     TIMEOUT_HOLD = "timeout: hold"
     TIMEOUT_BIAS = "timeout: bias"
@@ -66,6 +67,7 @@ TRANSITIONS: tuple[tuple[Event, tuple[State, ...], State, tuple[State, ...]], ..
     (Event.SETPOINT, _DRIVEN, State.TRACKING, (State.LOST_AT_BIAS, State.TUNING)),
     (Event.TRAJECTORY, _DRIVEN, State.FOLLOWING, (State.LOST_AT_BIAS, State.TUNING)),
     (Event.STOP, _DRIVEN, State.HOLDING, _DRIVEN),
+    (Event.CANCEL, (State.HOLDING, State.FOLLOWING, State.LOST_HOLDING), State.HOLDING, ()),
     (Event.TUNE, _DRIVEN, State.TUNING, ()),
     (Event.TIMEOUT_HOLD, _MOVING, State.LOST_HOLDING, _MOVING),
     (Event.TIMEOUT_BIAS, _MOVING, State.LOST_AT_BIAS, _MOVING),
@@ -112,6 +114,18 @@ class Commanding:
         """The motion ends where the wire is."""
         if self._take(Event.STOP):
             self._forget()
+
+    def cancel(self, reference_m: float) -> None:
+        """A trajectory ends where the reference of the control law has come, and the wire follows to there.
+
+        Holding where the wire is would be a step back by its following error.  The reference of a setpoint is at its end
+        from the beginning: there, and where there is none, this is a ``stop``.
+        """
+        if reference_m == reference_m and self._take(Event.CANCEL):
+            self._forget()
+            self._position_m = reference_m
+        else:
+            self.stop()
 
     def tune(self) -> None:
         """A tuning begins, which says from step to step where the wire should be."""

@@ -25,6 +25,17 @@ class InstrumentLost(InstrumentError):
     """It does not answer any more (time-out, closed connection).  Reopening may help."""
 
 
+class InstrumentLate(InstrumentLost):
+    """Its answer has not come in its time, and may still come: the next question waits for that one first.
+
+    ``asked_s``: when it was asked, by whatever clock: it tells one late answer from the next.
+    """
+
+    def __init__(self, message: str, asked_s: float):
+        super().__init__(message)
+        self.asked_s = asked_s
+
+
 class InstrumentUnreachable(InstrumentLost):
     """It cannot be connected to, so it has not heard a word either."""
 
@@ -63,6 +74,9 @@ class PowerSupply(Protocol):
     """
 
     identity: str  #: answer to ``*IDN?``, "" before ``open``
+    patience_s: (
+        float  #: so long after its question an answer may still come (InstrumentLate); 0, as at first: not at all
+    )
 
     @property
     def reads_back(self) -> frozenset[str]:
@@ -108,6 +122,7 @@ class Daq(Protocol):
     """A scanning data acquisition unit.  Not thread-safe: one owner."""
 
     identity: str
+    patience_s: float  #: as of a :class:`PowerSupply`
 
     def open(self) -> None:
         """Connect, check who answers, configure the channel list and the block size."""

@@ -40,6 +40,7 @@ class MakersDaq(ABC):
         self._channels = Channels(config.instruments.daq)
         self._claim: Claim | None = None
         self._device: Any = None
+        self.patience_s = 0.0  #: of no use here: what a package waits for in vain is gone
         self.identity = ""
         try:
             self._maker = importlib.import_module(self.package)

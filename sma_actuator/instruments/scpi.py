@@ -293,6 +293,15 @@ class ScpiDaq:
         self._claim: Claim | None = None
         self.identity = ""
 
+    @property
+    def patience_s(self) -> float:
+        """So long after its question an answer may still come."""
+        return self._session.patience_s
+
+    @patience_s.setter
+    def patience_s(self, patience_s: float) -> None:
+        self._session.patience_s = patience_s
+
     def open(self) -> None:
         """Connect, check who answers, program channel list and block.  Raises InstrumentLost or InstrumentRefused."""
         self._channels.check(f"dialect '{self._dialect.path.stem}'", self._dialect.measures_celsius)

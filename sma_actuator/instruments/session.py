@@ -33,7 +33,7 @@ from typing import Protocol, TypeVar, cast
 
 import pyvisa
 
-from . import InstrumentLost, InstrumentRefused, InstrumentUnreachable
+from . import InstrumentLate, InstrumentLost, InstrumentRefused, InstrumentUnreachable
 from .parameters import TERMINATIONS, Connection, SerialLine
 
 _log = logging.getLogger(__name__)
@@ -87,6 +87,8 @@ class Manner:
 class Wire(Protocol):
     """Bytes to and from an instrument.  ``send`` and ``receive`` raise TimeoutError, OSError or pyvisa.Error."""
 
+    resumes: bool  #: what comes after a time-out can still be received, whole and in order
+
     def send(self, data: bytes, deadline_s: float) -> None:
         """Write all of it before the deadline."""
 
@@ -105,6 +107,8 @@ class Wire(Protocol):
 
 class SocketWire:
     """A TCP connection of our own, for ``TCPIP::…::SOCKET``."""
+
+    resumes = True
 
     def __init__(self, addresses: Sequence[tuple], deadline_s: float):
         self._socket = self._connected(addresses, deadline_s)
@@ -184,6 +188,7 @@ class VisaWire:
         )
         self._visa = cast("pyvisa.resources.MessageBasedResource", visa)
         self._serial = isinstance(self._visa, pyvisa.resources.SerialInstrument)
+        self.resumes = self._serial  # a transfer of the others that has timed out is ended
         if self._serial:
             try:
                 self._prepare(cast("pyvisa.resources.SerialInstrument", visa), manner.serial)
@@ -295,6 +300,7 @@ class Session:
         self._deadline_s = math.inf
         self._answers = 0  #: that have come since a block with a deadline of its own began
         self._began_s = math.nan
+        self.patience_s = 0.0  #: so long after its question an answer may still come (InstrumentLate)
         self._begin(None)
 
     @property
@@ -367,6 +373,7 @@ class Session:
         self._answered = False  #: a question, on this connection
         self._told: list[str] = []  #: lines that have no answer, since the last question
         self._owed = 0  #: acknowledgements of blind lines
+        self._asked: tuple[str, float] | None = None  #: the line that an answer is wanted to, and when it was sent
         self._free_s = -math.inf  #: when the next line may go
 
     def say_off(self) -> None:
@@ -399,7 +406,7 @@ class Session:
                 else:
                     self._settle(by_s)
                     self._must_be_silent(line, by_s)
-                    self._send(line, by_s)
+                    self._put(line, by_s)
                     self._hear_acknowledgement(line, by_s)
                 self._told.append(line)
 
@@ -423,10 +430,11 @@ class Session:
             by_s = self._by_s()
             self._settle(by_s)
             self._must_be_silent(line, by_s)
-            self._send(line, by_s)
+            self._put(line, by_s)
             text = self._line(f"'{line}'", by_s)
             while self._acknowledges(text):  # a late one, of a connection before this
                 text = self._line(f"'{line}'", by_s)
+            self._asked = None
             if text == line:
                 raise self.give_up(f"repeats what it is asked, '{line}': {self._for_people}, or its echo is on")
             if self._got:
@@ -554,6 +562,21 @@ class Session:
         self._midline = False
         self._has_spoken()
 
+    def _put(self, line: str, by_s: float) -> None:
+        """Send a line that an answer is wanted to.  Raises InstrumentLate where there is no time left for one."""
+        now_s = time.monotonic()
+        if now_s >= by_s and self._is_patient:
+            raise self._late(f"there was no time left for '{line}' within {self._timeout_s:g} s", now_s)
+        self._send(line, by_s)
+        self._asked = line, now_s
+
+    @property
+    def _is_patient(self) -> bool:
+        return self.patience_s > 0.0 and self._wire is not None and self._wire.resumes
+
+    def _late(self, why: str, asked_s: float) -> InstrumentLate:
+        return InstrumentLate(f"{self.name}: {why}", asked_s)
+
     def _has_spoken(self) -> None:
         self._free_s = time.monotonic() + self._manner.pause_s
 
@@ -566,7 +589,11 @@ class Session:
             time.sleep(left_s)
 
     def _settle(self, by_s: float) -> None:
-        """Hear what is still said to lines told blind."""
+        """Hear what is still said to the last question, which comes too late to count, and to lines told blind."""
+        if self._asked is not None:
+            line, asked_s = self._asked
+            self._line(f"'{line}'", min(by_s, asked_s + self.patience_s) if self.patience_s else by_s)
+            self._asked = None
         while self._owed:
             self._owed -= 1
             last = self._told[-1] if self._told else self.off_lines[-1]  # another thread may have said them
@@ -593,6 +620,7 @@ class Session:
 
     def _hear_acknowledgement(self, line: str, by_s: float) -> None:
         said = self._line(f"'{line}'", by_s)
+        self._asked = None
         if not self._acknowledges(said):
             self.give_up("")
             raise InstrumentRefused(
@@ -648,7 +676,13 @@ class Session:
                 )
             if not self._answered and self.resource.upper().startswith("ASRL"):
                 begun += f"; is instruments.{self.role}.serial.baud_rate, {self._manner.serial.baud_rate}, right?"
-            raise self.give_up(f"no complete answer to {what} within {self._timeout_s:g} s{begun}") from error
+            why = f"no complete answer to {what} within {self._timeout_s:g} s{begun}"
+            if self._asked is not None and self._is_patient:
+                asked_s = self._asked[1]
+                if time.monotonic() < asked_s + self.patience_s:
+                    raise self._late(why, asked_s) from error
+                why = f"no complete answer to {what}, {self.patience_s:g} s after it was asked{begun}"
+            raise self.give_up(why) from error
         except (pyvisa.Error, OSError, ValueError) as error:
             raise self.give_up(f"the connection broke at {what} ({error})") from error
 

@@ -91,6 +91,15 @@ class SessionSupply(ABC):
         self._unsafe: list[str] = []  #: states that cannot be made safe, in a sentence each
         self.identity = ""
 
+    @property
+    def patience_s(self) -> float:
+        """So long after its question an answer may still come."""
+        return self._session.patience_s
+
+    @patience_s.setter
+    def patience_s(self, patience_s: float) -> None:
+        self._session.patience_s = patience_s
+
     @abstractmethod
     def _configure(self) -> None:
         """Identify, program and read back a supply that was just connected; raise InstrumentError where it will not do."""
@@ -205,6 +214,10 @@ class SessionSupply(ABC):
         if not self._session.lock.acquire(timeout=_LOCK_TIMEOUT_s):
             self._session.cut()
             return False
+        patience_s, self._session.patience_s = (
+            self._session.patience_s,
+            0.0,
+        )  # where it takes one session only, this one is in the way
         try:
             with self._session.within():
                 self._off(self._session)
@@ -212,6 +225,7 @@ class SessionSupply(ABC):
             _log.debug("%s", error)
             return False
         finally:
+            self._session.patience_s = patience_s
             self._session.lock.release()
         return True
 

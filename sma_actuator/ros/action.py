@@ -32,7 +32,10 @@ class Follower(Protocol):
     def offer(
         self, times_s: list[float], positions_m: list[float], velocities_m_s: list[float] | None, delay_s: float
     ) -> None:
-        """Hand a trajectory to the loop; without points the motion ends."""
+        """Hand a trajectory to the loop; without points the motion ends where its reference has come."""
+
+    def hold(self) -> None:
+        """End the motion where the wire is measured to be."""
 
     def report(self, sentence: str) -> None:
         """Say why something was refused."""
@@ -121,7 +124,9 @@ class FollowJointTrajectoryServer:
             return
         if handle.is_cancel_requested:
             self._follower.offer([], [], None, 0.0)
-            self._end("canceled", self._action.Result.SUCCESSFUL, "canceled: the wire is held where it is")
+            self._end(
+                "canceled", self._action.Result.SUCCESSFUL, "canceled: the wire is held where its reference has come"
+            )
             return
         now_s, known = output.signals.time_s, output.estimate.quality is not Quality.INVALID
         position_m = output.estimate.displacement_m if known else nan
@@ -140,7 +145,7 @@ class FollowJointTrajectoryServer:
         if outcome is Outcome.REACHED:
             self._end("succeed", self._action.Result.SUCCESSFUL, "")
         elif outcome is not None:
-            self._follower.offer([], [], None, 0.0)
+            self._follower.hold()
             path = outcome is Outcome.PATH_VIOLATED
             code = self._action.Result.PATH_TOLERANCE_VIOLATED if path else self._action.Result.GOAL_TOLERANCE_VIOLATED
             self._end(

@@ -251,9 +251,14 @@ class SmaActuatorNode(LifecycleNode):
     def offer(
         self, times_s: list[float], positions_m: list[float], velocities_m_s: list[float] | None, delay_s: float
     ) -> None:
-        """Hand a trajectory to the loop; without points the motion ends."""
+        """Hand a trajectory to the loop; without points the motion ends where its reference has come."""
         if self._driver is not None:
             self._driver.offer_trajectory(times_s, positions_m, velocities_m_s, delay_s)
+
+    def hold(self) -> None:
+        """End the motion where the wire is measured to be."""
+        if self._driver is not None:
+            self._driver.hold()
 
     def _preempt(self, why: str) -> None:
         if self._follow is not None:
@@ -579,7 +584,14 @@ class SmaActuatorNode(LifecycleNode):
             statistics = self._driver.statistics()
             values |= {
                 name: getattr(statistics, name)
-                for name in ("period_mean_s", "period_p99_s", "period_max_s", "overruns")
+                for name in (
+                    "period_mean_s",
+                    "period_p99_s",
+                    "period_max_s",
+                    "overruns",
+                    "late_answers",
+                    "slowest_answer_s",
+                )
             }
         if self._recorder is not None:
             values["recorder"] = self._recorder.problem or f"{self._recorder.dropped_rows} rows dropped"

@@ -76,6 +76,15 @@ TEMPERATURE_DERATING = Limit(
     ONE_STEP,
 )
 
+ANSWER_LATE = Limit(
+    "answer_late",
+    "an instrument answers late: the bias current until it does",
+    "Take other work off this computer, or off the instruments' network; where they are always so slow, raise "
+    "instruments.supply.timeout or instruments.daq.timeout",
+    "no complete answer within instruments.supply.timeout or instruments.daq.timeout, which may still come; the setpoint stands, "
+    "and what does not come is supply_lost or daq_lost",
+    longest(parameter_value("instruments.supply.timeout"), parameter_value("instruments.daq.timeout")) + ONE_STEP,
+)
 SETPOINT_REACH = Limit(
     "setpoint_reach",
     "no further contraction: no more heat moves the wire",

@@ -14,7 +14,7 @@ from sma_actuator.base.signals import Command, Reading
 from .faults import FAULTS
 from .guards.program import command_invalid
 from .guards.readings import voltages
-from .limits import STRESS_NEAR_LIMIT, TEMPERATURE_DERATING
+from .limits import ANSWER_LATE, STRESS_NEAR_LIMIT, TEMPERATURE_DERATING
 from .parameters import SafetySections
 from .records import Action, Fault, Guard, Limit, Memory, Step
 from .thermal import WireHeat, derated_limit_A, most_contracted_Ohm
@@ -136,8 +136,10 @@ class Supervisor:
         derated_A = derated_limit_A(self.heat.temperature_C, supply.max_current, supply.bias_current, thermal)
         return max(supply.bias_current, min(heat_A, derated_A))  # in an order that leaves the bias where heat_A is NaN
 
-    def gate(self, wanted_A: float, driven: bool, faults: dict[Fault, str]) -> tuple[Command, set[Limit]]:
-        """The command that goes to the supply, and the limits that bent it."""
+    def gate(
+        self, wanted_A: float, driven: bool, faults: dict[Fault, str], late: bool = False
+    ) -> tuple[Command, set[Limit]]:
+        """The command that goes to the supply, and the limits that bent it; ``late``: an instrument owes an answer."""
         limits: set[Limit] = set()
         if not driven or self.latched is not None:
             return _OFF, limits
@@ -146,7 +148,9 @@ class Supervisor:
             self.latch(command_invalid, invalid)
             return _OFF, limits
         max_A, limit_A, derated_A = self.config.supply.max_current, self.limit_A(), self._derated_A()
-        if any(fault.action is Action.BIAS for fault in faults):
+        if late:
+            limits.add(ANSWER_LATE)
+        if late or any(fault.action is Action.BIAS for fault in faults):
             limit_A = min(limit_A, self.config.supply.bias_current)
         if wanted_A >= derated_A < max_A:
             limits.add(TEMPERATURE_DERATING)

@@ -22,6 +22,7 @@ EVENTS = {
     "trajectory": lambda machine: machine.follow(1.0, RAMP, 0.0),
     "later": lambda machine: machine.follow(1.0, RAMP, 5.0),
     "stop": lambda machine: machine.stop(),
+    "cancel": lambda machine: machine.cancel(0.0031),
     "tune": lambda machine: machine.tune(),
     "hold": lambda machine: machine.lose("silence", at_bias=False),
     "bias": lambda machine: machine.lose("silence", at_bias=True),
@@ -38,14 +39,14 @@ WAYS = {
 }
 #: What each event makes of each state; * : and the controller begins anew; . : nothing happens.
 TABLE = """
-               enable    off  setpoint   near       far  trajectory  later  stop      tune    hold           bias
-OFF            HOLDING*  .    .          .          .    .           .      .         .       .              .
-HOLDING        .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  TUNING  .              .
-TRACKING       .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  TUNING  LOST_HOLDING*  LOST_AT_BIAS*
-FOLLOWING      .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  TUNING  LOST_HOLDING*  LOST_AT_BIAS*
-LOST_HOLDING   .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  TUNING  .              .
-TUNING         .         OFF  TRACKING*  TRACKING*  .    FOLLOWING*  .      HOLDING*  TUNING  .              .
-LOST_AT_BIAS   .         OFF  TRACKING*  TRACKING*  .    FOLLOWING*  .      HOLDING*  TUNING  .              .
+              enable    off  setpoint   near       far  trajectory  later  stop      cancel    tune    hold           bias
+OFF           HOLDING*  .    .          .          .    .           .      .         .         .       .              .
+HOLDING       .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  HOLDING   TUNING  .              .
+TRACKING      .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  HOLDING*  TUNING  LOST_HOLDING*  LOST_AT_BIAS*
+FOLLOWING     .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  HOLDING   TUNING  LOST_HOLDING*  LOST_AT_BIAS*
+LOST_HOLDING  .         OFF  TRACKING   TRACKING   .    FOLLOWING   .      HOLDING*  HOLDING   TUNING  .              .
+TUNING        .         OFF  TRACKING*  TRACKING*  .    FOLLOWING*  .      HOLDING*  HOLDING*  TUNING  .              .
+LOST_AT_BIAS  .         OFF  TRACKING*  TRACKING*  .    FOLLOWING*  .      HOLDING*  HOLDING*  TUNING  .              .
 """
 HEAD, *ROWS = (line.split() for line in TABLE.strip().splitlines())
 

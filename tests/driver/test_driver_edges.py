@@ -211,9 +211,12 @@ class TestLink:
 
     @pytest.fixture
     def link(self):
-        link = _Link("supply", Reachable(), self.LONGEST_s)
+        link = self.link_to(Reachable())
         link.answers = True
         return link
+
+    def link_to(self, instrument):
+        return _Link("supply", instrument, self.LONGEST_s, lambda: instrument.now_s)
 
     def lost(self, link, error):
         assert link.ask(self.raising(error)) is None
@@ -232,7 +235,7 @@ class TestLink:
         for number in range(round(100 * seconds)):
             one.now_s = start_s + 0.01 * number
             if not link.answers:
-                link.reconnect(lambda: one.now_s, quiet_s)
+                link.reconnect(quiet_s)
         return [round(when_s - start_s, 2) for when_s in one.opened_s[before:]]
 
     def test_an_answer_is_handed_on_and_none_is_asked_for_where_it_is_lost(self, link):
@@ -251,10 +254,10 @@ class TestLink:
         assert (link.detail, link.fault) == ("nobody listens", "supply_lost")
 
     def test_one_that_never_answered_is_tried_at_once(self):
-        link = _Link("supply", Reachable(), self.LONGEST_s)
+        link = self.link_to(Reachable())
         assert (link.detail, link.fault) == (NOT_ASKED, "supply_lost")
         assert link.ask(lambda: 7) is None
-        link.reconnect(lambda: 100.0, 60.0)
+        link.reconnect(60.0)
         assert link.ask(lambda: 7) == 7
 
     def test_attempts_begin_at_once_and_become_rarer_up_to_a_bound(self, link):
@@ -299,7 +302,7 @@ class TestLink:
         start_s = one.now_s
         for number in range(200):
             one.now_s = start_s + 0.01 * number
-            link.reconnect(lambda: one.now_s, 60.0)
+            link.reconnect(60.0)
             if link.answers:
                 when_s.append(round(one.now_s - start_s, 2))
                 self.lost(link, InstrumentLost("no answer"))

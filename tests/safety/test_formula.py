@@ -10,7 +10,9 @@ RATE, TIMEOUT = parameter_value("loop.rate"), parameter_value("safety.reading_ti
 
 
 def read(text, config):
-    sections = {name: getattr(config, name) for name in ("loop", "safety", "controller", "supply", "thermal")}
+    sections = {
+        name: getattr(config, name) for name in ("loop", "safety", "controller", "supply", "thermal", "instruments")
+    }
     return eval(text, {"__builtins__": {}, "max": max}, sections)
 
 

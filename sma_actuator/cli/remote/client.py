@@ -13,8 +13,8 @@ from typing import Any
 from sma_actuator.base.commands import as_commands
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import Interrupts, noted_signals
+from sma_actuator.base.names import NODE_NAME
 from sma_actuator.base.signals import Mode, Status
-from sma_actuator.config import NODE_NAME
 
 #: Services are found within three seconds on a quiet machine.
 PATIENCE_s = 10.0
@@ -23,7 +23,7 @@ SAID_s = 3.0
 #: Off is asked for again where no answer comes: DDS loses an answer to whom the node has not found yet.  On never is: it
 #: could arrive after a stop.
 OFF_AGAIN_s = 0.5
-_TURN_s = 0.05  #: a signal is looked for this often
+_TURN_s = 0.01  #: a signal, and a service that is found, are looked for this often
 
 
 def add_node_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,7 +55,12 @@ class NodeClient:
         self._interrupts = interrupts
         self._context = rclpy.Context()
         rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node(f"sma_actuator_command_{os.getpid()}", context=self._context)
+        self._node = rclpy.create_node(
+            f"sma_actuator_command_{os.getpid()}",
+            context=self._context,
+            enable_rosout=False,
+            start_parameter_services=False,
+        )
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._latest: dict[str, tuple[float, Any]] = {}  #: topic → when it came, the message
