@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sma_actuator.base.names import NODE_NAME as NODE_NAME
 from sma_actuator.base.packed import packed, unpacked
+from sma_actuator.base.parameter_file import NODE_NAME, read_parameter_file, read_sections
 from sma_actuator.base.parameters import (
     ConfigError,
     declaration_of,
@@ -26,7 +26,7 @@ from sma_actuator.base.parameters import (
     typed_section,
 )
 from sma_actuator.base.sections import Loop, SupplyParameters, ThermalParameters, Wire
-from sma_actuator.base.yaml_text import read_yaml, with_values, yaml_of
+from sma_actuator.base.yaml_text import with_values, yaml_of
 from sma_actuator.control import CONTROL_LAWS
 from sma_actuator.control.law import ControllerParameters
 from sma_actuator.control.pair import PairParameters
@@ -186,25 +186,6 @@ def _with_tables(mapping: Mapping[str, Any], source: str) -> dict[str, Any]:
         except ConfigError as error:
             refuse(error.problems, source)
     return out
-
-
-def read_sections(path: str | Path) -> Mapping[str, Any]:
-    """The sections of a YAML parameter file.  Raises ConfigError; its sentence names the file."""
-    document = read_yaml(path, "a YAML parameter file")
-    if not isinstance(document, Mapping):
-        raise ConfigError(f"{path}: holds no parameters; a section '{NODE_NAME}: ros__parameters:' is wanted")
-    return document
-
-
-def read_parameter_file(path: str | Path, node: str = NODE_NAME) -> dict[str, Any]:
-    """The mapping below ``ros__parameters`` of ``node`` (or of ``/**``) in a YAML file."""
-    document = read_sections(path)
-    for name in (node, f"/{node}", "/**"):
-        if isinstance(document.get(name), Mapping) and "ros__parameters" in document[name]:
-            return dict(document[name]["ros__parameters"] or {})
-    found = ", ".join(map(str, document))
-    found = found if len(found) <= 200 else f"{found[:180]}… ({len(document)} in all)"
-    raise ConfigError(f"{path}: has no section '{node}: ros__parameters:'; found {found}")
 
 
 def text_with(path: Path, section: str, values: Mapping[str, float], comment: str, node: str = NODE_NAME) -> str:

@@ -12,7 +12,8 @@ from rich.console import Console
 from sma_actuator.base.commands import as_commands
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import noted_signals
-from sma_actuator.config import BenchConfig, Config, config_from_mapping, read_parameter_file, require_sense_resistor
+from sma_actuator.base.parameter_file import read_parameter_file
+from sma_actuator.config import BenchConfig, Config, config_from_mapping, require_sense_resistor
 from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, write_json
 from sma_actuator.instruments import Clock, Daq, PowerSupply
 

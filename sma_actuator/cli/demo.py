@@ -28,8 +28,9 @@ from rich.table import Table
 
 from sma_actuator.base.interrupts import Interrupts, noted_signals
 from sma_actuator.base.jit import COMPILING
+from sma_actuator.base.parameter_file import NODE_NAME, read_parameter_file
 from sma_actuator.base.share import shared_file
-from sma_actuator.config import NODE_NAME, Config, read_parameter_file
+from sma_actuator.config import Config
 from sma_actuator.console import add_output_arguments, refuse_to_overwrite, write_json
 from sma_actuator.control.setpoints import Setpoint, sine, steps, triangle
 from sma_actuator.control.tracking import TrackingErrors

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.yaml_text import parse_yaml
 from sma_actuator.config import (
     Config,
     bench_from_mapping,
     parameter_text,
-    read_parameter_file,
     require_calibrated,
     write_parameter_file,
 )

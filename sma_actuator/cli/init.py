@@ -14,13 +14,13 @@ from typing import Any
 
 from rich.table import Table
 
+from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.base.parameters import ConfigError, check, look_up
 from sma_actuator.base.yaml_text import parse_yaml
 from sma_actuator.config import (
     BenchConfig,
     Config,
     config_from_mapping,
-    read_parameter_file,
     require_calibrated,
     write_parameter_file,
 )

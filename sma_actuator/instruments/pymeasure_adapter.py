@@ -104,9 +104,12 @@ class PymeasureSupply(SessionSupply):
         Raises InstrumentLost or InstrumentRefused.
         """
         self._acknowledged(Abilities(self._class.__name__, voltage_setting=True))
+        self._prepare_off()
+        super().open()
+
+    def _prepare_off(self) -> None:
         if not self._session.off_lines:
             self._session.off_lines = self._off_on_paper()
-        super().open()
 
     def _configure(self) -> None:
         self._output = self._output_over(_OverSession(self._session))

@@ -269,6 +269,10 @@ def _left_ms(deadline_s: float) -> int:
     return math.ceil(1e3 * left_s)
 
 
+def _claimed_name(resource: str) -> bytes:
+    return b"\0sma_actuator " + hashlib.sha256(resource.encode()).hexdigest().encode()
+
+
 class Claim:
     """The right to speak to an instrument, among the programs of this computer: held until released or until
     the process ends.  A name in Linux's abstract namespace of sockets, so there is nothing to be left behind."""
@@ -276,7 +280,7 @@ class Claim:
     def __init__(self, resource: str):
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         try:
-            self._socket.bind(b"\0sma_actuator " + hashlib.sha256(resource.encode()).hexdigest().encode())
+            self._socket.bind(_claimed_name(resource))
         except OSError:
             self._socket.close()
             raise
@@ -284,6 +288,20 @@ class Claim:
     def release(self) -> None:
         """Let others speak."""
         self._socket.close()
+
+    @staticmethod
+    def holder(resource: str) -> int | None:
+        """The process that has claimed it, where there is one that we may look into."""
+        name = _claimed_name(resource)[1:].decode()
+        sockets = {
+            line.split()[6] for line in Path("/proc/net/unix").read_text().splitlines() if line.endswith(f"@{name}")
+        }
+        wanted = {f"socket:[{inode}]" for inode in sockets}
+        for handle in Path("/proc").glob("[0-9]*/fd/*"):
+            with contextlib.suppress(OSError):
+                if str(handle.readlink()) in wanted:
+                    return int(handle.parts[2])
+        return None
 
 
 class Session:
@@ -317,6 +335,11 @@ class Session:
                 f"{self.name}: another program on this computer, or another part of this one, speaks to it; only one may "
                 f"({why})"
             ) from error
+
+    @property
+    def claimed_by(self) -> int | None:
+        """The process that has claimed the instrument, where there is one that we may look into."""
+        return Claim.holder(_canonical(self.resource))
 
     def beside(self) -> Session:
         """A second session to the same instrument, not open yet."""

@@ -187,7 +187,7 @@ class SessionSupply(ABC):
             return False
         try:
             if not self._off_on_own_session():
-                self._off_beside()
+                self._off_beside(self._instrument.timeout)
         except Exception as error:  # noqa: BLE001 - the last thing a program does must not fail
             _log.error("%s: told to be off, not confirmed (%s)", self._session.name, error)
             return False
@@ -229,12 +229,25 @@ class SessionSupply(ABC):
             self._session.lock.release()
         return True
 
-    def _off_beside(self) -> None:
+    def switch_off_beside(self, timeout_s: float) -> None:
+        """Output off over a session of its own, whoever drives the supply; read back.  Raises InstrumentError."""
+        self._prepare_off()
+        self._off_beside(timeout_s)
+
+    def _prepare_off(self) -> None:  # noqa: B027 - a dialect knows them from the beginning
+        """Know the off lines, without a word to the supply."""
+
+    @property
+    def driven_by(self) -> int | None:
+        """The process of this computer that drives it, where there is one that we may look into."""
+        return self._session.claimed_by
+
+    def _off_beside(self, timeout_s: float) -> None:
         """A second session speaks for one that is lost, or hangs in another thread.
 
         Where connections do not begin empty, as serial lines, a late answer to the lost one may come to it: then another one.
         """
-        until_s = time.monotonic() + self._instrument.timeout
+        until_s = time.monotonic() + timeout_s
         while True:
             beside = self._session.beside()
             try:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.base.signals import Health
-from sma_actuator.config import Config, read_parameter_file
+from sma_actuator.config import Config
 from sma_actuator.console import (
     add_output_arguments,
     notes,

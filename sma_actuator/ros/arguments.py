@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from sma_actuator.base.parameter_file import read_sections
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.yaml_text import parse_yaml
-from sma_actuator.config import read_sections
 
 _PARAMETERS = "ros__parameters"
 

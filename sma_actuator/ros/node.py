@@ -49,11 +49,12 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from sma_actuator.base.interrupts import noted_signals
+from sma_actuator.base.parameter_file import NODE_NAME
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Health, Mode, Output, Quality, Status, Tuned
 from sma_actuator.base.streams import keep_standard_streams, unblockable_streams
 from sma_actuator.check.selftest import Level, SelfTest, passed
-from sma_actuator.config import NODE_NAME, Config
+from sma_actuator.config import Config
 from sma_actuator.control.tuning import words_of
 from sma_actuator.driver import Driver, DriverStopped
 from sma_actuator.instruments import InstrumentError, open_daq, open_supply

@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("rclpy")
 from processes import Bench, NodeProcess, parameter_file, wait_until
+from test_node import _enabled
 
 from sma_actuator.cli.main import main
 
@@ -71,7 +72,7 @@ def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
     _enable(capsys)
     assert main(["stop", *NODE]) == 0
     assert "/arm/left: the output is off" in capsys.readouterr().out
-    assert bench.current_A() == 0.0
+    wait_until(lambda: bench.current_A() == 0.0)
     assert _status(capsys, mode="off")["values"]["displacement_m"] is None
 
 
@@ -173,3 +174,45 @@ def test_a_node_that_is_there_and_says_nothing_is_not_called_absent(capsys):
     finally:
         silent.destroy_node()
         context.try_shutdown()
+
+
+class TestStopWithoutRos:
+    """For a node that hangs: the supply is switched off by the parameter file."""
+
+    @pytest.fixture
+    def driven(self, start_bench, start_node, make_config, folder, client):
+        """A bench whose watchdog helps nobody, a node that drives it, and its parameter file."""
+        bench = start_bench("--load", "weight:0.98")
+        parameters = make_config(instruments=bench.instruments(), **{"supply.watchdog_timeout": 600.0})
+        node = start_node(parameters)
+        _enabled(client)
+        wait_until(lambda: bench.current_A() > 0.04)
+        return bench, node, parameter_file(folder, {"sma_actuator": parameters})
+
+    def test_of_a_node_that_stands_still_the_process_is_ended_since_it_has_the_lock(self, driven, capsys):
+        bench, node, file = driven
+        node.popen.send_signal(signal.SIGSTOP)
+        assert main(["stop", "--config", str(file)]) == 0
+        said = capsys.readouterr().out
+        assert f"process {node.popen.pid} drives the supply and lets nobody else command it: it is ended" in said
+        assert "the output is off, confirmed by the supply at TCPIP" in said
+        wait_until(lambda: bench.current_A() == 0.0)
+        assert node.ends() == -signal.SIGKILL
+
+    def test_a_supply_that_obeys_a_second_session_is_switched_off_beside_the_node(self, driven, capsys):
+        bench, node, file = driven
+        node.close()
+        assert main(["stop", "--config", str(file)]) == 0
+        assert "is ended" not in capsys.readouterr().out
+        bench.close()
+        assert main(["stop", "--config", str(file)]) == 1
+        assert "NOT CONFIRMED: supply at TCPIP" in capsys.readouterr().out
+
+
+def test_what_stop_imports_is_little():
+    code = (
+        "import sys; from sma_actuator.cli.main import main\ntry: main(['stop', '--help'])\nexcept SystemExit: pass\n"
+    )
+    code += "print({'numba', 'scipy', 'numpy', 'pyvisa', 'rich', 'sma_actuator.config'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=150.0)
+    assert done.stdout.splitlines()[-1] == "set()", done.stdout

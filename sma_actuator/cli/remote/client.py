@@ -8,13 +8,15 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sma_actuator.base.commands import as_commands
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import Interrupts, noted_signals
-from sma_actuator.base.names import NODE_NAME
-from sma_actuator.base.signals import Mode, Status
+from sma_actuator.base.parameter_file import NODE_NAME
+
+if TYPE_CHECKING:  # stop is quicker without
+    from sma_actuator.base.signals import Status
 
 #: Services are found within three seconds on a quiet machine.
 PATIENCE_s = 10.0
@@ -109,7 +111,7 @@ class NodeClient:
     def wait_until_said(self, on: bool) -> None:
         """Wait until the status says so too, or for a while: who asks next is told the same."""
         with contextlib.suppress(UserError):  # a stop may end a node before it has said anything
-            self.wait_for_status(lambda status: (status.mode is not Mode.OFF) == on, SAID_s)
+            self.wait_for_status(lambda status: (status.mode.value != "off") == on, SAID_s)
 
     def services(self) -> dict[str, str]:
         """Name and type of the node's services."""

@@ -1,22 +1,95 @@
-"""``sma-actuator stop``: every wire of the node's process off."""
+"""``sma-actuator stop``: every wire of the node's process off; with ``--config`` without the node, by the supply itself."""
 
 from __future__ import annotations
 
+import argparse
+import contextlib
+import os
+import signal
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING
+
 from .client import OFF_AGAIN_s, add_node_arguments, connected
 
+if TYPE_CHECKING:
+    from sma_actuator.instruments.supply import SessionSupply
 
-def add_arguments(parser) -> None:
+#: How long a process that was asked to end may take, before it is killed: a node has its outputs off within one second.
+ENDING_s = 2.0
+#: Off over a session of its own may take so many answers.
+ANSWERS = 5
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``sma-actuator stop``."""
+    parser.add_argument(
+        "--config",
+        type=Path,
+        metavar="FILE",
+        help="switch off the supply of this parameter file, without ROS: for a node that hangs. Where the supply does not "
+        "obey a second session, the process that drives it is ended",
+    )
     add_node_arguments(parser)
 
 
-def run(args) -> int:
+def run(args: argparse.Namespace) -> int:
     """Switch off; 0 where every supply has confirmed it."""
+    if args.config is not None:
+        return _at_the_supply(args.config, args.node)
     with connected(args) as client:
         from std_srvs.srv import Trigger
 
         response = client.call("stop", Trigger, Trigger.Request(), again_s=OFF_AGAIN_s)
-        if response.success:
-            client.wait_until_said(on=False)
-    print(client.words(response.message))
+        print(client.words(response.message), flush=True)  # before anything else is waited for
     return 0 if response.success else 1
+
+
+def _at_the_supply(file: Path, node: str) -> int:
+    """Off over a session of our own, if need be after the end of the process that has the supply."""
+    # What a supply needs and no more: the whole configuration takes seconds to import.
+    from sma_actuator.base.parameter_file import read_parameter_file
+    from sma_actuator.base.parameters import from_mapping, refuse
+    from sma_actuator.base.sections import Loop, SupplyParameters
+    from sma_actuator.instruments import InstrumentError, open_supply
+    from sma_actuator.instruments.parameters import Instruments
+    from sma_actuator.instruments.supply import SessionSupply
+
+    mapping = read_parameter_file(file, node)
+    sections = {}
+    for name, kind in (("instruments", Instruments), ("supply", SupplyParameters), ("loop", Loop)):
+        sections[name], problems = from_mapping(kind, mapping.get(name, {}), f"{name}.")
+        refuse(problems, str(file))
+    supply = open_supply(SimpleNamespace(**sections))
+    assert isinstance(supply, SessionSupply)  # every supply but the virtual one
+    where = sections["instruments"].supply.resource
+    timeout_s = ANSWERS * sections["instruments"].supply.timeout
+    try:
+        supply.switch_off_beside(timeout_s)
+    except InstrumentError as refused:
+        holder = supply.driven_by
+        if holder is None or holder == os.getpid():
+            print(f"NOT CONFIRMED: {refused}; look at the supply, and pull its plug if its output is on")
+            return 1
+        print(f"process {holder} drives the supply and lets nobody else command it: it is ended", flush=True)
+        _end(holder, supply)
+        try:
+            supply.switch_off_beside(timeout_s)
+        except InstrumentError as error:
+            print(f"NOT CONFIRMED: {error}; look at the supply, and pull its plug if its output is on")
+            return 1
+    print(f"the output is off, confirmed by the supply at {where}")
+    return 0
+
+
+def _end(process: int, supply: SessionSupply) -> None:
+    """End a process as a user would, then by force; return once it has let the supply go."""
+    for number in (signal.SIGTERM, signal.SIGKILL):
+        with contextlib.suppress(OSError):
+            os.kill(process, number)
+        until_s = time.monotonic() + ENDING_s
+        while supply.driven_by == process and time.monotonic() < until_s:
+            time.sleep(0.02)
+        if supply.driven_by != process:
+            return

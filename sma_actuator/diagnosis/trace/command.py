@@ -13,8 +13,9 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.base.parameters import ConfigError, to_mapping
-from sma_actuator.config import Config, parameter_text, read_parameter_file, write_parameter_file
+from sma_actuator.config import Config, parameter_text, write_parameter_file
 from sma_actuator.console import add_output_arguments, notes, progress_bar, refuse_to_overwrite, results, write_json
 from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.fleet import Finding, add_fleet_arguments, cluster, run_fleet

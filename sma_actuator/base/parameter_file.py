@@ -1,0 +1,31 @@
+"""Parameter files as ROS 2 reads them: a section for each node, and which of them is meant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from .parameters import ConfigError
+from .yaml_text import read_yaml
+
+NODE_NAME = "sma_actuator"  #: of a node that is given no other
+
+
+def read_sections(path: str | Path) -> Mapping[str, Any]:
+    """The sections of a YAML parameter file.  Raises ConfigError; its sentence names the file."""
+    document = read_yaml(path, "a YAML parameter file")
+    if not isinstance(document, Mapping):
+        raise ConfigError(f"{path}: holds no parameters; a section '{NODE_NAME}: ros__parameters:' is wanted")
+    return document
+
+
+def read_parameter_file(path: str | Path, node: str = NODE_NAME) -> dict[str, Any]:
+    """The mapping below ``ros__parameters`` of ``node`` (or of ``/**``) in a YAML file."""
+    document = read_sections(path)
+    for name in (node, f"/{node}", "/**"):
+        if isinstance(document.get(name), Mapping) and "ros__parameters" in document[name]:
+            return dict(document[name]["ros__parameters"] or {})
+    found = ", ".join(map(str, document))
+    found = found if len(found) <= 200 else f"{found[:180]}… ({len(document)} in all)"
+    raise ConfigError(f"{path}: has no section '{node}: ros__parameters:'; found {found}")
