@@ -4,15 +4,19 @@
 DDS participant with its own ports, another thread.  A flood of setpoints fills the buffers of the participant it is
 sent to, and DDS offers a request lost there again only after seconds; here it comes through.  ``~/stop`` has a node and a
 thread to itself: ``~/enable`` is answered when the supply has confirmed it, which a slow one takes seconds for.
+
+No wire waits for another: each has a thread while it is switched, and ``~/stop`` switches all at the same time.
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Protocol
 
 import rclpy
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 
@@ -49,6 +53,7 @@ class Switch:
 
     def __init__(self, nodes: Sequence[Switchable], arguments: list[str]):
         self._nodes = nodes
+        self._stops = 0  #: that have come
         self._context = rclpy.Context()
         rclpy.init(args=arguments, context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         first = nodes[0]
@@ -64,12 +69,16 @@ class Switch:
             for what in ("switch", "stop")
         )
         for wire in nodes:
-            switch.create_service(SetBool, wire.resolve_service_name("~/enable"), wire.on_enable)
+            group = MutuallyExclusiveCallbackGroup()
+            switch.create_service(
+                SetBool, wire.resolve_service_name("~/enable"), self._enable(wire), callback_group=group
+            )
             stop.create_service(Trigger, wire.resolve_service_name("~/stop"), self._on_stop)
         self._threads = [
             threading.Thread(
                 target=spin,
                 args=(node, lambda error: first.report(f"{type(error).__name__}: {error}")),
+                kwargs={"at_once": len(nodes) if node is switch else 1},
                 daemon=True,
                 name=node.get_name(),
             )
@@ -79,9 +88,24 @@ class Switch:
             refuse_what_raises(node, first.report)
             thread.start()
 
+    def _enable(self, wire: Switchable) -> Callable[[SetBool.Request, SetBool.Response], SetBool.Response]:
+        """Switch one wire; it does not stay on where a stop has come meanwhile."""
+
+        def answer(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+            stops = self._stops
+            response = wire.on_enable(request, response)
+            if request.data and response.success and stops != self._stops:
+                response.success, response.message = False, f"not enabled, ~/stop has come: {wire.switch_off()[1]}"
+            return response
+
+        return answer
+
     def _on_stop(self, _: Trigger.Request, response: Trigger.Response) -> Any:
-        """All wires of the process off; the answer says of each what became of it."""
-        answers = [(wire.get_fully_qualified_name(), *wire.switch_off()) for wire in self._nodes]
+        """All wires of the process off, at the same time; the answer says of each what became of it."""
+        self._stops += 1
+        with ThreadPoolExecutor(len(self._nodes)) as pool:
+            off = list(pool.map(lambda wire: wire.switch_off(), self._nodes))
+        answers = [(wire.get_fully_qualified_name(), *said) for wire, said in zip(self._nodes, off, strict=True)]
         response.success = all(done for _, done, _ in answers)
         response.message = "; ".join(f"{name}: {sentence}" for name, _, sentence in answers)
         return response

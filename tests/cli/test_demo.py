@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -147,6 +148,20 @@ def test_the_first_command_on_a_machine_compiles_and_says_so_before_anything_ans
     assert f"virtual bench: compiling kernels, once on this machine; kept in {tmp_path}/cache" in started.words
     assert f"node: compiling kernels, once on this machine; kept in {tmp_path}/cache" in started.words
     assert "supply output off; node and bench have ended" in started.words
+
+
+@pytest.mark.long
+def test_beside_a_program_that_keeps_every_core_busy_it_drives_and_ends_with_the_output_off(demo):
+    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(os.cpu_count() or 2)]
+    try:
+        started = demo("--duration", "10")
+        assert started.process.wait(600.0) == 0, started.words
+    finally:
+        for each in busy:
+            each.kill()
+            each.wait()
+    assert "supply output off; node and bench have ended" in started.words
+    assert re.search(r"status (tracking|holding)", started.words)
 
 
 def test_one_that_fails_says_what_to_do_and_keeps_what_was_said(demo):
