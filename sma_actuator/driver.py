@@ -572,10 +572,12 @@ class Driver:
     def _tick(self) -> Output:
         self._run_calls()
         self._reconnect()
-        began_s = self._clock.now_s()
+        began_s, answered = self._clock.now_s(), self._daq.answers
         reading: Reading | None = self._daq.ask(self._daq_instrument.read_block)
         read_s = self._clock.now_s()
-        state: SupplyState | None = self._supply.ask(self._supply_instrument.read_back)
+        state: SupplyState | None = None
+        if self._daq.answers or not answered:  # else it has just been lost, and off waits for no other answer
+            state = self._supply.ask(self._supply_instrument.read_back)
         self._asking_s.append((read_s - began_s, self._clock.now_s() - read_s))
         if self._off_is_asked:  # the supply may have said what it is since then
             self._run_calls()
