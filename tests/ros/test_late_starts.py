@@ -10,7 +10,7 @@ from lifecycle_msgs.srv import GetState
 from processes import wait_until
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
-from test_node import NAME, _enabled
+from test_node import NAME, _enabled, _status
 
 #: Somebody keeps asking for a position so long, and nothing may move.
 TEMPTED_s = 3.0
@@ -33,8 +33,8 @@ def stand(start_bench, make_config, start_node):
             supply, daq = str(self._ports["supply"]), str(self._ports["daq"])
             self.bench = start_bench("--load", "weight:0.98", "--supply-port", supply, "--daq-port", daq)
 
-        def start(self):
-            self.node = start_node(make_config(instruments=self._instruments))
+        def start(self, **changes):
+            self.node = start_node(make_config(instruments=self._instruments, **changes))
             return self.node
 
     return Stand()
@@ -84,3 +84,21 @@ def test_instruments_pulled_in_mid_motion_come_back_to_a_node_that_drives_nothin
     client.publish(f"{NAME}/setpoint", Float64(data=0.002))
     wait_until(lambda: stand.bench.current_A() > 0.1)
     assert node.popen.poll() is None
+
+
+def test_answers_that_come_late_for_a_while_are_a_limit_that_is_counted_and_passes(stand, client):
+    times = {f"instruments.{name}.timeout": 0.5 for name in ("supply", "daq")}
+    node = stand.start(**times, **{"safety.reading_timeout": 10.0, "supply.watchdog_timeout": 10.0})
+    _enabled(client)
+    client.publish(f"{NAME}/setpoint", Float64(data=0.0025))
+    wait_until(lambda: stand.bench.current_A() > 0.1)
+    stand.bench.tell("BENC:FAUL slow_answers,0.7")
+    _status(client, lambda status: "answer_late" in status.limits)
+    wait_until(lambda: stand.bench.current_A() == pytest.approx(0.05, abs=1e-3), what="the bias current")
+    stand.bench.tell("BENC:FAUL:CLE")
+    status = _status(client, lambda status: "answer_late" not in status.limits)
+    assert (status.fault, status.mode.value) == ("", "tracking")
+    assert float(status.values["late_answers"]) >= 1
+    assert float(status.values["slowest_answer_s"]) >= 0.7
+    wait_until(lambda: stand.bench.current_A() > 0.1)
+    assert "answers late: the bias current until it does" in node.words
