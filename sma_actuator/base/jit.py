@@ -119,6 +119,8 @@ try:
 
     def _hurried(kernel: Any) -> Any:
         """Under :func:`at_once`, run what has not been compiled for these types as plain Python."""
+        if numba.config.DISABLE_JIT:
+            return kernel
         compiled_for = kernel._compile_for_args  # what numba asks where it has nothing for the types of the arguments
 
         def ready_or_plain(*args: Any) -> Any:

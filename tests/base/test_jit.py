@@ -68,6 +68,10 @@ def test_who_is_in_a_hurry_gets_plain_python_and_nobody_else(tmp_path, bare):
     assert list((tmp_path / "__pycache__").glob("*.nbi"))
 
 
+def test_a_numba_that_is_told_to_compile_nothing_does_not(tmp_path, bare):
+    run(tmp_path, "from kernel import at_once, twice; assert twice(2.0) == 6.0", NUMBA_DISABLE_JIT="1", **bare)
+
+
 @pytest.mark.parametrize("shared", [False, True], ids=["own", "open to others"])
 def test_where_nothing_else_can_be_written_a_private_folder_keeps_them(tmp_path, bare, shared):
     temporary, sources = tmp_path / "tmp", tmp_path / "sources"
