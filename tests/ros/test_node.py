@@ -351,11 +351,11 @@ class TestInstruments:
     def test_one_that_is_lost_switches_off_is_found_again_and_stays_off_until_cleared(
         self, bench, parameters, start_node, client
     ):
-        start_node(parameters(**{"instruments.daq.timeout": 0.5}))
+        start_node(parameters(**{"instruments.daq.timeout": 0.5, "safety.reading_timeout": 2.0}))
         _enabled(client)
         client.listen(f"{NAME}/status", DiagnosticStatus, latched=True)
         bench.tell("BENC:FAUL daq_silent")
-        wait_until(lambda: _truth_over_supply(bench)[9] == 0.0, OFF_s, "end of the current")
+        wait_until(lambda: _truth_over_supply(bench)[9] == 0.0, 2.0 + OFF_s, "end of the current")
         status = _status(client, lambda s: s.fault)
         assert status.fault == "daq_lost"
         response = client.call(f"{NAME}/clear_fault", Trigger)
