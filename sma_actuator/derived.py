@@ -152,8 +152,8 @@ def _settle_gains(wire: Wire, most_A: float, lag_s: float, settle: Any) -> None:
     """No kd: it doubles what noise makes of the current, and buys no error (docs/control.md)."""
     kp = settle(
         "controller.kp",
-        _digits(8.0 * most_A / wire.full_stroke_m, 2),
-        "an error of an eighth of the full stroke asks for all of max_current",
+        _digits(6.6 * most_A / wire.full_stroke_m, 2),
+        "an error of 15 % of the full stroke asks for all of max_current",
     )
     settle(
         "controller.ki",
