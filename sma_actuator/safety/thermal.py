@@ -158,7 +158,7 @@ class Thermometer:
         if at_most_C < transformed_C or self._shown_Ohm > contracted_Ohm:
             self._least_Ohm = self._shown_Ohm
         self._least_Ohm = min(self._least_Ohm, self._shown_Ohm)
-        if not math.isfinite(self._least_Ohm):
+        if not self._least_Ohm > 0.0:  # not known; or of no wire, as where the leads alone are measured
             return math.inf
         return transformed_C + (self._shown_Ohm - self._least_Ohm) / (LEAST_SLOPE_1_K * self._least_Ohm)
 
