@@ -87,7 +87,9 @@ class Reach:
             self._there_s = now_s
         elif now_s - self._there_s >= self._patience_s:
             self.tries = 0
-        no_use = (at_limit and ample) or (at_max and self._held_W > WARM * power_W)
+        # Backing off in vain cools a wire that was warm; it need not become it once more.
+        warm = self.tries > 0 or self._held_W > WARM * power_W
+        no_use = (at_limit and ample) or (at_max and warm)
         if not (no_use and position_m > aim_m and position_m > self._from_m - self._motion_m):
             self._since_s, self._from_m = now_s, position_m
         elif now_s - self._since_s >= self._patience_s:
