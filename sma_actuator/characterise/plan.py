@@ -22,6 +22,8 @@ STRESSES_Pa = (
     85e6,
     120e6,
 )  #: default loads; from the thesis's lightest to above its judged ones
+#: Wires are heated so far that this is well above their usual transformations, however much further their limits let them be heated.
+HOT_ENOUGH_C = 160.0
 
 #: The second round: stresses between those of the first, a spring as stiff as makes much of the stroke a rise of stress, how long a
 #: position is held and a period lasts, and the positions, as shares of the stroke from contracted to cold, in an order
@@ -190,7 +192,8 @@ def typical_resistance_Ohm(wire) -> float:
 
 
 def default_heat_current_A(config) -> float:
-    """The current whose steady temperature lies well above every transformation and below derating."""
+    """The current whose steady temperature lies well above usual transformations and below derating."""
     thermal = config.thermal
-    power_W = thermal.heat_loss * 0.7 * (thermal.derate_temperature - thermal.ambient_temperature)
+    rise_K = 0.7 * (min(HOT_ENOUGH_C, thermal.derate_temperature) - thermal.ambient_temperature)
+    power_W = thermal.heat_loss * rise_K
     return min(math.sqrt(power_W / typical_resistance_Ohm(config.wire)), config.supply.max_current)
