@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy.optimize import least_squares, lsq_linear
+from scipy.optimize import least_squares, lsq_linear, minimize_scalar
 
 from sma_actuator.estimation.effects import Effect
 
@@ -26,6 +26,7 @@ STRIDES = (1.0, 2.0, 4.0)
 SIZES = (-3.0, -1.0, 1.0, 3.0)
 APART = 0.3  #: in the optimiser's units: shapes nearer to each other lead to the same end
 STUCK = 0.01  #: share of the squares: where a fit takes off less, it begins somewhere else once more …
+LOOKS = 12  #: along a line, where a single size is all that is sought
 PROMISING = 0.75  #: … and also where that other start takes off so much of what the fit did, before any step
 NEARLY, TRIED = 0.9, 8  #: of what the best time of a slip explains: with which others are tried too, and how many
 NEAR_SIZE, NEAR_SHAPE = 0.01, 0.05  #: of what is possible, so near its end counts as at it: a shape comes there slowly
@@ -251,7 +252,25 @@ def _solved(problem: _Problem, u: np.ndarray, new: list[int], rows: np.ndarray) 
         stuck = nothing - best < STUCK * nothing
         if stuck or nothing - squares(other) > PROMISING * (nothing - best):
             ends.append(problem.solve(other, rows).x)
+    if len(u) == 1:
+        ends.append(_along(problem, [u, *starts], min(starts, key=squares), squares))
     return min(ends, key=squares)
+
+
+def _along(
+    problem: _Problem, tried: list[np.ndarray], best: np.ndarray, squares: Callable[[np.ndarray], float]
+) -> np.ndarray:
+    """The least squares of a single size between the sizes tried on either side of the best of them.
+
+    A rest that counts here and not a little further is a step, which no slope sees: the solver may stay where it began.
+    """
+    sizes = sorted({float(problem.low[0]), float(problem.high[0]), *(float(there[0]) for there in tried)})
+    at = sizes.index(float(best[0]))
+    bounds = (sizes[max(at - 1, 0)], sizes[min(at + 1, len(sizes) - 1)])
+    found = minimize_scalar(
+        lambda size: squares(np.array([size])), bounds=bounds, method="bounded", options={"maxiter": LOOKS}
+    )
+    return np.array([float(found.x)])
 
 
 def _squares(problem: _Problem, u: np.ndarray, rows: np.ndarray, name: str, scanned: dict[str, float]) -> float:
