@@ -1,24 +1,23 @@
-"""Make the figures of ``docs/results.md`` and the pages beside it again: run their commands and put what they print into the page.
+"""Make the files of ``docs/results`` again: run the command in each, and put what it prints below it.
 
     python benchmarks/results.py [NAME …]     (make results, RESULTS="control replay")
 
-Everything between the markers ``<!-- NAME -->`` and ``<!-- end -->`` is replaced by the output of the
-command that stands there; the words around it are kept.  Without names all of them are run, one after
-the other, which takes an hour on two cores.
+Every file there has its command in a line ``$ python …``; a comment before the first one stays.  Without names all are run,
+one after the other, which takes hours on two cores.  The pages of ``docs`` state figures of these files; the tests say
+where one is no longer in them.
 """
 
 from __future__ import annotations
 
 import argparse
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGES = sorted((ROOT / "docs").glob("*.md"))
-SECTION = re.compile(r"<!-- (?P<name>[\w-]+): (?P<command>[^>]+?) -->\n.*?<!-- end -->", re.DOTALL)
+FILES = {path.stem: path for path in sorted((ROOT / "docs" / "results").glob("*.txt"))}
+PROMPT = "$ python "
 WIDTH = "150"
 
 
@@ -31,23 +30,22 @@ def output_of(command: str) -> str:
     return "\n".join(line.rstrip() for line in done.stdout.strip().splitlines())
 
 
+def parts_of(text: str) -> tuple[str, list[str]]:
+    """The comment at the top of a file, and its commands."""
+    commands = [line.removeprefix(PROMPT) for line in text.splitlines() if line.startswith(PROMPT)]
+    return text[: text.index(PROMPT)], commands
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    known = {
-        match["name"]: (page, match["command"])
-        for page in PAGES
-        for match in SECTION.finditer(page.read_text(encoding="utf-8"))
-    }
-    parser.add_argument("names", nargs="*", choices=[[], *known], metavar="NAME", help=", ".join(known))
-    for name in parser.parse_args().names or known:
-        page, command = known[name]
-        print(f"{name}: python {command}", file=sys.stderr)
-        printed = output_of(command)
-        block = f"<!-- {name}: {command} -->\n```text\n$ python {command}\n{printed}\n```\n<!-- end -->"
-        text = SECTION.sub(
-            lambda m, name=name, block=block: block if m["name"] == name else m[0], page.read_text(encoding="utf-8")
-        )
-        page.write_text(text, encoding="utf-8")  # after each: an hour's work is not lost to the last command
+    parser.add_argument("names", nargs="*", choices=[[], *FILES], metavar="NAME", help=", ".join(FILES))
+    for name in parser.parse_args().names or FILES:
+        comment, commands = parts_of(FILES[name].read_text(encoding="utf-8"))
+        blocks = []
+        for command in commands:
+            print(f"{name}: python {command}", file=sys.stderr)
+            blocks.append(f"{PROMPT}{command}\n{output_of(command)}\n")
+        FILES[name].write_text(comment + "\n".join(blocks), encoding="utf-8")
     return 0
 
 

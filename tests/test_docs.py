@@ -32,3 +32,31 @@ def _exists(path):
 
 def test_the_readme_is_read_to_its_end():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").split()) <= 800
+
+
+RESULTS = ROOT / "docs" / "results"
+ROWS = [
+    pytest.param(row, id=row.split("|")[1].strip()[:60])
+    for row in (ROOT / "docs" / "results.md").read_text(encoding="utf-8").splitlines()
+    if re.search(r"\(results/[\w-]+\.txt\) \|$", row)
+]
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_a_figure_of_the_results_is_one_that_its_command_printed(row):
+    _, *cells, link = row.strip("|").split("|")
+    printed = (ROOT / "docs" / re.search(r"results/[^)]+", link)[0]).read_text(encoding="utf-8")
+    figures = re.findall(r"\d+(?:\.\d+)?", re.sub(r"\(aim \d+\)|\]\([^)]*\)", "", " ".join(cells)))
+    assert figures
+    assert set(figures) <= set(re.findall(r"\d+(?:\.\d+)?", printed))
+
+
+def test_every_file_of_results_has_its_command():
+    for path in RESULTS.glob("*.txt"):
+        commands = re.findall(r"^\$ python (\S+)", path.read_text(encoding="utf-8"), re.MULTILINE)
+        assert commands and all((ROOT / command).exists() for command in commands), path.name
+
+
+def test_the_page_of_results_is_read_to_its_end():
+    words = (ROOT / "docs" / "results.md").read_text(encoding="utf-8").replace("|", " ").split()
+    assert len(words) <= 800
