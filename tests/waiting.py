@@ -6,6 +6,7 @@ import time
 #: Of the time between two looks no more counts: the rest is a process that did not run.
 MOST_OF_A_LOOK_s = 0.1
 STALL_LOOK_s = 0.005
+SOON_s = 150.0  #: bound of waits that normally take under a second; a busy machine starts a process in half a minute
 
 
 class Elapsed:
@@ -44,3 +45,12 @@ class Stalls:
     def close(self):
         self._ended.set()
         self._thread.join()
+
+
+def wait_until(condition, timeout_s=SOON_s, what="it"):
+    """Poll ``condition`` until it is true; its value."""
+    elapsed = Elapsed()
+    while not (value := condition()):
+        assert elapsed.look() < timeout_s, f"{what} did not come within {timeout_s} s"
+        time.sleep(0.005)
+    return value

@@ -6,6 +6,10 @@ counted, and never time in the loop.  A file is called ``….csv.part`` while it
 process loses next to nothing, and the next recorder on that folder completes what was left behind.
 Where the disk is full the wire is driven on without a log, until there is room again.
 
+Whether the file is still where it was begun is looked at every ``LOOK_s``.  One that somebody has
+moved away is complete where it is now; of one that was removed the open file still holds every row,
+and they are copied.  Either way the log goes on in a new file.
+
 Numbers are written with all their digits: whoever reads them gets the estimator's own numbers back.
 The column ``event`` says what changed before its row: output on or off, fault, tare, parameters.
 
@@ -22,11 +26,13 @@ import json
 import logging
 import os
 import queue
+import stat
 import threading
 import time
 import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -43,6 +49,8 @@ _log = logging.getLogger(__name__)
 #: What the estimator made of the reading, beside the columns every bench log has.
 ESTIMATE_COLUMNS = ("displacement_estimate_m", "velocity_estimate_m_s", "branch", "quality", "output_on")
 RETRY_s = 10.0  #: between two attempts to go on where the disk was full
+LOOK_s = 0.25  #: between two looks whether the file is still in its place
+HELD_UP_s = 5.0  #: a row that takes longer is held up by the disk; rows wait for it meanwhile, and are not lost
 _ALWAYS = ("time_s", "supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V", "tare_N")
 _PART = ".part"
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -82,8 +90,7 @@ class BenchLogRecorder:
     """
 
     def __init__(self, config: RecorderSections, name: str = "sma_actuator", queue_rows: int = 10_000):
-        self.dropped_rows = 0
-        self.problem = ""  #: why nothing is written now
+        self.lost_rows = 0  #: that are in no file
         self.columns = _columns(config)
         self._config = config
         self._name = name.strip("/").replace("/", "_")
@@ -92,13 +99,16 @@ class BenchLogRecorder:
         self._last_time_s = float("-inf")
         self._events: list[str] = []  #: that stand in no row yet
         self._number = 0
-        #: The same in every file from here on; what follows a failure is another recording.
-        self._recording = str(uuid.uuid4())
-        self._part_number = 0
-        self._size = 0
+        self._begin_recording()
         self._handle = -1  #: the open file; −1 where there is none
-        self._part = Path()  #: and its name
+        self._own: Files = {}  #: its name and that of the file beside it
+        self._size = 0  #: of what was written to it
+        self._rows = 0  #: that are in it
+        self._failure = ""  #: why there is none
+        self._incident = ""  #: why the last one but this was left
         self._retry_s = 0.0  #: when to try again after a failure
+        self._look_s = 0.0  #: when to look again whether it is in its place
+        self._busy_s = inf  #: since when the thread has been busy with one row
         self._queue: queue.Queue[_Row | None] = queue.Queue(queue_rows)
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
@@ -114,9 +124,27 @@ class BenchLogRecorder:
         self._thread.start()
 
     @property
+    def problem(self) -> str:
+        """Why nothing is written now, or ""."""
+        held_up_s = time.monotonic() - self._busy_s
+        if held_up_s > HELD_UP_s:
+            return f"the bench log in {self._folder} is held up: the disk does not answer"
+        return self._failure
+
+    @property
+    def words(self) -> str:
+        """What has gone wrong with the log, without how many rows it has cost; "" where nothing has."""
+        return self.problem or self._incident
+
+    @property
+    def _path(self) -> Path:
+        """The name that the file at hand will have."""
+        return self._folder / next(iter(self._own)).removesuffix(_PART)
+
+    @property
     def waiting_rows(self) -> int:
         """Rows that are not with the system yet."""
-        return self._queue.qsize()
+        return self._queue.unfinished_tasks
 
     def record(self, reading: Reading | None, output: Output) -> None:
         """Queue one row; where the queue is full the row is dropped and counted.
@@ -131,7 +159,7 @@ class BenchLogRecorder:
         try:
             self._queue.put_nowait((tuple(row[name] for name in self.columns), "; ".join(self._events)))
         except queue.Full:
-            self.dropped_rows += 1
+            self.lost_rows += 1
         else:
             self._events.clear()
 
@@ -141,49 +169,104 @@ class BenchLogRecorder:
             with contextlib.suppress(queue.Full):
                 self._queue.put(_STOP, timeout=timeout_s)
             self._thread.join(timeout_s)
-        if self.dropped_rows:
-            _log.warning("%s: %d rows of the bench log were dropped", self._name, self.dropped_rows)
+        if self.lost_rows:
+            _log.warning("%s: %d rows of the bench log are lost", self._name, self.lost_rows)
 
     # --- in the recorder's thread -----------------------------------------------------------------
 
     def _run(self) -> None:
-        while (row := self._queue.get()) is not _STOP:
+        row: _Row | None = None
+        while True:
+            with contextlib.suppress(queue.Empty):
+                row = self._queue.get(timeout=LOOK_s)
+                if row is _STOP:
+                    break
+            self._busy_s = time.monotonic()
             try:
-                self._keep(row)
-            except (OSError, ConfigError) as error:
+                self._look()
+                if row is not None:
+                    self._keep(row)
+            except Exception as error:  # noqa: BLE001 - whatever it is, it must not end the log without a word
                 self._end_with(error)
-                self.dropped_rows += 1
+                self.lost_rows += row is not None
+            if row is not None:
+                self._queue.task_done()
+            row, self._busy_s = None, inf
         try:
+            self._look_s = 0.0
+            self._look()
             self._complete_file()
-        except OSError as error:
+        except Exception as error:  # noqa: BLE001
             self._end_with(error)
 
     def _keep(self, row: _Row) -> None:
         if self._handle < 0:
             if time.monotonic() < self._retry_s:
-                self.dropped_rows += 1
+                self.lost_rows += 1
                 return
             self._begin_file()
-            self.problem = ""
-            _log.warning("%s: the bench log goes on in %s", self._name, self._part.with_suffix(""))
-        self._write_row(row)
-        if self._size >= self._config.recorder.max_file_size:
+            self._incident = f"{self._failure}; it goes on in {self._path}"
+            self._failure = ""
+        elif self._size >= self._config.recorder.max_file_size:
             self._complete_file()
             self._begin_file()
+        self._write_row(row)
+        self._rows += 1
+
+    def _look(self) -> None:
+        """Go on in a new file where the one at hand is not in its place, or not as it was written."""
+        if self._handle < 0 or time.monotonic() < self._look_s:
+            return
+        self._look_s = time.monotonic() + LOOK_s
+        why = self._changed()
+        if not why:
+            return
+        if os.fstat(self._handle).st_nlink:
+            self._leave()
+            self._begin_file()
+        else:  # the open file is all that is left of it
+            left, rows, self._handle = self._handle, self._rows, -1
+            self._part_number -= 1
+            try:
+                self._begin_file(left)
+            finally:
+                os.close(left)
+                self.lost_rows += rows - self._rows
+        self._incident = f"{why}; the bench log goes on in {self._path}"
+
+    def _changed(self) -> str:
+        """What has become of the file at hand, or ""."""
+        for name, inode in self._own.items():
+            try:
+                found = os.lstat(self._folder / name)
+            except PermissionError:
+                continue  # the rows are written all the same
+            except (FileNotFoundError, NotADirectoryError):
+                return f"{self._folder / name} was removed or moved"
+            if not stat.S_ISREG(found.st_mode) or found.st_ino != inode:
+                return f"{self._folder / name} was replaced"
+        if os.fstat(self._handle).st_size != self._size:
+            return f"{self._folder / next(iter(self._own))} was changed by somebody else"
+        return ""
 
     def _write_row(self, row: _Row) -> None:
         numbers, event = row
         quoted = '"' + event.replace('"', "'").replace("\n", " ") + '"' if event else ""
-        self._write(",".join([repr(v) if type(v) is int else repr(float(v)) for v in numbers]) + f",{quoted}\n")
+        values = ",".join([repr(v) if type(v) is int else repr(float(v)) for v in numbers])
+        self._write(f"{values},{quoted}\n".encode())
 
-    def _write(self, text: str) -> None:
-        data = text.encode()
+    def _write(self, data: bytes) -> None:
         self._size += len(data)
         while data:
             data = data[os.write(self._handle, data) :]  # a disk that fills takes a part of it
 
-    def _begin_file(self) -> None:
-        """Open the next file, with its header, and its metadata beside it; remove the oldest where there are too many."""
+    def _begin_file(self, left: int = -1) -> None:
+        """Open the next file, with its header, and its metadata beside it; remove the oldest where there are too many.
+
+        With the rows of the file ``left`` that is open still.
+        """
+        self._rows = 0
+        self._folder.mkdir(parents=True, exist_ok=True)
         started = datetime.datetime.now().astimezone()
         self._part_number += 1
         metadata = {
@@ -199,23 +282,34 @@ class BenchLogRecorder:
             stem = self._free_stem(started)
             log, beside = stem + ".csv", stem + ".json"
             try:
-                self._part = self._folder / (log + _PART)
-                self._handle = os.open(self._part, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+                part = self._folder / (log + _PART)
+                self._handle = os.open(part, os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
                 fcntl.flock(self._handle, fcntl.LOCK_EX)  # says that its writer lives
                 files[log] = os.fstat(self._handle).st_ino
                 with (self._folder / beside).open("x", encoding="utf-8") as stream:
                     files[beside] = os.fstat(stream.fileno()).st_ino
                     json.dump(metadata, stream, indent=1)
+                self._own = {log + _PART: files[log], beside: files[beside]}
                 self._size = 0
-                self._write(",".join((*self.columns, EVENT_COLUMN)) + "\n")
+                self._write((",".join((*self.columns, EVENT_COLUMN)) + "\n").encode())
+                if left >= 0:
+                    self._copy_rows(left)
             except BaseException:
                 self._manifest.remove(files, beside)
                 if self._handle >= 0:
-                    self._part.unlink()
+                    part.unlink()
                     os.close(self._handle)
                     self._handle = -1
                 files.pop(log, None)
                 raise
+
+    def _copy_rows(self, left: int) -> None:
+        """Every row of a file that begins with the same header."""
+        at = self._size
+        while data := os.pread(left, 1 << 20, at):
+            self._write(data)
+            at += len(data)
+            self._rows += data.count(b"\n")
 
     def _free_stem(self, started: datetime.datetime) -> str:
         """A name that no file has: a recorder of the same process may have begun in the same second."""
@@ -226,33 +320,47 @@ class BenchLogRecorder:
                 return stem
 
     def _complete_file(self) -> None:
-        if self._handle < 0:
-            return
-        os.fsync(self._handle)
-        with self._manifest.changing():
-            self._give_name(self._part)
-        os.close(self._handle)
-        self._handle = -1
+        if self._handle >= 0:
+            os.fsync(self._handle)
+            self._leave()
+
+    def _leave(self) -> None:
+        """Give up the file at hand, complete, wherever it is now; rows that are not in it are lost."""
+        handle, self._handle, kept = self._handle, -1, 0
+        with contextlib.suppress(OSError):
+            found = os.fstat(handle)
+            if found.st_nlink:
+                kept = self._rows if found.st_size == self._size else max(0, _lines(handle) - 1)
+        with contextlib.suppress(OSError):
+            os.ftruncate(handle, _end_of_last_line(handle))
+        with contextlib.ExitStack() as locked, contextlib.suppress(OSError):
+            with contextlib.suppress(OSError, ConfigError):  # the folder may be elsewhere
+                locked.enter_context(self._manifest.changing())
+            self._give_name(Path(f"/proc/self/fd/{handle}").readlink())
+        with contextlib.suppress(OSError):
+            os.close(handle)
+        if kept < self._rows:
+            self.lost_rows += self._rows - kept
+            self._begin_recording()
+
+    def _begin_recording(self) -> None:
+        """What follows is no part of what was before: its files have another number in common."""
+        self._recording, self._part_number = str(uuid.uuid4()), 0
 
     def _end_with(self, error: Exception) -> None:
         """Go on without a log for a while: say why, and keep what is whole of the file at hand."""
-        if not self.problem:
-            why = error.strerror or error if isinstance(error, OSError) else error
-            self.problem = f"the bench log in {self._folder} ended: {why}"
-            _log.error("%s: %s; trying again every %g s", self._name, self.problem, RETRY_s)
+        why = error.strerror or error if isinstance(error, OSError) else error
+        self._failure = f"the bench log in {self._folder} ended: {why}"
         self._retry_s = time.monotonic() + RETRY_s
-        self._recording, self._part_number = str(uuid.uuid4()), 0
-        if self._handle < 0:
-            return
-        with contextlib.suppress(OSError):
-            os.ftruncate(self._handle, _end_of_last_line(self._handle))
-            self._give_name(self._part)
-        os.close(self._handle)
-        self._handle = -1
+        if self._handle >= 0:
+            self._leave()
+        self._begin_recording()
 
     def _give_name(self, part: Path) -> None:
         """Take ``.part`` off a name, unless there is somebody's file of the name it would have."""
         path = part.with_suffix("")
+        if part.suffix != _PART:
+            return  # somebody has given it one
         if os.path.lexists(path):
             _log.warning("%s: %s is complete, but %s exists already and is not the recorder's", self._name, part, path)
         else:
@@ -296,6 +404,14 @@ class BenchLogRecorder:
                     self._give_name(path)
                 finally:
                     os.close(handle)
+
+
+def _lines(handle: int) -> int:
+    at = count = 0
+    while data := os.pread(handle, 1 << 20, at):
+        at += len(data)
+        count += data.count(b"\n")
+    return count
 
 
 def _end_of_last_line(handle: int) -> int:

@@ -126,6 +126,7 @@ class SmaActuatorNode(LifecycleNode):
         self._self_test: SelfTest | None = None  #: that runs now
         self._self_test_ended = threading.Event()
         self._recorder: BenchLogRecorder | None = None
+        self._log_said = ""  #: what was last said of its log
         self._active = False
         self._ended = False  #: for good
         self._left_off = False  #: the last instruments were given up with the output read back as off
@@ -567,6 +568,9 @@ class SmaActuatorNode(LifecycleNode):
             message.level = DiagnosticStatus.ERROR
         if lost:
             message.message = "; ".join(f"the {name} does not answer: {detail}" for name, detail in lost.items())
+        if self._recorder is not None and (self._recorder.problem or self._recorder.lost_rows):
+            message.level = max(message.level, DiagnosticStatus.WARN)  # both are one byte
+            message.message += f"; bench log: {status.values['recorder']}"
         self._status.publish(message)
         if not is_heard(self._diagnostics):
             return
@@ -595,7 +599,8 @@ class SmaActuatorNode(LifecycleNode):
                 )
             }
         if self._recorder is not None:
-            values["recorder"] = self._recorder.problem or f"{self._recorder.dropped_rows} rows dropped"
+            words, lost = self._recorder.words, f"{self._recorder.lost_rows} rows lost"
+            values["recorder"] = f"{words}; {lost}" if words else lost
         return values
 
     def _hardware_id(self) -> str:
@@ -613,9 +618,18 @@ class SmaActuatorNode(LifecycleNode):
             self._looked_s = now_s
             flowing = (self._joint_states, self._load, self._reference, self._command_current, self._signals)
             self._heard = tuple(each for each in flowing if each is not None and is_heard(each))
+            self._look_at_the_log()
         if now_s >= self._status_due_s - 0.5 * FEED_PERIOD_s:  # the next turn may be further from it
             self._status_due_s = max(self._status_due_s + STATUS_PERIOD_s, now_s)
             self._take_news()  # what goes on without being new is noted as well, so that it is not said again
+            self._publish_status()
+
+    def _look_at_the_log(self) -> None:
+        """Say what has become of the bench log, and that it is written again."""
+        words = self._recorder.words if self._recorder is not None else ""
+        if words != self._log_said:
+            self._log_said = words
+            self._say(WARNING if words else INFO, words or "the bench log is written")
             self._publish_status()
 
     # --- life -------------------------------------------------------------------------------------

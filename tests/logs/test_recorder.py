@@ -6,17 +6,22 @@ import fnmatch
 import json
 import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
+import time
 from pathlib import Path
 
 import pytest
+from waiting import wait_until
 
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Output, Quality, Reading, Signals, Status
 from sma_actuator.config import Config
+from sma_actuator.logs import recorder as recorder_module
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.logs.recorder import ESTIMATE_COLUMNS, BenchLogRecorder
 
@@ -100,7 +105,7 @@ def test_the_same_block_twice_is_one_row(config):
     _record(recorder, [0, 1, 1, 2])
     recorder.close()
     assert len(read_bench_log(_files(config)[0].path)) == 3
-    assert recorder.dropped_rows == 0
+    assert recorder.lost_rows == 0
 
 
 def test_a_reading_that_is_not_a_number_is_kept_as_that(config):
@@ -134,10 +139,10 @@ def test_a_full_queue_drops_rows_counts_them_and_never_waits(config, monkeypatch
     monkeypatch.setattr(BenchLogRecorder, "_write_row", lambda self, row: (release.wait(10.0), write_row(self, row)))
     recorder = BenchLogRecorder(config, queue_rows=5)
     _record(recorder, range(100))  # returns although nothing is written
-    assert 100 - 6 <= recorder.dropped_rows <= 100 - 5  # one row may already be with the writer
+    assert 100 - 6 <= recorder.lost_rows <= 100 - 5  # one row may already be with the writer
     release.set()
     recorder.close()
-    assert len(read_bench_log(_files(config)[0].path, allow_gaps=True)) == 100 - recorder.dropped_rows
+    assert len(read_bench_log(_files(config)[0].path, allow_gaps=True)) == 100 - recorder.lost_rows
 
 
 def test_numbers_come_back_to_the_bit(config):
@@ -178,7 +183,7 @@ def test_a_disk_that_fills_ends_the_log_with_a_sentence_and_not_the_loop(config,
     _record(recorder, range(10))
     recorder.close()
     assert recorder.problem == f"the bench log in {config.recorder.folder} ended: No space left on device"
-    assert recorder.dropped_rows == 10
+    assert recorder.lost_rows == 10
 
 
 def test_a_folder_that_cannot_be_made_is_refused_with_its_parameter(config, tmp_path):
@@ -208,7 +213,7 @@ def test_what_a_killed_process_left_is_completed_by_the_next_one(config):
         [sys.executable, "-c", _KILLED, json.dumps(config.to_mapping())],
         stdout=subprocess.PIPE,
         text=True,
-        env={**os.environ, "PYTHONPATH": str(Path(__file__).parent)},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])},
     )
     try:
         assert process.stdout.readline() == "ready\n"
@@ -287,6 +292,205 @@ def test_a_file_in_the_place_of_the_list_is_refused(config, tmp_path):
         BenchLogRecorder(config(), "left")
 
 
+# --- what somebody does to the file that is being written ------------------------------------------
+
+
+def _unlinked(part):
+    part.unlink()
+
+
+def _folder_removed(part):
+    shutil.rmtree(part.parent)
+
+
+def _folder_moved(part):
+    part.parent.rename(part.parent.with_name("elsewhere"))
+
+
+def _folder_moved_and_another_there(part):
+    _folder_moved(part)
+    part.parent.mkdir()
+
+
+def _folder_replaced_by_a_link(part):
+    _folder_moved(part)
+    target = part.parent.with_name("target")
+    target.mkdir()
+    part.parent.symlink_to(target)
+
+
+def _moved(part):
+    part.rename(part.parent / "mine.csv")
+
+
+def _replaced_by_a_link(part):
+    part.rename(part.parent / "mine.csv")
+    part.symlink_to(part.parent / "mine.csv")
+
+
+def _removed_for_a_link(part):
+    part.unlink()
+    part.symlink_to("/dev/null")
+
+
+def _replaced_by_a_folder(part):
+    part.unlink()
+    part.mkdir()
+
+
+def _replaced_by_a_file(part):
+    part.unlink()
+    part.write_text("somebody's")
+
+
+def _metadata_removed(part):
+    part.with_suffix("").with_suffix(".json").unlink()
+
+
+MISCHIEF = (
+    _unlinked,
+    _folder_removed,
+    _folder_moved,
+    _folder_moved_and_another_there,
+    _folder_replaced_by_a_link,
+    _moved,
+    _replaced_by_a_link,
+    _removed_for_a_link,
+    _replaced_by_a_folder,
+    _replaced_by_a_file,
+    _metadata_removed,
+)
+
+
+@pytest.fixture
+def recorded(config, monkeypatch):
+    """A recorder that has written 167 rows, and the file they are in."""
+    monkeypatch.setattr(recorder_module, "LOOK_s", 0.02)
+    config = config()
+    recorder = BenchLogRecorder(config)
+    _record(recorder, range(167))
+    wait_until(lambda: not recorder.waiting_rows, what="the rows with the system")
+    (part,) = Path(config.recorder.folder).glob("*.csv.part")
+    yield recorder, part
+    recorder.close()
+
+
+def _rows_below(folder):
+    """Times of all rows in complete logs, also in folders that links do not lead to."""
+    return sorted(
+        float(line.split(",")[0])
+        for path in folder.rglob("*.csv")
+        if path.is_file() and not path.is_symlink()
+        for line in path.read_text().splitlines()[1:]
+    )
+
+
+@pytest.mark.parametrize("mischief", MISCHIEF, ids=lambda mischief: mischief.__name__.strip("_"))
+def test_no_row_is_lost_whatever_becomes_of_the_file(recorded, tmp_path, mischief):
+    recorder, part = recorded
+    assert recorder.words == ""
+    mischief(part)
+    wait_until(lambda: recorder.words, what="a word")
+    assert "the bench log goes on in " in recorder.words and recorder.problem == ""
+    _record(recorder, range(167, 200))
+    recorder.close()
+    assert recorder.lost_rows == 0
+    assert _rows_below(tmp_path) == pytest.approx([100.0 + 0.05 * number for number in range(200)])
+    (goes_on,) = Path(recorder.words.partition(" goes on in ")[2]).parent.glob("*_0002.csv")
+    assert read_bench_log(goes_on).metadata["parameters"]["recorder"]["folder"] == str(part.parent)
+
+
+def test_what_is_moved_between_two_looks_is_found_at_the_end(config, tmp_path, monkeypatch):
+    monkeypatch.setattr(recorder_module, "LOOK_s", 1000.0)
+    recorder = BenchLogRecorder(config())
+    _record(recorder, range(10))
+    wait_until(lambda: not recorder.waiting_rows, what="the rows with the system")
+    shutil.rmtree(tmp_path / "logs")
+    recorder.close()
+    assert recorder.lost_rows == 0 and len(_rows_below(tmp_path)) == 10
+
+
+def test_rows_that_somebody_cuts_off_are_counted_and_what_follows_is_another_recording(recorded, tmp_path):
+    recorder, part = recorded
+    header, *rows = part.read_text().splitlines(keepends=True)
+    os.truncate(part, len(header + "".join(rows[:40])))
+    wait_until(lambda: recorder.words, what="a word")
+    assert "was changed by somebody else" in recorder.words
+    assert recorder.lost_rows == 127
+    _record(recorder, range(167, 170))
+    recorder.close()
+    first, second = (read_bench_log(path).metadata for path in sorted((tmp_path / "logs").glob("*.csv")))
+    assert first["recording"] != second["recording"] and second["part"] == 1
+
+
+@pytest.fixture
+def unprivileged(tmp_path_factory):
+    """A folder of a user whom permissions bind; the process is that user meanwhile."""
+    folder = Path(tempfile.mkdtemp(dir="/tmp"))
+    if os.geteuid() == 0:
+        os.chown(folder, 65534, 65534)
+        os.seteuid(65534)
+    try:
+        yield folder
+    finally:
+        if os.getuid() == 0:
+            os.seteuid(0)
+        folder.chmod(0o700)
+        shutil.rmtree(folder)
+
+
+def test_a_folder_that_may_not_be_entered_any_more_costs_no_row_until_a_new_file_is_due(
+    config, unprivileged, monkeypatch
+):
+    monkeypatch.setattr(recorder_module, "LOOK_s", 0.02)
+    monkeypatch.setattr(recorder_module, "RETRY_s", 0.05)
+    recorder = BenchLogRecorder(config(recorder={"folder": str(unprivileged / "logs"), "max_file_size": 10_000}))
+    _record(recorder, range(10))
+    wait_until(lambda: not recorder.waiting_rows, what="the rows with the system")
+    (unprivileged / "logs").chmod(0)
+    _record(recorder, range(10, 200))  # more than one file's worth
+    wait_until(lambda: not recorder.waiting_rows and recorder.lost_rows, what="rows to be lost")
+    assert recorder.problem == f"the bench log in {unprivileged / 'logs'} ended: Permission denied"
+    (unprivileged / "logs").chmod(0o700)
+    number = 200
+    while recorder.problem and number < 2000:
+        _record(recorder, [number])
+        number += 1
+        time.sleep(0.01)
+    recorder.close()
+    assert "it goes on in" in recorder.words
+    BenchLogRecorder(
+        config(recorder={"folder": str(unprivileged / "logs")})
+    ).close()  # completes what it could not name
+    assert len(_rows_below(unprivileged)) + recorder.lost_rows == number
+
+
+def test_a_disk_that_does_not_answer_holds_nothing_up_and_is_said(config, monkeypatch):
+    monkeypatch.setattr(recorder_module, "HELD_UP_s", 0.05)
+    release = threading.Event()
+    write = os.write
+    monkeypatch.setattr(BenchLogRecorder, "_write", lambda self, data: (release.wait(20.0), write(self._handle, data)))
+    release.set()
+    recorder = BenchLogRecorder(config())
+    release.clear()
+    _record(recorder, range(20))
+    wait_until(lambda: "is held up" in recorder.problem, what="a word")
+    release.set()
+    wait_until(lambda: not recorder.problem, what="the rest")
+    recorder.close()
+    assert recorder.lost_rows == 0
+
+
+def test_what_the_writer_stumbles_over_does_not_end_it(config, monkeypatch):
+    monkeypatch.setattr(recorder_module, "RETRY_s", 0.0)
+    recorder = BenchLogRecorder(config())
+    reading, output = _step(0)
+    recorder.record(reading, dataclasses.replace(output, events=("\ud800",)))  # no text that a file takes
+    _record(recorder, range(1, 10))
+    recorder.close()
+    assert recorder.lost_rows == 1 and "it goes on in" in recorder.words
+
+
 _ON_A_FULL_DISK = """
 import json, os, subprocess, sys, time
 from pathlib import Path
@@ -308,9 +512,9 @@ with (folder / "ballast").open("wb", buffering=0) as stream:
 recorder = module.BenchLogRecorder(config)
 _record(recorder, range(20))
 deadline = time.monotonic() + 20
-while recorder.dropped_rows < 20 and time.monotonic() < deadline:
+while recorder.lost_rows < 20 and time.monotonic() < deadline:
     time.sleep(0.01)
-before = (recorder.problem, recorder.dropped_rows)
+before = (recorder.problem, recorder.lost_rows)
 (folder / "ballast").unlink()
 number = 20
 while recorder.problem and time.monotonic() < deadline:

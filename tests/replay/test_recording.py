@@ -76,7 +76,7 @@ class Recorded:
         self.driver.run_for(1.0)
         self.driver.stop()
         self.recorder.close()
-        assert self.recorder.dropped_rows == 0
+        assert self.recorder.lost_rows == 0
         return self
 
 

@@ -13,19 +13,9 @@ import sys
 import time
 from pathlib import Path
 
-from waiting import Elapsed
+from waiting import Elapsed, SOON_s, wait_until
 
 AGAIN_s = 40.0  #: without an answer for so long a service is asked again
-SOON_s = 150.0  #: bound of waits that normally take under a second; a busy machine starts a process in half a minute
-
-
-def wait_until(condition, timeout_s=SOON_s, what="it"):
-    """Poll ``condition`` until it is true; its value."""
-    elapsed = Elapsed()
-    while not (value := condition()):
-        assert elapsed.look() < timeout_s, f"{what} did not come within {timeout_s} s"
-        time.sleep(0.005)
-    return value
 
 
 class Bench:

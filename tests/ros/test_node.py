@@ -4,6 +4,7 @@ import fcntl
 import math
 import os
 import select
+import shutil
 import signal
 import subprocess
 import sys
@@ -181,12 +182,18 @@ class TestHolding:
     def test_the_bench_log_is_recorded_and_complete_after_the_end(
         self, bench, parameters, start_node, client, tmp_path
     ):
-        node = start_node(parameters(recorder={"folder": str(tmp_path)}))
+        folder = tmp_path / "logs"
+        node = start_node(parameters(recorder={"folder": str(folder)}))
         _enabled(client)
         client.next(f"{NAME}/joint_states", JointState)
+        shutil.rmtree(folder)
+        node.says(f"the bench log goes on in {folder}")
+        _status(
+            client, lambda s: "goes on in" in s.values["recorder"] and s.values["recorder"].endswith("; 0 rows lost")
+        )
         node.popen.send_signal(signal.SIGINT)
         assert node.ends_in_order()
-        (file,) = tmp_path.glob("*.csv")
+        (file,) = folder.glob("*.csv")
         assert read_bench_log(file, allow_gaps=True)["current_command_A"].max() >= 0.05
 
 
