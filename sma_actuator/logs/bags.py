@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
+import struct
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,10 +17,13 @@ from sma_actuator.base.parameters import ConfigError
 from .bench_log import COLUMNS, BenchLog, log_of
 from .errors import BenchLogError
 from .recorder import RECORDED_COLUMNS
-from .tables import Table
+from .tables import Table, refuse_larger
 
 #: Bytes at a message's end that are tried as meaningless, in turn; up to 3 more are none of the reader's concern.
 _SPARE_B = (0, 4, 8)
+
+#: Of MCAP: how a file begins, kind and length of a record, the kind of a chunk, and where that says how large it is.
+_MCAP, _RECORD, _CHUNK, _CHUNK_SIZE = b"\x89MCAP0\r\n", struct.Struct("<BQ"), 6, struct.Struct("<QQQ")
 
 
 def is_bag(path: Path) -> bool:
@@ -44,6 +49,8 @@ def log_from_bag(path: str | Path, topics: Mapping[str, str]) -> BenchLog:
     path = Path(path)
     folder = path.parent if path.suffix == ".db3" else path
     try:
+        for each in sorted(folder.glob("*.mcap")) if folder.is_dir() else [folder]:
+            refuse_larger(each, _largest_chunk_B(each))
         with AnyReader([folder], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
             if not topics:
                 return _log_of_signals(reader, path)
@@ -68,6 +75,21 @@ def log_from_bag(path: str | Path, topics: Mapping[str, str]) -> BenchLog:
         period_s = np.median(np.diff(stamped[:, 0])) if len(stamped) > 1 else 0.0
         columns[column][(time_s < stamped[0, 0] - period_s) | (time_s > stamped[-1, 0] + period_s)] = np.nan
     return BenchLog(columns, {"recording": path.name}, str(path))
+
+
+def _largest_chunk_B(path: Path) -> int:
+    """What the largest chunk of an MCAP file takes where it is unpacked, which is one at a time."""
+    largest_B = 0
+    with path.open("rb") as file:
+        end = file.seek(0, os.SEEK_END)
+        file.seek(len(_MCAP))
+        while len(record := file.read(_RECORD.size)) == _RECORD.size:
+            kind, length_B = _RECORD.unpack(record)
+            begin = file.tell()
+            if kind == _CHUNK and length_B >= _CHUNK_SIZE.size:
+                largest_B = max(largest_B, _CHUNK_SIZE.unpack(file.read(_CHUNK_SIZE.size))[2])
+            file.seek(min(begin + length_B, end))
+    return largest_B
 
 
 def _series(

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+import struct
+import zipfile
+import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,8 +15,16 @@ import numpy as np
 from sma_actuator.base.parameters import ConfigError
 
 from .errors import BenchLogError
-from .tables import EVENT_COLUMN, Progress, Table, read_text
+from .tables import CHUNK_BYTES, EVENT_COLUMN, Progress, Table, read_text, refuse_larger
 from .units import is_unit
+
+#: What a cell of a sheet takes until it is a number of a column, a Python object and a place in a row; a row takes as much as four.
+_CELL_B, _ROW_CELLS = 40, 4
+#: What a byte of a book takes that is not read row by row: its styles and texts become objects, all of them.
+_WHOLE_B = 20
+#: Of MATLAB's level 5: its header, the tag of an element, the type of one that is packed, and what a byte of text becomes.
+_MATLAB_HEADER_B, _MATLAB_TAG_B, _MATLAB_PACKED, _CHARACTER_B = 128, 8, 15, 4
+_NUMBER_B = 8
 
 
 def read_table(path: Path, progress: Progress | None = None) -> Table:
@@ -41,9 +53,21 @@ def read_table(path: Path, progress: Progress | None = None) -> Table:
 def _excel(path: Path) -> Table:
     import openpyxl
 
+    with zipfile.ZipFile(path) as packed:
+        rows_B = [each.file_size for each in packed.infolist() if each.filename.startswith("xl/worksheets/")]
+        all_B = sum(each.file_size for each in packed.infolist())
+    refuse_larger(path, sum(rows_B) + _WHOLE_B * (all_B - sum(rows_B)))
     book = openpyxl.load_workbook(path, read_only=True, data_only=True)
     try:
-        sheets = {name: list(book[name].iter_rows(values_only=True)) for name in book.sheetnames}
+        cells = 0
+        sheets: dict[str, list[tuple[Any, ...]]] = {}
+        for name in book.sheetnames:
+            sheets[name] = []
+            for row in book[name].iter_rows(values_only=True):
+                cells += _ROW_CELLS + len(row)  # far-off cells stand for all that lie before them
+                refuse_larger(path, _CELL_B * cells)
+                if any(cell is not None for cell in row):
+                    sheets[name].append(row)
     finally:
         book.close()
     sheets = {name: rows for name, rows in sheets.items() if len(rows) > 1}
@@ -51,7 +75,6 @@ def _excel(path: Path) -> Table:
         what = f"several: {', '.join(sheets)}; keep the one with the log" if sheets else "none"
         raise BenchLogError(f"{path}: one sheet with a header row and numbers is wanted, and there is {what}")
     ((sheet, rows),) = sheets.items()
-    rows = [row for row in rows if any(cell is not None for cell in row)]
     width = max((i + 1 for i, cell in enumerate(rows[0]) if cell is not None), default=0)
     names = ["" if cell is None else str(cell).strip() for cell in rows[0][:width]]
     units: dict[str, str] = {}
@@ -65,15 +88,40 @@ def _excel(path: Path) -> Table:
 
 
 def _parquet(path: Path) -> Table:
+    import pyarrow
     import pyarrow.parquet
 
-    table = pyarrow.parquet.read_table(path)
-    return _table(path, {name: table.column(name).to_numpy() for name in table.column_names})
+    said = pyarrow.parquet.read_metadata(path)
+    groups = [said.row_group(i) for i in range(said.num_row_groups)]
+    numbers = sum(group.column(i).num_values for group in groups for i in range(group.num_columns))
+    refuse_larger(path, max(_NUMBER_B * numbers, sum(group.total_byte_size for group in groups)))
+    # A text that stands in a million rows is stored once; it is neither multiplied nor, but for the events, read at all.
+    texts = {field.name for field in said.schema.to_arrow_schema() if not _of_numbers(field.type)}
+    names = [name for name in said.schema.to_arrow_schema().names if name not in texts or name == EVENT_COLUMN]
+    table = pyarrow.parquet.read_table(path, columns=names, read_dictionary=[EVENT_COLUMN])
+    columns: dict[str, Any] = dict.fromkeys(said.schema.to_arrow_schema().names, ("text",))
+    columns |= {name: table.column(name).to_numpy() for name in names if name not in texts}
+    if EVENT_COLUMN in texts:
+        column = table.column(EVENT_COLUMN).cast(pyarrow.dictionary(pyarrow.int32(), pyarrow.string()))
+        columns[EVENT_COLUMN] = [
+            None if place is None else words[place]
+            for chunk in column.chunks
+            for words in [chunk.dictionary.to_pylist()]
+            for place in chunk.indices.to_pylist()
+        ]
+    return _table(path, columns)
+
+
+def _of_numbers(kind: Any) -> bool:
+    from pyarrow import types
+
+    return bool(types.is_primitive(kind) or types.is_decimal(kind) or types.is_null(kind))
 
 
 def _matlab(path: Path) -> Table:
     import scipy.io
 
+    _refuse_large_matlab(path)
     try:
         found = scipy.io.loadmat(path, squeeze_me=True, simplify_cells=True)
     except NotImplementedError:
@@ -81,12 +129,35 @@ def _matlab(path: Path) -> Table:
     return _table(path, _vectors(path, {n: v for n, v in found.items() if not n.startswith("__")}))
 
 
+def _refuse_large_matlab(path: Path) -> None:
+    """Look at what the packed elements of a file take where they are unpacked; counted, for it stands nowhere."""
+    size_B = 0
+    with path.open("rb") as file:
+        header = file.read(_MATLAB_HEADER_B)
+        order = {b"\x00\x01IM": "<", b"\x01\x00MI": ">"}.get(header[-4:])
+        while order and len(tag := file.read(_MATLAB_TAG_B)) == _MATLAB_TAG_B:
+            kind, length_B = struct.unpack(f"{order}II", tag)
+            begin = file.tell()
+            if not kind:
+                break  # no element: the reader will say so
+            if kind == _MATLAB_PACKED:
+                unpacker, left_B = zlib.decompressobj(), length_B
+                while left_B > 0 and (part := file.read(min(left_B, CHUNK_BYTES))):
+                    left_B -= len(part)
+                    while part:
+                        size_B += len(unpacker.decompress(part, CHUNK_BYTES))
+                        refuse_larger(path, _CHARACTER_B * size_B)
+                        part = unpacker.unconsumed_tail
+            file.seek(begin + length_B)
+
+
 def _tdms(path: Path) -> Table:
     import nptdms
 
-    with nptdms.TdmsFile.read(path) as file:
+    with nptdms.TdmsFile.open(path) as file:
         groups = {group.name: group.channels() for group in file.groups() if group.channels()}
         channels = [(g, c) for g, found in groups.items() for c in found]
+        refuse_larger(path, _NUMBER_B * sum(len(channel) for _, channel in channels))
         units = {c.name: str(c.properties["unit_string"]) for _, c in channels if c.properties.get("unit_string")}
         columns: dict[str, Any] = {}
         for group, channel in channels:
@@ -103,8 +174,14 @@ def _hdf5(path: Path) -> Table:
 
     columns: dict[str, Any] = {}
     units: dict[str, str] = {}
+    taken_B = 0
 
     def visit(name: str, item: Any) -> None:
+        nonlocal taken_B
+        if isinstance(item, h5py.Dataset) and (item.dtype.names or item.dtype.kind in "fiub"):
+            # A few bytes describe a dataset of any size, and one of its chunks is unpacked whole.
+            taken_B += max(item.dtype.itemsize, _NUMBER_B) * (item.size + math.prod(item.chunks or ()))
+            refuse_larger(path, taken_B)
         if isinstance(item, h5py.Dataset) and item.dtype.names:
             columns.update({str(field): item[field] for field in item.dtype.names})
         elif isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub":

@@ -25,6 +25,9 @@ from .errors import BenchLogError
 from .units import is_unit
 
 CHUNK_BYTES = 8_000_000
+#: That a log may take in memory, whatever it takes on disk: an hour of forty columns at 800 Hz.  Looked at before it is read,
+#: for a few bytes can stand for any number of numbers in every format that packs.
+LARGEST_B = 1_000_000_000
 #: What was asked of the actuator or happened to it before its row, in words; text, where all others are numbers.
 EVENT_COLUMN = "event"
 _SEPARATORS = (b",", b";", b"\t")
@@ -44,19 +47,33 @@ class Table:
     first_line: int = 2  #: of the file, where the numbers begin
 
 
+def refuse_larger(path: Path, size_B: float) -> None:
+    """Raise BenchLogError where what a file holds takes more memory than a log may."""
+    if size_B > LARGEST_B:
+        raise BenchLogError(
+            f"{path}: takes more than {LARGEST_B / 1e9:g} GB where it is unpacked; cut the log into parts"
+        )
+
+
 def read_text(path: Path, progress: Progress | None = None) -> Table:
     """The table of a text file.  Raises BenchLogError naming file, line and column."""
     try:
         with path.open("rb") as raw:
-            return _parse(_as_utf8(raw), path, progress)
+            return _parse(_as_utf8(raw, path), path, progress)
     except OSError as error:
         raise BenchLogError(f"{path}: cannot be read ({error.strerror or error}); a log (CSV) is wanted") from error
+    except csv.Error as error:
+        words = "has carriage returns that end no line; save it with the line ends of Unix or Windows"
+        if "field limit" in str(error):
+            words = "has a field of more than 131072 characters, as after a quotation mark that is never closed"
+        raise BenchLogError(f"{path}: {words}") from error
 
 
-def _as_utf8(stream: BinaryIO) -> BinaryIO:
+def _as_utf8(stream: BinaryIO, path: Path) -> BinaryIO:
     """The stream, behind its byte order mark; UTF-16 is converted in memory."""
     mark = stream.read(3)
     if mark.startswith((b"\xff\xfe", b"\xfe\xff")):
+        refuse_larger(path, 3 * path.stat().st_size)  # read, as text, and as UTF-8
         text = (mark + stream.read()).decode("utf-16", errors="replace")
         return io.BytesIO(text.encode())
     if mark != b"\xef\xbb\xbf":
@@ -139,6 +156,7 @@ def _parse(stream: BinaryIO, path: Path, progress: Progress | None) -> Table:
     stream.seek(start)
     rows = sum(block.count(b"\n") for block in iter(lambda: stream.read(CHUNK_BYTES), b"")) + 1
     stream.seek(start)
+    refuse_larger(path, 8 * len(header.names) * rows)
     values = np.empty((len(header.names), rows))
     parser = _ChunkParser(path, header)
     filled, rest = 0, b""

@@ -1,0 +1,145 @@
+"""Files of a few bytes that stand for gigabytes are refused before they are unpacked, whatever their format."""
+
+import re
+import struct
+import tracemalloc
+import zipfile
+
+import numpy as np
+import pytest
+
+from sma_actuator.logs import tables
+from sma_actuator.logs.bags import log_from_bag
+from sma_actuator.logs.errors import BenchLogError
+from sma_actuator.logs.formats import read_table
+
+NUMBERS = 5_000_000  #: that each of them claims: 40 MB
+BOUND_B = 4_000_000
+
+
+def hdf5(path, names=("time_s", "resistance_Ohm"), shape=(NUMBERS,), chunks=(1000,)):
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w") as file:
+        for name in names:
+            file.create_dataset(name, shape, "f8", maxshape=(None,), chunks=chunks, compression="gzip")
+
+
+def hdf5_chunk(path):
+    hdf5(path, shape=(10,), chunks=(NUMBERS,))
+
+
+def matlab(path):
+    scipy_io = pytest.importorskip("scipy.io")
+    scipy_io.savemat(path, {"time_s": np.zeros(NUMBERS)}, do_compression=True)
+
+
+def parquet(path):
+    pyarrow = pytest.importorskip("pyarrow")
+    writer = pytest.importorskip("pyarrow.parquet")
+    writer.write_table(pyarrow.table({"time_s": np.zeros(NUMBERS)}), path)
+
+
+def tdms(path):
+    nptdms = pytest.importorskip("nptdms")
+    with nptdms.TdmsWriter(path) as file:
+        file.write_segment([nptdms.ChannelObject("run", "time_s", np.zeros(NUMBERS))])
+
+
+def excel(path, rows):
+    openpyxl = pytest.importorskip("openpyxl")
+    plain = path.with_name("plain.xlsx")
+    book = openpyxl.Workbook()
+    book.active.append(["time_s", "resistance_Ohm"])
+    book.save(plain)
+    with zipfile.ZipFile(plain) as old, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as new:
+        for each in old.infolist():
+            text = old.read(each)
+            if each.filename.startswith("xl/worksheets/"):
+                text = re.sub(rb"<dimension[^>]*/>", b"", text).replace(b"</sheetData>", rows + b"</sheetData>")
+            new.writestr(each, text)
+
+
+def excel_far_cells(path):
+    excel(
+        path, b"".join(b'<row r="%d"><c r="XFD%d"><v>1</v></c></row>' % (k, k) for k in range(2, 2 + NUMBERS // 16384))
+    )
+
+
+def excel_far_row(path):
+    excel(path, b'<row r="1048576"><c r="A1048576"><v>1</v></c></row>')
+
+
+def excel_blanks(path):
+    excel(path, b" " * NUMBERS)
+
+
+def blank_lines(path):
+    path.write_text(",".join(f"c{k}" for k in range(1000)) + "\n" * (NUMBERS // 1000))
+
+
+def wide_text(path):
+    path.write_bytes("time_s\n".encode("utf-16") + b"1\0\n\0" * (BOUND_B // 8))
+
+
+BOMBS = [
+    (hdf5, ".h5"), (hdf5_chunk, ".h5"), (matlab, ".mat"), (parquet, ".parquet"), (tdms, ".tdms"), (excel_far_cells, ".xlsx"),
+    (excel_far_row, ".xlsx"), (excel_blanks, ".xlsx"), (blank_lines, ".csv"), (wide_text, ".csv"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("write", "ending"), BOMBS, ids=[write.__name__ for write, _ in BOMBS])
+def test_what_takes_more_memory_than_a_log_may_is_refused_before_it_is_unpacked(tmp_path, monkeypatch, write, ending):
+    path = tmp_path / f"bomb{ending}"
+    write(path)
+    monkeypatch.setattr(tables, "LARGEST_B", BOUND_B)
+    tracemalloc.start()
+    try:
+        with pytest.raises(
+            BenchLogError, match=r"bomb\.\w+: takes more than 0\.004 GB where it is unpacked; cut the log"
+        ):
+            read_table(path)
+        assert (
+            tracemalloc.get_traced_memory()[1] < 4 * NUMBERS
+        )  # half of what it would take, with what a library imports
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_chunk_of_a_recording_that_claims_to_be_huge_is_not_unpacked(tmp_path):
+    pytest.importorskip("rosbags")
+    path = tmp_path / "bomb.mcap"
+    chunk = struct.pack("<QQQ", 0, 1, 10**12) + bytes(16)
+    path.write_bytes(b"\x89MCAP0\r\n" + struct.pack("<BQ", 1, 8) + bytes(8) + struct.pack("<BQ", 6, len(chunk)) + chunk)
+    with pytest.raises(BenchLogError, match=r"bomb\.mcap: takes more than 1 GB"):
+        log_from_bag(path, {})
+
+
+def test_words_in_every_row_of_a_parquet_file_are_stored_once_and_not_multiplied(tmp_path):
+    pyarrow = pytest.importorskip("pyarrow")
+    writer = pytest.importorskip("pyarrow.parquet")
+    long = "x" * 20_000
+    columns = {"time_s": np.arange(1000.0), "event": [None, *[long] * 999], "note": [long] * 1000}
+    writer.write_table(pyarrow.table(columns), tmp_path / "a.parquet")
+    tracemalloc.start()
+    try:
+        table = read_table(tmp_path / "a.parquet")
+        assert tracemalloc.get_traced_memory()[1] < 5_000_000  # not the 20 MB of all words
+    finally:
+        tracemalloc.stop()
+    assert list(table.columns) == ["time_s"]
+    assert len(table.texts) == 999 and table.texts[1] == long
+    assert table.notes == ("column 'note' holds text and is left out",)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("time_s,current_A\r1,2\r", "carriage returns that end no line"),
+        ("time_s,current_A\n1,2\r3,4\n", "carriage returns that end no line"),
+        ('time_s,note\n1,"' + "x" * 200_000, "a quotation mark that is never closed"),
+    ],
+)
+def test_text_that_is_no_table_is_refused_in_our_own_words(tmp_path, text, words):
+    (tmp_path / "a.csv").write_text(text, newline="")
+    with pytest.raises(BenchLogError, match=words):
+        read_table(tmp_path / "a.csv")
