@@ -28,6 +28,9 @@ from sma_actuator.logs.reading import ReadingOptions, read_logs
 from sma_actuator.replay import replay
 
 LARGEST_B = 500_000_000
+LONGEST_NAME_B = 200  #: of a log's file; file systems take 255
+#: Address space of a process that works on a log: four times what a log may take, and what the libraries reserve (0.7 GB).
+LARGEST_PROCESS_B = 5_000_000_000
 MOST_ROWS = 4000  #: that a page draws; of longer logs every n-th
 REPLAY_TIMEOUT_s = 300.0
 TRACE_TIMEOUT_s = 3600.0
@@ -51,6 +54,8 @@ class LogDesk:
         """Store a log and begin to work on it; what was worked on before is given up.  Raises UserError."""
         if config is None:
             raise UserError("no node has told its model; start the page with --config MODEL.yaml to replay logs")
+        if len(name.encode()) > LONGEST_NAME_B:
+            raise UserError(f"{name[:40]}…: a name of more than {LONGEST_NAME_B} bytes; give the file a shorter one")
         await self.give_up()
         self._folder = tempfile.TemporaryDirectory(prefix="sma_view_")
         folder = Path(self._folder.name)
@@ -108,9 +113,10 @@ class LogDesk:
 
 
 async def _run(command: list[str], timeout_s: float) -> None:
-    """Run a command behind everything else.  Raises UserError with its last words where it fails."""
+    """Run a command behind everything else, in bounded memory.  Raises UserError with its last words where it fails."""
+    bounded = ["sh", "-c", 'ulimit -v "$0" && exec nice "$@"', str(LARGEST_PROCESS_B // 1024)]
     process = await asyncio.create_subprocess_exec(
-        "nice", *command, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.DEVNULL,
+        *bounded, *command, stdin=asyncio.subprocess.DEVNULL, stdout=asyncio.subprocess.DEVNULL,
         stderr=asyncio.subprocess.PIPE, start_new_session=True,
     )  # fmt: skip
     try:
@@ -123,6 +129,8 @@ async def _run(command: list[str], timeout_s: float) -> None:
         await process.wait()
     if process.returncode:
         lines = words.decode(errors="replace").strip().splitlines()
+        if lines and "MemoryError" in lines[-1]:
+            raise UserError(f"it takes more than {LARGEST_PROCESS_B / 1e9:g} GB of memory; use sma-actuator for it")
         raise UserError(lines[-1] if lines else f"{command[2]} ended with code {process.returncode}")
 
 

@@ -13,6 +13,7 @@ import collections
 import hmac
 import json
 import logging
+import math
 import secrets
 from collections.abc import Awaitable, Callable
 from importlib import resources
@@ -144,7 +145,7 @@ class ViewServer:
         await socket.prepare(request)
         page = _Page()
         for part in (self._hello(), *self._whole_state()):
-            page.tell(json.dumps(part))
+            page.tell(_json(part))
         self._pages.add(page)
         sender = asyncio.create_task(_send(socket, page))
         try:
@@ -166,8 +167,10 @@ class ViewServer:
             asked = json.loads(text)
             number, what = asked["id"], asked["do"]
             act = self._acts[what]
+            if isinstance(number, dict | list):
+                raise TypeError("a number or text is wanted, by which the answer is known")
         except (ValueError, KeyError, TypeError, RecursionError):  # of text that is nested a thousand levels deep
-            page.tell(json.dumps({"answer": {"ok": False, "sentence": f"not understood: {text[:80]}"}}))
+            page.tell(_json({"answer": {"ok": False, "sentence": f"not understood: {text[:80]}"}}))
             return
         if len(page.asked) >= MOST_ASKED and what != "stop":
             page.tell(_answer(number, False, "too much is asked at once; wait for the answers"))
@@ -181,7 +184,7 @@ class ViewServer:
             page.tell(_answer(number, True, await act(asked)))
         except UserError as error:
             page.tell(_answer(number, False, str(error)))
-        except (KeyError, TypeError, ValueError) as error:
+        except (KeyError, TypeError, ValueError, ArithmeticError, AssertionError) as error:
             page.tell(_answer(number, False, f"not understood: {type(error).__name__}: {error}"))
         except TimeoutError:
             page.tell(_answer(number, False, "ROS did not answer in time"))
@@ -252,7 +255,7 @@ class ViewServer:
 
     def _tell_all(self, message: dict[str, Any]) -> None:
         if self._pages:
-            text = json.dumps(message, allow_nan=False)
+            text = _json(message)
             for page in self._pages:
                 page.tell(text)
 
@@ -314,6 +317,8 @@ class ViewServer:
             await self._logs.take(request.query.get("name", "log.csv"), request.content.iter_any(), config)
         except UserError as error:
             return web.Response(status=400, text=str(error))
+        except OSError as error:
+            return web.Response(status=507, text=f"the log cannot be kept ({error.strerror or error})")
         return web.Response(status=202, text="taken")
 
     async def _forget_log(self) -> str:
@@ -351,7 +356,20 @@ def _token_of(request: web.Request) -> str:
 
 
 def _answer(number: Any, ok: bool, sentence: str) -> str:
-    return json.dumps({"answer": {"id": number, "ok": ok, "sentence": sentence}})
+    return _json({"answer": {"id": number, "ok": ok, "sentence": sentence}})
+
+
+def _json(message: Any) -> str:
+    """What a browser can read: JSON has no NaN, and whatever ROS says may hold one."""
+    return json.dumps(_finite(message), allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(each) for key, each in value.items()}
+    return [_finite(each) for each in value] if isinstance(value, list | tuple) else value
 
 
 async def _send(socket: web.WebSocketResponse, page: _Page) -> None:

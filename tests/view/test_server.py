@@ -1,0 +1,228 @@
+"""The server of the page without a node: who is answered, and with what."""
+
+import asyncio
+import collections
+import json
+import math
+import sys
+
+import pytest
+
+pytest.importorskip("aiohttp", reason="aiohttp is not installed (extra 'view')")
+pytest.importorskip("rclpy", reason="ROS 2 is not installed (extra 'ros')")
+from aiohttp.test_utils import TestClient, TestServer
+
+from sma_actuator.base.errors import UserError
+from sma_actuator.base.share import shared_file
+from sma_actuator.config import Config
+from sma_actuator.view import logs
+from sma_actuator.view.server import ViewServer
+
+HOST = "127.0.0.1"
+
+
+class StillWire:
+    """A node that says what it is told to say, and does nothing."""
+
+    node = "/sma_actuator"
+
+    def __init__(self):
+        self.rows = collections.deque()
+        self.version = self.parameters_version = 0
+        self.present = True
+        self.status = None
+        self.diagnostics, self.parameters, self.live, self.services = {}, {}, {}, []
+        self.done = []
+
+    async def listen(self, wanted):
+        self.done.append(("listen", wanted))
+
+    async def watch(self):
+        await asyncio.Event().wait()
+
+    async def stop(self):
+        self.done.append("stop")
+        return "every wire is off"
+
+    async def enable(self, on):
+        self.done.append(("enable", on))
+        return "on" if on else "off"
+
+    async def send_setpoint(self, position_m):
+        self.done.append(position_m)
+        return "sent"
+
+    async def set_parameter(self, name, value):
+        self.done.append((name, value))
+        return "set"
+
+    async def trigger(self, name):
+        self.done.append(name)
+        return "done"
+
+
+def with_server(work, config=None, file=None):
+    """``work(client, server, wire)`` with a server that listens."""
+
+    async def run():
+        wire = StillWire()
+        server = ViewServer(wire, HOST, config, file)
+        async with TestClient(TestServer(server.app, host=HOST)) as client:
+            return await work(client, server, wire)
+
+    return asyncio.run(run())
+
+
+def origin_of(client):
+    return f"http://{HOST}:{client.port}"
+
+
+def headers_of(client, server, **headers):
+    return {"Origin": origin_of(client), "Authorization": f"Bearer {server.token}", **headers}
+
+
+def strict(text):
+    """What a browser makes of a message: JSON has no NaN."""
+
+    def refuse(word):
+        raise AssertionError(f"{word} is no JSON")
+
+    return json.loads(text, parse_constant=refuse)
+
+
+async def told(socket, what):
+    """The next of the messages that tells of something."""
+    while True:
+        message = strict(await asyncio.wait_for(socket.receive_str(), 20.0))
+        if what in message:
+            return message[what]
+
+
+async def asked(socket, number, **question):
+    """The answer to a question."""
+    await socket.send_json({"id": number, **question})
+    while (answer := await told(socket, "answer")).get("id") != number:
+        pass
+    return answer
+
+
+@pytest.mark.parametrize("path", ["/", "/view.js", "/live", "/log", "/report/x", "/no_such_page"])
+def test_another_sites_page_is_answered_nowhere_and_the_token_wanted_where_something_is_told_or_done(path):
+    async def work(client, server, wire):
+        method = "POST" if path == "/log" else "GET"
+
+        async def status(**headers):
+            async with client.request(method, path, headers=headers) as response:
+                return response.status
+
+        assert await status(**headers_of(client, server, Origin="http://attacker.example")) == 403
+        assert await status(**headers_of(client, server, Origin="null")) == 403
+        assert await status(**headers_of(client, server, Host="attacker.example")) == 403
+        acts = path in ("/live", "/log")
+        assert (await status() == 403) is acts
+        assert (await status(Authorization=f"Bearer {server.token}") == 403) is acts  # no page: it says no Origin
+        assert (await status(**headers_of(client, server, Authorization="Bearer wrong")) == 403) is acts
+        assert await status(**headers_of(client, server)) != 403
+        assert wire.done == []
+
+    with_server(work)
+
+
+def test_numbers_that_are_none_reach_a_page_as_null_also_when_it_opens_later():
+    async def work(client, server, wire):
+        async def opened():
+            return await client.ws_connect("/live", headers=headers_of(client, server))
+
+        wire.live = {"controller.kp": {"value": math.nan, "range": [-math.inf, math.inf]}}
+        wire.status = {"values": {"x": math.nan}}
+        wire.version += 1
+        first = await opened()
+        await told(first, "hello")
+        for socket in (first, await opened()):
+            assert (await told(socket, "state"))["status"] == {"values": {"x": None}}
+            assert (await told(socket, "parameters"))["live"] == {
+                "controller.kp": {"value": None, "range": [None, None]}
+            }
+            await socket.close()
+
+    with_server(work)
+
+
+@pytest.mark.parametrize(
+    ("question", "did"),
+    [
+        ({"do": "stop"}, "stop"),
+        ({"do": "enable"}, ("enable", True)),
+        ({"do": "disable"}, ("enable", False)),
+        ({"do": "setpoint", "position_m": 0.002}, 0.002),
+        ({"do": "parameter", "name": "controller.kp", "value": 1.0}, ("controller.kp", 1.0)),
+        ({"do": "trigger", "name": "tare_load"}, "tare_load"),
+    ],
+)
+def test_what_a_page_asks_is_done_once_and_answered(question, did):
+    async def work(client, server, wire):
+        socket = await client.ws_connect("/live", headers=headers_of(client, server))
+        assert (await asked(socket, 7, **question))["ok"]
+        assert wire.done == [("listen", True), did]
+        await socket.close()
+
+    with_server(work)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"id": 1, "do": "setpoint", "position_m": 1' + "0" * 400 + "}",
+        '{"id": 1, "do": "setpoint"}',
+        '{"id": 1, "do": "setpoint", "position_m": {}}',
+        '{"id": 1, "do": "parameter", "name": 1}',
+        '{"id": ' + "[" * 500 + "]" * 500 + ', "do": "stop"}',
+        '{"id": {}, "do": "enable"}',
+        "[]",
+        '"stop"',
+    ],
+)
+def test_what_cannot_be_meant_is_answered_and_not_done(text):
+    async def work(client, server, wire):
+        socket = await client.ws_connect("/live", headers=headers_of(client, server))
+        await socket.send_str(text)
+        answer = await told(socket, "answer")
+        assert not answer["ok"] and "not understood" in answer["sentence"]
+        assert wire.done == [("listen", True)]
+        assert (await asked(socket, 2, do="stop"))["ok"]
+        await socket.close()
+
+    with_server(work)
+
+
+@pytest.mark.parametrize("name", ["x" * 5000, "ä" * 150 + ".csv", "\n" * 201])
+def test_a_log_with_a_name_that_no_disk_takes_is_refused_in_words(name):
+    async def work(client, server, wire):
+        headers = headers_of(client, server)
+        async with client.post("/log", params={"name": name}, data=b"x", headers=headers) as response:
+            assert response.status == 400
+            assert "give the file a shorter one" in await response.text()
+
+    with_server(work, Config.load(shared_file("config/flexinol.yaml")))
+
+
+def test_a_log_that_the_disk_does_not_take_is_answered_in_words(monkeypatch):
+    async def work(client, server, wire):
+        async with client.post(
+            "/log", params={"name": "a.csv"}, data=b"x", headers=headers_of(client, server)
+        ) as response:
+            assert response.status == 507
+            assert "No space left" in await response.text()
+
+    def full(**_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(logs.tempfile, "TemporaryDirectory", full)
+    with_server(work, Config.load(shared_file("config/flexinol.yaml")))
+
+
+def test_what_works_on_a_log_has_a_bound_of_memory_and_says_so(monkeypatch):
+    monkeypatch.setattr(logs, "LARGEST_PROCESS_B", 500_000_000)
+    hungry = [sys.executable, "-c", "bytearray(1_000_000_000)"]
+    with pytest.raises(UserError, match=r"more than 0\.5 GB of memory; use sma-actuator"):
+        asyncio.run(logs._run(hungry, 60.0))
