@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Set
 from typing import Any
 
 from .errors import UserError
@@ -110,7 +110,7 @@ def check(name: str, value: Any, declaration: Declaration, kind: str) -> tuple[A
     ``tuple[float, ...]`` or ``tuple[str, ...]``.
     """
     if kind.startswith("tuple"):
-        if isinstance(value, str) or not hasattr(value, "__iter__"):
+        if isinstance(value, (str, bytes, Mapping, Set)) or not hasattr(value, "__iter__"):
             return value, f"{name}: {_shown(value)} is not a list"
         inner = "float" if "float" in kind else "int" if "int" in kind else "str"
         items = []
@@ -127,6 +127,11 @@ def check(name: str, value: Any, declaration: Declaration, kind: str) -> tuple[A
     if kind == "str":
         if not isinstance(value, str):
             return value, f"{name}: {_shown(value)} is not text"
+        if not value.isprintable():
+            return (
+                value,
+                f"{name}: {_shown(value)} holds what cannot be printed, as the end of a line; one line of text is wanted",
+            )
         if declaration.choices and value not in declaration.choices and not (declaration.optional and value == ""):
             return value, f"{name}: {_shown(value)} is not one of {', '.join(declaration.choices)}"
         return value, ""

@@ -1,8 +1,8 @@
 """YAML, read in one way everywhere: parameter files, dialects, wires and what stands after ``-p``.
 
 Stricter than YAML itself, so that what a file says is what a person reads in it, and so that no file costs more
-time than its size: a key twice in a section, aliases, deep nesting and huge files are refused in a sentence
-that names the line.
+time than its size: a key twice in a section, numbers that YAML reads otherwise than a person (010 is 8 to it),
+types of its own, aliases, deep nesting and huge files are refused in a sentence that names the line.
 """
 
 from __future__ import annotations
@@ -20,6 +20,15 @@ from .parameters import ConfigError
 LONGEST_TEXT = 200_000
 #: Sections within sections; the deepest parameter lies five down.
 DEEPEST_LEVEL = 32
+_TAG = "tag:yaml.org,2002:"
+_TYPES = {"bool", "float", "int", "map", "null", "seq", "str", "timestamp"}
+#: Numbers that a person, YAML 1.1, YAML 1.2 and ROS's parser read alike.
+_PLAIN_NUMBER = re.compile(
+    r"[-+]?(?:0|[1-9][0-9]*|0x[0-9A-Fa-f]+|(?:0|[1-9][0-9]*)?\.[0-9]*(?:[eE][-+]?[0-9]+)?|(?:0|[1-9][0-9]*)[eE][-+]?[0-9]+"
+    r"|\.(?:inf|Inf|INF|nan|NaN|NAN))"
+)
+#: What only looks like one: a zero in front (eight to YAML 1.1, text where a nine follows), separators, base 60.
+_ODD_NUMBER = re.compile(r"[-+]?(?:0[0-9_]|[0-9][0-9_]*[_:])[0-9_:.]*(?:[eE][-+]?[0-9]+)?|[-+]?0[bo][0-9_]+")
 
 
 class _Refusal(yaml.MarkedYAMLError):
@@ -47,7 +56,19 @@ class _Loader(yaml.SafeLoader):
         return node
 
     def construct_object(self, node: Any, deep: bool = False) -> Any:
-        """A value; one that only looks like a number or a date is refused where it stands."""
+        """A value; one that only looks like a number or a date, or is of a type of YAML's own, is refused where it stands."""
+        kind = node.tag.removeprefix(_TAG)
+        if node.tag.startswith(_TAG) and kind not in _TYPES:
+            raise _Refusal(f"!!{kind} is not taken; plain numbers, texts, lists and sections are", node.start_mark)
+        number = kind in ("int", "float")
+        if (number and not _PLAIN_NUMBER.fullmatch(node.value)) or (
+            _is_bare(node) and _ODD_NUMBER.fullmatch(node.value)
+        ):
+            raise _Refusal(
+                f"{_brief(node.value)} is read as different numbers by different readers of YAML; write it plainly, as 10 or "
+                "1.0e-3, or in quotes where it is a text",
+                node.start_mark,
+            )
         try:
             return super().construct_object(node, deep=deep)
         except ValueError as error:
@@ -71,6 +92,15 @@ _Loader.add_implicit_resolver(
     re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"),
     list("-+.0123456789"),
 )
+
+
+def _is_bare(node: yaml.Node) -> bool:
+    """Whether it is a word without quotes."""
+    return isinstance(node, yaml.ScalarNode) and not node.style
+
+
+def _brief(text: str) -> str:
+    return text if len(text) <= 40 else f"{text[:30]}…"
 
 
 class _Dumper(yaml.SafeDumper):

@@ -34,7 +34,7 @@ def test_numbers_are_read_as_ros_reads_them():
         ("? [a]\n: 1\n", "file.yaml: line 1: a list or section cannot be a name"),
         ("a: [1", "file.yaml: line 1: is not YAML"),
         ("a: \0", "file.yaml: is not YAML"),
-        ("a: !!python/object:os.system x", "file.yaml: line 1: is not YAML"),
+        ("a: !!python/object:os.system x", "file.yaml: line 1: !!python/object:os.system is not taken"),
         ("a: 1\n---\nb: 2", "file.yaml: line 2: is not YAML"),
         ("x" * (LONGEST_TEXT + 1), "file.yaml: is longer than"),
     ],
@@ -44,6 +44,73 @@ def test_what_is_not_plain_is_refused_at_once_with_file_and_line(text, sentence)
         parse_yaml(text, "file.yaml")
     assert sentence in str(refusal.value)
     assert len(str(refusal.value)) < 400
+
+
+ODD = [
+    "010",
+    "-010",
+    "08",
+    "09.5",
+    "00",
+    "1_000",
+    "1_0.5",
+    "12:30",
+    "12:30:15",
+    "1:30.5",
+    "0b11",
+    "0o17",
+    "!!int 010",
+    "1__0",
+]
+
+
+@pytest.mark.parametrize("text", ODD)
+def test_a_number_that_readers_of_yaml_read_differently_is_refused_with_what_to_write(text):
+    with pytest.raises(
+        ConfigError, match=r"^file\.yaml: line 2: .* is read as different numbers .*; write it plainly, as 10"
+    ):
+        parse_yaml(f"a: 1\nmax_voltage: {text}\n", "file.yaml")
+    assert parse_yaml(f"a: '{text}'", "file.yaml") == {"a": text}
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("0", 0),
+        ("-7", -7),
+        ("10.0", 10.0),
+        ("5.", 5.0),
+        (".5", 0.5),
+        ("+.5e-3", 0.5e-3),
+        ("1e3", 1e3),
+        ("0x1F", 31),
+        ("0.010", 0.01),
+        ("yes", True),
+        ("off", False),
+        ("127.0.0.1:5025", "127.0.0.1:5025"),
+        ("10:aa", "10:aa"),
+    ],
+)
+def test_what_a_person_writes_is_read_as_it_is_meant(text, value):
+    assert parse_yaml(f"a: {text}", "file.yaml") == {"a": value}
+
+
+@pytest.mark.parametrize("text", ["!!set {a, b}", "!!binary aGk=", "!!omap [a: 1]", "!!pairs [a: 1]", "{<<: {b: 1}}"])
+def test_types_of_yamls_own_are_refused(text):
+    with pytest.raises(ConfigError, match=r"file\.yaml: line 1: !!\w+ is not taken"):
+        parse_yaml(f"a: {text}", "file.yaml")
+
+
+@pytest.mark.parametrize("value", [{0.1, 0.2}, {0.1: 1.0}, b"12", "12", 12])
+def test_only_a_list_is_a_list(make_config, value):
+    with pytest.raises(ConfigError, match=r"model\.heating_slope: .* is not a list"):
+        Config.from_mapping(make_config(**{"model.heating_slope": value}))
+
+
+@pytest.mark.parametrize("name", ["a\nb", "a\0", "\x1b[2J", "a\u2028b"])
+def test_a_name_is_one_line_that_can_be_printed(make_config, name):
+    with pytest.raises(ConfigError, match=r"^joint_name: .* holds what cannot be printed"):
+        Config.from_mapping(make_config(joint_name=name))
 
 
 def test_a_file_of_the_longest_length_is_read_within_seconds():
