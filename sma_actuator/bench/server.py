@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from sma_actuator.base.jit import at_once
-from sma_actuator.console import refuse_to_overwrite
+from sma_actuator.console import refuse_to_overwrite, say_next
 from sma_actuator.instruments import InstrumentError
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.joint import Joint, parse_joint
@@ -374,6 +374,7 @@ def run(args: argparse.Namespace) -> int:
     for bench in benches:
         for name, value, at_s in args.fault:
             bench.inject(name, value, at_s=at_s)
+    say_next(args, "name these as instruments.supply.resource and instruments.daq.resource; Ctrl-C ends the bench")
     serve(benches, args.host, args.supply_port, args.daq_port, args.speed, args.ports_file)
     return 0
 

@@ -14,7 +14,7 @@ from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.config import BenchConfig, Config, config_from_mapping, require_sense_resistor
-from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, write_json
+from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, say_next, write_json
 from sma_actuator.instruments import Clock, Daq, PowerSupply
 
 from .selftest import Found, Level, SelfTest, passed
@@ -41,10 +41,7 @@ def run(args) -> int:
         write_json(args, [dataclasses.asdict(each) | {"level": each.level.name.lower()} for each in found])
         interrupts.raise_noted()
     again = f"sma-actuator check --config {args.config}"
-    notes(args).print(
-        f"next: {next_step(config, args.config)}" if passed(found) else f"mend that, then look again: {again}",
-        markup=False,
-    )
+    say_next(args, next_step(config, args.config) if passed(found) else f"mend that, then look again: {again}")
     return 0 if passed(found) else 1
 
 

@@ -9,7 +9,15 @@ from pathlib import Path
 
 from rich.table import Table
 
-from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, write_csv, write_json
+from sma_actuator.console import (
+    add_output_arguments,
+    notes,
+    refuse_to_overwrite,
+    results,
+    say_next,
+    write_csv,
+    write_json,
+)
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.logs.fitness import Finding, judge
 from sma_actuator.logs.mapping import ColumnMap
@@ -57,7 +65,17 @@ def run(args: argparse.Namespace) -> int:
     rows = [dataclasses.asdict(f) for f in findings]
     write_json(args, rows)
     write_csv(args, rows)
-    return 0 if all(f.met for f in findings if f.needed) else 1
+    fit = all(f.met for f in findings if f.needed)
+    say_next(args, _next(args) if fit else "record that, then look again with the same command")
+    return 0 if fit else 1
+
+
+def _next(args: argparse.Namespace) -> str:
+    """A model from logs that are fit."""
+    length = "L" if math.isnan(args.length) else f"{args.length:g}"
+    mapped = f" --map-file {args.write_map}" if args.write_map else ""
+    logs = " ".join(str(log) for log in args.logs)
+    return f"sma-actuator identify {logs}{mapped} --alloy ni-ti --length {length} --diameter D --out my_wire.yaml (L, D in m)"
 
 
 def verdict(findings: list[Finding]) -> str:

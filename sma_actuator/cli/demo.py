@@ -31,7 +31,7 @@ from sma_actuator.base.jit import COMPILING
 from sma_actuator.base.parameter_file import NODE_NAME, read_parameter_file
 from sma_actuator.base.share import shared_file
 from sma_actuator.config import Config
-from sma_actuator.console import add_output_arguments, refuse_to_overwrite, write_json
+from sma_actuator.console import add_output_arguments, refuse_to_overwrite, say_next, write_json
 from sma_actuator.control.setpoints import Setpoint, sine, steps, triangle
 from sma_actuator.control.tracking import TrackingErrors
 from sma_actuator.instruments import InstrumentError
@@ -137,6 +137,7 @@ def run(args) -> int:
         + (" (Ctrl-C)" if interrupts else "")
     )
     write_json(args, errors.as_dict())
+    say_next(args, 'drive it yourself: "Drive a wire" in README.md; a wire of your own: docs/first_wire.md')
     return 0 if supply_is_off and (errors.samples or interrupts) else 1
 
 

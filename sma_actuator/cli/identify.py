@@ -29,6 +29,7 @@ from sma_actuator.console import (
     progress_bar,
     refuse_to_overwrite,
     results,
+    say_next,
     write_csv,
     write_json,
 )
@@ -156,7 +157,7 @@ def run(args: argparse.Namespace) -> int:
     console.print(f"wrote {args.out} and {page}")
     complete = "instruments" in result.mapping
     next_ = f"check --config {args.out}" if complete else f"init --start {args.out} --out node.yaml"
-    console.print(f"next: {'' if complete else 'for a node: '}sma-actuator {next_}", markup=False)
+    say_next(args, f"{'' if complete else 'for a node: '}sma-actuator {next_}")
     return 0 if result.verdict.good_for_control else NOT_GOOD
 
 

@@ -24,7 +24,15 @@ from sma_actuator.config import (
     require_calibrated,
     write_parameter_file,
 )
-from sma_actuator.console import add_output_arguments, notes, questions, refuse_to_overwrite, results, write_json
+from sma_actuator.console import (
+    add_output_arguments,
+    notes,
+    questions,
+    refuse_to_overwrite,
+    results,
+    say_next,
+    write_json,
+)
 from sma_actuator.console.asking import Asking, read_answers
 from sma_actuator.derived import derived
 from sma_actuator.instruments.dialect import FOLDER, Dialect
@@ -233,7 +241,8 @@ def run(args: argparse.Namespace) -> int:
         table.add_row(name, _with_unit(name, _get(mapping, name)), comments[name])
     out.print(table)
     write_json(args, mapping)
-    console.print(f"wrote {args.out}; {_next(bench, args.out)}", markup=False)
+    console.print(f"wrote {args.out}", markup=False)
+    say_next(args, _next(bench, args.out))
     return 0
 
 

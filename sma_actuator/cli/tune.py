@@ -16,7 +16,7 @@ from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Mode, Output, Tuned
 from sma_actuator.config import Config, text_with
-from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, write_json
+from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, say_next, write_json
 from sma_actuator.control.pid import PidParameters
 from sma_actuator.control.tuning import GAINS, words_of
 from sma_actuator.driver import Driver, DriverStopped
@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     )
     write_json(args, dataclasses.asdict(found))
     if not args.running:
-        notes(args).print(f"next: sma_actuator_node --ros-args --params-file {out}", markup=False)
+        say_next(args, f"sma_actuator_node --ros-args --params-file {out}")
     return 0
 
 

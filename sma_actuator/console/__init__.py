@@ -30,6 +30,7 @@ __all__ = [
     "questions",
     "refuse_to_overwrite",
     "results",
+    "say_next",
     "write_csv",
     "write_json",
 ]
@@ -55,6 +56,11 @@ def results(args: argparse.Namespace) -> Console:
 def notes(args: argparse.Namespace) -> Console:
     """Where progress and notes go: standard error, or nowhere with ``-q``."""
     return _console(sys.stderr, quiet=getattr(args, "quiet", False))
+
+
+def say_next(args: argparse.Namespace, words: str) -> None:
+    """What to do with what a command has brought: its last note."""
+    notes(args).print(f"next: {words}", markup=False)
 
 
 def questions() -> Console:

@@ -10,7 +10,15 @@ from typing import Any
 from rich.table import Table
 
 from sma_actuator.base.errors import UserError
-from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, write_csv, write_json
+from sma_actuator.console import (
+    add_output_arguments,
+    notes,
+    refuse_to_overwrite,
+    results,
+    say_next,
+    write_csv,
+    write_json,
+)
 
 from .drift import WireState, refused, states, verdict
 from .table import read_table
@@ -46,6 +54,13 @@ def run(args: argparse.Namespace) -> int:
     summary = [_summary(state) for state in found]
     write_json(args, summary)
     write_csv(args, summary)
+    first = next((s.rows[-1]["log"] for s in found if s.drifts), "")
+    say_next(
+        args,
+        f"do what the table says, or see it for one wire: sma-actuator trace {first} --config ITS_MODEL.yaml --out out/traced"
+        if first
+        else "nothing; the same table with the next logs (--table of replay or trace)",
+    )
     return 0
 
 

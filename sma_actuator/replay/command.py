@@ -20,6 +20,7 @@ from sma_actuator.console import (
     progress_bar,
     refuse_to_overwrite,
     results,
+    say_next,
     write_csv,
     write_json,
 )
@@ -103,7 +104,21 @@ def run(args: argparse.Namespace) -> int:
         console.print(f"wrote {args.report}")
     write_json(args, rows)
     write_csv(args, rows)
+    say_next(args, _next(args, replays, next(iter(models.values()))))
     return 0
+
+
+def _next(args: argparse.Namespace, replays: Sequence[Replay], config: Config) -> str:
+    """What the verdict on the first model asks for."""
+    word, said = verdict(replays, config)
+    logs, file = " ".join(str(log) for log in args.logs), args.config[0]
+    if word == "changed":
+        return f"{said} sma-actuator trace {logs} --config {file} --out out/traced"
+    if word == "not judged":
+        return f"{said} Give a log with a measured displacement."
+    complete = "instruments" in read_parameter_file(file)
+    node = f"sma_actuator_node --ros-args --params-file {file}" if complete else f"sma-actuator init --start {file}"
+    return f"{said} Drive with it: {node}"
 
 
 def judge_logs(paths: Sequence[Path], config: Path, options: Mapping[str, Any]) -> list[Finding]:

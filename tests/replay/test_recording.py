@@ -104,6 +104,7 @@ def test_replay_says_what_the_node_said_to_the_bit(recording, model_file, tmp_pa
     assert row["from_live_m"] == 0.0 and row["live_readings"] > 1000
     assert row["full_percent"] < 5.0
     assert "differs by at most 0 mm from what the node had estimated" in out.err
+    assert out.err.splitlines()[-1].startswith("next: flexinol errs by ")
 
 
 def test_a_recording_in_many_files_is_one(model_file, tmp_path, capsys):

@@ -15,6 +15,7 @@ from test_node import _enabled
 from sma_actuator.cli.main import main
 
 NODE = ("--node", "left", "--namespace", "/arm", "--patience", "60")
+OPTIONS = " --node left --namespace /arm"
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +42,7 @@ def _enable(capsys):
     wait_until(lambda: main(["enable", *NODE]) == 0, what="a wire that can be enabled")
     said = capsys.readouterr()
     assert "the output is on" in said.out
-    assert "next: sma-actuator move 40% --node left --namespace /arm" in said.err
+    assert f"next: `sma-actuator move 40%{OPTIONS}`" in said.err
 
 
 def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
@@ -51,7 +52,10 @@ def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
     wait_until(lambda: bench.current_A() > 0.04)
     assert main(["move", "2.5mm", *NODE, "--within", "60"]) == 0
     said = capsys.readouterr()
-    assert "held there" in said.out and said.err == ""
+    assert "held there" in said.out
+    assert said.err.splitlines() == [
+        f"next: `sma-actuator watch{OPTIONS}`, or `sma-actuator stop{OPTIONS}`",
+    ]
     reaches = r"to 2.500 mm; at this load the wire reaches (.+) \(0%\) to (.+) mm \(100%\)"
     short_mm, long_mm = map(float, re.match(reaches, said.out).groups())
     assert main(["move", "40%", *NODE, "--within", "60"]) == 0
@@ -64,14 +68,18 @@ def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
     status = _status(capsys, mode="hold", fault="")
     assert status["values"]["displacement_m"] == pytest.approx(0.0025, abs=2e-4)
     assert main(["watch", *NODE, "--every", "0.2", "--duration", "0.5"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    said = capsys.readouterr()
+    assert f"next: `sma-actuator move 40%{OPTIONS}`" in said.err
+    lines = said.out.splitlines()
     assert len(lines) >= 2 and all("holding" in line for line in lines)
     assert "position  2." in lines[-1] and "load  0.9" in lines[-1]
     assert main(["enable", "--off", *NODE]) == 0
     wait_until(lambda: bench.current_A() == 0.0)
     _enable(capsys)
     assert main(["stop", *NODE]) == 0
-    assert "/arm/left: the output is off" in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert "/arm/left: the output is off" in said.out
+    assert said.err == f"next: `sma-actuator enable{OPTIONS}`\n"
     wait_until(lambda: bench.current_A() == 0.0)
     assert _status(capsys, mode="off")["values"]["displacement_m"] is None
 
@@ -79,7 +87,8 @@ def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
 def test_services_without_an_argument_are_called_by_their_name(bench, capsys):
     # With the output off: no fault to clear, and a self-test may have the wire.
     assert main(["call", "clear_fault", *NODE]) == 0
-    assert "/arm/left: " in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert "/arm/left: " in said.out and said.err == f"next: `sma-actuator enable{OPTIONS}`\n"
     assert main(["call", "~/self_test", *NODE]) == 0
     assert "resistance" in capsys.readouterr().out
     assert main(["call", "dance", *NODE]) == 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 from sma_actuator.base.errors import UserError
 
 from .client import add_node_arguments, connected
+from .watch import after
 
 #: A self-test looks at every channel and waits for the watchdog.
 LONGEST_s = 120.0
@@ -30,9 +31,14 @@ def run(args) -> int:
             raise UserError(f"{client.full_name} has no service {name}; it has {', '.join(sorted(offered))}")
         kind = offered[name]
         response = client.call(name, kind, kind.Request(), max(args.patience, LONGEST_s))
+        status = client.status()
     if kind is Trigger:
         print(f"{client.full_name}: {client.words(response.message)}")
+        if response.success:
+            client.say_next(args, "~/enable" if name == "clear_fault" else after(client, status))
         return 0 if response.success else 1
-    for status in response.status:
-        print(f"{status.name}: {client.words(status.message)}")
+    for part in response.status:
+        print(f"{part.name}: {client.words(part.message)}")
+    if response.passed != b"\0":
+        client.say_next(args, after(client, status))
     return 0 if response.passed != b"\0" else 1

@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import math
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
@@ -160,6 +161,11 @@ class NodeClient:
     def words(self, sentence: str) -> str:
         """A sentence of this node, with commands in it that reach it."""
         return as_commands(sentence, self.options)
+
+    def say_next(self, args: argparse.Namespace, words: str) -> None:
+        """What to do next, with commands that reach this node; after the results, and nothing with ``-q``."""
+        if not args.quiet:
+            print(f"next: {self.words(words)}", file=sys.stderr)
 
     def finish(self) -> None:
         """A signal that has come is dealt with: what follows is the way out, and has its time."""

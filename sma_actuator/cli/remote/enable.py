@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-import sys
+
+from sma_actuator.base.signals import Mode
 
 from .client import OFF_AGAIN_s, add_node_arguments, connected
-from .watch import is_joint
+from .watch import after
 
 
 def add_arguments(parser) -> None:
@@ -27,7 +29,7 @@ def run(args) -> int:
         if response.success:
             client.wait_until_said(on=not args.off)
     print(f"{client.full_name}: {client.words(response.message)}")
-    if response.success and not (args.off or args.quiet):
-        place = "0.1rad" if is_joint(status) else "40%"
-        print(f"next: sma-actuator move {place}{client.options}, or stop{client.options}", file=sys.stderr)
+    if response.success:
+        mode = Mode.OFF if args.off else Mode.HOLD
+        client.say_next(args, after(client, dataclasses.replace(status, mode=mode, fault="")))
     return 0 if response.success else 1

@@ -97,6 +97,9 @@ def run(args) -> int:
             held = client.wait_for_status(lambda s: s.mode is not Mode.TRACKING, ENDED_s)
         print(f"there after {took_s:.1f} s; {'held there' if held else 'the node has not said that it holds the wire'}")
         print(line(client))
+        client.say_next(
+            args, "`sma-actuator watch" + client.options + "`, or ~/stop" if held else "~/status, or ~/stop"
+        )
     return 0 if held else 1
 
 

@@ -7,6 +7,7 @@ import dataclasses
 from sma_actuator.console import add_output_arguments, refuse_to_overwrite, results, write_json
 
 from .client import add_node_arguments, connected
+from .watch import after
 
 
 def add_arguments(parser) -> None:
@@ -25,5 +26,6 @@ def run(args) -> int:
     console.print(f"{name}: {words}", markup=False)
     for key, value in status.values.items():
         console.print(f"  {key:24} {value if isinstance(value, str) else f'{value:.6g}'}", markup=False)
+    client.say_next(args, after(client, status))
     write_json(args, {"node": name, **dataclasses.asdict(status), "mode": status.mode.value})
     return 0

@@ -43,6 +43,9 @@ def run(args: argparse.Namespace) -> int:
 
         response = client.call("stop", Trigger, Trigger.Request(), again_s=OFF_AGAIN_s)
         print(client.words(response.message), flush=True)  # before anything else is waited for
+        client.say_next(
+            args, "~/enable" if response.success else "look at the supply, and pull its plug if its output is on"
+        )
     return 0 if response.success else 1
 
 

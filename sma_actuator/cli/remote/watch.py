@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 
-from sma_actuator.base.signals import Status
+from sma_actuator.base.signals import Mode, Status
 
 from .client import NodeClient, add_node_arguments, connected
 
@@ -27,18 +27,31 @@ def add_arguments(parser) -> None:
 def run(args) -> int:
     """Print lines; a node that falls silent is said to, and found again."""
     with connected(args) as client:
+        from sma_msgs_py import status_from
+
         listen_to_motion(client)
         client.status()
         start_s = time.monotonic()
-        while (elapsed_s := time.monotonic() - start_s) <= args.duration:
-            print(f"{elapsed_s:7.1f} s  {line(client)}", flush=True)
-            client.spin(max(min(args.every, args.duration - elapsed_s), 0.01))
+        try:
+            while (elapsed_s := time.monotonic() - start_s) <= args.duration:
+                print(f"{elapsed_s:7.1f} s  {line(client)}", flush=True)
+                client.spin(max(min(args.every, args.duration - elapsed_s), 0.01))
+        finally:  # Ctrl-C is how it ends
+            if (status := client.latest("status", STALE_s)) is not None:
+                client.say_next(args, after(client, status_from(status)))
     return 0
 
 
 def is_joint(status: Status) -> bool:
     """Whether a node turns a joint: it has an angle, and no displacement."""
     return "angle_rad" in status.values
+
+
+def after(client: NodeClient, status: Status) -> str:
+    """What to do with a node in a state."""
+    if status.mode is Mode.OFF:
+        return "mend what it says, then ~/clear_fault and ~/enable" if status.fault else "~/enable"
+    return f"`sma-actuator move {'0.1rad' if is_joint(status) else '40%'}{client.options}`, or ~/stop"
 
 
 def listen_to_motion(client: NodeClient) -> None:

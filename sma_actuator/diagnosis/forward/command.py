@@ -13,7 +13,15 @@ import numpy as np
 from rich.table import Table
 
 from sma_actuator.base.errors import UserError
-from sma_actuator.console import add_output_arguments, notes, progress_bar, refuse_to_overwrite, results, write_json
+from sma_actuator.console import (
+    add_output_arguments,
+    notes,
+    progress_bar,
+    refuse_to_overwrite,
+    results,
+    say_next,
+    write_json,
+)
 from sma_actuator.fleet import Finding, add_fleet_arguments, cluster, run_fleet
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.logs.reading import add_map_arguments, columns_of, place
@@ -93,6 +101,11 @@ def run(args: argparse.Namespace) -> int:
     for sentence in sentences(found):
         told.print(sentence)
     console.print(f"wrote {args.out / 'forward.yaml'}, report.json and report.html")
+    say_next(
+        args,
+        f"look at {args.out / 'report.html'}; to judge new runs by this wire: "
+        f"sma-actuator forward {' '.join(str(run) for run in args.runs)} --wire {args.out / 'forward.yaml'} --judge NEW.csv --out DIR",
+    )
     return 0
 
 

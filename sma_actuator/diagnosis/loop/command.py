@@ -10,7 +10,15 @@ from typing import Any
 from rich.table import Table
 
 from sma_actuator.base.errors import UserError
-from sma_actuator.console import add_output_arguments, notes, progress_bar, refuse_to_overwrite, results, write_json
+from sma_actuator.console import (
+    add_output_arguments,
+    notes,
+    progress_bar,
+    refuse_to_overwrite,
+    results,
+    say_next,
+    write_json,
+)
 from sma_actuator.logs.reading import add_map_arguments, columns_of
 
 from .fitting import FAMILIES, Comparison, both, compare
@@ -63,7 +71,17 @@ def run(args: argparse.Namespace) -> int:
         write_page(args.report, loops, found, compared)
         notes(args).print(f"wrote {args.report}")
     write_json(args, summary(loops, found, compared))
+    say_next(args, _next(args))
     return 0
+
+
+def _next(args: argparse.Namespace) -> str:
+    """What these loops have not been asked yet."""
+    if not args.kinetics and len(args.loops) > 1:
+        return "the same with --kinetics: which physics foretells the stress that it has not seen"
+    if not args.report:
+        return "the same with --report loops.html, to see where a fit leaves the loops"
+    return "`sma-actuator forward`, where runs of power and displacement were recorded too"
 
 
 def summary(loops: list[Loop], found: list[Temperatures], compared: list[Comparison]) -> dict[str, Any]:

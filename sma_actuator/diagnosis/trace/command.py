@@ -16,7 +16,15 @@ from rich.table import Table
 from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.base.parameters import ConfigError, to_mapping
 from sma_actuator.config import Config, parameter_text, write_parameter_file
-from sma_actuator.console import add_output_arguments, notes, progress_bar, refuse_to_overwrite, results, write_json
+from sma_actuator.console import (
+    add_output_arguments,
+    notes,
+    progress_bar,
+    refuse_to_overwrite,
+    results,
+    say_next,
+    write_json,
+)
 from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.fleet import Finding, add_fleet_arguments, cluster, run_fleet
 from sma_actuator.identify.calibration import calibration_of
@@ -149,7 +157,10 @@ def run(args: argparse.Namespace) -> int:
     write_json(args, report)
     _print(results(args), report)
     _explain(results(args), report, args.explain)
-    console.print(f"wrote {args.out / 'report.json'}, report.html{_next(args.out, model)}", markup=False)
+    console.print(
+        f"wrote {args.out / 'report.json'}, report.html{' and model.yaml' if model is not None else ''}", markup=False
+    )
+    say_next(args, _next(args, report["verdict"], path if model is not None else None))
     return 0
 
 
@@ -180,10 +191,15 @@ def _when(paths: list[Path]) -> str:
     return time.strftime("%Y-%m-%d: ", time.gmtime(max(path.stat().st_mtime for path in paths)))
 
 
-def _next(folder: Path, model: object | None) -> str:
-    """What was written beside the report, and what to do with it."""
-    path = folder / "model.yaml"
-    return "" if model is None else f" and model.yaml; next: sma_actuator_node --ros-args --params-file {path}"
+def _next(args: argparse.Namespace, verdict: str, model: Path | None) -> str:
+    """What a verdict asks for; ``model``: the extended one, where one was written."""
+    if model is not None:
+        return f"sma_actuator_node --ros-args --params-file {model}"
+    if verdict == "none":
+        return "nothing: the model holds, drive on with it"
+    if verdict == "traced":
+        return "do what it says at each name; the model stays as it is"
+    return f"look at {args.out / 'report.html'}; --explain NAME says why a name was not given"
 
 
 def _print(console: Console, report: dict) -> None:

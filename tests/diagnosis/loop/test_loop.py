@@ -255,4 +255,9 @@ def test_the_command_takes_the_unit_that_it_asks_for(tmp_path, capsys):
     path = written_loop(tmp_path / "loop.csv", 100.0)
     assert main(["loop", str(path)]) == 1
     assert "--unit strain=%" in capsys.readouterr().err
+    assert main(["loop", str(path), "--unit", "strain=%"]) == 0
+    assert capsys.readouterr().err.endswith(
+        "next: the same with --report loops.html, to see where a fit leaves the loops\n"
+    )
     assert main(["loop", str(path), "--unit", "strain=%", "-q"]) == 0
+    assert capsys.readouterr().err == ""
