@@ -2,6 +2,7 @@
 # make test   the tests; make long-tests those that take half a minute each
 # make check  format, lint, types and the floors of the house
 # make counterparts   the driver against instruments that others wrote (FOREIGN_PYTHON=python3.12 for those that want it)
+# make release  sdist and wheel, tried from the wheel
 # make docs   the documentation with the API reference, warnings are errors
 # make tables, make benchmarks, make coefficients   the figures and the models, made again
 # Both do all their own set-up: a virtual environment with pinned ROS 2 wheels in .venv.
@@ -13,7 +14,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: counterparts page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds feed-forward tuning pair fleet foreign-speed tutorial forward health clean
+.PHONY: release counterparts page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds feed-forward tuning pair fleet foreign-speed tutorial forward health clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
@@ -42,6 +43,10 @@ check: $(VENV)/ready
 
 docs: $(VENV)/ready
 	$(BIN)/python -m sphinx -b html --fail-on-warning --keep-going docs docs/_build
+
+# sdist and wheel in dist/, tried in an empty environment; all but the upload
+release:
+	PYTHON=$(PYTHON) .ci/release
 
 coverage: $(VENV)/ready
 	$(BIN)/python benchmarks/coverage_by_room.py

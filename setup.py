@@ -1,5 +1,6 @@
 """One ament_python package; with plain pip the extras bring ROS 2, the tests' tools and speed."""
 
+import re
 from pathlib import Path
 
 from setuptools import find_packages, setup
@@ -8,7 +9,7 @@ NAME = "sma_actuator"
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version=re.search(r'__version__ = "(.+)"', Path("sma_actuator/__init__.py").read_text())[1],
     packages=find_packages(include=["sma_actuator", "sma_actuator.*", "sma_msgs_py", "sma_msgs_py.*"]),
     package_data={"sma_actuator": ["**/*.yaml", "**/*.html", "**/*.js", "view/page/*"]},
     data_files=[
@@ -88,7 +89,6 @@ setup(
     },
     zip_safe=True,
     maintainer="sma_actuator developers",
-    maintainer_email="maintainers@sma-actuator.invalid",
     description="ROS 2 driver for shape memory alloy wire actuators that sense their own position",
     license="Apache-2.0",
 )

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+import sma_actuator
+
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -60,3 +62,13 @@ def test_every_file_of_results_has_its_command():
 def test_the_page_of_results_is_read_to_its_end():
     words = (ROOT / "docs" / "results.md").read_text(encoding="utf-8").replace("|", " ").split()
     assert len(words) <= 800
+
+
+def test_every_file_that_states_a_version_states_the_same():
+    stated = [
+        re.search(r"<version>(.+)</version>", (ROOT / "package.xml").read_text())[1],
+        re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)[1],
+        re.search(r"^## (.+)$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[1],
+        re.search(r"^(\d\S+)", (ROOT / "CHANGELOG.rst").read_text(), re.MULTILINE)[1],
+    ]
+    assert stated == [sma_actuator.__version__] * 4
