@@ -72,3 +72,13 @@ def test_every_file_that_states_a_version_states_the_same():
         re.search(r"^(\d\S+)", (ROOT / "CHANGELOG.rst").read_text(), re.MULTILINE)[1],
     ]
     assert stated == [sma_actuator.__version__] * 4
+
+
+CHANGES = re.findall(
+    r"^- .*?(?=^- |^#|\Z)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
+)
+
+
+def test_an_entry_of_the_changelog_has_at_most_thirty_words():
+    without_addresses = [re.sub(r"\]\([^)]*\)", "]", entry).removeprefix("- ") for entry in CHANGES]
+    assert [entry for entry in without_addresses if len(entry.split()) > 30] == []
