@@ -215,7 +215,8 @@ class SelfTest:
         self._load(values)
 
     def _rate(self, time_s: np.ndarray) -> None:
-        period_s, wanted_s = float(np.mean(np.diff(time_s))), 1.0 / self._config.loop.rate
+        # A slow DAQ is slow with every block, a busy computer with some: the quickest tenth are the DAQ's.
+        period_s, wanted_s = float(np.quantile(np.diff(time_s), 0.1)), 1.0 / self._config.loop.rate
         if not period_s <= (1.0 + PERIOD_SHARE) * wanted_s:
             self._wrong(
                 "rate",

@@ -51,6 +51,7 @@ def labelled(flexinol, tmp_path_factory):
     return model_of(flexinol, logs, tmp_path_factory.mktemp("labelled") / "model.yaml")
 
 
+@pytest.mark.long
 def test_logs_without_a_label_give_the_same_model(flexinol, labelled, tmp_path):
     folder = tmp_path / "bare"
     folder.mkdir()
@@ -82,7 +83,9 @@ def test_a_log_of_both_kinds_is_cut_where_they_meet(flexinol, words):
     assert [experiment.cycle[-1] for experiment in experiments] == [experiment.cycle[-1] for experiment in separate]
 
 
-@pytest.mark.parametrize("gap_s", [0.05, 30.0], ids=["one after the other", "with pauses"])
+@pytest.mark.parametrize(
+    "gap_s", [0.05, pytest.param(30.0, marks=pytest.mark.long)], ids=["one after the other", "with pauses"]
+)
 def test_one_log_of_everything_gives_nearly_the_same_model(flexinol, labelled, tmp_path, gap_s):
     words = [f"{kind}_{load}" for load in LOADS for kind in ("pulses", "partial")]
     write_bench_log(tmp_path / "all.csv", together(flexinol, words, gap_s))
@@ -94,6 +97,7 @@ def test_one_log_of_everything_gives_nearly_the_same_model(flexinol, labelled, t
         np.testing.assert_allclose(ours, theirs, rtol=0.03)
 
 
+@pytest.mark.long
 def test_of_many_full_cycles_some_are_fitted_and_that_is_said(textbook, tmp_path, capsys):
     """Of a wire whose pulses end where they began: six times the same log is then one that goes on."""
     once = model_of(textbook, sorted(textbook.folder.glob("p*_*N.csv")), tmp_path / "once.yaml")

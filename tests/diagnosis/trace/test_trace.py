@@ -56,10 +56,10 @@ def test_where_nothing_is_hidden_nothing_is_found(clean):
     ("hidden", "parameter", "value"),
     [
         ({"voltage_offset": 0.004}, "offset", 0.004),
-        ({"slip": 2e-4}, "length", 2e-4),
-        ({"backlash": 2.5e-4}, "width", 2.5e-4),
-        ({"elastic_compliance": 1e-4}, "compliance", 1e-4),
-        ({"load_cell_gain": 0.3}, "gain", 0.3),
+        pytest.param({"slip": 2e-4}, "length", 2e-4, marks=pytest.mark.long),
+        pytest.param({"backlash": 2.5e-4}, "width", 2.5e-4, marks=pytest.mark.long),
+        pytest.param({"elastic_compliance": 1e-4}, "compliance", 1e-4, marks=pytest.mark.long),
+        pytest.param({"load_cell_gain": 0.3}, "gain", 0.3, marks=pytest.mark.long),
     ],
     ids=lambda x: next(iter(x)) if isinstance(x, dict) else "",
 )
@@ -72,6 +72,7 @@ def test_what_is_hidden_is_named_first_and_its_size_found(wire, config, hidden, 
     assert found.errors_percent["after"].mean() < 0.6 * found.errors_percent["before"].mean()
 
 
+@pytest.mark.long
 def test_what_might_as_well_be_nothing_is_named_only_where_the_name_explains_all_of_it(
     wire, config, clean, monkeypatch
 ):
@@ -85,6 +86,7 @@ def test_what_might_as_well_be_nothing_is_named_only_where_the_name_explains_all
     assert trace(clean, jobs=1).verdict == "none"
 
 
+@pytest.mark.long
 def test_however_small_the_error_a_rest_that_does_not_repeat_says_that_something_happened(
     wire, config, clean, monkeypatch
 ):

@@ -115,6 +115,7 @@ def test_tracing_again_with_the_extended_model_finds_nothing_more(traced):
     assert not (out / "model.yaml").exists()
 
 
+@pytest.mark.long
 def test_rerunning_writes_the_same_files(traced):
     folder, logs, model = traced
     assert main(["trace", *logs, "--config", model, "--out", str(folder / "out2"), "--jobs", "2"]) == 0
@@ -122,6 +123,7 @@ def test_rerunning_writes_the_same_files(traced):
         assert (folder / "out2" / name).read_text().replace("out2", "out") == (folder / "out" / name).read_text()
 
 
+@pytest.mark.long
 def test_a_model_that_does_not_say_how_good_it_was_takes_its_calibration_logs(wire, traced, capsys):
     """Without a floor of its own 1.5 % of the stroke counts; --calibration gives it one."""
     folder, logs, _ = traced
@@ -176,6 +178,7 @@ def test_the_node_estimates_with_the_extended_model_what_replay_does(traced):
         assert output.estimate.displacement_m == pytest.approx(whole[i], abs=1e-12), f"reading {i}"
 
 
+@pytest.mark.long
 def test_a_dask_cluster_gives_the_same_report(traced):
     distributed = pytest.importorskip("distributed")
     folder, logs, model = traced
