@@ -17,6 +17,7 @@ from typing import Any, Self
 #: What stands in for the placeholders when a file is checked.
 _TRIAL = {"channel": 1, "value": 0.5, "channels": "101,102", "samples": 50, "readings": 100}
 _YES = {"on", "yes", "true"}
+_YAMLS_WORDS = {True: "yes", False: "no"}  #: what YAML makes of the bare words as keys
 _NO = {"off", "no", "false"}  #: not the empty answer: it proves nothing
 
 #: What the answer of a query is → the entries that say how it is read, beside ``ask``.
@@ -82,6 +83,7 @@ class Query:
     def read(cls, name: str, entry: Any, allowed: Collection[str], reading: str, problems: list[str]) -> Self | None:
         """Read an entry whose answer is a ``reading`` (a key of READINGS); what is wrong with it goes to ``problems``."""
         mapping = dict(entry) if isinstance(entry, Mapping) else {"ask": entry}
+        mapping = {_YAMLS_WORDS.get(key, key) if isinstance(key, bool) else key: mapping[key] for key in mapping}
         text = mapping.pop("ask", None)
         known = READINGS[reading]
         problems += [

@@ -488,6 +488,16 @@ class Itech(Family):
         ]
 
 
+class BK9115(Itech):
+    """B&K Precision 9115: as the one above, but for the words of its trip."""
+
+    identity = "B&K PRECISION, 9115, 00000000000004, V1.01-V1.00"
+
+    def commands(self):
+        theirs = {r"VOLT:PROT:CLE": r"PROT:CLE", r"VOLT:PROT:TRIP\?": r"VOLT:PROT:TRIG\?"}
+        return [(theirs.get(pattern, pattern), answer) for pattern, answer in super().commands()]
+
+
 class Keithley2400(Family):
     """A SourceMeter: READ? with its output off is an error and no answer; it must have been made a current source."""
 
@@ -541,5 +551,6 @@ FAMILIES = {
     "hp_663xa": Hp663xA,
     "rs_hmp": Hmp,
     "itech_it6800": Itech,
+    "bk_9115": BK9115,
     "keithley_2400": Keithley2400,
 }
