@@ -51,7 +51,7 @@ from sma_actuator.safety.limits import (
     SETPOINT_REACH,
 )
 from sma_actuator.safety.reach import BEYOND_K, Needed, Reach
-from sma_actuator.safety.records import Fault, Limit, Step
+from sma_actuator.safety.records import NOT_WAITED, Fault, Limit, Step, Waited
 from sma_actuator.safety.supervisor import Supervisor
 
 _log = logging.getLogger(__name__)
@@ -411,21 +411,23 @@ class Actuator:
 
     # --- the step ---------------------------------------------------------------------------------
 
-    def step(self, now_s: float, reading: Reading | None, supply: SupplyState | None) -> Output:
+    def step(
+        self, now_s: float, reading: Reading | None, supply: SupplyState | None, waited: Waited = NOT_WAITED
+    ) -> Output:
         """Advance to ``now_s`` of the loop's monotonic clock.
 
-        ``reading`` and ``supply`` are None where the instrument gave no answer.  Never raises: an
-        exception inside becomes a latched fault with the output off.
+        ``reading`` and ``supply`` are None where the instrument gave no answer; ``waited``: for either, since the step
+        before.  Never raises: an exception inside becomes a latched fault with the output off.
         """
         try:
-            return self._step(now_s, reading, supply)
+            return self._step(now_s, reading, supply, waited)
         except Exception as error:  # noqa: BLE001 - whatever it is, the current must go off
             _log.exception("the control step failed")
             self._latch(unhandled_exception, f"{type(error).__name__}: {error}")
             self._told = Command(0.0, False)
             return self._output({}, set(), nan, reading)
 
-    def _step(self, now_s: float, raw: Reading | None, supply: SupplyState | None) -> Output:
+    def _step(self, now_s: float, raw: Reading | None, supply: SupplyState | None, waited: Waited) -> Output:
         supervisor, config = self._supervisor, self._config
         dt_s = 0.0 if self._now_s != self._now_s else now_s - self._now_s
         if isfinite(now_s):
@@ -460,6 +462,7 @@ class Actuator:
                 supply,
                 self._told,
                 supervisor.heat,
+                waited,
             )
         )
         late = self._late(raw, supply)  # the bias current flows, of which the law must not learn

@@ -48,7 +48,9 @@ from sma_actuator.instruments import (
     PowerSupply,
     highest_rate_Hz,
 )
+from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.guards.program import loop_hung
+from sma_actuator.safety.records import Fault, Waited
 from sma_actuator.safety.timing import SETTLING_TIME_s
 
 _log = logging.getLogger(__name__)
@@ -133,7 +135,14 @@ class _Slowest:
 class _Link:
     """One instrument, whether it answers, and when to try again if it does not."""
 
-    def __init__(self, name: str, instrument: PowerSupply | Daq, longest_wait_s: float, now_s: Callable[[], float]):
+    def __init__(
+        self,
+        name: str,
+        instrument: PowerSupply | Daq,
+        timeout_s: float,
+        longest_wait_s: float,
+        now_s: Callable[[], float],
+    ):
         self.name = name
         self.instrument = instrument
         self.answers = False
@@ -141,6 +150,8 @@ class _Link:
         self.late_answers = 0
         self.slowest = _Slowest()
         self._now_s = now_s
+        self._timeout_s = timeout_s
+        self._waits = 0.0, math.nan, timeout_s  #: how long so far; since when, if now; how long at the most
         self._owed = self._owed_since_s = math.nan  #: which answer is late, and since when it is waited for
         self.detail = NOT_ASKED  #: why it does not answer
         self.fault = f"{name}_lost"  #: what that is
@@ -149,13 +160,32 @@ class _Link:
         self._next_attempt_s = -math.inf
         self._obeys = True  #: as far as is known
 
-    def ask(self, question: Callable[[], Any]) -> Any:
-        """Answer of the instrument, or None where it has none: then it is ``late``, or does not answer any more."""
+    def waited_s(self) -> float:
+        """How long it has been waited for since the beginning [s]: for each question no longer than its answer may take.
+        From any thread."""
+        so_far_s, since_s, most_s = self._waits
+        return so_far_s if math.isnan(since_s) else so_far_s + min(self._now_s() - since_s, most_s)
+
+    @contextlib.contextmanager
+    def _waiting(self, most_s: float) -> Iterator[None]:
+        """What lasts longer than ``most_s`` is not the instrument's: the program stood still, or its library does."""
+        self._waits = self._waits[0], self._now_s(), most_s
+        try:
+            yield
+        finally:
+            self._waits = self.waited_s(), math.nan, most_s
+
+    def ask(self, question: Callable[[], Any], most_s: float | None = None) -> Any:
+        """Answer of the instrument, or None where it has none: then it is ``late``, or does not answer any more.
+
+        ``most_s``: how long it may take, if not its time-out.
+        """
         if not self.answers:
             return None
         began_s = self._now_s()
         try:
-            answer = question()
+            with self._waiting(self._timeout_s if most_s is None else most_s):
+                answer = question()
         except InstrumentLate as error:
             if error.asked_s != self._owed:
                 self._owed, self._owed_since_s = error.asked_s, began_s
@@ -178,7 +208,7 @@ class _Link:
         until_s = self._now_s() + patience_s
         while self.answers:
             self.late = False
-            self.ask(question)
+            self.ask(question, math.inf)
             if not self.late or self._now_s() >= until_s:
                 break
 
@@ -206,7 +236,8 @@ class _Link:
             return
         self._wait_s = min(self._longest_wait_s, max(_SHORTEST_WAIT_s, 2.0 * self._wait_s))
         try:
-            self.instrument.open()
+            with self._waiting(math.inf):
+                self.instrument.open()
         except InstrumentUnreachable as error:
             self._note(error)
             self._wait_s, quiet_s = min(self._wait_s, unheard_s), 0.0
@@ -247,9 +278,10 @@ class Driver:
         self._actuator = Actuator(config)
         self._supply_instrument = supply
         self._daq_instrument = daq
-        longest_wait_s = config.instruments.reconnect_backoff_max
-        self._supply = _Link("supply", supply, longest_wait_s, clock.now_s)
-        self._daq = _Link("daq", daq, longest_wait_s, clock.now_s)
+        instruments = config.instruments
+        longest_wait_s = instruments.reconnect_backoff_max
+        self._supply = _Link("supply", supply, instruments.supply.timeout, longest_wait_s, clock.now_s)
+        self._daq = _Link("daq", daq, instruments.daq.timeout, longest_wait_s, clock.now_s)
         self._links = (self._supply, self._daq)
         supply.patience_s = daq.patience_s = config.safety.reading_timeout
         self._on_output = on_output
@@ -262,6 +294,8 @@ class Driver:
         self._flows_since_s = math.inf  #: from when on current was measured behind an output that reads back as off
         self._output: Output | None = None  #: of the last step
         self._alive_s = math.inf  #: when the control thread last showed life; infinite while there is none
+        self._waited_alive = Waited()  #: for the instruments until then
+        self._waited = Waited()  #: and until the last step
         self._hung = ""  #: what the watchman found, until the control thread goes on
         self._checked_s = -math.inf  #: when a setting of the supply was last looked at
         self._writing = threading.Lock()  #: held while the supply is told what a step has found, or off beside a step
@@ -269,7 +303,8 @@ class Driver:
         self._cancelled = 0  #: how often an ``enable`` that waits was told to end
         self._asking_s: collections.deque[tuple[float, float]] = collections.deque(maxlen=_ASKED_STEPS)
         self._off_asked: Future | None = None  #: what the loop was told when off was last said beside a step
-        self._cut = ""  #: why the watchman has shut the supply down, until the control thread has noted it
+        #: As which fault and why the watchman has shut the supply down, until the control thread has noted it.
+        self._cut: tuple[Fault, str] | None = None
         self._thread: threading.Thread | None = None
         self._at_exit: Callable[[], None] | None = None  #: what the interpreter calls at its end
         self._stopping = threading.Event()
@@ -547,6 +582,7 @@ class Driver:
             if self._stopping.is_set():
                 return None
         self._alive_s = self._clock.now_s()
+        self._waited_alive = self._waited_so_far()  # after that: the watchman reads it before
         self._account_start(self._alive_s)
         output = self.tick()
         self._account_end(deadline_s, self._clock.now_s())
@@ -582,7 +618,8 @@ class Driver:
         if self._off_is_asked:  # the supply may have said what it is since then
             self._run_calls()
             state = self._supply.ask(self._supply_instrument.read_back)
-        now_s = self._clock.now_s()
+        now_s, so_far = self._clock.now_s(), self._waited_so_far()
+        waited, self._waited = so_far.since(self._waited), so_far
         self._reads_on = state is not None and state.output_on and self._written is not None and self._written.output_on
         self._check_a_setting(now_s)
         self._report_losses(now_s)
@@ -591,7 +628,7 @@ class Driver:
                 now_s, "node_lost", f"the node has not been heard of for {self._feed_timeout_s:g} s"
             )
         self._offer_setpoints(now_s)
-        output = self._actuator.step(now_s, reading, state)
+        output = self._actuator.step(now_s, reading, state, waited)
         self._supply.ask(lambda: self._write(output.command, state))
         overtaken = self._cut  # what the watchman has put out is newer than this
         self._report_losses(now_s)
@@ -601,6 +638,9 @@ class Driver:
         if self._on_output is not None and not (overtaken or self._cut):
             self._on_output(output)
         return output
+
+    def _waited_so_far(self) -> Waited:
+        return Waited(self._daq.waited_s(), self._supply.waited_s())
 
     def _check_a_setting(self, now_s: float) -> None:
         """While driving, look now and then whether limits and watchdog still stand, one of them at a time."""
@@ -849,22 +889,28 @@ class Driver:
         """In a thread of its own: shut the supply down beside a control thread that shows no life."""
         while not self._ended and not self._stopping.is_set():
             time.sleep(_WATCH_PERIOD_s)  # half of what waiting for an event takes; nobody waits for this thread
-            silent_s = self._clock.now_s() - self._alive_s
-            if self._hung or silent_s <= self._config.safety.reading_timeout:
-                continue
-            why = f"no step for {silent_s:.3g} s; safety.reading_timeout is {self._config.safety.reading_timeout:g} s"
-            self._hung = why
-            if not (self._may_flow and self._supply.answers):
-                continue  # nothing flows, or the control thread is about to say off on a new connection
-            try:
-                self._cut = why
-                self._shut_down()
-                _log.error("%s: the control loop hangs (%s); %s", self.name, why, self.output_words)
-                self._show_hang(why)
-            except Exception:  # noqa: BLE001 - the last pair of eyes must stay open
-                _log.exception("%s: the watchman failed", self.name)
+            self._look()
 
-    def _show_hang(self, why: str) -> None:
+    def _look(self) -> None:
+        """Cut, once, where no step came for as long as readings may be old; the fault names who the loop waits for."""
+        waited = self._waited_so_far().since(self._waited_alive)
+        silent_s, bound_s = self._clock.now_s() - self._alive_s, self._config.safety.reading_timeout
+        if self._hung or silent_s <= bound_s:
+            return
+        name, part = waited.most(silent_s, self._period_s)
+        fault = FAULTS[f"{name}_lost"] if name else loop_hung
+        self._hung = why = f"no step for {silent_s:.3g} s{part}; safety.reading_timeout is {bound_s:g} s"
+        if not (self._may_flow and self._supply.answers):
+            return  # nothing flows, or the control thread is about to say off on a new connection
+        try:
+            self._cut = fault, why
+            self._shut_down()
+            _log.error("%s: %s (%s); %s", self.name, fault.words, why, self.output_words)
+            self._show_hang(fault, why)
+        except Exception:  # noqa: BLE001 - the last pair of eyes must stay open
+            _log.exception("%s: the watchman failed", self.name)
+
+    def _show_hang(self, fault: Fault, why: str) -> None:
         """Put out what is known while the control thread says nothing."""
         output = self._output
         if output is None or self._on_output is None:
@@ -872,9 +918,9 @@ class Driver:
         status = dataclasses.replace(
             output.status,
             mode=Mode.OFF,
-            fault=loop_hung.name,
+            fault=fault.name,
             limits=(),
-            message=f"off: {loop_hung.words} ({why})",
+            message=f"off: {fault.words} ({why})",
             values=dict(output.status.values),
         )
         # What was read before the output went off says nothing of what flows now.
@@ -882,9 +928,10 @@ class Driver:
 
     def _note_hang(self, now_s: float) -> None:
         """In the control thread, when it goes on: what the watchman has done is a fault."""
-        if self._cut:
-            self._actuator.raise_fault(now_s, loop_hung.name, self._cut)
-            self._written, self._cut = None, ""
+        if self._cut is not None:
+            fault, why = self._cut
+            self._actuator.raise_fault(now_s, fault.name, why)
+            self._written, self._cut = None, None
         self._hung = ""
 
 

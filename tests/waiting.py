@@ -38,6 +38,11 @@ class Stalls:
             self._lost_s += max(now_s - before_s - 2.0 * STALL_LOOK_s, 0.0)
             before_s = now_s
 
+    @property
+    def lost_s(self):
+        """So much by now: what lies between two times that were noted may be shorter by it, or longer."""
+        return self._lost_s
+
     def since(self, begun_s):
         """Time since then, less what was stood still."""
         return time.monotonic() - begun_s - self._lost_s

@@ -137,6 +137,30 @@ class Memory:
         return self.count[name]
 
 
+@dataclass(frozen=True, slots=True)
+class Waited:
+    """How long the loop has waited for its instruments [s]: for each question no longer than its answer may take."""
+
+    daq_s: float = 0.0
+    supply_s: float = 0.0
+
+    def since(self, before: Waited) -> Waited:
+        """How long since then."""
+        return Waited(self.daq_s - before.daq_s, self.supply_s - before.supply_s)
+
+    def most(self, elapsed_s: float, period_s: float) -> tuple[str, str]:
+        """Which instrument took most of the time between two steps, and a part of a sentence; "" where this computer did.
+
+        What the loop meant to rest, a period, is nobody's.
+        """
+        own_s = elapsed_s - period_s - self.daq_s - self.supply_s
+        most_s, name = max((own_s, ""), (self.supply_s, "supply"), (self.daq_s, "daq"))
+        return name, f", {most_s:.3g} s of them waiting for the {name}" if name else ""
+
+
+NOT_WAITED = Waited()
+
+
 @dataclass(slots=True)
 class Step:
     """What the guards see of one step.  ``reading`` is None where there is no usable new one."""
@@ -154,3 +178,19 @@ class Step:
     supply: SupplyState | None
     told: Command  #: what the supply was told in the step before
     heat: WireHeat
+    waited: Waited = NOT_WAITED  #: since the step before
+
+    @property
+    def is_timely(self) -> bool:
+        """Whether it comes no later than readings may be old, by a clock that runs forward."""
+        return 0.0 <= self.dt_s <= self.config.safety.reading_timeout
+
+    def held_up_by(self, name: str) -> str:
+        """That a step with current comes too late because of this instrument, in words, or ""."""
+        if not self.driven or self.is_timely or not 0.0 <= self.dt_s < inf:
+            return ""
+        most, words = self.waited.most(self.dt_s, 1.0 / self.config.loop.rate)
+        if most != name:
+            return ""
+        bound_s = self.config.safety.reading_timeout
+        return f"{self.dt_s:.3g} s since the step before{words}; safety.reading_timeout is {bound_s:g} s"

@@ -208,6 +208,7 @@ class TestLink:
     """When an instrument that is lost is tried again: every attempt may feed a watchdog, none must be missed."""
 
     LONGEST_s = 0.5
+    TIMEOUT_s = 0.2
 
     @pytest.fixture
     def link(self):
@@ -216,7 +217,7 @@ class TestLink:
         return link
 
     def link_to(self, instrument):
-        return _Link("supply", instrument, self.LONGEST_s, lambda: instrument.now_s)
+        return _Link("supply", instrument, self.TIMEOUT_s, self.LONGEST_s, lambda: instrument.now_s)
 
     def lost(self, link, error):
         assert link.ask(self.raising(error)) is None

@@ -13,6 +13,7 @@ from sma_actuator.config import Config
 from sma_actuator.driver import CURRENT_RESOLUTION_A, NOT_ASKED, CHECK_PERIOD_s, Driver, DriverStopped
 from sma_actuator.instruments import InstrumentLost, InstrumentUnreachable, LimitsNotHeld, OutputStaysOn
 from sma_actuator.safety.faults import FAULTS
+from sma_actuator.safety.guards.program import loop_hung
 
 RATE_Hz, PERIOD_s = 8.0, 0.125  #: so that times are sums without rounding
 NAN = math.nan
@@ -606,7 +607,7 @@ class TestSaid:
 
         def cut_meanwhile(*arguments):
             output = record(*arguments)
-            rig.driver._cut = "no step for long"
+            rig.driver._cut = loop_hung, "no step for long"
             return output
 
         rig.driver._actuator.step = cut_meanwhile

@@ -15,7 +15,7 @@ from sma_actuator.plant.loads import Weight
 from sma_actuator.safety import supervisor as supervisor_module
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.limits import LIMITS
-from sma_actuator.safety.records import Action, Guard
+from sma_actuator.safety.records import NOT_WAITED, Action, Guard
 
 
 @dataclass
@@ -320,7 +320,7 @@ def test_without_its_guard_the_fault_is_not_seen(make_rig, fault, monkeypatch):
 
 
 def test_without_its_guard_an_exception_reaches_the_driver(make_rig, monkeypatch):
-    monkeypatch.setattr(Actuator, "step", Actuator._step)
+    monkeypatch.setattr(Actuator, "step", lambda self, *seen: self._step(*seen, NOT_WAITED))
     rig, _ = provoked(make_rig, "unhandled_exception")
     with pytest.raises(ArithmeticError):
         rig.step()

@@ -36,8 +36,9 @@ node_lost: Fault = Fault(
 loop_hung: Fault = Fault(
     "loop_hung",
     words="the control loop hangs",
-    remedy="Look for the instrument that does not answer, or what stopped this process",
-    detector="the driver's watchman, a thread of its own: no step for safety.reading_timeout",
+    remedy="Look for what stopped this process, or an instrument that does not keep its time-out",
+    detector="the driver's watchman, a thread of its own: no step for safety.reading_timeout; where most of that is an "
+    "instrument's, waited for within its time-outs, it is supply_lost or daq_lost",
     within=READING_TIMEOUT + 0.5,
     action=Action.OFF,
     latches=True,
@@ -73,14 +74,14 @@ def command_invalid(wanted_A: float) -> str:
     words="the clock jumped",
     remedy="Look for what stopped this process: a suspended computer, a full processor",
     detector="monotonic time of the loop not finite, running backwards, or ahead by more than "
-    "safety.reading_timeout in one step",
+    "safety.reading_timeout in one step; where most of that is an instrument's, it is supply_lost or daq_lost",
     within=ONE_STEP,
     action=Action.OFF,
     latches=True,
 )
 def clock_jump(step: Step) -> str:
     """The clock went back, or forward by more than readings may be late, while the wire is driven."""
-    if not step.driven or 0.0 <= step.dt_s <= step.config.safety.reading_timeout:
+    if not step.driven or step.is_timely or step.held_up_by("supply") or step.held_up_by("daq"):
         return ""
     return f"{step.dt_s:g} s since the step before; 0 to {step.config.safety.reading_timeout:g} s is plausible"
 

@@ -33,7 +33,8 @@ def silent(step: Step, last_s: float, what: str) -> str:
 @guard(
     words="the DAQ is silent",
     remedy="Check the DAQ's cable, address and mains",
-    detector="no reading for safety.reading_timeout, or the driver reports the connection lost",
+    detector="no reading for safety.reading_timeout, or waiting for the DAQ took most of a step that long, or the driver "
+    "reports the connection lost",
     within=READING_TIMEOUT + ONE_STEP,
     action=Action.OFF,
     latches=True,
@@ -42,7 +43,7 @@ def daq_lost(step: Step) -> str:
     """The DAQ has not answered for too long."""
     if step.raw is not None:
         step.memory.daq_s = step.now_s
-    return silent(step, step.memory.daq_s, "answer of the DAQ")
+    return silent(step, step.memory.daq_s, "answer of the DAQ") or step.held_up_by("daq")
 
 
 @guard(

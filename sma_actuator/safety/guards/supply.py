@@ -93,7 +93,8 @@ def second_commander(step: Step) -> str:
 @guard(
     words="the supply is silent",
     remedy="Check the supply's cable, address and mains",
-    detector="no finite read-back for safety.reading_timeout, or the driver reports the connection lost",
+    detector="no finite read-back for safety.reading_timeout, or waiting for the supply took most of a step that long, or the "
+    "driver reports the connection lost",
     within=READING_TIMEOUT + ONE_STEP,
     action=Action.OFF,
     latches=True,
@@ -103,7 +104,7 @@ def supply_lost(step: Step) -> str:
     supply = step.supply
     if supply is not None and isfinite(supply.current_setting_A + supply.voltage_V + supply.current_A):
         step.memory.supply_s = step.now_s
-    return silent(step, step.memory.supply_s, "read-back of the supply")
+    return silent(step, step.memory.supply_s, "read-back of the supply") or step.held_up_by("supply")
 
 
 @guard(
