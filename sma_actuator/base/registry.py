@@ -14,38 +14,17 @@ that all names are.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import entry_points
 from typing import Any, Generic, TypeVar
 
 from .errors import UserError
+from .plug_ins import MEND, PlugInError, described, load_plug_in
 
 Part = TypeVar("Part")
 
 
 class PartRefusedError(UserError, TypeError):
     """A part that does not say of itself what is wanted.  The sentence names it."""
-
-
-class PlugInError(UserError):
-    """An installed package whose part cannot be loaded.  The sentence names the package."""
-
-
-#: How a sentence about a broken package ends.
-MEND = "mend the package or uninstall it"
-
-
-def described(point: EntryPoint) -> str:
-    """An entry point and its package, to begin a sentence with."""
-    package = f"package '{point.dist.name}' {point.dist.version}" if point.dist else "an installed package"
-    return f"{package}: its entry point {point.name} = {point.value} ({point.group})"
-
-
-def load_plug_in(point: EntryPoint) -> Any:
-    """What an entry point names.  Raises PlugInError, whatever is wrong with it."""
-    try:
-        return point.load()
-    except Exception as error:  # whatever it is: the code is somebody else's
-        raise PlugInError(f"{described(point)} cannot be loaded: {type(error).__name__}: {error}; {MEND}") from error
 
 
 class Registry(Mapping[str, Part], Generic[Part]):

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.base.registry import MEND, PlugInError, described, load_plug_in
+from sma_actuator.base.plug_ins import MEND, PlugInError, described, load_plug_in
 from sma_actuator.base.yaml_text import read_yaml
 
 from .parameters import TERMINATIONS

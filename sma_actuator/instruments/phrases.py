@@ -16,6 +16,8 @@ from typing import Any, Self
 
 #: What stands in for the placeholders when a file is checked.
 _TRIAL = {"channel": 1, "value": 0.5, "channels": "101,102", "samples": 50, "readings": 100}
+#: How a value is to be written, with a width that no line has, or one that is a value itself.
+_TOO_WIDE = re.compile(r"\d{3}|[{}]")
 _YES = {"on", "yes", "true"}
 _YAMLS_WORDS = {True: "yes", False: "no"}  #: what YAML makes of the bare words as keys
 _NO = {"off", "no", "false"}  #: not the empty answer: it proves nothing
@@ -201,7 +203,7 @@ def pattern_or_none(text: Any) -> re.Pattern[str] | None:
     """A regular expression; None where it is none."""
     try:
         return re.compile(text)
-    except (TypeError, re.error):
+    except (TypeError, re.error, OverflowError, RecursionError):
         return None
 
 
@@ -243,10 +245,17 @@ def _wrong_placeholders(name: str, texts: tuple[str, ...], allowed: Collection[s
     seen: set[str] = set()
     for text in texts:
         try:
-            used = {field for _, field, _, _ in string.Formatter().parse(text) if field is not None}
+            parsed = [(field, how or "") for _, field, how, _ in string.Formatter().parse(text) if field is not None]
         except ValueError as error:
             problems.append(f"{name}: '{text}' cannot be filled in ({error})")
             continue
+        used = {field for field, _ in parsed}
+        for field, how in parsed:
+            if _TOO_WIDE.search(how):
+                problems.append(
+                    f"{name}: '{{{field}:{how}}}' is no way to write a number; one as {{{field}:.3f}} is wanted"
+                )
+                return used
         for field in sorted(used - set(allowed)):
             choice = ", ".join("{" + a + "}" for a in sorted(allowed)) or "none"
             problems.append(f"{name}: '{text}' has the placeholder {{{field}}}; allowed are {choice}")

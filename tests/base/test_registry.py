@@ -1,11 +1,15 @@
 """Parts by name: this package's own and those that installed packages bring."""
 
 import importlib
+import os
 import sys
+from importlib.metadata import entry_points
 
 import pytest
 
-from sma_actuator.base.registry import PartRefusedError, PlugInError, Registry
+from sma_actuator.base import plug_ins
+from sma_actuator.base.plug_ins import PlugInError
+from sma_actuator.base.registry import PartRefusedError, Registry
 
 PACKAGE = "sma_tiny"
 
@@ -32,6 +36,7 @@ def install(tmp_path, monkeypatch):
 
 @pytest.fixture(autouse=True)
 def parts(monkeypatch):
+    monkeypatch.setenv("SMA_ACTUATOR_PLUG_INS", "")
     made = Registry("part", "tiny.parts", lambda name, part: "it is not callable" if not callable(part) else "")
     made.register("own")(int)
     monkeypatch.setattr(sys.modules[__name__], "PARTS", made, raising=False)
@@ -76,3 +81,41 @@ def test_a_broken_package_is_named_every_time_and_stops_nobody_who_wants_another
         with pytest.raises(PlugInError, match=f"package '{PACKAGE}' 1.2: its entry point more = {PACKAGE}") as raised:
             list(parts)
         assert said in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("source", "said"),
+    [
+        ("import time\ntime.sleep(3600)", "does not come to an end within 2 s when it is imported; mend the package"),
+        ("import subprocess, time\nsubprocess.Popen(['sleep', '20'])\ntime.sleep(20)", "within 2 s"),
+        (
+            "import os\nos._exit(0)",
+            "ends the process with code 0 when it is imported; mend the package or uninstall it",
+        ),
+        ("import sys\nsys.exit('no licence')", "ends the process with code 1 when it is imported"),
+        ("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)", "ends the process with signal 11"),
+        ("print('loaded')\nimport os\nos._exit(3)", "ends the process with code 3"),
+    ],
+    ids=["hangs", "hangs with a child", "leaves at once", "leaves", "breaks", "lies"],
+)
+def test_a_package_that_hangs_or_ends_the_process_is_named_and_does_so_in_another(
+    parts, install, monkeypatch, source, said
+):
+    if "within 2 s" in said:
+        monkeypatch.setattr(plug_ins, "LOAD_TIMEOUT_s", 2.0)
+    install(source, more=PACKAGE)
+    assert parts["own"] is int
+    with pytest.raises(PlugInError, match=f"package '{PACKAGE}' 1.2: its entry point more = {PACKAGE}") as raised:
+        list(parts)
+    assert said in str(raised.value)
+
+
+def test_what_was_imported_without_harm_is_not_looked_at_again_also_by_processes_started_later(
+    parts, install, monkeypatch
+):
+    install(REGISTERS, more=PACKAGE)
+    assert "more" in parts
+    assert os.environ["SMA_ACTUATOR_PLUG_INS"]
+    monkeypatch.setattr(plug_ins.subprocess, "run", None)
+    (again,) = entry_points(group="tiny.parts")
+    assert plug_ins.load_plug_in(again).__name__ == PACKAGE

@@ -8,7 +8,7 @@ from families import FAMILIES
 from stand_in_server import ScpiStandIn
 
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.base.registry import PlugInError
+from sma_actuator.base.plug_ins import PlugInError
 from sma_actuator.config import Config
 from sma_actuator.instruments import InstrumentRefused, dialect, open_daq, open_supply
 from sma_actuator.instruments.clock import MonotonicClock
@@ -320,6 +320,17 @@ def test_an_unknown_dialect_names_its_neighbour():
             lambda d: d["commands"].update(set_current="CURR 0.4"),
             r"commands.set_current: 'CURR 0.4' has no placeholder \{value\}",
         ),
+        (
+            lambda d: d["commands"].update(set_current="CURR {value:9999999999999f}"),
+            "set_current: .* is no way to write a",
+        ),
+        (
+            lambda d: d["commands"].update(set_current="CURR {value:.999999999f}"),
+            "set_current: .* is no way to write a",
+        ),
+        (lambda d: d["commands"].update(set_current="CURR {value:{nothing}}"), "set_current: .* is no way to write a"),
+        (lambda d: d.update(identity="a{99999999999999}"), "identity: a regular expression"),
+        (lambda d: d.update(identity="(" * 5000), "identity: a regular expression"),
         (lambda d: d["commands"].update(set_current="CURR {value:.4q}"), "commands.set_current: .*cannot be filled in"),
         (
             lambda d: d["commands"].update(set_current="CURR {value:.4q},(@{channel})"),
