@@ -152,13 +152,13 @@ def _settle_gains(wire: Wire, most_A: float, lag_s: float, settle: Any) -> None:
     """No kd: it doubles what noise makes of the current, and buys no error (docs/control.md)."""
     kp = settle(
         "controller.kp",
-        _digits(6.6 * most_A / wire.full_stroke_m, 2),
-        "an error of 15 % of the full stroke asks for all of max_current",
+        _digits(4.0 * most_A / wire.full_stroke_m, 2),
+        "an error of a quarter of the full stroke asks for all of max_current",
     )
     settle(
         "controller.ki",
-        _digits(kp / (0.4 * lag_s), 2),
-        "kp over 0.4 of the lag of the temperature, which it makes up for",
+        _digits(4.0 * kp / lag_s, 2),
+        "kp over a quarter of the lag of the temperature, which it makes up for",
     )
 
 

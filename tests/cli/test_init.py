@@ -118,7 +118,7 @@ def test_answers_may_stand_in_a_file_with_any_other_parameter(tmp_path, capsys):
     assert main(words) == 0
     mapping = read_parameter_file(tmp_path / "bench.yaml")
     assert mapping["wire"]["max_stress"] == 150e6 and mapping["controller"]["kp"] == 500.0
-    assert mapping["controller"]["ki"] == pytest.approx(500.0 / (0.4 * 5.9), rel=0.05), "built upon what is given"
+    assert mapping["controller"]["ki"] == pytest.approx(500.0 / (0.25 * 5.9), rel=0.05), "built upon what is given"
     answers.write_text("wire.lenght: 0.1\n")
     assert main([*words[:-1], str(tmp_path / "other.yaml")]) == 1
     assert "did you mean length?" in capsys.readouterr().err
@@ -160,3 +160,14 @@ def test_limits_and_gains_that_were_derived_drive_the_wire(tmp_path):
         assert rig.status.fault == "", rig.status.message
         away_m = rig.bench.truth.displacement_m - position_m
         assert abs(away_m) < 0.03 * rig.config.wire.full_stroke_m
+
+
+@pytest.mark.parametrize(
+    "name", [f"{wire}{kind}" for wire in ("flexinol", "furukawa") for kind in ("", "_bench", "_normalised")]
+)
+def test_the_shipped_files_carry_the_gains_that_follow_from_their_wire(name):
+    mapping = read_parameter_file(shared_file(f"config/{name}.yaml"))
+    follows = {
+        key.removeprefix("controller."): each.value for key, each in derived(mapping).items() if "controller." in key
+    }
+    assert mapping["controller"] == follows

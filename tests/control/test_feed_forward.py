@@ -64,7 +64,7 @@ def test_alone_it_takes_the_wire_nearly_there():
 
 def test_with_it_the_wire_follows_more_closely():
     motion = sine(0.0019, 0.0010, 30.0)
-    with_it, without = driven(ki=100.0), driven(ki=100.0, feed_forward=0.0)
+    with_it, without = driven(ki=50.0), driven(ki=50.0, feed_forward=0.0)
     for rig in (with_it, without):
         follow(rig, motion, 15.0)
     assert follow(with_it, lambda t: motion(t + 15.0), 30.0) < follow(without, lambda t: motion(t + 15.0), 30.0)

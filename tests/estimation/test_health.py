@@ -18,10 +18,7 @@ from sma_actuator.logs.recorder import BenchLogRecorder
 
 def used(hidden, mornings=4, folder=None):
     """The outputs of a wire that is switched on in the morning, moved about, and left alone; recorded in ``folder``."""
-    # Not with the 100 A s/m of kd of the file: on a smoothed position they overshoot, and the model errs there by
-    # 95 µm in a wire as it was calibrated (with these by 37 µm), against what longer leads do.
-    gains = {"controller.kp": 400.0, "controller.ki": 200.0, "controller.kd": 0.0}
-    config = Config.load(shared_file("config/flexinol.yaml")).replace(gains)
+    config = Config.load(shared_file("config/flexinol.yaml"))
     recorder = None
     if folder is not None:
         config = config.replace({"recorder.folder": str(folder)})

@@ -16,10 +16,7 @@ from sma_actuator.estimation.uncertainty import _interpolated
 @pytest.fixture(scope="module")
 def outputs():
     """A wire that is moved about, switched off in mid-stroke for a moment, and moved again."""
-    # Not with the 100 A s/m of kd of the file: on a smoothed position they overshoot and rattle on little loops, which
-    # no log of the identification has (0.72 to 0.91 are inside for six seeds; with these 0.95 to 0.99).
-    gains = {"controller.kp": 400.0, "controller.ki": 200.0, "controller.kd": 0.0}
-    config = Config.load(shared_file("config/flexinol.yaml")).replace(gains)
+    config = Config.load(shared_file("config/flexinol.yaml"))
     bench = VirtualBench.from_name("flexinol", seed=7, load=Weight(0.98))
     out = []
     supply, daq, clock = InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench)

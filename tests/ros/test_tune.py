@@ -77,10 +77,10 @@ def test_the_node_takes_the_gains_over_and_the_command_writes_them(node, wire_fi
     node.says("tuned: kp")
     node.says("tuning the gains")
     found, status = Config.load(wire_file).controller, _status(capsys)
-    assert found.kp != 800.0, words[-1]
+    assert found.kp != 400.0, words[-1]
     assert status["mode"] == "hold" and status["fault"] == ""
     assert status["values"]["tuning"].startswith(f"done: kp {found.kp:.4g} A/m")
-    assert "# Tuned; before: kp 800 A/m" in wire_file.read_text()
+    assert "# Tuned; before: kp 400 A/m" in wire_file.read_text()
 
 
 def test_with_instruments_of_its_own_a_signal_ends_it_with_the_output_off(folder, start_bench, make_config):
