@@ -1,6 +1,6 @@
 """How well the loop keeps time over TCP, and what a wire costs, beside a bare loop that only asks the instruments the same.
 
-    python benchmarks/loop.py [periods] [delay] [cpu] [--seconds 4] [--against CHECKOUT] [--json FILE]     (make benchmarks)
+    python benchmarks/loop.py [periods] [delay] [cpu] [--seconds 4] [--priority 50] [--against CHECKOUT] [--json FILE]     (make benchmarks)
 
 Three measurements, each against virtual benches in a process of their own, together about two minutes:
 
@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import json
 import os
 import signal
@@ -34,6 +35,7 @@ from typing import IO
 import numpy as np
 import yaml
 
+from sma_actuator.base import realtime
 from sma_actuator.config import NODE_NAME, Config, read_parameter_file
 from sma_actuator.driver import CHECK_PERIOD_s, Driver
 from sma_actuator.instruments import open_daq, open_supply
@@ -137,6 +139,17 @@ def bare_loop(config: Config, seconds: float, ended: threading.Event | None = No
     return starts_s
 
 
+def in_its_thread(config: Config, seconds: float) -> list[float]:
+    """The bare loop in a thread that has what ``loop.realtime`` gives the driver's."""
+
+    def run() -> list[float]:
+        realtime.begin(config.loop.realtime)
+        return bare_loop(config, seconds)
+
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(run).result()
+
+
 def driven_loop(config: Config, seconds: float) -> list[float]:
     """Start times of the driver's steps while it tracks a moving setpoint."""
     clock, starts_s = MonotonicClock(), []
@@ -169,12 +182,17 @@ def loop_periods(args: argparse.Namespace) -> list[dict]:
     rows = []
     for rate_Hz in (20.0, 100.0, 1000.0):
         with benches(1) as (ports,):
-            config = Config.from_mapping(parameters(ports, rate_Hz))
-            for name, loop in (("bare loop", bare_loop), ("driver", driven_loop)):
-                rows.append({"rate_Hz": rate_Hz, "loop": name, **of_periods(loop(config, args.seconds), 1.0 / rate_Hz)})
+            plain = parameters(ports, rate_Hz)
+            first = {**plain, "loop": {**plain["loop"], "realtime": {"priority": args.priority, "lock_memory": True}}}
+            kinds = [("", plain), (f", priority {args.priority}", first)] if args.priority else [("", plain)]
+            for (note, mapping), (name, loop) in itertools.product(
+                kinds, (("bare loop", in_its_thread), ("driver", driven_loop))
+            ):
+                starts_s = loop(Config.from_mapping(mapping), args.seconds)
+                rows.append({"rate_Hz": rate_Hz, "loop": name + note, **of_periods(starts_s, 1.0 / rate_Hz)})
                 r = rows[-1]
                 print(
-                    f"{rate_Hz:6g} Hz  {name:10s} period error p50 {r['p50_us']:7.0f} µs   p99 {r['p99_us']:7.0f} µs   "
+                    f"{rate_Hz:6g} Hz  {name + note:22s} period error p50 {r['p50_us']:7.0f} µs   p99 {r['p99_us']:7.0f} µs   "
                     f"max {r['max_us']:8.0f} µs   {100 * r['lost_share']:5.2f} % lost",
                     flush=True,
                 )
@@ -400,6 +418,9 @@ def main() -> int:
     parser.add_argument("names", nargs="*", choices=[[], *MEASUREMENTS], metavar="NAME", help=", ".join(MEASUREMENTS))
     parser.add_argument("--seconds", type=float, default=4.0, help="length of each measurement (default %(default)s)")
     parser.add_argument("--against", type=Path, metavar="CHECKOUT", help="measure the CPU of this one's node as well")
+    parser.add_argument(
+        "--priority", type=int, default=0, help="periods: also with loop.realtime.priority and memory locked"
+    )
     parser.add_argument("--json", type=Path, metavar="FILE")
     parser.add_argument("--bare", type=Path, help=argparse.SUPPRESS)
     args = parser.parse_args()

@@ -34,8 +34,10 @@ from typing import Any, Protocol, Self
 import numpy as np
 
 from sma_actuator.actuator import Actuator
+from sma_actuator.base import realtime
 from sma_actuator.base.interrupts import ending_signals
 from sma_actuator.base.jit import at_once
+from sma_actuator.base.realtime import RealtimeRefused
 from sma_actuator.base.signals import Command, Mode, Output, Reading, SupplyState
 from sma_actuator.config import Config
 from sma_actuator.instruments import (
@@ -305,6 +307,7 @@ class Driver:
         self._off_asked: Future | None = None  #: what the loop was told when off was last said beside a step
         #: As which fault and why the watchman has shut the supply down, until the control thread has noted it.
         self._cut: tuple[Fault, str] | None = None
+        self._prepared: Future = Future()  #: of the thread: that it has what loop.realtime asks for
         self._thread: threading.Thread | None = None
         self._at_exit: Callable[[], None] | None = None  #: what the interpreter calls at its end
         self._stopping = threading.Event()
@@ -342,13 +345,21 @@ class Driver:
             raise
 
     def start(self) -> None:
-        """Run the loop in a thread of its own.  Opens the instruments where :meth:`open` has not."""
+        """Run the loop in a thread of its own.  Opens the instruments where :meth:`open` has not.
+
+        Raises InstrumentError, and RealtimeRefused where the system does not allow ``loop.realtime``.
+        """
         self._open_once()
         self._at_exit = _stop_at_exit(self)
         self.feed()
         # A daemon: at the interpreter's end atexit stops it, where joining it would wait for ever.
         self._thread = threading.Thread(target=self._loop, name=f"{self.name} control", daemon=True)
         self._thread.start()
+        try:
+            self._prepared.result()
+        except RealtimeRefused:
+            self._thread.join()  # it has ended with the output off
+            raise
         threading.Thread(target=self._watch, name=f"{self.name} watchman", daemon=True).start()
 
     def stop(self) -> bool:
@@ -563,6 +574,9 @@ class Driver:
 
     def _loop(self) -> None:
         try:
+            _fulfil(self._prepared, lambda *_: realtime.begin(self._config.loop.realtime), self._actuator, 0.0)
+            if self._prepared.exception() is not None:
+                return
             with at_once():  # what the warm-up has not reached is not waited for
                 while not self._stopping.is_set():
                     self._step_at_deadline()

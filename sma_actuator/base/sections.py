@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from .parameters import parameter
+from .parameters import parameter, section
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +44,19 @@ class Wire:
 
 
 @dataclass(frozen=True, slots=True)
+class Realtime:
+    """What the operating system gives the thread of the loop; Linux, and only where it allows it."""
+
+    priority: int = parameter(
+        0, "SCHED_FIFO priority of the loop's thread, before all that has none; 0: as any other", "1", 0, 98
+    )
+    lock_memory: bool = parameter(False, "no memory of the process is swapped out")
+    cpus: tuple[int, ...] = parameter(
+        (), "processors that the loop's thread runs on; empty: any", "1", 0, 1023, optional=True
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class Loop:
     """Timing of the control loop."""
 
@@ -53,6 +66,7 @@ class Loop:
     overruns_to_fault: int = parameter(
         10, "consecutive missed deadlines that count as a fault", "1", 1, 10000, live=True
     )
+    realtime: Realtime = section(Realtime, "real time")
 
 
 @dataclass(frozen=True, slots=True)
