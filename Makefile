@@ -29,6 +29,11 @@ long-tests: $(VENV)/ready
 counterparts: $(VENV)/ready .counterparts/ready
 	$(BIN)/python -m pytest tests/counterparts -rs
 
+.PHONY: micropython
+# MicroPython for Node, which runs the board's firmware in tests (docs/board.md).
+micropython:
+	npm install --prefix .node --no-save --no-audit --no-fund @micropython/micropython-webassembly-pyscript@1.27.0
+
 FOREIGN_PYTHON ?= $(PYTHON)
 .counterparts/ready: tests/counterparts/requirements.txt
 	$(FOREIGN_PYTHON) -m venv .counterparts
@@ -160,4 +165,4 @@ mutants: $(VENV)/ready
 	nice -n 5 $(BIN)/python benchmarks/mutants.py $(MUTANTS)
 
 clean:
-	rm -rf $(VENV) .counterparts build install log out
+	rm -rf $(VENV) .counterparts .node build install log out

@@ -11,7 +11,7 @@ from typing import Any
 from sma_actuator.base.signals import Mode
 from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.driver import Driver, DriverStopped
-from sma_actuator.instruments import InstrumentError, open_daq, open_supply
+from sma_actuator.instruments import InstrumentError, open_instruments
 from sma_actuator.instruments.clock import MonotonicClock
 
 from .hours import CONFIG, OFF_AT_MOST_s
@@ -299,9 +299,7 @@ class Line:
 
     def _new_driver(self) -> Driver:
         clock = MonotonicClock()
-        driver = Driver(
-            self.config, open_supply(self.config), open_daq(self.config, clock), clock, on_output=self._on_output
-        )
+        driver = Driver(self.config, *open_instruments(self.config, clock), clock, on_output=self._on_output)
         driver.start()
         wait_until(lambda: driver.statistics().steps > 3, SOON_s, "the loop's first steps")
         return driver

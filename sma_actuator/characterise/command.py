@@ -211,13 +211,13 @@ def run(args: argparse.Namespace) -> int:
         rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
         operator: Operator = BenchOperator(bench, largest_force_N)
     else:
-        from sma_actuator.instruments import open_daq, open_supply
+        from sma_actuator.instruments import open_instruments
         from sma_actuator.instruments.clock import MonotonicClock
 
         if args.config is None:
             raise ConfigError("--config: a bench file is wanted, `sma-actuator init` asks for it and writes it")
         clock = MonotonicClock()
-        rig = Rig(config, open_supply(config), open_daq(config, clock), clock)
+        rig = Rig(config, *open_instruments(config, clock), clock)
         if args.unattended_bench:
             operator = ScpiBenchOperator(args.unattended_bench, largest_force_N)
         else:

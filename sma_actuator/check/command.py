@@ -92,8 +92,8 @@ def _instruments(config: BenchConfig, virtual: str | None) -> tuple[PowerSupply,
 
         bench = VirtualBench.from_name(virtual, size_m=(config.wire.length, config.wire.diameter))
         return InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench)
-    from sma_actuator.instruments import open_daq, open_supply
+    from sma_actuator.instruments import open_instruments
     from sma_actuator.instruments.clock import MonotonicClock
 
     clock = MonotonicClock()
-    return open_supply(config), open_daq(config, clock), clock
+    return *open_instruments(config, clock), clock

@@ -132,10 +132,11 @@ class SelfTest:
 
     def _blocks(self) -> Iterator[Reading]:
         """Readings at the loop's rate."""
-        period_s = 1.0 / self._config.loop.rate
+        period_s, deadline_s = 1.0 / self._config.loop.rate, self._clock.now_s()
         for _ in range(BLOCKS):
             self._look_up()
-            self._clock.sleep_until_s(self._clock.now_s() + period_s)
+            deadline_s = max(deadline_s + period_s, self._clock.now_s())
+            self._clock.sleep_until_s(deadline_s)
             yield self._daq.read_block()
 
     def _read(self) -> dict[str, np.ndarray]:

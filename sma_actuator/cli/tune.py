@@ -184,11 +184,11 @@ def _driver(
             config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench), on_output
         )
         return driver, lambda: driver.run_for(1.0 / config.loop.rate)
-    from sma_actuator.instruments import open_daq, open_supply
+    from sma_actuator.instruments import open_instruments
     from sma_actuator.instruments.clock import MonotonicClock
 
     clock = MonotonicClock()
-    driver = Driver(config, open_supply(config), open_daq(config, clock), clock, on_output)
+    driver = Driver(config, *open_instruments(config, clock), clock, on_output)
     driver.open()
     driver.start()
     return driver, None

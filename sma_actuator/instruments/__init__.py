@@ -153,6 +153,20 @@ def highest_rate_Hz(step_s: float) -> float:
     return INSTRUMENTS_SHARE / step_s
 
 
+def open_instruments(config: InstrumentSections, clock: Clock) -> tuple[PowerSupply, Daq]:
+    """Both instruments that ``config`` names, not connected yet; over one connection where both have one resource.
+
+    Raises ConfigError as :func:`open_supply` and :func:`open_daq` do.
+    """
+    supply = open_supply(config)
+    if config.instruments.daq.resource == config.instruments.supply.resource and not config.instruments.daq.package:
+        from .scpi import ScpiDaq, ScpiSupply
+
+        if isinstance(supply, ScpiSupply):
+            return supply, ScpiDaq(config, clock, supply.session)
+    return supply, open_daq(config, clock)
+
+
 def open_supply(config: InstrumentSections) -> PowerSupply:
     """The supply that ``config`` names, not connected yet.
 

@@ -37,7 +37,7 @@ def _identify(session: Session, dialect: Dialect, queries: Mapping[str, Query]) 
         session.close()
         raise InstrumentRefused(
             f"{session.name}: says it is '{identity}', which is no {dialect.family}; "
-            f"instruments.{session.role}.resource or instruments.{session.role}.dialect is wrong"
+            f"instruments.{session.role}.resource or instruments.{dialect.kind}.dialect is wrong"
         )
     return identity
 
@@ -84,6 +84,11 @@ class ScpiSupply(SessionSupply):
         self._told_A = 0.0  #: the current that it was told last
         manner = Manner.of(instrument, dialect.terminations, dialect.acknowledgement)
         super().__init__(config, manner, dialect.off_lines(channel), dialect.lines("unlock", channel=channel))
+
+    @property
+    def session(self) -> Session:
+        """For a DAQ that is the same instrument."""
+        return self._session
 
     @property
     def reads_back(self) -> frozenset[str]:
@@ -274,14 +279,20 @@ class ScpiSupply(SessionSupply):
 
 
 class ScpiDaq:
-    """A scanning data acquisition unit; see :class:`sma_actuator.instruments.Daq`."""
+    """A scanning data acquisition unit; see :class:`sma_actuator.instruments.Daq`.
 
-    def __init__(self, config: InstrumentSections, clock: Clock):
+    One that is the supply as well is asked over the supply's ``session``, which the supply opens and closes.
+    """
+
+    def __init__(self, config: InstrumentSections, clock: Clock, session: Session | None = None):
         self._instrument = daq = config.instruments.daq
         self._clock = clock
         self._dialect = dialect = Dialect.load(daq.dialect, "daq")
         manner = Manner.of(daq, dialect.terminations, dialect.acknowledgement)
-        self._session = Session("daq", daq.resource, manner, daq.timeout)
+        self._is_supply = session is not None
+        if session is not None:
+            session.must_fit(manner)
+        self._session = session or Session("daq", daq.resource, manner, daq.timeout)
         self._channels = Channels(daq)
         numbers, samples = self._channels.numbers, config.loop.samples_per_block
         self._values = {
@@ -305,12 +316,13 @@ class ScpiDaq:
     def open(self) -> None:
         """Connect, check who answers, program channel list and block.  Raises InstrumentLost or InstrumentRefused."""
         self._channels.check(f"dialect '{self._dialect.path.stem}'", self._dialect.measures_celsius)
-        if self._claim is None:
+        if self._claim is None and not self._is_supply:
             self._claim = self._session.claim(
                 "its list of channels is one for all who ask: each would read the other's"
             )
         with self._session.within(OPENING_ANSWERS * self._instrument.timeout):
-            self._session.open()
+            if not self._is_supply:
+                self._session.open()
             self.identity = _identify(self._session, self._dialect, self._queries)
             _forget_errors(self._session, self._queries, self._dialect.lines("clear_status"))
             self._session.tell(*self._dialect.lines("prepare", **self._values))
@@ -335,7 +347,8 @@ class ScpiDaq:
 
     def close(self) -> None:
         """Give up the connection, and let others speak to it.  Never raises."""
-        self._session.close()
+        if not self._is_supply:
+            self._session.close()
         if self._claim is not None:
             self._claim.release()
             self._claim = None

@@ -33,6 +33,8 @@ from typing import Protocol, TypeVar, cast
 
 import pyvisa
 
+from sma_actuator.base.parameters import ConfigError
+
 from . import InstrumentLate, InstrumentLost, InstrumentRefused, InstrumentUnreachable
 from .parameters import TERMINATIONS, Connection, SerialLine
 
@@ -326,6 +328,14 @@ class Session:
         """Role and resource, as messages have it."""
         return f"{self.role} at {self.resource}"
 
+    def must_fit(self, manner: Manner) -> None:
+        """Raise ConfigError where somebody else of this connection was told another manner."""
+        if manner != self._manner:
+            raise ConfigError(
+                "instruments.daq: has the same resource as instruments.supply, so both speak over one line; the same serial, "
+                "backend, write_termination, read_termination and command_pause are wanted"
+            )
+
     def claim(self, why: str) -> Claim:
         """Take the instrument for this process, without a word to it.  Raises InstrumentRefused, which says ``why``."""
         try:
@@ -549,8 +559,8 @@ class Session:
         return min(self._deadline_s, time.monotonic() + self._timeout_s)
 
     def _connect(self, lock: bool) -> Wire:
-        by_s = self._by_s()
         name = pyvisa.rname.ResourceName.from_string(self.resource)
+        by_s = self._by_s()
         if isinstance(name, pyvisa.rname.TCPIPSocket) and self._manner.backend == OWN_BACKEND:
             if not self._addresses:
                 port = int(name.port)
@@ -558,7 +568,8 @@ class Session:
                     raise OSError(f"there is no port {port}")
                 self._addresses = socket.getaddrinfo(name.host_address, port, type=socket.SOCK_STREAM)
             return SocketWire(self._addresses, by_s)
-        wire = VisaWire(self._library(), self.resource, self._manner, by_s)
+        library = self._library()  # the first one takes its time, which is not the instrument's
+        wire = VisaWire(library, self.resource, self._manner, self._by_s())
         if lock:
             try:
                 wire.lock()

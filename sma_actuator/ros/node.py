@@ -57,7 +57,7 @@ from sma_actuator.check.selftest import Level, SelfTest, passed
 from sma_actuator.config import Config
 from sma_actuator.control.tuning import words_of
 from sma_actuator.driver import Driver, DriverStopped
-from sma_actuator.instruments import InstrumentError, open_daq, open_supply
+from sma_actuator.instruments import InstrumentError, open_instruments
 from sma_actuator.instruments.clock import MonotonicClock
 from sma_actuator.logs.recorder import BenchLogRecorder
 from sma_msgs_py import (
@@ -327,7 +327,7 @@ class SmaActuatorNode(LifecycleNode):
             if not refusal:
                 clock = MonotonicClock()
                 self._self_test_ended.clear()
-                self._self_test = SelfTest(self.config, open_supply(self.config), open_daq(self.config, clock), clock)
+                self._self_test = SelfTest(self.config, *open_instruments(self.config, clock), clock)
         if refusal:
             self.report(refusal)
             status = DiagnosticStatus(level=DiagnosticStatus.ERROR, name="self-test", message=refusal)
@@ -704,8 +704,7 @@ class SmaActuatorNode(LifecycleNode):
             clock = MonotonicClock()
             self._driver = Driver(
                 config,
-                open_supply(config),
-                open_daq(config, clock),
+                *open_instruments(config, clock),
                 clock,
                 on_output=self._take_output,
                 recorder=self._recorder,

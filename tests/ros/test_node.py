@@ -546,13 +546,13 @@ class TestLifecycle:
         program = """
 import gc, sys, weakref
 from sma_actuator.ros import node
-made, kept, opened = [], weakref.WeakSet(), node.open_supply
-def open_supply(config):
-    supply = opened(config)
+made, kept, opened = [], weakref.WeakSet(), node.open_instruments
+def open_instruments(config, clock):
+    supply, daq = opened(config, clock)
     made.append(id(supply))
     kept.add(supply)
-    return supply
-node.open_supply = open_supply
+    return supply, daq
+node.open_instruments = open_instruments
 code = node.main()
 gc.collect()
 print(f"kept {len(kept)} of {len(made)} supplies", file=sys.stderr)
