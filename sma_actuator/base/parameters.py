@@ -127,7 +127,7 @@ def check(name: str, value: Any, declaration: Declaration, kind: str) -> tuple[A
     if kind == "str":
         if not isinstance(value, str):
             return value, f"{name}: {_shown(value)} is not text"
-        if not value.isprintable():
+        if not value.isprintable() and not declaration.choices:  # what is no choice says which there are
             return (
                 value,
                 f"{name}: {_shown(value)} holds what cannot be printed, as the end of a line; one line of text is wanted",
