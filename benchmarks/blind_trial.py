@@ -38,10 +38,11 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from sma_actuator.bench.hidden import FOREIGN, TWINS
+from sma_actuator.bench.hidden import FOREIGN, TWINS, require_twins
 from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import NODE_NAME
 from sma_actuator.diagnosis.trace.race import GATE
+from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.identify.experiments import IdentificationError
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.worlds import DRAWN, HOME, WORLDS, world_of
@@ -174,6 +175,7 @@ def main() -> int:
     parser.add_argument("--minutes", type=float, default=math.inf, metavar="M", help="begin no case after so long")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every case here")
     args = parser.parse_args()
+    require_twins({name: effect.PART for name, effect in EFFECTS.items()})
     until_s = time.monotonic() + 60.0 * args.minutes
     todo = _that_have_a_model(_asked(args))
     found = track(_answers(todo, args.jobs, args.only_blind, until_s), "cases", len(todo), console=Console(stderr=True))

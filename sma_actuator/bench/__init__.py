@@ -9,7 +9,7 @@ from sma_actuator.plant.loads import Schedule, Spring, Weight
 
 from .bench import Setup, Truth, VirtualBench
 from .chain import Chain
-from .hidden import FOREIGN, TWINS, Hidden, HiddenBench
+from .hidden import FOREIGN, TWINS, Hidden, HiddenBench, require_twins
 from .in_process import InProcessDaq, InProcessSupply, VirtualClock
 
 __all__ = [
@@ -27,4 +27,5 @@ __all__ = [
     "VirtualBench",
     "VirtualClock",
     "Weight",
+    "require_twins",
 ]

@@ -14,7 +14,7 @@ from zlib import crc32
 import numpy as np
 
 from sma_actuator.base.jit import jit
-from sma_actuator.base.registry import Registry
+from sma_actuator.base.registry import PartRefusedError, Registry
 from sma_actuator.plant import physics
 from sma_actuator.plant.worlds import HOME, IN_TRAINING
 
@@ -102,6 +102,22 @@ def _refusal(_name: str, cls: type[Hidden]) -> str:
 TWINS: Registry[type[Hidden]] = Registry("hidden twin", "sma_actuator.hidden_twins", _refusal)
 #: What no effect describes.
 FOREIGN: Registry[type[Hidden]] = Registry("foreign effect", "sma_actuator.foreign_effects", _refusal)
+
+
+def require_twins(parts: Mapping[str, str]) -> None:
+    """Raise PartRefusedError where one of some effects, with the part of the stand that each lies in, cannot be hidden as it is.
+
+    Nobody could know whether such a one would be found, nor what is found in its place: a trial asks it before it begins.
+    """
+    for name, part in parts.items():
+        twin = TWINS.get(name)
+        if twin is None:
+            raise PartRefusedError(
+                f"effect '{name}': it has no hidden twin; a class derived from sma_actuator.bench.Hidden is wanted, registered "
+                f'with @TWINS.register("{name}") (in another package: named by an entry point of {TWINS.group})'
+            )
+        if twin.where != part:
+            raise PartRefusedError(f"effect '{name}': it lies in the {part}, its hidden twin in the {twin.where}")
 
 
 # --- circuit -------------------------------------------------------------------------------------

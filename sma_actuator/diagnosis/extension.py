@@ -18,6 +18,7 @@ import numpy as np
 from sma_actuator.base.one_thread import one_thread
 from sma_actuator.base.parameters import to_mapping
 from sma_actuator.config import Config
+from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.identify.calibration import calibration_of
 from sma_actuator.identify.errors import LogError, log_error
 from sma_actuator.identify.identification import Identification, foreign_loads_N, within_what_is_seen
@@ -32,9 +33,6 @@ from .trace.evidence import Evidence, Prediction
 from .trace.fitting import Fit, fit
 from .trace.race import trace
 
-#: Two go with the time and the cycles of a session: a wire has them on a day, and no model of it for ever.  One goes with
-#: how fast the wire is driven, and calibration logs are all driven alike: what it took off them would say nothing of others.
-NEVER = ("fatigue", "creep", "rate")
 MOST_SAMPLES = 15_000  #: of all logs together that the race sees; those of more are thinned
 FOLDS = 3  #: of logs
 LEAST_GAIN = 0.05  #: share of its error that an effect must take off a log it was not fitted on, in the mean
@@ -68,7 +66,8 @@ def extend(result: Identification, jobs: int = 2, progress: Progress = lambda fr
         )
     try:
         evidence = Evidence(logs, result.config, beyond_floor=True)
-        tracing = trace(evidence, without=NEVER, jobs=jobs, progress=lambda what, share: progress(0.8 * share))
+        passing = [name for name, effect in EFFECTS.items() if not effect.LASTS]
+        tracing = trace(evidence, without=passing, jobs=jobs, progress=lambda what, share: progress(0.8 * share))
     except BenchLogError as error:
         return _nothing(result, f"nothing was added: {error}")
     found = tracing.fit

@@ -22,6 +22,15 @@ BY_STRESS = {
     "cooling_stress": ("cooling_rise",),
 }
 
+#: Where the hot end of a wire that wears or trains has moved, the cold one has moved by this share of that: what is left in place
+#: is less while it is martensite.
+COLD_SHARE = 0.4
+
+
+def left_in_place(share_of_stroke: np.ndarray, cold_share: float = COLD_SHARE) -> np.ndarray:
+    """How much of what the hot end has moved is there, shape (n,): all of it contracted, ``cold_share`` cold."""
+    return 1.0 - (1.0 - cold_share) * np.clip(share_of_stroke, 0.0, 1.0)
+
 
 @dataclass(frozen=True, slots=True)
 class Calibration:

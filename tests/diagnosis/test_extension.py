@@ -8,8 +8,9 @@ import pytest
 
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, read_parameter_file
-from sma_actuator.diagnosis.extension import NEVER, extend
+from sma_actuator.diagnosis.extension import extend
 from sma_actuator.estimation.chain import Chain
+from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.identify import identify
 
 
@@ -66,4 +67,4 @@ def test_an_effect_that_only_follows_noise_stays_out(flexinol):
 
 
 def test_what_calibration_logs_cannot_tell_is_never_added():
-    assert {"fatigue", "rate"} <= set(NEVER)
+    assert {name for name, effect in EFFECTS.items() if not effect.LASTS} == {"fatigue", "creep", "rate"}

@@ -12,14 +12,12 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from sma_actuator.estimation.calibration import Calibration, through
-from sma_actuator.estimation.effects.wire import Fatigue
+from sma_actuator.estimation.calibration import COLD_SHARE, Calibration, through
 
 #: Of what a wire's hot end moved while it was calibrated: how much longer such a wire is since then than what was fitted, which is
 #: the mean of the calibration: between nothing, where most came with the first cycles, and half, where it came evenly; and how
 #: far off that is in the mean.
 SINCE_THEN, SINCE_THEN_WITHIN = 0.25, 0.125
-WORN = Fatigue()  #: which says how much less of that is left in place while it is martensite
 SPREAD = 1.25  #: standard deviation over mean absolute error
 REPEATS = 0.003, 0.005  #: share of the ranges of R and δ to which a rest repeats at the best
 #: How far a rest may be off, of those ranges, per distance from the calibration's nearest stress over its largest; and so
@@ -128,4 +126,4 @@ class Usual:
 
     def _changed_m(self, hot: bool) -> float:
         """How far that end moved while the wire was calibrated."""
-        return self.calibration.changed * (1.0 if hot else WORN.cold_share)
+        return self.calibration.changed * (1.0 if hot else COLD_SHARE)

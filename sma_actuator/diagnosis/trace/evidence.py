@@ -18,11 +18,10 @@ import numpy as np
 
 from sma_actuator.base.signals import Quality, Signals
 from sma_actuator.config import Config
-from sma_actuator.estimation.calibration import Calibration
+from sma_actuator.estimation.calibration import Calibration, left_in_place
 from sma_actuator.estimation.chain import Chain, Judged, place_of
 from sma_actuator.estimation.effects import Effect, Effects
 from sma_actuator.estimation.effects.frame import Frame, Place
-from sma_actuator.estimation.effects.wire import AmbientTemperature
 from sma_actuator.identify.balance import passages, warmer_K
 from sma_actuator.identify.expectation import Expectation, always_so_m
 from sma_actuator.identify.experiments import Experiment, make_experiment, sessions
@@ -30,7 +29,7 @@ from sma_actuator.identify.rests import Rest, find_rests
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
 
-from .at_rest import SINCE_THEN, SINCE_THEN_WITHIN, SPREAD, WORN, AtRest, Usual
+from .at_rest import SINCE_THEN, SINCE_THEN_WITHIN, SPREAD, AtRest, Usual
 
 INDEPENDENT = (
     8.0  #: samples of one unit that say something new, where the calibration does not say how long errors last
@@ -326,7 +325,7 @@ class Evidence:
         """Every log through a chain.  Between two logs of a session nobody saw the wire: only its position is forgotten."""
         out = []
         # What other surroundings do is news, until they are what is held against it.
-        ambient_counts = any(isinstance(effect, AmbientTemperature) for effect in chain.effects)
+        ambient_counts = any(effect.ALLOWS_FOR_AMBIENT for effect in chain.effects)
         for i, ((p, kept), rows) in enumerate(zip(self._judgements(chain), self.compared, strict=True)):
             here = np.arange(len(p.time_s))[kept][rows]
             expected_m = np.zeros(len(p.time_s))
@@ -351,6 +350,15 @@ class Evidence:
                     elapsed_s=p.elapsed_s[kept],
                 )
             )
+        return out
+
+    def shown_m(self, lighter: float = 1.0) -> list[np.ndarray]:
+        """What the reference sensor should show of every log by the model as it is, if the load were so many times less."""
+        chain, out = self.chain({}), []
+        for signals, kept in self._seen:
+            chain.reset() if self.one_session else chain.begin_session()
+            load_N, stress_Pa = signals.load_N / lighter, signals.stress_Pa / lighter
+            out.append(chain.judge(dataclasses.replace(signals, load_N=load_N, stress_Pa=stress_Pa)).shown_m[kept])
         return out
 
     def _judgements(self, chain: Chain) -> Iterator[tuple[Judged, np.ndarray | slice]]:
@@ -381,7 +389,7 @@ class Evidence:
             return np.zeros(len(found.time_s))
         frame = Frame.of(found.signals, float(found.time_s[0]))
         frame.displacement_m = found.model_m
-        return self.calibration.changed * np.nan_to_num(WORN.left_in_place(frame, self.place), nan=1.0)
+        return self.calibration.changed * np.nan_to_num(left_in_place(self.place.share_of_stroke(frame)), nan=1.0)
 
     def residual(self, effects: Mapping[str, Effect]) -> np.ndarray:
         """Rows to be made small by a fit of ``effects`` (see :meth:`rows`)."""

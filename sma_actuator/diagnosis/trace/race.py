@@ -30,7 +30,7 @@ from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL, QUANTITIES
 from sma_actuator.logs.errors import BenchLogError
 
 from .analysis import BLOCKED, bend, quantities, size
-from .candidates import Candidate, candidate, require_twins, scales_of, untestable
+from .candidates import Candidate, candidate, scales_of, untestable
 from .evidence import Evidence, Prediction
 from .fitting import Fit, fit, sketch
 
@@ -44,8 +44,6 @@ WORTH_BESIDE = 0.13
 #: And what a second name may take off beside a first that leaves nothing unusual, of what the first does: a relative of the true
 #: effect leaves what the two differ by, and there is always a name for some of it.
 MOST_BESIDE = 0.04
-#: But for this: what any model leaves in partial cycles has its form, and no alloy has quite that.
-NO_SIGN_BESIDE = ("minor_loop_memory",)
 #: What the calibration does not let expect may be at most so many times what that was off where it was not fitted: a
 #: fresh log is another log.  Beyond it the error is real.
 GATE = 1.75
@@ -234,7 +232,7 @@ class Judge:
             sketched=SKETCHED,
             least_beside=0.0 if self.evidence.beyond_floor else WORTH_BESIDE,
             most_beside=self._most_beside,
-            no_sign_beside=NO_SIGN_BESIDE,
+            no_sign_beside=tuple(name for name, effect in EFFECTS.registered.items() if effect.ROUGH),
             most=MOST_MISSING if self.evidence.beyond_floor else MOST_NEW,
         )
 
@@ -309,7 +307,6 @@ def _field(evidence: Evidence, only: Sequence[str], without: Sequence[str]) -> t
     names = [n for n in EFFECTS if (not only or n in only) and n not in without]
     if evidence.beyond_floor and not only:  # what circuit and sensors did at the calibration, it has absorbed
         names = [n for n in names if EFFECTS[n].PART == "wire"]
-    require_twins(names)
     reasons = untestable(names, scales)
     if only and reasons:
         raise BenchLogError("; ".join(f"{n} cannot be fitted on these logs: {why}" for n, why in reasons.items()))

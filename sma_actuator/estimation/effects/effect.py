@@ -57,6 +57,12 @@ class Effect:
     #: knows nothing of it.
     BEHIND_THE_LOAD: ClassVar[bool] = False
     SCANNED: ClassVar[str] = ""  #: name of a parameter in which the loss is not smooth: a time that is searched for
+    #: Whether what is found of it in the logs that a model is fitted on holds for other logs of that wire.
+    LASTS: ClassVar[bool] = True
+    #: Whether it is what other surroundings do: in a model without one, what they do is nothing to be expected.
+    ALLOWS_FOR_AMBIENT: ClassVar[bool] = False
+    #: Whether it has but roughly the form of what it is called: it leaves a rest where it is right, too.
+    ROUGH: ClassVar[bool] = False
 
     @classmethod
     def free(cls, scales: Scales) -> list[Free]:

@@ -17,6 +17,14 @@ from .frame import Frame, Place
 from .free import Free, Scales, shape, size
 
 PAST = 1024  #: samples that a late channel is behind at the most: 10 s at 100 Hz
+SLOWEST_s = 0.5  #: between two readings that show when the joint moves
+
+
+def _too_slow(scales: Scales, what: str) -> str:
+    """Why such readings do not show it; empty where they do."""
+    if scales.period_s > SLOWEST_s:
+        return f"one reading in {scales.period_s:.2g} s is too slow to show {what}"
+    return ""
 
 
 @EFFECTS.register("reference_lag")
@@ -43,9 +51,7 @@ class ReferenceLag(Effect):
     @classmethod
     def untestable(cls, scales: Scales) -> str:
         """Why logs could not show it."""
-        if scales.period_s > 0.5:
-            return f"one reading in {scales.period_s:.2g} s is too slow to show a lag"
-        return ""
+        return _too_slow(scales, "a lag")
 
 
 @EFFECTS.register("reference_gain")
@@ -137,9 +143,7 @@ class ChannelDelay(Effect):
     @classmethod
     def untestable(cls, scales: Scales) -> str:
         """Why logs could not show it."""
-        if scales.period_s > 0.5:
-            return f"one reading in {scales.period_s:.2g} s is too slow to show a delay"
-        return ""
+        return _too_slow(scales, "a delay")
 
 
 @EFFECTS.register("current_feedthrough")

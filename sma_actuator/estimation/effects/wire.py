@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_actuator.base.parameters import parameter
+from sma_actuator.estimation.calibration import COLD_SHARE, left_in_place
 
 from .effect import EFFECTS, Effect
 from .frame import Frame, Place, count_cycles, incompleteness
@@ -157,6 +158,7 @@ class AmbientTemperature(Effect):
     WORDS = "the surroundings are warmer or colder than at the calibration"
     REMEDY = "Log the ambient temperature, keep draughts away, or calibrate again at the temperature of use."
     TELL_TALE = "ambient_temperature_C"
+    ALLOWS_FOR_AMBIENT = True
     STATES = 2
     temperature_coefficient: float = parameter(0.0, "relative change of resistance per kelvin", "1/K", -0.1, 0.1)
     fading: float = parameter(1e3, "rise above ambient over which the change fades", "K", 1.0, 1e6)
@@ -300,9 +302,10 @@ class Fatigue(Effect):
     REMEDY = "The wire ages: use less stress or less stroke, calibrate again, and plan to replace it."
     TELL_TALE = "cycle"
     ESSENTIAL = ("displacement", "resistance")  # where one of them alone drifts, it is a contact or a sensor
+    LASTS = False  # a wire wears as its cycles go
     STATES = 2
     displacement: float = parameter(0.0, "how far the hot end has moved when g is one", "m", -1.0, 1.0)
-    cold_share: float = parameter(0.4, "the same of the cold end, over that of the hot one", "1", -10.0, 10.0)
+    cold_share: float = parameter(COLD_SHARE, "the same of the cold end, over that of the hot one", "1", -10.0, 10.0)
     resistance: float = parameter(0.0, "relative rise of the resistance when g is one", "1", -1.0, 1.0)
     exponent: float = parameter(0.5, "p: 0 is the logarithm of the cycle number", "1", 0.0, 2.0)
     cycle_power: float = parameter(0.2, "power above which a heating cycle begins", "W", 1e-6, 1e3)
@@ -316,12 +319,8 @@ class Fatigue(Effect):
 
     def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
         """Add what is left in place."""
-        share = self.left_in_place(frame, place)
+        share = left_in_place(place.share_of_stroke(frame), self.cold_share)
         frame.displacement_m = frame.displacement_m + self.displacement * share * self._worn(frame)
-
-    def left_in_place(self, frame: Frame, place: Place) -> np.ndarray:
-        """How much of what the hot end has moved is there, shape (n,): all of it contracted, ``cold_share`` cold."""
-        return 1.0 - (1.0 - self.cold_share) * np.clip(place.share_of_stroke(frame), 0.0, 1.0)
 
     def _worn(self, frame: Frame) -> np.ndarray:
         ratio = 1.0 + (frame.cycles - 1.0) / self.first_cycle
@@ -363,6 +362,7 @@ class Creep(Effect):
     WORDS = "something gives way slowly under the load"
     REMEDY = "Tighten clamps and crimps, train the wire under its load, and calibrate again when it has settled."
     TELL_TALE = "time_s"
+    LASTS = False  # a wire creeps on a day, as time goes
     STATES = 2
     compliance: float = parameter(0.0, "stretch per newton in the end", "m/N", -1.0, 1.0)
     time_constant: float = parameter(300.0, "how slowly it comes", "s", 1.0, 1e7)
@@ -396,6 +396,7 @@ class MinorLoopMemory(Effect):
     WORDS = "a branch that turned back early shifts the next"
     REMEDY = "Nothing to repair: it is how the alloy behaves in partial cycles; let the extended model take it off, or calibrate with more partial cycles."
     TELL_TALE = "distance_from_reversal_m"
+    ROUGH = True  # what any model leaves in partial cycles has its form, and no alloy has quite that
     STATES = 7
     after_heating: float = parameter(
         0.0, "shift of the cooling branch, per incompleteness of the heating", "m", -1.0, 1.0
@@ -461,6 +462,7 @@ class Rate(Effect):
     WORDS = "the displacement lags what the resistance says"
     REMEDY = "Nothing to repair: drive more slowly, or let the extended model take it off."
     TELL_TALE = "resistance_rate_Ohm_s"
+    LASTS = False  # logs of a calibration are all driven alike: what it takes off them says nothing of others
     STATES = 4
     displacement_per_rate: float = parameter(0.0, "shift of δ against dR/dt", "m·s/Ω", -10.0, 10.0)
     relaxation_time: float = parameter(0.0, "time constant with which δ follows", "s", 0.0, 100.0)

@@ -93,11 +93,10 @@ def test_an_effect_can_be_hidden_in_the_virtual_bench(installed):
     """The package brings the twin of its effect: the circuit has the resistor, the channel shows its voltage."""
     hides = f"""
 import numpy as np
-from sma_actuator.bench import HiddenBench, VirtualBench
+from sma_actuator.bench import HiddenBench, VirtualBench, require_twins
 from sma_actuator.bench.hidden import CURRENT
-from sma_actuator.diagnosis.trace.candidates import require_twins
 from sma_actuator.estimation.effects import EFFECTS
-require_twins(EFFECTS)
+require_twins({{name: effect.PART for name, effect in EFFECTS.items()}})
 (hidden,) = HiddenBench.from_name("flexinol", hidden={{"sense_resistance": {GAIN}}}).hidden
 rows, inputs = np.array([[0.2, 1.5, 1.0, 0.0, 24.0]]), np.zeros(32)
 hidden.read(rows, np.zeros(1))

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from sessions import session
 
+from sma_actuator.base.parameters import parameter
 from sma_actuator.base.signals import Signals
-from sma_actuator.bench import Spring, Weight
+from sma_actuator.bench import TWINS, Spring, Weight
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.selection import Entry
 from sma_actuator.diagnosis.trace import Evidence, race, trace
@@ -21,8 +22,9 @@ from sma_actuator.diagnosis.trace.fitting import fit
 from sma_actuator.diagnosis.trace.report import sentence, summary
 from sma_actuator.diagnosis.trace.why import whys
 from sma_actuator.estimation.chain import Chain
-from sma_actuator.estimation.effects import EFFECTS, QUANTITIES, STAGES
+from sma_actuator.estimation.effects import EFFECTS, QUANTITIES, STAGES, Effect
 from sma_actuator.estimation.effects.frame import Frame
+from sma_actuator.estimation.effects.free import size
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
 
@@ -255,6 +257,30 @@ def test_what_the_log_could_not_show_is_untestable_never_absent(wire, config):
     found = traced(wire, config, {"voltage_offset": 0.004}, load=Weight(0.98))
     assert "one load" in found.untestable["elastic_compliance"]
     assert "ambient" in found.untestable["ambient_temperature"]
+
+
+def test_an_effect_that_no_bench_can_hide_competes_like_any_other(wire, config, monkeypatch):
+    """Whoever brings one may trace real logs with it; its twin is what a trial wants."""
+
+    @dataclasses.dataclass(frozen=True)
+    class Scale(Effect):
+        """The display is wrong in proportion."""
+
+        PART, WORDS, REMEDY, TELL_TALE = "reference", "the scale is wrong", "Turn it.", "displacement_m"
+        gain: float = parameter(0.0, "too much", "1", -1.0, 1.0)
+
+        def shown(self, frame, state, place):
+            frame.displacement_m = frame.displacement_m * (1.0 + self.gain)
+
+        @classmethod
+        def free(cls, scales):
+            return [size("gain", 0.5, 0.03)]
+
+    monkeypatch.setattr(EFFECTS, "_parts", dict(EFFECTS.registered))
+    EFFECTS.register("scale")(Scale)
+    assert "scale" not in TWINS
+    found = trace(Evidence(session(wire[0], {"reference_gain": 0.1}), config), only=["scale"], jobs=1)
+    assert found.fit.values["scale"]["gain"] == pytest.approx(0.1, rel=0.2)
 
 
 def test_rerunning_gives_the_same_answer(wire, config):

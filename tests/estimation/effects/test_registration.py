@@ -6,8 +6,7 @@ from typing import ClassVar
 import pytest
 
 from sma_actuator.base.registry import PartRefusedError
-from sma_actuator.bench.hidden import TWINS
-from sma_actuator.diagnosis.trace.candidates import require_twins
+from sma_actuator.bench.hidden import TWINS, require_twins
 from sma_actuator.estimation.effects import EFFECTS, STAGES, Effect
 from sma_actuator.estimation.effects.free import size
 
@@ -73,19 +72,23 @@ def test_what_is_no_effect_is_refused():
         EFFECTS.register("written")(int)
 
 
-def test_an_effect_that_nobody_can_hide_is_refused_before_any_race(monkeypatch):
+def parts():
+    return {name: effect.PART for name, effect in EFFECTS.items()}
+
+
+def test_an_effect_that_nobody_can_hide_is_refused_by_a_trial(monkeypatch):
     """Whatever can be named can be hidden: else nobody knows whether it would be found."""
-    require_twins(EFFECTS)
+    require_twins(parts())
     monkeypatch.setattr(EFFECTS, "_parts", dict(EFFECTS.registered))
     EFFECTS.register("written")(written())
     with pytest.raises(PartRefusedError, match="effect 'written': it has no hidden twin; .*@TWINS.register"):
-        require_twins(EFFECTS)
+        require_twins(parts())
 
 
 def test_a_twin_lies_where_its_effect_does(monkeypatch):
     monkeypatch.setattr(TWINS["slip"], "where", "wire")
     with pytest.raises(PartRefusedError, match="effect 'slip': it lies in the mechanism, its hidden twin in the wire"):
-        require_twins(EFFECTS)
+        require_twins(parts())
 
 
 def test_the_words_go_on_after_a_name():
