@@ -67,6 +67,17 @@ TARGETS = {
     "instruments/session": ("tests/instruments",),
     "instruments/dialect": ("tests/instruments",),
     "instruments/pymeasure_adapter": ("tests/instruments",),
+    "actuator": ("tests/test_actuator.py", "tests/safety/test_limits.py"),
+    "pair": ("tests/driver/test_pair.py",),
+    "estimation/hot_end": ("tests/estimation/test_hot_end_seen.py",),
+    "estimation/chain": ("tests/estimation/test_chain.py",),
+    "safety/reach": ("tests/safety/test_reach.py",),
+    "safety/limits": ("tests/safety/test_limits.py", "tests/test_docs.py"),
+    "control/commanding": ("tests/control/test_commanding.py",),
+    "control/feed_forward": ("tests/control/test_feed_forward.py",),
+    "ros/publishing": ("tests/ros/test_publishing.py",),
+    "ros/guard": ("tests/ros/test_guard.py",),
+    "view/server": ("tests/view/test_server.py",),
 }
 OPERATORS = (
     *(

@@ -10,6 +10,7 @@ from sma_actuator.actuator import Actuator
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Command, Mode, Quality
 from sma_actuator.config import Config
+from sma_actuator.control.pid import PidController, PidParameters
 from sma_actuator.plant.loads import Weight
 
 
@@ -602,3 +603,70 @@ def test_the_same_readings_give_the_same_commands(make_rig):
         return [output.command for output in rig.outputs]
 
     assert run() == run()
+
+
+def test_a_clock_that_went_back_makes_no_reading_old(rig):
+    rig.skew_s = -100.0
+    rig.run(0.2)
+    ok, sentence = rig.actuator.enable(rig.now_s, True)
+    assert ok, sentence
+    rig.run(1.0)
+    assert rig.status.fault == ""
+    assert math.isfinite(rig.status.values["displacement_m"])
+
+
+class Watched(PidController):
+    """A controller that keeps what it was told of time."""
+
+    def step(self, position_m, setpoint_m, dt_s, limit_A):
+        self.told_s.append(dt_s)
+        return super().step(position_m, setpoint_m, dt_s, limit_A)
+
+
+def test_after_a_gap_the_controller_is_told_of_no_more_time_than_a_reading_may_be_old(make_rig, monkeypatch):
+    """Else its integral would leap: for 0.8 s so little current seems to flow that there is no estimate."""
+    told_s = []
+    monkeypatch.setattr(Watched, "told_s", told_s, raising=False)
+    monkeypatch.setattr(PidParameters, "build", lambda self, sections: Watched(self, sections.supply.bias_current))
+    rig = make_rig(safety={"outside_calibration_time": 5.0, "reading_timeout": 0.5, "current_disagreement": 0.4})
+    rig.enable()
+    rig.track()
+    shares = dict.fromkeys(("supply_voltage_V", "reference_voltage_V"), 0.01)
+    rig.reading_of = lambda r: replace(r, **{name: share * getattr(r, name) for name, share in shares.items()})
+    rig.run(0.8)
+    before = len(told_s)
+    rig.reading_of = lambda reading: reading
+    rig.run(0.2)
+    assert max(told_s[before:]) == 0.5
+    assert max(told_s[:before]) < 0.1
+
+
+class TestTareOfEitherSign:
+    @pytest.mark.parametrize("drift_V", [0.02, -0.02])
+    def test_drift_of_either_sign_is_taken_away(self, rig, drift_V):
+        rig.bench.load = Weight(0.0)
+        rig.reading_of = lambda r: replace(r, load_cell_voltage_V=r.load_cell_voltage_V + drift_V)
+        rig.run(2.0)
+        ok, sentence = rig.actuator.tare_load()
+        assert ok, sentence
+
+    @pytest.mark.parametrize("drift_V", [0.04, -0.04])
+    def test_more_than_a_tenth_of_what_the_wire_may_carry_is_none_of_either_sign(self, rig, drift_V):
+        rig.bench.load = Weight(0.0)
+        rig.reading_of = lambda r: replace(r, load_cell_voltage_V=r.load_cell_voltage_V + drift_V)
+        rig.run(2.0)
+        ok, sentence = rig.actuator.tare_load()
+        assert not ok
+        assert "take the load off" in sentence
+
+
+def test_clearing_a_fault_forgets_what_was_refused_a_moment_ago(rig):
+    rig.enable()
+    assert rig.actuator.offer_setpoint(rig.now_s, math.nan)
+    rig.step()
+    assert "setpoint" in rig.status.message
+    said = rig.status.message
+    assert rig.actuator.clear_fault(rig.now_s)[0]
+    rig.step()
+    assert rig.status.message != said
+    assert "finite" not in rig.status.message

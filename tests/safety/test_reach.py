@@ -121,8 +121,7 @@ def test_a_stream_of_setpoints_does_not_keep_a_wire_that_seems_to_grow_at_full_c
 
 
 def test_another_load_or_a_longer_setpoint_is_another_matter():
-    for change in ("load", "setpoint"):
+    for load_N, wanted_m in ((1.2, 1e-3), (0.8, 1e-3), (1.0, 3e-3)):
         wire = at_its_end()
-        wire.load_N = 1.2 if change == "load" else 1.0
-        wanted_m = 1e-3 if change == "load" else 3e-3
+        wire.load_N = load_N
         assert wire.run(STEP_s, wanted_m=wanted_m, **BACKED_OFF) == -math.inf

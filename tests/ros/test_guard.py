@@ -1,0 +1,118 @@
+"""What raises in a callback is refused with a sentence; the node, the executor and the next message go on."""
+
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("rclpy", reason="ROS 2 is not installed (extra 'ros')")
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.msg import Parameter
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.executors import ExternalShutdownException
+from std_srvs.srv import SetBool, Trigger
+
+from sma_actuator.ros import guard
+
+SENTENCE = "~/do: the request was refused: ValueError: what a request"
+
+
+def breaks(*_):
+    raise ValueError("what a request")
+
+
+def guarded(callback, said):
+    """Service and subscription with a callback, made safe."""
+    service = SimpleNamespace(callback=callback, srv_name="~/do")
+    subscription = SimpleNamespace(callback=callback, topic_name="~/hear")
+    guard.refuse_what_raises(SimpleNamespace(services=[service], subscriptions=[subscription]), said.append)
+    return service.callback, subscription.callback
+
+
+@pytest.mark.parametrize("kind", [SetBool, Trigger])
+def test_a_request_that_raises_is_answered_no_with_the_reason(kind):
+    said = []
+    response = guarded(breaks, said)[0](kind.Request(), kind.Response(success=True))
+    assert (response.success, response.message) == (False, SENTENCE)
+    assert said == [SENTENCE]
+
+
+def test_parameters_that_raise_are_refused_each():
+    answer = guarded(breaks, [])[0]
+    response = answer(SetParameters.Request(parameters=[Parameter(), Parameter()]), SetParameters.Response())
+    assert [(result.successful, result.reason) for result in response.results] == [(False, SENTENCE)] * 2
+    response = answer(SetParametersAtomically.Request(), SetParametersAtomically.Response())
+    assert (response.result.successful, response.result.reason) == (False, SENTENCE)
+    assert not answer(ChangeState.Request(), ChangeState.Response(success=True)).success
+
+
+def test_what_does_not_raise_is_passed_on_as_it_is():
+    said, heard = [], []
+    answer, _ = guarded(lambda request, response: (request, response), said)
+    request, response = SetBool.Request(), SetBool.Response()
+    assert answer(request, response) == (request, response)
+    guarded(heard.append, said)[1]("a message")
+    assert heard == ["a message"] and said == []
+
+
+def test_a_message_that_raises_is_told_and_the_next_is_heard():
+    said, heard = [], []
+
+    def hear(message):
+        heard.append(message)
+        if message == "bad":
+            raise KeyError("bad")
+
+    receive = guarded(hear, said)[1]
+    for message in ("bad", "good"):
+        receive(message)
+    assert heard == ["bad", "good"]
+    assert said == ["~/hear: a message was refused: KeyError: 'bad'"]
+
+
+class Executor:
+    """Turns that end as they are told to; after the last of them the context is shut down."""
+
+    def __init__(self, ends, node):
+        self.ends, self.node, self.waits_s = list(ends), node, []
+
+    def add_node(self, node):
+        assert node is self.node
+
+    def spin_once(self, wait_s):
+        self.waits_s.append(wait_s)
+        end = self.ends.pop(0)
+        self.node.shut_down = not self.ends
+        if end is not None:
+            raise end
+
+
+def spun(monkeypatch, *ends, **more):
+    """What was told of turns that end like this, how many turns were looked after, and how long was paused."""
+    told, turns, paused_s = [], [], []
+    node = SimpleNamespace(shut_down=False)
+    node.context = SimpleNamespace(ok=lambda: not node.shut_down)
+    executor = Executor(ends, node)
+    at_once = more.get("at_once", 1)
+    monkeypatch.setattr(guard, "SingleThreadedExecutor", lambda context: executor if at_once == 1 else None)
+    monkeypatch.setattr(
+        guard, "MultiThreadedExecutor", lambda threads, context: executor if threads == at_once > 1 else None
+    )
+    monkeypatch.setattr(guard.time, "sleep", paused_s.append)
+    guard.spin(node, told.append, lambda: turns.append(1), **more)
+    return told, len(turns), paused_s, executor
+
+
+@pytest.mark.parametrize("at_once", [1, 3])
+def test_the_executor_goes_on_after_what_raises_until_the_context_is_shut_down(monkeypatch, at_once):
+    error = ValueError("bad")
+    told, turns, paused_s, executor = spun(monkeypatch, None, error, None, None, longest_wait_s=0.3, at_once=at_once)
+    assert told == [error]
+    assert turns == 3
+    assert paused_s == [guard.PAUSE_s] and guard.PAUSE_s > 0.0
+    assert executor.waits_s == [0.3] * 4
+
+
+def test_what_a_shutdown_raises_is_no_error(monkeypatch):
+    told, _, paused_s, executor = spun(monkeypatch, None, ExternalShutdownException(), None)
+    assert told == paused_s == [] and len(executor.ends) == 1
+    assert spun(monkeypatch, ValueError("of a context that is gone"))[0] == []
