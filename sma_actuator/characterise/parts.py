@@ -100,16 +100,34 @@ def lvdt(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog],
 def pulses(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
     """Open-loop square pulses at one load (4.1.1); also the training and fatigue cycles (4.1.4).
 
-    The few that a model is fitted on wait until the wire is at rest: near room temperature many cool with a long tail.
+    The few that a model is fitted on wait until the wire is at rest: near room temperature many cool with a long tail.  They
+    are heated further than planned where the wire still contracts; ``heat_current_A`` of the log's metadata says how far.
     """
     _apply_load(part, operator)
     p = part.parameters
     longest_s = PATIENCE * p["cool_s"] if part.kind == "pulses" else p["cool_s"]
     program = square_pulses(
-        p["cycles"], p["heat_current_A"], rig.config.supply.bias_current, p["heat_s"], p["cool_s"], longest_s
+        p["cycles"],
+        p["heat_current_A"],
+        rig.config.supply.bias_current,
+        p["heat_s"],
+        p["cool_s"],
+        longest_s,
+        p.get("most_current_A", 0.0),
     )
     log = _record(rig, part, program, progress)
+    log = dataclasses.replace(
+        log, metadata={**log.metadata, "heat_current_A": _heat_current_A(log, p["heat_current_A"])}
+    )
     return Outcome({part.name: log}, {"stroke_m": _stroke_m(log, rig.config)})
+
+
+def _heat_current_A(log: BenchLog, planned_A: float) -> float:
+    """What flowed in its last pulse; no less than was planned, which a guard may have lowered."""
+    current_A = log["current_command_A"]
+    pulse = np.flatnonzero(current_A > 0.5 * (np.min(current_A) + np.max(current_A)))
+    since = pulse[np.flatnonzero(np.diff(pulse) > 1)[-1] + 1] if (np.diff(pulse) > 1).any() else 0
+    return max(planned_A, float(np.max(current_A[since:]))) if since else planned_A
 
 
 def partial(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
@@ -119,18 +137,25 @@ def partial(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLo
     set_points_m = np.linspace(longest_m, shortest_m, p["set_points"] + 2)[1:-1]
     _apply_load(part, operator)
     program = partial_cycles(
-        list(set_points_m), p["heat_current_A"], rig.config.supply.bias_current, p["heat_s"] + p["cool_s"], p["cool_s"]
+        list(set_points_m), _after(part, logs), rig.config.supply.bias_current, p["heat_s"] + p["cool_s"], p["cool_s"]
     )
     return Outcome(
         {part.name: _record(rig, part, program, progress)}, {"set_points_m": [float(s) for s in set_points_m]}
     )
 
 
+def _after(part: Part, logs: Mapping[str, BenchLog]) -> float:
+    """The current that contracted the wire in the pulses at the same load [A]."""
+    pulses_before = logs.get(part.parameters["after"])
+    planned_A = part.parameters["heat_current_A"]
+    return planned_A if pulses_before is None else float(pulses_before.metadata.get("heat_current_A", planned_A))
+
+
 def levels(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
     """Currents held one after the other, every step between two of them, at equal distances in power."""
     p = part.parameters
     bias_A = rig.config.supply.bias_current
-    currents_A = [float(a) for a in np.sqrt(np.linspace(bias_A**2, p["heat_current_A"] ** 2, p["levels"]))]
+    currents_A = [float(a) for a in np.sqrt(np.linspace(bias_A**2, _after(part, logs) ** 2, p["levels"]))]
     _apply_load(part, operator)
     log = _record(rig, part, held_currents(currents_A, p["heat_s"], p["cool_s"]), progress)
     return Outcome({part.name: log}, {"currents_A": currents_A})

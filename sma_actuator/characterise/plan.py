@@ -22,7 +22,8 @@ STRESSES_Pa = (
     85e6,
     120e6,
 )  #: default loads; from the thesis's lightest to above its judged ones
-#: Wires are heated so far that this is well above their usual transformations, however much further their limits let them be heated.
+#: Wires are heated so far that this is well above their usual transformations, however much further their limits let them be heated;
+#: and further where they still contract.
 HOT_ENOUGH_C = 160.0
 
 #: The second round: stresses between those of the first, a spring as stiff as makes much of the stroke a rise of stress, how long a
@@ -95,6 +96,7 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
         raise ConfigError(
             f"heat current: {heat_A:g} A would bring the wire to {hottest_C:.0f} °C, above thermal.max_temperature"
         )
+    most_A = options.heat_current_A or max(heat_A, largest_heat_current_A(config))
     time_constant_s = thermal.heat_capacity / thermal.heat_loss
     heat_s = options.heat_s or math.ceil(3.0 * time_constant_s)
     cool_s = options.cool_s or math.ceil(6.0 * time_constant_s)
@@ -121,7 +123,12 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
     named += [(f"spring_{k:g}N_m_{p:g}N", {"stiffness_N_m": k, "preload_N": p}) for k, p in options.springs_N_m]
     for label, load in named:
         parts.append(
-            Part(f"pulses_{label}", "pulses", {**load, "cycles": options.pulses, **pulse}, options.pulses * cycle_s)
+            Part(
+                f"pulses_{label}",
+                "pulses",
+                {**load, "cycles": options.pulses, **pulse, "most_current_A": round(most_A, 4)},
+                options.pulses * cycle_s,
+            )
         )
         parts.append(
             Part(
@@ -136,7 +143,7 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
                 Part(
                     f"levels_{label}",
                     "levels",
-                    {**load, "levels": options.levels, **pulse},
+                    {**load, "levels": options.levels, "after": f"pulses_{label}", **pulse},
                     0.75 * heat_s * len(every_ordered_pair(options.levels)) + cool_s,
                 )
             )
@@ -194,6 +201,14 @@ def typical_resistance_Ohm(wire) -> float:
 def default_heat_current_A(config) -> float:
     """The current whose steady temperature lies well above usual transformations and below derating."""
     thermal = config.thermal
-    rise_K = 0.7 * (min(HOT_ENOUGH_C, thermal.derate_temperature) - thermal.ambient_temperature)
-    power_W = thermal.heat_loss * rise_K
+    return _held_current_A(config, 0.7 * (min(HOT_ENOUGH_C, thermal.derate_temperature) - thermal.ambient_temperature))
+
+
+def largest_heat_current_A(config) -> float:
+    """The current whose steady temperature is that of derating."""
+    return _held_current_A(config, config.thermal.derate_temperature - config.thermal.ambient_temperature)
+
+
+def _held_current_A(config, rise_K: float) -> float:
+    power_W = config.thermal.heat_loss * rise_K
     return min(math.sqrt(power_W / typical_resistance_Ohm(config.wire)), config.supply.max_current)

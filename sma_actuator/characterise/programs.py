@@ -41,6 +41,11 @@ class Following(Protocol):
 STILL, STILL_PART = 0.06, 0.15
 
 
+#: While a wire still contracts it is given so many times the power, each time for so much of a pulse's heating; and it does
+#: where that made it shorter by this share of all that it has contracted.
+MORE_POWER, MORE_TIME, STILL_CONTRACTS = 1.15, 0.5, 0.005
+
+
 def hold(current_A: float, duration_s: float) -> Program:
     """A constant current for some time."""
     signals = yield Drive(current_A)
@@ -64,6 +69,24 @@ def rest(current_A: float, least_s: float, longest_s: float) -> Program:
         moves = abs(shown[-1][1] - shown[0][1]) > STILL * abs(shown[-1][1] - from_m)
 
 
+def contracted(current_A: float, heat_s: float, most_A: float) -> Generator[Drive, Signals, float]:
+    """``heat_s`` at the current, then more of it, up to ``most_A``, while the wire contracts further with more; the last that it did with."""
+    signals = yield Drive(current_A)
+    cold_m = signals.reference_displacement_m
+    yield from hold(current_A, heat_s)
+    signals = yield Drive(current_A)
+    while current_A < most_A:
+        before_m, more_A = signals.reference_displacement_m, min(MORE_POWER**0.5 * current_A, most_A)
+        yield from hold(more_A, MORE_TIME * heat_s)
+        signals = yield Drive(more_A)
+        here_m = signals.reference_displacement_m
+        # Where no displacement is measured nothing moves.
+        if not abs(here_m - before_m) > STILL_CONTRACTS * abs(here_m - cold_m):
+            break
+        current_A = more_A
+    return current_A
+
+
 def square_pulses(
     cycles: int,
     heat_current_A: float,
@@ -71,14 +94,17 @@ def square_pulses(
     heat_s: float,
     cool_s: float,
     longest_cool_s: float = 0.0,
+    most_A: float = 0.0,
 ) -> Program:
     """Open-loop square pulses: ``heat_s`` at the heating current, ``cool_s`` at the bias current (4.1.1).
 
-    While the wire has not come to rest a pause goes on, up to ``longest_cool_s``.
+    While the wire has not come to rest a pause goes on, up to ``longest_cool_s``; and while it still contracts, the first
+    pulse goes on with more current, up to ``most_A``, which those after it then have.
     """
     yield from hold(bias_current_A, 1.0)
     for _ in range(cycles):
-        yield from hold(heat_current_A, heat_s)
+        heat_current_A = yield from contracted(heat_current_A, heat_s, most_A)
+        most_A = 0.0
         yield from rest(bias_current_A, cool_s, longest_cool_s)
 
 

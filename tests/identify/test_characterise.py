@@ -19,6 +19,7 @@ from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
 from sma_actuator.characterise import PlanOptions, characterise, make_plan
 from sma_actuator.characterise.calibration import fit_line
+from sma_actuator.characterise.parts import RUN
 from sma_actuator.characterise.programs import every_ordered_pair, held_currents, hold, square_pulses
 from sma_actuator.cli.main import main
 from sma_actuator.config import bench_from_mapping
@@ -50,6 +51,37 @@ def test_a_pause_goes_on_until_the_wire_is_at_rest(slow_s, pause_s):
             at_m = math.nan if slow_s is None else 4e-3 * (1.0 - math.exp(-off_s / slow_s))
             drive = program.send(SimpleNamespace(time_s=time_s, reference_displacement_m=at_m))
     assert off_s == pytest.approx(pause_s, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("done_at_A", "found_A"),
+    [(0.25, 0.3), (0.34, 0.345), (9.9, 0.4), (None, 0.3)],
+    ids=["contracted", "needs more", "needs more than there is", "nothing measured"],
+)
+def test_a_wire_that_still_contracts_is_heated_further(done_at_A, found_A):
+    program = square_pulses(2, 0.3, 0.05, heat_s=6.0, cool_s=6.0, most_A=0.4)
+    time_s, driven = 0.0, []
+    drive = next(program)
+    with contextlib.suppress(StopIteration):
+        while True:
+            driven.append(drive.current_A)
+            time_s += 0.05
+            way_m = math.nan if done_at_A is None else 0.02 * min(drive.current_A, done_at_A) ** 2
+            drive = program.send(SimpleNamespace(time_s=time_s, reference_displacement_m=-way_m))
+    pulses = [[*run] for heated, run in itertools.groupby(driven, lambda current_A: current_A > 0.1) if heated]
+    assert len(pulses) == 2 and set(pulses[1]) == {pytest.approx(found_A, abs=2e-3)}
+    assert max(driven) <= 0.4 and pulses[0][:100] == [0.3] * 100
+
+
+def test_the_parts_after_the_pulses_use_what_contracted_the_wire_in_them():
+    _, rig, operator = virtual_rig("flexinol", physics="hot")
+    plan = make_plan(rig.config, PlanOptions(loads_N=(0.98,), pulses=2, levels=2))
+    pulses, levels = (next(part for part in plan if part.kind == kind) for kind in ("pulses", "levels"))
+    with rig.opened():
+        (log,) = RUN["pulses"](pulses, rig, operator, {}, lambda _: None).logs.values()
+        held = RUN["levels"](levels, rig, operator, {pulses.name: log}, lambda _: None).results["currents_A"]
+    planned_A = pulses.parameters["heat_current_A"]
+    assert planned_A < log.metadata["heat_current_A"] == held[-1] <= pulses.parameters["most_current_A"]
 
 
 def test_held_currents_take_every_step_between_two_of_them_and_stand_long_and_short():
