@@ -113,6 +113,7 @@ class InProcessSupply(_InProcess):
         self._command(supply.set_voltage, limits.max_voltage)
         self._command(supply.set_ovp, 1.05 * limits.max_voltage + 0.1)
         self._command(supply.set_ocp, limits.over_current_trip)
+        supply.ovp_on = supply.ocp_on = True
         if limits.watchdog_timeout > 0.0:
             self._command(supply.set_watchdog_delay, limits.watchdog_timeout)
             supply.watchdog_on = True
@@ -150,6 +151,9 @@ class InProcessSupply(_InProcess):
             raise LimitsNotHeld(
                 f"virtual supply: does not hold its limits: it reads back {supply.voltage_V:g} V, {supply.ocp_A:g} A"
             )
+        if not (supply.ovp_on and supply.ocp_on):
+            self.switch_off()
+            raise LimitsNotHeld("virtual supply: does not hold its limits: a protection is switched off")
         if limits.watchdog_timeout > 0.0 and not (
             supply.watchdog_on and self._bench.faults.get("watchdog_dead") != 0.0
         ):

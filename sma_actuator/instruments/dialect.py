@@ -49,7 +49,7 @@ _QUERIES: dict[str, dict[str, tuple[frozenset[str], str]]] = {
         "identity": (_CHANNEL, "text"),
         **dict.fromkeys(("current_setting", "voltage_setting", "voltage", "current"), (_CHANNEL, "number")),
         **dict.fromkeys(("over_voltage_setting", "over_current_setting"), (_CHANNEL, "number")),
-        "output": (_CHANNEL, "truth"),
+        **dict.fromkeys(("output", "over_voltage_on", "over_current_on"), (_CHANNEL, "truth")),
         **dict.fromkeys(("watchdog_armed", "watchdog_tied"), (_CHANNEL, "truth")),
         "watchdog_delay": (_CHANNEL, "number"),
         "error": (_CHANNEL, "code"),

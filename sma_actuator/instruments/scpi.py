@@ -184,17 +184,13 @@ class ScpiSupply(SessionSupply):
         _no_errors(session, dialect, self._queries)
         if self._output_is_on(session):
             raise OutputStaysOn(session.name)
-        wanted = {
-            "voltage_setting": (limits.max_voltage, f"supply.max_voltage, {limits.max_voltage:g} V"),
-            "over_voltage_setting": (self._over_voltage_V, f"an over-voltage trip of {self._over_voltage_V:g} V"),
-            "over_current_setting": (
-                limits.over_current_trip,
-                f"supply.over_current_trip, {limits.over_current_trip:g} A",
-            ),
-        }
-        self._checks = [
-            partial(self._holds, query, *value) for query, value in wanted.items() if query in self._queries
-        ]
+        trip_V, trip_A = self._over_voltage_V, limits.over_current_trip
+        wanted = (
+            ("voltage_setting", "", limits.max_voltage, f"supply.max_voltage, {limits.max_voltage:g} V"),
+            ("over_voltage_setting", "over_voltage_on", trip_V, f"an over-voltage trip of {trip_V:g} V"),
+            ("over_current_setting", "over_current_on", trip_A, f"supply.over_current_trip, {trip_A:g} A"),
+        )
+        self._checks = [partial(self._holds, *limit) for limit in wanted if limit[0] in self._queries]
         if self._has_watchdog:
             self._checks.append(self._watchdog_holds)
         self.check_settings()
@@ -270,12 +266,14 @@ class ScpiSupply(SessionSupply):
             )
         self._tell("arm_watchdog", wanted_s)
 
-    def _holds(self, query: str, wanted: float, what: str) -> None:
-        """Ask for a setting; raise LimitsNotHeld where it is not as wanted."""
+    def _holds(self, query: str, switch: str, wanted: float, what: str) -> None:
+        """Ask for a setting, and whether it is switched on where that can be asked; raise LimitsNotHeld where it does not hold."""
         asked = self._queries[query]
         found, reply = self._session.ask_for(asked.text, lambda reply: (asked.number(reply), reply))
         if not abs(found - wanted) <= SETTING_TOLERANCE * wanted:
             raise LimitsNotHeld(f"{self._session.name}: does not hold {what}: it reads back {reply}")
+        if (state := self._queries.get(switch)) is not None and not self._session.ask_for(state.text, state.truth):
+            raise LimitsNotHeld(f"{self._session.name}: does not hold {what}: that protection is switched off")
 
 
 class ScpiDaq:

@@ -55,6 +55,7 @@ class Rig:
     """A driver that drives a wire through a liar before each instrument."""
 
     def __init__(self, server, mapping):
+        self.server = server
         self.liars = {name: Liar(server.ports[0][name]) for name in ("supply", "daq")}
         self.oracle = Oracle(server.ports[0]["daq"])
         for name, liar in self.liars.items():
@@ -228,6 +229,19 @@ def test_a_supply_that_obeys_nothing_is_left_in_silence_until_its_watchdog_has_c
     assert rig.oracle.off
     rig.until(lambda: rig.status.fault)
     assert rig.status.fault == "output_not_confirmed"
+
+
+@pytest.mark.parametrize("line", ["CURR:PROT:STAT OFF", "VOLT:PROT:STAT OFF", "CURR:PROT 1.0"])
+def test_a_limit_that_somebody_else_switches_off_is_found_in_the_promised_time(driving, line):
+    rig = driving(**{"instruments.supply.exclusive_lock": False})
+    with socket.create_connection(("127.0.0.1", rig.server.ports[0]["supply"]), SOON_s) as bystander:
+        bystander.sendall(f"SYST:REM\n{line}\n".encode())
+        rig.off_within("limits_not_held")
+    rig.until(lambda: rig.status.fault)
+    assert rig.status.fault == "limits_not_held"
+    assert ("that protection is switched off" in rig.status.message) == ("STAT" in line)
+    rig.until(rig.drives)
+    assert rig.server.benches[0].supply.ocp_on and rig.server.benches[0].supply.ovp_on, "opening it anew sets them"
 
 
 @pytest.mark.parametrize("instrument", ["supply", "daq"])

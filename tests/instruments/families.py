@@ -15,6 +15,7 @@ class Output:
     def __init__(self):
         self.set_V, self.set_A, self.on = 1.0, 0.01, True  # as somebody has left it
         self.ovp_V = self.ocp_A = float("inf")
+        self.ovp_on = True
         self.trips_in_cc = False  #: an over-current protection that trips in constant current
         self.load_Ohm = 6.25
         self.surge_V = 0.0  #: from outside
@@ -475,7 +476,8 @@ class Itech(Family):
             (rf"VOLT {NUMBER}", self.set("set_V")),
             (rf"CURR {NUMBER}", self.set("set_A")),
             (rf"VOLT:PROT {NUMBER}", self.set("ovp_V")),
-            (r"VOLT:PROT:STAT ([01])", lambda text: None),
+            (r"VOLT:PROT:STAT ([01])", self.set("ovp_on", ON_OFF.__getitem__)),
+            (r"VOLT:PROT:STAT\?", lambda: str(int(self.out.ovp_on))),
             (r"VOLT:PROT:CLE", self.out.clear),
             (r"OUTP ([01])", self.set("on", ON_OFF.__getitem__)),
             (r"VOLT\?", self.get("set_V", "{:.3f}")),

@@ -16,6 +16,8 @@ OPENED = {
     ":VOLT?": "6.0",
     ":VOLT:PROT?": "6.6",
     ":CURR:PROT?": "0.45",
+    ":VOLT:PROT:STAT?": "1",
+    ":CURR:PROT:STAT?": "1",
 }
 READ_BACK = ":CURR?;:OUTP?;:MEAS:VOLT?;:MEAS:CURR?;:OUTP:PROT:TRIP?"
 SUPPLY = {**OPENED, READ_BACK: "0.1;1;0.65;0.1;NONE"}

@@ -269,6 +269,16 @@ class TestSupply:
         with pytest.raises(InstrumentLost, match="'maybe' to .* which is not an answer to that"):
             one.open()
 
+    @pytest.mark.parametrize("query", [":VOLT:PROT:STAT?", ":CURR:PROT:STAT?"])
+    def test_a_protection_that_is_switched_off_does_not_hold(self, supply, query):
+        one, server = supply()
+        one.open()
+        server.replies[query] = "0"
+        with pytest.raises(LimitsNotHeld, match="does not hold .*trip.*: that protection is switched off"):
+            one.check_settings()
+        with pytest.raises(LimitsNotHeld, match="that protection is switched off"):
+            one.open()
+
     @pytest.mark.parametrize(
         ("group", "name", "lacks"),
         [
@@ -300,7 +310,7 @@ class TestSupply:
         server.lines.clear()
         for _ in range(8):
             one.check_next_setting()
-        asked = [line for line in server.lines if "WDOG" not in line or line.endswith("DEL?")]
+        asked = [line for line in server.lines if line.endswith("DEL?") or not ("WDOG" in line or "STAT" in line)]
         assert sorted(asked[:4]) == sorted([":VOLT?", ":VOLT:PROT?", ":CURR:PROT?", ":OUTP:PROT:WDOG:DEL?"])
         assert asked[4:] == asked[:4]
 

@@ -46,7 +46,7 @@ limits_not_held: Fault = Fault(
     words="a limit of the supply does not hold",
     remedy="See who has changed the supply's limits, or reset it; opening it again sets them",
     detector="on opening the supply, on every ~/enable, and in turn while driving: compliance voltage, over-voltage or "
-    "over-current trip does not read back as programmed; the supply is opened anew, which programs it again",
+    "over-current trip does not read back as programmed, or reads back as switched off (by dialects that can ask); the supply is opened anew, which programs it again",
     within=SETTINGS_CHECKED + ONE_STEP,
     action=Action.OFF,
     latches=True,
