@@ -1,7 +1,7 @@
 # PYTHON_ARGCOMPLETE_OK
 """The edge to a person: ``sma-actuator COMMAND``.
 
-Each command lives in the package it drives, which offers ``add_arguments(parser)`` and ``run(args) -> int``; only
+Each command lives in the package it drives, or in ``cli`` where it drives the whole; that offers ``add_arguments(parser)`` and ``run(args) -> int``; only
 the one asked for is imported, so ``--help`` is quick and a missing extra stops nobody who does not need it.
 Completion in the shell (extra ``completion``): ``eval "$(register-python-argcomplete sma-actuator)"``.
 """

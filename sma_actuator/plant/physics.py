@@ -284,12 +284,6 @@ def strain_under(c, parts, stress_Pa):
     return saturation * parts.transformation + stress_Pa * parts.compliance_1_Pa + parts.other
 
 
-@jit
-def strain_of(c, martensite, r_share, temperature_C, stress_Pa):
-    """Strain against unstressed austenite at the reference temperature."""
-    return strain_under(c, strain_parts(c, martensite, r_share, temperature_C), stress_Pa)
-
-
 @inlined
 def resistance_of(c, martensite, r_share, temperature_C, stress_Pa, strain):
     """Resistance [Ω]: mixture of the phases' resistivities (2.12, 2.15) times the geometry's change (2.13)."""
