@@ -33,6 +33,7 @@ TITLES = {
     "heat": "heat: how hot at half the loss, how far at the full",
     "ends": "ends of the way",
     "hours": "virtual hours",
+    "lies": "sensors that lie",
     "lines": "lines between driver and instruments",
     "kills": "kills",
     "fuzz": "ROS fuzz",
@@ -93,6 +94,8 @@ def _units(name: str, options: argparse.Namespace) -> list[tuple]:
         parts = [numbers[part::LINES_PARTS] for part in range(min(LINES_PARTS, len(numbers)))]
         return [(options.seed + number, part) for number in range(options.rounds) for part in parts]
     if name == "heat":
+        return [(number,) for number in options.only or range(len(UNITS))]
+    if name == "lies":
         return [(number,) for number in options.only or range(len(UNITS))]
     if name == "ends":
         return [(number, options.seconds) for number in options.only or range(len(UNITS))]

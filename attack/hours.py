@@ -297,6 +297,7 @@ class Session:
             "second_commander": lambda: chance.uniform(0.0, 1.0),
             "watchdog_dead": lambda: chance.choice((0.0, 1.0)),
             "draught": lambda: self.heat_loss * chance.choice((1.0, 2.0, 3.0)),
+            "sense_drift": lambda: chance.choice((0.9, 0.96, 0.99, 1.01, 1.04, 1.1)),
             "hot_ambient": lambda: chance.uniform(0.0, 45.0),
             "slow_answers": lambda: chance.choice((0.001, 0.02, 0.1, 0.2, 0.6)),
         }.get(name, lambda: math.nan)()

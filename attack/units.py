@@ -22,6 +22,13 @@ def run_ends(unit: int, seconds: float) -> Result:
     return attack(unit, seconds)
 
 
+def run_lies(unit: int) -> Result:
+    """One wire whose sensors lie."""
+    from .lies import attack
+
+    return attack(unit)
+
+
 def run_lines(seed: int, only: Sequence[int] = ()) -> Result:
     """Every kind of mischief once on each instrument's line."""
     from .lines import ALL, attack
@@ -75,6 +82,7 @@ def _own_domain(number: int) -> None:
 RUNNERS = {
     "ends": run_ends,
     "hours": run_hours,
+    "lies": run_lies,
     "lines": run_lines,
     "kills": run_kills,
     "fuzz": run_fuzz,

@@ -79,6 +79,7 @@ class VirtualBench:
         self.samples = 0  #: taken since the beginning, one per millisecond
         self._pending: list[tuple[float, str, float]] = []
         self._stuck = np.zeros(len(CHANNELS))  #: sample that a stuck channel repeats
+        self._drifts_since_s = 0.0  #: the sense resistor
         self.joint: SharedJoint | None = None  #: that this wire turns with another
 
     def _rest(self, ambient_C: float) -> None:
@@ -180,6 +181,8 @@ class VirtualBench:
         if name == "second_commander":
             self.supply.set_current(value)
             return
+        if name == "sense_drift":
+            self._drifts_since_s = self.time_s
         if name == "channel_stuck":
             self._stuck = self.daq.block(1)[0][0] if self.samples else np.zeros(len(CHANNELS))
         self.faults[name] = value
@@ -190,6 +193,10 @@ class VirtualBench:
             check_fault(name)
         for each in [name] if name is not None else list(self.faults):
             self.faults.pop(each, None)
+
+    def _sense_factor(self, time_s: float | np.ndarray) -> float | np.ndarray:
+        """How many times its nominal value the sense resistor has."""
+        return self.faults.get("sense_drift", 1.0) ** (0.1 * (time_s - self._drifts_since_s))
 
     def _fire_pending(self) -> None:
         while self._pending and self._pending[0][0] <= self.time_s + 1e-9:
@@ -219,6 +226,9 @@ class VirtualBench:
         inputs[physics.AMBIENT] = faults.get("hot_ambient", self.ambient_C)
         inputs[physics.LOSS_FACTOR] = faults.get("draught", 1.0)
         inputs[physics.CURRENT_FACTOR] = faults.get("current_disagrees", 1.0)
+        inputs[physics.MORE_SERIES] = (
+            self._sense_factor(self.time_s) - 1.0
+        ) * self.setup.chain.reference_resistance_Ohm
         inputs[physics.BRIDGE] = faults.get("short_wire", 0.0)
         inputs[physics.WIRE_CONDITION] = (
             physics.OPEN if "open_wire" in faults else physics.SHORT if "short_wire" in faults else physics.NORMAL
@@ -279,6 +289,9 @@ class SimulatedDaq:
             raise ValueError(f"{n} samples were asked for and {min(bench.samples, RING)} exist")
         first = bench.samples - n
         read = bench.setup.chain.read(bench._ring, bench._row, bench._noise.of(first, n))
+        times_s = np.arange(first + 1, first + n + 1) * STEP_s
+        if "sense_drift" in bench.faults:
+            read[:, CHANNELS.index(102)] *= bench._sense_factor(times_s)
         if "channel_reversed" in bench.faults:
             read[:, CHANNELS.index(int(bench.faults["channel_reversed"]))] *= -1.0
         for name, reading in (("channel_saturated", SATURATED), ("channel_nan", nan)):
@@ -287,4 +300,4 @@ class SimulatedDaq:
         if "channel_stuck" in bench.faults:
             column = CHANNELS.index(int(bench.faults["channel_stuck"]))
             read[:, column] = bench._stuck[column]
-        return read, np.arange(first + 1, first + n + 1) * STEP_s
+        return read, times_s

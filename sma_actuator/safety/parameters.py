@@ -49,6 +49,15 @@ class SafetyParameters:
         live=True,
     )
     disagreement_time: float = parameter(0.5, "time such a difference must last", "s", 0.0, 60.0, live=True)
+    current_drift: float = parameter(
+        0.015,
+        "share by which the DAQ's current may drift from the supply's; sense resistors that warm with their own current do "
+        "by a per cent",
+        "1",
+        1e-3,
+        1.0,
+        live=True,
+    )
     reading_timeout: float = parameter(0.5, "age of the last good reading that is a fault", "s", 0.01, 60.0, live=True)
     setpoint_flood_rate: float = parameter(
         1000.0, "setpoints per second above which their source is taken for broken", "Hz", 1.0, 1e6, live=True

@@ -15,6 +15,7 @@ from typing import Generic, ParamSpec
 
 from sma_actuator.base.signals import Command, Estimate, Reading, Signals, SupplyState
 
+from .drift import CurrentsApart
 from .formula import Formula
 from .parameters import SafetySections
 from .thermal import WireHeat
@@ -121,6 +122,7 @@ class Memory:
     supply_s: float = nan  #: of the last usable read-back
     load_N: float = nan
     channels: dict[str, tuple[float, float]] = field(default_factory=dict)  #: value, and since when it stands
+    currents: CurrentsApart = field(default_factory=CurrentsApart)
     since_s: dict[str, float] = field(default_factory=dict)  #: since when a condition holds
     count: dict[str, int] = field(default_factory=dict)  #: how many times running
 

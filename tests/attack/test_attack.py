@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from attack import ends, heat, hours, lines, soak
+from attack import ends, heat, hours, lies, lines, soak
 from attack.promises import Promises, read_table
 from attack.proxy import Mischief
 from attack.result import Result
@@ -130,6 +130,26 @@ class TestEnds:
     def test_nor_would_the_judge_miss_one(self, driven, monkeypatch):
         monkeypatch.setattr(Reach, "step", lambda self, *_, **__: setattr(self, "floor_m", 1.0))
         assert self.RULE in driven()
+
+
+class TestLies:
+    """At home; ``python -m attack lies`` takes every physics and load."""
+
+    @pytest.fixture
+    def lying(self):
+        return lies.Lying(heat.UNITS.index(("flexinol", "measured")))
+
+    def test_a_drift_of_the_sense_resistor_is_not_believed(self, lying):
+        words = "a sense resistor that rises by 0.4 % a second"
+        lying.judge(words, lies.LIES[words], "sine", Weight(0.98))
+        assert lying.result.counts["lies found"] == 1
+        _unbroken(lying.result)
+
+    def test_nor_would_the_judge_miss_one_that_is(self, lying):
+        words = "a sense resistor that rises by 0.4 % a second"
+        lying.config = lying.config.replace({"safety.current_drift": 1.0})
+        lying.judge(words, lies.LIES[words], "held", Weight(0.98))
+        assert [violation.rule for violation in lying.result.violations] == [f"believed: {words}"]
 
 
 class TestMemory:

@@ -123,6 +123,21 @@ def cold_but_contracted(rig):
     rig.reading_of = lambda r: replace(r, supply_voltage_V=r.reference_voltage_V * 5.7)
 
 
+def another_sense_resistor(rig):
+    """By −4 %, after it has been seen for a while: the rest of the circuit stays what it is."""
+    rig.run(6.0)
+
+    def lie(reading):
+        more_V = -0.04 * reading.reference_voltage_V
+        return replace(
+            reading,
+            reference_voltage_V=reading.reference_voltage_V + more_V,
+            supply_voltage_V=reading.supply_voltage_V + more_V,
+        )
+
+    rig.reading_of = lie
+
+
 def seem_to_grow(rig):
     """A resistance that rises however much it is heated."""
     start_s = rig.bench.time_s
@@ -170,6 +185,7 @@ SCENARIOS = {
     "ambient_doubted": lie_about_readings(lambda r: replace(r, ambient_temperature_C=-59.0)),
     "supply_disagrees": bench_fault("current_disagrees", 0.6),
     "measurements_disagree": lie_about_supply(lambda state: replace(state, current_A=state.current_A + 0.05)),
+    "current_drifts": Scenario(another_sense_resistor, lambda rig: setattr(rig, "reading_of", lambda reading: reading)),
     "estimator_outside": weight(
         1.5, changes={"model.stress_range": [0.0, 60e6], "safety.outside_calibration_time": 1.0}
     ),

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from math import isfinite
 
+from sma_actuator.safety.drift import FLOOR_A, SCALE, LAG_s, WINDOW_s
 from sma_actuator.safety.formula import parameter_value, seconds
 from sma_actuator.safety.records import Action, Fault, Step, guard
 from sma_actuator.safety.timing import ONE_STEP, READING_TIMEOUT, THREE_STEPS, TWO_STEPS
 
 from .readings import silent
+from .wire import COMPLIANCE
 
 #: One setting is looked at every half second while driving; there are four.
 SETTINGS_CHECKED = seconds(2.0)
@@ -156,4 +158,46 @@ def measurements_disagree(step: Step) -> str:
     return (
         f"{what}: the supply measures {by_supply:.3g} {unit}, the DAQ {by_daq:.3g} {unit}, for {lasts_s:.3g} s; "
         f"safety.{what}_disagreement is {tolerance:g} {unit}"
+    )
+
+
+@guard(
+    words="the measured current drifts from what the supply delivers",
+    remedy="Where the supply's display agrees with what it was told, look at the sense resistor: its value "
+    "(circuit.reference_resistance), its contacts, what it warms to; else at the supply. Whoever clears this fault takes the "
+    "difference as it is then for right",
+    detector="while the supply holds its current: the DAQ's current, averaged over "
+    f"{WINDOW_s:g} s, off the one that was set by more than safety.current_drift of it and {FLOOR_A * 1e3:g} mA beyond what it was off "
+    f"when such a current first flowed (by {SCALE * 100:g} % more of what it lies beyond the currents that have), and by more than the current "
+    f"that was set has moved, so averaged, in {LAG_s:g} s",
+    within=seconds(WINDOW_s + LAG_s) + TWO_STEPS,
+    action=Action.OFF,
+    latches=True,
+)
+def current_drifts(step: Step) -> str:
+    """The sense resistor, or the supply, has another scale than when the wire was first driven."""
+    supply, told, currents = step.supply, step.told, step.memory.currents
+    if not told.output_on or (supply is not None and supply.voltage_V >= COMPLIANCE * step.config.supply.max_voltage):
+        currents.pause()
+        return ""
+    if step.reading is None or supply is None:
+        return ""
+    setting_A = supply.current_setting_A if isfinite(supply.current_setting_A) else told.current_A
+    share = step.config.safety.current_drift
+    change_A, allowed_A = currents.step(
+        step.reading.time_s,
+        step.signals.current_A,
+        min(told.current_A, setting_A),
+        max(told.current_A, setting_A),
+        share,
+    )
+    jumped = (
+        abs(step.signals.current_A - told.current_A) > step.config.safety.current_disagreement
+    )  # supply_disagrees, if it lasts
+    if jumped or not abs(change_A) > allowed_A:
+        return ""
+    currents.forget()
+    return (
+        f"at {told.current_A:.3g} A the DAQ measures {change_A * 1e3:+.3g} mA more than when such a current first flowed, the supply "
+        f"{(supply.current_A - told.current_A) * 1e3:+.3g} mA more than it was told; safety.current_drift is {share:g}"
     )

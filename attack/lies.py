@@ -1,0 +1,143 @@
+"""Sensors that lie slowly or plausibly, while the wire is driven: nothing jumps, nothing stands still to the last digit.
+
+The judge knows the bench's truth: by how much more the position is wrong than before the lie, until a fault says that something is
+wrong; and that an honest stand is never accused, in any physics, whatever it is asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from sma_actuator.base.signals import Output
+from sma_actuator.bench.bench import VirtualBench
+from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply, VirtualClock
+from sma_actuator.config import Config, read_parameter_file
+from sma_actuator.driver import Driver
+from sma_actuator.plant.loads import Load, Spring, Weight
+
+from .heat import UNITS
+from .result import Result, Violation
+
+CONFIG = Path(__file__).resolve().parents[1] / "config"
+LOADS: tuple[Load, ...] = (Weight(0.49), Weight(0.98), Spring(400.0, 0.6), Weight(1.96))
+BEGINS_s, LASTS_s = 25.0, 60.0
+PERIOD_s = 9.0
+SHARES = (0.15, 0.85)  #: of what can be reached, between which it is moved
+
+
+@dataclass(frozen=True, slots=True)
+class Lie:
+    """A fault of the bench, and how far the position may come to be wrong by it before a fault is named."""
+
+    fault: str
+    value: float
+    wrong_at_most: float  #: share of the full stroke, beyond what it was wrong by before
+    loads: tuple[type[Load], ...] = (Weight, Spring)
+
+
+LIES = {
+    "a sense resistor that rises by 0.4 % a second": Lie("sense_drift", 1.04, 0.25),
+    "a sense resistor that falls by 0.4 % a second": Lie("sense_drift", 0.96, 0.25),
+    "a sense resistor that rises by 0.04 % a second": Lie("sense_drift", 1.004, 0.25),
+}
+
+
+def _held(_: float) -> float:
+    return 0.5
+
+
+def _sine(time_s: float) -> float:
+    return 0.5 - 0.5 * math.cos(2.0 * math.pi * time_s / PERIOD_s)
+
+
+def _steps(time_s: float) -> float:
+    return math.floor(2.0 * time_s / PERIOD_s) % 2
+
+
+MOTIONS: dict[str, Callable[[float], float]] = {"held": _held, "sine": _sine, "steps": _steps}
+
+
+class Lying:
+    """One wire in one physics."""
+
+    def __init__(self, unit: int):
+        self.unit = unit
+        self.wire, self.physics = UNITS[unit]
+        self.config = Config.from_mapping(read_parameter_file(CONFIG / f"{self.wire}.yaml"))
+        self.result = Result()
+
+    def run(self) -> Result:
+        """Every lie in every motion, under loads in turn, and honest stands between them."""
+        for number, (words, lie) in enumerate(LIES.items()):
+            loads = [load for load in LOADS if isinstance(load, lie.loads)]
+            for motion in MOTIONS:
+                self.judge(words, lie, motion, loads[(self.unit + number) % len(loads)])
+        for number, motion in enumerate(MOTIONS):
+            self.judge("none", None, motion, LOADS[(self.unit + number) % len(LOADS)])
+        return self.result
+
+    def judge(self, words: str, lie: Lie | None, motion: str, load: Load) -> None:
+        """Drive, and see what becomes of it."""
+        before, after, output, after_s = self.drive(lie, motion, load)
+        scene = f"{self.wire} in {self.physics}, {load}, {motion}"
+        replay = f"python -m attack lies --only {self.unit}"
+        fault = output.status.fault
+        self.result.counts["wires driven"] += 1
+        if lie is None:
+            if fault:
+                self.result.violations.append(
+                    Violation("an honest stand is accused", f"{scene}: {output.status.message}", replay)
+                )
+            return
+        self.result.see(f"{words}: position wrong by so much more [% of the stroke]", 100.0 * (after - before))
+        self.result.counts["lies"] += 1
+        if after_s < 0.0:
+            self.result.violations.append(
+                Violation("a fault before the lie", f"{scene}: {output.status.message}", replay)
+            )
+        elif fault:
+            self.result.counts["lies found"] += 1
+            self.result.see(f"{words}: until a fault [s]", after_s)
+        if after - before > lie.wrong_at_most:
+            self.result.violations.append(
+                Violation(
+                    f"believed: {words}", f"{scene}: wrong by {after:.0%} of the stroke, before {before:.0%}", replay
+                )
+            )
+
+    def drive(self, lie: Lie | None, motion: str, load: Load) -> tuple[float, float, Output, float]:
+        """The largest error of the position before the lie and after it, in full strokes; the last output, and how long after
+        the lie began it came [s]."""
+        config = self.config
+        bench = VirtualBench.from_name(self.wire, seed=self.unit, load=load, physics=self.physics)
+        worst, outputs = [0.0, 0.0], []
+
+        def look(output: Output) -> None:
+            outputs[:] = [output]
+            error_m = abs(output.estimate.displacement_m - bench.truth.displacement_m)
+            if output.command.output_on and bench.time_s > 3.0 and math.isfinite(error_m):
+                late = bench.time_s > BEGINS_s
+                worst[late] = max(worst[late], error_m / config.wire.full_stroke_m)
+
+        supply, daq = InProcessSupply(bench, config), InProcessDaq(bench, config)
+        driver = Driver(config, supply, daq, VirtualClock(bench), on_output=look)
+        driver.run_for(0.5)
+        driver.enable(True)
+        if lie is not None:
+            bench.inject(lie.fault, lie.value, at_s=BEGINS_s)
+        driver.run_for(0.5)
+        while bench.time_s < BEGINS_s + LASTS_s and not outputs[0].status.fault:
+            short_m, long_m = (float(outputs[0].status.values[name]) for name in ("shortest_m", "longest_m"))
+            share = SHARES[0] + MOTIONS[motion](bench.time_s) * (SHARES[1] - SHARES[0])
+            driver.offer_setpoint(long_m + share * (short_m - long_m))
+            driver.run_for(0.2)
+        driver.stop()
+        return worst[0], worst[1], outputs[0], bench.time_s - BEGINS_s
+
+
+def attack(unit: int) -> Result:
+    """One of ``UNITS``."""
+    return Lying(unit).run()
