@@ -17,7 +17,7 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (
             f"share/{NAME}/config",
-            [str(path) for ending in ("yaml", "xml") for path in Path("config").glob(f"*.{ending}")],
+            [str(path) for ending in ("yaml", "npz", "xml") for path in Path("config").glob(f"*.{ending}")],
         ),
         (
             f"share/{NAME}/hook",

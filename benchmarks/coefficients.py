@@ -15,6 +15,7 @@ from pathlib import Path
 
 import yaml
 
+from sma_actuator.base.parameter_file import parameters_in
 from sma_actuator.base.yaml_text import yaml_of
 from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import NODE_NAME, read_parameter_file
@@ -84,7 +85,7 @@ def write_pair(wire: Path, out: Path) -> None:
     """Write the parameter file of a joint that two wires like the one of a file turn, on the virtual bench."""
     sections = {}
     for number, name in enumerate(("left", "right")):
-        mapping = read_parameter_file(wire) | {"joint_name": name}
+        mapping = parameters_in(wire) | {"joint_name": name}  # the tables stay where they are: beside both
         for each, port in (("supply", 5025), ("daq", 5026)):
             mapping["instruments"][each]["resource"] = f"TCPIP::127.0.0.1::{port + 2 * number}::SOCKET"
         sections[name] = {"ros__parameters": mapping}

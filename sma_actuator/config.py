@@ -9,11 +9,13 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from sma_actuator.base.packed import packed, unpacked
-from sma_actuator.base.parameter_file import NODE_NAME, read_parameter_file, read_sections
+from sma_actuator.base import sidecar
+from sma_actuator.base.packed import unpacked
+from sma_actuator.base.parameter_file import NODE_NAME, files_beside, read_parameter_file, read_sections
 from sma_actuator.base.parameters import (
     ConfigError,
     declaration_of,
@@ -178,8 +180,10 @@ def require_calibrated(config: BenchConfig) -> None:
 
 
 def _with_tables(mapping: Mapping[str, Any], source: str) -> dict[str, Any]:
-    """A copy in which the calibration's tables, one word in a file, are lists."""
+    """A copy in which the calibration's tables, one word in files that were written before, are lists."""
     out = dict(mapping)
+    if sidecar.SECTION in out:
+        refuse([f"{sidecar.SECTION}: the file that it names was not read; read_parameter_file reads both"], source)
     if isinstance(out.get("calibration"), Mapping):
         try:
             out["calibration"] = unpacked(out["calibration"], "calibration")
@@ -196,19 +200,36 @@ def text_with(path: Path, section: str, values: Mapping[str, float], comment: st
     return with_values(text, str(path), (found, "ros__parameters", section), values, comment)
 
 
+def copy_tables(path: Path, out: Path) -> None:
+    """Copy what lies beside a parameter file to where its text is written again.  Raises ConfigError, OSError."""
+    for name in files_beside(path):
+        if out.with_name(name).resolve() != path.with_name(name).resolve():
+            content = path.with_name(name).read_bytes()
+            write_atomically(out.with_name(name), partial(_put, content))
+
+
+def _put(content: bytes, stream: Any) -> None:
+    stream.write(content)
+
+
 def write_parameter_file(
     path: str | Path, mapping: Mapping[str, Any], header: str, comments: Mapping[str, str] | None = None
 ) -> None:
-    """Write a parameter file, whole or not at all; ``header``: comment above it, ``comments``: behind parameters."""
-    text = parameter_text(mapping, header, comments)
-    write_atomically(path, lambda stream: stream.write(text.encode()))
+    """Write a parameter file, whole or not at all; ``header``: comment above it, ``comments``: behind parameters.
+
+    The long tables of its model go into a file beside it, which the section ``tables`` names.
+    """
+    mapping, tables = sidecar.taken_out(mapping)
+    if tables:
+        beside, content = sidecar.path_beside(Path(path)), sidecar.archive(tables)
+        write_atomically(beside, partial(_put, content))
+        mapping[sidecar.SECTION] = sidecar.reference(beside.name, content)
+        comments = {**(comments or {}), f"{sidecar.SECTION}.file": "numbers that nobody reads: copy it with this file"}
+    write_atomically(path, partial(_put, parameter_text(mapping, header, comments).encode()))
 
 
 def parameter_text(mapping: Mapping[str, Any], header: str, comments: Mapping[str, str] | None = None) -> str:
-    """What stands in a parameter file; the lists of its calibration, which nobody reads, in one word."""
-    mapping = dict(mapping)
-    if isinstance(mapping.get("calibration"), Mapping):
-        mapping["calibration"] = packed(mapping["calibration"])
+    """The text of a parameter file that has everything in it, as the table of a fleet keeps it."""
     inside = {f"{NODE_NAME}.ros__parameters.{name}": text for name, text in (comments or {}).items()}
     text = "".join(f"# {line}\n" for line in header.splitlines())
     return text + yaml_of({NODE_NAME: {"ros__parameters": mapping}}, inside)
@@ -270,8 +291,8 @@ def markdown() -> str:
         "",
         "One YAML file serves the node and every tool. A wrong or unknown parameter is refused before any current flows, in a",
         "sentence that names it and its range. **Live** ones can be changed while the wire is driven (`ros2 param set`).",
-        "The lists of `calibration.`, which `identify` measures, stand in a file as one compressed word, `calibration.tables`,",
-        "with its own check sum; one that stands there by its name counts before it.",
+        "The long lists of `calibration.` and `model.`, which `identify` measures, stand in a file beside it, `<name>.tables.npz`, which the",
+        "section `tables` names with its SHA-256: copy both together. One that stands in the YAML by its name counts before it.",
     ]
     sections: list[tuple[str, type]] = [("", Config)]
     effects: list[tuple[str, type]] = [("effects.", Effects)]

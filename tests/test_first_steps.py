@@ -5,6 +5,7 @@ import io
 import os
 import re
 import shlex
+import shutil
 import signal
 import socket
 import subprocess
@@ -44,6 +45,7 @@ def test_drive_a_wire_as_it_is_written(tmp_path):
     (tmp_path / ".venv").symlink_to(sys.prefix)
     (tmp_path / "config").mkdir()
     (tmp_path / "config" / "flexinol.yaml").write_text(elsewhere((ROOT / "config/flexinol.yaml").read_text()))
+    shutil.copy(ROOT / "config/flexinol.tables.npz", tmp_path / "config")
     one, other = map(elsewhere, blocks("README.md", "## Drive a wire\n"))
     with (tmp_path / "node.log").open("w") as log:
         node = subprocess.Popen(["bash", "-c", one], cwd=tmp_path, stdout=log, stderr=log, start_new_session=True)

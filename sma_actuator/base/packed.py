@@ -1,6 +1,6 @@
-"""The lists of a section in one word: the tables of a calibration take some lines of a parameter file instead of pages.
+"""The tables of a calibration in one word, as parameter files had them before 0.2: JSON, compressed, in base64.
 
-The word is JSON, compressed, in base64, so it carries its own check sum, and a file and its tables cannot come apart.
+They are read for as long as there are such files; what is written today has them beside it (:mod:`.sidecar`).
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import base64
 import binascii
 import json
-import textwrap
 import zlib
 from collections.abc import Mapping
 from typing import Any
@@ -19,18 +18,6 @@ from .parameters import ConfigError
 TABLES = "tables"
 #: No calibration comes near it.
 MOST_BYTES = 2_000_000
-#: Characters between blanks, at which YAML can break the line.
-_WORD = 20
-
-
-def packed(section: Mapping[str, Any]) -> dict[str, Any]:
-    """The section with its lists in the one word ``tables``, which is last; unchanged where it has none."""
-    lists = {name: list(value) for name, value in section.items() if isinstance(value, (list, tuple)) and len(value)}
-    if not lists:
-        return dict(section)
-    kept = {name: value for name, value in section.items() if not isinstance(value, (list, tuple))}
-    word = base64.b64encode(zlib.compress(json.dumps(lists, separators=(",", ":")).encode(), 9)).decode()
-    return {**kept, TABLES: " ".join(textwrap.wrap(word, _WORD))}
 
 
 def unpacked(section: Mapping[str, Any], name: str) -> dict[str, Any]:

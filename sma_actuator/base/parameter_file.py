@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from .parameters import ConfigError
+from .sidecar import SECTION, file_of, put_back
 from .yaml_text import read_yaml
 
 NODE_NAME = "sma_actuator"  #: of a node that is given no other
@@ -21,7 +22,15 @@ def read_sections(path: str | Path) -> Mapping[str, Any]:
 
 
 def read_parameter_file(path: str | Path, node: str = NODE_NAME) -> dict[str, Any]:
-    """The mapping below ``ros__parameters`` of ``node`` (or of ``/**``) in a YAML file."""
+    """The parameters of ``node`` (or of ``/**``) in a YAML file, with the tables that lie beside it.
+
+    Raises ConfigError; its sentence names the file.
+    """
+    return put_back(parameters_in(path, node), Path(path))
+
+
+def parameters_in(path: str | Path, node: str = NODE_NAME) -> dict[str, Any]:
+    """What stands in the YAML file itself.  Raises ConfigError."""
     document = read_sections(path)
     for name in (node, f"/{node}", "/**"):
         if isinstance(document.get(name), Mapping) and "ros__parameters" in document[name]:
@@ -29,3 +38,10 @@ def read_parameter_file(path: str | Path, node: str = NODE_NAME) -> dict[str, An
     found = ", ".join(map(str, document))
     found = found if len(found) <= 200 else f"{found[:180]}… ({len(document)} in all)"
     raise ConfigError(f"{path}: has no section '{node}: ros__parameters:'; found {found}")
+
+
+def files_beside(path: str | Path) -> list[str]:
+    """Names of the files of tables beside a parameter file.  Raises ConfigError."""
+    held = [node.get("ros__parameters") for node in read_sections(path).values() if isinstance(node, Mapping)]
+    found = [file_of(each[SECTION], str(path)) for each in held if isinstance(each, Mapping) and SECTION in each]
+    return list(dict.fromkeys(found))

@@ -15,7 +15,7 @@ from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Mode, Output, Tuned
-from sma_actuator.config import Config, text_with
+from sma_actuator.config import Config, copy_tables, text_with
 from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, say_next, write_json
 from sma_actuator.control.pid import PidParameters
 from sma_actuator.control.tuning import GAINS, words_of
@@ -67,6 +67,7 @@ def run(args: argparse.Namespace) -> int:
     found = by_node(args) if args.running else _by_instruments(config, args)
     text = _with_gains(args.config, found.gains, found.before)
     try:
+        copy_tables(args.config, out)
         write_atomically(out, lambda stream: stream.write(text.encode()))
     except OSError as error:
         raise UserError(

@@ -85,6 +85,15 @@ def text_of(url: str) -> str:
     return bytes(files.cat_file(path)).decode("utf-8")
 
 
+def fetch_beside(url: str, names: Sequence[str], folder: Path) -> None:
+    """Copies in ``folder`` of files that lie beside one; whoever wants one that is not there says so."""
+    files, path = _file_system(url)
+    for name in names:
+        there = f"{path.rpartition('/')[0]}/{name}"
+        if files.exists(there):
+            files.get_file(there, str(folder / name))
+
+
 def fetch(url: str, folder: Path) -> Fetched:
     """A log with what lies beside it: where it is, if that is this machine, or else a copy in ``folder``."""
     files, remote = _file_system(url)

@@ -26,10 +26,11 @@ from rich.table import Table
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.one_thread import one_thread
+from sma_actuator.base.parameter_file import files_beside
 from sma_actuator.console import notes, progress_bar, refuse_to_overwrite, results, say_next, write_json
 from sma_actuator.logs.files import write_atomically
 
-from .places import Fetched, Place, fetch, find, text_of
+from .places import Fetched, Place, fetch, fetch_beside, find, text_of
 from .spreading import cluster, spread
 from .table import append, key_of, read_table
 
@@ -219,6 +220,8 @@ def _do(job: _Job) -> _Outcome:
                 return _Outcome(job.number, [])
             model = Path(folder) / "model.yaml"
             model.write_text(config, encoding="utf-8")
+            if config:
+                fetch_beside(job.config, files_beside(model), Path(folder))
             names[str(model)] = job.config
             findings = _findings(job, logs, model)
         except Exception as error:  # noqa: BLE001 - whatever a file system raises, or a fault in the work: other logs go on

@@ -15,6 +15,7 @@ from typing import Any
 
 from sma_actuator.base.parameter_file import read_sections
 from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.sidecar import put_back
 from sma_actuator.base.yaml_text import parse_yaml
 
 _PARAMETERS = "ros__parameters"
@@ -56,7 +57,7 @@ class RosArguments:
                             f"{path}: {pattern}: {_PARAMETERS} is {values!r}; a section of parameters is wanted"
                         )
                     found = True
-                    _merge(merged, values)
+                    _merge(merged, put_back(values, path))
         for pattern, name, value in self.assignments:
             if _matches(pattern, node):
                 found = True

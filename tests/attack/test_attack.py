@@ -10,6 +10,7 @@ from attack.promises import Promises, read_table
 from attack.proxy import Mischief
 from attack.result import Result
 from sma_actuator.base.share import shared_file
+from sma_actuator.config import copy_tables
 from sma_actuator.plant.loads import Weight
 from sma_actuator.safety.reach import Reach
 
@@ -116,6 +117,7 @@ class TestEnds:
         monkeypatch.setattr(ends, "KEPT", tmp_path)
         shipped = shared_file("config/flexinol.yaml").read_text(encoding="utf-8")
         (tmp_path / "measured_flexinol.yaml").write_text(shipped, encoding="utf-8")
+        copy_tables(shared_file("config/flexinol.yaml"), tmp_path / "measured_flexinol.yaml")
         its = ends.Ends(heat.UNITS.index(("flexinol", "measured")), 45.0)
 
         def drive():

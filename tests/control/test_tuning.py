@@ -13,7 +13,7 @@ from sma_actuator.base.signals import Mode
 from sma_actuator.base.yaml_text import with_values
 from sma_actuator.cli import tune as tune_command
 from sma_actuator.cli.main import main
-from sma_actuator.config import Config
+from sma_actuator.config import Config, copy_tables
 from sma_actuator.control.tuning import GAINS, RESTLESS, GivenUp, Trial, gains_of, swings_from_A_m, swings_of
 from sma_actuator.plant.loads import Weight
 
@@ -151,6 +151,7 @@ def mean_error_m(config):
 def test_the_command_writes_gains_as_good_as_the_shipped_ones_and_keeps_those_of_before(tmp_path, capsys):
     path = tmp_path / "wire.yaml"
     text = shared_file("config/flexinol.yaml").read_text(encoding="utf-8")
+    copy_tables(shared_file("config/flexinol.yaml"), path)
     path.write_text(text.replace("kp: 400.0", "kp: 40.0").replace("ki: 320.0", "ki: 32.0"))
     assert main(["tune", "--config", str(path), "--virtual", "flexinol", "-q"]) == 0
     assert "(before: kp 40 A/m, ki 32 A/(m·s), kd 0 A·s/m)" in capsys.readouterr().out
@@ -163,6 +164,7 @@ def test_the_command_writes_gains_as_good_as_the_shipped_ones_and_keeps_those_of
 def test_asked_to_end_it_ends_with_the_output_off_and_nothing_written(tmp_path, capsys, monkeypatch):
     path = tmp_path / "wire.yaml"
     text = shared_file("config/flexinol.yaml").read_text(encoding="utf-8")
+    copy_tables(shared_file("config/flexinol.yaml"), path)
     path.write_text(text)
     drivers = []
 
@@ -193,6 +195,7 @@ def test_asked_to_end_it_ends_with_the_output_off_and_nothing_written(tmp_path, 
 def test_what_cannot_be_done_is_refused_before_current_flows(tmp_path, capsys):
     path = tmp_path / "wire.yaml"
     text = shared_file("config/flexinol.yaml").read_text(encoding="utf-8")
+    copy_tables(shared_file("config/flexinol.yaml"), path)
     path.write_text(text)
     assert main(["tune", "--config", str(path), "--virtual", "flexinol", "--out", str(path)]) == 1
     assert "exists already; --force overwrites it" in capsys.readouterr().err

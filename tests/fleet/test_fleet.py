@@ -8,11 +8,10 @@ import shutil
 import dying
 import pandas
 import pytest
-import yaml
 from joblib.externals.loky import get_reusable_executor
 
 from sma_actuator.cli.main import main
-from sma_actuator.config import NODE_NAME
+from sma_actuator.config import write_parameter_file
 from sma_actuator.fleet.table import OF_THE_WORKER, read_table
 from sma_actuator.identify import identify
 from sma_actuator.replay import command as replay_command
@@ -26,8 +25,7 @@ def fleet(flexinol, tmp_path_factory):
     """Two wires with four logs each, and the model of both: a folder; the logs of one are as its load cell shows too much."""
     folder = tmp_path_factory.mktemp("fleet")
     result = identify(flexinol.only("pulses", "partial"), flexinol.mapping, "flexinol", order=1)
-    text = yaml.safe_dump({NODE_NAME: {"ros__parameters": result.mapping}})
-    (folder / "model.yaml").write_text(text)
+    write_parameter_file(folder / "model.yaml", result.mapping, "with its tables beside it")
     paths = [path for path in flexinol.paths if path.name.startswith("partial")]
     for wire in ("sound", "worn"):
         (folder / "logs" / wire).mkdir(parents=True)

@@ -15,7 +15,7 @@ from processes import Bench, NodeProcess, SOON_s, parameter_file, wait_until
 
 from sma_actuator.base.share import shared_file
 from sma_actuator.cli.main import main
-from sma_actuator.config import Config
+from sma_actuator.config import Config, copy_tables
 
 NODE = ("--node", "left", "--namespace", "/tuned")
 #: A node whose tunings swing twice each way and try only what follows from that.
@@ -46,6 +46,7 @@ def node(folder, make_config):
 def wire_file(tmp_path):
     path = tmp_path / "wire.yaml"
     path.write_text(shared_file("config/flexinol.yaml").read_text(encoding="utf-8"))
+    copy_tables(shared_file("config/flexinol.yaml"), path)
     return path
 
 

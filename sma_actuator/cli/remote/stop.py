@@ -52,14 +52,14 @@ def run(args: argparse.Namespace) -> int:
 def _at_the_supply(file: Path, node: str) -> int:
     """Off over a session of our own, if need be after the end of the process that has the supply."""
     # What a supply needs and no more: the whole configuration takes seconds to import.
-    from sma_actuator.base.parameter_file import read_parameter_file
+    from sma_actuator.base.parameter_file import parameters_in
     from sma_actuator.base.parameters import from_mapping, refuse
     from sma_actuator.base.sections import Loop, SupplyParameters
     from sma_actuator.instruments import InstrumentError, open_supply
     from sma_actuator.instruments.parameters import Instruments
     from sma_actuator.instruments.supply import SessionSupply
 
-    mapping = read_parameter_file(file, node)
+    mapping = parameters_in(file, node)  # whatever has become of the tables beside it
     sections = {}
     for name, kind in (("instruments", Instruments), ("supply", SupplyParameters), ("loop", Loop)):
         sections[name], problems = from_mapping(kind, mapping.get(name, {}), f"{name}.")
