@@ -1,9 +1,9 @@
-// The board's own files, run by MicroPython: node firmware.mjs SOCKET FOLDER_OF_NODE_MODULES, the world at the socket's other end.
+// The board's own files, run by MicroPython: node firmware.mjs FOLDER_OF_NODE_MODULES SOCKET, the world at the socket's other end.
 import fs from "node:fs";
 import path from "node:path";
 import { pathToFileURL, fileURLToPath } from "node:url";
 
-const [socket, modules] = [Number(process.argv[2]), process.argv[3]];
+const [modules, socket] = [process.argv[2], Number(process.argv[3])];
 const here = path.dirname(fileURLToPath(import.meta.url));
 const micropython = path.join(modules, "@micropython/micropython-webassembly-pyscript/micropython.mjs");
 const { loadMicroPython } = await import(pathToFileURL(micropython));

@@ -23,6 +23,7 @@ from world import Reset, World
 from sma_actuator.bench import VirtualBench
 from sma_actuator.plant.loads import Weight
 
+LOOK_s = 0.02
 HERE = Path(__file__).parent
 ROOT = HERE.parents[2]
 NODE_MODULES = ROOT / ".node" / "node_modules"
@@ -30,37 +31,55 @@ MICROPYTHON = NODE_MODULES / "@micropython" / "micropython-webassembly-pyscript"
 
 
 class SimulatedBoard:
-    """A pseudo-terminal with the board behind it: ``resource``.  The firmware is a process of its own."""
+    """A pseudo-terminal with the board behind it: ``resource``.  The firmware is a process of its own, started anew where
+    the watchdog says so."""
 
     def __init__(self, bench: VirtualBench, micropython: bool = False):
-        self._ours, theirs = os.openpty()
-        tty.setraw(theirs)
-        self._theirs = theirs  # kept: else nobody may be at the other end, and reading fails
-        self.path = os.ttyname(theirs)
-        self.resource = f"ASRL{self.path}::INSTR"
+        self._ours, self._theirs = os.openpty()  # the other end is kept: else reading fails while nobody is there
+        tty.setraw(self._theirs)
+        self.resource = f"ASRL{os.ttyname(self._theirs)}::INSTR"
         self.world = World(bench, clock=time.monotonic, send=self._send)
-        world, firmware = socket.socketpair()
-        number = str(firmware.fileno())
-        program = (
-            ["node", str(HERE / "firmware.mjs"), number, str(NODE_MODULES)]
+        self._program = (
+            ["node", str(HERE / "firmware.mjs"), str(NODE_MODULES)]
             if micropython
-            else [sys.executable, str(HERE / "firmware.py"), number]
+            else [sys.executable, str(HERE / "firmware.py")]
         )
-        self.firmware = subprocess.Popen(program, pass_fds=[firmware.fileno()], start_new_session=True)
-        firmware.close()
-        self._threads = [
-            threading.Thread(target=self._answer, args=(world,), daemon=True),
-            threading.Thread(target=self._listen, daemon=True),
-        ]
-        for thread in self._threads:
-            thread.start()
+        self._ended = threading.Event()
+        self.firmware = self._start()
+        self._watching = threading.Thread(target=self._watch, daemon=True)
+        self._watching.start()
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def _start(self) -> subprocess.Popen:
+        ours, theirs = socket.socketpair()
+        firmware = subprocess.Popen(
+            [*self._program, str(theirs.fileno())], pass_fds=[theirs.fileno()], start_new_session=True
+        )
+        theirs.close()
+        threading.Thread(target=self._answer, args=(ours,), daemon=True).start()
+        return firmware
 
     def _answer(self, connection: socket.socket) -> None:
-        with connection, connection.makefile("rw", newline="\n") as line, contextlib.suppress(Reset, OSError):
+        with contextlib.suppress(Reset, OSError), connection, connection.makefile("rw", newline="\n") as line:
             for text in line:
                 answer = self.world.call(text[:-1])
                 line.write(answer + "\n")
                 line.flush()
+
+    def _watch(self) -> None:
+        """The watchdog is the world's: so time goes on there for a program that somebody has stopped."""
+        while not self._ended.wait(LOOK_s):
+            with contextlib.suppress(OSError):
+                if Path(f"/proc/{self.firmware.pid}/stat").read_text().rpartition(")")[2].split()[0] == "T":
+                    self.world.keep_up()
+            if self.world.was_reset:
+                self._end_firmware()
+                self.world.boot()
+                self.firmware = self._start()
+
+    def _end_firmware(self) -> None:
+        self.firmware.kill()
+        self.firmware.wait()
 
     def _listen(self) -> None:
         with contextlib.suppress(OSError):
@@ -79,9 +98,9 @@ class SimulatedBoard:
 
     def close(self) -> None:
         """End the firmware."""
-        self.firmware.send_signal(signal.SIGCONT)
-        self.firmware.kill()
-        self.firmware.wait()
+        self._ended.set()
+        self._watching.join()
+        self._end_firmware()
         if self._ours >= 0:
             self.cut_line()
 
@@ -114,7 +133,7 @@ def main() -> None:
             args.config_out.write_text(text.replace("ASRL/dev/ttyACM0::INSTR", board.resource), encoding="utf-8")
         print(f"the board is at {board.resource}; Ctrl-C ends it", flush=True)
         with contextlib.suppress(KeyboardInterrupt):
-            board.firmware.wait()
+            signal.pause()
 
 
 if __name__ == "__main__":

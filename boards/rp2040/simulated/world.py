@@ -71,16 +71,14 @@ class World:
 
     @property
     def truth(self):
-        """The wire now; with a clock, by that one, whether the program still runs or not."""
+        """The wire now."""
         with self._turn:
-            self._keep_up()
             return self.bench.truth
 
     @property
     def heats(self) -> bool:
         """Whether pulses go to the wire."""
         with self._turn:
-            self._keep_up()
             return self._share > 0.0
 
     def hear(self, data: bytes) -> None:
@@ -88,6 +86,12 @@ class World:
         with self._turn:
             self._heard += data
             self._turn.notify_all()
+
+    def boot(self) -> None:
+        """The processor begins anew."""
+        with self._turn:
+            self.was_reset, self._watchdog_us = False, 0
+            self._heard.clear()
 
     # --- the calls of the firmware
 
@@ -206,10 +210,10 @@ class World:
         with self._turn:
             self._pass(round(1e6 * seconds), raises=False)
 
-    def _keep_up(self) -> None:
-        """The program may stand still while the computer's time goes on."""
-        if self._clock is not None and (behind_us := self._now_us() - self._us) > LATE_us:
-            self._pass(behind_us - LATE_us, raises=False)
+    def keep_up(self) -> None:
+        """The program has been stopped, and the clock goes on."""
+        with self._turn:
+            self._pass(self._now_us() - self._us, raises=False)
 
     def _pass(self, us: int, raises: bool = True) -> None:
         """Time passes: the wire is heated by the direct current that the pulses stand for."""
