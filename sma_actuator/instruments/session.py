@@ -227,20 +227,22 @@ class VisaWire:
     def receive(self, deadline_s: float) -> bytes:
         """A piece of an answer, or all of it."""
         # A serial line has no messages, only bytes: pyvisa-py would wait for all that are asked for, by the wall clock.
-        return self._read(max(1, self._waiting) if self._serial else 4096, deadline_s)
+        with self._until(deadline_s):
+            return self._read(max(1, self._waiting) if self._serial else 4096)
 
     def unread(self) -> bytes:
         """What has come on a serial line; of any other that is not to be known."""
-        waiting = self._waiting if self._serial else 0
-        return self._read(waiting, time.monotonic() + LAST_WORDS_s) if waiting else b""
+        with self._until(time.monotonic() + LAST_WORDS_s):
+            waiting = self._waiting if self._serial else 0
+            return self._read(waiting) if waiting else b""
 
     @property
     def _waiting(self) -> int:
         return cast("pyvisa.resources.SerialInstrument", self._visa).bytes_in_buffer
 
-    def _read(self, most: int, deadline_s: float) -> bytes:
+    def _read(self, most: int) -> bytes:
         code = pyvisa.constants.StatusCode.success_max_count_read
-        with self._until(deadline_s), self._visa.ignore_warning(code):
+        with self._visa.ignore_warning(code):
             data, _ = self._visa.visalib.read(self._visa.session, most)
         return data
 
@@ -261,6 +263,8 @@ class VisaWire:
             if error.error_code != pyvisa.constants.StatusCode.error_timeout:
                 raise
             raise TimeoutError from error
+        except TypeError as error:  # what pyserial makes of a line that is closed under the one who waits for it
+            raise ConnectionAbortedError("it was closed") from error
 
 
 def _left_ms(deadline_s: float) -> int:

@@ -268,3 +268,18 @@ def test_a_line_that_cannot_be_set_so_is_given_back():
         with pytest.raises(InstrumentError, match="cannot be opened"):
             session.open()
         assert not pyvisa.ResourceManager("@py").list_opened_resources()
+
+
+@pytest.mark.parametrize("call", ["send", "receive", "unread"])
+def test_a_line_that_is_closed_under_the_one_who_waits_is_a_broken_connection(call):
+    """pyserial calls that have lost their file end in a TypeError."""
+    with SerialInstrument(lambda line: None) as line:
+        wire = VisaWire(pyvisa.ResourceManager("@py"), line.resource, Manner(), time.monotonic() + 10.0)
+        port = wire._visa.visalib.sessions[wire._visa.session].interface
+        fd, port.fd = port.fd, None
+        deadline = () if call == "unread" else (time.monotonic() + 10.0,)
+        data = (b"*IDN?\n",) if call == "send" else ()
+        with pytest.raises(OSError):
+            getattr(wire, call)(*data, *deadline)
+        port.fd = fd
+        wire.close()
