@@ -68,6 +68,17 @@ def enable(driver):
         time.sleep(0.1)
 
 
+class ClockOfTheBoard:
+    def __init__(self, board):
+        self._board = board
+
+    def now_s(self):
+        return self._board.world.time_s
+
+    def sleep_until_s(self, deadline_s):
+        wait_until(lambda: self.now_s() >= deadline_s)
+
+
 def seconds_to_off(board):
     begun_s = board.world.time_s
     wait_until(lambda: not board.world.heats)
@@ -104,7 +115,7 @@ def test_a_program_that_is_ended_leaves_the_wire_without_current(board, number):
 @pytest.mark.long
 @by("cpython", "micropython")
 def test_the_self_test_over_a_real_line(board):
-    config, clock = config_at(board.resource), MonotonicClock()
+    config, clock = config_at(board.resource), ClockOfTheBoard(board)
     found = SelfTest(config, *open_instruments(config, clock), clock).run()
     assert [each for each in found if each.level is Level.WRONG and each.part != "rate"] == []
 

@@ -29,7 +29,7 @@ CELL_PERIOD_us, CONVERTER_us = 12_500, 1_250
 METER_NOISE_V, RAIL_NOISE_V, CELL_NOISE = 1.5e-6, 1e-3, 1e-5  #: rms
 #: What the processor needs for a call, and for hearing one byte [µs].
 CALL_us, BYTE_us, I2C_BYTE_us = 8, 15, 23
-LATE_us = 100_000  #: a busy computer lets the world lag by so much; more is left out
+LATE_us = 100_000  #: a busy computer lets the world lag by so much; what is more is lost: the world never jumps
 _STEP_us = 5_000
 
 
@@ -196,9 +196,9 @@ class World:
         if now_us < until_us:
             self._turn.wait(1e-6 * (until_us - now_us))
             now_us = self._now_us()
-        if (left_out_us := now_us - LATE_us - until_us) > 0:  # this computer's fault, and not the program's
-            until_us += left_out_us
-            self._fed_us += int(left_out_us)
+        if (lost_us := now_us - LATE_us - until_us) > 0:  # this computer's fault, and not the program's
+            self._began_s += 1e-6 * lost_us
+            now_us -= int(lost_us)
         self._pass(int(min(max(now_us, self._us), until_us)) - self._us)
 
     def _now_us(self) -> int:
