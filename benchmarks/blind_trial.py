@@ -43,7 +43,7 @@ from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import NODE_NAME
 from sma_actuator.diagnosis.trace.race import GATE
 from sma_actuator.estimation.effects import EFFECTS
-from sma_actuator.identify.experiments import IdentificationError
+from sma_actuator.logs.experiments import IdentificationError
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.worlds import DRAWN, HOME, WORLDS, world_of
 

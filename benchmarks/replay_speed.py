@@ -29,8 +29,8 @@ from sma_actuator.base.jit import COMPILED
 from sma_actuator.base.signals import Signals
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
-from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.logs.bench_log import BenchLog, write_bench_log
+from sma_actuator.logs.experiments import make_experiment
 from sma_actuator.logs.files import write_atomically
 
 SAMPLES = 4_000_000

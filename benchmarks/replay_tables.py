@@ -29,8 +29,8 @@ from sma_actuator.characterise.operators import BenchOperator
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
 from sma_actuator.identify import identify
 from sma_actuator.identify.errors import log_error
-from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log
+from sma_actuator.logs.experiments import make_experiment
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.worlds import HOME, WORLDS
 from sma_actuator.replay import estimate_m, replay

@@ -22,7 +22,7 @@ from rich.table import Table as Shown
 
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
-from sma_actuator.identify.experiments import make_experiment
+from sma_actuator.logs.experiments import make_experiment
 from sma_actuator.logs.mapping import column_map
 from sma_actuator.logs.static import ROUNDS, PERIOD_s, log_of_points
 from sma_actuator.logs.tables import Table, read_text

@@ -27,8 +27,8 @@ from sma_actuator.characterise.operators import BenchOperator
 from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file, write_parameter_file
 from sma_actuator.estimation.chain import Chain
-from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.logs.bench_log import read_bench_log
+from sma_actuator.logs.experiments import make_experiment
 from sma_actuator.plant.loads import Load, Schedule
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -17,9 +17,9 @@ import numpy as np
 
 from sma_actuator.base.one_thread import one_thread
 from sma_actuator.base.parameters import to_mapping
+from sma_actuator.calibration.learning import calibration_of
 from sma_actuator.config import Config
 from sma_actuator.estimation.effects import EFFECTS
-from sma_actuator.identify.calibration import calibration_of
 from sma_actuator.identify.errors import LogError, log_error
 from sma_actuator.identify.identification import Identification, foreign_loads_N, within_what_is_seen
 from sma_actuator.identify.unseen import Unseen

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .experiments import Experiment, IdentificationError
+from sma_actuator.logs.experiments import Experiment, IdentificationError
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .experiments import Experiment, IdentificationError
+from sma_actuator.logs.experiments import Experiment, IdentificationError
 
 #: What is followed, with the words for a picture.
 EXTREMES = {

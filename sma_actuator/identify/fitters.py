@@ -15,8 +15,8 @@ import numpy as np
 
 from sma_actuator.base.registry import Registry
 from sma_actuator.config import BenchConfig
+from sma_actuator.logs.experiments import Experiment, IdentificationError
 
-from .experiments import Experiment, IdentificationError
 from .flexinol import FlexinolFit, fit_appendix_c, fit_joint
 from .furukawa import fit_furukawa
 from .normalised import fit_furukawa_normalised, flexinol_normalised

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from sma_actuator.estimation.models import COEFFICIENTS
+from sma_actuator.logs.experiments import Experiment
 
 from . import fitting
 from .appendix_c import Asymptotes, asymptotes
-from .experiments import Experiment
 from .fitting import Data
 from .material import RPhaseAlloy, asymptotes_from_material
 from .ranges import distinct_stresses, full_cycles, lowest_order, stress_range_Pa, working_range_m

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from sma_actuator.estimation.models import COEFFICIENTS
+from sma_actuator.logs.experiments import Experiment
 
 from . import fitting
-from .experiments import Experiment
 from .fitting import Data
 from .flexinol import HIGHEST_ORDER, STRESS_UNIT_Pa
 from .ranges import distinct_stresses, full_cycles, lowest_order, stress_range_Pa, working_range_m

@@ -12,25 +12,25 @@ import numpy as np
 
 from sma_actuator.base.one_thread import one_thread
 from sma_actuator.base.parameters import ConfigError, to_mapping
+from sma_actuator.calibration.learning import calibration_of
+from sma_actuator.calibration.training import change_while_measured_m, words_of
 from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.derived import Derived, derived, with_derived, without_derived
 from sma_actuator.estimation.chain import stresses_inside_Pa
 from sma_actuator.estimation.models.thesis import wrong_alloy
 from sma_actuator.logs.bench_log import BenchLog, averaged
+from sma_actuator.logs.experiments import Experiment, IdentificationError
+from sma_actuator.logs.kinds import LEFT_OUT, make_experiments, usable_logs
 from sma_actuator.logs.sense import counts_contraction
 from sma_actuator.logs.static import STATIC
 
-from .calibration import calibration_of
 from .errors import LogError, log_errors
-from .experiments import Experiment, IdentificationError
 from .fatigue import Fatigue, fit_fatigue
 from .fitters import FITTERS, METHODS, Asked, Fitter, Progress
 from .fitting import predict
-from .kinds import LEFT_OUT, make_experiments, usable_logs
 from .measured import lowest_current_A, measured
 from .normalised import as_one_wire
 from .ranges import MARGIN, check_width, distinct_stresses, shortest_seen_m, without_misjudged
-from .training import change_while_measured_m, words_of
 from .unseen import unseen_of
 from .verdict import Verdict, judge
 

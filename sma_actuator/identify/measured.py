@@ -13,8 +13,7 @@ from sma_actuator.config import BenchConfig
 from sma_actuator.derived import LATENT, Derived, derived
 from sma_actuator.estimation.branch import BranchDetector, EstimatorParameters
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log
-
-from .experiments import Experiment
+from sma_actuator.logs.experiments import Experiment
 
 _STILL = 0.03  #: of the stroke, within which of its shortest a wire has not begun to move
 _TRANSFORMS = 0.15  #: share of the time until then that is left out: another phase begins before it shows

@@ -12,10 +12,8 @@ import numpy as np
 
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain
-from sma_actuator.logs.cycles import SAME_LOAD
-
-from .experiments import Experiment, IdentificationError
-from .kinds import FULL
+from sma_actuator.logs.experiments import Experiment, IdentificationError
+from sma_actuator.logs.kinds import FULL, load_numbers
 
 MARGIN = 0.02  #: share of the full stroke that the working range keeps from where resistance stops telling
 #: Share by which a load may differ from the one that all logs are of before it counts as foreign.  On the virtual bench a tenth more or
@@ -126,18 +124,6 @@ def without_misjudged(
     for sentence in errors.values():
         say(f"left out: {sentence}")
     return kept
-
-
-def load_numbers(experiments: Sequence[Experiment]) -> np.ndarray:
-    """The number of each experiment's load, from the lightest, 0; those within SAME_LOAD of each other have one."""
-    stress_Pa = np.array([t.mean_stress_Pa for t in experiments])
-    out, number, first = np.zeros(len(stress_Pa), dtype=int), 0, np.inf
-    for row in np.argsort(stress_Pa, kind="stable"):
-        if stress_Pa[row] > first + SAME_LOAD * max(abs(first), 1e6):
-            number, first = number + 1, stress_Pa[row]
-        first = min(first, stress_Pa[row])
-        out[row] = number
-    return out
 
 
 def lowest_order(experiments: Sequence[Experiment]) -> int:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .experiments import Experiment
+from sma_actuator.logs.experiments import Experiment
 
 
 @dataclass(frozen=True, slots=True)

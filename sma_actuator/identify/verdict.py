@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from .experiments import Experiment, IdentificationError
+from sma_actuator.logs.experiments import Experiment, IdentificationError
+
 from .ranges import MARGIN, determinate_interval_m, full_cycles
 from .unseen import Unseen
 

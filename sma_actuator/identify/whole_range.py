@@ -16,25 +16,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.estimation.models.whole_range import (
     CURVE_TERMS,
     DIRECT,
+    KNOWN,
+    PLAYS_K,
+    PLAYS_OF_RANGE,
     STRESS,
-    THERMAL,
     WholeRangeCoefficients,
     features_all,
+    thermal_numbers,
 )
+from sma_actuator.logs.experiments import Experiment, IdentificationError, begins_anew
+from sma_actuator.logs.kinds import load_numbers
 
-from .experiments import Experiment, IdentificationError, begins_anew
 from .fitting import at_bound, predict
-from .ranges import ONE_LOAD, distinct_stresses, load_numbers
+from .ranges import ONE_LOAD, distinct_stresses
 from .unseen import Unseen
 
 LEARNERS = 3
 UNITS = 16  #: tanh units of each
-PLAYS_K = (1.5, 3.0, 5.0, 8.0, 12.0)  #: half-widths; loops of Ni-Ti and Ni-Ti-Cu are 4 to 25 K wide
-PLAYS_OF_RANGE = (0.03, 0.10, 0.25)  #: half-widths of the plays in resistance, as shares of its range
 PLACES = 6  #: at which the interval is stated, on either branch
 FOLDS = 3
 NEVER = -1  #: left out
@@ -59,9 +60,7 @@ LEARNED_ERROR_K, JUDGED_ERROR_K = 0.5, 1.5
 COVERAGE = 0.95
 _PLACE_WIDTH = 0.8  #: of the window around a place, in distances of places
 
-# What is known of wires before a log is seen, and how far it may be off: time constant (share of C/h), growth of the
-# loss, λ_R (K per range of R), λ_X (latent over specific heat, 20 to 35 K), λ_θ, 1/slopes (K/MPa).
-_KNOWN = np.array([1.0, 0.002, 3.0, 26.0, 24.0, 0.125, 0.07])
+# How far what is known of wires before a log is seen (KNOWN) may be off, and between what it must lie.
 _UNSURE = np.array([0.2, 0.0015, 3.0, 5.0, 6.0, 0.025, 0.02])
 _LEAST = np.array([0.2, 0.0, -30.0, 0.0, -60.0, 0.02, 0.02])
 _MOST = np.array([5.0, 0.03, 60.0, 120.0, 90.0, 0.5, 0.5])
@@ -240,7 +239,7 @@ class _Data:
 
     def thermal_numbers(self, known: np.ndarray) -> np.ndarray:
         """The heat balance for the kernels, from numbers in units of what is known."""
-        return _thermal_numbers(known, self.thermal, self.span_Ohm)
+        return thermal_numbers(known, self.thermal, self.span_Ohm)
 
     @property
     def plays_Ohm(self) -> np.ndarray:
@@ -265,27 +264,6 @@ class _Data:
             out=out,
         )
         return out
-
-
-def _thermal_numbers(known: np.ndarray, thermal: ThermalParameters, span_Ohm: float) -> np.ndarray:
-    """The heat balance for the kernels, from numbers in units of what is known; ``span_Ohm``: range of the resistance."""
-    out = np.empty(THERMAL)
-    out[:] = (
-        known[0] * thermal.heat_capacity / thermal.heat_loss,
-        known[1],
-        thermal.heat_loss,
-        known[2] / span_Ohm,
-        known[3],
-        known[4] / span_Ohm,
-        known[5] * 1e-6,
-        known[6] * 1e-6,
-    )
-    return out
-
-
-def usual_heat_balance(thermal: ThermalParameters, span_Ohm: float) -> np.ndarray:
-    """The heat balance as far as it is known of such wires before a log is seen."""
-    return _thermal_numbers(_KNOWN, thermal, span_Ohm)
 
 
 def _thinned(experiment: Experiment, ambient_C: float) -> tuple[np.ndarray, ...]:
@@ -479,7 +457,7 @@ class _Team:
 
 def _heat_balance(data: _Data, progress: Callable[[float], None]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The heat balance, fitted together with one learner; then centre and scale of the features."""
-    known = _KNOWN.copy()
+    known = KNOWN.copy()
     rows = data.rows[data.measured]
     target = data.displacement[rows]
     seen = data.features(known)[data.scaling_rows]
@@ -490,7 +468,7 @@ def _heat_balance(data: _Data, progress: Callable[[float], None]) -> tuple[np.nd
         return (data.features(numbers)[rows] - centre) / scale
 
     def cost_of(error: np.ndarray, weights: np.ndarray, numbers: np.ndarray) -> float:
-        off = (numbers - _KNOWN) / _UNSURE
+        off = (numbers - KNOWN) / _UNSURE
         return _robust(error) + float(learner.shrinkage @ weights**2) + _PRIOR_WEIGHT * float(off @ off)
 
     z = scaled(known)
@@ -508,7 +486,7 @@ def _heat_balance(data: _Data, progress: Callable[[float], None]) -> tuple[np.nd
                 moved[k] += 1e-3 * _UNSURE[k]
                 columns.append((learner.value(weights, scaled(moved)) - value) / 1e-3)
             slopes = np.column_stack([jacobian, *columns])
-            pull = np.concatenate([pull, _PRIOR_WEIGHT * (known - _KNOWN) / _UNSURE])
+            pull = np.concatenate([pull, _PRIOR_WEIGHT * (known - KNOWN) / _UNSURE])
             stiffness = np.concatenate([stiffness, np.full(len(known), _PRIOR_WEIGHT)])
         for _ in range(6):
             step = _solve(slopes, target - value, pull, stiffness, damping)

@@ -15,8 +15,8 @@ from scipy.optimize import least_squares
 
 from sma_actuator.base.jit import jit
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.identify.experiments import Experiment
 from sma_actuator.identify.fitting import LOSS_SCALE, Data
+from sma_actuator.logs.experiments import Experiment
 
 
 class Baseline(Protocol):

@@ -11,9 +11,9 @@ from sma_actuator.base.signals import Quality
 from sma_actuator.characterise.programs import partial_cycles, square_pulses
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import IdentificationError, identify
-from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.identify.identification import identify_best
 from sma_actuator.logs.bench_log import BenchLog
+from sma_actuator.logs.experiments import make_experiment
 from sma_actuator.plant.loads import Weight
 
 LOAD_N = 1.0

@@ -9,8 +9,8 @@ from sma_actuator.base.share import shared_file
 from sma_actuator.characterise import PlanOptions, characterise, make_plan
 from sma_actuator.config import Config, read_parameter_file, write_parameter_file
 from sma_actuator.derived import derived, with_derived, without_derived
-from sma_actuator.identify.kinds import PARTIAL, make_experiments
 from sma_actuator.logs.bench_log import read_bench_log
+from sma_actuator.logs.kinds import PARTIAL, make_experiments
 
 NODE = shared_file("config/flexinol.yaml")
 

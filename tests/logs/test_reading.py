@@ -50,7 +50,7 @@ def test_thirty_pulses_are_thirty_full_cycles_for_check_log_too(noise):
 
 
 def test_a_log_in_which_some_cycles_are_partial_now_and_then_is_one_of_full_cycles(config):
-    from sma_actuator.identify.kinds import FULL, make_experiments
+    from sma_actuator.logs.kinds import FULL, make_experiments
 
     log = pulses(54, partial_every=6)
     assert 0.7 < full_share(log) < 0.95

@@ -14,11 +14,11 @@ from sma_actuator.cli.main import main
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
 from sma_actuator.identify.errors import log_error
-from sma_actuator.identify.experiments import make_experiment
 from sma_actuator.identify.fitting import make_data
-from sma_actuator.identify.kinds import make_experiments
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.logs.errors import BenchLogError
+from sma_actuator.logs.experiments import make_experiment
+from sma_actuator.logs.kinds import make_experiments
 from sma_actuator.replay import estimate_m, log_from_bag, replay
 from sma_actuator.replay.baselines import Duhem, NeuralNetwork, PolynomialInResistance, TwoLines, all_baselines
 from sma_actuator.replay.replaying import winners

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from sma_actuator.config import BenchConfig
-from sma_actuator.identify.experiments import Experiment
 from sma_actuator.identify.fitters import FITTERS, Asked, Fitted, Fitter
+from sma_actuator.logs.experiments import Experiment
 
 from .straight_line import StraightLine
 

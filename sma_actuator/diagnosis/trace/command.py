@@ -15,6 +15,7 @@ from rich.table import Table
 
 from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.base.parameters import ConfigError, to_mapping
+from sma_actuator.calibration.learning import calibration_of
 from sma_actuator.config import Config, parameter_text, write_parameter_file
 from sma_actuator.console import (
     add_output_arguments,
@@ -27,10 +28,9 @@ from sma_actuator.console import (
 )
 from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.fleet import Finding, add_fleet_arguments, cluster, run_fleet
-from sma_actuator.identify.calibration import calibration_of
 from sma_actuator.identify.fitters import FITTERS
-from sma_actuator.identify.kinds import make_experiments
 from sma_actuator.logs.files import write_atomically
+from sma_actuator.logs.kinds import make_experiments
 from sma_actuator.logs.reading import add_log_arguments, find_logs, place, read_logs, reading_of
 
 from .evidence import Evidence

@@ -17,19 +17,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_actuator.base.signals import Quality, Signals
+from sma_actuator.calibration.expectation import Expectation, always_so_m
+from sma_actuator.calibration.power import passages, warmer_K
+from sma_actuator.calibration.rest import SPREAD, AtRest, Rest, Usual, find_rests
+from sma_actuator.calibration.training import SINCE_THEN, SINCE_THEN_WITHIN
 from sma_actuator.config import Config
 from sma_actuator.estimation.calibration import Calibration, left_in_place
 from sma_actuator.estimation.chain import Chain, Judged, place_of
 from sma_actuator.estimation.effects import Effect, Effects
 from sma_actuator.estimation.effects.frame import Frame, Place
-from sma_actuator.identify.balance import passages, warmer_K
-from sma_actuator.identify.expectation import Expectation, always_so_m
-from sma_actuator.identify.experiments import Experiment, make_experiment, sessions
-from sma_actuator.identify.rests import Rest, find_rests
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
-
-from .at_rest import SINCE_THEN, SINCE_THEN_WITHIN, SPREAD, AtRest, Usual
+from sma_actuator.logs.experiments import Experiment, make_experiment, sessions
 
 INDEPENDENT = (
     8.0  #: samples of one unit that say something new, where the calibration does not say how long errors last

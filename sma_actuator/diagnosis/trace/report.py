@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from sma_actuator.base.parameters import declaration_of
+from sma_actuator.calibration.expectation import learn
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL, QUANTITIES
-from sma_actuator.identify.expectation import learn
 
 from . import why
 from .analysis import anatomy

@@ -31,7 +31,7 @@ import numpy as np
 
 from sma_actuator.base.jit import jit
 from sma_actuator.base.parameters import parameter
-from sma_actuator.base.sections import Wire
+from sma_actuator.base.sections import ThermalParameters, Wire
 
 from .checks import COUNTS_CONTRACTION, wrong_ranges, wrong_size
 from .model import COEFFICIENTS
@@ -51,6 +51,11 @@ CURVE_TERMS = 10  #: of a quadratic in them
 ) = range(8)
 THERMAL = 8  #: numbers of the heat balance, in this order
 NARROW = 2  #: so many of the plays in temperature, the first, are shifted by stress as the narrow loop is
+PLAYS_K = (1.5, 3.0, 5.0, 8.0, 12.0)  #: half-widths; loops of Ni-Ti and Ni-Ti-Cu are 4 to 25 K wide
+PLAYS_OF_RANGE = (0.03, 0.10, 0.25)  #: half-widths of the plays in resistance, as shares of its range
+#: What is known of wires before a log is seen: time constant (share of C/h), growth of the loss, λ_R (K per range of R), λ_X (latent
+#: over specific heat, 20 to 35 K), λ_θ, 1/slopes (K/MPa).
+KNOWN = np.array([1.0, 0.002, 3.0, 26.0, 24.0, 0.125, 0.07])
 # What is remembered: time, heat content, resistance and X of the sample before, then the plays.
 _TIME, _HEAT, _RESISTANCE, _SHARE, _PLAYS = range(5)
 # Limits: δ at the two ends of what was seen, size of the residual, novelty beyond which it fades, what is added to the
@@ -576,3 +581,24 @@ class WholeRangeCoefficients:
     def build(self, wire: Wire) -> WholeRangeModel:
         """The model of the wire the coefficients were fitted on."""
         return WholeRangeModel(self)
+
+
+def thermal_numbers(known: np.ndarray, thermal: ThermalParameters, span_Ohm: float) -> np.ndarray:
+    """The heat balance for the kernels, from numbers in units of what is known; ``span_Ohm``: range of the resistance."""
+    out = np.empty(THERMAL)
+    out[:] = (
+        known[0] * thermal.heat_capacity / thermal.heat_loss,
+        known[1],
+        thermal.heat_loss,
+        known[2] / span_Ohm,
+        known[3],
+        known[4] / span_Ohm,
+        known[5] * 1e-6,
+        known[6] * 1e-6,
+    )
+    return out
+
+
+def usual_heat_balance(thermal: ThermalParameters, span_Ohm: float) -> np.ndarray:
+    """The heat balance as far as it is known of such wires before a log is seen."""
+    return thermal_numbers(KNOWN, thermal, span_Ohm)

@@ -4,9 +4,9 @@ import math
 
 from characterised import bench_mapping, virtual_rig
 
+from sma_actuator.calibration.training import change_while_measured_m
 from sma_actuator.characterise.programs import square_pulses
 from sma_actuator.identify import identify
-from sma_actuator.identify.training import change_while_measured_m
 from sma_actuator.plant.loads import Weight
 from sma_actuator.plant.worlds import IN_TRAINING
 

@@ -8,15 +8,17 @@ from characterised import virtual_rig
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sma_actuator.calibration import calibration_of
+from sma_actuator.calibration.expectation import Expectation, always_so_m, correlation_time_s, learn
+from sma_actuator.calibration.interval import expected_residual_m
+from sma_actuator.calibration.rest import WINDOW_s, find_rests
+from sma_actuator.calibration.stresses import clusters
 from sma_actuator.characterise.programs import square_pulses
 from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
-from sma_actuator.identify.calibration import _clusters, calibration_of, expected_residual_m
-from sma_actuator.identify.expectation import Expectation, always_so_m, correlation_time_s, learn
-from sma_actuator.identify.experiments import make_experiment
-from sma_actuator.identify.kinds import make_experiments
-from sma_actuator.identify.rests import WINDOW_s, find_rests
+from sma_actuator.logs.experiments import make_experiment
+from sma_actuator.logs.kinds import make_experiments
 from sma_actuator.plant.loads import Weight
 
 
@@ -97,9 +99,9 @@ def test_a_contracted_wire_that_still_grows_warmer_counts_as_it_would_be_in_the_
 def test_two_light_weights_are_two_stresses():
     """The cold end bends most where the load is light: 0.24 N and 0.35 N are no more one load than 1.3 N and 1.9 N are."""
     stress_Pa = np.array([15.0, 15.1, 22.0, 22.1, 32.0, 45.0, 62.0, 85.0, 118.0, 120.0]) * 1e6
-    np.testing.assert_allclose(_clusters(stress_Pa), np.array([15.05, 22.05, 32.0, 45.0, 62.0, 85.0, 119.0]) * 1e6)
+    np.testing.assert_allclose(clusters(stress_Pa), np.array([15.05, 22.05, 32.0, 45.0, 62.0, 85.0, 119.0]) * 1e6)
     np.testing.assert_allclose(
-        _clusters([-0.2e6, 0.1e6, 0.3e6, 30e6]), [0.2e6 / 3, 30e6]
+        clusters([-0.2e6, 0.1e6, 0.3e6, 30e6]), [0.2e6 / 3, 30e6]
     )  # what a load cell's zero is off
 
 

@@ -15,8 +15,14 @@ import numpy as np
 from sma_actuator.logs.bench_log import BenchLog, uncalibrated_resistance_and_current
 from sma_actuator.logs.cycles import SAME_LOAD, cycle_numbers, cycles_of, which_are_full
 from sma_actuator.logs.errors import BenchLogError
-
-from .experiments import NOT_FITTED, Experiment, IdentificationError, judged_rows, make_experiment, sessions
+from sma_actuator.logs.experiments import (
+    NOT_FITTED,
+    Experiment,
+    IdentificationError,
+    judged_rows,
+    make_experiment,
+    sessions,
+)
 
 FULL, PARTIAL, MANY = "pulses", "partial", "fatigue"
 #: Currents held one after the other, and setpoints followed by a control law: partial cycles that are never cut, since each
@@ -104,6 +110,18 @@ def usable_logs(logs: Sequence[BenchLog], config: Any, say: Callable[[str], None
 def logs_to_fit(logs: Sequence[BenchLog]) -> list[BenchLog]:
     """Those of neither calibration nor training, in which the current moves."""
     return [log for log in logs if log.metadata.get("kind") not in NOT_FITTED and _is_cycled(log)]
+
+
+def load_numbers(experiments: Sequence[Experiment]) -> np.ndarray:
+    """The number of each experiment's load, from the lightest, 0; those within SAME_LOAD of each other have one."""
+    stress_Pa = np.array([t.mean_stress_Pa for t in experiments])
+    out, number, first = np.zeros(len(stress_Pa), dtype=int), 0, np.inf
+    for row in np.argsort(stress_Pa, kind="stable"):
+        if stress_Pa[row] > first + SAME_LOAD * max(abs(first), 1e6):
+            number, first = number + 1, stress_Pa[row]
+        first = min(first, stress_Pa[row])
+        out[row] = number
+    return out
 
 
 def _is_cycled(log: BenchLog) -> bool:

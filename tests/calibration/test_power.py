@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 
 from sma_actuator.base.share import shared_file
+from sma_actuator.calibration.power import learn, passages
 from sma_actuator.config import Config
-from sma_actuator.identify.balance import balance_of, passages
-from sma_actuator.identify.kinds import make_experiments
+from sma_actuator.logs.kinds import make_experiments
 
 
 def test_without_full_pulses_nothing_is_said_of_the_transformation():
     config = Config.load(shared_file("config/flexinol.yaml"))
-    assert balance_of([], config, config.calibration) == {}
+    assert learn([], config, config.calibration) == {}
 
 
 def test_a_passage_goes_from_end_to_end_without_turning_back():
@@ -33,6 +33,6 @@ def test_a_wire_that_does_not_come_back_under_a_light_load_counts_as_little(flex
     hot_m = np.interp(calibration.cold_stress[0], calibration.contracted_stress, calibration.contracted_displacement)
     stays = (float(hot_m) + 0.3e-3, *calibration.cold_displacement[1:])
     experiments = make_experiments(flexinol.only("pulses", "partial"), config, False)
-    found = balance_of(experiments, config, replace(calibration, cold_displacement=stays))
+    found = learn(experiments, config, replace(calibration, cold_displacement=stays))
     assert np.all(np.abs(found["transformation_speed"]) < 1.0)
     assert found["latent_rise"] > 10.0

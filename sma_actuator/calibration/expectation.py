@@ -27,11 +27,15 @@ from sma_actuator.base.jit import jit
 from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain, Estimates
-from sma_actuator.estimation.models.whole_range import DIRECT, features_all
+from sma_actuator.estimation.models.whole_range import (
+    DIRECT,
+    PLAYS_K,
+    PLAYS_OF_RANGE,
+    features_all,
+    usual_heat_balance,
+)
 from sma_actuator.logs.cycles import SAME_LOAD
-
-from .experiments import Experiment
-from .whole_range import PLAYS_K, PLAYS_OF_RANGE, usual_heat_balance
+from sma_actuator.logs.experiments import Experiment
 
 UNITS = 240  #: bends, of SEEN_TOGETHER of the features each
 SEEN_TOGETHER = 3

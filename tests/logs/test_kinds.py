@@ -13,8 +13,8 @@ from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import held_currents
 from sma_actuator.cli.main import main
 from sma_actuator.config import bench_from_mapping
-from sma_actuator.identify.kinds import FULL, PARTIAL, make_experiments
 from sma_actuator.logs.bench_log import write_bench_log
+from sma_actuator.logs.kinds import FULL, PARTIAL, make_experiments
 from sma_actuator.plant.loads import Weight
 
 LOADS = ("0.300N", "0.600N", "1.200N", "2.000N")

@@ -19,8 +19,7 @@ from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
 from sma_actuator.estimation.calibration import Calibration
-
-from .experiments import Experiment
+from sma_actuator.logs.experiments import Experiment
 
 SHARES = np.linspace(0.0, 1.0, 11)  #: where the curves have a value, between them they are straight
 #: What is known of such wires before: latent over specific heat [K], shift with stress [K/Pa]; and how well.
@@ -36,7 +35,7 @@ _BACK = 0.05  #: share by which a wire that goes through may go back
 _BEYOND = 0.1  #: share of the stroke by which a wire may be beyond its ends, and be taken for what it is
 
 
-def balance_of(experiments: Sequence[Experiment], config: Config, calibration: Calibration) -> dict:
+def learn(experiments: Sequence[Experiment], config: Config, calibration: Calibration) -> dict:
     """What ``calibration`` says of the transformation's temperatures; nothing where the logs do not."""
     if not (calibration.contracted_stress and calibration.cold_stress):
         return {}

@@ -1,0 +1,105 @@
+"""The contracted wire, and the way back: resistance over temperature at the hot end, and how warm a wire is that cools.
+
+:class:`sma_actuator.estimation.hot_end.HotEnd` and the supervisor look it up: beyond the hot end resistance no longer tells
+displacement, and a wire that has not cooled so far cannot have gone back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sma_actuator.base.sections import ThermalParameters
+from sma_actuator.config import Config
+from sma_actuator.logs.experiments import Experiment
+from sma_actuator.safety.thermal import HeatBalance
+
+from .stresses import clusters, rounded
+
+STILL_SHARE = (
+    0.03  #: of the full stroke, within which of its shortest a wire counts as contracted: it shrinks as it cools
+)
+
+
+def learn(experiments: Sequence[Experiment], config: Config) -> dict:
+    """Fields of a calibration."""
+    return {**_cooling(experiments, config), **_contracted(experiments, config)}
+
+
+def _cooling(experiments: Sequence[Experiment], config: Config) -> dict:
+    """How warm the heat balance called the wire when, cooling, it passed the middle of its working range."""
+    middle_m = float(np.mean(config.model.build(config.wire).displacement_range_m))
+    rows = []
+    for experiment in experiments:
+        wire_C, ambient_C = _heat_balance_C(experiment, config.thermal)
+        long = experiment.displacement_m > middle_m
+        passed = np.flatnonzero(long[1:] & ~long[:-1] & ~experiment.driven[1:]) + 1
+        rows += [(float(experiment.stress_Pa[i]), float(wire_C[i] - ambient_C[i])) for i in passed]
+    table = np.array(rows).reshape(-1, 2)
+    table = table[np.isfinite(table).all(axis=1)]
+    if not len(table):
+        return {}
+    stress_Pa, rise_K = table.T
+    loads_Pa = clusters(stress_Pa)
+    nearest = np.argmin(np.abs(stress_Pa[:, None] - loads_Pa), axis=1)
+    return {
+        "cooling_position": round(middle_m, 8),
+        "cooling_stress": rounded(loads_Pa, 0),
+        "cooling_rise": tuple(round(float(rise_K[nearest == i].min()), 2) for i in range(len(loads_Pa))),
+    }
+
+
+def _contracted(experiments: Sequence[Experiment], config: Config) -> dict:
+    """Resistance over temperature of the wire that does not move any more: contracted, and cooling after a pulse.
+
+    Not while it is heated: the balance leaves latent heat out, so right after the transformation it is hot by what
+    that took, and forgets it in a few time constants.
+    """
+    still_m = STILL_SHARE * config.wire.full_stroke_m
+    rows = []
+    for experiment in experiments:
+        if experiment.kind != "pulses" or not experiment.constant_load:
+            continue
+        wire_C, _ = _heat_balance_C(experiment, config.thermal)
+        values = np.column_stack((experiment.stress_Pa, experiment.resistance_Ohm, experiment.displacement_m, wire_C))
+        shortest_m = np.nanpercentile(experiment.displacement_m, 0.5)
+        for off in np.flatnonzero(experiment.driven[:-1] & ~experiment.driven[1:]) + 2:
+            moves = np.flatnonzero(~(experiment.displacement_m[off:] < shortest_m + still_m) | experiment.driven[off:])
+            still = values[off : off + moves[0]] if len(moves) else values[off:]
+            still = still[np.isfinite(still).all(axis=1)]
+            if len(still) > 5:
+                rows.append(still[: max(int(np.argmin(still[:, 1])), 5)])  # from there on another phase comes
+    if not rows:
+        return {}
+    x, y = (np.concatenate([r[:, k] - r[:, k].mean() for r in rows]) for k in (3, 1))
+    slope_Ohm_K = float(x @ y / (x @ x))
+    means = np.array([r.mean(axis=0) for r in rows])
+    reference_C = float(np.median(means[:, 3]))
+    means[:, 1] += slope_Ohm_K * (reference_C - means[:, 3])
+    stress_Pa = clusters(means[:, 0])
+    nearest = np.argmin(np.abs(means[:, :1] - stress_Pa), axis=1)
+    middle = np.array([np.median(means[nearest == i], axis=0) for i in range(len(stress_Pa))])
+    return {
+        "contracted_stress": rounded(middle[:, 0], 0),
+        "contracted_resistance": rounded(middle[:, 1], 6),
+        "contracted_displacement": rounded(middle[:, 2], 8),
+        "contracted_temperature": round(reference_C, 2),
+        "contracted_slope": slope_Ohm_K,
+    }
+
+
+def _heat_balance_C(experiment: Experiment, thermal: ThermalParameters) -> tuple[np.ndarray, np.ndarray]:
+    """Temperature of the wire by the heat balance, and of its surroundings, of each sample."""
+    signals = experiment.signals
+    read_C = np.broadcast_to(signals.ambient_temperature_C, signals.time_s.shape)
+    ambient_C = np.where(np.isfinite(read_C), read_C, thermal.ambient_temperature)
+    heat = HeatBalance(float(ambient_C[0]))
+    wire_C = np.empty(len(ambient_C))
+    steps_s = np.diff(signals.time_s, prepend=signals.time_s[0])
+    power_W = np.nan_to_num(signals.power_W)
+    for i, step_s in enumerate(steps_s):
+        wire_C[i] = heat.step(
+            float(power_W[i]), float(step_s), float(ambient_C[i]), thermal.heat_capacity, thermal.heat_loss
+        )
+    return wire_C, ambient_C

@@ -1,0 +1,75 @@
+"""The section ``calibration`` of a model and its own logs, part by part.
+
+``trace`` compares new logs with it: an error that was there at the calibration is the model's, one
+that was not has a cause.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from sma_actuator.config import Config
+from sma_actuator.estimation.calibration import Calibration
+from sma_actuator.estimation.chain import Chain, Estimates
+from sma_actuator.logs.experiments import Experiment, begins_anew
+
+from . import expectation, hot_end, interval, power, rest
+from .training import change_while_measured_m
+
+
+def calibration_of(
+    experiments: Sequence[Experiment], config: Config, at_rest: bool = True, fresh_percent: float = 0.0
+) -> Calibration:
+    """The section ``calibration`` for a model and its own logs.
+
+    ``at_rest``: with what a resting wire shows; left out for models of wires of any size.  ``fresh_percent``: error of
+    the model on logs left out, where it is not what it leaves on these, which it learned.
+    """
+    known = _of_the_wire(experiments, config) if at_rest else Calibration()
+    config = dataclasses.replace(config, calibration=known)  # the hot end that the node will know decides errors too
+    found = _through(config, experiments)
+    experiments = [t.through(estimate) for t, estimate in zip(experiments, found, strict=True)]
+    estimates = [estimate.displacement_m for estimate in found]
+    full_m = config.wire.full_stroke_m
+    errors = [
+        float(np.nanmean(np.abs(d - t.displacement_m))) / full_m * 100
+        for d, t in zip(estimates, experiments, strict=True)
+    ]
+    size: dict = {"error": float(np.mean(errors)), "largest_error": max(errors)}
+    if not at_rest:
+        return Calibration(**size)
+    range_m = config.model.build(config.wire).displacement_range_m
+    at_places = interval.learn(experiments, estimates, range_m, full_m)
+    expected = expectation.learn(experiments, found, config)
+    expected["floor"] = max(expected["floor"], fresh_percent)
+    return dataclasses.replace(known, **size, **at_places, **expected)
+
+
+def _through(config: Config, experiments: Sequence[Experiment]) -> list[Estimates]:
+    """Every experiment through the chain, which goes on through stretches of one log that follow each other."""
+    chain, out = Chain(config), []
+    for experiment, anew in zip(experiments, begins_anew(experiments), strict=True):
+        if anew:
+            chain = Chain(config)
+        out.append(chain.run(experiment.signals))
+    return out
+
+
+def _of_the_wire(experiments: Sequence[Experiment], config: Config) -> Calibration:
+    """What the wire shows whatever the model makes of it."""
+    config = dataclasses.replace(config, calibration=Calibration())
+    experiments = [t.through(found) for t, found in zip(experiments, _through(config, experiments), strict=True)]
+    measured_C = [np.atleast_1d(t.signals.ambient_temperature_C) for t in experiments]
+    ambient = np.concatenate([a[np.isfinite(a)] for a in measured_C])
+    resistance_Ohm = np.concatenate([t.resistance_Ohm for t in experiments])
+    known = Calibration(
+        changed=change_while_measured_m([t.log for t in experiments], config),
+        resistance_range=float(np.subtract(*np.nanpercentile(resistance_Ohm, (99.5, 0.5)))),
+        ambient_temperature=float(ambient.mean()) if len(ambient) else np.nan,
+        **hot_end.learn(experiments, config),
+        **rest.learn(experiments, config.thermal.heat_capacity / config.thermal.heat_loss),
+    )
+    return dataclasses.replace(known, **power.learn(experiments, config, known))

@@ -1,0 +1,257 @@
+"""Where the wire stands still: cold at the bias current, and hot at full contraction.
+
+There resistance and displacement depend on load, surroundings and, of a contracted wire, its temperature alone, and repeat
+from cycle to cycle far better than the loop between; so they witness faults that the displacement hides.  :func:`learn` says what
+they were at the calibration, :class:`Usual` how far off a later rest is, in standard deviations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from sma_actuator.estimation.calibration import COLD_SHARE, Calibration, through
+from sma_actuator.logs.experiments import Experiment
+
+from .stresses import clusters, rounded
+from .training import SINCE_THEN, SINCE_THEN_WITHIN
+
+WINDOW_s = 1.0  #: averaged
+SETTLED = {
+    False: 4.0,
+    True: 2.0,
+}  #: thermal time constants that the current has stood, cold and hot (heated, it does not wait)
+#: Share of its range that the current may move meanwhile, cold and hot: a guard against overheating takes it back towards the end of a pulse.
+STILL = {False: 0.06, True: 0.1}
+STEADY = 0.015  #: share of its range that R or δ may move from half a window to the next
+TO_GO = 0.012  #: share of its range that δ of a settled wire may have before it
+SPREAD = 1.25  #: standard deviation over mean absolute error
+REPEATS = 0.003, 0.005  #: share of the ranges of R and δ to which a rest repeats at the best
+#: How far a rest may be off, of those ranges, per distance from the calibration's nearest stress over its largest; and so
+#: many times that per difference from the load that a cold wire came to rest under: it has the variants of that.
+BETWEEN, OTHER_VARIANTS = 0.05, 2.0
+BENDS_WITHIN = 0.5  #: how far the curve between these stresses may be off, of what it lies beside straight lines
+#: The same of a cold wire in surroundings known to be others, per kelvin: many alloys have not transformed to the end at
+#: room temperature.
+PER_KELVIN = 0.005
+#: A hot rest is held against the calibration's where it takes its power to within so much; and how well it is known how much more
+#: resistance a contracted wire has that is warmer: of that, or where nobody knows it, per kelvin of the resistance.
+AS_HOT, WARMS_WITHIN, WARMS_AT_MOST = 0.3, 0.5, 5e-4
+#: Temperature to which what a contracted wire has yet to go is in proportion, where it is not as hot as at the calibration.
+TAIL_K = 5.0
+ALIKE = 0.05  #: of the largest: what stress and heat of two rests may differ by that are held against each other
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """One stretch of WINDOW_s at rest: samples ``start`` … ``stop`` − 1 of its experiment."""
+
+    hot: bool
+    start: int
+    stop: int
+    cycle: int
+    to_go: float  #: share of its range that δ moves in a thermal time constant, where it goes on as in the window
+
+    def further(self, values: np.ndarray, time_s: np.ndarray, time_constant_s: float) -> float:
+        """How far ``values`` (n,) would go after the window, where they go on as in it and come to rest in so long."""
+        if self.stop - self.start < 2:
+            return 0.0
+        return _moved(values, self.start, self.stop) / _moved(time_s, self.start, self.stop) * time_constant_s
+
+    @property
+    def settled(self) -> bool:
+        """Whether it is one: a wire that loses its heat more slowly than was thought creeps on for long."""
+        return self.to_go <= TO_GO
+
+
+def _moved(values: np.ndarray, start: int, stop: int) -> float:
+    """How far ``values`` come from the first half of a window to its second, in the mean."""
+    middle = (start + stop) // 2
+    return float(np.mean(values[middle:stop]) - np.mean(values[start:middle]))
+
+
+def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[Rest]:
+    """Rests of an experiment: the last second before the current is switched on (cold) or off (hot), where all is steady.
+
+    The current must have stood for SETTLED thermal time constants: a wire that has just been switched
+    off does not move yet, and is not at rest.  A load that changed is none either.
+    """
+    time_s, driven, current_A = experiment.signals.time_s, experiment.driven, experiment.signals.current_A
+    turns = np.flatnonzero(driven[1:] != driven[:-1]) + 1
+    ranges = [
+        (values, np.subtract(*np.nanpercentile(values, (99.0, 1.0))))
+        for values in (experiment.resistance_Ohm, experiment.displacement_m)
+    ]
+    range_A = np.subtract(*np.nanpercentile(current_A, (99.0, 1.0)))
+    rests = []
+    for turn in np.append(turns, len(time_s)):
+        hot = bool(driven[turn - 1])
+        settling_s = max(SETTLED[hot] * thermal_time_constant_s, 2.0 * WINDOW_s)
+        begun = int(np.searchsorted(time_s, time_s[turn - 1] - settling_s))
+        start = int(np.searchsorted(time_s, time_s[turn - 1] - WINDOW_s))
+        if turn - start < 4 or time_s[turn - 1] - time_s[begun] < 0.9 * settling_s or (driven[begun:turn] != hot).any():
+            continue
+        if np.ptp(current_A[begun + 1 : turn - 1]) > STILL[hot] * range_A:
+            continue
+        load_N, still_m = experiment.signals.load_N, experiment.displacement_m
+        steady = (
+            all(abs(_moved(values, start, turn)) <= STEADY * span for values, span in ranges)
+            and abs(_moved(load_N, start, turn)) <= 0.02 * abs(np.mean(load_N[start:turn])) + 0.005
+        )
+        if steady:
+            moved_m = abs(_moved(still_m, start, turn))
+            to_go = float(moved_m / max(ranges[1][1], 1e-12) * thermal_time_constant_s / (0.5 * WINDOW_s))
+            rests.append(Rest(hot, start, int(turn), int(experiment.cycle[start]), to_go))
+    return rests
+
+
+def learn(experiments: Sequence[Experiment], thermal_time_constant_s: float) -> dict:
+    """Fields of a calibration."""
+    found = [(t, rest) for t in experiments for rest in find_rests(t, thermal_time_constant_s)]
+    # A cold wire that creeps is not at rest yet, a hot one is contracted whether or not it grows warmer.
+    settled = [x for x in found if x[1].hot or x[1].settled]
+    if sum(not rest.hot for _, rest in settled) < 2:
+        settled = found
+    points = {hot: _means_at([x for x in settled if x[1].hot == hot], thermal_time_constant_s) for hot in (False, True)}
+    out: dict = {}
+    deviations = []
+    power_W = np.median([p[3] for p in points[True]]) if points[True] else np.nan
+    for hot, name in ((False, "cold"), (True, "hot")):
+        rows = np.array(points[hot]).reshape(-1, 5)
+        if hot:
+            rows = rows[np.abs(rows[:, 3] - power_W) <= 0.15 * power_W]
+        rows = rows[np.isfinite(rows).all(axis=1)]
+        if len(rows) < 2:
+            continue
+        stress_Pa = clusters(rows[:, 0])
+        nearest = np.argmin(np.abs(rows[:, :1] - stress_Pa), axis=1)
+        middle = np.array([np.median(rows[nearest == i], axis=0) for i in range(len(stress_Pa))])
+        out[f"{name}_stress"] = rounded(middle[:, 0], 0)
+        out[f"{name}_resistance"] = rounded(middle[:, 1], 6)
+        out[f"{name}_displacement"] = rounded(middle[:, 2], 8)
+        deviations.append(
+            rows[:, 1:3] - np.column_stack([through(middle[:, 0], middle[:, k], rows[:, 0]) for k in (1, 2)])
+        )
+    if deviations:
+        together = np.concatenate(deviations)
+        out["resistance_scatter"] = float(np.sqrt(np.mean(together[:, 0] ** 2)))
+        out["displacement_scatter"] = float(np.sqrt(np.mean(together[:, 1] ** 2)))
+    if "hot_stress" in out:
+        out["hot_power"] = float(power_W)
+        out["hot_to_go"] = round(float(np.sqrt(np.mean(np.square([row[4] for row in points[True]])))), 8)
+    return out
+
+
+def _means_at(found: Sequence[tuple[Experiment, Rest]], thermal_time_constant_s: float) -> list[list[float]]:
+    """Stress, resistance, displacement and power of rests, and how far the displacement had yet to go.
+
+    A cold wire that creeps yet counts with the length that it goes to, a contracted one that grows warmer with the
+    resistance: heated on and on, it would always shrink a little.
+    """
+    out = []
+    for t, rest in found:
+        here = slice(rest.start, rest.stop)
+        values = (t.stress_Pa, t.resistance_Ohm, t.displacement_m, t.signals.power_W)
+        means = [float(np.mean(v[here])) for v in values]
+        further = [rest.further(v, t.signals.time_s, thermal_time_constant_s) for v in values]
+        goes_on = 1 if rest.hot else 2
+        means[goes_on] += further[goes_on]
+        out.append([*means, further[2]])
+    return out
+
+
+@dataclass(frozen=True, slots=True)
+class AtRest:
+    """What one rest shows."""
+
+    hot: bool
+    resistance_Ohm: float  #: of a contracted wire: that it goes to
+    displacement_m: float  #: of a cold wire: that it goes to
+    further_m: float  #: how much of it there was yet to come
+    stress_Pa: float
+    since_Pa: float  #: how much its load has changed since the wire came there
+    heat_W: float  #: that it loses
+    beside_W: float  #: of that, what does not come from the current
+    warmer_K: float  #: how much warmer its surroundings are than the calibration's, by what is logged
+
+
+@dataclass(frozen=True)
+class Usual:
+    """What is usual at rest."""
+
+    calibration: Calibration
+    heat_loss_W_K: float
+    resistance_Ohm: float  #: range of the resistance
+    stroke_m: float
+
+    def off(self, rests: Sequence[AtRest]) -> np.ndarray:
+        """How far off R and δ of n rests are, in standard deviations, shape (n, 2); 0 where nothing is known of such a rest."""
+        out = np.zeros((len(rests), 2))
+        for hot in (False, True):
+            chosen = [k for k, rest in enumerate(rests) if rest.hot == hot]
+            if chosen:
+                columns = {f.name: np.array([getattr(rests[k], f.name) for k in chosen]) for f in fields(AtRest)}
+                out[chosen] = self._off(hot, columns)
+        return out
+
+    def _off(self, hot: bool, is_: dict[str, np.ndarray]) -> np.ndarray:
+        c = self.calibration
+        ranges = np.array([self.resistance_Ohm, self.stroke_m])
+        scatter = np.nan_to_num([c.resistance_scatter, c.displacement_scatter])
+        expected, away, bent = self._expected(hot, is_)
+        to_go_m = np.abs(is_["further_m"])
+        known = np.ones(len(away), dtype=bool)
+        warms = np.zeros(len(away))
+        if not hot:
+            away = away + PER_KELVIN * np.abs(is_["warmer_K"] + is_["beside_W"] / self.heat_loss_W_K)
+        elif math.isfinite(c.hot_power):
+            known = np.abs(is_["heat_W"] / c.hot_power - 1.0) <= AS_HOT
+            warmer_K = is_["warmer_K"] + (is_["heat_W"] - c.hot_power) / self.heat_loss_W_K
+            warms = WARMS_AT_MOST * expected[:, 0] * np.abs(warmer_K)
+            if math.isfinite(c.contracted_slope):
+                expected[:, 0] += c.contracted_slope * warmer_K
+                warms = WARMS_WITHIN * np.abs(c.contracted_slope * warmer_K)
+            to_go_m = to_go_m + c.hot_to_go * np.maximum(1.0, np.abs(warmer_K) / TAIL_K)
+        away = np.hypot(away, to_go_m / self.stroke_m)
+        squares = scatter**2 + (ranges * REPEATS) ** 2 + np.outer(away, ranges) ** 2 + bent**2
+        # What training does to the length of a cold wire is known, but not what to its resistance.
+        changed = np.array([c.changed / self.stroke_m * self.resistance_Ohm, self._changed_m(hot)])
+        squares += (SPREAD * SINCE_THEN_WITHIN * changed) ** 2
+        squares[:, 0] += warms**2
+        shown = np.column_stack((is_["resistance_Ohm"], is_["displacement_m"]))
+        return np.where(known[:, None], (shown - expected) / np.sqrt(squares), 0.0)
+
+    def _expected(self, hot: bool, is_: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """R and δ of the calibration at the rests' stresses, (n, 2).
+
+        And how far off they may be: of the ranges, (n,), and because they bend between the calibration's loads, (n, 2).
+        """
+        c, stress_Pa = self.calibration, is_["stress_Pa"]
+        nodes_Pa = np.asarray(c.hot_stress if hot else c.cold_stress)
+        if not len(nodes_Pa):
+            return self._of_the_others(hot, is_), np.zeros(len(stress_Pa)), np.zeros((len(stress_Pa), 2))
+        tables = (c.hot_resistance, c.hot_displacement) if hot else (c.cold_resistance, c.cold_displacement)
+        expected = np.column_stack([through(nodes_Pa, values, stress_Pa) for values in tables])
+        straight = np.column_stack([np.interp(stress_Pa, nodes_Pa, values) for values in tables])
+        bent = BENDS_WITHIN * np.abs(expected - straight)
+        expected[:, 1] += SINCE_THEN * self._changed_m(hot)
+        away_Pa = np.min(np.abs(stress_Pa[:, None] - nodes_Pa), axis=1)
+        if not hot:
+            away_Pa = away_Pa + OTHER_VARIANTS * np.abs(is_["since_Pa"])
+        return expected, BETWEEN * away_Pa / np.max(np.abs(nodes_Pa)), bent
+
+    @staticmethod
+    def _of_the_others(hot: bool, is_: dict[str, np.ndarray]) -> np.ndarray:
+        """The mean of the session's own rests of the same stress, and heat."""
+        same = np.ones((len(is_["stress_Pa"]),) * 2, dtype=bool)
+        for values in (is_["stress_Pa"], is_["heat_W"]) if hot else (is_["stress_Pa"],):
+            same &= np.abs(values[:, None] - values) <= ALIKE * np.max(np.abs(values))
+        shown = np.column_stack((is_["resistance_Ohm"], is_["displacement_m"]))
+        return (same @ shown) / same.sum(axis=1)[:, None]
+
+    def _changed_m(self, hot: bool) -> float:
+        """How far that end moved while the wire was calibrated."""
+        return self.calibration.changed * (1.0 if hot else COLD_SHARE)
