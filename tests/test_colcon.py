@@ -49,6 +49,7 @@ def test_colcon_installs_node_launch_file_and_configurations(workspace):
         "share/sma_actuator/urdf/sma_wire.xacro",
         "share/sma_actuator/urdf/controllers.yaml",
         "share/sma_actuator/config/flexinol.yaml",
+        "share/sma_actuator/config/flexinol.tables.npz",
         "share/sma_actuator/config/furukawa.yaml",
     } <= installed
     # As a person does who has sourced the workspace.
