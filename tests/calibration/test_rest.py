@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sma_actuator.diagnosis.trace.at_rest import AS_HOT, REPEATS, AtRest, Usual
+from sma_actuator.calibration.rest import AS_HOT, REPEATS, AtRest, Usual
 from sma_actuator.estimation.calibration import Calibration
 
 CALIBRATION = Calibration(
