@@ -81,6 +81,7 @@ _UNHEARD_WAIT_s = 0.5
 _LONGEST_TRUST_s = 2.0
 CHECK_PERIOD_s = 0.5  #: how often one of the supply's settings is read back while driving
 _OFF = Command(0.0, False)
+OFF_MEANWHILE = "not enabled: it was switched off meanwhile"
 _SETPOINT_QUEUE = 1024
 _STATISTICS_WINDOW = 2048
 _MINUTE_s = 60
@@ -460,13 +461,16 @@ class Driver:
                 out.append(self._refusals.popleft())
         return out
 
-    def enable(self, on: bool, timeout_s: float = _CALL_s) -> tuple[bool, str]:
+    def enable(
+        self, on: bool, timeout_s: float = _CALL_s, wanted: Callable[[], bool] = lambda: True
+    ) -> tuple[bool, str]:
         """Switch the current on or off; whether that was done, and the sentence that says so.
 
         Either is done when the supply has read it back.  Off does not wait for a DAQ that takes its time, and ends an
-        ``enable`` of another thread that still waits.
+        ``enable`` of another thread that still waits.  On is done only if it is ``wanted`` still when its turn has come
+        between two steps: who asks for off after having said that on is not wanted has the last word.
         """
-        return self._on(timeout_s) if on else self._off(timeout_s)
+        return self._on(timeout_s, wanted) if on else self._off(timeout_s)
 
     def cancel_enable(self) -> None:
         """Have an ``enable`` that another thread waits for end at once."""
@@ -743,15 +747,17 @@ class Driver:
             return False, f"not cleared: {self.output_words} ({self._supply.detail})"
         return actuator.clear_fault(now_s)
 
-    def _on(self, timeout_s: float) -> tuple[bool, str]:
+    def _on(self, timeout_s: float, wanted: Callable[[], bool]) -> tuple[bool, str]:
         """On, as soon as the loop has its turn, and read back as on: by its thread, where it has one."""
         cancelled, until_s = self._cancelled, time.monotonic() + timeout_s
-        future = self.submit(self._enable_checked)
+        future = self.submit(
+            lambda actuator, now_s: self._enable_checked(actuator, now_s) if wanted() else (False, OFF_MEANWHILE)
+        )
         while not future.done() and time.monotonic() < until_s and self._cancelled == cancelled:
             concurrent.futures.wait([future], _CONFIRM_PERIOD_s)
         if future.cancel():
             if self._cancelled != cancelled:
-                return False, "not enabled: it was switched off meanwhile"
+                return False, OFF_MEANWHILE
             raise TimeoutError(
                 f"{self.name}: the loop did not answer within {timeout_s:g} s: an instrument holds it up"
             )
@@ -760,7 +766,7 @@ class Driver:
             return done, words
         while not self._reads_on:
             if not self._actuator.is_driven or self._cancelled != cancelled or self._ended:
-                return False, f"not enabled: it was switched off meanwhile; {self.output_words}"
+                return False, f"{OFF_MEANWHILE}; {self.output_words}"
             if time.monotonic() >= until_s:
                 return False, f"the supply was told to switch on, and has not read that back within {timeout_s:g} s"
             time.sleep(_CONFIRM_PERIOD_s)

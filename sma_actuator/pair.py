@@ -20,7 +20,7 @@ from sma_actuator.base.signals import JointEstimate, Mode, Output, Quality, Stat
 from sma_actuator.config import Config
 from sma_actuator.control.pair import LIMITS, Pair, PairParameters, WireState
 from sma_actuator.control.setpoints import Trajectory
-from sma_actuator.driver import Driver
+from sma_actuator.driver import OFF_MEANWHILE, Driver
 from sma_actuator.instruments import Clock, Daq, PowerSupply
 from sma_actuator.safety.guards.program import partner_off
 from sma_actuator.safety.guards.setpoints import setpoint_stale
@@ -35,8 +35,8 @@ class PairedWire(Protocol):
     def driver(self) -> Driver | None:
         """Its loop; None while it has none."""
 
-    def switch_on(self) -> tuple[bool, str]:
-        """Output on; whether that was done, and a sentence."""
+    def switch_on(self, wanted: Callable[[], bool]) -> tuple[bool, str]:
+        """Output on, if it is ``wanted`` still when its turn has come; whether that was done, and a sentence."""
 
     def switch_off(self) -> tuple[bool, str]:
         """Output off; whether it is, and a sentence."""
@@ -136,8 +136,8 @@ class PairDriver:
         with self._lock:
             self._pair.parameters = parameters
 
-    def switch_on(self) -> tuple[bool, str]:
-        """Both wires on; whether that was done, and a sentence.
+    def switch_on(self, wanted: Callable[[], bool] = lambda: True) -> tuple[bool, str]:
+        """Both wires on, while they are ``wanted``; whether that was done, and a sentence.
 
         The slack is taken up with the co-contraction of the parameters, and the joint is held where it is then.
         """
@@ -145,12 +145,14 @@ class PairDriver:
             if self._driven:
                 return True, "the joint is on already"
         for name, wire in zip(self._pair.parameters.wires, self._wires, strict=True):
-            done, words = wire.switch_on()
+            done, words = wire.switch_on(wanted)
             if not done:
                 for each in self._wires:
                     each.switch_off()
                 return False, f"{name}: {words}"
         with self._lock:
+            if not wanted():  # and both were told so
+                return False, OFF_MEANWHILE
             self._pair.reset()
             self._driven, self._fault, self._why_off, self._lost, self._stepped_s = True, "", "", "", nan
             self._forget_trajectories()
@@ -370,9 +372,9 @@ class SteppedWire:
 
     driver: Driver
 
-    def switch_on(self) -> tuple[bool, str]:
+    def switch_on(self, wanted: Callable[[], bool]) -> tuple[bool, str]:
         """As :meth:`PairedWire.switch_on`."""
-        return self.driver.enable(True)
+        return self.driver.enable(True, wanted=wanted)
 
     def switch_off(self) -> tuple[bool, str]:
         """As :meth:`PairedWire.switch_off`."""

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor, SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
 from .publishing import tell
@@ -68,18 +68,12 @@ def spin(
     on_error: Callable[[Exception], None],
     turn: Callable[[], None] = lambda: None,
     longest_wait_s: float | None = None,
-    at_once: int = 1,
 ) -> None:
     """Run the callbacks of one node until its context is shut down; ``on_error`` gets what raises in between.
 
-    ``turn`` is called after each of them, and after ``longest_wait_s`` without any.  So many callbacks run ``at_once``, of
-    different callback groups.
+    ``turn`` is called after each of them, and after ``longest_wait_s`` without any.
     """
-    executor = (
-        SingleThreadedExecutor(context=node.context)
-        if at_once == 1
-        else MultiThreadedExecutor(at_once, context=node.context)
-    )
+    executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
     while node.context.ok():
         try:

@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from sma_actuator.base.parameters import ConfigError
@@ -128,12 +128,14 @@ class JointNode(Node):
         if refusal:
             self.report(refusal)
 
-    def on_enable(self, request: SetBool.Request, response: SetBool.Response) -> Any:
-        """Both wires on, or off.  Called in the thread of the switch."""
-        response.success, response.message = self._pair.switch_on() if request.data else self.switch_off()
-        if not response.success:
-            self.report(response.message)
-        return response
+    @property
+    def parts(self) -> Sequence[WireNode]:
+        """Its wires."""
+        return self._wires
+
+    def switch_on(self, wanted: Callable[[], bool] = lambda: True) -> tuple[bool, str]:
+        """Both wires on, if they are ``wanted`` still when their turn has come; whether they are, and a sentence."""
+        return self._pair.switch_on(wanted)
 
     def switch_off(self) -> tuple[bool, str]:
         """Both wires off, from any thread; whether they are, and what became of each."""

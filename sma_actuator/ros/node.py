@@ -1,7 +1,7 @@
 """The edge to ROS 2: a lifecycle node around a driver, thin.
 
 Every node has its control thread (``driver.py``) and its ROS thread (a single-threaded executor);
-one more ROS thread serves ``~/enable`` and ``~/stop`` of all (``switch.py``), and the main thread
+``~/enable`` and ``~/stop`` of all have threads of their own (``switch.py``), and the main thread
 only waits for signals.  The control thread never calls ROS: outputs are handed over to a third
 thread, which publishes them itself and wakes the executor only where there is something to say
 (``publishing.py``).  Switching the output off never needs ROS, and no message ends the node
@@ -45,7 +45,7 @@ from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from sma_actuator.base.interrupts import noted_signals
@@ -80,7 +80,7 @@ from .joint import JointNode
 from .named_signals import named_signals
 from .parameters import NO_SIM_TIME, ROS_PARAMETERS, NodeParameters
 from .publishing import OUTPUTS_WAITING, Handoff, is_heard
-from .switch import Switch
+from .switch import Switch, Switchable
 from .trajectories import trajectory_of
 from .words import ERROR, INFO, WARNING, Events, Refusals
 
@@ -285,21 +285,17 @@ class SmaActuatorNode(LifecycleNode):
         elif math.isfinite(position_m):  # before a controller runs nobody commands anything
             self.report(f"a joint command was ignored: {self._not_active()}")
 
-    def on_enable(self, request: SetBool.Request, response: SetBool.Response) -> Any:
-        """Switch the output on or off.  Called in the thread of the switch."""
-        if not request.data:
-            response.success, response.message = self.switch_off()
-            return response
-        if self._self_test is not None:
-            response.success, response.message = False, "not enabled: a self-test runs; ~/enable false ends it"
-            return response
-        with self._arming:
-            return self._answer(response, lambda driver: driver.enable(True, timeout_s=ENABLE_TIMEOUT_s))
+    @property
+    def parts(self) -> Sequence[Switchable]:
+        """A wire has none."""
+        return ()
 
-    def switch_on(self) -> tuple[bool, str]:
-        """Output on; whether that was done, and the sentence that says so."""
-        response = self.on_enable(SetBool.Request(data=True), SetBool.Response())
-        return response.success, response.message
+    def switch_on(self, wanted: Callable[[], bool] = lambda: True) -> tuple[bool, str]:
+        """Output on, if it is ``wanted`` still when its turn has come; whether that was done, and the sentence that says so."""
+        if self._self_test is not None:
+            return False, "not enabled: a self-test runs; ~/enable false ends it"
+        with self._arming:
+            return self._asked(lambda driver: driver.enable(True, ENABLE_TIMEOUT_s, wanted))
 
     def switch_off(self) -> tuple[bool, str]:
         """Output off, in every state of the node and from any thread; whether it is, and the sentence that says so."""
@@ -420,17 +416,21 @@ class SmaActuatorNode(LifecycleNode):
 
     def _answer(self, response: Any, request: Callable[[Driver], tuple[Any, ...]]) -> Any:
         """Fill a response with what the actuator says."""
-        driver = self._driver
-        if not self._active or driver is None:
-            response.success, response.message = False, self._not_active()
-        else:
-            try:
-                response.success, response.message, *_ = request(driver)
-            except (DriverStopped, TimeoutError) as error:
-                response.success, response.message = False, str(error)
+        response.success, response.message = self._asked(request)
         if not response.success:
             self.report(response.message)
         return response
+
+    def _asked(self, request: Callable[[Driver], tuple[Any, ...]]) -> tuple[bool, str]:
+        """What the actuator says to a request, where it can be asked."""
+        driver = self._driver
+        if not self._active or driver is None:
+            return False, self._not_active()
+        try:
+            done, words, *_ = request(driver)
+        except (DriverStopped, TimeoutError) as error:
+            return False, str(error)
+        return done, words
 
     def _not_active(self) -> str:
         state = self._state_machine.current_state[1]
@@ -459,10 +459,10 @@ class SmaActuatorNode(LifecycleNode):
     def callback_failed(self, error: Exception) -> None:
         """Take an exception that no message is to blame for as a fault: the output goes off, the node goes on."""
         words = f"{type(error).__name__} in a ROS callback: {error}"
-        experiment = "".join(traceback.format_exception(error))
+        trace = "".join(traceback.format_exception(error))
         if self._driver is not None:  # before a word is said: what failed may be what says it
             self._driver.submit(lambda actuator, now_s: actuator.raise_fault(now_s, "unhandled_exception", words))
-        self.report(f"{words}\n{experiment}")
+        self.report(f"{words}\n{trace}")
 
     # --- publishing: what flows in the thread of the hand-over, what is said in the ROS thread ------
 

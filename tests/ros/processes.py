@@ -137,7 +137,8 @@ class Client:
         self.node = rclpy.create_node("test_client", context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
-        self._entities = {}
+        self._publishers = {}
+        self.services = {}
         self.received = {}
 
     def spin_until(self, condition, timeout_s=SOON_s, what="it"):
@@ -170,10 +171,9 @@ class Client:
 
     def publisher(self, topic, kind):
         """The publisher of a topic, once somebody listens."""
-        key = "publisher", topic
-        if key not in self._entities:
-            self._entities[key] = self.node.create_publisher(kind, topic, 10)
-        publisher = self._entities[key]
+        if topic not in self._publishers:
+            self._publishers[topic] = self.node.create_publisher(kind, topic, 10)
+        publisher = self._publishers[topic]
         self.spin_until(lambda: publisher.get_subscription_count() > 0, what=f"subscriber of {topic}")
         return publisher
 
@@ -183,10 +183,9 @@ class Client:
 
     def call(self, service, kind, request=None):
         """Response of a service."""
-        key = "client", service
-        if key not in self._entities:
-            self._entities[key] = self.node.create_client(kind, service)
-        client = self._entities[key]
+        if service not in self.services:
+            self.services[service] = self.node.create_client(kind, service)
+        client = self.services[service]
         self.spin_until(client.service_is_ready, what=service)
         asked = []
 

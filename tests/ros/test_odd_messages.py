@@ -331,6 +331,32 @@ class TestFlood:
         wait_until(lambda: bench.current_A() == 0.0, what="end of the current")
 
 
+AGAIN_AND_AGAIN = "~/enable true comes again and again"
+
+
+def test_off_wins_over_a_client_that_asks_for_on_a_hundred_times_a_second(start_bench, make_config, start_node, client):
+    bench = start_bench("--load", "weight:0.98")
+    node = start_node(make_config(instruments=bench.instruments()))
+    _enabled(client)
+    program = [sys.executable, str(Path(__file__).with_name("flood.py")), f"{NAME}/enable", "100"]
+    with subprocess.Popen(program, stdout=subprocess.PIPE) as flood:
+        try:
+            flood.stdout.readline()
+            for stop in (False, True, False):
+                refused = node.words.count(AGAIN_AND_AGAIN)
+                wait_until(lambda: bench.current_A() > 0.04)
+                response = client.call(f"{NAME}/stop", Trigger) if stop else _enable(client, on=False)
+                assert response.success, response.message
+                wait_until(lambda: bench.current_A() == 0.0, what="end of the current")
+                wait_until(lambda refused=refused: node.words.count(AGAIN_AND_AGAIN) > refused, what="requests")
+                assert bench.current_A() == 0.0
+                flood.send_signal(signal.SIGUSR1)
+                assert _enable(client).success
+                flood.send_signal(signal.SIGUSR1)
+        finally:
+            flood.kill()
+
+
 def test_stop_switches_off_every_wire_of_the_process(start_bench, make_config, start_node, client):
     bench = start_bench("--count", "2")
     sections = {name: make_config(instruments=bench.instruments(i)) for i, name in enumerate(("left", "right"))}

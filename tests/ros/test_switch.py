@@ -1,13 +1,17 @@
 """Wires of one process are switched beside each other: one whose instrument holds it up delays no other."""
 
 import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 pytest.importorskip("rclpy")
+from processes import wait_until
 from std_srvs.srv import SetBool, Trigger
 
-from sma_actuator.ros.switch import Switch
+from sma_actuator.driver import OFF_MEANWHILE
+from sma_actuator.ros.switch import QUIET_s, Switch, Way
 
 MANY = 16
 
@@ -15,9 +19,11 @@ MANY = 16
 class Wire:
     """What the switch sees of a node; one that ``hangs`` answers only when it is released."""
 
-    def __init__(self, number):
+    def __init__(self, number, parts=()):
         self.name = f"wire_{number}"
+        self.parts = parts
         self.on = False
+        self.said = []
         self.hangs = False
         self.waiting, self.released = threading.Event(), threading.Event()
 
@@ -38,19 +44,18 @@ class Wire:
             self.waiting.set()
             assert self.released.wait(120.0)
 
-    def on_enable(self, request, response):
+    def switch_on(self, wanted):
         self._hang()
-        self.on = request.data
-        response.success = True
-        return response
+        self.on = wanted()
+        return self.on, "the output is on" if self.on else "not enabled: it was switched off meanwhile"
 
     def switch_off(self):
-        self._hang()
+        self.hangs = False  # as off ends an on that waits
         self.on = False
         return True, "the output is off"
 
     def report(self, sentence):
-        raise AssertionError(sentence)
+        self.said.append(sentence)
 
 
 @pytest.fixture
@@ -65,20 +70,21 @@ def wires():
 
 @pytest.fixture
 def later(client):
-    """Asks, and does not wait for the answer."""
+    """Asks for on, and does not wait for the answer."""
 
-    def ask(name, kind, request):
-        service = client.node.create_client(kind, name)
-        client.spin_until(service.service_is_ready, what=name)
-        return service.call_async(request)
+    def ask(name):
+        client.call(
+            name, SetBool, SetBool.Request(data=False)
+        )  # what is asked before both sides know each other is lost
+        return client.services[name].call_async(SetBool.Request(data=True))
 
     return ask
 
 
 def test_a_wire_that_is_held_up_delays_the_switching_of_no_other(wires, client, later):
     slow, *others = wires
+    waits = later("/wire_0/enable")
     slow.hangs = True
-    waits = later("/wire_0/enable", SetBool, SetBool.Request(data=True))
     client.spin_until(slow.waiting.is_set, what="the wire that hangs")
     for wire in others:
         assert client.call(f"/{wire.name}/enable", SetBool, SetBool.Request(data=True)).success
@@ -88,19 +94,76 @@ def test_a_wire_that_is_held_up_delays_the_switching_of_no_other(wires, client, 
 
 def test_a_stop_switches_all_at_the_same_time_and_no_enabling_outlives_it(wires, client, later):
     slow, *others = wires
+    enabled = later("/wire_0/enable")
+    slow.hangs = True
     for wire in others:
         wire.on = True
-    slow.hangs = True
-    enabled = later("/wire_0/enable", SetBool, SetBool.Request(data=True))
     client.spin_until(slow.waiting.is_set, what="the wire that hangs")
-    stopped = later("/wire_5/stop", Trigger, Trigger.Request())
-    client.spin_until(lambda: not any(wire.on for wire in others), what="off of the others")
-    assert not stopped.done()  # of one it is not known yet
+    stopped = client.call("/wire_5/stop", Trigger)
+    assert stopped.success and stopped.message.count("the output is off") == MANY
+    assert not any(wire.on for wire in wires)
     slow.released.set()
-    client.spin_until(lambda: stopped.done() and enabled.done(), what="both answers")
-    assert stopped.result().success and stopped.result().message.count("the output is off") == MANY
+    client.spin_until(enabled.done, what="the answer to the enabling")
     assert not slow.on
-    assert not enabled.result().success and "~/stop has come" in enabled.result().message
+    assert not enabled.result().success and "it was switched off meanwhile" in enabled.result().message
+
+
+@pytest.fixture
+def way(wires):
+    """The way of the first wire, whose on hangs, and what it has replied to."""
+    wire = wires[0]
+    pool = ThreadPoolExecutor(2)
+    yield Way(wire, pool), wire, []
+    wire.released.set()
+    pool.shutdown()
+
+
+def replying(said, what):
+    return lambda done, words: said.append((what, done, words))
+
+
+def test_an_on_that_was_asked_for_before_an_off_is_dropped(way):
+    way, wire, said = way
+    wire.hangs = True
+    way.on(replying(said, "first"))
+    assert wire.waiting.wait(60.0)
+    way.on(replying(said, "second"))  # waits for the first
+    way.off(replying(said, "off"))
+    assert said[0] == ("second", False, OFF_MEANWHILE)
+    wait_until(lambda: "off" in [what for what, *_ in said])
+    wire.released.set()
+    wait_until(lambda: len(said) == 3)
+    assert said[2] == ("first", False, OFF_MEANWHILE) and not wire.on
+
+
+def test_after_an_off_one_on_waits_for_half_a_second_of_silence_and_one_after_another_is_refused(way):
+    way, wire, said = way
+    way.off(replying(said, "off"))
+    off_s = time.monotonic()
+    for number in range(5):
+        way.on(replying(said, number))
+    wait_until(lambda: (4, True, "the output is on") in said)
+    assert time.monotonic() - off_s >= QUIET_s
+    assert [(what, done) for what, done, _ in said if what not in ("off", 4)] == [(n, False) for n in range(4)]
+    assert any("leave 0.5 s between two requests" in sentence for sentence in wire.said)
+    said.clear()
+    way.on(replying(said, "again"))  # nobody has switched it off since
+    wait_until(lambda: said == [("again", True, "the output is on")])
+
+
+def test_off_of_a_wire_drops_what_was_asked_of_its_joint():
+    wire = Wire(0)
+    joint = Wire(1, parts=(wire,))
+    with ThreadPoolExecutor(4) as pool:
+        way, of_joint = Way(wire, pool), Way(joint, pool)
+        way.joints, said = [of_joint], []
+        joint.hangs = True
+        of_joint.on(replying(said, "joint"))
+        assert joint.waiting.wait(60.0)
+        way.off(replying(said, "off"))
+        joint.released.set()
+        wait_until(lambda: len(said) == 2)
+    assert ("joint", False, OFF_MEANWHILE) in said and not joint.on
 
 
 def test_the_context_is_gone_after_the_end():
