@@ -1,7 +1,7 @@
 """What comes in over ROS fails alone: a message that makes a callback raise is refused, and the node goes on.
 
 rclpy lets such an exception end the executor, and with it the node: a lifecycle transition that the state does not
-have, or a parameter of a type that does not exist, would do.
+have, or a parameter of a type that does not exist, would do.  A request that is too much is refused unread (``bounded.py``).
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from typing import Any
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
+from .bounded import Refused, bound
 from .publishing import tell
 
 #: Between two failures of the executor, so that one that does not pass leaves the processor to the control loop.
@@ -22,6 +23,7 @@ PAUSE_s = 0.01
 def refuse_what_raises(node: Node, say: Callable[[str], None]) -> None:
     """Let every service and subscription that ``node`` has refuse, with a sentence, what its callback raises on."""
     for service in node.services:
+        bound(service)
         service.callback = _refusing_service(service.callback, service.srv_name, say)
     for subscription in node.subscriptions:
         subscription.callback = _refusing_message(subscription.callback, subscription.topic_name, say)
@@ -30,9 +32,12 @@ def refuse_what_raises(node: Node, say: Callable[[str], None]) -> None:
 def _refusing_service(callback: Callable[..., Any], name: str, say: Callable[[str], None]) -> Callable[..., Any]:
     def answer(request: Any, response: Any) -> Any:
         try:
+            if isinstance(request, Refused):
+                raise request
             return callback(request, response)
         except Exception as error:  # noqa: BLE001 - whatever it is, the next request is as good as any
-            sentence = f"{name}: the request was refused: {type(error).__name__}: {error}"
+            why = str(error) if isinstance(error, Refused) else f"{type(error).__name__}: {error}"
+            sentence = f"{name}: the request was refused: {why}"
             say(sentence)
             return _refusal(type(response)(), request, sentence)
 
@@ -59,7 +64,7 @@ def _refusal(response: Any, request: Any, sentence: str) -> Any:
     if hasattr(response, "result") and isinstance(response.result, SetParametersResult):
         response.result = refused
     if hasattr(response, "results"):
-        response.results = [refused for _ in request.parameters]
+        response.results = [refused for _ in getattr(request, "parameters", "1")]
     return response
 
 

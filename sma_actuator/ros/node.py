@@ -149,7 +149,7 @@ class SmaActuatorNode(LifecycleNode):
         self.joint_takes: Callable[[Output], None] | None = None
         values = arguments.parameters_of(self.get_fully_qualified_name())
         own = {key: values.pop(key) for key in ROS_PARAMETERS if key in values}
-        self._parameters_of_wire = NodeParameters(self, Config.from_mapping(values), self._take_over)
+        self._parameters_of_wire = NodeParameters(self, Config.from_mapping(values), self._take_over, self._feed)
         if own.get("use_sim_time", False) is not False:
             self._say(WARNING, NO_SIM_TIME)
         self._make_interface()
@@ -606,13 +606,17 @@ class SmaActuatorNode(LifecycleNode):
     def _hardware_id(self) -> str:
         return self._driver.hardware_id if self._driver is not None else ""
 
+    def _feed(self) -> None:
+        """Say to the loop that ROS lives."""
+        if self._driver is not None and self._handoff.moves():
+            self._driver.feed()
+
     def turn(self) -> None:
         """What the ROS thread does between callbacks, at the latest after ``FEED_PERIOD_s``.
 
         Timers would have the executor look through all that the node has, twice for each.
         """
-        if self._driver is not None and self._handoff.moves():
-            self._driver.feed()
+        self._feed()
         now_s = self._monotonic.now_s()
         if now_s - self._looked_s >= FEED_PERIOD_s:
             self._looked_s = now_s

@@ -31,11 +31,20 @@ Parameters = TypeVar("Parameters", bound=Sections)
 
 
 class NodeParameters(Generic[Parameters]):
-    """Declares ``config`` on ``node`` and holds it as it changes; ``on_change(config, names)`` is told of every change."""
+    """Declares ``config`` on ``node`` and holds it as it changes; ``on_change(config, names)`` is told of every change.
 
-    def __init__(self, node: Node, config: Parameters, on_change: Callable[[Parameters, list[str]], None]):
+    A request may want hundreds to be set, one after another: ``alive`` is called before each.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        config: Parameters,
+        on_change: Callable[[Parameters, list[str]], None],
+        alive: Callable[[], None] = lambda: None,
+    ):
         self.config = config
-        self._on_change = on_change
+        self._on_change, self._alive = on_change, alive
         self._declarations: dict[str, tuple[Declaration, str]] = {}
         for name, value, declaration, kind in walk(config):
             self._declarations[name] = declaration, kind
@@ -50,6 +59,7 @@ class NodeParameters(Generic[Parameters]):
 
     def _as_declared(self, parameters: list[Parameter]) -> list[Parameter]:
         """Accept ``250`` where a float is wanted, as everybody types it, and ``3.0`` for a whole number."""
+        self._alive()
         return [self._converted(parameter) for parameter in parameters]
 
     def _converted(self, parameter: Parameter) -> Parameter:

@@ -91,6 +91,25 @@ def test_odd_questions_about_parameters_are_answered(client_of_running_node):
     _answers(client)
 
 
+TOO_MUCH = {
+    "names": (GetParameters, "get_parameters", {"names": ["controller.kp"] * 100_000}),
+    "prefixes": (ListParameters, "list_parameters", {"prefixes": ["a"] * 100_000}),
+    "described": (DescribeParameters, "describe_parameters", {"names": ["a"] * 100_000}),
+    "a long name": (GetParameters, "get_parameters", {"names": ["a" * 1_000_000]}),
+    "parameters": (SetParameters, "set_parameters", {"parameters": [Parameter(name="controller.kp")] * 2000}),
+    "a long list": (
+        SetParametersAtomically,
+        "set_parameters_atomically",
+        {"parameters": [Parameter(name="a", value=ParameterValue(type=9, string_array_value=["a"] * 300_000))]},
+    ),
+    "a long text": (
+        SetParameters,
+        "set_parameters",
+        {"parameters": [Parameter(name="a", value=ParameterValue(type=4, string_value="a" * 1_000_000))]},
+    ),
+}
+
+
 @pytest.fixture(scope="module")
 def driven(folder, make_config):
     """(bench, node, client) of a node that drives its wire through all of the tests that ask for it."""
@@ -122,6 +141,15 @@ class TestWhileDriving:
             assert "Traceback" not in node.words
 
         return node, client, still_drives
+
+    @pytest.mark.parametrize(("kind", "service", "asked"), TOO_MUCH.values(), ids=TOO_MUCH)
+    def test_a_request_that_is_too_much_is_refused_unread(self, driving, kind, service, asked):
+        node, client, still_drives = driving
+        response = client.call(f"{DRIVEN}/{service}", kind, kind.Request(**asked))
+        results = [getattr(response, "result", None), *getattr(response, "results", [])]
+        assert all(each.reason for each in results if hasattr(each, "reason"))
+        node.says(f"{service}: the request was refused: it has")
+        still_drives()
 
     @pytest.mark.parametrize(
         ("transition", "shown"),
