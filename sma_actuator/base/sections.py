@@ -64,7 +64,7 @@ class Loop:
     sample_rate: float = parameter(1000.0, "raw samples per second and channel, averaged in blocks", "Hz", 1.0, 1e6)
     samples_per_block: int = parameter(50, "raw samples averaged into one reading", "1", 1, 100000)
     overruns_to_fault: int = parameter(
-        10, "consecutive missed deadlines that count as a fault", "1", 1, 10000, live=True
+        10, "missed deadlines that count as a fault, less half of those met since", "1", 1, 10000, live=True
     )
     realtime: Realtime = section(Realtime, "real time")
 

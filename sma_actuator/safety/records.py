@@ -125,6 +125,7 @@ class Memory:
     currents: CurrentsApart = field(default_factory=CurrentsApart)
     since_s: dict[str, float] = field(default_factory=dict)  #: since when a condition holds
     count: dict[str, int] = field(default_factory=dict)  #: how many times running
+    owed: dict[str, float] = field(default_factory=dict)  #: leaky counts
 
     def lasts_s(self, name: str, holds: bool, now_s: float) -> float:
         """How long a condition has held without a break; −inf where it does not."""
@@ -137,6 +138,11 @@ class Memory:
         """How many steps running a condition has held."""
         self.count[name] = self.count.get(name, 0) + 1 if holds else 0
         return self.count[name]
+
+    def leaks(self, name: str, change: float) -> float:
+        """A count after this change; it never falls below zero."""
+        self.owed[name] = max(0.0, self.owed.get(name, 0.0) + change)
+        return self.owed[name]
 
 
 @dataclass(frozen=True, slots=True)

@@ -494,19 +494,58 @@ class TestHeatLossWrong:
         assert memory.since_s == {}
 
 
-def test_steps_that_come_late_are_a_fault_after_as_many_running_as_the_parameter_says(step, config):
-    memory = Memory(**MEMORY)
-    late = {"memory": memory, "dt_s": 1.6 / config.loop.rate}
-    for _ in range(config.loop.overruns_to_fault - 1):
-        assert said(loop_overrun, step(**late)) == ""
-    assert said(loop_overrun, step(**late))
-    assert said(loop_overrun, step(memory=memory, dt_s=1.5 / config.loop.rate)) == ""
-    assert memory.count["loop_overrun"] == 0
-    for _ in range(2 * config.loop.overruns_to_fault):
-        assert said(loop_overrun, step(**late, driven=False)) == ""
-    for _ in range(config.loop.overruns_to_fault - 1):
-        assert said(loop_overrun, step(memory=memory, dt_s=NAN)) == ""
-    assert said(loop_overrun, step(memory=memory, dt_s=NAN))
+class TestOverruns:
+    """A leaky count of deadlines: in periods, how long each step came after the one before."""
+
+    @pytest.fixture
+    def missed(self, step, config):
+        """``missed(*periods)``: the fault's words after such steps, and how many of them it took."""
+
+        def look(*periods, memory=None, **seen):
+            memory = memory or Memory(**MEMORY)
+            for number, each in enumerate(periods, start=1):
+                words = said(loop_overrun, step(memory=memory, dt_s=each / config.loop.rate, **seen))
+                if words:
+                    return number
+            return None
+
+        return look
+
+    @pytest.fixture
+    def most(self, config):
+        return config.loop.overruns_to_fault
+
+    def test_as_many_missed_running_as_the_parameter_says_are_one(self, missed, most):
+        assert missed(*most * [2.0]) == most
+        assert missed(*most * [NAN]) == most
+        assert missed(*(3 * most) * [1.6]) == math.ceil(most / 0.6)
+
+    @pytest.mark.parametrize("periods", [(1.0,), (1.5,), (1.6, 0.4), (2.0, 1.0, 1.0), (4.0, *6 * (1.0,))])
+    def test_a_third_of_them_may_be_missed_for_ever(self, missed, periods):
+        assert missed(*periods * 1000) is None
+
+    @pytest.mark.parametrize("periods", [(2.0, 1.0), (2.9, 0.1), (3.0, 1.0, 1.0), (8.0, *7 * (1.0,)), (3.0, 0.6)])
+    def test_more_are_a_stutter(self, missed, most, periods):
+        assert missed(*periods * 10 * most) is not None
+
+    def test_one_gap_or_two_are_none_however_long(self, missed, most):
+        gap = 0.9 * most
+        assert missed(gap, 1.0, gap, *most * [1.0]) is None
+        assert missed(gap, 1.0, gap, 1.0, gap) == 5
+
+    @pytest.mark.parametrize("silent", ["raw", "supply"])
+    def test_a_step_without_an_answer_is_the_instruments(self, missed, most, silent):
+        memory = Memory(**MEMORY)
+        assert missed(*(most - 1) * [2.0], memory=memory) is None
+        assert missed(*(3 * most) * [2.0], memory=memory, **{silent: None}) is None
+        assert missed(2.0, memory=memory) == 1
+
+    def test_behind_an_output_that_is_off_none_is_counted(self, missed, most):
+        memory = Memory(**MEMORY)
+        assert missed(*(most - 1) * [2.0], memory=memory) is None
+        assert missed(*(3 * most) * [2.0], memory=memory, driven=False) is None
+        assert missed(*(most - 1) * [2.0], memory=memory) is None
+        assert missed(2.0, memory=memory) == 1
 
 
 @pytest.mark.parametrize("quality", [Quality.OUTSIDE_CALIBRATION, Quality.INVALID])
