@@ -43,7 +43,7 @@ STILL, STILL_PART = 0.06, 0.15
 
 #: While a wire still contracts it is given so many times the power, each time for so much of a pulse's heating; and it does
 #: where that made it shorter by this share of all that it has contracted.
-MORE_POWER, MORE_TIME, STILL_CONTRACTS = 1.15, 0.5, 0.005
+MORE_POWER, MORE_TIME, STILL_CONTRACTS = 1.15, 0.5, 0.02
 
 
 def hold(current_A: float, duration_s: float) -> Program:
