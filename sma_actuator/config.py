@@ -290,7 +290,9 @@ def markdown() -> str:
         "Printed from the declarations by `python -m sma_actuator.config > docs/parameters.md`.",
         "",
         "One YAML file serves the node and every tool. A wrong or unknown parameter is refused before any current flows, in a",
-        "sentence that names it and its range. **Live** ones can be changed while the wire is driven (`ros2 param set`).",
+        "sentence that names it and its range. **Live** ones can be changed while the wire is driven (`ros2 param set`):",
+        "those with *lower* or *higher* guard the wire, and while current may flow they can only be made so, which is stricter. What is looser",
+        "than the node began with stands in the log and, as `loosened`, in `~/status` and `/diagnostics`.",
         "The long lists of `calibration.` and `model.`, which `identify` measures, stand in a file beside it, `<name>.tables.npz`, which the",
         "section `tables` names with its SHA-256: copy both together. One that stands in the YAML by its name counts before it.",
     ]
@@ -340,7 +342,8 @@ def _row(field: dataclasses.Field) -> str:
         else f"{lo:g} … {hi:g}"
     )
     unit = declaration.unit if declaration.unit != "1" else ""
-    return f"| `{field.name}` | {default} | {unit} | {span} | {'yes' if declaration.live else ''} | {declaration.description} |"
+    live = (declaration.stricter or "yes") if declaration.live else ""
+    return f"| `{field.name}` | {default} | {unit} | {span} | {live} | {declaration.description} |"
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ import dataclasses
 import difflib
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Set
-from typing import Any
+from typing import Any, Literal
 
 from .errors import UserError
 from .registry import Registry
@@ -41,6 +41,11 @@ class Declaration:
     live: bool = False  #: may be changed while the wire is driven
     optional: bool = False  #: NaN, "" or an empty list stand for "not given"
     hint: str = ""  #: what a value outside the range usually means
+    stricter: Literal["", "lower", "higher"] = ""  #: of what guards the wire, which value guards it more
+
+    def loosens(self, before: Any, after: Any) -> bool:
+        """Whether the wire is guarded less after a change: while current may flow, that is no live change."""
+        return bool(self.stricter) and (after > before if self.stricter == "lower" else after < before)
 
 
 def parameter(
@@ -53,9 +58,10 @@ def parameter(
     live: bool = False,
     optional: bool = False,
     hint: str = "",
+    stricter: Literal["", "lower", "higher"] = "",
 ) -> Any:
     """Declare one parameter as a dataclass field; without ``default`` it must be given."""
-    declaration = Declaration(description, unit, lo, hi, tuple(choices), live, optional, hint)
+    declaration = Declaration(description, unit, lo, hi, tuple(choices), live, optional, hint, stricter)
     metadata = {"parameter": declaration}
     if default is _REQUIRED:
         return dataclasses.field(metadata=metadata, kw_only=True)
@@ -307,6 +313,16 @@ def walk(instance: Any, prefix: str = "") -> Iterator[tuple[str, Any, Declaratio
                 yield from walk(section_, f"{prefix}{name}.")
         elif dataclasses.is_dataclass(value):
             yield from walk(value, f"{prefix}{field.name}.")
+
+
+def loosened(before: Any, after: Any) -> list[tuple[str, str, Declaration]]:
+    """Name, "old → new" and declaration of every parameter of a section that guards the wire less than ``before``."""
+    old = {name: value for name, value, declaration, _ in walk(before) if declaration.stricter}
+    return [
+        (name, f"{old[name]:g} → {value:g}", declaration)
+        for name, value, declaration, _ in walk(after)
+        if name in old and declaration.loosens(old[name], value)
+    ]
 
 
 def to_mapping(instance: Any) -> dict[str, Any]:

@@ -30,7 +30,7 @@ class Wire:
     full_stroke_strain: float = parameter(
         0.04, "strain that counts as 100 % of stroke in every error", "1", 0.001, 0.12
     )
-    max_stress: float = parameter(175e6, "stress the wire must never see", "Pa", 1e6, 1e9, live=True)
+    max_stress: float = parameter(175e6, "stress the wire must never see", "Pa", 1e6, 1e9, live=True, stricter="lower")
 
     @property
     def area_m2(self) -> float:
@@ -64,7 +64,13 @@ class Loop:
     sample_rate: float = parameter(1000.0, "raw samples per second and channel, averaged in blocks", "Hz", 1.0, 1e6)
     samples_per_block: int = parameter(50, "raw samples averaged into one reading", "1", 1, 100000)
     overruns_to_fault: int = parameter(
-        10, "missed deadlines that count as a fault, less half of those met since", "1", 1, 10000, live=True
+        10,
+        "missed deadlines that count as a fault, less half of those met since",
+        "1",
+        1,
+        10000,
+        live=True,
+        stricter="lower",
     )
     realtime: Realtime = section(Realtime, "real time")
 
@@ -129,9 +135,10 @@ class ThermalParameters:
         1.0,
         10.0,
         live=True,
+        stricter="higher",
     )
     ambient_temperature: float = parameter(
-        24.0, "temperature of the surroundings where none is measured", "°C", -60.0, 100.0, live=True
+        24.0, "temperature of the surroundings where none is measured", "°C", -60.0, 100.0, live=True, stricter="higher"
     )
     ambient_tolerance: float = parameter(
         15.0,
@@ -141,6 +148,7 @@ class ThermalParameters:
         0.0,
         100.0,
         live=True,
+        stricter="lower",
     )
     ambient_stuck_time: float = parameter(
         600.0,
@@ -150,6 +158,7 @@ class ThermalParameters:
         1.0,
         1e6,
         live=True,
+        stricter="lower",
     )
     transformed_temperature: float = parameter(
         150.0,
@@ -158,8 +167,17 @@ class ThermalParameters:
         40.0,
         400.0,
         live=True,
+        stricter="higher",
     )
     derate_temperature: float = parameter(
-        180.0, "estimated temperature where the current limit starts to fall", "°C", 40.0, 400.0, live=True
+        180.0,
+        "estimated temperature where the current limit starts to fall",
+        "°C",
+        40.0,
+        400.0,
+        live=True,
+        stricter="lower",
     )
-    max_temperature: float = parameter(200.0, "temperature that the wire must never have", "°C", 40.0, 400.0, live=True)
+    max_temperature: float = parameter(
+        200.0, "temperature that the wire must never have", "°C", 40.0, 400.0, live=True, stricter="lower"
+    )

@@ -149,7 +149,9 @@ class SmaActuatorNode(LifecycleNode):
         self.joint_takes: Callable[[Output], None] | None = None
         values = arguments.parameters_of(self.get_fully_qualified_name())
         own = {key: values.pop(key) for key in ROS_PARAMETERS if key in values}
-        self._parameters_of_wire = NodeParameters(self, Config.from_mapping(values), self._take_over, self._feed)
+        self._parameters_of_wire = NodeParameters(
+            self, Config.from_mapping(values), self._take_over, self._feed, self._current_may_flow
+        )
         if own.get("use_sim_time", False) is not False:
             self._say(WARNING, NO_SIM_TIME)
         self._make_interface()
@@ -166,6 +168,9 @@ class SmaActuatorNode(LifecycleNode):
     def driver(self) -> Driver | None:
         """The loop of the wire; None while no instruments are open."""
         return self._driver
+
+    def _current_may_flow(self) -> bool:
+        return self._driver is not None and not self._driver.output_is_off
 
     def _take_over(self, config: Config, changed: list[str]) -> None:
         if self._driver is None:

@@ -10,7 +10,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from sma_actuator.base.parameters import ConfigError, Declaration, no_such_parameter, walk
+from sma_actuator.base.parameters import ConfigError, Declaration, loosened, no_such_parameter, walk
 
 #: Parameters every ROS 2 node has; rclpy gives them their meaning.
 ROS_PARAMETERS = ("use_sim_time", "start_type_description_service")
@@ -33,7 +33,8 @@ Parameters = TypeVar("Parameters", bound=Sections)
 class NodeParameters(Generic[Parameters]):
     """Declares ``config`` on ``node`` and holds it as it changes; ``on_change(config, names)`` is told of every change.
 
-    A request may want hundreds to be set, one after another: ``alive`` is called before each.
+    A request may want hundreds to be set, one after another: ``alive`` is called before each.  While current ``flows`` no
+    change is taken that guards the wire less; at other times it is, and the log says so.
     """
 
     def __init__(
@@ -42,9 +43,11 @@ class NodeParameters(Generic[Parameters]):
         config: Parameters,
         on_change: Callable[[Parameters, list[str]], None],
         alive: Callable[[], None] = lambda: None,
+        flows: Callable[[], bool] = lambda: False,
     ):
-        self.config = config
-        self._on_change, self._alive = on_change, alive
+        self.config = self._begun_with = config
+        self._on_change, self._alive, self._flows = on_change, alive, flows
+        self._log = node.get_logger()
         self._declarations: dict[str, tuple[Declaration, str]] = {}
         for name, value, declaration, kind in walk(config):
             self._declarations[name] = declaration, kind
@@ -82,23 +85,43 @@ class NodeParameters(Generic[Parameters]):
         if any(p.name == "use_sim_time" and p.value is not False for p in parameters):
             problems.append(NO_SIM_TIME)
         try:
-            self.config.replace(self._changes(parameters))
+            changed = self.config.replace(self._changes(parameters))
         except ConfigError as error:
             problems += error.problems
+        else:
+            if self._flows():
+                problems += [
+                    f"{name}: {change} guards the wire less; while the output is on it can only be made {declaration.stricter}: "
+                    "switch it off first, ~/enable false"
+                    for name, change, declaration in loosened(self.config, changed)
+                ]
         return SetParametersResult(successful=not problems, reason="; ".join(problems))
 
     def _apply(self, parameters: list[Parameter]) -> None:
         changes = self._changes(parameters)
         if changes:
-            self.config = self.config.replace(changes)
+            before, self.config = self.config, self.config.replace(changes)
+            for name, change, _ in loosened(before, self.config):
+                self._log.warning(f"{name}: {change} guards the wire less")
             self._on_change(self.config, list(changes))
+
+    @property
+    def loosened(self) -> str:
+        """What guards the wire less than when the node began, or ""."""
+        return "; ".join(f"{name}: {change}" for name, change, _ in loosened(self._begun_with, self.config))
+
+
+def _constraints(declaration: Declaration) -> str:
+    if declaration.choices:
+        return f"one of {', '.join(declaration.choices)}"
+    return f"while the output is on, it can only be made {declaration.stricter}" if declaration.stricter else ""
 
 
 def _descriptor(declaration: Declaration, kind: str) -> ParameterDescriptor:
     unit = f" [{declaration.unit}]" if declaration.unit not in ("", "1") else ""
     descriptor = ParameterDescriptor(
         description=declaration.description + unit,
-        additional_constraints=f"one of {', '.join(declaration.choices)}" if declaration.choices else "",
+        additional_constraints=_constraints(declaration),
         read_only=not declaration.live,
         # So that a wrong type comes to our own check, which answers in a sentence.
         dynamic_typing=declaration.live,

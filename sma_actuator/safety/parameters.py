@@ -28,17 +28,37 @@ class SafetyParameters:
         0.01,
         0.99,
         live=True,
+        stricter="higher",
     )
-    load_min: float = parameter(-0.5, "load below which the load cell is implausible", "N", -1e4, 1e4, live=True)
+    load_min: float = parameter(
+        -0.5, "load below which the load cell is implausible", "N", -1e4, 1e4, live=True, stricter="higher"
+    )
     load_spike: float = parameter(
-        description="change of load from one reading to the next that is a spike", unit="N", lo=1e-3, hi=1e5, live=True
+        description="change of load from one reading to the next that is a spike",
+        unit="N",
+        lo=1e-3,
+        hi=1e5,
+        live=True,
+        stricter="lower",
     )
     channel_max_voltage: float = parameter(10.0, "voltage at which a DAQ channel saturates", "V", 0.01, 1e3)
     stuck_time: float = parameter(
-        2.0, "time with not one changed digit after which a channel is stuck", "s", 0.05, 3600.0, live=True
+        2.0,
+        "time with not one changed digit after which a channel is stuck",
+        "s",
+        0.05,
+        3600.0,
+        live=True,
+        stricter="lower",
     )
     current_disagreement: float = parameter(
-        0.02, "difference of commanded and measured current that is a fault once settled", "A", 1e-4, 5.0, live=True
+        0.02,
+        "difference of commanded and measured current that is a fault once settled",
+        "A",
+        1e-4,
+        5.0,
+        live=True,
+        stricter="lower",
     )
     voltage_disagreement: float = parameter(
         0.5,
@@ -47,8 +67,11 @@ class SafetyParameters:
         1e-3,
         60.0,
         live=True,
+        stricter="lower",
     )
-    disagreement_time: float = parameter(0.5, "time such a difference must last", "s", 0.0, 60.0, live=True)
+    disagreement_time: float = parameter(
+        0.5, "time such a difference must last", "s", 0.0, 60.0, live=True, stricter="lower"
+    )
     current_drift: float = parameter(
         0.015,
         "share by which the DAQ's current may drift from the supply's; sense resistors that warm with their own current do "
@@ -57,16 +80,31 @@ class SafetyParameters:
         1e-3,
         1.0,
         live=True,
+        stricter="lower",
     )
-    reading_timeout: float = parameter(0.5, "age of the last good reading that is a fault", "s", 0.01, 60.0, live=True)
+    reading_timeout: float = parameter(
+        0.5, "age of the last good reading that is a fault", "s", 0.01, 60.0, live=True, stricter="lower"
+    )
     setpoint_flood_rate: float = parameter(
-        1000.0, "setpoints per second above which their source is taken for broken", "Hz", 1.0, 1e6, live=True
+        1000.0,
+        "setpoints per second above which their source is taken for broken",
+        "Hz",
+        1.0,
+        1e6,
+        live=True,
+        stricter="lower",
     )
     stress_limit_fraction: float = parameter(
-        0.9, "share of max_stress above which no further contraction is driven", "1", 0.1, 1.0, live=True
+        0.9,
+        "share of max_stress above which no further contraction is driven",
+        "1",
+        0.1,
+        1.0,
+        live=True,
+        stricter="lower",
     )
     outside_calibration_time: float = parameter(
-        5.0, "time outside the model's calibration that is a fault", "s", 0.0, 3600.0, live=True
+        5.0, "time outside the model's calibration that is a fault", "s", 0.0, 3600.0, live=True, stricter="lower"
     )
 
 

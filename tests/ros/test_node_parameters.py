@@ -1,0 +1,92 @@
+"""Parameters as a node of ROS 2 has them."""
+
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("rclpy")
+from rclpy.parameter import Parameter
+
+from sma_actuator.base.parameters import walk
+from sma_actuator.base.share import shared_file
+from sma_actuator.config import Config
+from sma_actuator.ros.parameters import NodeParameters
+
+FLEXINOL = shared_file("config/flexinol.yaml")
+
+
+class Node:
+    """What the parameters ask of a node."""
+
+    def __init__(self):
+        self.declared = {}
+        self.said = []
+
+    def get_logger(self):
+        return SimpleNamespace(warning=self.said.append)
+
+    def declare_parameter(self, name, value, descriptor):
+        self.declared[name] = value, descriptor
+
+    def add_pre_set_parameters_callback(self, callback):
+        self.before = callback
+
+    def add_on_set_parameters_callback(self, callback):
+        self.check = callback
+
+    def add_post_set_parameters_callback(self, callback):
+        self.after = callback
+
+    def set(self, **values):
+        """As rclpy does; the result."""
+        asked = self.before([Parameter(name.replace("__", "."), value=value) for name, value in values.items()])
+        result = self.check(asked)
+        if result.successful:
+            self.after(asked)
+        return result
+
+
+@pytest.fixture
+def stand(make_config):
+    node, changes, alive, flows = Node(), [], [], []
+    config = Config.from_mapping(make_config())
+    parameters = NodeParameters(
+        node, config, lambda _, names: changes.append(names), lambda: alive.append(True), lambda: bool(flows)
+    )
+    return SimpleNamespace(node=node, parameters=parameters, changes=changes, alive=alive, flows=flows)
+
+
+def test_each_of_many_that_are_set_is_a_sign_of_life(stand):
+    for number in range(3):
+        assert stand.node.set(controller__setpoint_timeout=0.1 * number).successful
+    assert len(stand.alive) == 3 and stand.parameters.config.controller.setpoint_timeout == 0.2
+
+
+GUARDING = sorted(name for name, _, declared, _ in walk(Config.load(FLEXINOL)) if declared.stricter)
+
+
+@pytest.mark.parametrize("name", GUARDING)
+def test_while_current_flows_what_guards_the_wire_can_only_be_made_stricter(stand, name):
+    value, declared = next((value, d) for n, value, d, _ in walk(stand.parameters.config) if n == name)
+    step = 0.01 * abs(value) or 0.001
+    more, less = (value - step, value + step) if declared.stricter == "lower" else (value + step, value - step)
+    if isinstance(value, int):
+        more, less = value - 1, value + 1
+    setting = name.replace(".", "__")
+    assert declared.stricter in stand.node.declared[name][1].additional_constraints
+    stand.flows.append(True)
+    refused = stand.node.set(**{setting: less})
+    assert not refused.successful
+    assert f"guards the wire less; while the output is on it can only be made {declared.stricter}" in refused.reason
+    assert stand.node.set(**{setting: more}).successful and stand.changes == [[name]]
+    assert not stand.node.said and not stand.parameters.loosened
+    stand.flows.clear()
+    assert stand.node.set(**{setting: less}).successful and len(stand.changes) == 2
+    assert stand.node.said == [f"{name}: {more:g} → {less:g} guards the wire less"]
+    assert stand.parameters.loosened == f"{name}: {value:g} → {less:g}"
+
+
+def test_every_live_parameter_of_what_guards_the_wire_says_which_way_is_stricter():
+    sections = ("safety", "thermal", "wire", "loop", "supply", "instruments")
+    live = {name for name, _, declared, _ in walk(Config.load(FLEXINOL)) if declared.live}
+    assert {name for name in live if name.split(".")[0] in sections} == set(GUARDING)
