@@ -28,7 +28,7 @@ from sma_actuator.characterise import PlanOptions, Rig, characterise, make_plan
 from sma_actuator.characterise.operators import BenchOperator
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
 from sma_actuator.identify import identify
-from sma_actuator.identify.errors import log_error
+from sma_actuator.identify.verdict.errors import log_error
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log
 from sma_actuator.logs.experiments import make_experiment
 from sma_actuator.logs.files import write_atomically

@@ -32,7 +32,7 @@ from sma_actuator.characterise.programs import Drive, Program, hold
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
-from sma_actuator.identify.whole_range import regions
+from sma_actuator.identify.fitters.whole_range import regions
 from sma_actuator.logs.bench_log import BenchLog, read_bench_log
 from sma_actuator.logs.experiments import make_experiment
 from sma_actuator.logs.files import write_atomically

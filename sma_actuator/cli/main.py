@@ -42,7 +42,7 @@ COMMANDS = {
     ),
     "fleet": ("sma_actuator.fleet", "many wires at once: which of them drift, by what and since when"),
     "loop": (
-        "sma_actuator.diagnosis.loop",
+        "sma_actuator.kinetics",
         "fit and draw isobaric loops: strain against temperature, kinetics compared",
     ),
 }

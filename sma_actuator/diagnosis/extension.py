@@ -20,10 +20,10 @@ from sma_actuator.base.parameters import to_mapping
 from sma_actuator.calibration.learning import calibration_of
 from sma_actuator.config import Config
 from sma_actuator.estimation.effects import EFFECTS
-from sma_actuator.identify.errors import LogError, log_error
 from sma_actuator.identify.identification import Identification, foreign_loads_N, within_what_is_seen
-from sma_actuator.identify.unseen import Unseen
 from sma_actuator.identify.verdict import judge
+from sma_actuator.identify.verdict.errors import LogError, log_error
+from sma_actuator.identify.verdict.unseen import Unseen
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.errors import BenchLogError
 

@@ -24,15 +24,15 @@ from sma_actuator.logs.kinds import LEFT_OUT, make_experiments, usable_logs
 from sma_actuator.logs.sense import counts_contraction
 from sma_actuator.logs.static import STATIC
 
-from .errors import LogError, log_errors
 from .fatigue import Fatigue, fit_fatigue
 from .fitters import FITTERS, METHODS, Asked, Fitter, Progress
-from .fitting import predict
+from .fitters.fitting import predict
+from .fitters.normalised import as_one_wire
 from .measured import lowest_current_A, measured
-from .normalised import as_one_wire
 from .ranges import MARGIN, check_width, distinct_stresses, shortest_seen_m, without_misjudged
-from .unseen import unseen_of
 from .verdict import Verdict, judge
+from .verdict.errors import LogError, log_errors
+from .verdict.unseen import unseen_of
 
 WHOLE_RANGE = "whole_range"
 #: Model of the thesis for each alloy.

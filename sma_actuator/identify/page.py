@@ -13,7 +13,7 @@ from sma_actuator.estimation.chain import Chain
 from sma_actuator.report import Page, figure
 
 from .fatigue import EXTREMES
-from .fitting import predict
+from .fitters.fitting import predict
 from .identification import Identification
 from .ranges import full_cycles
 from .verdict import REGIONS
@@ -139,7 +139,7 @@ def _material(page: Page, result: Identification) -> None:
     """Fitted slopes beside those from material properties."""
     if result.mapping["model"]["type"] != "flexinol":
         return
-    from .material import RPhaseAlloy, asymptotes_from_material
+    from .fitters.material import RPhaseAlloy, asymptotes_from_material
 
     wire, model = result.config.wire, result.config.model
     stress_Pa = _stresses_Pa(result)

@@ -11,10 +11,11 @@ import numpy as np
 from sma_actuator.base.signals import Signals
 from sma_actuator.estimation.branch import BranchDetector
 from sma_actuator.estimation.chain import Estimates
-from sma_actuator.logs.bench_log import BenchLog, longest_pause_s, require_reference, signals_from_log
-from sma_actuator.logs.cycles import cycle_numbers, is_driven
-from sma_actuator.logs.errors import BenchLogError
-from sma_actuator.logs.sense import MOST_STROKE
+
+from .bench_log import BenchLog, longest_pause_s, require_reference, signals_from_log
+from .cycles import cycle_numbers, is_driven
+from .errors import BenchLogError
+from .sense import MOST_STROKE
 
 NOT_FITTED = ("lead_resistance", "load_cell", "lvdt", "training")
 _WIRE_KEYS = {"length_m": "length", "diameter_m": "diameter"}

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from sma_actuator.logs.bench_log import BenchLog, uncalibrated_resistance_and_current
-from sma_actuator.logs.cycles import SAME_LOAD, cycle_numbers, cycles_of, which_are_full
-from sma_actuator.logs.errors import BenchLogError
-from sma_actuator.logs.experiments import (
+from .bench_log import BenchLog, uncalibrated_resistance_and_current
+from .cycles import SAME_LOAD, cycle_numbers, cycles_of, which_are_full
+from .errors import BenchLogError
+from .experiments import (
     NOT_FITTED,
     Experiment,
     IdentificationError,

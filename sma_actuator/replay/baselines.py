@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 
 from sma_actuator.base.jit import jit
 from sma_actuator.base.parameters import ConfigError
-from sma_actuator.identify.fitting import LOSS_SCALE, Data
+from sma_actuator.identify.fitters.fitting import LOSS_SCALE, Data
 from sma_actuator.logs.experiments import Experiment
 
 

@@ -15,8 +15,8 @@ from sma_actuator.base.signals import Signals, Verdict
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import ESTIMATOR_RESET, Chain, Estimates
 from sma_actuator.estimation.health import ModelHealth
-from sma_actuator.identify.errors import LogError, log_error
-from sma_actuator.identify.fitting import make_data
+from sma_actuator.identify.fitters.fitting import make_data
+from sma_actuator.identify.verdict.errors import LogError, log_error
 from sma_actuator.logs.bench_log import BenchLog, require_reference
 from sma_actuator.logs.experiments import Experiment, make_experiment
 from sma_actuator.logs.kinds import make_experiments

@@ -19,10 +19,10 @@ from sma_actuator.config import Config, bench_from_mapping
 from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import IdentificationError, identify
-from sma_actuator.identify.appendix_c import Tolerances, asymptotes
 from sma_actuator.identify.fatigue import fit_fatigue
-from sma_actuator.identify.fitting import choose_simplest
-from sma_actuator.identify.material import RPhaseAlloy, asymptotes_from_material, corners
+from sma_actuator.identify.fitters.appendix_c import Tolerances, asymptotes
+from sma_actuator.identify.fitters.fitting import choose_simplest
+from sma_actuator.identify.fitters.material import RPhaseAlloy, asymptotes_from_material, corners
 from sma_actuator.identify.ranges import determinate_interval_m, distinct_stresses
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log
 from sma_actuator.logs.errors import BenchLogError

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sma_actuator.identify.unseen import Unseen
 from sma_actuator.identify.verdict import judge
+from sma_actuator.identify.verdict.unseen import Unseen
 
 RANGE_m = (1.0e-3, 3.0e-3)
 

@@ -14,7 +14,7 @@ from sma_actuator.characterise.programs import partial_cycles, square_pulses
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import IdentificationError, identify
-from sma_actuator.identify.fitting import predict
+from sma_actuator.identify.fitters.fitting import predict
 from sma_actuator.logs.experiments import begins_anew, make_experiment
 from sma_actuator.logs.kinds import make_experiments
 from sma_actuator.plant.loads import Weight

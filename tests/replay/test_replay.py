@@ -13,8 +13,8 @@ from sma_actuator.cli.identify import write_model
 from sma_actuator.cli.main import main
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import identify
-from sma_actuator.identify.errors import log_error
-from sma_actuator.identify.fitting import make_data
+from sma_actuator.identify.fitters.fitting import make_data
+from sma_actuator.identify.verdict.errors import log_error
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.logs.errors import BenchLogError
 from sma_actuator.logs.experiments import make_experiment

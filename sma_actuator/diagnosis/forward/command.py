@@ -26,9 +26,9 @@ from sma_actuator.fleet import Finding, add_fleet_arguments, cluster, run_fleet
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.logs.reading import add_map_arguments, columns_of, place
 
-from .findings import percent, sentences, summary
+from .race import Tracing, trace
+from .report import percent, sentences, summary
 from .runs import COLUMNS, Run, read_run
-from .tracing import Tracing, trace
 from .wire import read_wire, wire_yaml
 
 

@@ -8,10 +8,10 @@ import numpy as np
 
 from sma_actuator.report import Page, figure
 
-from .findings import observations, percent, power_off_index, verdict_sentence
 from .fitting import Fit, predict
 from .kernel import TEMPERATURE, simulate
-from .tracing import Tracing
+from .race import Tracing
+from .report import observations, percent, power_off_index, verdict_sentence
 
 _SHOWN = 30  #: competitors
 

@@ -307,7 +307,7 @@ def _scan(problem: _Problem, candidate: Candidate, u: np.ndarray, rows: np.ndarr
     # The best two levels, before and after: what the split takes off the squares, the level before fixed at zero.
     after_w2, after_wr = w2[-1] - w2, wr[-1] - wr
     gain = after_wr**2 / np.maximum(after_w2, 1e-12)
-    # A slip does not happen within the first or last twentieth: there it is an offset, or nothing.
+    # A slip does not happen within the first or last 3 %: there it is an offset, or nothing.
     share = np.arange(len(order)) / len(order)
     gain[(share < 0.03) | (share > 0.97)] = 0.0
     near = np.flatnonzero(gain >= NEARLY * gain.max())

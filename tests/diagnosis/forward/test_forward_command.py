@@ -10,7 +10,7 @@ from forward_runs import MAKERS, synthetic
 from sma_actuator.cli.main import main
 from sma_actuator.diagnosis.forward import command
 from sma_actuator.diagnosis.forward.candidates import named
-from sma_actuator.diagnosis.forward.tracing import trace
+from sma_actuator.diagnosis.forward.race import trace
 from sma_actuator.diagnosis.forward.wire import read_wire
 
 

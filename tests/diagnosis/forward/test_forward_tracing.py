@@ -6,10 +6,10 @@ from forward_runs import MEASURED, TRUTH, makers, synthetic
 
 from sma_actuator.base.parameters import declaration_of
 from sma_actuator.diagnosis.forward.candidates import CANDIDATES, named
-from sma_actuator.diagnosis.forward.findings import sentences, summary
 from sma_actuator.diagnosis.forward.fitting import fit, plain_parameters, plain_starts
+from sma_actuator.diagnosis.forward.race import trace
+from sma_actuator.diagnosis.forward.report import sentences, summary
 from sma_actuator.diagnosis.forward.runs import read_run
-from sma_actuator.diagnosis.forward.tracing import trace
 from sma_actuator.diagnosis.forward.wire import Effects
 
 FEW = tuple(named(n) for n in ("backlash", "dead time", "natural convection", "spread", "lead resistance"))

@@ -8,8 +8,8 @@ from sma_actuator.base.parameters import to_mapping
 from sma_actuator.diagnosis.selection import INSIDE
 
 from .fitting import predict
+from .race import Choice, Outcome, Tracing
 from .runs import IDLE_DUTY, Run
-from .tracing import Choice, Outcome, Tracing
 from .wire import ForwardWire
 
 _AFTER_s = 8.0  #: the movement after power off is looked for within this

@@ -15,13 +15,13 @@ import numpy as np
 
 from sma_actuator.base.registry import Registry
 from sma_actuator.config import BenchConfig
+from sma_actuator.identify.ranges import distinct_stresses, full_cycles
+from sma_actuator.identify.verdict.unseen import Unseen
 from sma_actuator.logs.experiments import Experiment, IdentificationError
 
 from .flexinol import FlexinolFit, fit_appendix_c, fit_joint
 from .furukawa import fit_furukawa
 from .normalised import fit_furukawa_normalised, flexinol_normalised
-from .ranges import distinct_stresses, full_cycles
-from .unseen import Unseen
 from .whole_range import beside_the_thesis, fit_whole_range
 
 METHODS = ("joint", "appendix-c")

@@ -10,10 +10,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from sma_actuator.estimation.models import StrainModel, ThermalStrainModel
+from sma_actuator.identify.ranges import determinate_interval_m, distinct_stresses, full_cycles
 from sma_actuator.logs.experiments import Experiment, IdentificationError, begins_anew
 from sma_actuator.logs.kinds import FULL, PARTIAL
-
-from .ranges import determinate_interval_m, distinct_stresses, full_cycles
 
 LOSS_SCALE = 0.01  #: residual, as a share of the full stroke, above which it counts linearly
 FOLDS = 3

@@ -11,13 +11,13 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from sma_actuator.estimation.models import COEFFICIENTS
+from sma_actuator.identify.ranges import distinct_stresses, full_cycles, lowest_order, stress_range_Pa, working_range_m
+from sma_actuator.identify.verdict.unseen import Unseen, unseen_of
 from sma_actuator.logs.experiments import Experiment
 
 from . import fitting
 from .fitting import Data
 from .flexinol import HIGHEST_ORDER, STRESS_UNIT_Pa
-from .ranges import distinct_stresses, full_cycles, lowest_order, stress_range_Pa, working_range_m
-from .unseen import Unseen, unseen_of
 
 ORDER_R = 2  #: G_2 R² + G_1 R + G_0 (5.55, 5.56)
 

@@ -17,6 +17,7 @@ from numpy.polynomial import polynomial
 
 from sma_actuator.config import bench_from_mapping
 from sma_actuator.estimation.models import COEFFICIENTS
+from sma_actuator.identify.ranges import distinct_stresses, full_cycles, lowest_order, stress_range_Pa, working_range_m
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.experiments import (
     NOT_FITTED,
@@ -30,7 +31,6 @@ from sma_actuator.logs.kinds import with_kinds
 
 from . import fitting
 from .flexinol import HIGHEST_ORDER, FlexinolFit, STRESS_UNIT_Pa
-from .ranges import distinct_stresses, full_cycles, lowest_order, stress_range_Pa, working_range_m
 
 _ASYMPTOTES = ("heating_slope", "heating_intercept", "cooling_slope", "cooling_intercept")
 

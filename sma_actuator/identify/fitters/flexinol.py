@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from sma_actuator.estimation.models import COEFFICIENTS
+from sma_actuator.identify.ranges import distinct_stresses, full_cycles, lowest_order, stress_range_Pa, working_range_m
+from sma_actuator.identify.verdict.unseen import Unseen, unseen_of
 from sma_actuator.logs.experiments import Experiment
 
 from . import fitting
 from .appendix_c import Asymptotes, asymptotes
 from .fitting import Data
 from .material import RPhaseAlloy, asymptotes_from_material
-from .ranges import distinct_stresses, full_cycles, lowest_order, stress_range_Pa, working_range_m
-from .unseen import Unseen, unseen_of
 
 STRESS_UNIT_Pa = 100e6  #: polynomials are fitted in units of this, so that their coefficients are of one size
 HIGHEST_ORDER = 3

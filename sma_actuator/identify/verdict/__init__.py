@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from sma_actuator.identify.ranges import MARGIN, determinate_interval_m, full_cycles
 from sma_actuator.logs.experiments import Experiment, IdentificationError
 
-from .ranges import MARGIN, determinate_interval_m, full_cycles
 from .unseen import Unseen
 
 GOOD_percent = 2.0  #: of full stroke; the thesis's own models leave 1 to 3.5 % in replay and 2.6 to 4.4 % under control

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_actuator.base.signals import Signals
+from sma_actuator.identify.fitters.fitting import predict
 from sma_actuator.logs.experiments import Experiment
-
-from .fitting import predict
 
 
 @dataclass(frozen=True, slots=True)

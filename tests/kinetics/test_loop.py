@@ -10,9 +10,9 @@ import pytest
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.cli.main import main
-from sma_actuator.diagnosis.loop.fitting import FAMILIES, both, fit, guess
-from sma_actuator.diagnosis.loop.reading import read_loop
-from sma_actuator.diagnosis.loop.temperatures import slopes_Pa_K, temperatures
+from sma_actuator.kinetics.fitting import FAMILIES, both, fit, guess
+from sma_actuator.kinetics.reading import read_loop
+from sma_actuator.kinetics.temperatures import slopes_Pa_K, temperatures
 from sma_actuator.plant.kinetics import LiangRogers, Logistic, Measured, follow
 from sma_actuator.plant.measured import FLEXINOL_381UM
 

@@ -1,0 +1,184 @@
+"""The logs as the whole-range model learns from them: thinned, with copies in which something is off, and cut into folds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sma_actuator.estimation.models.whole_range import DIRECT, PLAYS_K, PLAYS_OF_RANGE, features_all, thermal_numbers
+from sma_actuator.identify.ranges import ONE_LOAD, distinct_stresses
+from sma_actuator.logs.experiments import Experiment, IdentificationError, begins_anew
+from sma_actuator.logs.kinds import load_numbers
+
+FOLDS = 3
+NEVER = -1  #: left out
+MOST_ROWS = 9000  #: that a fit sees; logs of more are thinned
+SHORTEST_STEP_s = 0.045  #: readings closer together are averaged: they say the same
+#: Logs have a handful of loads, and between them nothing tells a learner how to bend: bends along stress are shrunk so much more,
+#: with fewer than USUAL_LOADS by the square of how much further these are apart, as what is between two of them goes with it.
+SMOOTH_IN_STRESS, USUAL_LOADS = 3.0, 5
+#: A heat balance fitted to pulses is off by some tenths of a kelvin or more when the wire is driven otherwise.  Copies of
+#: the logs with such an error [K] teach the learners not to lean on it where the resistance says more; copies with the
+#: other one are for the intervals alone.
+LEARNED_ERROR_K, JUDGED_ERROR_K = 0.5, 1.5
+
+
+class Data:
+    """The logs' samples one after the other, thinned to what a fit needs; displacement in % of the full stroke."""
+
+    def __init__(self, experiments: Sequence[Experiment], config):
+        self.config, self.wire, self.thermal = config, config.wire, config.thermal
+        self.percent_m = config.wire.full_stroke_m / 100.0
+        parts = [_thinned(t, config.thermal.ambient_temperature) for t in experiments]
+        loads = distinct_stresses(experiments)
+        rng = np.random.default_rng(0)
+        for error_K in (LEARNED_ERROR_K, JUDGED_ERROR_K):
+            parts += [_with_other_surroundings(p, error_K, rng) for p in parts[: len(experiments)]]
+        if loads == 1:
+            parts[len(experiments) :] = [_with_another_load(p, rng) for p in parts[len(experiments) :]]
+        copies = len(parts) // len(experiments)
+        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
+        self.time, self.power, self.ambient, self.resistance, self.stress = columns[:5]
+        self.displacement, self.heating, self.cycle = columns[5] / self.percent_m, columns[6], columns[7]
+        self.ends = _ends_of_stroke(experiments, parts) / self.percent_m
+        powers = self.stress[:, None] ** np.arange(3)
+        hot, cold = powers @ self.ends[0], powers @ self.ends[1]
+        self.share = np.clip((self.displacement - hot) / (cold - hot), 0.0, 1.0)
+        lengths = [len(p[0]) for p in parts]
+        self.lengths = lengths[: len(experiments)]
+        self.first = np.zeros(len(self.time), dtype=np.bool_)
+        self.first[np.cumsum([0, *lengths[:-1]])] = begins_anew(experiments) * copies
+        if (
+            len(experiments) < FOLDS
+        ):  # of a few long logs a third of the cycles is held out in turn, one beside the other
+            thirds = [_thirds(p[7]) for p in parts[: len(experiments)]]
+            self.log_fold = np.concatenate(thirds * copies)
+        else:
+            self.log_fold = np.repeat(np.tile(_log_folds(experiments), copies), lengths)
+        self.load_fold = np.repeat(np.tile(_load_folds(experiments), copies), lengths)
+        self.cycle = self.cycle + np.repeat(np.tile(np.arange(len(experiments)), copies), lengths)
+        cycles = sum(int(t.cycle[-1]) for t in experiments)
+        if len(experiments) < FOLDS and cycles < FOLDS:
+            raise IdentificationError(
+                f"whole_range: {FOLDS} logs or cycles at least are needed, some to be left out while the others are fitted; "
+                f"there {'is' if cycles == 1 else 'are'} {cycles}: heat and cool the wire more often"
+            )
+        stride = max(1, -(-len(self.time) // MOST_ROWS))
+        self.rows = np.arange(0, len(self.time), stride)
+        self.measured = self.rows < sum(self.lengths)  # the others are of copies
+        self.learned = self.rows < 2 * sum(self.lengths)
+        self.change = 0.0  #: of the wire meanwhile
+        gaps = max(loads - 1, 1)
+        #: Rows whose spread is the unit of a feature; a single load has none but in the copies.
+        self.scaling_rows = self.rows if loads == 1 else self.rows[self.measured]
+        self.smooth = SMOOTH_IN_STRESS * max(1.0, ((USUAL_LOADS - 1) / gaps) ** 2)
+        self.span_Ohm = float(np.subtract(*np.percentile(self.resistance, (99, 1))))
+
+    def thermal_numbers(self, known: np.ndarray) -> np.ndarray:
+        """The heat balance for the kernels, from numbers in units of what is known."""
+        return thermal_numbers(known, self.thermal, self.span_Ohm)
+
+    @property
+    def plays_Ohm(self) -> np.ndarray:
+        """Half-widths of the plays in resistance."""
+        return np.array(PLAYS_OF_RANGE) * self.span_Ohm
+
+    def features(self, known: np.ndarray) -> np.ndarray:
+        """What the model sees of every sample, shape (n, features)."""
+        out = np.empty((len(self.time), DIRECT + len(PLAYS_K) + len(PLAYS_OF_RANGE)))
+        features_all(
+            time=self.time,
+            power=self.power,
+            ambient=self.ambient,
+            resistance=self.resistance,
+            stress=self.stress,
+            share=self.share,
+            first=self.first,
+            thermal=self.thermal_numbers(known),
+            widths_K=np.array(PLAYS_K),
+            widths_Ohm=self.plays_Ohm,
+            state=np.zeros(4 + out.shape[1] - DIRECT),
+            out=out,
+        )
+        return out
+
+
+def _thinned(experiment: Experiment, ambient_C: float) -> tuple[np.ndarray, ...]:
+    """A log's good samples, as many together as make a step of SHORTEST_STEP_s; their power is the mean."""
+    s = experiment.signals
+    good = np.isfinite(s.resistance_Ohm + s.stress_Pa + s.power_W + s.reference_displacement_m + s.time_s)
+    time_s = s.time_s[good]
+    together = max(1, round(SHORTEST_STEP_s / max(float(np.median(np.diff(time_s))), 1e-6)))
+    n = len(time_s) // together * together
+    ambient = np.broadcast_to(s.ambient_temperature_C, good.shape)[good]
+    ambient = np.where(np.isfinite(ambient), ambient, ambient_C)
+
+    def last(values: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(values[:n].reshape(-1, together)[:, -1])
+
+    return (
+        last(time_s),
+        s.power_W[good][:n].reshape(-1, together).mean(axis=1),
+        last(ambient).astype(float),
+        *(last(v[good]) for v in (s.resistance_Ohm, s.stress_Pa, s.reference_displacement_m)),
+        last(experiment.heating[good]),
+        last(experiment.cycle[good]),
+    )
+
+
+def _ends_of_stroke(experiments: Sequence[Experiment], parts: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
+    """Hot and cold end [m] as quadratics in stress (lower orders where there are fewer loads), shape (2, 3)."""
+    whole = [p for t, p in zip(experiments, parts, strict=False) if t.kind != "partial"] or list(
+        parts[: len(experiments)]
+    )
+    stress_Pa, place_m = np.empty((2, len(whole))), np.empty((2, len(whole)))
+    for k, part in enumerate(whole):
+        stress, displacement = part[4], part[5]
+        low, high = np.percentile(displacement, (0.5, 99.5))
+        for end, chosen in enumerate(
+            (displacement <= low + 0.02 * (high - low), displacement >= high - 0.02 * (high - low))
+        ):
+            stress_Pa[end, k], place_m[end, k] = np.median(stress[chosen]), (low, high)[end]
+    order = min(2, distinct_stresses(experiments) - 1)
+    out = np.zeros((2, 3))
+    for end in range(2):
+        found = np.polynomial.polynomial.polyfit(stress_Pa[end] / 1e8, place_m[end], order)
+        out[end, : order + 1] = found / 1e8 ** np.arange(order + 1)
+    return out
+
+
+def _with_other_surroundings(
+    part: tuple[np.ndarray, ...], error_K: float, rng: np.random.Generator
+) -> tuple[np.ndarray, ...]:
+    """The same log as if the heat balance were off by a slowly changing temperature."""
+    time_s, power_W, ambient_C, *rest = part
+    off_K = np.zeros(len(time_s))
+    for period_s in (11.0, 37.0, 131.0):
+        off_K += rng.normal() * np.sin(2.0 * np.pi * (time_s / period_s + rng.uniform()))
+    return time_s, power_W, ambient_C + error_K * off_K, *rest
+
+
+def _with_another_load(part: tuple[np.ndarray, ...], rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+    """The same log as if the load slowly wandered about, within ONE_LOAD: of how the loop goes with it one load says nothing."""
+    phase = 2.0 * np.pi * (part[0] / 23.0 + rng.uniform())
+    return *part[:4], part[4] * (1.0 + ONE_LOAD * np.sin(phase)), *part[5:]
+
+
+def _thirds(cycle: np.ndarray) -> np.ndarray:
+    """A fold for every sample of a log: its cycles in as many stretches, one after the other."""
+    return np.minimum(np.maximum(cycle - 1, 0) * FOLDS // max(int(cycle[-1]), 1), FOLDS - 1)
+
+
+def _log_folds(experiments: Sequence[Experiment]) -> np.ndarray:
+    """A fold for every log; logs of neighbouring loads, and of one load, are in different ones."""
+    stress = np.array([t.mean_stress_Pa for t in experiments])
+    out = np.empty(len(stress), dtype=int)
+    out[np.argsort(stress, kind="stable")] = np.arange(len(stress)) % FOLDS
+    return out
+
+
+def _load_folds(experiments: Sequence[Experiment]) -> np.ndarray:
+    """A fold for every log: all logs of a load in one, but those of the lightest and of the heaviest load in none."""
+    load = load_numbers(experiments)
+    return np.where((load == 0) | (load == load.max()), NEVER, (load - 1) % FOLDS)

@@ -1,0 +1,134 @@
+"""What is learned: a quadratic and the plays, and one layer of tanh units beside them; by damped Gauss-Newton with a robust loss."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sma_actuator.estimation.models.whole_range import CURVE_TERMS, DIRECT, STRESS
+
+LEARNERS = 3
+UNITS = 16  #: tanh units of each
+ROBUST = 1.0  #: % of the full stroke beyond which an error counts linearly
+SHRINKAGE = 0.3  #: of the weights, in squared % of the full stroke
+
+
+def terms_of(z: np.ndarray) -> np.ndarray:
+    """The quadratic of the model, then the plays: shape (n, terms)."""
+    a, b, c = z[:, 0], z[:, 1], z[:, 2]
+    return np.column_stack([np.ones(len(z)), a, b, c, a * a, b * b, c * c, a * b, a * c, b * c, z[:, DIRECT:]])
+
+
+class Learner:
+    """The learned part: its weights as one vector (linear terms, hidden, bias, output), and its derivatives."""
+
+    def __init__(self, features: int, units: int, seed: int, smooth: float):
+        self.n, self.m = features, units
+        self.lines = CURVE_TERMS + features - DIRECT
+        rng = np.random.default_rng(seed)
+        hidden = rng.normal(size=(self.m, self.n))
+        reach = 0.7 * self.m ** (1.0 / self.n)  # Nguyen and Widrow's: units spread over what is seen
+        hidden *= reach / np.linalg.norm(hidden, axis=1)[:, None]
+        bias = np.linspace(-reach, reach, self.m)
+        self.weights = np.concatenate([np.zeros(self.lines), hidden.ravel(), bias, np.zeros(self.m)])
+        along = np.full(self.n, 0.3)
+        along[STRESS] *= smooth
+        self.shrinkage = np.concatenate(
+            [np.full(self.lines, 0.02), np.tile(along, self.m), np.full(self.m, 0.3), np.full(self.m, 1.0)]
+        )
+        self.shrinkage = SHRINKAGE * self.shrinkage
+        self.shrinkage[0] = 0.0
+
+    def parts(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Linear terms, hidden weights, biases, outputs."""
+        cut = np.cumsum([self.lines, self.m * self.n, self.m])
+        linear, hidden, bias, output = np.split(weights, cut)
+        return linear, hidden.reshape(self.m, self.n), bias, output
+
+    def start(self, z: np.ndarray, target: np.ndarray) -> np.ndarray:
+        """Weights whose linear terms and outputs fit best for the hidden layer that there is."""
+        _, hidden, bias, _ = self.parts(self.weights)
+        basis = np.column_stack([terms_of(z), np.tanh(z @ hidden.T + bias)])
+        found = np.linalg.solve(basis.T @ basis + np.eye(basis.shape[1]), basis.T @ target)
+        out = self.weights.copy()
+        out[: self.lines], out[-self.m :] = found[: self.lines], found[self.lines :]
+        return out
+
+    def value(self, weights: np.ndarray, z: np.ndarray) -> np.ndarray:
+        """Displacement [%]."""
+        linear, hidden, bias, output = self.parts(weights)
+        return terms_of(z) @ linear + np.tanh(z @ hidden.T + bias) @ output
+
+    def jacobian(self, weights: np.ndarray, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement and its derivative with respect to the weights."""
+        linear, hidden, bias, output = self.parts(weights)
+        terms, act = terms_of(z), np.tanh(z @ hidden.T + bias)
+        slope = (1.0 - act * act) * output
+        by_hidden = (slope[:, :, None] * z[:, None, :]).reshape(len(z), -1)
+        return terms @ linear + act @ output, np.concatenate([terms, by_hidden, slope, act], axis=1)
+
+
+class Team:
+    """Learners that differ in where they began, learned on the same samples."""
+
+    def __init__(self, z: np.ndarray, target: np.ndarray, iterations: int, smooth: float, learners: int = LEARNERS):
+        self.learners = [Learner(z.shape[1], UNITS, seed, smooth) for seed in range(1, learners + 1)]
+        for learner in self.learners:
+            learner.weights = learn(learner, z, target, iterations)
+
+    def values(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and spread [%]."""
+        each = np.array([learner.value(learner.weights, z) for learner in self.learners])
+        return each.mean(axis=0), each.std(axis=0)
+
+
+def learn(learner: Learner, z: np.ndarray, target: np.ndarray, iterations: int) -> np.ndarray:
+    """Weights for features that stand."""
+    weights, damping = learner.start(z, target), 1e-2
+    value, jacobian = learner.jacobian(weights, z)
+    cost = robust(target - value) + float(learner.shrinkage @ weights**2)
+    for _ in range(iterations):
+        step = solve(jacobian, target - value, learner.shrinkage * weights, learner.shrinkage, damping)
+        tried = weights + step
+        new_cost = robust(target - learner.value(tried, z)) + float(learner.shrinkage @ tried**2)
+        if new_cost >= cost:
+            damping *= 8.0
+            if damping > 1e6:
+                break
+            continue
+        enough = cost - new_cost < 1e-4 * cost
+        weights, cost, damping = tried, new_cost, max(damping / 5.0, 1e-9)
+        if enough:
+            break
+        value, jacobian = learner.jacobian(weights, z)
+    return weights
+
+
+def solve(
+    jacobian: np.ndarray, error: np.ndarray, pull: np.ndarray, stiffness: np.ndarray, damping: float
+) -> np.ndarray:
+    """One damped Gauss-Newton step of the robust, shrunk problem."""
+    weight = np.minimum(1.0, ROBUST / np.maximum(np.abs(error), 1e-12))
+    weighted = jacobian * weight[:, None]
+    normal = weighted.T @ jacobian
+    size = np.diag(normal)
+    return np.linalg.solve(
+        normal + np.diag(stiffness + damping * np.maximum(size, 1e-4 * size.max())), weighted.T @ error - pull
+    )
+
+
+def robust(error: np.ndarray) -> float:
+    """Huber's loss of n errors, twice over."""
+    size = np.abs(error)
+    return float(np.where(size < ROBUST, error * error, 2.0 * ROBUST * size - ROBUST * ROBUST).sum())
+
+
+def physical_curve(z: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """The physical curve: least squares of a quadratic."""
+    return np.linalg.lstsq(terms_of(z)[:, :CURVE_TERMS], target, rcond=None)[0]
+
+
+def whitening_of(z: np.ndarray) -> np.ndarray:
+    """Lower triangle that makes features white, scaled so that 95 % of them are nearer than 1."""
+    square = z.T @ z / len(z) + 1e-3 * np.eye(z.shape[1])
+    out = np.linalg.inv(np.linalg.cholesky(square))
+    return out / np.percentile(np.linalg.norm(z @ out.T, axis=1), 95)
