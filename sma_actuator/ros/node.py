@@ -37,12 +37,14 @@ from diagnostic_msgs.srv import SelfTest as SelfTestService
 from geometry_msgs.msg import WrenchStamped
 from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import InvalidNodeNameException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
+from rclpy.validate_node_name import validate_node_name
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
@@ -833,8 +835,8 @@ def main(arguments: list[str] | None = None) -> int:
         os.environ.setdefault("RCUTILS_COLORIZED_OUTPUT", "1")  # ROS 2 will see no terminal
     with unblockable_streams(), noted_signals() as interrupts:
         try:
-            ros, names, names_of_joints = _names(sys.argv[1:] if arguments is None else arguments)
-            _begin_ros(ros.rclpy)
+            ros, names, names_of_joints = named(sys.argv[1:] if arguments is None else arguments)
+            begin_ros(ros.rclpy)
             nodes += [SmaActuatorNode(name, ros, fatal.append) for name in names]
             joints += [JointNode(name, ros, nodes) for name in names_of_joints]
             switch = Switch([*nodes, *joints], ros.rclpy)
@@ -877,20 +879,30 @@ def _keep_what_is_imported() -> None:
     gc.freeze()
 
 
-def _begin_ros(arguments: list[str]) -> None:
-    """Join ROS 2; without a log file where none can be written: a wire can be driven, and switched off, without."""
+def begin_ros(arguments: list[str]) -> None:
+    """Join ROS 2; without a log file where none can be written: a wire can be driven, and switched off, without.
+
+    Raises ConfigError where ROS 2 does not understand the arguments.
+    """
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except rclpy_implementation.UnknownROSArgsError as error:
+        raise ConfigError(f"--ros-args: ROS 2 does not know {error}") from None
     except rclpy_implementation.RCLError as error:
         if "logging" not in str(error):
-            raise
+            what = str(error).removeprefix("failed to initialize rcl: ").partition(". Error:")[0]
+            raise ConfigError(
+                f"--ros-args: ROS 2 refuses them: {what}. A name has letters, digits and _ and begins with no digit; "
+                "write -r __node:=name, -r __ns:=/robot, -r from:=to"
+            ) from None
         print(f"sma_actuator_node: going on without a log file of ROS 2: {error}", file=sys.stderr)
         rclpy.try_shutdown()
         without = ["--ros-args", *arguments[1:], "--disable-external-lib-logs"]
         rclpy.init(args=without, signal_handler_options=SignalHandlerOptions.NO)
 
 
-def _names(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str], list[str]]:
+def named(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str], list[str]]:
+    """The command line taken apart, and the names of the wires' nodes and of the joints'.  Raises ConfigError."""
     ros = ros_arguments.parse(arguments)
     parser = argparse.ArgumentParser(
         prog="sma_actuator_node",
@@ -909,6 +921,14 @@ def _names(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str],
     )
     args = parser.parse_args(ros.user)
     names = [*args.nodes, *args.joints]
+    for name in names:
+        try:
+            validate_node_name(name)
+        except InvalidNodeNameException:
+            raise ConfigError(
+                f"--nodes, --joints: {name[:60]!r} is no name of a node: letters, digits and _ are wanted, no digit first, "
+                "255 characters at the most"
+            ) from None
     if len(set(names)) != len(names):
         raise ConfigError(f"--nodes, --joints: a name stands twice in {', '.join(names)}")
     if len(names) > 1 and ros.renames_node:

@@ -87,3 +87,29 @@ def test_what_cannot_be_read_is_refused_in_a_sentence(arguments, sentence):
     with pytest.raises(ConfigError) as refusal:
         parse(arguments).parameters_of("/sma_actuator")
     assert sentence in str(refusal.value)
+
+
+@pytest.mark.parametrize("name", ["a-b", "9a", "a b", "a\nb", "", "a" * 300, "Ω", "a/b"])
+def test_a_name_that_ros_does_not_allow_gets_a_sentence(name):
+    pytest.importorskip("rclpy")
+    from sma_actuator.ros.node import named
+
+    with pytest.raises(ConfigError, match="is no name of a node: letters, digits and _ are wanted"):
+        named(["--nodes", name])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["-r", "__node:=a-b"], "ROS 2 refuses them: Couldn't parse remap rule: '-r __node:=a-b'"),
+        (["-r", "__ns:=9/a"], "ROS 2 refuses them: Couldn't parse remap rule: '-r __ns:=9/a'"),
+        (["--log-level", "much"], "ROS 2 refuses them: Couldn't parse log level: '--log-level much'"),
+        (["--nonsense"], r"ROS 2 does not know \['--nonsense'\]"),
+    ],
+)
+def test_arguments_that_ros_does_not_understand_get_a_sentence(arguments, sentence):
+    pytest.importorskip("rclpy")
+    from sma_actuator.ros.node import begin_ros
+
+    with pytest.raises(ConfigError, match=sentence):
+        begin_ros(["--ros-args", *arguments])
