@@ -3,6 +3,7 @@
 # make check  format, lint, types and the floors of the house
 # make counterparts   the driver against instruments that others wrote (FOREIGN_PYTHON=python3.12 for those that want it)
 # make release  sdist and wheel, tried from the wheel
+# make audit, make sbom   published holes in what is installed; its bill of materials
 # make docs   the documentation with the API reference, warnings are errors
 # make tables, make benchmarks, make coefficients   the figures and the models, made again
 # Both do all their own set-up: a virtual environment with pinned ROS 2 wheels in .venv.
@@ -14,7 +15,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: release counterparts page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds feed-forward tuning pair fleet foreign-speed tutorial forward health clean
+.PHONY: audit sbom release counterparts page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds feed-forward tuning pair fleet foreign-speed tutorial forward health clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
@@ -56,10 +57,11 @@ release:
 coverage: $(VENV)/ready
 	$(BIN)/python benchmarks/coverage_by_room.py
 
-$(VENV)/ready: setup.py constraints.txt
+$(VENV)/ready: setup.py constraints.txt requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is wanted; set PYTHON=python3.12 or so"; exit 1; }
 	$(PYTHON) -m venv $(VENV) || { echo "the venv module is missing: apt-get install python3-venv"; exit 1; }
 	$(BIN)/python -m pip install --quiet --upgrade pip
+	$(BIN)/python -m pip install --quiet --require-hashes --requirement requirements.lock
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[$(EXTRAS)]'
 	touch $@
 
@@ -163,6 +165,17 @@ MUTANTS ?=
 mutants: $(VENV)/ready
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[mutants]'
 	nice -n 5 $(BIN)/python benchmarks/mutants.py $(MUTANTS)
+
+# The packages of requirements.lock (written by .ci/lock) against what is published of holes in them; asks osv.dev.
+audit: $(VENV)/ready
+	$(BIN)/python -m pip install --quiet 'pip-audit>=2.7,<3'
+	.ci/audit $(BIN)
+
+# What is in the environment, as a bill of materials (CycloneDX): out/sbom.json.
+sbom: $(VENV)/ready
+	$(BIN)/python -m pip install --quiet 'cyclonedx-bom>=7,<8'
+	mkdir -p out
+	$(BIN)/cyclonedx-py requirements requirements.lock --output-reproducible --of JSON -o out/sbom.json
 
 clean:
 	rm -rf $(VENV) .counterparts .node build install log out
