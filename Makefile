@@ -3,6 +3,7 @@
 # make check  format, lint, types and the floors of the house
 # make counterparts   the driver against instruments that others wrote (FOREIGN_PYTHON=python3.12 for those that want it)
 # make release  sdist and wheel, tried from the wheel
+# make fuzz   every parser of files and messages (MINUTES=60)
 # make audit, make sbom   published holes in what is installed; its bill of materials
 # make docs   the documentation with the API reference, warnings are errors
 # make tables, make benchmarks, make coefficients   the figures and the models, made again
@@ -15,7 +16,7 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
-.PHONY: audit sbom release counterparts page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds feed-forward tuning pair fleet foreign-speed tutorial forward health clean
+.PHONY: fuzz audit sbom release counterparts page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds feed-forward tuning pair fleet foreign-speed tutorial forward health clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
@@ -176,6 +177,12 @@ sbom: $(VENV)/ready
 	$(BIN)/python -m pip install --quiet 'cyclonedx-bom>=7,<8'
 	mkdir -p out
 	$(BIN)/cyclonedx-py requirements requirements.lock --output-reproducible --of JSON -o out/sbom.json
+
+# Feed every parser with inputs that reach new lines of it (MINUTES for all of them; PARSERS: some; what breaks one joins attack/corpus).
+PARSERS ?=
+fuzz: $(VENV)/ready
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[fuzz]'
+	nice -n 5 $(BIN)/python -m attack.parsers $(PARSERS) --minutes $(MINUTES)
 
 clean:
 	rm -rf $(VENV) .counterparts .node build install log out

@@ -61,6 +61,7 @@ setup(
         "labjack": ["labjack-ljm>=1.23,<2"],
         "check": ["ruff>=0.17,<0.18", "mypy>=1.11", "import-linter>=2.0"],
         "docs": ["sphinx>=8.2", "myst-parser>=4.0", "sphinx-rtd-theme>=3.0"],
+        "fuzz": ["atheris>=3,<4"],
         "mutants": ["cosmic-ray>=8.4", "coverage>=7.4"],
         "test": [
             "pytest>=7.4",

@@ -586,7 +586,7 @@ def _page(findings: Findings) -> str:
 def main() -> int:
     """Mutate the targets; 0 where no mutant survives that is not explained."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("targets", nargs="*", choices=[*TARGETS, []], default=list(TARGETS))
+    parser.add_argument("targets", nargs="*", choices=[*TARGETS, []], default=[])
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--every", type=int, default=1, help="take one of so many mutants, for a quick look")
     parser.add_argument("--lines", default="", metavar="FROM-TO", help="mutants of these lines alone")
@@ -597,7 +597,7 @@ def main() -> int:
     _warm_up()
     known, findings = equivalent(), Findings()
     living = 0
-    for target in options.targets:
+    for target in options.targets or TARGETS:
         unexplained = _without(mutants_of(target), known)
         lives = findings.of(target, unexplained)
         again = set() if findings.holds(target) else {key for key, alive in lives.items() if alive}
