@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import HealthCheck, settings
+from left_behind import end_with_this_process
 from rig import Rig
 
 from sma_actuator.config import Config
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 # A machine may stand still at any instant: an example that takes long, or is drawn slowly, has not failed.
 settings.register_profile("patient", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("patient")
+
+_WATCHER = end_with_this_process()
 
 # Before rclpy is imported: nothing outside this machine is heard, and no two workers of a run hear each other.
 _WORKER = os.environ.get("PYTEST_XDIST_WORKER", "").removeprefix("gw")
