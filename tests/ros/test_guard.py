@@ -22,7 +22,7 @@ def breaks(*_):
 
 def guarded(callback, said):
     """Service and subscription with a callback, made safe."""
-    service = SimpleNamespace(callback=callback, srv_name="~/do")
+    service = SimpleNamespace(callback=callback, srv_name="~/do", srv_type=None)
     subscription = SimpleNamespace(callback=callback, topic_name="~/hear")
     guard.refuse_what_raises(SimpleNamespace(services=[service], subscriptions=[subscription]), said.append)
     return service.callback, subscription.callback
@@ -43,6 +43,12 @@ def test_parameters_that_raise_are_refused_each():
     response = answer(SetParametersAtomically.Request(), SetParametersAtomically.Response())
     assert (response.result.successful, response.result.reason) == (False, SENTENCE)
     assert not answer(ChangeState.Request(), ChangeState.Response(success=True)).success
+
+
+def test_a_request_that_was_refused_unread_is_answered_with_the_reason_alone():
+    answer = guarded(lambda *_: pytest.fail("it was read"), [])[0]
+    response = answer(guard.Refused("too much"), SetParameters.Response())
+    assert [(r.successful, r.reason) for r in response.results] == [(False, "~/do: the request was refused: too much")]
 
 
 def test_what_does_not_raise_is_passed_on_as_it_is():
@@ -92,21 +98,16 @@ def spun(monkeypatch, *ends, **more):
     node = SimpleNamespace(shut_down=False)
     node.context = SimpleNamespace(ok=lambda: not node.shut_down)
     executor = Executor(ends, node)
-    at_once = more.get("at_once", 1)
-    monkeypatch.setattr(guard, "SingleThreadedExecutor", lambda context: executor if at_once == 1 else None)
-    monkeypatch.setattr(
-        guard, "MultiThreadedExecutor", lambda threads, context: executor if threads == at_once > 1 else None
-    )
+    monkeypatch.setattr(guard, "SingleThreadedExecutor", lambda context: executor if context is node.context else None)
     monkeypatch.setattr(guard.time, "sleep", paused_s.append)
     guard.spin(node, told.append, lambda: turns.append(1), **more)
     assert executor.nodes == [node]
     return told, len(turns), paused_s, executor
 
 
-@pytest.mark.parametrize("at_once", [1, 3])
-def test_the_executor_goes_on_after_what_raises_until_the_context_is_shut_down(monkeypatch, at_once):
+def test_the_executor_goes_on_after_what_raises_until_the_context_is_shut_down(monkeypatch):
     error = ValueError("bad")
-    told, turns, paused_s, executor = spun(monkeypatch, None, error, None, None, longest_wait_s=0.3, at_once=at_once)
+    told, turns, paused_s, executor = spun(monkeypatch, None, error, None, None, longest_wait_s=0.3)
     assert told == [error]
     assert turns == 3
     assert paused_s == [guard.PAUSE_s] and 0.0 < guard.PAUSE_s < 0.1
