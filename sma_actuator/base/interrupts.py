@@ -31,10 +31,31 @@ class Interrupts:
             raise KeyboardInterrupt
 
 
-def ending_signals() -> list[signal.Signals]:
-    """What asks a program to end, besides Ctrl-C; a SIGHUP that is ignored (``nohup``) stays ignored."""
-    hang_up = [] if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else [signal.SIGHUP]
-    return [signal.SIGTERM, signal.SIGQUIT, *hang_up]
+#: Those that nobody can catch, that end nothing, that only stop a program or let it go on, and that a crash raises: what
+#: has crashed runs no handler.
+_NOT_ENDING = {
+    *(signal.SIGKILL, signal.SIGSTOP),
+    *(signal.SIGCHLD, signal.SIGURG, signal.SIGWINCH, signal.SIGCONT),
+    *(signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU),
+    *(signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGABRT, signal.SIGTRAP, signal.SIGSYS),
+}
+
+
+def every_ending_signal() -> list[int]:
+    """All that end a program which does nothing about them, and can be caught."""
+    return sorted(set(signal.valid_signals()) - _NOT_ENDING)
+
+
+def ending_signals() -> list[int]:
+    """What would end this program, besides Ctrl-C; what is ignored (as SIGHUP by ``nohup``), or has a handler that is
+    none of ours, stays as it is."""
+
+    def is_ours(number: int) -> bool:
+        handler = signal.getsignal(number)
+        asks = number in (signal.SIGTERM, signal.SIGQUIT)
+        return asks or handler is signal.SIG_DFL or isinstance(getattr(handler, "__self__", None), Interrupts)
+
+    return [number for number in every_ending_signal() if number != signal.SIGINT and is_ours(number)]
 
 
 @contextlib.contextmanager

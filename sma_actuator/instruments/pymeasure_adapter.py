@@ -164,8 +164,7 @@ class PymeasureSupply(SessionSupply):
     def _tell_current(self, current_A: float) -> None:
         self._set("current setting", current_A)
 
-    def set_output(self, on: bool) -> None:
-        """Switch the output."""
+    def _tell_output(self, on: bool) -> None:
         self._set("output", on)
 
     def read_back(self) -> SupplyState:

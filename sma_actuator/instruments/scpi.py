@@ -105,8 +105,7 @@ class ScpiSupply(SessionSupply):
         self._tell("set_current", _RoundedDown(max(current_A, self._dialect.zero_current_A)))
         self._told_A = current_A
 
-    def set_output(self, on: bool) -> None:
-        """Switch the output."""
+    def _tell_output(self, on: bool) -> None:
         self._tell("output_on" if on else "output_off")
 
     def read_back(self) -> SupplyState:

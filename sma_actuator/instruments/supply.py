@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from . import InstrumentError, InstrumentLost, InstrumentRefused, InstrumentUnreachable, OutputStaysOn
+from .afterwards import OFF_ANSWERS, Afterwards
 from .parameters import InstrumentSections
 from .session import OPENING_ANSWERS, Claim, Manner, Session
 
@@ -77,6 +79,7 @@ class SessionSupply(ABC):
         off_lines: Sequence[str],
         unlock_lines: Sequence[str] = (),
     ):
+        self._config = config
         self._limits = config.supply
         self._instrument = config.instruments.supply
         self._channel = self._instrument.channel
@@ -88,6 +91,9 @@ class SessionSupply(ABC):
             Callable[[], None]
         ] = []  #: one for each setting that must stand; they raise where it does not
         self._check_number = 0
+        self._watchdog = False  #: its own silence cuts its output
+        self._afterwards: Afterwards | None = None  #: who says off when this program is gone
+        self._confirmed = False  #: off was read back, and on not said since
         self._unsafe: list[str] = []  #: states that cannot be made safe, in a sentence each
         self.identity = ""
 
@@ -109,6 +115,10 @@ class SessionSupply(ABC):
         """Program a current that was checked."""
 
     @abstractmethod
+    def _tell_output(self, on: bool) -> None:
+        """Switch the output."""
+
+    @abstractmethod
     def _output_is_on(self, session: Session) -> bool:
         """Ask for the state of the output over a session that may be another than the usual one."""
 
@@ -121,9 +131,7 @@ class SessionSupply(ABC):
         session = self._session
         with session.within(OPENING_ANSWERS * self._instrument.timeout):
             if self._instrument.exclusive_lock and self._claim is None:
-                self._claim = session.claim(
-                    "instruments.supply.exclusive_lock: false shares it, and with it the watchdog"
-                )
+                self._claim = self._claimed_soon()
             try:
                 session.open(self._instrument.exclusive_lock)
                 self._configure()
@@ -138,13 +146,41 @@ class SessionSupply(ABC):
                 _log.warning("%s: %s", session.name, sentence)
         self._ours = True
 
+    def _claimed_soon(self) -> Claim:
+        """The right to speak to it, waited for as long as somebody may take who says off for a program that is gone."""
+        until_s = time.monotonic() + OFF_ANSWERS * self._instrument.timeout
+        while True:
+            try:
+                return self._session.claim(
+                    "instruments.supply.exclusive_lock: false shares it, and with it the watchdog"
+                )
+            except InstrumentRefused:
+                if time.monotonic() >= until_s:
+                    raise
+                time.sleep(_OFF_PAUSE_s)
+
     def _acknowledged(self, abilities: Abilities) -> None:
         """Keep the sentences of states that cannot be made safe; raise InstrumentRefused where one is not acknowledged."""
+        self._watchdog = abilities.watchdog
         unsafe = abilities.unsafe_states()
         for parameter, sentence in unsafe.items():
             if not getattr(self._limits, parameter):
                 raise InstrumentRefused(f"{self._session.name}: {sentence}; supply.{parameter}: true acknowledges that")
         self._unsafe = list(unsafe.values())
+
+    def set_output(self, on: bool) -> None:
+        """Switch the output.  Before one without a watchdog goes on, somebody waits who says off when this program is gone."""
+        if on:
+            self._confirmed = False
+            if not self._watchdog and not (self._afterwards is not None and self._afterwards.waits):
+                self._begin_afterwards()
+        self._tell_output(on)
+
+    def _begin_afterwards(self) -> None:
+        try:
+            self._afterwards = Afterwards(self._config)
+        except (OSError, ValueError) as error:
+            _log.warning("%s: nobody says off when this program is killed: %s", self._session.name, error)
 
     def set_current(self, current_A: float) -> None:
         """Program the current limit [A].  The last gate: nothing but 0 to supply.max_current passes."""
@@ -203,6 +239,12 @@ class SessionSupply(ABC):
         self._session.close()
         self._ours = False
         self._release()
+        if self._afterwards is not None:
+            afterwards, self._afterwards = self._afterwards, None
+            if self._confirmed:
+                afterwards.dismiss()
+            else:
+                afterwards.leave()
 
     def _release(self) -> None:
         if self._claim is not None:
@@ -237,6 +279,15 @@ class SessionSupply(ABC):
     def _prepare_off(self) -> None:  # noqa: B027 - a dialect knows them from the beginning
         """Know the off lines, without a word to the supply."""
 
+    @contextlib.contextmanager
+    def claimed(self) -> Iterator[None]:
+        """No other program of this computer speaks to it meanwhile.  Raises InstrumentRefused where one does."""
+        claim = self._session.claim("it is switched off for one that is gone")
+        try:
+            yield
+        finally:
+            claim.release()
+
     @property
     def driven_by(self) -> int | None:
         """The process of this computer that drives it, where there is one that we may look into."""
@@ -270,6 +321,7 @@ class SessionSupply(ABC):
         for _ in range(_OFF_ATTEMPTS):
             session.tell_blind(*session.off_lines)
             if not self._output_is_on(session):
+                self._confirmed = True
                 return
             time.sleep(_OFF_PAUSE_s)
         raise OutputStaysOn(session.name)

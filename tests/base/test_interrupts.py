@@ -11,7 +11,10 @@ import pytest
 
 from sma_actuator.base.interrupts import noted_signals
 
-SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGQUIT, signal.SIGHUP]
+SIGNALS = [
+    *(signal.SIGINT, signal.SIGTERM, signal.SIGQUIT, signal.SIGHUP, signal.SIGUSR1, signal.SIGUSR2, signal.SIGVTALRM),
+    *(signal.SIGPROF, signal.SIGIO, signal.SIGPWR, signal.SIGXCPU, signal.SIGSTKFLT, signal.SIGRTMIN, signal.SIGRTMAX),
+]
 
 
 @pytest.mark.parametrize("number", SIGNALS, ids=lambda n: n.name)
@@ -32,6 +35,20 @@ def test_afterwards_signals_do_what_they_did_before():
     with noted_signals():
         pass
     assert [signal.getsignal(number) for number in SIGNALS] == before
+
+
+def test_what_has_a_handler_of_its_own_keeps_it_and_one_block_in_another_notes_too():
+    heard = []
+    before = signal.signal(signal.SIGUSR1, lambda number, _: heard.append(number))
+    try:
+        with noted_signals() as outer, noted_signals() as inner:
+            os.kill(os.getpid(), signal.SIGUSR1)
+            assert not outer and not inner
+            os.kill(os.getpid(), signal.SIGUSR2)
+            assert inner.number == signal.SIGUSR2 and not outer
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+    assert heard == [signal.SIGUSR1]
 
 
 def test_another_thread_than_the_main_one_is_left_alone():

@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 
 import pytest
 import yaml
-from counterpart import HERE, UNSAFE, Emulator, Rig, SerialLine, python_with
+from counterpart import HERE, UNSAFE, Emulator, Rig, SerialLine, SOON_s, python_with
 from emulators import EMULATORS
 from liar import Liar
-from waiting import Stalls
+from waiting import Elapsed, Stalls
 
 from sma_actuator.config import Config
 from sma_actuator.instruments import open_supply
@@ -255,11 +255,14 @@ def test_a_program_that_is_told_to_end_switches_it_off(emulator, program, counte
     assert (state.on, state.setting_A) == (False, counterpart.zero_A)
 
 
-def test_after_a_killed_program_the_next_ones_first_words_switch_it_off(emulator, program, make_mapping):
+def test_after_a_killed_program_it_is_off_and_the_next_ones_first_words_are_off(emulator, program, make_mapping):
     one = program()
     one.kill()
     one.wait()
-    assert emulator.back_door.state().on  # it has no watchdog: the parameter file acknowledges that
+    elapsed = Elapsed()  # it has no watchdog: a process of its own says off
+    while emulator.back_door.state().on:
+        assert elapsed.look() < SOON_s
+        time.sleep(0.005)
     supply = open_supply(Config.from_mapping(make_mapping()))
     heard = len(emulator.liar.heard)
     try:

@@ -8,7 +8,6 @@ import os
 import signal
 import time
 from pathlib import Path
-from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 from .client import OFF_AGAIN_s, add_node_arguments, connected
@@ -53,21 +52,16 @@ def _at_the_supply(file: Path, node: str) -> int:
     """Off over a session of our own, if need be after the end of the process that has the supply."""
     # What a supply needs and no more: the whole configuration takes seconds to import.
     from sma_actuator.base.parameter_file import parameters_in
-    from sma_actuator.base.parameters import from_mapping, refuse
-    from sma_actuator.base.sections import Loop, SupplyParameters
     from sma_actuator.instruments import InstrumentError, open_supply
-    from sma_actuator.instruments.parameters import Instruments
+    from sma_actuator.instruments.afterwards import sections_of
     from sma_actuator.instruments.supply import SessionSupply
 
     mapping = parameters_in(file, node)  # whatever has become of the tables beside it
-    sections = {}
-    for name, kind in (("instruments", Instruments), ("supply", SupplyParameters), ("loop", Loop)):
-        sections[name], problems = from_mapping(kind, mapping.get(name, {}), f"{name}.")
-        refuse(problems, str(file))
-    supply = open_supply(SimpleNamespace(**sections))
+    sections = sections_of(mapping, str(file))
+    supply = open_supply(sections)
     assert isinstance(supply, SessionSupply)  # every supply but the virtual one
-    where = sections["instruments"].supply.resource
-    timeout_s = ANSWERS * sections["instruments"].supply.timeout
+    where = sections.instruments.supply.resource
+    timeout_s = ANSWERS * sections.instruments.supply.timeout
     try:
         supply.switch_off_beside(timeout_s)
     except InstrumentError as refused:

@@ -1,0 +1,196 @@
+"""Off for a supply without a watchdog whose program is gone, said by a process of its own; the bench is asked what flows."""
+
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from waiting import Elapsed, Stalls
+
+from sma_actuator.bench import VirtualBench
+from sma_actuator.bench.server import background
+from sma_actuator.config import Config
+from sma_actuator.instruments import InstrumentLost, InstrumentRefused, afterwards, open_supply
+
+SOON_s = 60.0
+
+_PROGRAM = """
+import json, sys, time
+from sma_actuator.instruments import open_supply
+from sma_actuator.instruments.afterwards import sections_of
+supply = open_supply(sections_of(json.loads(sys.argv[1]), ""))
+supply.open()
+supply.set_current(0.1)
+supply.set_output(True)
+assert supply.read_back().output_on
+print(supply._afterwards._process.pid if supply._afterwards else 0, flush=True)
+if sys.stdin.readline():
+    supply.switch_off()
+    supply.close()
+    print("closed", flush=True)
+    time.sleep(600.0)
+"""
+
+
+class Program:
+    """A program that drives the bench's supply."""
+
+    def __init__(self, mapping):
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", _PROGRAM, json.dumps(mapping)], stdin=-1, stdout=-1, stderr=-1, text=True
+        )
+        self.waiting = int(self.process.stdout.readline())
+
+    def close(self):
+        self.process.kill()
+        self.process.communicate()
+
+
+def is_there(process):
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    return False
+
+
+def waits(process):
+    """Whether it has come to where signals are ignored, with all that it needs imported."""
+    ignored = re.search(r"SigIgn:\s*([0-9a-f]+)", Path(f"/proc/{process}/status").read_text())[1]
+    return bool(int(ignored, 16) & 1 << (signal.SIGUSR1 - 1))
+
+
+@pytest.fixture
+def bench():
+    with background(VirtualBench.from_name("flexinol")) as server:
+        yield server
+
+
+@pytest.fixture
+def mapping(make_config, bench):
+    def make(**changes):
+        common = {"supply.watchdog_timeout": 0.0, "supply.allow_no_watchdog": True}
+        resource = f"TCPIP::127.0.0.1::{bench.ports[0]['supply']}::SOCKET"
+        return make_config(**{"instruments.supply.resource": resource, **common, **changes})
+
+    return make
+
+
+@pytest.fixture
+def program(mapping):
+    with contextlib.ExitStack() as stack:
+
+        def start(**changes):
+            one = Program(mapping(**changes))
+            stack.callback(one.close)
+            return one
+
+        yield start
+
+
+def until(condition):
+    elapsed = Elapsed()
+    while not condition():
+        assert elapsed.look() < SOON_s
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV])
+def test_it_is_off_in_the_promised_time_whatever_has_ended_the_program(bench, program, number):
+    one = program()
+    supply = bench.benches[0].supply
+    assert supply.output_on and is_there(one.waiting)
+    until(lambda: waits(one.waiting))  # before, it says off as soon as it has begun
+    one.process.send_signal(number)
+    with contextlib.closing(Stalls()) as stalls:
+        ended_s = time.monotonic()
+        while supply.output_on:
+            assert stalls.since(ended_s) < afterwards.WITHIN_s
+            time.sleep(0.005)
+    _, said = one.process.communicate(timeout=SOON_s)
+    assert f"process {one.process.pid}, which drove the supply at" in said
+    assert "is gone: the output is off, confirmed by the supply" in said
+    assert supply.current_A == 0.0
+
+
+def test_a_program_that_has_switched_it_off_leaves_nobody(bench, program):
+    one = program()
+    one.process.stdin.write("off\n")
+    one.process.stdin.flush()
+    assert one.process.stdout.readline() == "closed\n"
+    until(lambda: not is_there(one.waiting))
+
+
+def test_a_supply_with_a_watchdog_has_nobody(program):
+    assert program(**{"supply.watchdog_timeout": 1.0}).waiting == 0
+
+
+def test_it_waits_also_where_signals_end_all_that_belongs_together(program):
+    one = program()
+    until(lambda: waits(one.waiting))
+    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGUSR1):
+        os.kill(one.waiting, number)
+    time.sleep(0.2)
+    assert is_there(one.waiting)
+
+
+class TestSwitchOff:
+    """What it does, in this process."""
+
+    @pytest.fixture
+    def supply(self, mapping):
+        return open_supply(Config.from_mapping(mapping()))
+
+    @pytest.fixture
+    def gone(self):
+        """The number of a process that is gone."""
+        process = subprocess.Popen(["true"])
+        process.wait()
+        return process.pid
+
+    def test_it_says_no_word_to_a_supply_that_another_program_drives(self, bench, mapping, supply, gone):
+        other = open_supply(Config.from_mapping(mapping()))
+        other.open()
+        other._tell_output(True)
+        other.read_back()
+        said = afterwards.switch_off(supply, gone, 1.0)
+        assert said == f"is left to process {os.getpid()}, which drives it now"
+        assert other.read_back().output_on
+        other.switch_off()
+        other.close()
+
+    def test_it_tries_again_while_the_connection_of_the_dead_is_there(self, supply, gone, monkeypatch):
+        monkeypatch.setattr(afterwards, "_AGAIN_s", 0.0)
+        answers = [InstrumentRefused("its name"), InstrumentLost("its session")]
+
+        def beside(_timeout_s):
+            if answers:
+                raise answers.pop()
+
+        supply.switch_off_beside = beside
+        assert afterwards.switch_off(supply, gone, 1.0) == "is off, confirmed by the supply"
+        assert answers == []
+
+    def test_it_gives_up_with_words_for_a_person(self, supply, gone, monkeypatch):
+        monkeypatch.setattr(afterwards, "_ATTEMPTS_s", 0.0)
+
+        def beside(_timeout_s):
+            raise InstrumentLost("nothing listens there")
+
+        supply.switch_off_beside = beside
+        said = afterwards.switch_off(supply, gone, 1.0)
+        assert said.startswith("is NOT CONFIRMED to be off (nothing listens there); look at the supply")
+
+
+def test_nobody_to_begin_is_a_warning_and_no_failure(mapping, monkeypatch, caplog):
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    supply = open_supply(Config.from_mapping(mapping()))
+    supply.open()
+    supply.set_output(True)
+    assert "nobody says off when this program is killed" in caplog.text
+    supply.switch_off()
+    supply.close()
