@@ -156,7 +156,7 @@ forward: $(VENV)/ready
 	@test -n "$(FORWARD_RUNS)" || { echo "no runs in $(FORWARD_DATA); set FORWARD_DATA to a folder of CSV files"; exit 1; }
 	$(BIN)/sma-actuator forward $(FORWARD_RUNS) --wire config/flexinol_050_forward.yaml --out out/forward --force
 
-# Attack the driver at random for as long as ATTACK says, and write what held and what did not to docs/attack.md.
+# Attack the driver at random for as long as ATTACK says (--minutes 60), go on where the last stopped, keep it with its commit, and write what held to docs/attack.md.
 ATTACK ?=
 attack: $(VENV)/ready
 	nice -n 5 $(BIN)/python -m attack $(ATTACK)

@@ -1,17 +1,14 @@
 """``python -m attack``: run attacks, print what they broke, and write their figures to docs/attack.md.
 
-Without a name of an attack all of them are run, side by side, and the page is written; with one, it alone.
+Without a name of an attack all of them are run, side by side, in pieces that are kept with their commit, and the page of all that is
+kept is written; with one, it alone, and kept only ``--into`` a file.
 """
 
 from __future__ import annotations
 
 import argparse
-import datetime
-import fcntl
-import json
 import math
 import os
-import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -22,11 +19,14 @@ from pathlib import Path
 from sma_actuator.bench.bench import VirtualBench
 
 from .heat import UNITS, table
+from .kept import ROOT, Kept, add_to
+from .kept import table as table_of_pieces
 from .lines import ALL
 from .result import Result, Violation
 from .units import RUNNERS
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "attack.md"
+PAGE = ROOT / "docs" / "attack.md"
+KEPT = Path(__file__).with_name("kept.json")
 #: The mischief of `lines` is done in so many parts.
 LINES_PARTS = 4
 TITLES = {
@@ -45,54 +45,41 @@ TITLES = {
 def main(arguments: Sequence[str] | None = None) -> int:
     """Attack; 0 where nothing was broken."""
     options = _options().parse_args(arguments)
-    work: list[tuple[str, tuple]] = []
-    for name in TITLES if options.what == "all" else (options.what,):
-        work += [(name, unit) for unit in _units(name, options)]
-    VirtualBench.from_name("flexinol").advance(0.01)  # compiled once, before many want it at the same time
-    writes = options.what == "all" or options.write or options.into is not None
-    results = _kept(options.into)
-    for name, part in _run(work, options.jobs, options.minutes):
-        if options.into is None:
-            results.setdefault(name, Result()).add(part)
-        else:
-            results = _add_to(options.into, name, part)
-        if writes:  # after every part, so that an attack that is interrupted has its page
-            PAGE.write_text(page(results), encoding="utf-8")
+    into = options.into or (KEPT if options.what == "all" or options.show else None)
+    kept = Kept.read(into) if into else Kept()
+    results = {} if into is None else kept.results()
+    if not options.show:
+        work: list[tuple[str, tuple]] = []
+        for name in TITLES if options.what == "all" else (options.what,):
+            work += [(name, unit) for unit in _units(name, options, kept.next_seed.get(name, 0))]
+        VirtualBench.from_name("flexinol").advance(0.01)  # compiled once, before many want it at the same time
+        for name, unit, part in _run(work, options.jobs, options.minutes):
+            if into is None:
+                results.setdefault(name, Result()).add(part)
+                continue
+            kept = add_to(into, name, part, unit[0] + (unit[1] if name == "hours" else 1))
+            results = kept.results()
+            PAGE.write_text(
+                page(kept), encoding="utf-8"
+            )  # after every part: an attack that is interrupted has its page
     whole = Result()
     for name, result in results.items():
         print(f"{TITLES[name]}: {dict(result.counts)}\n  worst: {result.worst}\n{result.verdict()}", flush=True)
         whole.add(result)
-    if writes:
-        print(f"written: {PAGE}")
+    if into is not None:
+        for title, commit, on, done, why_older in table_of_pieces(kept, TITLES):
+            print(f"{title}: {done}; at {commit} on {on}{why_older and f', {why_older}'}")
+        print(f"kept: {into}; written: {PAGE}" if not options.show else f"kept: {into}")
     return 1 if whole.violations else 0
 
 
-def _kept(path: Path | None) -> dict[str, Result]:
-    """What earlier runs have brought home."""
-    if path is None or not path.exists():
-        return {}
-    document = json.loads(path.read_text(encoding="utf-8"))
-    return {name: Result.from_mapping(kept) for name, kept in document.items()}
-
-
-def _add_to(path: Path, name: str, part: Result) -> dict[str, Result]:
-    """Add one part to what is kept, also beside other runs that do; all that is kept then."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.with_name(path.name + ".lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        results = _kept(path)
-        results.setdefault(name, Result()).add(part)
-        document = {name: results[name].to_mapping() for name in TITLES if name in results}
-        path.write_text(json.dumps(document, indent=1), encoding="utf-8")
-    return results
-
-
-def _units(name: str, options: argparse.Namespace) -> list[tuple]:
+def _units(name: str, options: argparse.Namespace, next_seed: int) -> list[tuple]:
     """The arguments of an attack's parts: small ones, so that there is something to show whenever the time is over."""
+    seed = next_seed if options.seed is None else options.seed
     if name == "lines":
         numbers = list(options.only) or list(range(len(ALL)))
         parts = [numbers[part::LINES_PARTS] for part in range(min(LINES_PARTS, len(numbers)))]
-        return [(options.seed + number, part) for number in range(options.rounds) for part in parts]
+        return [(seed + number, part) for number in range(options.rounds) for part in parts]
     if name == "heat":
         return [(number,) for number in options.only or range(len(UNITS))]
     if name == "lies":
@@ -100,20 +87,20 @@ def _units(name: str, options: argparse.Namespace) -> list[tuple]:
     if name == "ends":
         return [(number, options.seconds) for number in options.only or range(len(UNITS))]
     if name == "soak":
-        return [(options.seed, options.hours)]
+        return [(seed, options.hours)]
     if name == "node_soak":
-        return [(options.seed, options.minutes_of_node)]
+        return [(seed, options.minutes_of_node)]
     first, whole, part = {
-        "hours": (options.first, options.sessions, 2),
-        "kills": (options.seed, options.count, 20),
-        "fuzz": (options.seed, options.messages, 20_000),
+        "hours": (seed, options.sessions, 2),
+        "kills": (seed, options.count, 20),
+        "fuzz": (seed, options.messages, 20_000),
     }[name]
     step = part if name == "hours" else 1  # a session is its own seed
     return [(first + number * step, min(part, whole - number * part)) for number in range(math.ceil(whole / part))]
 
 
-def _run(work: list[tuple[str, tuple]], jobs: int, minutes: float) -> Iterator[tuple[str, Result]]:
-    """The name of an attack and what one of its parts brings home, as they end; what has not begun when the time is over is left out."""
+def _run(work: list[tuple[str, tuple]], jobs: int, minutes: float) -> Iterator[tuple[str, tuple, Result]]:
+    """An attack, the arguments of one of its parts and what it brings home, as they end; what has not begun when the time is over is left out."""
     # Taken in turns, so that each attack has its share where the time does not suffice for all.
     by_name = {name: [arguments for kind, arguments in work if kind == name] for name in RUNNERS}
     order = sorted(
@@ -123,9 +110,9 @@ def _run(work: list[tuple[str, tuple]], jobs: int, minutes: float) -> Iterator[t
     )
     ends_s = time.monotonic() + 60.0 * minutes
     with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), max_tasks_per_child=1) as pool:
-        futures = {pool.submit(RUNNERS[name], *arguments): name for _, name, arguments in order}
+        futures = {pool.submit(RUNNERS[name], *arguments): (name, arguments) for _, name, arguments in order}
         for future in as_completed(futures):
-            name = futures[future]
+            name, unit = futures[future]
             if future.cancelled():
                 continue
             try:
@@ -139,19 +126,22 @@ def _run(work: list[tuple[str, tuple]], jobs: int, minutes: float) -> Iterator[t
             if time.monotonic() > ends_s:
                 for each in futures:
                     each.cancel()
-            yield name, result
+            yield name, unit, result
 
 
-def page(results: dict[str, Result]) -> str:
+def page(kept: Kept) -> str:
     """docs/attack.md."""
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"], cwd=PAGE.parent, capture_output=True, text=True, check=False
-    ).stdout.strip()
+    results = kept.results()
+    pieces = table_of_pieces(kept, TITLES)
     lines = [
         "# The attack",
         "",
-        "Written by `make attack`, or in stretches that are kept (`python -m attack WHAT --into FILE`).",
-        f"The last was on {datetime.date.today().isoformat()} at commit {commit or 'unknown'}.",
+        "Written by `make attack`, which runs it in pieces that are kept with their commit (`attack/kept.json`), each with the seeds after",
+        "the last; `python -m attack --show` says what of it is older than the code that it tried.",
+        "",
+        "| attack | commit | on | how much | when this page was written |",
+        "|---|---|---|---|---|",
+        *(f"| {' | '.join(row)} |" for row in pieces),
         "",
         "An attacker that does everything which instruments, operating systems and ROS 2 can do, at random, and a judge that",
         "knows only [docs/faults.md](faults.md), the parameter file and what is true on the virtual bench: its temperature,",
@@ -206,8 +196,9 @@ def page(results: dict[str, Result]) -> str:
 def _options() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m attack", description=__doc__)
     parser.add_argument("what", nargs="?", choices=(*TITLES, "all"), default="all")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the lines, kills, fuzz and soaks")
-    parser.add_argument("--first", type=int, default=0, help="hours: seed of the first session")
+    parser.add_argument(
+        "--seed", type=int, help="of the first session, mischief, kill …; without: the one after what is kept"
+    )
     parser.add_argument("--sessions", type=int, default=600, help="hours: sessions of ten virtual minutes")
     parser.add_argument("--rounds", type=int, default=5, help="lines: how often every mischief is done")
     parser.add_argument(
@@ -228,9 +219,11 @@ def _options() -> argparse.ArgumentParser:
         "--into",
         type=Path,
         metavar="FILE",
-        help="add to what this file keeps of earlier runs, and write the page of all",
+        help=f"keep it here, and write the page of all that is kept (all: {KEPT.name})",
     )
-    parser.add_argument("--write", action="store_true", help="write docs/attack.md also from one attack alone")
+    parser.add_argument(
+        "--show", action="store_true", help="attack nothing; say what is kept, and what is older than the code"
+    )
     return parser
 
 

@@ -123,7 +123,7 @@ class Session:
 
     def broken(self, rule: str, detail: str) -> None:
         """Write down a broken promise."""
-        replay = f"python -m attack hours --first {self.seed} --sessions 1"
+        replay = f"python -m attack hours --seed {self.seed} --sessions 1"
         self.result.violations.append(
             Violation(
                 rule, f"{detail} at {self.bench.time_s:.2f} s ({self.scene}; {self._cause or 'no fault'})", replay
