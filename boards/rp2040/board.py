@@ -32,10 +32,10 @@ class Board:
     def __init__(self, gate, powered, meter, sense_Ohm, cell, converter, thermometer):
         self._gate, self._powered, self._meter, self._sense_Ohm = gate, powered, meter, sense_Ohm
         self._cell, self._converter, self._thermometer = cell, converter, thermometer
-        self.trips = []
+        self.trips, self.is_on = [], False
         self.reset()
-        self._shown_V = [0.0, 0.0]  # circuit and sense resistor, as direct voltages
-        self._full = None  # voltage [V] and current [A] while it is on, at the last pulse
+        self._rest_V = 0.0, 0.0  # at the circuit and the sense resistor, while nothing should flow
+        self._full_V = None  # the same in the last pulse
         self._seen_ms = self._cell_ms = self._converter_ms = ticks_add(ticks_ms(), -OLD_ms)
         self._cell_V = self._converter_V = NAN
         self._converts = False
@@ -67,13 +67,15 @@ class Board:
         if self.trips:
             return False
         if not self.is_on:
-            self.is_on, self._full = True, None
+            self.is_on, self._full_V = True, None
             self._regulate()
         return True
 
     def off(self):
         """Nothing flows any more, and what was measured of it does not count."""
         self._gate.off()
+        if self.is_on:
+            self._seen_ms = ticks_add(ticks_ms(), -REST_ms - 1)  # the next look is whether that is so
         self.is_on, self._share, self._pulse = False, 0.0, None
 
     def trip(self, word):
@@ -86,11 +88,12 @@ class Board:
         """As many pulses as make the wanted current, by what flows in one; the first one is only a look."""
         if not self.is_on:
             return
-        if self._full is None:
+        if self._full_V is None:
             share = LEAST_SHARE if self.current_A > 0.0 else 0.0
         else:
-            full_V, full_A = self._full
-            share = min(_share(self.current_A, full_A), _share(self.voltage_V, full_V), MOST_SHARE)
+            circuit_V, sense_V = self._full_V
+            wanted_V = self.current_A * self._sense_Ohm
+            share = min(_share(wanted_V, sense_V), _share(self.voltage_V, circuit_V), MOST_SHARE)
         if share < LEAST_SHARE:  # less than was asked for, never more
             self._gate.off()
             self._share = 0.0
@@ -119,10 +122,9 @@ class Board:
             pass  # it will be missed
 
     def _see(self, voltage_V, sense_V, share):
-        current_A, root = sense_V / self._sense_Ohm, sqrt(share)
-        self._full = voltage_V, current_A
-        self._shown_V, self._seen_ms = [voltage_V * root, sense_V * root], ticks_ms()
-        if current_A * root > self.over_current_A or sense_V >= self._meter.FULL_V:
+        root = sqrt(share)
+        self._full_V, self._seen_ms = (voltage_V, sense_V), ticks_ms()
+        if sense_V / self._sense_Ohm * root > self.over_current_A or sense_V >= self._meter.FULL_V:
             self.trip("OCP")
         elif voltage_V * root > self.over_voltage_V:
             self.trip("OVP")
@@ -130,9 +132,8 @@ class Board:
 
     def _see_nothing_flow(self):
         self._meter.measure()
-        voltage_V, sense_V = self._meter.read()
-        self._shown_V, self._seen_ms = [voltage_V, sense_V], ticks_ms()
-        if sense_V / self._sense_Ohm > LEAK_A:
+        self._rest_V, self._seen_ms = self._meter.read(), ticks_ms()
+        if self._rest_V[1] / self._sense_Ohm > LEAK_A:
             self.trip("GATE")
 
     def look(self):
@@ -171,8 +172,15 @@ class Board:
         elif channel == 103:
             value, seen_ms = self._cell_V, self._cell_ms
         else:
-            value, seen_ms = self._shown_V[channel - 101], self._seen_ms
+            value, seen_ms = self._shown_V()[channel - 101], self._seen_ms
         return value if ticks_diff(ticks_ms(), seen_ms) < OLD_ms else NAN
+
+    def _shown_V(self):
+        """Of the circuit and the sense resistor, as direct voltages: what a pulse had, with the share that is now."""
+        if not self._share or self._full_V is None:
+            return self._rest_V
+        root = sqrt(self._share)
+        return self._full_V[0] * root, self._full_V[1] * root
 
     @property
     def shown_A(self):

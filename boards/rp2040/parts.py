@@ -81,6 +81,9 @@ class Hx711:
     def __init__(self, data, clock, disable_irq, enable_irq):
         self._data, self._clock = data, clock
         self._disable_irq, self._enable_irq = disable_irq, enable_irq
+        clock.value(1)  # off and on again: a processor that was started anew may have left it in the middle of a word
+        sleep_us(100)
+        clock.value(0)
 
     def is_done(self):
         """Whether there is a new conversion."""

@@ -82,7 +82,7 @@ class ClockOfTheBoard:
 def seconds_to_off(board):
     begun_s = board.world.time_s
     wait_until(lambda: not board.world.heats)
-    return board.world.time_s - begun_s
+    return board.world.off_since_s - begun_s
 
 
 @by("cpython", "micropython")

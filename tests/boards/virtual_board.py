@@ -1,6 +1,7 @@
 """The board in this process and in its own time: the firmware as it is, by this Python, with simulated parts and a wire."""
 
 import contextlib
+import os
 import sys
 import time
 from pathlib import Path
@@ -26,8 +27,13 @@ class VirtualBoard:
         self.bench = VirtualBench.from_name("flexinol", load=Weight(load_N))
         self.said = bytearray()
         self.world = World(self.bench, send=self.said.extend)
-        self.program = firmware.load(self.world.call).Program()
+        self.program = self.start()
         self.stands_still = self.is_unplugged = False
+        self.on_its_way = lambda data, direction: data  #: what becomes of lines to it (questions) and from it (answers)
+
+    def start(self):
+        """The program from its beginning."""
+        return firmware.load(self.world.call).Program()
 
     @property
     def board(self):
@@ -68,12 +74,19 @@ class VirtualBoard:
         self.tell(f"VOLT 3;VOLT:PROT 3.3;CURR:PROT 0.5;OUTP:PROT:WDOG:DEL 10;CURR {current_A};OUTP ON")
         self.run(0.3)
 
+    def mapping(self):
+        """The parameters of the board, for a port that no other test of this machine claims."""
+        mapping = read_parameter_file(CONFIG)
+        for role in ("supply", "daq"):
+            mapping["instruments"][role]["resource"] = f"ASRL/dev/board_of_{os.getpid()}_{id(self)}::INSTR"
+        return mapping
+
     def instruments(self, monkeypatch, **of_daq):
         """Configuration, supply and DAQ, whose line ends here instead of at a port."""
         from sma_actuator.instruments.session import Session
 
         monkeypatch.setattr(Session, "_connect", lambda *_: VirtualLine(self))
-        mapping = read_parameter_file(CONFIG)
+        mapping = self.mapping()
         mapping["instruments"]["daq"] |= of_daq
         self.config = Config.from_mapping(mapping)
         return self.config, *open_instruments(self.config, self)
@@ -93,14 +106,17 @@ class VirtualLine:
     def send(self, data, deadline_s):
         if self._board.is_unplugged:
             raise OSError("unplugged")
-        self._board.world.hear(data)
+        for line in data.splitlines(keepends=True):
+            self._board.world.hear(self._board.on_its_way(line, "questions"))
 
     def receive(self, deadline_s):
-        for _ in range(100):
+        until_s = self._board.now_s() + deadline_s - time.monotonic()
+        while self._board.now_s() < until_s:
             if self._board.said:
-                data = bytes(self._board.said)
+                lines = bytes(self._board.said).splitlines(keepends=True)
                 self._board.said.clear()
-                return data
+                if data := b"".join(self._board.on_its_way(line, "answers") for line in lines):
+                    return data
             if self._board.is_unplugged:
                 raise OSError("unplugged")
             self._board.run(0.002)

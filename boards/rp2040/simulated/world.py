@@ -26,6 +26,7 @@ CELL_N = 19.5  #: load at the full scale of the load cell's converter
 CELL_ZERO = 0.003  #: what it shows without a load, of its full scale
 SENSOR_slope_m_A, SENSOR_offset_m, SENSOR_Ohm = 0.315842, -1.2195e-3, 10.0  #: the bench's LVDT, read over its resistor
 CELL_PERIOD_us, CONVERTER_us = 12_500, 1_250
+CELL_OFF_us, CELL_SETTLES_us = 60, 50_000  #: a clock that stays high switches the HX711 off
 METER_NOISE_V, RAIL_NOISE_V, CELL_NOISE = 1.5e-6, 1e-3, 1e-5  #: rms
 #: What the processor needs for a call, and for hearing one byte [µs].
 CALL_us, BYTE_us, I2C_BYTE_us = 8, 15, 23
@@ -49,6 +50,7 @@ class World:
         self.dead: set[str] = set()  #: parts that do not answer: meter, cell, converter
         self.gate_stuck: bool | None = None  #: a MOSFET that conducts always, or never
         self.was_reset = False
+        self.off_since_s = 0.0  #: when the last pulse was ended, by the processor's time
         self._random = np.random.default_rng(seed)
         self._clock = clock
         self._began_s = clock() if clock else 0.0
@@ -59,7 +61,7 @@ class World:
         self._pulse_us: float = math.inf  #: start of the next pulse that the program has not been told of
         self._registers = {METER: {0xFE: b"TI"}, CONVERTER: {}}
         self._converted_us = 0
-        self._cell_bits, self._cell_left, self._cell_us = 0, 0, CELL_PERIOD_us
+        self._cell_bits, self._cell_left, self._clocked_us, self._cell_us = 0, 0, 0, CELL_PERIOD_us
         self._watchdog_us, self._fed_us = 0, 0
 
     # --- for whoever looks on
@@ -254,6 +256,8 @@ class World:
 
     def _set_gate(self, period_us: int, on_us: int) -> None:
         began_us, before_us, _ = self._gate
+        if period_us == 0 and before_us:
+            self.off_since_s = self.time_s
         if period_us == 0 or self.was_reset:
             self._gate, self._pulse_us = (0, 0, 0), math.inf
             return
@@ -305,7 +309,10 @@ class World:
 
     def _clock_cell(self, high: bool) -> None:
         if not high:
+            if self._us - self._clocked_us > CELL_OFF_us:
+                self._cell_left, self._cell_us = 0, self._us + CELL_SETTLES_us
             return
+        self._clocked_us = self._us
         if self._cell_left == 0:
             shown = self.bench.truth.load_N / CELL_N + CELL_ZERO + CELL_NOISE * self._random.standard_normal()
             code = min(max(round(shown * (1 << 23)), -(1 << 23)), (1 << 23) - 1)
