@@ -12,10 +12,11 @@ import numpy as np
 from sma_actuator.plant import physics
 from sma_actuator.plant.loads import Load, Schedule, Weight
 from sma_actuator.plant.materials import Wire
-from sma_actuator.plant.worlds import HOME, wire_in_world
+from sma_actuator.plant.worlds import HOME
 
 from .chain import CHANNELS, SATURATED, Chain, Noise
 from .faults import check_fault
+from .real import wire_of
 from .supply import SimulatedSupply
 
 STEP_s = 1e-3
@@ -100,10 +101,10 @@ class VirtualBench:
     ) -> VirtualBench:
         """A bench with the wire ``flexinol`` or ``furukawa``, or one of that alloy and another size.
 
-        ``size_m`` is length and diameter; ``physics`` is a name that :func:`sma_actuator.plant.worlds.world_of` knows;
+        ``size_m`` is length and diameter; ``physics`` is a name that :func:`sma_actuator.bench.real.wire_of` knows;
         ``cycles`` is how many the wire has done before; ``setup`` may hold other fields of :class:`Setup`.
         """
-        wire = wire_in_world(name, physics).after(cycles)
+        wire = wire_of(name, physics).after(cycles)
         if load is not None:
             setup["load"] = load
         if size_m is not None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from sma_actuator.plant.joint import Joint, simulate_joint
-from sma_actuator.plant.worlds import HOME, wire_in_world
+from sma_actuator.plant.worlds import HOME
 
 from .bench import Setup, STEP_s, VirtualBench, run_events
+from .real import wire_of
 
 
 class JointBench:
@@ -31,7 +32,7 @@ class JointBench:
         cls, name: str, joint: Joint, seed: int = 0, physics: str = HOME, ambient_C: float = 22.0
     ) -> JointBench:
         """A joint with two wires of that name; their noise has the seeds ``seed`` and ``seed + 1``."""
-        wire = wire_in_world(name, physics)
+        wire = wire_of(name, physics)
         setups = [Setup(wire, load=joint.load(number), ambient_C=ambient_C) for number in range(2)]
         return cls(VirtualBench(setups[0], seed), VirtualBench(setups[1], seed + 1), joint)
 

@@ -20,13 +20,14 @@ from pathlib import Path
 from typing import Any
 
 from sma_actuator.base.jit import at_once
+from sma_actuator.bench.real import PHYSICS
 from sma_actuator.console import refuse_to_overwrite, say_next
 from sma_actuator.instruments import InstrumentError
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.joint import Joint, parse_joint
 from sma_actuator.plant.loads import Load, parse_load
 from sma_actuator.plant.materials import WIRES
-from sma_actuator.plant.worlds import HOME, WORLDS
+from sma_actuator.plant.worlds import HOME
 
 from .bench import VirtualBench
 from .faults import FAULTS, parse_fault
@@ -305,10 +306,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--wire", choices=sorted(WIRES), default="flexinol", help="default %(default)s")
     parser.add_argument(
         "--physics",
-        choices=WORLDS,
+        choices=PHYSICS,
         default=HOME,
         metavar="NAME",
-        help=f"what the wire is made of and how it transforms: {', '.join(WORLDS)} (default %(default)s)",
+        help=f"what the wire is made of and how it transforms: {', '.join(PHYSICS)} (default %(default)s)",
     )
     parser.add_argument(
         "--load",

@@ -11,12 +11,13 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
+from sma_actuator.bench.real import PHYSICS
 from sma_actuator.check import look_first
 from sma_actuator.config import bench_from_mapping
 from sma_actuator.console import add_output_arguments, notes, questions, refuse_to_overwrite, results, write_json
 from sma_actuator.console.asking import Asking, paused, read_answers
 from sma_actuator.estimation.calibration import Calibration
-from sma_actuator.plant.worlds import HOME, WORLDS
+from sma_actuator.plant.worlds import HOME
 
 from .operators import BenchOperator, Operator, ScpiBenchOperator, TerminalOperator
 from .parts import RUN
@@ -35,9 +36,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--physics",
-        choices=WORLDS,
+        choices=PHYSICS,
         metavar="NAME",
-        help=f"with --virtual: what the wire is made of and how it transforms: {', '.join(WORLDS)} (default {HOME})",
+        help=f"with --virtual: what the wire is made of and how it transforms: {', '.join(PHYSICS)} (default {HOME})",
     )
     parser.add_argument(
         "--unattended-bench",

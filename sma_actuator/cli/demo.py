@@ -30,12 +30,13 @@ from sma_actuator.base.interrupts import Interrupts, noted_signals
 from sma_actuator.base.jit import COMPILING
 from sma_actuator.base.parameter_file import NODE_NAME, read_parameter_file
 from sma_actuator.base.share import shared_file
+from sma_actuator.bench.real import PHYSICS
 from sma_actuator.config import Config
 from sma_actuator.console import add_output_arguments, refuse_to_overwrite, say_next, write_json
 from sma_actuator.control.setpoints import Setpoint, sine, steps, triangle
 from sma_actuator.control.tracking import TrackingErrors
 from sma_actuator.instruments import InstrumentError
-from sma_actuator.plant.worlds import HOME, WORLDS
+from sma_actuator.plant.worlds import HOME
 
 #: How long a process may take to be ready: the first start on a machine compiles its kernels, and the machine may be busy.
 READY_TIMEOUT_s = 600.0
@@ -53,10 +54,10 @@ def add_arguments(parser) -> None:
     parser.add_argument("--wire", choices=("flexinol", "furukawa"), default="flexinol", help="wire and model")
     parser.add_argument(
         "--physics",
-        choices=WORLDS,
+        choices=PHYSICS,
         default=HOME,
         metavar="NAME",
-        help=f"of the bench: {', '.join(WORLDS)} (default %(default)s)",
+        help=f"of the bench: {', '.join(PHYSICS)} (default %(default)s)",
     )
     parser.add_argument(
         "--load", default="weight:0.98", help="as for the bench: weight:N, spring:N/m,N (default %(default)s)"

@@ -15,6 +15,7 @@ from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Mode, Output, Tuned
+from sma_actuator.bench.real import PHYSICS
 from sma_actuator.config import Config, copy_tables, text_with
 from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, say_next, write_json
 from sma_actuator.control.pid import PidParameters
@@ -22,7 +23,7 @@ from sma_actuator.control.tuning import GAINS, words_of
 from sma_actuator.driver import Driver, DriverStopped
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.loads import parse_load
-from sma_actuator.plant.worlds import HOME, WORLDS
+from sma_actuator.plant.worlds import HOME
 
 from .remote.client import add_node_arguments
 from .remote.tune import by_node
@@ -45,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--current", type=float, metavar="A", help="no more flows than this (default: by controller.tuning_current)"
     )
     parser.add_argument("--virtual", choices=("flexinol", "furukawa"), help="on this wire of the virtual bench")
-    parser.add_argument("--physics", choices=WORLDS, default=HOME, metavar="NAME", help="with --virtual: its physics")
+    parser.add_argument("--physics", choices=PHYSICS, default=HOME, metavar="NAME", help="with --virtual: its physics")
     parser.add_argument(
         "--load", default="weight:0.98", metavar="LOAD", help="with --virtual: weight:N or spring:N/m,N"
     )

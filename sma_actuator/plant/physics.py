@@ -87,7 +87,7 @@ TRIP_OVP, TRIP_OCP = 1.0, 2.0
 SUPPLY_TIME_CONSTANT_s = 0.4e-3  #: settles within about 1 ms
 HOT_BELOW, COLD_ABOVE = 0.4, 0.6  #: fractions of martensite between which a cycle is counted
 CONVECTION_AT_K = 60.0  #: excess at which the heat transfer has its stated value, whatever its exponent
-_LOGISTIC_OF_BAND = 0.134  #: width of the logistic with the same 10-90 % width as a cosine, per width of the cosine
+LOGISTIC_OF_BAND = 0.134  #: width of the logistic with the same 10-90 % width as a cosine, per width of the cosine
 _TOLERANCE_K = (
     1e-7  #: of the temperature that goes with a heat content; it does not add up, since the heat is what is kept
 )
@@ -246,7 +246,7 @@ def martensite_at(x, bands, memory, fraction, temperature_C, stress_Pa, shift, c
 def _r_band(x, temperature_C):
     """Share of R-phase along its band, as smooth as the kinetics of the martensite."""
     if x.family == MEASURED:
-        return logistic(temperature_C, 0.5 * (x.rs_C + x.rf_C), _LOGISTIC_OF_BAND * (x.rs_C - x.rf_C))
+        return logistic(temperature_C, 0.5 * (x.rs_C + x.rf_C), LOGISTIC_OF_BAND * (x.rs_C - x.rf_C))
     return half_cosine(temperature_C, x.rf_C, x.rs_C)
 
 
