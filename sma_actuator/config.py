@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from sma_actuator.base import sidecar
+from sma_actuator.base.commands import NODE_NAME
 from sma_actuator.base.packed import unpacked
-from sma_actuator.base.parameter_file import NODE_NAME, files_beside, read_parameter_file, read_sections
+from sma_actuator.base.parameter_file import files_beside, read_parameter_file, read_sections
 from sma_actuator.base.parameters import (
     ConfigError,
     declaration_of,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+NODE_NAME = "sma_actuator"  #: of a node that is given no other
+
 #: What follows ``~/`` → the command that does it.
 _COMMANDS = {
     "enable false": "enable --off",

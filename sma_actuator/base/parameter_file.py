@@ -6,11 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from .commands import NODE_NAME
 from .parameters import ConfigError
 from .sidecar import SECTION, file_of, put_back
 from .yaml_text import read_yaml
-
-NODE_NAME = "sma_actuator"  #: of a node that is given no other
 
 
 def read_sections(path: str | Path) -> Mapping[str, Any]:

@@ -26,9 +26,10 @@ from rich.console import Console
 from rich.live import Live
 from rich.table import Table
 
+from sma_actuator.base.commands import NODE_NAME
 from sma_actuator.base.interrupts import Interrupts, noted_signals
 from sma_actuator.base.jit import COMPILING
-from sma_actuator.base.parameter_file import NODE_NAME, read_parameter_file
+from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.base.share import shared_file
 from sma_actuator.bench.real import PHYSICS
 from sma_actuator.config import Config

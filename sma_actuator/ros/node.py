@@ -50,8 +50,8 @@ from std_msgs.msg import Float64
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from sma_actuator.base.commands import NODE_NAME
 from sma_actuator.base.interrupts import noted_signals
-from sma_actuator.base.parameter_file import NODE_NAME
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Health, Mode, Output, Quality, Status, Tuned
 from sma_actuator.base.streams import keep_standard_streams, unblockable_streams

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from aiohttp import web
 
+from sma_actuator.base.commands import NODE_NAME
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import Interrupts, noted_signals
-from sma_actuator.base.parameter_file import NODE_NAME
 from sma_actuator.config import Config
 from sma_actuator.console import notes
 

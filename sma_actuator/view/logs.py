@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 import yaml
 
+from sma_actuator.base.commands import NODE_NAME
 from sma_actuator.base.errors import UserError
-from sma_actuator.base.parameter_file import NODE_NAME
 from sma_actuator.config import Config
 from sma_actuator.logs.reading import ReadingOptions, read_logs
 from sma_actuator.replay import replay

@@ -11,10 +11,9 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from sma_actuator.base.commands import as_commands
+from sma_actuator.base.commands import NODE_NAME, as_commands
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import Interrupts, noted_signals
-from sma_actuator.base.parameter_file import NODE_NAME
 
 if TYPE_CHECKING:  # stop is quicker without
     from sma_actuator.base.signals import Status
