@@ -249,6 +249,11 @@ def _cross_checks(common: BenchConfig) -> list[str]:
             f"supply.over_current_trip: {supply.over_current_trip:g} A is below supply.max_current, {supply.max_current:g} A: "
             "the supply would trip in normal use"
         )
+    if not supply.max_voltage < supply.over_voltage_V:
+        problems.append(
+            f"supply.over_voltage_trip: {supply.over_voltage_trip:g} V is not above supply.max_voltage, {supply.max_voltage:g} V: "
+            "the supply would trip in normal use; 0 puts it a tenth above"
+        )
     if not safety.resistance_min < safety.resistance_max:
         problems.append("safety.resistance_min: is not below safety.resistance_max")
     if not common.thermal.derate_temperature < common.thermal.max_temperature:

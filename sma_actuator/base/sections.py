@@ -7,6 +7,9 @@ from dataclasses import dataclass
 
 from .parameters import parameter, section
 
+#: The over-voltage trip sits this much above the compliance voltage, so that noise does not trip it.
+OVER_VOLTAGE_MARGIN = 1.1
+
 
 @dataclass(frozen=True, slots=True)
 class Wire:
@@ -100,6 +103,9 @@ class SupplyParameters:
     over_current_trip: float = parameter(
         description="the supply's own over-current trip: what the wire survives for ever", unit="A", lo=1e-3, hi=20.0
     )
+    over_voltage_trip: float = parameter(
+        0.0, "the supply's own over-voltage trip; 0: a tenth above supply.max_voltage", "V", 0.0, 66.0
+    )
     watchdog_timeout: float = parameter(
         1.0, "silence after which the supply cuts its own output; 0: the supply has no watchdog", "s", 0.0, 3600.0
     )
@@ -120,6 +126,11 @@ class SupplyParameters:
         "drive a supply without an over-voltage or an over-current trip of its own: nothing in it then stands against a wrong "
         "setting",
     )
+
+    @property
+    def over_voltage_V(self) -> float:
+        """What its over-voltage trip is programmed to [V]."""
+        return self.over_voltage_trip or OVER_VOLTAGE_MARGIN * self.max_voltage
 
 
 @dataclass(frozen=True, slots=True)

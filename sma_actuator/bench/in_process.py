@@ -111,7 +111,7 @@ class InProcessSupply(_InProcess):
         self._command(supply.clear_trips)
         self._command(supply.set_current, 0.0)
         self._command(supply.set_voltage, limits.max_voltage)
-        self._command(supply.set_ovp, 1.05 * limits.max_voltage + 0.1)
+        self._command(supply.set_ovp, limits.over_voltage_V)
         self._command(supply.set_ocp, limits.over_current_trip)
         supply.ovp_on = supply.ocp_on = True
         if limits.watchdog_timeout > 0.0:

@@ -20,8 +20,6 @@ from .phrases import Query
 from .session import OPENING_ANSWERS, Claim, Manner, Session
 from .supply import Abilities, SessionSupply
 
-#: The over-voltage trip sits this much above the compliance voltage, so that noise does not trip it.
-OVER_VOLTAGE_MARGIN = 1.1
 #: Where nothing clears a queue of errors, at most so many are read away.
 _ERRORS_QUEUED = 20
 #: Readback of a setting may differ by the instrument's resolution.
@@ -183,7 +181,7 @@ class ScpiSupply(SessionSupply):
         _no_errors(session, dialect, self._queries)
         if self._output_is_on(session):
             raise OutputStaysOn(session.name)
-        trip_V, trip_A = self._over_voltage_V, limits.over_current_trip
+        trip_V, trip_A = limits.over_voltage_V, limits.over_current_trip
         wanted = (
             ("voltage_setting", "", limits.max_voltage, f"supply.max_voltage, {limits.max_voltage:g} V"),
             ("over_voltage_setting", "over_voltage_on", trip_V, f"an over-voltage trip of {trip_V:g} V"),
@@ -194,13 +192,9 @@ class ScpiSupply(SessionSupply):
             self._checks.append(self._watchdog_holds)
         self.check_settings()
 
-    @property
-    def _over_voltage_V(self) -> float:
-        return OVER_VOLTAGE_MARGIN * self._limits.max_voltage
-
     def _program_limits(self) -> None:
         self._tell("set_voltage", self._limits.max_voltage)
-        self._tell("set_over_voltage", self._over_voltage_V)
+        self._tell("set_over_voltage", self._limits.over_voltage_V)
         self._tell("set_over_current", self._limits.over_current_trip)
 
     def _program_anew(self) -> None:

@@ -114,6 +114,7 @@ def test_the_thesiss_model_meets_a_real_wire_on_both_branches():
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("half", (0, 1))
 def test_between_the_points_of_a_real_wire_the_whole_range_errs_by_less_than_a_percent(half):
     benchmark = _benchmark()

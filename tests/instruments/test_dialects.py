@@ -278,6 +278,15 @@ def test_a_supply_without_watchdog_is_refused_unless_that_is_accepted(make_confi
         server.close()
 
 
+def test_the_over_voltage_trip_is_a_tenth_above_unless_it_is_said(make_config):
+    supply = Config.from_mapping(make_config(**{"supply.max_voltage": 5.0})).supply
+    assert supply.over_voltage_V == pytest.approx(5.5)
+    supply = Config.from_mapping(make_config(**{"supply.max_voltage": 5.0, "supply.over_voltage_trip": 8.0})).supply
+    assert supply.over_voltage_V == 8.0
+    with pytest.raises(ConfigError, match="over_voltage_trip: 5 V is not above supply.max_voltage, 5 V"):
+        Config.from_mapping(make_config(**{"supply.max_voltage": 5.0, "supply.over_voltage_trip": 5.0}))
+
+
 def test_a_daq_that_is_not_told_its_channels_is_refused(tmp_path):
     document = yaml.safe_load((FOLDER / "virtual_bench_daq.yaml").read_text())
     document["commands"]["prepare"] = "ROUT:SCAN (@101)"
