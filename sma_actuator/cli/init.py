@@ -207,6 +207,9 @@ def run(args: argparse.Namespace) -> int:
     asked = {question.name for question in QUESTIONS}
     for name in [name for name in answers if name not in asked]:
         _put(mapping, name, _value(name, answers.pop(name)))
+    for name, text in answers.items():  # before anything is asked
+        if text not in ("", None) and not isinstance(text, list):
+            _value(name, text)
     asking = Asking(questions(), answers)
     given = set()
     told = False
@@ -265,6 +268,8 @@ def _answer(question: Question, asking: Asking) -> Any:
             value = _value(question.name, text)
             if isinstance(value, float) and not from_file:
                 asking.say(f"  {_with_unit(question.name, value)}")
+            if question.name.endswith(".resource") and "::" not in str(value) and not from_file:
+                asking.say(f"  '{value}' is taken, though addresses have '::' in them; `sma-actuator check` tries it")
             return value
         except ConfigError as error:
             if from_file:

@@ -119,6 +119,9 @@ def test_answers_may_stand_in_a_file_with_any_other_parameter(tmp_path, capsys):
     mapping = read_parameter_file(tmp_path / "bench.yaml")
     assert mapping["wire"]["max_stress"] == 150e6 and mapping["controller"]["kp"] == 500.0
     assert mapping["controller"]["ki"] == pytest.approx(500.0 / (0.25 * 5.9), rel=0.05), "built upon what is given"
+    capsys.readouterr()
+    assert main(["init", "--set", "wire.length=abc", "--out", str(tmp_path / "other.yaml")]) == 1
+    assert "wire.length: 'abc' is not a number" in capsys.readouterr().err, "before anything is asked"
     answers.write_text("wire.lenght: 0.1\n")
     assert main([*words[:-1], str(tmp_path / "other.yaml")]) == 1
     assert "did you mean length?" in capsys.readouterr().err
