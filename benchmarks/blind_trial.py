@@ -41,7 +41,7 @@ from rich.table import Table
 from sma_actuator.bench.hidden import FOREIGN, TWINS, require_twins
 from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import NODE_NAME
-from sma_actuator.diagnosis.trace.race import GATE
+from sma_actuator.diagnosis.trace.limits import LIMITS
 from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.logs.experiments import IdentificationError
 from sma_actuator.logs.files import write_atomically
@@ -254,7 +254,7 @@ def figures(answers: Sequence[dict]) -> dict[str, tuple[float, int]]:
 
 def in_turn(answers: Sequence[dict], world: str) -> dict[str, str]:
     """What a gate does in one physics that was trained on all others; empty where there is nothing to train or to judge."""
-    times = [(x, GATE * x["news"] / x["gate"]) for x in answers if x["gate"] > 0.0]  # of the floor
+    times = [(x, LIMITS.gate * x["news"] / x["gate"]) for x in answers if x["gate"] > 0.0]  # of the floor
     elsewhere = [t for x, t in times if x["kind"] == "none" and x["physics"] != world]
     none = [t for x, t in times if x["kind"] == "none" and x["physics"] == world]
     raised = [t for x, t in times if x["kind"] == "single" and x["raised"] >= RAISED and x["physics"] == world]

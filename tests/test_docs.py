@@ -11,7 +11,10 @@ import sma_actuator
 ROOT = Path(__file__).resolve().parents[1]
 
 
-@pytest.mark.parametrize(("module", "document"), (("config", "parameters.md"), ("safety.faults", "faults.md")))
+@pytest.mark.parametrize(
+    ("module", "document"),
+    (("config", "parameters.md"), ("safety.faults", "faults.md"), ("diagnosis.trace.limits", "tracing_limits.md")),
+)
 def test_printed_documents_are_up_to_date(module, document):
     text = importlib.import_module(f"sma_actuator.{module}").markdown()
     assert (ROOT / "docs" / document).read_text() == text, f"run: python -m sma_actuator.{module} > docs/{document}"

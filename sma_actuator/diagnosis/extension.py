@@ -29,9 +29,10 @@ from sma_actuator.logs.errors import BenchLogError
 
 from .selection import paired
 from .trace.candidates import Candidate
-from .trace.evidence import Evidence, Prediction
+from .trace.evidence import Evidence
 from .trace.fitting import Fit, fit
 from .trace.race import trace
+from .trace.witnesses import Prediction
 
 MOST_SAMPLES = 15_000  #: of all logs together that the race sees; those of more are thinned
 FOLDS = 3  #: of logs
@@ -130,15 +131,15 @@ class _OtherLogs:
 
     def unseen(self, evidence: Evidence) -> Unseen:
         """Its samples."""
-        parts = zip(evidence.experiments, evidence.measured_m, self.predictions, strict=True)
-        lengths = [len(m) for m in evidence.measured_m]
+        parts = zip(evidence.logs.experiments, evidence.logs.measured_m, self.predictions, strict=True)
+        lengths = [len(m) for m in evidence.logs.measured_m]
         errors = [np.abs(m - p.shown_m) / evidence.full_stroke_m * 100.0 for _, m, p in parts]
         return Unseen(
             log=np.repeat(np.arange(len(lengths)), lengths),
-            load_N=np.repeat([float(np.nanmean(e.signals.load_N)) for e in evidence.experiments], lengths),
-            place_m=np.concatenate(evidence.measured_m),
+            load_N=np.repeat([float(np.nanmean(e.signals.load_N)) for e in evidence.logs.experiments], lengths),
+            place_m=np.concatenate(evidence.logs.measured_m),
             error_percent=np.concatenate(errors),
-            partial=np.repeat([e.kind == "partial" for e in evidence.experiments], lengths),
+            partial=np.repeat([e.kind == "partial" for e in evidence.logs.experiments], lengths),
         )
 
 
@@ -186,7 +187,7 @@ def _on_other_logs(evidence: Evidence, candidates: Sequence[Candidate], found: F
 
 def _folds(evidence: Evidence) -> np.ndarray:
     """A fold for every log; those of neighbouring loads, and of one load, are in different ones."""
-    stress_Pa = np.array([e.mean_stress_Pa for e in evidence.experiments])
+    stress_Pa = np.array([e.mean_stress_Pa for e in evidence.logs.experiments])
     out = np.empty(len(stress_Pa), dtype=int)
     out[np.argsort(stress_Pa, kind="stable")] = np.arange(len(stress_Pa)) % FOLDS
     return out
@@ -197,7 +198,7 @@ def _of_logs(evidence: Evidence, predictions: Sequence[Prediction]) -> np.ndarra
     return np.array(
         [
             float(np.nanmean(np.abs(m - p.shown_m))) / evidence.full_stroke_m * 100.0
-            for m, p in zip(evidence.measured_m, predictions, strict=True)
+            for m, p in zip(evidence.logs.measured_m, predictions, strict=True)
         ]
     )
 
@@ -216,5 +217,5 @@ def _errors(evidence: Evidence, found: Fit, range_m: tuple[float, float]) -> lis
     """Of the extended model on the logs it was fitted on."""
     return [
         log_error(one.name, one.signals, p.shown_m, range_m, evidence.full_stroke_m)
-        for one, p in zip(evidence.experiments, evidence.predict(found.effects), strict=True)
+        for one, p in zip(evidence.logs.experiments, evidence.predict(found.effects), strict=True)
     ]

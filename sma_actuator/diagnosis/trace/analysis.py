@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-from .evidence import Evidence, Prediction, smooth
+from .evidence import Evidence
+from .following import smooth
+from .witnesses import Prediction
 
 BINS = 10
 POWER_LAGS_s = (1.0, 10.0, 100.0)
@@ -28,7 +30,7 @@ def quantities(evidence: Evidence, predictions: Sequence[Prediction]) -> dict[st
     """What a residual may depend on, all logs together, of the samples compared, with the unit in the name."""
     out: dict[str, list[np.ndarray]] = {}
     for experiment, unit, rows, p in zip(
-        evidence.experiments, evidence.unit, evidence.compared, predictions, strict=True
+        evidence.logs.experiments, evidence.unit, evidence.logs.compared, predictions, strict=True
     ):
         s = experiment.signals
         period_s = float(np.median(np.diff(s.time_s)))
@@ -37,7 +39,7 @@ def quantities(evidence: Evidence, predictions: Sequence[Prediction]) -> dict[st
         reversal = np.flatnonzero(np.diff(p.heating.astype(int))) + 1
         last = np.concatenate(([0], reversal))[np.searchsorted(reversal, np.arange(len(p.heating)), side="right")]
         values = {
-            "time_s": s.time_s - evidence.start_s,
+            "time_s": s.time_s - evidence.logs.start_s,
             "resistance_Ohm": resistance_Ohm,
             "displacement_m": p.model_m,
             "stress_Pa": p.stress_Pa,
@@ -58,7 +60,7 @@ def quantities(evidence: Evidence, predictions: Sequence[Prediction]) -> dict[st
 
 def residual_m(evidence: Evidence, predictions: Sequence[Prediction]) -> np.ndarray:
     """Measured less shown displacement beyond what the calibration lets expect, all logs together, of the samples compared."""
-    return np.concatenate(evidence.news_m(predictions))
+    return np.concatenate(evidence.of_displacement.news_m(predictions))
 
 
 def anatomy(evidence: Evidence, predictions: Sequence[Prediction]) -> Anatomy:
@@ -97,7 +99,7 @@ def bend(evidence: Evidence, rows: np.ndarray, values: np.ndarray, units: np.nda
 def noise_percent(evidence: Evidence, predictions: Sequence[Prediction]) -> float:
     """Mean absolute error that no model could remove: the noise of R, load and reference, carried through the model."""
     total, number = 0.0, 0
-    for experiment, p, measured_m in zip(evidence.experiments, predictions, evidence.measured_m, strict=True):
+    for experiment, p, measured_m in zip(evidence.logs.experiments, predictions, evidence.logs.measured_m, strict=True):
         reference_m = _white(measured_m)
         moved = np.gradient(smooth(p.model_m, 0.05)) / _away_from_zero(np.gradient(smooth(p.resistance_Ohm, 0.05)))
         slope = np.median(np.abs(moved[np.isfinite(moved)])) if np.isfinite(moved).any() else 0.0

@@ -11,7 +11,8 @@ from sma_actuator.config import Config
 from sma_actuator.estimation.effects import EFFECTS, Effect
 from sma_actuator.estimation.effects.free import Free, Scales
 
-from .evidence import LOADS_DIFFER, Evidence
+from .evidence import Evidence
+from .witnesses.spring import LOADS_DIFFER
 
 FEELS_STRESS = 1e-3  #: of full stroke: what a tenth less load must move the model by
 PARTIAL = 0.85  #: of the largest cycle's stroke, below which a cycle is partial …
@@ -20,7 +21,7 @@ PARTIAL_SHARE = 0.05  #: … and the share of such cycles from which the logs co
 
 def scales_of(evidence: Evidence) -> Scales:
     """The scales of some logs."""
-    config, signals = evidence.config, [t.signals for t in evidence.experiments]
+    config, signals = evidence.config, [t.signals for t in evidence.logs.experiments]
 
     def together(name: str) -> np.ndarray:
         return np.concatenate([np.broadcast_to(getattr(s, name), np.shape(s.time_s)) for s in signals])
@@ -43,7 +44,7 @@ def scales_of(evidence: Evidence) -> Scales:
         load_range_N=_spread(load_N),
         power_W=high_W,
         rise_K=high_W / config.thermal.heat_loss,
-        duration_s=evidence.duration_s,
+        duration_s=evidence.logs.duration_s,
         period_s=float(np.median([np.median(np.diff(s.time_s)) for s in signals])),
         cycles=evidence.units,
         cycle_power_W=0.5 * (float(np.percentile(power_W, 5.0)) + high_W),
@@ -59,7 +60,7 @@ def scales_of(evidence: Evidence) -> Scales:
         loads_differ=_spread(load_N) > LOADS_DIFFER * middle_N,
         model_feels_stress=_model_feels_stress(evidence),
         partial_cycles=_partial_cycles(evidence),
-        power_known=evidence.knows_the_power,
+        power_known=evidence.of_power.known,
         calibration_counts=evidence.beyond_floor,
     )
 
@@ -89,7 +90,7 @@ def _model_feels_stress(evidence: Evidence) -> bool:
 def _partial_cycles(evidence: Evidence) -> bool:
     """Whether there are cycles that turn back early."""
     spans_m: list[float] = []
-    for measured_m, unit in zip(evidence.measured_m, evidence.unit, strict=True):
+    for measured_m, unit in zip(evidence.logs.measured_m, evidence.unit, strict=True):
         spans_m += [float(np.ptp(measured_m[unit == u])) for u in np.unique(unit)]
     return bool(np.mean(np.array(spans_m) < PARTIAL * np.max(spans_m)) > PARTIAL_SHARE)
 

@@ -55,7 +55,7 @@ def _after_the_session(evidence: Evidence, effects: Mapping[str, Effect]) -> Cha
 
 def _shown(evidence: Evidence, chain: Chain, signals: Signals) -> np.ndarray:
     """What the reference sensor would show in an experiment right after the session."""
-    begin_s = float(evidence.experiments[-1].signals.time_s[-1]) + 1.0
+    begin_s = float(evidence.logs.experiments[-1].signals.time_s[-1]) + 1.0
     shifted = dataclasses.replace(signals, time_s=signals.time_s - signals.time_s[0] + begin_s)
     chain = copy.deepcopy(chain)
     chain.reset()
@@ -64,7 +64,7 @@ def _shown(evidence: Evidence, chain: Chain, signals: Signals) -> np.ndarray:
 
 def _experiments(evidence: Evidence):
     """(what to do, what the channels would show) of every experiment."""
-    experiment = evidence.experiments[-1]
+    experiment = evidence.logs.experiments[-1]
     s = experiment.signals
     cold, hot = _still(evidence, False), _still(evidence, True)
     yield "leave the wire cold at the bias current", _hold(cold, 600.0)
@@ -89,11 +89,11 @@ def _experiments(evidence: Evidence):
 
 def _still(evidence: Evidence, hot: bool) -> dict[str, float]:
     """What the channels show at rest: at the last rest of the kind, else where the power is lowest or highest."""
-    for experiment, rests in zip(reversed(evidence.experiments), reversed(evidence.rests), strict=True):
+    for experiment, rests in zip(reversed(evidence.logs.experiments), reversed(evidence.logs.rests), strict=True):
         for rest in reversed(rests):
             if rest.hot == hot:
                 return _mean(experiment.signals, slice(rest.start, rest.stop))
-    s = evidence.experiments[-1].signals
+    s = evidence.logs.experiments[-1].signals
     at = int(np.argmax(s.power_W) if hot else np.argmin(s.power_W))
     return _mean(s, slice(at, at + 1))
 

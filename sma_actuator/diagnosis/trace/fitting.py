@@ -300,7 +300,7 @@ def _scan(problem: _Problem, candidate: Candidate, u: np.ndarray, rows: np.ndarr
     n = evidence.rows_of_samples
     weight, rows = evidence.sample_weight, rows[:n]
     predictions = evidence.predict({})
-    elapsed_s = np.concatenate([p.elapsed_s[rows] for p, rows in zip(predictions, evidence.compared, strict=True)])
+    elapsed_s = np.concatenate([p.elapsed_s[rows] for p, rows in zip(predictions, evidence.logs.compared, strict=True)])
     order = np.argsort(elapsed_s, kind="stable")
     order = order[rows[order]]
     w2, wr = np.cumsum(weight[order] ** 2), np.cumsum((weight * at[:n])[order])

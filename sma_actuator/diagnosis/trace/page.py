@@ -117,17 +117,19 @@ def _residual(page: Page, evidence: Evidence, tracing: Tracing) -> None:
     drawing, axes = figure(1, 1, width_in=10.0)
     ax = axes[0, 0]
     offset_s = 0.0
-    for i, experiment in enumerate(evidence.experiments):
+    for i, experiment in enumerate(evidence.logs.experiments):
         time_s = experiment.signals.time_s - (
-            evidence.start_s if evidence.one_session else experiment.signals.time_s[0] - offset_s
+            evidence.logs.start_s if evidence.logs.one_session else experiment.signals.time_s[0] - offset_s
         )
         offset_s = float(time_s[-1]) * 1.02
         few = _some(len(time_s))
         for which, style in (("before", BEFORE), ("after", AFTER)):
-            error_m = evidence.measured_m[i] - tracing.predictions[which][i].shown_m
+            error_m = evidence.logs.measured_m[i] - tracing.predictions[which][i].shown_m
             label = style["label"] if i == 0 else None
             ax.plot(time_s[few], error_m[few] * _MM, lw=0.7, color=style["color"], label=label)
-    ax.set(xlabel="time [s]" + ("" if evidence.one_session else ", log after log"), ylabel="measured − estimated [mm]")
+    ax.set(
+        xlabel="time [s]" + ("" if evidence.logs.one_session else ", log after log"), ylabel="measured − estimated [mm]"
+    )
     ax.legend()
     page.figure(drawing, "What the model leaves over time, before and after what was found.", zoom=True)
 
@@ -139,18 +141,18 @@ def _loop(page: Page, evidence: Evidence, tracing: Tracing) -> None:
         np.argmax(
             [
                 np.mean(np.abs(m - p.shown_m))
-                for m, p in zip(evidence.measured_m, tracing.predictions["before"], strict=True)
+                for m, p in zip(evidence.logs.measured_m, tracing.predictions["before"], strict=True)
             ]
         )
     )
-    experiment = evidence.experiments[worst]
+    experiment = evidence.logs.experiments[worst]
     few = _some(len(experiment.log))
     for ax, (which, style) in zip(axes[0], (("before", BEFORE), ("after", AFTER)), strict=True):
         p = tracing.predictions[which][worst]
         ax.plot(experiment.resistance_Ohm[few], p.shown_m[few] * _MM, lw=0.8, color=style["color"], label="model")
         ax.plot(
             experiment.resistance_Ohm[few],
-            evidence.measured_m[worst][few] * _MM,
+            evidence.logs.measured_m[worst][few] * _MM,
             lw=0.4,
             color="black",
             label="measured",
@@ -256,18 +258,18 @@ def _rests(page: Page, evidence: Evidence, tracing: Tracing, report: dict[str, A
         ],
         caption="In standard deviations of the calibration (rms), on cycles that the fit had not seen.",
     )
-    if not any(evidence.rests):
+    if not any(evidence.logs.rests):
         return
     drawing, axes = figure(2, 1)
     when = np.array(
         [
-            t.signals.time_s[r.stop - 1] - evidence.start_s
-            for t, rs in zip(evidence.experiments, evidence.rests, strict=True)
+            t.signals.time_s[r.stop - 1] - evidence.logs.start_s
+            for t, rs in zip(evidence.logs.experiments, evidence.logs.rests, strict=True)
             for r in rs
         ]
     )
     for which, style in (("before", BEFORE), ("after", AFTER)):
-        z = evidence.at_rest(tracing.predictions[which]).reshape(-1, 2)
+        z = evidence.of_rests.off(tracing.predictions[which]).reshape(-1, 2)
         for k, ax in enumerate(axes[0]):
             ax.plot(when, z[:, k], "o", ms=3, color=style["color"], label=style["label"])
     for ax, what in zip(axes[0], ("resistance", "displacement"), strict=True):

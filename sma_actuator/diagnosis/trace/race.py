@@ -31,49 +31,19 @@ from sma_actuator.logs.errors import BenchLogError
 
 from .analysis import BLOCKED, bend, quantities, size
 from .candidates import Candidate, candidate, scales_of, untestable
-from .evidence import Evidence, Prediction
+from .evidence import Evidence
 from .fitting import Fit, fit, sketch
-
-LAST_BLOCK = 0.15  #: share of the cycles, the latest, that is looked at once, when all is chosen
-DECISIVE = 30.0  #: fall of the loss in all cycles but the best together that needs no standard error
-WORTH = 0.1  #: share of what is still in excess that an effect must at least explain …
-WORTH_OF_ALL = 0.03  #: … and of what was at first
-#: Share of what two effects explain that is each one's own, unless it is the model's errors of always that are sought: a second
-#: name for a small rest, chosen among all there are, makes a first name look clean that is wrong.
-WORTH_BESIDE = 0.13
-#: And what a second name may take off beside a first that leaves nothing unusual, of what the first does: a relative of the true
-#: effect leaves what the two differ by, and there is always a name for some of it.
-MOST_BESIDE = 0.04
-#: What the calibration does not let expect may be at most so many times what that was off where it was not fitted: a
-#: fresh log is another log.  Beyond it the error is real.
-GATE = 1.75
-#: Between this and the gate there is an error only if a name explains it: this share of the excess, and all of the news.
-HINT, HINT_SHARE = 1.3, 0.9
-#: And likewise, whatever the news are, where a witness is off by so many standard deviations, rms: a name that leaves nothing unusual.
-PLAIN = 3.0
-#: A name leaves no more loss than this times what a log like the calibration's has, or this share of what there was …
-CLEAN, CLEAN_SHARE = 3.0, 0.125
-#: … and has its signature.  A witness that was usual (within USUAL, rms, in standard deviations of the calibration) stays as
-#: well as it was: within WELL, or off by at most so many times as before.  One that was not is mended: usual, or off by no more
-#: than this share of what it was.
-USUAL, WELL, WORSE = 2.0, 1.5, 1.3
-LEFT_SHARE = 0.35
-#: And what is left goes no more with time, nor with the quantity that gives the effect away: with a mean square of this many
-#: variances of the calibration at the most; with the latter, which the effect moves most, or of this share of what there was.
-BENT, BENT_SHARE = 0.6, 0.05
-BENT_BY_TIME_SHARE = 0.01  #: the same share for time: a slip that is called a drift leaves a saw's tooth
-#: With any other quantity it may go with so many, or this share: a relative of the true effect leaves what the two differ by.
-BENT_BY_OTHERS, BENT_BY_OTHERS_SHARE = 1.0, 0.03
-FEWEST_FOR_TIME = 8  #: cycles from which a trend over time is judged
-MOST_NAMES = 3  #: that one effect may have: a longer list says nothing
-#: So many effects are looked for: a model may lack more than happens to a wire at once, and many together imitate anything.
-MOST_MISSING, MOST_NEW = 3, 2
-SKETCHED = 8  #: pairs that are fitted in earnest
+from .limits import LIMITS
+from .witnesses import Prediction
 
 
 def usual(before: float) -> float:
     """How far off a witness may be that was so far off before."""
-    return min(USUAL, max(WELL, WORSE * before)) if before <= USUAL else max(USUAL, LEFT_SHARE * before)
+    return (
+        min(LIMITS.usual_deviation, max(LIMITS.well_deviation, LIMITS.worse * before))
+        if before <= LIMITS.usual_deviation
+        else max(LIMITS.usual_deviation, LIMITS.left_share * before)
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,19 +136,19 @@ class Judge:
         return selection.chosen is not None and selection.unsettled is None and self.clean(selection.chosen)
 
     @property
-    def plain(self) -> bool:
+    def certain(self) -> bool:
         """Whether a witness says that something happened, however small the error."""
-        return self.evidence.knows_its_scatter and max(self.witnesses.values(), default=0.0) > PLAIN
+        return self.evidence.knows_its_scatter and max(self.witnesses.values(), default=0.0) > LIMITS.certain_deviation
 
     def convincing(self, selection: Selection) -> bool:
         """Whether what was chosen is all that there is to what might as well be nothing."""
         trial = selection.chosen
         if trial is None or len(trial.candidates) > 1 or not self.settles(selection):
             return False
-        if self.plain:
+        if self.certain:
             return True
         left = float(trial.fit.held_out_news_percent.mean())
-        return self.share(trial) >= HINT_SHARE and left <= self.evidence.floor_percent
+        return self.share(trial) >= LIMITS.hint_share and left <= self.evidence.floor_percent
 
     def unusual(self, trial: Trial) -> list[str]:
         """What is off by more than is usual with a trial's effects, on cycles its fits have not seen."""
@@ -186,7 +156,7 @@ class Judge:
 
     def held(self, trial: Trial) -> list[Held]:
         """All that a trial's effects are held against, on cycles that their fits have not seen."""
-        most = max(CLEAN * self.expected, CLEAN_SHARE * float(self.losses.mean()))
+        most = max(LIMITS.most_loss * self.expected, LIMITS.most_loss_share * float(self.losses.mean()))
         out = [Held(LOSS, float(trial.losses.mean()), most)]
         if not self.evidence.knows_its_scatter:
             return out
@@ -194,7 +164,7 @@ class Judge:
         witnesses = self.evidence.witnesses(rows, self.train)
         out += [Held(name, found, usual(self.witnesses[name])) for name, found in witnesses.items()]
         telling = {"time_s", *(c.effect.TELL_TALE for c in trial.candidates)}
-        few = self.train.sum() < FEWEST_FOR_TIME
+        few = self.train.sum() < LIMITS.fewest_for_time
         asked = [n for n in self.quantities if n in telling or self.evidence.expects_what_repeats]
         was = size(self.evidence, self.rows, self.train)
         return out + [self._trend(n, rows, n in telling, was) for n in asked if not (few and n in BLOCKED)]
@@ -202,38 +172,44 @@ class Judge:
     def _trend(self, name: str, rows: np.ndarray, telling: bool, was: float) -> Held:
         """How much of what is left of ``was`` still goes with a quantity; ``telling``: one that gives the effect away."""
         blocked = name in BLOCKED
-        most, share = (BENT, BENT_SHARE) if telling else (BENT_BY_OTHERS, BENT_BY_OTHERS_SHARE)
-        most = max(most, (BENT_BY_TIME_SHARE if blocked else share) * was)
+        most, share = (
+            (LIMITS.trend, LIMITS.trend_share) if telling else (LIMITS.trend_elsewhere, LIMITS.trend_share_elsewhere)
+        )
+        most = max(most, (LIMITS.trend_share_in_time if blocked else share) * was)
         left = bend(self.evidence, rows, self.quantities[name], self.train, blocked)
         return Held(f"the trend over {QUANTITIES[name]}", left, most)
 
     def _worth(self, mean_loss: float) -> float:
         """What an effect must at least take off."""
-        return max(WORTH * self.excess(mean_loss), WORTH_OF_ALL * self.excess(float(self.losses.mean())), 1e-9)
+        return max(
+            LIMITS.least_of_rest * self.excess(mean_loss),
+            LIMITS.least_of_all * self.excess(float(self.losses.mean())),
+            1e-9,
+        )
 
     def _most_beside(self, gain: float) -> float:
         """What a second name may take off beside a first that has this gain and leaves nothing unusual.
 
         As much as it likes where what the model always leaves is not expected: that goes with all kinds of names itself.
         """
-        return MOST_BESIDE * gain if self.evidence.expects_what_repeats else math.inf
+        return LIMITS.most_beside * gain if self.evidence.expects_what_repeats else math.inf
 
     @property
     def rules(self) -> Rules:
         """What it takes to be named."""
         return Rules(
-            significant=2.5,
-            decisive=DECISIVE,
+            significant=LIMITS.significant,
+            decisive=LIMITS.decisive,
             least_gain=self._worth,
-            alike=0.05,
-            alike_if_clean=0.1,
-            tie=0.99,
-            leaders=3,
-            sketched=SKETCHED,
-            least_beside=0.0 if self.evidence.beyond_floor else WORTH_BESIDE,
+            alike=LIMITS.alike,
+            alike_if_clean=LIMITS.alike_if_clean,
+            tie=LIMITS.tie,
+            leaders=LIMITS.leaders,
+            sketched=LIMITS.sketched,
+            least_beside=0.0 if self.evidence.beyond_floor else LIMITS.least_beside,
             most_beside=self._most_beside,
             no_sign_beside=tuple(name for name, effect in EFFECTS.registered.items() if effect.ROUGH),
-            most=MOST_MISSING if self.evidence.beyond_floor else MOST_NEW,
+            most=LIMITS.most_missing if self.evidence.beyond_floor else LIMITS.most_new,
         )
 
 
@@ -254,7 +230,7 @@ def trace(
     a cluster.  Raises BenchLogError where an effect of ``only`` cannot be fitted on these logs.
     """
     field_, reasons = _field(evidence, only, without)
-    last = max(1, round(LAST_BLOCK * evidence.units))
+    last = max(1, round(LIMITS.last_block * evidence.units))
     train = np.arange(evidence.units) < evidence.units - last
     predictions = evidence.predict({})
     rows, news = evidence.rows(predictions), evidence.news_percent(predictions)
@@ -270,7 +246,7 @@ def trace(
     )
     result = _nothing(evidence, reasons, train, judge)
     work = Work(evidence, train)
-    if only or judge.plain or judge.news_percent > HINT * evidence.floor_percent:
+    if only or judge.certain or judge.news_percent > LIMITS.hint * evidence.floor_percent:
         if only:
             selection = _together(work, field_, judge)
         else:
@@ -329,7 +305,7 @@ def _nothing(evidence: Evidence, reasons: dict[str, str], train: np.ndarray, jud
         errors_percent={"before": errors, "after": errors},
         news_percent={"before": news, "after": news},
         predictions={"before": predictions, "after": predictions},
-        gate_percent=GATE * evidence.floor_percent,
+        gate_percent=LIMITS.gate * evidence.floor_percent,
         expected_loss=judge.expected,
         share=0.0,
         witnesses={"before": judge.witnesses, "after": judge.witnesses},
@@ -396,7 +372,7 @@ def _alternatives(rounds: list[Round], current: Fit) -> dict[str, Trial]:
             others = [n for n in t.names if n not in current.names]
             if len(others) == 1:
                 out.setdefault(others[0], t)
-    best = sorted(out, key=lambda name: out[name].losses.mean())[: MOST_NAMES - 1]
+    best = sorted(out, key=lambda name: out[name].losses.mean())[: LIMITS.most_names - 1]
     return {name: out[name] for name in out if name in best}
 
 

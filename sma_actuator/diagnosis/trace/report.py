@@ -21,7 +21,8 @@ from .analysis import anatomy
 from .evidence import Evidence
 from .experiments import best_experiment
 from .fitting import Fit, fit
-from .race import PLAIN, USUAL, Tracing, of_the_model, usual
+from .limits import LIMITS
+from .race import Tracing, of_the_model, usual
 
 DRAWS = 1000
 SELDOM = 0.05  #: share of redrawn cycles on which an alternative does best, below which it does surely less well
@@ -84,7 +85,7 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
             for r in tracing.rounds
         ],
         "notes": []
-        if evidence.one_session or len(evidence.experiments) == 1
+        if evidence.logs.one_session or len(evidence.logs.experiments) == 1
         else [
             (
                 "the logs do not follow each other on one clock: each counts as a session, and what changes from one to the next (a slip, a "
@@ -92,7 +93,7 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
             )
         ],
         "model_file": str(model_file) if model_file else None,
-        "logs": [t.log.source for t in evidence.experiments],
+        "logs": [t.log.source for t in evidence.logs.experiments],
     }
     return _plain(out)
 
@@ -174,7 +175,7 @@ def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[st
     before, after = (float(tracing.news_percent[w].mean()) for w in ("before", "after"))
     what = "; and ".join(f"{EFFECTS[n].WORDS} ({n})" for n in names)
     text = f"{what[0].upper()}{what[1:]}: that explains {max(1.0 - after / before, 0.0):.0%} of what is unusual in these logs"
-    mended = [name for name, off in tracing.witnesses["before"].items() if off > USUAL]
+    mended = [name for name, off in tracing.witnesses["before"].items() if off > LIMITS.usual_deviation]
     text += (
         f", and {_listed(mended)} {'is' if len(mended) == 1 else 'are'} as at the calibration with it."
         if mended
@@ -186,7 +187,7 @@ def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[st
         text += "; or ".join(dict.fromkeys(a["experiment"]["what"] for a in alternatives)) + "."
     elif tracing.rounds:
         text += " Nothing else that was tried does that."
-    plain = [name for name, off in tracing.witnesses["before"].items() if off > PLAIN]
+    plain = [name for name, off in tracing.witnesses["before"].items() if off > LIMITS.certain_deviation]
     if before <= tracing.gate_percent and plain:
         text += f" By its size alone ({before:.2f} % of full stroke, where {tracing.gate_percent:.2f} % may be usual) it could be nothing; {_listed(plain)} could not."
     elif before <= tracing.gate_percent:
@@ -230,7 +231,7 @@ def _witnesses(tracing: Tracing) -> list[dict[str, Any]]:
                 "off_before": before,
                 "off_after": after,
                 "usual": usual(before),
-                "explained": 1.0 - (after / before) ** 2 if before > USUAL else None,
+                "explained": 1.0 - (after / before) ** 2 if before > LIMITS.usual_deviation else None,
             }
         )
     return out
@@ -381,7 +382,7 @@ def extended(
     out = dict(mapping)
     effects = dict(out.get("effects") or {})
     before, after = report["error_before_pct_stroke"], report["error_after_pct_stroke"]
-    logs = ", ".join(Path(t.log.source).name for t in evidence.experiments)
+    logs = ", ".join(Path(t.log.source).name for t in evidence.logs.experiments)
     for name in names:
         c = next(c for c in found.candidates if c.name == name)
         effects[name] = {**c.fixed, **found.values[name]}
@@ -408,11 +409,11 @@ def _anew(mapping: dict[str, Any], evidence: Evidence, tracing: Tracing) -> dict
     full_m = evidence.full_stroke_m
     errors = [
         float(np.mean(np.abs(measured_m - p.shown_m))) / full_m * 100
-        for measured_m, p in zip(evidence.measured_m, tracing.predictions["after"], strict=True)
+        for measured_m, p in zip(evidence.logs.measured_m, tracing.predictions["after"], strict=True)
     ]
     fields: dict[str, Any] = {"error": float(np.mean(errors)), "largest_error": max(errors)}
     config = Config.for_tools(mapping)
     if evidence.beyond_floor and config.calibration.expects:
-        found = [Chain(config).run(t.signals) for t in evidence.experiments]
-        fields |= learn(evidence.experiments, found, config)
+        found = [Chain(config).run(t.signals) for t in evidence.logs.experiments]
+        fields |= learn(evidence.logs.experiments, found, config)
     return {name: list(v) if isinstance(v, tuple) else v for name, v in fields.items()}

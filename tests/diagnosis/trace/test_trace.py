@@ -16,9 +16,10 @@ from sma_actuator.diagnosis.selection import Entry
 from sma_actuator.diagnosis.trace import Evidence, race, trace
 from sma_actuator.diagnosis.trace.analysis import quantities
 from sma_actuator.diagnosis.trace.candidates import candidate, scales_of, untestable
-from sma_actuator.diagnosis.trace.evidence import LIMIT, _Where, limited, smooth
+from sma_actuator.diagnosis.trace.evidence import limited
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit
+from sma_actuator.diagnosis.trace.following import Where, smooth
 from sma_actuator.diagnosis.trace.report import sentence, summary
 from sma_actuator.diagnosis.trace.why import whys
 from sma_actuator.estimation.chain import Chain
@@ -37,6 +38,11 @@ def config(wire):
 @pytest.fixture(scope="module")
 def clean(wire, config):
     return Evidence(session(wire[0]), config)
+
+
+def limited_by(monkeypatch, **limits):
+    """Decide by other limits, until the end of a test."""
+    monkeypatch.setattr(race, "LIMITS", dataclasses.replace(race.LIMITS, **limits))
 
 
 def traced(wire, config, hidden, **options):
@@ -79,12 +85,12 @@ def test_what_might_as_well_be_nothing_is_named_only_where_the_name_explains_all
     wire, config, clean, monkeypatch
 ):
     """Below the gate an error is real where a name takes all the news away, and has its signature; else nothing is missing."""
-    monkeypatch.setattr(race, "GATE", 1000.0)
+    limited_by(monkeypatch, gate=1000.0)
     found = traced(wire, config, {"backlash": 2.5e-4})
     assert found.verdict == "traced" and found.fit.names == ("backlash",)
     assert "it could be nothing" in sentence(found, {}, [])
     assert traced(wire, config, {"hum": 1.5e-4}).verdict == "none"
-    monkeypatch.setattr(race, "HINT", 0.0)
+    limited_by(monkeypatch, hint=0.0)
     assert trace(clean, jobs=1).verdict == "none"
 
 
@@ -93,13 +99,13 @@ def test_however_small_the_error_a_rest_that_does_not_repeat_says_that_something
     wire, config, clean, monkeypatch
 ):
     """A zero error of the voltage moves the resistance at the bias current by far more than it ever scatters."""
-    monkeypatch.setattr(race, "HINT", 1000.0)
-    monkeypatch.setattr(race, "GATE", 1000.0)
+    limited_by(monkeypatch, hint=1000.0)
+    limited_by(monkeypatch, gate=1000.0)
     found = traced(wire, config, {"voltage_offset": 1.5e-3})
-    assert found.witnesses["before"]["resistance at cold rest"] > race.PLAIN
+    assert found.witnesses["before"]["resistance at cold rest"] > race.LIMITS.certain_deviation
     assert found.verdict == "traced" and found.fit.names == ("voltage_offset",)
     assert "it could be nothing; resistance at cold rest could not" in sentence(found, {}, [])
-    monkeypatch.setattr(race, "PLAIN", 100.0)
+    limited_by(monkeypatch, certain_deviation=100.0)
     assert traced(wire, config, {"voltage_offset": 1.5e-3}).verdict == "none"
     assert max(trace(clean, jobs=1).witnesses["before"].values()) < 0.7 * 3.0
 
@@ -123,7 +129,7 @@ def test_what_has_no_name_stays_without(wire, config, hidden):
 def test_a_name_needs_its_signature_however_well_it_fits(wire, config, monkeypatch):
     """A lead moves R at rest, cold and hot, and not δ; a slip does the opposite, so it is not the name, whatever it mends."""
     evidence = Evidence(session(wire[0], {"lead_resistance": 0.03}), config)
-    monkeypatch.setattr(race, "CLEAN", 100.0)  # any residual will do
+    limited_by(monkeypatch, most_loss=100.0)  # any residual will do
     right, wrong = (trace(evidence, only=[name], jobs=1) for name in ("lead_resistance", "slip"))
     assert right.verdict == "traced" and not right.unusual
     assert (
@@ -206,9 +212,9 @@ def test_a_name_is_not_given_where_another_takes_much_off_beside_it(wire, config
     Here it is what the model always leaves: nothing of that is expected of this wire, so it is taken for no such sign.
     """
     evidence = Evidence(session(wire[0], {"elastic_compliance": 1e-4}), config)
-    monkeypatch.setattr(race, "BENT_BY_OTHERS", math.inf)
+    limited_by(monkeypatch, trend_elsewhere=math.inf)
     monkeypatch.setattr(Evidence, "expects_what_repeats", True)
-    monkeypatch.setattr(race, "MOST_BESIDE", 0.0)
+    limited_by(monkeypatch, most_beside=0.0)
     found = trace(evidence, jobs=1)
     assert found.verdict == "unexplained" and found.fit.names == ("elastic_compliance",) and not found.unusual
     further, share = found.beside
@@ -217,9 +223,9 @@ def test_a_name_is_not_given_where_another_takes_much_off_beside_it(wire, config
         f"elastic_compliance would leave nothing unusual, but {further} beside that would take off {share:.0%} more"
         in said
     )
-    monkeypatch.setattr(race, "MOST_BESIDE", 1.5 * share)
+    limited_by(monkeypatch, most_beside=1.5 * share)
     assert trace(evidence, jobs=1).verdict == "traced"
-    monkeypatch.setattr(race, "MOST_BESIDE", 0.5 * share)
+    limited_by(monkeypatch, most_beside=0.5 * share)
     monkeypatch.setattr(Evidence, "expects_what_repeats", False)
     assert trace(evidence, jobs=1).verdict == "traced"
 
@@ -301,7 +307,7 @@ def test_a_candidate_goes_through_the_whole_recursion_as_in_the_node(clean, conf
     effect = c.build({**values, **({"time": 40.0} if name == "slip" else {})})
     predictions = clean.predict({name: effect})
     chain = Chain(config, {name: effect})
-    for trace_, p in zip(clean.experiments, predictions, strict=True):
+    for trace_, p in zip(clean.logs.experiments, predictions, strict=True):
         live = []
         for i in range(len(trace_.log)):
             values = {f.name: getattr(trace_.signals, f.name) for f in dataclasses.fields(Signals)}
@@ -321,10 +327,12 @@ def test_every_quantity_that_may_give_an_effect_away_is_looked_at(clean):
 
 
 def test_large_residuals_count_linearly():
-    z = np.array([0.0, 1.0, LIMIT, 2.0 * LIMIT, np.nan, -np.inf])
+    z = np.array([0.0, 1.0, race.LIMITS.linear_from, 2.0 * race.LIMITS.linear_from, np.nan, -np.inf])
     loss = 0.5 * limited(z) ** 2
     assert loss[:3] == pytest.approx(0.5 * z[:3] ** 2)
-    assert loss[3] == pytest.approx(LIMIT * (2.0 * LIMIT - 0.5 * LIMIT))
+    assert loss[3] == pytest.approx(
+        race.LIMITS.linear_from * (2.0 * race.LIMITS.linear_from - 0.5 * race.LIMITS.linear_from)
+    )
     assert np.isfinite(loss).all() and loss[4] == loss[5] > loss[3]
 
 
@@ -370,7 +378,7 @@ def test_what_follows_the_wire_follows_it_and_not_the_model(clean, monkeypatch, 
         def residual_m(found, rows, ambient_counts):
             return -0.1 * found.model_m[rows]
 
-    monkeypatch.setattr(clean, "_expectation", KnownError)
+    monkeypatch.setattr(clean.of_displacement, "expectation", KnownError)
     followed_m = []
     for found, kept in clean._judgements(clean.chain({})):
         frame = Frame.of(found.signals, float(found.signals.time_s[0]))
@@ -381,7 +389,7 @@ def test_what_follows_the_wire_follows_it_and_not_the_model(clean, monkeypatch, 
         stage = next(s for s in STAGES if hasattr(effect, s))
         getattr(effect, stage)(frame, np.full(effect.STATES, np.nan), clean.place)
         followed_m.append((frame.displacement_m + noise_m)[kept])
-    monkeypatch.setattr(clean, "_measured_m", followed_m)
+    monkeypatch.setattr(clean.logs, "measured_m", followed_m)
     after, without = clean.predict({name: effect}), clean.predict({})
     of_the_model = [dataclasses.replace(a, expected_m=b.expected_m) for a, b in zip(after, without, strict=True)]
     whole, alone, nothing = (clean.news_percent(p).mean() for p in (after, of_the_model, without))
@@ -395,7 +403,7 @@ def test_a_wire_at_rest_leaves_the_play_as_it_is(clean):
     for found, _ in clean._judgements(chain):
         quiet = dataclasses.replace(found, model_m=smooth(found.model_m, _period_s(found)))
         of_wire_m, of_model_m = (
-            _Where(chain, clean.place, f, np.zeros(len(f.model_m))).beyond_the_load_m() for f in (quiet, found)
+            Where(chain, clean.place, f, np.zeros(len(f.model_m))).beyond_the_load_m() for f in (quiet, found)
         )
         assert np.abs(of_model_m - of_wire_m).mean() < 0.025 * 1e-4
 

@@ -1,0 +1,148 @@
+"""Logs of one wire as they are traced: cut at their pauses, without what says nothing, thinned where they are long."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from sma_actuator.base.signals import Quality, Signals
+from sma_actuator.calibration.rest import Rest, find_rests
+from sma_actuator.config import Config
+from sma_actuator.estimation.chain import Chain
+from sma_actuator.logs.bench_log import BenchLog
+from sma_actuator.logs.errors import BenchLogError
+from sma_actuator.logs.experiments import Experiment, make_experiment, sessions
+
+UNIT_TIMES = 4.0  #: a unit lasts at least so many times as long as errors remember themselves
+FEWEST_CYCLES = 3  #: in all logs together
+FEWEST_UNITS = 8
+LARGEST = 60_000  #: samples that the chain sees; longer logs are thinned …
+COMPARED = 4_000  #: … and so many of them at the most are compared with the measured displacement
+
+
+class Prepared:
+    """Logs of one wire, in the order of their clocks.
+
+    Raises BenchLogError: no reference, another wire, a channel that does not move, less than a cycle.
+    """
+
+    def __init__(self, logs: Sequence[BenchLog], config: Config, chain: Callable[[], Chain]):
+        """``chain``: makes a chain of the model as it is, which drops what it cannot judge."""
+        logs = sorted(logs, key=lambda log: float(log["time_s"][0]))
+        thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST))
+        whole = [piece for log in logs for piece in sessions(make_experiment(log, config))]
+        good = [_judged(experiment, chain()) for experiment in whole]
+        self.experiments = [_moving(experiment.rows(rows)) for experiment, rows in zip(whole, good, strict=True)]
+        cycles = sum(int(experiment.cycle.max()) for experiment in self.experiments)
+        if cycles < FEWEST_CYCLES:
+            names = ", ".join(experiment.log.source for experiment in self.experiments)
+            raise BenchLogError(
+                f"{names}: {cycles} cycles in all are too few to hold some out; at least {FEWEST_CYCLES} are wanted"
+            )
+        time_constant_s = config.thermal.heat_capacity / config.thermal.heat_loss
+        self.rests: list[list[Rest]] = [
+            [rest for rest in find_rests(experiment, time_constant_s) if rest.settled]
+            for experiment in self.experiments
+        ]
+        if thin > 1:
+            self._thin(thin)
+        #: What the chain is given of every log, and which of it is judged.
+        self.seen = [_thinned(experiment, rows, thin) for experiment, rows in zip(whole, good, strict=True)]
+        #: Displacement by the reference sensor, of every log.
+        self.measured_m = [np.ascontiguousarray(t.displacement_m) for t in self.experiments]
+        starts = [t.signals.time_s[0] for t in self.experiments]
+        ends = [t.signals.time_s[-1] for t in self.experiments]
+        #: One session where the logs follow each other on one clock; else each log is one.
+        self.one_session = all(end < start for end, start in zip(ends, starts[1:], strict=False))
+        every = max(1, math.ceil(sum(map(len, self.measured_m)) / COMPARED))
+        #: Samples of every log that a residual is made of: neighbours say the same.
+        self.compared = [np.arange(every // 2, len(m), every) for m in self.measured_m]
+
+    def _thin(self, thin: int) -> None:
+        rests = [
+            [dataclasses.replace(r, start=-(-r.start // thin), stop=r.stop // thin) for r in found]
+            for found in self.rests
+        ]
+        self.rests = [[r for r in found if r.stop > r.start] for found in rests]
+        self.experiments = [
+            experiment.rows(np.arange(len(experiment.log)) % thin == 0) for experiment in self.experiments
+        ]
+
+    def units(self, independent_s: float) -> tuple[list[np.ndarray], int]:
+        """Number of the unit of every sample, over all logs: a cycle, or as many as it takes to say something new.
+
+        Blocks of time where there are too few of these.  ``independent_s``: how long errors remember themselves.
+        """
+        parts, number = [], 0
+        for experiment in self.experiments:
+            unit = _lasting(experiment, UNIT_TIMES * independent_s)
+            parts.append(unit + number)
+            number += int(unit[-1]) + 1
+        if number >= FEWEST_UNITS:
+            return parts, number
+        total = sum(len(t.log) for t in self.experiments)
+        block = np.minimum(np.arange(total) * FEWEST_UNITS // total, FEWEST_UNITS - 1)
+        bounds = np.cumsum([0, *(len(t.log) for t in self.experiments)])
+        return [block[a:b] for a, b in itertools.pairwise(bounds)], FEWEST_UNITS
+
+    @property
+    def start_s(self) -> float:
+        """When the first session began."""
+        return float(self.experiments[0].signals.time_s[0])
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the longest session."""
+        first, last = self.experiments[0].signals.time_s[0], self.experiments[-1].signals.time_s[-1]
+        return (
+            float(last - first) if self.one_session else max(float(np.ptp(t.signals.time_s)) for t in self.experiments)
+        )
+
+
+def _judged(experiment: Experiment, chain: Chain) -> np.ndarray:
+    """Which samples count, bool, shape (n,): those with a reference that the chain does not drop."""
+    quality = chain.run(experiment.signals).quality
+    return (quality != Quality.INVALID) & np.isfinite(experiment.displacement_m)
+
+
+def _thinned(experiment: Experiment, good: np.ndarray, thin: int) -> tuple[Signals, np.ndarray | slice]:
+    """Every ``thin``-th of the good samples, with what the chain drops between them; and which of these are good."""
+    if good.all() and thin == 1:
+        return experiment.signals, slice(None)
+    fed = ~good | ((np.cumsum(good) - 1) % thin == 0)
+    return experiment.rows(fed).signals, good[fed]
+
+
+def _lasting(experiment: Experiment, least_s: float) -> np.ndarray:
+    """Number of the unit of every sample: cycles, as many together as last at least ``least_s``."""
+    cycle = np.maximum(experiment.cycle, min(1, int(experiment.cycle.max())))
+    starts = np.concatenate(([0], np.flatnonzero(np.diff(cycle)) + 1))
+    time_s = experiment.signals.time_s
+    kept = [0]
+    for start in starts[1:]:
+        if time_s[start] - time_s[kept[-1]] >= least_s and time_s[-1] - time_s[start] >= 0.5 * least_s:
+            kept.append(int(start))
+    return np.searchsorted(kept, np.arange(len(cycle)), side="right") - 1
+
+
+def _moving(experiment: Experiment) -> Experiment:
+    """The experiment; raises BenchLogError where a channel never moves or the log is shorter than a cycle."""
+    for name, values, unit in (
+        ("the resistance", experiment.resistance_Ohm, "Ω"),
+        ("the measured displacement", experiment.displacement_m, "m"),
+        ("the current", experiment.signals.current_A, "A"),
+    ):
+        if not np.ptp(values) > 1e-3 * abs(float(np.median(values))):
+            raise BenchLogError(
+                f"{experiment.log.source}: {name} never moves ({values[0]:.4g} {unit} throughout); a log of a wire that is driven is wanted"
+            )
+    turns = np.diff(experiment.driven.astype(int))
+    if not ((turns > 0).any() and (turns < 0).any()):
+        raise BenchLogError(
+            f"{experiment.log.source}: is shorter than a cycle: the current must be switched on and off again at least once"
+        )
+    return experiment

@@ -1,0 +1,63 @@
+"""The power that it takes to transform the wire, against the heat balance of its calibration."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from sma_actuator.calibration.power import passages, warmer_K
+from sma_actuator.config import Config
+from sma_actuator.diagnosis.trace.limits import LIMITS
+from sma_actuator.diagnosis.trace.prepared import Prepared
+from sma_actuator.estimation.calibration import Calibration
+
+from .witness import Prediction
+
+
+class Power:
+    """How much warmer than at the calibration the heat balance calls the wire in each passage, a row each."""
+
+    names = ("power in the transformation",)
+
+    def __init__(self, logs: Prepared, unit: Sequence[np.ndarray], config: Config, calibration: Calibration):
+        self.logs, self.calibration, self._thermal = logs, calibration, config.thermal
+        if math.isfinite(
+            calibration.ambient_temperature
+        ):  # where none is logged, it is that until an effect says otherwise
+            self._thermal = dataclasses.replace(self._thermal, ambient_temperature=calibration.ambient_temperature)
+        self._passages = [self._found(number) for number in range(len(logs.experiments))]
+        units = [int(unit[i][rows[0]]) for i, found in enumerate(self._passages) for _, rows in found]
+        self.row_units = np.array(units, dtype=int)
+        self.row_names = np.zeros(len(units), dtype=int)
+
+    @property
+    def known(self) -> bool:
+        """Whether the calibration says what it takes to transform the wire, and how surely."""
+        c = self.calibration
+        sure = math.isfinite(c.transformation_scatter) and len(c.transformation_speed) == 4
+        return c.transformation_known and sure
+
+    def _found(self, number: int) -> list[tuple[bool, np.ndarray]]:
+        """Where a log's power is held against the calibration's: see :func:`passages`."""
+        if not self.known:
+            return []
+        stress_Pa = self.logs.experiments[number].stress_Pa
+        return passages(self.calibration.share_of_stroke(self.logs.measured_m[number], stress_Pa))
+
+    def off(self, predictions: Sequence[Prediction]) -> np.ndarray:
+        """How much warmer, in standard deviations, shape (passages,)."""
+        out, c = [np.empty(0)], self.calibration
+        for i, (found, p) in enumerate(zip(self._passages, predictions, strict=True)):
+            if not found:
+                continue
+            signals = dataclasses.replace(self.logs.experiments[i].signals, stress_Pa=p.stress_Pa)
+            share = c.share_of_stroke(self.logs.measured_m[i] - p.beside_m, p.stress_Pa)
+            off_K, ahead = warmer_K(signals, p.heat_W, share, c, self._thermal, found)
+            usual = np.mean(np.reshape(c.transformation_speed, (2, 2)), axis=1)[[int(heating) for heating, _ in found]]
+            rise_K = np.mean([*c.transformation_heating, *c.transformation_cooling]) - self._thermal.ambient_temperature
+            known_K = math.hypot(c.transformation_scatter, LIMITS.heat_balance * rise_K)
+            out.append(off_K / np.hypot(known_K, LIMITS.other_speed * rise_K * (ahead - usual)))
+        return np.concatenate(out)

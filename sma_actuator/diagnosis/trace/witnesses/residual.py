@@ -1,0 +1,97 @@
+"""The displacement all along, against what the calibration lets expect of the model's error there and with that history."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sma_actuator.calibration.expectation import Expectation, always_so_m
+from sma_actuator.calibration.rest import SPREAD
+from sma_actuator.calibration.training import SINCE_THEN, SINCE_THEN_WITHIN
+from sma_actuator.config import Config
+from sma_actuator.diagnosis.trace.limits import LIMITS
+from sma_actuator.diagnosis.trace.prepared import Prepared
+from sma_actuator.estimation.calibration import Calibration, left_in_place
+from sma_actuator.estimation.chain import Chain, Judged
+from sma_actuator.estimation.effects.frame import Frame, Place
+
+from .witness import Prediction
+
+
+class Residual:
+    """Measured less shown displacement of the samples compared, a row each."""
+
+    names = ("residual",)
+
+    def __init__(
+        self, logs: Prepared, unit: Sequence[np.ndarray], config: Config, calibration: Calibration, place: Place
+    ):
+        """It knows no floor until :meth:`take_floor` or :meth:`take_typical`."""
+        self.logs, self.calibration, self._place = logs, calibration, place
+        self._full_stroke_m = config.wire.full_stroke_m
+        self.expectation = Expectation(config) if calibration.expects else None
+        #: Of every log, for the model as it is: how far it is from half the way to one whose load was always what it is.
+        self._always_so_m: list[np.ndarray] = []
+        self.floor_m: list[np.ndarray] = []
+        self.row_units = np.concatenate([each[rows] for each, rows in zip(unit, logs.compared, strict=True)])
+        self.row_names = np.zeros(len(self.row_units), dtype=int)
+
+    def learn_the_load(self, chain: Chain) -> None:
+        """What the model, as it is, would say if the load had always been so, where the calibration expects anything."""
+        if self.expectation is not None:
+            self._always_so_m = [always_so_m(signals, chain) for signals, _ in self.logs.seen]
+
+    def take_floor(self, judgements: Sequence[Judged], kept: Sequence[np.ndarray | slice]) -> None:
+        """Mean absolute size of what is left beside what is expected [m], of every sample compared.
+
+        That of the model as it is, whatever effect is looked for: all candidates are held against the same measure.
+        """
+        c = self.calibration
+        if self.expectation is None:
+            percent = max(c.error, c.largest_error) if c.known else LIMITS.floor
+            self.floor_m = [np.full(len(rows), percent / 100 * self._full_stroke_m) for rows in self.logs.compared]
+            return
+        self.floor_m = []
+        for i, (p, here_kept, rows) in enumerate(zip(judgements, kept, self.logs.compared, strict=True)):
+            here = np.arange(len(p.time_s))[here_kept][rows]
+            floor_m = np.hypot(self.expectation.floor_m(p, here), self._always_so_m[i][here])
+            self.floor_m.append(np.hypot(floor_m, SINCE_THEN_WITHIN * self._changed_m(p)[here]))
+
+    def take_typical(self, predictions: Sequence[Prediction]) -> None:
+        """As a floor, what the model as it is leaves: for what is looked for in that itself."""
+        typical_m = np.sqrt(np.mean(np.concatenate(self.news_m(predictions)) ** 2)) / SPREAD
+        self.floor_m = [np.full(len(rows), typical_m) for rows in self.logs.compared]
+
+    def expected_m(self, number: int, found: Judged, here: np.ndarray, ambient_counts: bool) -> np.ndarray:
+        """Residual that is no news, of n samples of a log; known at the samples ``here``, with straight lines between them."""
+        if self.expectation is None:
+            return np.zeros(len(found.time_s))
+        usual_m = self.expectation.residual_m(found, here, ambient_counts)
+        expected_m = np.interp(found.time_s, found.time_s[here], usual_m)
+        return expected_m + self._always_so_m[number] + SINCE_THEN * self._changed_m(found)
+
+    def _changed_m(self, found: Judged) -> np.ndarray:
+        """How far the wire moved while it was calibrated, where it is now, of n samples: the hot end most."""
+        if not self.calibration.changed:  # of most wires, and every step of every fit asks
+            return np.zeros(len(found.time_s))
+        frame = Frame.of(found.signals, float(found.time_s[0]))
+        frame.displacement_m = found.model_m
+        share = self._place.share_of_stroke(frame)
+        return self.calibration.changed * np.nan_to_num(left_in_place(share), nan=1.0)
+
+    def news_m(self, predictions: Sequence[Prediction]) -> list[np.ndarray]:
+        """Measured less shown displacement beyond what the calibration lets expect, of the samples compared, log by log."""
+        return [
+            (measured_m - p.shown_m)[rows] - p.expected_m
+            for measured_m, p, rows in zip(self.logs.measured_m, predictions, self.logs.compared, strict=True)
+        ]
+
+    def off(self, predictions: Sequence[Prediction]) -> np.ndarray:
+        """How far off each sample is, in standard deviations of what is left at such a place, shape (samples compared,)."""
+        return np.concatenate(
+            [
+                news_m / (SPREAD * floor_m)
+                for news_m, floor_m in zip(self.news_m(predictions), self.floor_m, strict=True)
+            ]
+        )

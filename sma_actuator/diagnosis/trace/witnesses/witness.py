@@ -1,0 +1,40 @@
+"""What a witness is: one thing that logs show, found in them, and held against what is usual."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """A model with effects on one log, arrays of shape (n,)."""
+
+    shown_m: np.ndarray  #: displacement that the reference sensor should show
+    model_m: np.ndarray  #: displacement of the strain model alone
+    sensor_m: np.ndarray  #: what it should show beyond what the load pulls at
+    beside_m: np.ndarray  #: how much further than the wire it should show the joint, where the wire is as expected
+    expected_m: np.ndarray  #: residual that is no news, of the samples that are compared
+    heating: np.ndarray
+    resistance_Ohm: np.ndarray  #: as the strain model sees it
+    power_W: np.ndarray
+    heat_W: np.ndarray  #: what of it the calibration's heat balance sees
+    stress_Pa: np.ndarray
+    elapsed_s: np.ndarray
+
+
+class Witness(Protocol):
+    """One kind of thing that the logs show; each time that they show it is a row."""
+
+    row_names: np.ndarray  #: which of them each row is, shape (n,)
+    row_units: np.ndarray  #: which unit each row lies in, shape (n,)
+
+    @property
+    def names(self) -> Sequence[str]:
+        """What it shows, as a person reads it."""
+
+    def off(self, predictions: Sequence[Prediction]) -> np.ndarray:
+        """How far off each row is, in units of what is usual, shape (n,)."""
