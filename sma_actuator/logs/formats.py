@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import mmap
 import struct
 import zipfile
 import zlib
@@ -24,6 +25,8 @@ _CELL_B, _ROW_CELLS = 40, 4
 _WHOLE_B = 20
 #: Of MATLAB's level 5: its header, the tag of an element, the type of one that is packed, and what a byte of text becomes.
 _MATLAB_HEADER_B, _MATLAB_TAG_B, _MATLAB_PACKED, _CHARACTER_B = 128, 8, 15, 4
+#: Kinds of its elements: numbers, matrices and what they are packed in, text; how deep structures stand in each other.
+_MATLAB_KINDS, _MATLAB_MATRIX, _MATLAB_DEEPEST = {*range(1, 8), 9, *range(12, 19)}, 14, 20
 _NUMBER_B = 8
 
 
@@ -92,9 +95,9 @@ def _parquet(path: Path) -> Table:
     import pyarrow.parquet
 
     said = pyarrow.parquet.read_metadata(path)
-    groups = [said.row_group(i) for i in range(said.num_row_groups)]
-    numbers = sum(group.column(i).num_values for group in groups for i in range(group.num_columns))
-    refuse_larger(path, max(_NUMBER_B * numbers, sum(group.total_byte_size for group in groups)))
+    # Not asked of the columns one by one: of what is broken there pyarrow aborts the process.
+    unpacked_B = sum(said.row_group(i).total_byte_size for i in range(said.num_row_groups))
+    refuse_larger(path, max(_NUMBER_B * said.num_rows * said.num_columns, unpacked_B))
     # A text that stands in a million rows is stored once; it is neither multiplied nor, but for the events, read at all.
     texts = {field.name for field in said.schema.to_arrow_schema() if not _of_numbers(field.type)}
     names = [name for name in said.schema.to_arrow_schema().names if name not in texts or name == EVENT_COLUMN]
@@ -121,7 +124,7 @@ def _of_numbers(kind: Any) -> bool:
 def _matlab(path: Path) -> Table:
     import scipy.io
 
-    _refuse_large_matlab(path)
+    _look_at_matlab(path)
     try:
         found = scipy.io.loadmat(path, squeeze_me=True, simplify_cells=True)
     except NotImplementedError:
@@ -129,26 +132,51 @@ def _matlab(path: Path) -> Table:
     return _table(path, _vectors(path, {n: v for n, v in found.items() if not n.startswith("__")}))
 
 
-def _refuse_large_matlab(path: Path) -> None:
-    """Look at what the packed elements of a file take where they are unpacked; counted, for it stands nowhere."""
-    size_B = 0
-    with path.open("rb") as file:
-        header = file.read(_MATLAB_HEADER_B)
-        order = {b"\x00\x01IM": "<", b"\x01\x00MI": ">"}.get(header[-4:])
-        while order and len(tag := file.read(_MATLAB_TAG_B)) == _MATLAB_TAG_B:
-            kind, length_B = struct.unpack(f"{order}II", tag)
-            begin = file.tell()
-            if not kind:
-                break  # no element: the reader will say so
+def _look_at_matlab(path: Path) -> None:
+    """Refuse a file of level 5 whose packed elements take too much, or whose elements SciPy would break on.
+
+    What they take stands nowhere, so it is counted.  SciPy believes kind and length of an element: of others than there are the
+    process ends with a bus error.
+    """
+    size_B = path.stat().st_size
+    if size_B < _MATLAB_HEADER_B:
+        return  # no file of level 5: the reader will say so
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        order = {b"\x00\x01IM": "<", b"\x01\x00MI": ">"}.get(content[_MATLAB_HEADER_B - 4 : _MATLAB_HEADER_B])
+        if order is None:
+            return  # of another level
+        unpacked_B, at = 0, _MATLAB_HEADER_B
+        while at + _MATLAB_TAG_B <= size_B:
+            kind, length_B = struct.unpack_from(f"{order}II", content, at)
+            begin, at = at, at + _MATLAB_TAG_B + length_B
             if kind == _MATLAB_PACKED:
-                unpacker, left_B = zlib.decompressobj(), length_B
-                while left_B > 0 and (part := file.read(min(left_B, CHUNK_BYTES))):
-                    left_B -= len(part)
-                    while part:
-                        size_B += len(unpacker.decompress(part, CHUNK_BYTES))
-                        refuse_larger(path, _CHARACTER_B * size_B)
-                        part = unpacker.unconsumed_tail
-            file.seek(begin + length_B)
+                unpacker, parts = zlib.decompressobj(), []
+                left = content[begin + _MATLAB_TAG_B : at]
+                while left:
+                    parts.append(unpacker.decompress(left, CHUNK_BYTES))
+                    unpacked_B += len(parts[-1])
+                    refuse_larger(path, _CHARACTER_B * unpacked_B)
+                    left = unpacker.unconsumed_tail
+                _look_at_elements(path, b"".join(parts), order, 0)
+            else:
+                _look_at_elements(path, content[begin:at], order, 0)
+
+
+def _look_at_elements(path: Path, content: bytes, order: str, level: int) -> None:
+    """Refuse elements that are of no kind there is, longer than what they stand in, or nested beyond reason."""
+    at = 0
+    while at + _MATLAB_TAG_B <= len(content):
+        kind, length_B = struct.unpack_from(f"{order}II", content, at)
+        begin, room_B = at + _MATLAB_TAG_B, len(content) - at - _MATLAB_TAG_B
+        if kind >> 16:  # a short one, in its own tag
+            kind, length_B, begin, room_B = kind & 0xFFFF, kind >> 16, at + 4, 4
+            at += _MATLAB_TAG_B
+        else:
+            at = begin + length_B + -length_B % _MATLAB_TAG_B
+        if kind not in _MATLAB_KINDS or length_B > room_B or level > _MATLAB_DEEPEST:
+            raise BenchLogError(f"{path}: is no readable .mat file (an element of kind {kind} with {length_B} bytes)")
+        if kind == _MATLAB_MATRIX:
+            _look_at_elements(path, content[begin : begin + length_B], order, level + 1)
 
 
 def _tdms(path: Path) -> Table:

@@ -59,12 +59,12 @@ def test_the_temperature_follows_the_power_with_the_wires_time_constant(config):
     steep = replace(config, calibration=replace(config.calibration, contracted_slope=1.0))
     thermal, usual_C = steep.thermal, steep.thermal.ambient_temperature
     hot_end = HotEnd(steep)
-    hot_end.step(0.0, 100.0, STRESS_Pa, 0.0, usual_C)
+    hot_end.step(100.0, 100.0, STRESS_Pa, 0.0, usual_C)
     tau_s = thermal.heat_capacity / thermal.heat_loss
     share = 1.0 - np.exp(-1.0)
     hot_Ohm, range_Ohm = austenite_Ohm(steep, usual_C, share * POWER_W), steep.calibration.resistance_range
-    assert not hot_end.step(tau_s, hot_Ohm + 1.1 * ENTER * range_Ohm, STRESS_Pa, POWER_W, usual_C)
-    assert hot_end.step(tau_s, hot_Ohm + 0.9 * ENTER * range_Ohm, STRESS_Pa, POWER_W, usual_C)
+    assert not hot_end.step(100.0 + tau_s, hot_Ohm + 1.1 * ENTER * range_Ohm, STRESS_Pa, POWER_W, usual_C)
+    assert hot_end.step(100.0 + tau_s, hot_Ohm + 0.9 * ENTER * range_Ohm, STRESS_Pa, POWER_W, usual_C)
     hot_end.reset()
     assert seen(steep, austenite_Ohm(steep, usual_C), usual_C, hot_end, 1e6)
 
@@ -75,6 +75,16 @@ def test_a_clock_that_is_set_back_cools_nothing(config):
     hot_Ohm, hot_end = austenite_Ohm(steep, usual_C), HotEnd(steep)
     assert seen(steep, hot_Ohm, usual_C, hot_end, 100.0)
     assert hot_end.step(0.0, hot_Ohm, STRESS_Pa, 0.0, usual_C)  # the power of this sample has had no time
+    left_Ohm = hot_Ohm + 1.01 * LEAVE * steep.calibration.resistance_range
+    assert not hot_end.step(0.0, left_Ohm, STRESS_Pa, 0.0, usual_C), "nor was any heat made"
+
+
+def test_resistance_that_seems_to_fall_with_temperature_is_not_believed(config):
+    """A calibration of a few logs may say so; a metal does not."""
+    falling = replace(config, calibration=replace(config.calibration, contracted_slope=-1.0))
+    usual_C, range_Ohm = falling.thermal.ambient_temperature, falling.calibration.resistance_range
+    assert seen(falling, austenite_Ohm(falling, usual_C) + 0.9 * ENTER * range_Ohm, usual_C)
+    assert not seen(falling, austenite_Ohm(falling, usual_C) + 1.1 * ENTER * range_Ohm, usual_C)
 
 
 def test_without_a_calibration_of_the_hot_end_it_is_not_known(make_config):

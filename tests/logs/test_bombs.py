@@ -105,6 +105,29 @@ def test_what_takes_more_memory_than_a_log_may_is_refused_before_it_is_unpacked(
         tracemalloc.stop()
 
 
+def test_matlabs_structures_are_read_as_ever(tmp_path):
+    scipy_io = pytest.importorskip("scipy.io")
+    columns = {"time_s": np.arange(20.0), "R": np.arange(20.0) + 1.0}
+    for packed in (False, True):
+        scipy_io.savemat(
+            tmp_path / "a.mat", {"log": {"inside": columns, "who": "x" * 3, "n": 1}}, do_compression=packed
+        )
+        assert list(read_table(tmp_path / "a.mat").columns) == ["time_s", "R"]
+
+
+@pytest.mark.parametrize(("place", "value"), [(8, b"\xf8\xff\0\0"), (4, b"\xff\xff\xff\0"), (12, b"\xff\xff\xff\x0f")])
+def test_an_element_that_scipy_would_break_on_is_refused(tmp_path, place, value):
+    """With a bus error, where its kind is none that there is."""
+    scipy_io = pytest.importorskip("scipy.io")
+    path = tmp_path / "a.mat"
+    scipy_io.savemat(path, {"time_s": np.arange(20.0)})
+    data = bytearray(path.read_bytes())
+    data[128 + place : 128 + place + 4] = value
+    path.write_bytes(data)
+    with pytest.raises(BenchLogError, match=r"a\.mat: is no readable \.mat file \(an element of kind"):
+        read_table(path)
+
+
 def test_a_chunk_of_a_recording_that_claims_to_be_huge_is_not_unpacked(tmp_path):
     pytest.importorskip("rosbags")
     path = tmp_path / "bomb.mcap"
