@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import copy
 import itertools
 import os
@@ -108,6 +109,14 @@ def pytest_sessionstart(session: pytest.Session) -> None:
             "from sma_actuator.bench.server import BenchServer, VirtualBench as B; BenchServer(B.from_name('flexinol'))"
         )
         subprocess.run([sys.executable, "-c", bench], check=True, timeout=600)
+
+
+def pytest_unconfigure() -> None:
+    """Nothing that a test started outlives the tests."""
+    if _WATCHER is not None and _WATCHER.stdin is not None:
+        _WATCHER.stdin.close()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            _WATCHER.wait(20.0)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
