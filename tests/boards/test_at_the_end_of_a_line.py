@@ -118,6 +118,7 @@ def test_the_self_test_over_a_real_line(board):
     config, clock = config_at(board.resource), ClockOfTheBoard(board)
     found = SelfTest(config, *open_instruments(config, clock), clock).run()
     assert [each for each in found if each.level is Level.WRONG and each.part != "rate"] == []
+    assert "the load is 0.49 N and pulls" in {each.sentence for each in found}
 
 
 def test_the_ports_own_file_hears_and_says_bytes():

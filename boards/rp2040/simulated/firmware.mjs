@@ -27,6 +27,6 @@ globalThis.call_world = (text) => {
 const mp = await loadMicroPython({ heapsize: 190 * 1024, linebuffer: true, stdout: (line) => console.error(line) });
 const files = ["machine", "time", "usb"].map((name) => path.join(here, `${name}.py`));
 files.push(...["parts", "board", "scpi", "main"].map((name) => path.join(here, "..", `${name}.py`)));
-mp.FS.mkdirTree("/lib");
-for (const file of files) mp.FS.writeFile(`/lib/${path.basename(file)}`, fs.readFileSync(file));
-mp.runPython("import main\nmain.main()");
+mp.FS.mkdirTree("/board"); // found before what comes with it, as a time of its own
+for (const file of files) mp.FS.writeFile(`/board/${path.basename(file)}`, fs.readFileSync(file));
+mp.runPython("import sys\nsys.path.insert(0, '/board')\nimport main\nmain.main()");
