@@ -290,6 +290,7 @@ class Session:
         return {
             "short_wire": lambda: chance.uniform(0.0, 0.5 * safety.resistance_min),
             "channel_stuck": lambda: float(chance.choice((101, 102, 103, 104, 105))),
+            "channel_dithers": lambda: float(chance.choice((101, 102, 103, 104, 105))),
             "channel_saturated": lambda: float(chance.choice((101, 102, 103, 104, 105))),
             "channel_nan": lambda: float(chance.choice((101, 102, 103, 104, 105))),
             "load_spike": lambda: chance.uniform(0.1, 4.0 * safety.load_spike),

@@ -30,18 +30,20 @@ SHARES = (0.15, 0.85)  #: of what can be reached, between which it is moved
 
 @dataclass(frozen=True, slots=True)
 class Lie:
-    """A fault of the bench, and how far the position may come to be wrong by it before a fault is named."""
+    """A fault of the bench, and what may come of it before the driver names a fault."""
 
     fault: str
     value: float
-    wrong_at_most: float  #: share of the full stroke, beyond what it was wrong by before
-    loads: tuple[type[Load], ...] = (Weight, Spring)
+    wrong_at_most: float = math.inf  #: the position, in full strokes, beyond what it was wrong by before
+    within_s: float = math.inf
 
 
 LIES = {
     "a sense resistor that rises by 0.4 % a second": Lie("sense_drift", 1.04, 0.25),
     "a sense resistor that falls by 0.4 % a second": Lie("sense_drift", 0.96, 0.25),
     "a sense resistor that rises by 0.04 % a second": Lie("sense_drift", 1.004, 0.25),
+    "a load cell that stands but for its converter's dither": Lie("channel_dithers", 103.0, within_s=2.0 * PERIOD_s),
+    "a block that comes again and again": Lie("block_repeats", math.nan, within_s=1.0),
 }
 
 
@@ -72,9 +74,8 @@ class Lying:
     def run(self) -> Result:
         """Every lie in every motion, under loads in turn, and honest stands between them."""
         for number, (words, lie) in enumerate(LIES.items()):
-            loads = [load for load in LOADS if isinstance(load, lie.loads)]
-            for motion in MOTIONS:
-                self.judge(words, lie, motion, loads[(self.unit + number) % len(loads)])
+            for turn, motion in enumerate(MOTIONS):
+                self.judge(words, lie, motion, LOADS[(self.unit + number + turn) % len(LOADS)])
         for number, motion in enumerate(MOTIONS):
             self.judge("none", None, motion, LOADS[(self.unit + number) % len(LOADS)])
         return self.result
@@ -101,12 +102,9 @@ class Lying:
         elif fault:
             self.result.counts["lies found"] += 1
             self.result.see(f"{words}: until a fault [s]", after_s)
-        if after - before > lie.wrong_at_most:
-            self.result.violations.append(
-                Violation(
-                    f"believed: {words}", f"{scene}: wrong by {after:.0%} of the stroke, before {before:.0%}", replay
-                )
-            )
+        if after - before > lie.wrong_at_most or after_s > lie.within_s:
+            detail = f"{scene}: wrong by {after:.0%} of the stroke, before {before:.0%}, and {fault or 'no fault'} after {after_s:.1f} s"
+            self.result.violations.append(Violation(f"believed: {words}", detail, replay))
 
     def drive(self, lie: Lie | None, motion: str, load: Load) -> tuple[float, float, Output, float]:
         """The largest error of the position before the lie and after it, in full strokes; the last output, and how long after

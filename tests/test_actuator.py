@@ -628,7 +628,8 @@ def test_after_a_gap_the_controller_is_told_of_no_more_time_than_a_reading_may_b
     told_s = []
     monkeypatch.setattr(Watched, "told_s", told_s, raising=False)
     monkeypatch.setattr(PidParameters, "build", lambda self, sections: Watched(self, sections.supply.bias_current))
-    rig = make_rig(safety={"outside_calibration_time": 5.0, "reading_timeout": 0.5, "current_disagreement": 0.4})
+    blind = {"current_disagreement": 0.4, "current_drift": 1.0}
+    rig = make_rig(safety={"outside_calibration_time": 5.0, "reading_timeout": 0.5, **blind})
     rig.enable()
     rig.track()
     shares = dict.fromkeys(("supply_voltage_V", "reference_voltage_V"), 0.01)

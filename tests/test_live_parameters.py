@@ -1,5 +1,6 @@
 """Every parameter that is declared live arrives: a running actuator goes on as one that had the new value from its start."""
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import nan
@@ -118,6 +119,19 @@ def has_more_current_than_was_told(rig: Rig) -> None:
     rig.run(1.0)
 
 
+def has_another_sense_resistor(rig: Rig) -> None:
+    rig.run(4.0)
+    lie(rig, reference_voltage_V=lambda reading: 0.97 * reading.reference_voltage_V)
+    rig.run(2.0)
+
+
+def has_a_load_cell_that_dies(rig: Rig) -> None:
+    rig.run(16.0)
+    last, dither = rig.output.reading.load_cell_voltage_V, itertools.cycle((1e-7, 3e-7, -4e-7))
+    lie(rig, load_cell_voltage_V=lambda reading: last + next(dither))
+    rig.run(7.0)
+
+
 def has_a_supply_that_measures_another_voltage(rig: Rig) -> None:
     rig.state_of = lambda state: replace(state, voltage_V=state.voltage_V + 1.0)
     rig.run(1.0)
@@ -193,7 +207,7 @@ SITUATIONS = [
     Situation("controller.kp", 300.0),
     Situation("controller.ki", 100.0),
     Situation("controller.kd", 10.0),
-    Situation("controller.derivative_time_constant", 0.5),
+    Situation("controller.derivative_time_constant", 0.5, given={"controller.kd": 10.0}),
     Situation("controller.tuning_current", 0.5, is_tuned),
     Situation("thermal.heat_loss_margin", 1.5),
     Situation("thermal.ambient_temperature", 40.0, has_no_ambient_sensor),
@@ -207,6 +221,8 @@ SITUATIONS = [
     Situation("safety.load_spike", 0.3, lambda rig: is_loaded(rig, 1.0)),
     Situation("safety.stuck_time", 0.3, has_a_stuck_load_cell),
     Situation("safety.current_disagreement", 0.2, has_more_current_than_was_told),
+    Situation("safety.current_drift", 0.2, has_another_sense_resistor),
+    Situation("safety.least_noise", 0.0, has_a_load_cell_that_dies),
     Situation("safety.voltage_disagreement", 5.0, has_a_supply_that_measures_another_voltage),
     Situation("safety.disagreement_time", 3.0, has_a_supply_that_measures_another_voltage),
     Situation("safety.reading_timeout", 2.0, misses_readings),

@@ -14,7 +14,7 @@ from sma_actuator.plant.loads import Load, Schedule, Weight
 from sma_actuator.plant.materials import Wire
 from sma_actuator.plant.worlds import HOME
 
-from .chain import CHANNELS, SATURATED, Chain, Noise
+from .chain import CHANNELS, LSB_V, SATURATED, Chain, Noise
 from .faults import check_fault
 from .real import wire_of
 from .supply import SimulatedSupply
@@ -80,6 +80,7 @@ class VirtualBench:
         self.samples = 0  #: taken since the beginning, one per millisecond
         self._pending: list[tuple[float, str, float]] = []
         self._stuck = np.zeros(len(CHANNELS))  #: sample that a stuck channel repeats
+        self._repeated = np.zeros((0, len(CHANNELS)))  #: block that a DAQ repeats
         self._drifts_since_s = 0.0  #: the sense resistor
         self.joint: SharedJoint | None = None  #: that this wire turns with another
 
@@ -182,9 +183,11 @@ class VirtualBench:
         if name == "second_commander":
             self.supply.set_current(value)
             return
+        if name == "block_repeats":
+            self._repeated = self._repeated[:0]
         if name == "sense_drift":
             self._drifts_since_s = self.time_s
-        if name == "channel_stuck":
+        if name in ("channel_stuck", "channel_dithers"):
             self._stuck = self.daq.block(1)[0][0] if self.samples else np.zeros(len(CHANNELS))
         self.faults[name] = value
 
@@ -293,6 +296,10 @@ class SimulatedDaq:
         times_s = np.arange(first + 1, first + n + 1) * STEP_s
         if "sense_drift" in bench.faults:
             read[:, CHANNELS.index(102)] *= bench._sense_factor(times_s)
+        if "channel_dithers" in bench.faults:
+            column = CHANNELS.index(int(bench.faults["channel_dithers"]))
+            dither = np.mod(bench._noise.of(first, n)[:, column], 1.0) - 0.5
+            read[:, column] = bench._stuck[column] + LSB_V * dither
         if "channel_reversed" in bench.faults:
             read[:, CHANNELS.index(int(bench.faults["channel_reversed"]))] *= -1.0
         for name, reading in (("channel_saturated", SATURATED), ("channel_nan", nan)):
@@ -301,4 +308,8 @@ class SimulatedDaq:
         if "channel_stuck" in bench.faults:
             column = CHANNELS.index(int(bench.faults["channel_stuck"]))
             read[:, column] = bench._stuck[column]
+        if "block_repeats" in bench.faults:
+            if len(bench._repeated) != n:
+                bench._repeated = read
+            read = bench._repeated.copy()
         return read, times_s

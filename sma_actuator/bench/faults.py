@@ -21,6 +21,10 @@ FAULTS: dict[str, BenchFault] = {
     "open_wire": BenchFault("the wire is broken: no current, the supply at its compliance voltage"),
     "short_wire": BenchFault("the wire is bridged by this resistance and does not heat", "Ω", 0.0),
     "channel_stuck": BenchFault("a DAQ channel repeats its last sample", "channel", 103.0),
+    "channel_dithers": BenchFault(
+        "a DAQ channel repeats its last sample but for the converter's dither", "channel", 103.0
+    ),
+    "block_repeats": BenchFault("the DAQ gives one block again and again, with new times"),
     "channel_saturated": BenchFault("a DAQ channel is over range", "channel", 103.0),
     "channel_reversed": BenchFault("the leads of a DAQ channel are swapped", "channel", 103.0),
     "channel_nan": BenchFault("a DAQ channel reads NaN", "channel", 103.0),

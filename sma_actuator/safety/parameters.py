@@ -72,6 +72,15 @@ class SafetyParameters:
     disagreement_time: float = parameter(
         0.5, "time such a difference must last", "s", 0.0, 60.0, live=True, stricter="lower"
     )
+    least_noise: float = parameter(
+        0.5,
+        "share of the least noise that the load cell has had in this run below which it counts as dead; 0: never",
+        "1",
+        0.0,
+        0.9,
+        live=True,
+        stricter="higher",
+    )
     current_drift: float = parameter(
         0.015,
         "share by which the DAQ's current may drift from the supply's; sense resistors that warm with their own current do "

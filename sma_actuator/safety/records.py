@@ -15,6 +15,7 @@ from typing import Generic, ParamSpec
 
 from sma_actuator.base.signals import Command, Estimate, Reading, Signals, SupplyState
 
+from .alive import LoadAlive, Repeats
 from .drift import CurrentsApart
 from .formula import Formula
 from .parameters import SafetySections
@@ -122,6 +123,8 @@ class Memory:
     supply_s: float = nan  #: of the last usable read-back
     load_N: float = nan
     channels: dict[str, tuple[float, float]] = field(default_factory=dict)  #: value, and since when it stands
+    repeats: Repeats = field(default_factory=Repeats)  #: of whole readings
+    load_alive: LoadAlive = field(default_factory=LoadAlive)
     currents: CurrentsApart = field(default_factory=CurrentsApart)
     since_s: dict[str, float] = field(default_factory=dict)  #: since when a condition holds
     count: dict[str, int] = field(default_factory=dict)  #: how many times running

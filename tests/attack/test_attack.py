@@ -147,6 +147,12 @@ class TestLies:
         assert lying.result.counts["lies found"] == 1
         _unbroken(lying.result)
 
+    def test_nor_is_a_load_cell_that_stands(self, lying):
+        words = "a load cell that stands but for its converter's dither"
+        lying.judge(words, lies.LIES[words], "sine", Weight(0.98))
+        assert lying.result.counts["lies found"] == 1
+        _unbroken(lying.result)
+
     def test_nor_would_the_judge_miss_one_that_is(self, lying):
         words = "a sense resistor that rises by 0.4 % a second"
         lying.config = lying.config.replace({"safety.current_drift": 1.0})

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from sma_actuator import actuator as actuator_module
@@ -123,6 +124,18 @@ def cold_but_contracted(rig):
     rig.reading_of = lambda r: replace(r, supply_voltage_V=r.reference_voltage_V * 5.7)
 
 
+def repeat_values_with_new_times(rig):
+    rig.run(12.0)
+    last = rig.daq.read_block()
+    rig.reading_of = lambda reading: replace(last, time_s=reading.time_s)
+
+
+def only_dither_is_left_of_the_load(rig):
+    rig.run(20.0)
+    last, dither = rig.daq.read_block(), np.random.default_rng(1)
+    rig.reading_of = lambda r: replace(r, load_cell_voltage_V=last.load_cell_voltage_V + dither.normal(0.0, 5e-6))
+
+
 def another_sense_resistor(rig):
     """By −4 %, after it has been seen for a while: the rest of the circuit stays what it is."""
     rig.run(6.0)
@@ -185,6 +198,13 @@ SCENARIOS = {
     "ambient_doubted": lie_about_readings(lambda r: replace(r, ambient_temperature_C=-59.0)),
     "supply_disagrees": bench_fault("current_disagrees", 0.6),
     "measurements_disagree": lie_about_supply(lambda state: replace(state, current_A=state.current_A + 0.05)),
+    "readings_repeat": Scenario(
+        repeat_values_with_new_times, lambda rig: setattr(rig, "reading_of", lambda reading: reading)
+    ),
+    "load_dead": Scenario(
+        only_dither_is_left_of_the_load, lambda rig: setattr(rig, "reading_of", lambda reading: reading)
+    ),
+    "reference_doubted": lie_about_readings(lambda r: replace(r, lvdt_current_A=2.4)),
     "current_drifts": Scenario(another_sense_resistor, lambda rig: setattr(rig, "reading_of", lambda reading: reading)),
     "estimator_outside": weight(
         1.5, changes={"model.stress_range": [0.0, 60e6], "safety.outside_calibration_time": 1.0}
@@ -225,7 +245,14 @@ ASKED_IN = {
 #: What the driver sees and the actuator is told; its tests provoke them.
 REPORTED = {f.name for f in FAULTS.values() if not isinstance(f, Guard)} - {"unhandled_exception"}
 LATCHING = [name for name, fault in FAULTS.items() if fault.latches or fault.action_by]
-PASSING = ["ambient_doubted", "reading_not_finite", "estimate_invalid", "setpoint_not_finite", "setpoint_flood"]
+PASSING = [
+    "ambient_doubted",
+    "reference_doubted",
+    "reading_not_finite",
+    "estimate_invalid",
+    "setpoint_not_finite",
+    "setpoint_flood",
+]
 
 
 def provoked(make_rig, fault):

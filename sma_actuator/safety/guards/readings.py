@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from math import isfinite, nan
 
-from sma_actuator.base.signals import MEASURABLE, Reading
+from sma_actuator.base.signals import MEASURABLE, Quality, Reading
+from sma_actuator.safety.alive import FOLLOWS, RARE, SEEN, SWING, WINDOW, LoadAlive, Repeats
 from sma_actuator.safety.formula import parameter_value
 from sma_actuator.safety.records import Action, Step, guard
-from sma_actuator.safety.timing import ONE_STEP, READING_TIMEOUT, TWO_STEPS
+from sma_actuator.safety.timing import ONE_STEP, RATE, READING_TIMEOUT, TWO_STEPS
 
 from .wire import seems_open
+
+#: Share of the load at wire.max_stress that a load may differ by though nothing moves.
+NOISE_SHARE = 0.01
 
 
 def voltages(reading: Reading) -> dict[str, float]:
@@ -141,3 +145,72 @@ def sensor_stuck(step: Step) -> str:
         if step.now_s - since_s > step.config.safety.stuck_time:
             return f"{name}: {value:g} V for {step.now_s - since_s:.3g} s to the last digit; safety.stuck_time is {step.config.safety.stuck_time:g} s"
     return ""
+
+
+@guard(
+    words="the readings repeat",
+    remedy="Check the DAQ's scan: it gives old values with new times",
+    detector=f"while current flows: no voltage nor the load cell differs by one digit from the reading before, more often than chance "
+    f"would have it once in {1 / RARE:.0g} readings, by what {SEEN} or more have shown",
+    within=10 / RATE,
+    action=Action.OFF,
+    latches=True,
+)
+def readings_repeat(step: Step) -> str:
+    """The DAQ repeats a block."""
+    if step.reading is None or not step.told.output_on:
+        return ""
+    if not step.memory.repeats.step(*voltages(step.reading).values()):
+        return ""
+    step.memory.repeats = Repeats()
+    return "all channels have the same values again and again, to the last digit; they never had so often"
+
+
+@guard(
+    words="the load cell does not show the load",
+    remedy="Check the load cell, its cable and its amplifier: something stands still. Where all is well (a source of noise was switched "
+    "off; another load hangs on the wire) clear the fault, and what is usual is seen anew; safety.least_noise 0 leaves the noise out",
+    detector=f"of the load cell's channel, once this run has shown what is usual: values repeat far more often (as in readings_repeat); or "
+    f"over {WINDOW} readings less than safety.least_noise of the least noise that it has had; or two motions running, to and fro, by "
+    f"{100 * SWING:g} % of the full stroke or more with less than {100 * FOLLOWS:g} % of the change of load that belonged to such motions "
+    "so far (a spring's; a dead weight's does not change)",
+    within=(WINDOW + 10) / RATE,
+    action=Action.OFF,
+    latches=True,
+)
+def load_dead(step: Step) -> str:
+    """The load cell shows less life than it has."""
+    if step.reading is None:
+        return ""
+    config, alive, value_V = step.config, step.memory.load_alive, step.reading.load_cell_voltage_V
+    noise = alive.noise.step(value_V)
+    why = ""
+    if alive.repeats.step(value_V):
+        why = f"{value_V:g} V again and again, to the last digit"
+    elif noise < config.safety.least_noise:
+        why = f"its noise is {noise:.2g} of the least that it has had; safety.least_noise is {config.safety.least_noise:g}"
+    elif step.driven and step.settled and step.estimate.quality <= Quality.INDETERMINATE_HOT:
+        wire = config.wire
+        swing_m, noise_N = SWING * wire.full_stroke_m, NOISE_SHARE * wire.max_stress * wire.area_m2
+        why = alive.following.step(step.estimate.displacement_m, step.signals.load_N, swing_m, noise_N)
+    else:
+        alive.following.pause()
+    if why:
+        step.memory.load_alive = LoadAlive()
+    return why
+
+
+@guard(
+    words="the displacement sensor reads what no wire does",
+    remedy="Check its channel, reference_sensor and instruments.daq.lvdt_channel: it may be swapped with another, as that of the ambient "
+    "temperature",
+    detector="reference displacement further from zero than wire.length; it is used for identification only",
+    within=ONE_STEP,
+    action=Action.NOTE,
+)
+def reference_doubted(step: Step) -> str:
+    """The displacement sensor is not believed."""
+    place_m, length_m = step.signals.reference_displacement_m, step.config.wire.length
+    if step.reading is None or not abs(place_m) > length_m:
+        return ""
+    return f"{place_m * 1e3:.3g} mm, of a wire of {length_m * 1e3:g} mm"

@@ -1,0 +1,147 @@
+"""A channel is believed as long as it behaves as it has: what it has shown in this run says what is improbable of it.
+
+Three ways to stand still that no single reading shows: digits repeat far more often than they have (one block comes again and again with
+new times, or a few values in turn); a channel is quieter than it has ever been (its source stands, and only a converter's dither is
+left); the load does not change any more when the wire moves, where it always has.
+"""
+
+from __future__ import annotations
+
+from bisect import insort
+from collections import deque
+from dataclasses import dataclass, field
+from math import isfinite, log, nan
+
+RARE = 1e-12  #: what is less probable than this, by what was seen before, is not taken for chance
+SEEN = 200  #: readings that say what is probable
+OFTEN = 0.3  #: of the readings that should have differed repeat, where something stands
+WINDOW = 100  #: readings over which a channel is called quiet
+LOWEST, WINDOWS = (
+    2,
+    3,
+)  #: which of so many windows of a channel that stood is the floor: one may hold the beginning of the end
+SWING = 0.3  #: share of the full stroke that is a motion
+ALIKE = 2.0  #: motions are alike whose stiffness differs by less than this factor
+SWINGS = 3  #: so many that are alike say what a load does
+FOLLOWS = 0.1  #: share of the change of load that belongs to a motion below which the load stands
+STOOD = 2  #: motions, to and fro, that it has not followed
+
+
+@dataclass(slots=True)
+class Repeats:
+    """Whether readings are like the one before far more often than they have been: a cumulative sum of log-likelihoods."""
+
+    _last: tuple[float, ...] = ()
+    _seen: int = 0
+    _equal: int = 0
+    _sum: float = 0.0
+
+    def step(self, *values: float) -> bool:
+        """Whether that is no chance any more."""
+        equal, self._last = values == self._last, values
+        usual = (self._equal + 1) / (self._seen + 2)
+        if self._seen >= SEEN:
+            often = 1.0 - (1.0 - OFTEN) * (1.0 - usual)
+            self._sum = max(0.0, self._sum + log(often / usual if equal else (1.0 - often) / (1.0 - usual)))
+        self._seen += 1
+        self._equal += equal
+        return self._sum > -log(RARE)
+
+
+@dataclass(slots=True)
+class Liveliness:
+    """How noisy a channel is, against the least that it has been while it stood."""
+
+    _recent: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))
+    #: Second differences, for each of them but the first two: what is left of a steady motion is noise.
+    _steps: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW - 2))
+    _sum: float = 0.0  #: of them
+    _fresh: int = 0  #: readings since the last window that counted
+    _levels: list[float] = field(default_factory=list)
+
+    def step(self, value: float) -> float:
+        """Share of the least noise that the last readings have; NaN until both are known."""
+        recent, steps = self._recent, self._steps
+        if len(recent) >= 2:
+            self._sum -= steps[0] if len(steps) == WINDOW - 2 else 0.0
+            steps.append(abs(value - 2.0 * recent[-1] + recent[-2]))
+            self._sum += steps[-1]
+        recent.append(value)
+        self._fresh += 1
+        if len(recent) < WINDOW:
+            return nan
+        level = max(self._sum, 0.0) / len(steps)
+        share = level / self._levels[LOWEST - 1] if len(self._levels) >= WINDOWS else nan
+        if self._fresh >= WINDOW and level > 0.0 and _range_of_quarters(list(recent)) <= level:
+            self._fresh = 0
+            insort(self._levels, level)
+            del self._levels[WINDOWS:]
+        return share
+
+
+def _range_of_quarters(values: list[float]) -> float:
+    """How far apart the means of four quarters are: of noise alone less than the noise."""
+    quarter = len(values) // 4
+    means = [sum(values[begin : begin + quarter]) / quarter for begin in range(0, 4 * quarter, quarter)]
+    return max(means) - min(means)
+
+
+@dataclass(slots=True)
+class Following:
+    """What the load does when the wire moves, from one turn of the motion to the next."""
+
+    _from: tuple[float, float] = (nan, nan)  #: place and load where this motion began
+    _to: tuple[float, float] = (nan, nan)  #: and the farthest that it has come
+    _stiffness: list[float] = field(default_factory=list)  #: of the last motions
+    #: Motions running that the load has not followed: way, change of load expected, and seen.
+    _stood: list[tuple[float, float, float]] = field(default_factory=list)
+
+    def step(self, place_m: float, load_N: float, swing_m: float, noise_N: float) -> str:
+        """At the end of a motion, how the load has not followed it and the one before; else ""."""
+        if not isfinite(place_m):
+            self.pause()
+            return ""
+        if not isfinite(self._from[0]):
+            self._from = self._to = (place_m, load_N)
+        way_m = self._to[0] - self._from[0]
+        if (place_m - self._to[0]) * way_m >= 0.0:
+            self._to = (place_m, load_N)
+            return ""
+        if abs(place_m - self._to[0]) < 0.25 * swing_m:
+            return ""  # it has not turned yet
+        change_N, slack = self._to[1] - self._from[1], min(self._to[1], self._from[1]) < noise_N
+        self._from, self._to = self._to, (place_m, load_N)
+        if abs(way_m) < swing_m or slack:
+            return ""
+        expected_N = self.stiffness_N_m * way_m
+        if abs(expected_N) > 2.0 * noise_N and change_N / expected_N < 1.0 / ALIKE:
+            self._stood = [*self._stood, (way_m, expected_N, change_N)] if change_N / expected_N < FOLLOWS else []
+        else:  # what has stood still is not what is usual
+            self._stood, self._stiffness = [], [*self._stiffness[1 - SWINGS :], change_N / way_m]
+        if len(self._stood) < STOOD:
+            return ""
+        return " and ".join(
+            f"{change_N:+.2g} N where {expected_N:+.2g} N belong to a motion of {way_m * 1e3:+.2g} mm"
+            for way_m, expected_N, change_N in self._stood
+        )
+
+    @property
+    def stiffness_N_m(self) -> float:
+        """The least that the last motions have shown alike, negative where the wire pulls as it contracts; NaN where they have not."""
+        shown = self._stiffness
+        if len(shown) < SWINGS or not max(shown) < 0.0 or min(shown) < ALIKE * max(shown):
+            return nan
+        return max(shown)
+
+    def pause(self) -> None:
+        """The wire has no place now."""
+        self._from = self._to = (nan, nan)
+
+
+@dataclass(slots=True)
+class LoadAlive:
+    """What is to be seen of a load cell's life."""
+
+    repeats: Repeats = field(default_factory=Repeats)
+    noise: Liveliness = field(default_factory=Liveliness)
+    following: Following = field(default_factory=Following)
