@@ -68,9 +68,16 @@ ALL_THERE_IS = 0.95
 MOST_TARE = 0.1
 #: How the message of a latched fault ends.
 AFTER_A_FAULT = "; ~/clear_fault, then ~/enable"
+#: And of one that passes when its instrument answers again.
+AFTER_A_LOSS = "; ~/enable once it answers again"
 _WORDS_OF_MODE = {Mode.OFF: "off", Mode.HOLD: "holding", Mode.TRACKING: "tracking", Mode.TUNING: "tuning"}
 _NOTHING = Signals(nan, nan, nan, nan, nan, nan)
 _NO_ESTIMATE = Estimate(nan, nan, nan, 0.0, Branch.COOLING, Quality.INVALID)
+
+
+def without_advice(message: str) -> str:
+    """What a status says of a latched fault, without what to do about it."""
+    return message.removesuffix(AFTER_A_FAULT).removesuffix(AFTER_A_LOSS)
 
 
 class Actuator:
@@ -123,7 +130,8 @@ class Actuator:
             return True, "the output is off"
         latched = self._supervisor.latched
         if latched is not None:
-            return False, f"not enabled: {self._words_of(latched)}; call ~/clear_fault first"
+            then = "ask again once it answers" if latched.until_back else "call ~/clear_fault first"
+            return False, f"not enabled: {self._words_of(latched)}; {then}"
         if self._commanding.is_driven:
             return True, "the output is on already"
         present = self._supervisor.present
@@ -484,6 +492,8 @@ class Actuator:
         if self._tuning is not None and self._tuning.ended:
             self._commanding.stop()
             self._end_tuning("")
+        if back := supervisor.let_go(now_s, reading, supply):
+            self._changes.append(f"passed {back}")
         command, bent = supervisor.gate(wanted_A, driven, faults, late)
         limits |= bent
         if supervisor.latched is not None:
@@ -693,7 +703,7 @@ class Actuator:
         if self._tuning is not None:
             words += f" ({self._tuning.words})"
         if fault is not None:
-            words = f"off: {self._words_of(fault)}{AFTER_A_FAULT}"
+            words = f"off: {self._words_of(fault)}{AFTER_A_LOSS if fault.until_back else AFTER_A_FAULT}"
         elif faults:
             fault = gravest(faults)
             words = f"{words}: {fault.words} ({faults[fault]})"

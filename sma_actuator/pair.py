@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from math import isfinite, nan, tau
 from typing import Protocol, Self
 
-from sma_actuator.actuator import AFTER_A_FAULT
+from sma_actuator.actuator import AFTER_A_FAULT, without_advice
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import JointEstimate, Mode, Output, Quality, Status
 from sma_actuator.config import Config
@@ -197,7 +197,7 @@ class PairDriver:
 
     def _let_go(self, number: int, status: Status) -> None:
         """A wire has gone off: have the other off with its next step."""
-        why = f"{self._pair.parameters.wires[number]}: {status.message.removesuffix(AFTER_A_FAULT)}"
+        why = f"{self._pair.parameters.wires[number]}: {without_advice(status.message)}"
         self._fault, self._why_off = status.fault, why
         driver = self._wires[1 - number].driver
         if driver is None:

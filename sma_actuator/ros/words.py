@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from math import inf
 
-from sma_actuator.actuator import AFTER_A_FAULT
+from sma_actuator.actuator import without_advice
 from sma_actuator.base.signals import Mode, Status
 from sma_actuator.driver import NOT_ASKED
 from sma_actuator.safety.faults import FAULTS
@@ -59,7 +59,7 @@ class Events:
         """Level and sentence of everything that has begun or ended since the last status."""
         latched = status.fault if _is_latched(status) else ""
         if latched and latched != self._latched:
-            yield ERROR, f"{status.message.removesuffix(AFTER_A_FAULT)}. {FAULTS[latched].advice}"
+            yield ERROR, f"{without_advice(status.message)}. {FAULTS[latched].advice}"
         elif self._latched and not latched:
             yield INFO, f"the fault {self._latched} is cleared; the output stays off until ~/enable"
         elif status.mode is not self._mode:

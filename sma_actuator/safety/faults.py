@@ -32,7 +32,8 @@ def markdown() -> str:
         "",
         "Times are from the cause to the command, in seconds, of the parameters named; `0` is the same step.",
         "A latched fault switches the output off in the step that detects it, and the output stays off until",
-        "`~/clear_fault` and then a new `~/enable`. What does not latch passes with its cause.",
+        "`~/clear_fault` and then a new `~/enable`. What does not latch passes with its cause. A lost instrument latches *until it",
+        "answers*: once both have answered for `safety.reading_timeout`, with the output read back as off, a new `~/enable` is enough.",
         "",
         "Actions: **clip** brings a value into its range; **note** leaves out what is wrong and goes on; **hold** keeps the",
         "wire where it is, or at the last good setpoint; **bias** lowers the current to `supply.bias_current`; **off** is",
@@ -57,7 +58,7 @@ def markdown() -> str:
     ]
     for e in FAULTS.values():
         action = f"`{e.action_by}`" if e.action_by else e.action.value
-        latches = "where off" if e.action_by else "yes" if e.latches else "no"
+        latches = "where off" if e.action_by else "until it answers" if e.until_back else "yes" if e.latches else "no"
         out.append(f"| `{e.name}` | {e.words} | {e.detector} | `{e.within}` | {action} | {latches} | {e.remedy} |")
     return "\n".join(out) + "\n"
 

@@ -62,10 +62,13 @@ class Fault:
     latches: bool = False
     while_off: bool = False  #: also latched when it appears while the output is off anyway
     action_by: str = ""  #: the parameter that says the action instead; latched where that is off
+    until_back: bool = False  #: latched only until the instruments answer again, with the output read back as off
 
     @property
     def advice(self) -> str:
         """What to do, in sentences."""
+        if self.until_back:
+            return f"{self.remedy}. Once it answers again: ~/enable."
         return f"{self.remedy}. Then ~/clear_fault and ~/enable." if self.latches else f"{self.remedy}."
 
     @property
@@ -92,6 +95,7 @@ def guard(
     latches: bool = False,
     while_off: bool = False,
     action_by: str = "",
+    until_back: bool = False,
     each_step: bool = True,
 ) -> Callable[[Callable[P, str]], Guard[P]]:
     """Make a fault of the function that looks for it."""
@@ -107,6 +111,7 @@ def guard(
             latches=latches,
             while_off=while_off,
             action_by=action_by,
+            until_back=until_back,
             look=look,
             each_step=each_step,
         )

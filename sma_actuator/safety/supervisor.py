@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from math import inf, nan, sqrt
 
-from sma_actuator.base.signals import Command, Reading
+from sma_actuator.base.signals import Command, Reading, SupplyState
 
 from .faults import FAULTS
 from .guards.program import command_invalid
@@ -101,6 +101,19 @@ class Supervisor:
             if fault.latches:
                 self.latch(fault, detail)
         return found
+
+    def let_go(self, now_s: float, reading: Reading | None, supply: SupplyState | None) -> str:
+        """End the latch of an instrument that was away, once both have answered for a while and nothing else is wrong; the
+        fault's name then, else "".  The output stays off."""
+        latched = self.latched
+        well = reading is not None and supply is not None and not supply.output_on
+        back = well and not any(fault.prevents_enabling for fault in self.present)
+        if self.memory.lasts_s("instruments are back", back, now_s) < self.config.safety.reading_timeout:
+            return ""
+        if latched is None or not latched.until_back:
+            return ""
+        self.latched, self.detail = None, ""
+        return latched.name
 
     def watch_stress(self, stress_Pa: float, position_m: float, told_A: float) -> None:
         """Near the bound of stress: from here on no more current, and no shorter setpoint, than now.

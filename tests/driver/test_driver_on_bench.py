@@ -126,7 +126,9 @@ class TestLostInstrument:
         assert rig.status.fault == fault
         assert list(rig.driver.lost_instruments) == [instrument]
 
-    def test_it_is_found_again_and_the_fault_stays_until_it_is_cleared(self, rig, bench_fault, fault, instrument):
+    def test_it_is_found_again_and_the_fault_passes_but_nothing_drives_until_it_is_enabled(
+        self, rig, bench_fault, fault, instrument
+    ):
         rig = rig()
         rig.enable()
         rig.bench.inject(bench_fault)
@@ -134,14 +136,16 @@ class TestLostInstrument:
         ok, sentence = rig.driver.clear_fault()
         assert not ok
         assert f"the {instrument} still does not answer" in sentence
+        assert rig.status.message.endswith("; ~/enable once it answers again")
+        refused, sentence = rig.driver.enable(True)
+        assert not refused and "ask again once it answers" in sentence
+        rig.driver.run_for(60.0)
         rig.bench.clear(bench_fault)
-        rig.run_until(lambda: not rig.driver.lost_instruments, within_s=6.0)
-        rig.driver.run_for(2.0)
-        assert rig.status.fault == fault
-        assert not rig.driver.enable(True)[0]
-        assert not rig.bench.supply.output_on
-        ok, sentence = rig.driver.clear_fault()
-        assert ok, sentence
+        rig.run_until(lambda: rig.status.fault == "", within_s=6.0)
+        for _ in range(20):
+            rig.driver.offer_setpoint(0.002)
+            rig.driver.run_for(0.5)
+            assert not rig.bench.supply.output_on and rig.status.message == "off"
         rig.enable()
         assert rig.status.fault == ""
 

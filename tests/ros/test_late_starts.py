@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from lifecycle_msgs.srv import GetState
 from processes import wait_until
 from std_msgs.msg import Float64
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 from test_node import NAME, _enabled, _status
 
 #: Somebody keeps asking for a position so long, and nothing may move.
@@ -77,8 +77,6 @@ def test_instruments_pulled_in_mid_motion_come_back_to_a_node_that_drives_nothin
     stand.switch_on()
     node.says("the supply answers again")
     node.says("the daq answers again")
-    _tempt(client, stand)
-    assert client.call(f"{NAME}/clear_fault", Trigger).success
     _tempt(client, stand)
     _enabled(client)
     client.publish(f"{NAME}/setpoint", Float64(data=0.002))

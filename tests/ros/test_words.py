@@ -86,7 +86,9 @@ def test_every_limit_and_passing_fault_is_said():
 def test_there_is_something_to_do_about_every_fault_and_limit():
     for entry in (*FAULTS.values(), *LIMITS.values()):
         assert entry.advice[0].isupper() and entry.advice.endswith("."), entry.name
-        assert ("~/clear_fault" in entry.advice) == getattr(entry, "latches", False), entry.name
+        until_back = getattr(entry, "until_back", False)
+        assert ("~/clear_fault" in entry.advice) == (getattr(entry, "latches", False) and not until_back), entry.name
+        assert ("answers again: ~/enable" in entry.advice) == until_back, entry.name
 
 
 def test_instruments_lost_and_found_are_each_said_once_and_not_beside_the_fault_that_says_so():

@@ -42,6 +42,7 @@ def silent(step: Step, last_s: float, what: str) -> str:
     within=READING_TIMEOUT + ONE_STEP,
     action=Action.OFF,
     latches=True,
+    until_back=True,
 )
 def daq_lost(step: Step) -> str:
     """The DAQ has not answered for too long."""

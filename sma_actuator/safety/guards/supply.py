@@ -100,6 +100,7 @@ def second_commander(step: Step) -> str:
     within=READING_TIMEOUT + ONE_STEP,
     action=Action.OFF,
     latches=True,
+    until_back=True,
 )
 def supply_lost(step: Step) -> str:
     """The supply has not answered usably for too long."""
