@@ -14,7 +14,7 @@ from .reach import (
     PATIENCE_s,
 )
 from .records import Limit
-from .thermal import LEAST_SLOPE_1_K
+from .thermal import LEAST_SLOPE_1_K, LOSING_TIMES, SUDDENLY
 from .timing import ONE_STEP, TWO_STEPS
 
 SETPOINT_RANGE = Limit(
@@ -66,7 +66,8 @@ TEMPERATURE_DERATING = Limit(
     "current limit lowered by temperature",
     "Give the wire time to cool",
     "the largest current that could flow on until supply.watchdog_timeout cuts it (for ever, where there is no watchdog) "
-    "and leave the wire below thermal.max_temperature even if it lost only heat_loss / heat_loss_margin, from what that "
+    "and leave the wire below thermal.max_temperature even if it lost only heat_loss / heat_loss_margin, or "
+    f"{SUDDENLY:g} of what it has shown to lose in the last {LOSING_TIMES:g} of its time constants, from what the first "
     "heat balance says, but no more than its resistance: thermal.transformed_temperature at the least resistance since the "
     f"wire was certainly below it, and 1 K for each {LEAST_SLOPE_1_K:g} more of it; and above "
     "thermal.derate_temperature, by the parameters' heat_loss, from supply.max_current linearly down to "

@@ -83,7 +83,8 @@ class Supervisor:
             self._resistance_Ohm = power_W / current_A**2
         thermal = self.config.thermal
         most_Ohm = most_contracted_Ohm(self.config.calibration, thermal)
-        self.heat.step(power_W, dt_s, ambient_C, thermal, resistance_Ohm, load_N, most_Ohm)
+        wire_W = current_A**2 * resistance_Ohm
+        self.heat.step(power_W, dt_s, ambient_C, thermal, resistance_Ohm, load_N, most_Ohm, wire_W)
 
     def inspect(self, step: Step, but: Collection[str] = ()) -> dict[Fault, str]:
         """The faults of this step and why, but for those of these names; those that latch are latched.

@@ -31,6 +31,12 @@ AT_LIMIT_K = 1.0
 SMOOTH_s, LONG_AGO_s = 0.2, 1.0
 #: Share by which a load changes from one reading to the next where it is another one.
 OTHER_LOAD = 0.03
+#: Time, in the wire's time constants without its latent heat, over which heat that flows and does not stay is heat that is lost.
+LOSING_TIMES = 8.0
+#: The most that latent heat takes of it, as a rise of temperature; wires that were measured: 20 to 30 K.
+LATENT_K = 40.0
+#: A cover that is put over the wire may leave this share of the loss that it has shown in the time that nobody looks.
+SUDDENLY = 0.75
 #: Surroundings no wire is driven in [°C]; a sensor that reads more is not believed.
 HOTTEST_AMBIENT_C = 100.0
 #: A sensor that falls below the usual temperature is followed at this rate: surroundings cool no faster.
@@ -171,6 +177,29 @@ def most_contracted_Ohm(calibration: Contracted, parameters: ThermalParameters) 
     return max(calibration.contracted_resistance) * (1.0 + MOST_SLOPE_1_K * hotter_K)
 
 
+class ShownLoss:
+    """How much heat a wire loses at the least, by what flowed into it and did not make it hotter than it can be.
+
+    Of the mean power what may have stayed is taken off, to warm the wire from the coldest surroundings and to transform it; the rest
+    was lost, at no higher a temperature than it had at most.
+    """
+
+    __slots__ = ("_power_W", "_rise_K")
+
+    def __init__(self, rise_K: float) -> None:
+        self._power_W, self._rise_K = 0.0, rise_K
+
+    def step(self, power_W: float, dt_s: float, rise_K: float, parameters: ThermalParameters) -> float:
+        """Take note of the power in the wire alone, 0 or NaN where none was measured, and how much hotter than the coldest surroundings
+        it can be [K]; the heat loss [W/K], below zero where nothing is known yet."""
+        over_s = LOSING_TIMES * parameters.heat_capacity / parameters.heat_loss
+        lag = -math.expm1(-max(dt_s, 0.0) / over_s)
+        self._power_W += lag * ((power_W if math.isfinite(power_W) else 0.0) - self._power_W)
+        self._rise_K += lag * (rise_K - self._rise_K)
+        stayed_W = parameters.heat_capacity * (rise_K + LATENT_K) / over_s
+        return (self._power_W - stayed_W) / self._rise_K
+
+
 class WireHeat:
     """What is known of the heat of one wire.
 
@@ -186,6 +215,12 @@ class WireHeat:
         #: How much of ``temperature_C`` is a guess: what the balance began with, as much of it as has not cooled away.
         self.guessed_K = parameters.max_temperature - parameters.ambient_temperature
         self._most = HeatBalance(parameters.max_temperature)
+        self._shown_loss = ShownLoss(self._above_coldest_K(parameters))
+        self._least_loss_W_K = parameters.heat_loss / parameters.heat_loss_margin
+
+    def _above_coldest_K(self, parameters: ThermalParameters) -> float:
+        """By how much it can at most be hotter than the coldest surroundings."""
+        return self.at_most_C - (parameters.ambient_temperature - parameters.ambient_tolerance)
 
     @property
     def temperature_C(self) -> float:
@@ -206,10 +241,12 @@ class WireHeat:
         resistance_Ohm: float = math.nan,
         load_N: float = 0.0,
         contracted_Ohm: float = math.inf,
+        wire_W: float = math.nan,
     ) -> None:
         """Keep both balances, on measured power [W]; resistance [Ω] and load [N] of the same reading, NaN where there is none.
 
-        ``contracted_Ohm``: the most that the wire shows once it has contracted (:func:`most_contracted_Ohm`).
+        ``contracted_Ohm``: the most that the wire shows once it has contracted (:func:`most_contracted_Ohm`); ``wire_W``: the
+        power without that in its leads.
         """
         ambient_C = self.ambient.step(ambient_read_C, dt_s, parameters)
         loss_W_K, capacity_J_K = parameters.heat_loss, parameters.heat_capacity
@@ -220,6 +257,8 @@ class WireHeat:
         shown_C = self._thermometer.step(resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, contracted_Ohm)
         self._most.temperature_C = min(at_most_C, shown_C)
         at_its_limit = self.at_most_C > parameters.max_temperature - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
+        shown_W_K = self._shown_loss.step(wire_W, dt_s, self._above_coldest_K(parameters), parameters)
+        self._least_loss_W_K = max(loss_W_K / parameters.heat_loss_margin, SUDDENLY * shown_W_K)
         self.cools = self.at_most_C >= transformed_C and (self.cools or at_its_limit)
 
     def power_limit_W(self, horizon_s: float, parameters: ThermalParameters) -> float:
@@ -229,7 +268,7 @@ class WireHeat:
         """
         if self.cools:
             return 0.0
-        loss_W_K = parameters.heat_loss / parameters.heat_loss_margin
+        loss_W_K = self._least_loss_W_K
         decay = math.exp(-horizon_s * loss_W_K / parameters.heat_capacity)
         hottest_C = parameters.max_temperature - HEADROOM_K
         settled_C = (hottest_C - self.at_most_C * decay) / (1.0 - decay)

@@ -52,6 +52,8 @@ COLUMNS = (
     "stress_Pa",
     "load_N",
     "power_W",
+    "shortest_m",
+    "longest_m",
     "quality",
     "branch",
 )

@@ -92,13 +92,13 @@ class TestHalfTheHeatLoss:
 
     def test_and_the_hottest_wire_that_was_measured_contracts_and_is_held(self):
         heating = heat.Heating(heat.UNITS.index(("flexinol", "hot")))
-        heating.judge_contraction("a light load", heating.contracted(Weight(0.3), 60.0))
+        heating.judge_contraction("the largest load", heating.contracted(Weight(2.84), 110.0))
         _unbroken(heating.result)
 
     def test_which_the_judge_would_not_believe_of_limits_that_are_too_low(self):
         heating = heat.Heating(heat.UNITS.index(("flexinol", "hot")))
         heating.config = heating.config.replace({"thermal.transformed_temperature": 300.0})
-        heating.judge_contraction("a light load", heating.contracted(Weight(0.3), 40.0))
+        heating.judge_contraction("a light load", heating.contracted(Weight(0.3), 100.0))
         assert len(heating.result.violations) == 1
 
     def test_nor_would_the_judge_miss_it(self):

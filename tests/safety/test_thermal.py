@@ -7,11 +7,13 @@ import pytest
 
 from sma_actuator.config import Config
 from sma_actuator.safety.thermal import (
+    LATENT_K,
     LEAST_SLOPE_1_K,
     Ambient,
     AMBIENT_FALL_K_s,
     HeatBalance,
     LONG_AGO_s,
+    ShownLoss,
     Thermometer,
     WireHeat,
     derated_limit_A,
@@ -228,6 +230,61 @@ class TestThermometer:
         assert heat.at_most_C == pytest.approx(150.0, abs=0.5)
         heat.step(0.5, LONG_AGO_s, math.nan, parameters, 4.5, 1.0)
         assert heat.at_most_C > 160.0
+
+
+class TestShownLoss:
+    """Against a wire that warms, transforms and loses heat, and can be 150 °C hot at the most for all that is known."""
+
+    COLD_C, MOST_C, DT_s = 9.0, 150.0, 0.05
+
+    def shown_W_K(self, parameters, loss_W_K, power_W, seconds, unmeasured=0.0):
+        """What is shown at every step, and the wire's temperature; the loss may be a function of time."""
+        shown, out, warm_C, transformed = ShownLoss(parameters.max_temperature - self.COLD_C), [], self.COLD_C, 0.0
+        for step in range(round(seconds / self.DT_s)):
+            time_s = step * self.DT_s
+            loss = loss_W_K(time_s) if callable(loss_W_K) else loss_W_K
+            joule = (power_W - loss * (warm_C - self.COLD_C)) * self.DT_s
+            if warm_C > 60.0 and joule > 0.0 and transformed < LATENT_K:  # it transforms, and gets no warmer
+                transformed += joule / parameters.heat_capacity
+            else:
+                warm_C += joule / parameters.heat_capacity
+            assert warm_C <= self.MOST_C, "what is promised to it"
+            seen_W = math.nan if step % 10 < 10 * unmeasured else power_W
+            out.append(shown.step(seen_W, self.DT_s, self.MOST_C - self.COLD_C, parameters))
+        return out
+
+    @pytest.mark.parametrize("share", [0.3, 1.0, 3.0])
+    def test_it_is_never_more_than_the_wire_loses_and_nears_it(self, parameters, share):
+        loss_W_K = share * parameters.heat_loss
+        found = self.shown_W_K(parameters, loss_W_K, 0.99 * loss_W_K * (self.MOST_C - self.COLD_C), 300.0)
+        assert found[0] < 0.0
+        assert max(found) <= loss_W_K
+        assert found[-1] > 0.99 * loss_W_K - 0.2 * parameters.heat_loss
+
+    def test_what_was_not_measured_was_not_lost(self, parameters):
+        power_W = parameters.heat_loss * 140.0
+        assert (
+            self.shown_W_K(parameters, parameters.heat_loss, power_W, 100.0, unmeasured=0.5)[-1]
+            < 0.4 * parameters.heat_loss
+        )
+
+    def test_a_wire_that_may_be_hotter_has_shown_less(self, parameters):
+        shown = ShownLoss(100.0)
+        steady = [shown.step(0.5, 0.05, 100.0, parameters) for _ in range(4000)][-1]
+        assert [shown.step(0.5, 0.05, 190.0, parameters) for _ in range(400)][-1] < 0.7 * steady
+
+
+def test_a_wire_that_shows_what_it_loses_is_left_more_power_and_no_more_than_is_safe(parameters):
+    heat, limits_W = WireHeat(parameters), []
+    heat.step(0.0, 60.0, math.nan, parameters)
+    for _ in range(2000):
+        heat.step(0.6, 0.05, math.nan, parameters, 4.5, 1.0, wire_W=0.6)
+        limits_W.append(heat.power_limit_W(1.05, parameters))
+    assert heat.at_most_C == pytest.approx(150.0, abs=0.5)
+    assert limits_W[-1] > 1.15 * limits_W[100]
+    # With all that it has shown to lose but a quarter, from where it can be at most.
+    wire = HeatBalance(150.0)
+    assert wire.step(limits_W[-1], 1.05, 9.0, 0.01, 0.75 * 0.6 / 141.0) < parameters.max_temperature
 
 
 def test_at_its_limit_and_without_a_word_of_its_resistance_a_wire_is_let_cool_until_it_transforms(parameters):

@@ -212,6 +212,7 @@ def test_what_the_wire_does_arrives_and_a_refused_gain_is_answered_in_the_nodes_
         await page.until(lambda: abs((page.latest("displacement_estimate_m") or 0.0) - 0.0025) < 2e-4)
         assert stand.bench.truth()[0] == pytest.approx(0.0025, abs=5e-4)
         assert page.latest("setpoint_m") == 0.0025
+        assert page.latest("shortest_m") < 0.0025 < page.latest("longest_m"), "how far it can go at its load"
         await page.until(lambda: page.told["state"]["status"]["mode"] == "tracking")
         curves = page.told["curves"]
         assert curves["stress_Pa"] == pytest.approx(page.latest("stress_Pa"), rel=0.1)

@@ -13,12 +13,13 @@ const LEAST = { mm: 0.2, mA: 20, C: 10 };
 const LEVELS = ["good", "warn", "bad", "warn"];
 // Columns as they are drawn: factor to the unit shown.
 const FACTORS = {
-  setpoint_m: 1e3, limited_setpoint_m: 1e3, displacement_estimate_m: 1e3, uncertainty_m: 1e3, displacement_m: 1e3,
+  setpoint_m: 1e3, limited_setpoint_m: 1e3, shortest_m: 1e3, longest_m: 1e3, displacement_estimate_m: 1e3, uncertainty_m: 1e3, displacement_m: 1e3,
   current_A: 1e3, current_limit_A: 1e3, stress_Pa: 1e-6, power_W: 1e3,
 };
 const SHOWN = [
   ["displacement_estimate_m", "estimate", "mm", 3], ["uncertainty_m", "± (95 %)", "mm", 3], ["setpoint_m", "setpoint", "mm", 3],
   ["displacement_m", "reference", "mm", 3], ["current_A", "current", "mA", 1], ["temperature_C", "temperature", "°C", 1],
+  ["shortest_m", "can go from", "mm", 3], ["longest_m", "can go to", "mm", 3],
   ["load_N", "load", "N", 3], ["stress_Pa", "stress", "MPa", 1], ["resistance_Ohm", "resistance", "Ω", 3],
   ["power_W", "power", "mW", 1],
 ];
