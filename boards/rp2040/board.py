@@ -152,7 +152,8 @@ class Board:
                 self._see_nothing_flow()
             except OSError:
                 self.trip("METER")
-        if self._cell.is_done():
+        # Its word takes as long as a pulse: it is read when one is just over, so that it never hides the next.
+        if (seen is not None or not self._share) and self._cell.is_done():
             self._cell_V, self._cell_ms = self._cell.read(), now_ms
         try:
             if self._converts and self._converter.is_done():
