@@ -301,7 +301,7 @@ def test_neither_thread_keeps_the_interpreter_from_its_end(make_driver):
 
 def test_the_watchman_stands_by_a_thread_that_has_not_begun(make_driver, monkeypatch):
     begins, looks = threading.Event(), []
-    monkeypatch.setattr(Driver, "_loop", lambda _: begins.wait(SOON_s))
+    monkeypatch.setattr(Driver, "_loop", lambda self: self._prepared.set_result(None) or begins.wait(SOON_s))
     driver = make_driver()
     driver.open()
     now_s = driver._clock.now_s
