@@ -23,7 +23,7 @@ from sma_msgs_py import pair_command_message, status_from, trajectory_message
 FILE = shared_file("config/pair.yaml")
 NAMES = ("left", "right")
 #: A process may stand still for a while with the current on: neither wire then pulls to its limit, or jumps.
-CALM = {"supply.max_current": 0.24, "safety.load_spike": 3.0}
+CALM = {"supply.max_current": 0.3, "safety.load_spike": 3.0}
 
 
 def joint_parameters(**changes):
