@@ -77,7 +77,7 @@ TARGETS = {
     "control/feed_forward": ("tests/control/test_feed_forward.py",),
     "ros/publishing": ("tests/ros/test_publishing.py",),
     "ros/guard": ("tests/ros/test_guard.py",),
-    "view/server": ("tests/view/test_server.py",),
+    "view/server": ("tests/view/test_view_server.py",),
 }
 OPERATORS = (
     *(

@@ -48,11 +48,11 @@ def every_ending_signal() -> list[int]:
 
 def ending_signals() -> list[int]:
     """What would end this program, besides Ctrl-C; what is ignored (as SIGHUP by ``nohup``), or has a handler that is
-    none of ours, stays as it is."""
+    none of ours, stays as it is.  SIGTERM, SIGQUIT and SIGHUP ask a program to end, whoever else listens."""
 
     def is_ours(number: int) -> bool:
         handler = signal.getsignal(number)
-        asks = number in (signal.SIGTERM, signal.SIGQUIT)
+        asks = number in (signal.SIGTERM, signal.SIGQUIT) or (number == signal.SIGHUP and handler is not signal.SIG_IGN)
         return asks or handler is signal.SIG_DFL or isinstance(getattr(handler, "__self__", None), Interrupts)
 
     return [number for number in every_ending_signal() if number != signal.SIGINT and is_ours(number)]

@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-import unicodedata
 from collections.abc import Callable, Collection, Iterator, Mapping, Set
 from typing import Any, Literal
 
@@ -134,8 +133,6 @@ def check(name: str, value: Any, declaration: Declaration, kind: str) -> tuple[A
     if kind == "str":
         if not isinstance(value, str):
             return value, f"{name}: {_shown(value)} is not text"
-        if any(unicodedata.category(character) == "Cc" for character in value):
-            return value, f"{name}: {_shown(value)} holds a control character; text of one line is wanted"
         if not value.isprintable() and not declaration.choices:  # what is no choice says which there are
             return (
                 value,

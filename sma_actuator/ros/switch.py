@@ -213,10 +213,11 @@ class Switch:
                 said[name] = done, f"{name}: {words}"
                 complete = len(said) == len(self._ways)
             if complete:
-                reply(all(done for done, _ in said.values()), "; ".join(words for _, words in said.values()))
+                reply(all(done for done, _ in said.values()), "; ".join(said[name][1] for name in names))
 
-        for way in self._ways:
-            way.off(partial(note, way.wire.get_fully_qualified_name()))
+        names = [way.wire.get_fully_qualified_name() for way in self._ways]
+        for name, way in zip(names, self._ways, strict=True):
+            way.off(partial(note, name))
 
     def close(self) -> None:
         """Leave the ROS graph."""

@@ -38,8 +38,8 @@ ANYTHING = st.one_of(
         ("abc", "tuple[str, ...]", "a: 'abc' is not a list"),
         (1, "bool", "a: 1 is not true or false"),
         (1, "str", "a: 1 is not text"),
-        ("a\nb", "str", "a: 'a\\nb' holds a control character; text of one line is wanted"),
-        ("a\0", "str", "a: 'a\\x00' holds a control character; text of one line is wanted"),
+        ("a\nb", "str", "a: 'a\\nb' holds what cannot be printed, as the end of a line; one line of text is wanted"),
+        ("a\0", "str", "a: 'a\\x00' holds what cannot be printed, as the end of a line; one line of text is wanted"),
     ],
 )
 def test_a_wrong_value_is_refused_with_its_name_and_what_is_wanted(value, kind, words):

@@ -474,8 +474,8 @@ def test_logs_with_clocks_of_their_own_are_sessions_of_their_own(wire, config):
     restarted = [
         dataclasses.replace(log, columns={**log.columns, "time_s": log["time_s"] - log["time_s"][0]}) for log in logs
     ]
-    assert Evidence(logs, config).one_session
-    assert not Evidence(restarted, config).one_session
+    assert Evidence(logs, config).logs.one_session
+    assert not Evidence(restarted, config).logs.one_session
 
 
 # --- bad input -----------------------------------------------------------------------------------
