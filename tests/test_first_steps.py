@@ -40,7 +40,7 @@ def test_drive_a_wire_as_it_is_written(tmp_path):
 
     def elsewhere(text):
         """On ports of its own: other tests run beside this one."""
-        return re.sub("|".join(ports), lambda found: ports[found[0]], text)
+        return re.sub(rf"(?<![\d.])({'|'.join(ports)})(?!\d)", lambda found: ports[found[0]], text)
 
     (tmp_path / ".venv").symlink_to(sys.prefix)
     (tmp_path / "config").mkdir()

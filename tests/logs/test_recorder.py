@@ -439,6 +439,7 @@ def unprivileged(tmp_path_factory):
         shutil.rmtree(folder)
 
 
+@pytest.mark.long  # the whole process is another user meanwhile, which what else runs in a worker of the suite does not stand
 def test_a_folder_that_may_not_be_entered_any_more_costs_no_row_until_a_new_file_is_due(
     config, unprivileged, monkeypatch
 ):
