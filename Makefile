@@ -23,7 +23,7 @@ demo: $(VENV)/ready
 
 # Most tests wait for processes: two beside the two cores cost nothing.  A class, or a file's functions, stay together.
 test: $(VENV)/ready
-	$(BIN)/python -m pytest -n 4 --dist loadscope --no-loadscope-reorder -m "not long"
+	$(BIN)/python -m pytest -n 4 --dist loadscope --no-loadscope-reorder -m "not long" --durations=10
 
 long-tests: $(VENV)/ready
 	$(BIN)/python -m pytest -n 2 -m long
