@@ -7,19 +7,15 @@ left); the load does not change any more when the wire moves, where it always ha
 
 from __future__ import annotations
 
-from bisect import insort
 from collections import deque
 from dataclasses import dataclass, field
-from math import isfinite, log, nan
+from math import inf, isfinite, log, nan
 
 RARE = 1e-12  #: what is less probable than this, by what was seen before, is not taken for chance
 SEEN = 200  #: readings that say what is probable
 OFTEN = 0.3  #: of the readings that should have differed repeat, where something stands
 WINDOW = 100  #: readings over which a channel is called quiet
-LOWEST, WINDOWS = (
-    2,
-    3,
-)  #: which of so many windows of a channel that stood is the floor: one may hold the beginning of the end
+WINDOWS = 2  #: of a channel that stood, before the latest, which may hold the beginning of the end
 SWING = 0.3  #: share of the full stroke that is a motion
 ALIKE = 2.0  #: motions are alike whose stiffness differs by less than this factor
 SWINGS = 3  #: so many that are alike say what a load does
@@ -57,7 +53,9 @@ class Liveliness:
     _steps: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW - 2))
     _sum: float = 0.0  #: of them
     _fresh: int = 0  #: readings since the last window that counted
-    _levels: list[float] = field(default_factory=list)
+    _latest: float = nan  #: of the last window that counted
+    _least: float = inf  #: of those before it
+    _before: int = 0  #: how many those are
 
     def step(self, value: float) -> float:
         """Share of the least noise that the last readings have; NaN until both are known."""
@@ -71,11 +69,12 @@ class Liveliness:
         if len(recent) < WINDOW:
             return nan
         level = max(self._sum, 0.0) / len(steps)
-        share = level / self._levels[LOWEST - 1] if len(self._levels) >= WINDOWS else nan
+        share = level / self._least if self._before >= WINDOWS else nan
         if self._fresh >= WINDOW and level > 0.0 and _range_of_quarters(list(recent)) <= level:
             self._fresh = 0
-            insort(self._levels, level)
-            del self._levels[WINDOWS:]
+            if isfinite(self._latest):
+                self._least, self._before = min(self._least, self._latest), self._before + 1
+            self._latest = level
         return share
 
 
@@ -114,8 +113,9 @@ class Following:
         if abs(way_m) < swing_m or slack:
             return ""
         expected_N = self.stiffness_N_m * way_m
-        if abs(expected_N) > 2.0 * noise_N and change_N / expected_N < 1.0 / ALIKE:
-            self._stood = [*self._stood, (way_m, expected_N, change_N)] if change_N / expected_N < FOLLOWS else []
+        followed = abs(change_N / expected_N) if expected_N else nan  # one that changes the other way is alive
+        if abs(expected_N) > 2.0 * noise_N and followed < 1.0 / ALIKE:
+            self._stood = [*self._stood, (way_m, expected_N, change_N)] if followed < FOLLOWS else []
         else:  # what has stood still is not what is usual
             self._stood, self._stiffness = [], [*self._stiffness[1 - SWINGS :], change_N / way_m]
         if len(self._stood) < STOOD:

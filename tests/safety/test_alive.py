@@ -61,6 +61,19 @@ class TestLiveliness:
         held = np.full(3000, moved[-1])
         assert min(noise_shares(np.concatenate([moved, held]) + rng.normal(0.0, 1.0, 6000))) > 0.5
 
+    def test_nor_is_noise_that_was_louder_most_of_the_time(self):
+        """A joint: of four windows in which the load seemed to stand three had the other wire's motion in them."""
+        rng, live = np.random.default_rng(1), Liveliness()
+        louder = np.repeat([1.0, 2.5, 3.0, 2.5, 1.0], WINDOW)
+        assert (
+            min(
+                share
+                for value in louder * rng.normal(0.0, 1.0, len(louder))
+                if not math.isnan(share := live.step(value))
+            )
+            > 0.5
+        )
+
     @pytest.mark.parametrize("noise_V", [0.0, 5e-5])
     def test_what_is_left_of_a_dead_channel_is_less(self, noise_V):
         rng, live = np.random.default_rng(1), Liveliness()
@@ -93,6 +106,12 @@ class TestFollowing:
         following = Following()
         follow(following, self.PLACES_m, 2.0 - 400.0 * self.PLACES_m)
         assert follow(following, self.PLACES_m, np.zeros(len(self.PLACES_m))) == []
+
+    def test_a_load_that_changes_the_other_way_is_alive(self):
+        """A joint: the other wire pulls."""
+        following = Following()
+        follow(following, self.PLACES_m, 2.0 - 400.0 * self.PLACES_m)
+        assert follow(following, self.PLACES_m, 0.4 + 300.0 * self.PLACES_m) == []
 
     def test_a_place_that_is_not_known_begins_a_motion_anew(self):
         following = Following()
