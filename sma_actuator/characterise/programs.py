@@ -71,9 +71,6 @@ def rest(current_A: float, least_s: float, longest_s: float) -> Program:
 
 def contracted(current_A: float, heat_s: float, most_A: float) -> Generator[Drive, Signals, float]:
     """``heat_s`` at the current, then more of it, up to ``most_A``, while the wire contracts further with more; the last that it did with."""
-    if current_A >= most_A:
-        yield from hold(current_A, heat_s)
-        return current_A
     signals = yield Drive(current_A)
     cold_m = signals.reference_displacement_m
     yield from hold(current_A, heat_s)

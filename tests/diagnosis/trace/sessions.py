@@ -34,7 +34,6 @@ def calibrated():
     rig = Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench))
     operator = BenchOperator(bench, config.wire.max_stress * config.wire.area_m2)
     options = PlanOptions(
-        heat_current_A=default_heat_current_A(config),  # as the sessions are heated
         loads_N=(0.5, 0.98, 2.0),
         pulses=2,
         set_points=3,
