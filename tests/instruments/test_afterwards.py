@@ -16,7 +16,7 @@ from waiting import Elapsed, Stalls
 from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
 from sma_actuator.config import Config
-from sma_actuator.instruments import InstrumentLost, InstrumentRefused, afterwards, open_supply
+from sma_actuator.instruments import InstrumentLost, InstrumentRefused, afterwards, last_word, open_supply
 
 SOON_s = 60.0
 
@@ -157,14 +157,14 @@ class TestSwitchOff:
         other.open()
         other._tell_output(True)
         other.read_back()
-        said = afterwards.switch_off(supply, gone, 1.0)
+        said = last_word.switch_off(supply, gone, 1.0)
         assert said == f"is left to process {os.getpid()}, which drives it now"
         assert other.read_back().output_on
         other.switch_off()
         other.close()
 
     def test_it_tries_again_while_the_connection_of_the_dead_is_there(self, supply, gone, monkeypatch):
-        monkeypatch.setattr(afterwards, "_AGAIN_s", 0.0)
+        monkeypatch.setattr(last_word, "_AGAIN_s", 0.0)
         answers = [InstrumentRefused("its name"), InstrumentLost("its session")]
 
         def beside(_timeout_s):
@@ -172,17 +172,17 @@ class TestSwitchOff:
                 raise answers.pop()
 
         supply.switch_off_beside = beside
-        assert afterwards.switch_off(supply, gone, 1.0) == "is off, confirmed by the supply"
+        assert last_word.switch_off(supply, gone, 1.0) == "is off, confirmed by the supply"
         assert answers == []
 
     def test_it_gives_up_with_words_for_a_person(self, supply, gone, monkeypatch):
-        monkeypatch.setattr(afterwards, "_ATTEMPTS_s", 0.0)
+        monkeypatch.setattr(last_word, "_ATTEMPTS_s", 0.0)
 
         def beside(_timeout_s):
             raise InstrumentLost("nothing listens there")
 
         supply.switch_off_beside = beside
-        said = afterwards.switch_off(supply, gone, 1.0)
+        said = last_word.switch_off(supply, gone, 1.0)
         assert said.startswith("is NOT CONFIRMED to be off (nothing listens there); look at the supply")
 
 
