@@ -12,7 +12,7 @@ from .fitting import Free
 
 
 @dataclass(frozen=True)
-class Candidate:
+class ForwardCandidate:
     """One effect that may be switched on."""
 
     name: str
@@ -38,7 +38,7 @@ def _f(name: str, unit: str, lo: float, hi: float, start: float) -> Free:
 
 
 CANDIDATES = (
-    Candidate(
+    ForwardCandidate(
         "friction",
         "the slider rubs: it stands until the tension has changed by twice the friction",
         (_f("friction_N", "N", 0.0, 6.0, 0.5),),
@@ -46,7 +46,7 @@ CANDIDATES = (
         "a standstill at every reversal, longest where the wire is stiff and slow; the wire's expansion before it transforms is not seen",
         "Clean and oil the guide, or let the slider hang free of it.",
     ),
-    Candidate(
+    ForwardCandidate(
         "stiction",
         "the slider rubs, and sticks more when it stands than when it moves",
         (_f("friction_N", "N", 0.0, 6.0, 0.5), _f("breakaway_N", "N", 0.0, 4.0, 0.2)),
@@ -54,7 +54,7 @@ CANDIDATES = (
         "as friction, with a jump where it lets go",
         "Clean and oil the guide, or replace it by one that rolls.",
     ),
-    Candidate(
+    ForwardCandidate(
         "backlash",
         "there is play between the slider and the position sensor",
         (_f("backlash_m", "m", 0.0, 2e-3, 2e-4),),
@@ -62,7 +62,7 @@ CANDIDATES = (
         "a standstill of the same width at every reversal, hot or cold",
         "Take the play out between slider and sensor, or preload it.",
     ),
-    Candidate(
+    ForwardCandidate(
         "sensor lag",
         "the position sensor or its filter lags",
         # More than a tenth of a second would be a filter that also takes the noise from sample to sample away.
@@ -71,7 +71,7 @@ CANDIDATES = (
         "an error in proportion to the speed, corners rounded",
         "Switch off the position sensor's filter, or log it faster.",
     ),
-    Candidate(
+    ForwardCandidate(
         "dead time",
         "the power reaches the wire later than the duty was logged (drive or logger)",
         (_f("dead_time_s", "s", 0.0, 2.0, 0.3),),
@@ -79,7 +79,7 @@ CANDIDATES = (
         "an abrupt begin of every movement, late by the same time whatever the speed",
         "Log the duty where it acts, or take the delay off the log's clock.",
     ),
-    Candidate(
+    ForwardCandidate(
         "slack",
         "the first contraction takes up slack before the slider leaves its stop",
         (_f("slack_m", "m", 0.0, 3e-3, 3e-4),),
@@ -87,7 +87,7 @@ CANDIDATES = (
         "the slider leaves its cold place abruptly, and comes back to it abruptly",
         "Pull the wire taut before the first contraction.",
     ),
-    Candidate(
+    ForwardCandidate(
         "R-phase",
         "on cooling, part of the austenite passes through the R-phase first",
         (
@@ -99,7 +99,7 @@ CANDIDATES = (
         "a small early lengthening on cooling that heating does not have",
         "Nothing to repair: it is in the alloy; the fitted model has it.",
     ),
-    Candidate(
+    ForwardCandidate(
         "cooling loss",
         "without power the wire loses heat at another rate than with it (an airflow, an idle bridge)",
         (_f("cooling_loss_factor", "", 0.3, 3.0, 1.1),),
@@ -107,7 +107,7 @@ CANDIDATES = (
         "heating and cooling ask for different heat transfers",
         "Keep draughts away and let the bridge idle the same way hot and cold; the fitted model has it.",
     ),
-    Candidate(
+    ForwardCandidate(
         "natural convection",
         "heat transfer rises with the wire's excess temperature",
         (_f("convection_exponent", "", 0.0, 0.5, 0.15),),
@@ -115,7 +115,7 @@ CANDIDATES = (
         "cooling that is fast at first and slow at last",
         "Nothing to repair: it is how air takes heat; the fitted model has it.",
     ),
-    Candidate(
+    ForwardCandidate(
         "radiation",
         "the surface radiates",
         (_f("emissivity", "", 0.0, 1.0, 0.3),),
@@ -123,7 +123,7 @@ CANDIDATES = (
         "as convection, weaker",
         "Nothing to repair: the fitted model has it.",
     ),
-    Candidate(
+    ForwardCandidate(
         "warm surroundings",
         "what touches the wire (air in the duct, crimps, a sleeve) warms up with it and stays warm",
         (_f("surround_J_K", "J/K", 0.05, 60.0, 3.0), _f("surround_share", "", 0.02, 0.9, 0.2)),
@@ -131,7 +131,7 @@ CANDIDATES = (
         "a slow tail after a fast cooling, a slow drift while hot",
         "Give the wire free air, or let everything warm up before it is measured.",
     ),
-    Candidate(
+    ForwardCandidate(
         "spread",
         "the wire does not transform everywhere at one temperature (local stress, composition, training)",
         (_f("spread_K", "K", 0.0, 25.0, 5.0),),
@@ -139,7 +139,7 @@ CANDIDATES = (
         "long rounded ends of both transformations where the cosine ends sharply",
         "Nothing to repair: it is in the alloy and its training; the fitted model has it.",
     ),
-    Candidate(
+    ForwardCandidate(
         "two populations",
         "part of the wire transforms at lower temperatures than the rest",
         (_f("early_share", "", 0.0, 0.5, 0.08), _f("early_by_K", "K", 2.0, 40.0, 20.0)),
@@ -147,7 +147,7 @@ CANDIDATES = (
         "a shoulder before the main transformation on heating, and after it on cooling",
         "Look whether part of the wire is bent, clamped or trained otherwise; else the fitted model has it.",
     ),
-    Candidate(
+    ForwardCandidate(
         "cold ends",
         "the wire is colder near its crimps",
         (_f("cold_share", "", 0.0, 0.5, 0.1), _f("cold_loss_factor", "", 1.0, 20.0, 3.0)),
@@ -155,7 +155,7 @@ CANDIDATES = (
         "a late end of heating and an early begin of cooling",
         "Nothing to repair: a longer wire feels it less; the fitted model has it.",
     ),
-    Candidate(
+    ForwardCandidate(
         "lead resistance",
         "leads and bridge take part of the voltage",
         (_f("lead_Ohm", "Ω", 0.0, 4.0, 0.3),),
@@ -163,7 +163,7 @@ CANDIDATES = (
         "less power, and less of it as the wire's resistance falls",
         "Measure leads and bridge, or the voltage at the wire itself.",
     ),
-    Candidate(
+    ForwardCandidate(
         "resistance with temperature",
         "the resistivity rises with temperature",
         (_f("resistivity_coefficient_1_K", "1/K", -2e-4, 1.2e-3, 3e-4),),
@@ -171,7 +171,7 @@ CANDIDATES = (
         "less power when hot",
         "Nothing to repair: the fitted model has it; driven by current the wire does not feel it.",
     ),
-    Candidate(
+    ForwardCandidate(
         "other expansion",
         "the hot wire expands less, or more, than the maker's coefficient says",
         (Free("wire.austenite_expansion_1_K", "1/K", 6e-6, 15e-6, 9e-6),),
@@ -179,7 +179,7 @@ CANDIDATES = (
         "the size of the movement between power off and the first martensite",
         "Nothing to repair: the fitted model has it.",
     ),
-    Candidate(
+    ForwardCandidate(
         "lasting strain",
         "the first cold state holds strain that cooling under this bias does not restore",
         (_f("start_strain", "", -0.003, 0.005, 3e-4),),
@@ -190,6 +190,6 @@ CANDIDATES = (
 )
 
 
-def named(name: str) -> Candidate:
+def named(name: str) -> ForwardCandidate:
     """The candidate of a name."""
     return next(c for c in CANDIDATES if c.name == name)

@@ -26,7 +26,7 @@ from sma_actuator.fleet import Finding, add_fleet_arguments, cluster, run_fleet
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.logs.reading import add_map_arguments, columns_of, place
 
-from .race import Tracing, trace
+from .race import ForwardTracing, trace_runs
 from .report import percent, sentences, summary
 from .runs import COLUMNS, Run, read_run
 from .wire import read_wire, wire_yaml
@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
             bar.update(task, description=what, completed=share)
 
         with cluster(args.dask):
-            found = trace(wire, runs, judge, progress, args.jobs)
+            found = trace_runs(wire, runs, judge, progress, args.jobs)
         bar.update(task, description="done", completed=1.0)
     write_atomically(args.out / "forward.yaml", lambda stream: stream.write(_yaml(found).encode()))
     text = json.dumps(summary(found), indent=1) + "\n"
@@ -113,7 +113,7 @@ def fit_runs(paths: Sequence[Path], wire: Path, options: Mapping[str, Any]) -> l
     """The work on the runs of one wire of a fleet."""
     runs = [read_run(path, options["columns"]) for path in paths]
     _check(runs, [], paths, [], jobs=1)
-    found = trace(read_wire(wire), runs, [], jobs=1)
+    found = trace_runs(read_wire(wire), runs, [], jobs=1)
     return [
         Finding(
             verdict=found.verdict,
@@ -128,7 +128,7 @@ def fit_runs(paths: Sequence[Path], wire: Path, options: Mapping[str, Any]) -> l
     ]
 
 
-def _yaml(found: Tracing) -> str:
+def _yaml(found: ForwardTracing) -> str:
     comment = "Written by `sma-actuator forward`; pictures are in report.html beside it.\n"
     return wire_yaml(found.fitted.wire, comment + "\n".join(sentences(found)[:2]))
 
@@ -160,7 +160,7 @@ def _check(
             )
 
 
-def _table(found: Tracing) -> Table:
+def _table(found: ForwardTracing) -> Table:
     table = Table(title="Error on unseen runs, RMS in mm and % of the stroke")
     for header in ("judged on", "plain", "chosen effects", "% before", "% after", "chosen without this run"):
         table.add_column(header, justify="left" if header.startswith(("judged", "chosen w")) else "right")

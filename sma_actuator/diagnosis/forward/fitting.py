@@ -97,7 +97,7 @@ def residual_m(wire: ForwardWire, run: Run) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Fit:
+class ForwardFit:
     """A fitted wire: the values found, in the order of ``free``, and the RMS of what is left [m]."""
 
     wire: ForwardWire
@@ -109,7 +109,7 @@ class Fit:
 @one_thread()
 def fit(
     wire: ForwardWire, free: Sequence[Free], runs: Sequence[Run], starts: Sequence[np.ndarray], evaluations: int = 40
-) -> Fit:
+) -> ForwardFit:
     """The best of the fits from ``starts``; every run weighs the same, however long."""
     lo, hi = np.array([f.lo for f in free]), np.array([f.hi for f in free])
     span = hi - lo
@@ -132,7 +132,7 @@ def fit(
     if best is None or not np.isfinite(best.cost):
         raise UserError("the forward model cannot be fitted: it gives no finite position at any start")
     values = lo + span * best.x
-    return Fit(apply(wire, free, values), tuple(free), values, float(np.sqrt(2.0 * best.cost)) * 1e-3)
+    return ForwardFit(apply(wire, free, values), tuple(free), values, float(np.sqrt(2.0 * best.cost)) * 1e-3)
 
 
 def plain_starts(free: Sequence[Free]) -> list[np.ndarray]:

@@ -8,15 +8,15 @@ import numpy as np
 
 from sma_actuator.report import Page, figure
 
-from .fitting import Fit, predict
+from .fitting import ForwardFit, predict
 from .kernel import TEMPERATURE, simulate
-from .race import Tracing
+from .race import ForwardTracing
 from .report import observations, percent, power_off_index, verdict_sentence
 
 _SHOWN = 30  #: competitors
 
 
-def write_page(path: Path, found: Tracing) -> None:
+def write_page(path: Path, found: ForwardTracing) -> None:
     """Write the HTML page."""
     page = Page("Forward model: power in, displacement out", verdict_sentence(found))
     _traces(page, found)
@@ -30,7 +30,7 @@ def write_page(path: Path, found: Tracing) -> None:
     page.write(path)
 
 
-def _what_to_do(page: Page, found: Tracing) -> None:
+def _what_to_do(page: Page, found: ForwardTracing) -> None:
     if not found.named:
         return
     page.heading("What it means, and what to do")
@@ -52,13 +52,13 @@ def _what_to_do(page: Page, found: Tracing) -> None:
     )
 
 
-def _also(page: Page, found: Tracing) -> None:
+def _also(page: Page, found: ForwardTracing) -> None:
     """The rest of what was found, a line each."""
     page.heading("What else the runs say")
     page.lines(observations(found))
 
 
-def _errors(page: Page, found: Tracing) -> None:
+def _errors(page: Page, found: ForwardTracing) -> None:
     page.heading("Errors on unseen runs")
     rows = []
     for i, (run, j) in enumerate(zip(found.judged, found.by_run, strict=True)):
@@ -101,12 +101,12 @@ def _errors(page: Page, found: Tracing) -> None:
         )
 
 
-def _pairs(found: Tracing) -> list[tuple]:
+def _pairs(found: ForwardTracing) -> list[tuple]:
     """(run, plain fit, fit with the chosen effects) for every judged run, each chosen and fitted without it."""
     return [(run, j.choice.fitted_plain, j.choice.fitted) for j in found.judgements for run in j.judged]
 
 
-def _traces(page: Page, found: Tracing) -> None:
+def _traces(page: Page, found: ForwardTracing) -> None:
     pairs = _pairs(found)
     drawing, axes = figure(2, len(pairs), width_in=6.0, height_in=2.6)
     for row, (run, plain, full) in zip(axes, pairs, strict=True):
@@ -127,7 +127,7 @@ def _traces(page: Page, found: Tracing) -> None:
     )
 
 
-def _power_off(page: Page, found: Tracing) -> None:
+def _power_off(page: Page, found: ForwardTracing) -> None:
     pairs = [(p, off) for p in _pairs(found) if (off := power_off_index(p[0])) is not None]
     if not pairs:
         return
@@ -152,7 +152,7 @@ def _power_off(page: Page, found: Tracing) -> None:
     )
 
 
-def _race(page: Page, found: Tracing) -> None:
+def _race(page: Page, found: ForwardTracing) -> None:
     page.heading("The race of candidates")
     entries = found.choice.entries[:_SHOWN]
     drawing, axes = figure(1, width_in=9.0, height_in=max(2.0, 0.24 * len(entries)))
@@ -175,7 +175,7 @@ def _race(page: Page, found: Tracing) -> None:
     )
 
 
-def _telltale(page: Page, found: Tracing) -> None:
+def _telltale(page: Page, found: ForwardTracing) -> None:
     """Measured position over modelled temperature: where friction, spread and shoulders show."""
     page.heading("What gives it away")
     for c in found.named:
@@ -196,11 +196,11 @@ def _telltale(page: Page, found: Tracing) -> None:
     )
 
 
-def _temperature(fit: Fit, run) -> np.ndarray:
+def _temperature(fit: ForwardFit, run) -> np.ndarray:
     return simulate(fit.wire, run.coarse_duty, run.step_s)[:, TEMPERATURE]
 
 
-def _values(page: Page, found: Tracing) -> None:
+def _values(page: Page, found: ForwardTracing) -> None:
     page.heading("Fitted values")
     plain = dict(zip([f.name for f in found.choice.fitted_plain.free], found.choice.fitted_plain.values, strict=True))
     rows = []

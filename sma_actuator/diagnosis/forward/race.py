@@ -20,8 +20,8 @@ import numpy as np
 from sma_actuator.diagnosis.selection import Entry, NextFall, Progress, Rules, Selection, Trial, next_fall, run, select
 from sma_actuator.fleet import Call, spread
 
-from .candidates import CANDIDATES, Candidate
-from .fitting import Fit, fit, plain_parameters, plain_starts, residual_m
+from .candidates import CANDIDATES, ForwardCandidate
+from .fitting import ForwardFit, fit, plain_parameters, plain_starts, residual_m
 from .runs import Run
 from .wire import ForwardWire
 
@@ -55,12 +55,12 @@ class Outcome:
     plain_m: tuple[float, ...]  #: of the plain model on each run, fitted on the others
 
     @property
-    def effects(self) -> tuple[Candidate, ...]:
+    def effects(self) -> tuple[ForwardCandidate, ...]:
         """Its effects."""
         return self.trial.candidates
 
     @property
-    def fits(self) -> tuple[Fit, ...]:
+    def fits(self) -> tuple[ForwardFit, ...]:
         """The fit of each fold."""
         return self.trial.fit
 
@@ -111,10 +111,10 @@ class Choice:
     entries: tuple[Outcome, ...]  #: all that competed, best first
     winner: Outcome  #: the plain model if none earned it
     alike: tuple[Outcome, ...]  #: others that earn it and are as good within a standard error
-    fitted_plain: Fit  #: on all of ``runs``
-    fitted: Fit  #: with the winner's effects
-    fitted_heats: dict[str, Fit]  #: the plain model for each voltage
-    fitted_rigid: Fit  #: the plain model without thermal expansion
+    fitted_plain: ForwardFit  #: on all of ``runs``
+    fitted: ForwardFit  #: with the winner's effects
+    fitted_heats: dict[str, ForwardFit]  #: the plain model for each voltage
+    fitted_rigid: ForwardFit  #: the plain model without thermal expansion
 
     @property
     def heated_by(self) -> str:
@@ -135,14 +135,14 @@ class Judgement:
 
 
 @dataclass(frozen=True)
-class Tracing:
+class ForwardTracing:
     """All that was found."""
 
     choice: Choice  #: on all the runs that were given to fit
     judgements: tuple[Judgement, ...]  #: one for ``--judge``, else one for each run
-    named: tuple[Candidate, ...]
+    named: tuple[ForwardCandidate, ...]
     verdict: str  #: none, traced or unexplained
-    fitted: Fit  #: on all the runs given to fit, with the named effects
+    fitted: ForwardFit  #: on all the runs given to fit, with the named effects
     repeat_m: tuple[tuple[str, str, float], ...]  #: pairs of runs with one duty, and how far they differ (RMS)
 
     @property
@@ -197,14 +197,14 @@ class Tracing:
         )
 
 
-def trace(
+def trace_runs(
     wire: ForwardWire,
     runs: Sequence[Run],
     judge: Sequence[Run] = (),
     progress: Progress = lambda what, share: None,
     jobs: int = 1,
-    candidates: Sequence[Candidate] = CANDIDATES,
-) -> Tracing:
+    candidates: Sequence[ForwardCandidate] = CANDIDATES,
+) -> ForwardTracing:
     """Choose effects on ``runs`` and judge the choice: on ``judge``, or on each run in turn, chosen on the others.
 
     ``jobs``: fits at a time, by joblib, so that ``joblib.parallel_config("dask")`` around the call spreads them
@@ -218,7 +218,7 @@ def trace(
         judgements: tuple[Judgement, ...] = (_judged(choice, tuple(judge)),)
     else:
         judgements = tuple(_judged(c, (out,)) for c, out in zip(others, runs, strict=True))
-    found = Tracing(choice, judgements, (), "unexplained", choice.fitted_plain, repeats([*runs, *judge]))
+    found = ForwardTracing(choice, judgements, (), "unexplained", choice.fitted_plain, repeats([*runs, *judge]))
     named = tuple(c for c in choice.winner.effects if found.chosen_in(c.name) > 0.5)
     if named and found.falls:
         fitted = choice.fitted
@@ -233,7 +233,7 @@ def trace(
 
 
 def _judged(choice: Choice, judged: tuple[Run, ...]) -> Judgement:
-    def on(found: Fit) -> tuple[float, ...]:
+    def on(found: ForwardFit) -> tuple[float, ...]:
         return tuple(_rms(found, run) for run in judged)
 
     heats = {name: on(f) for name, f in choice.fitted_heats.items()}
@@ -243,7 +243,7 @@ def _judged(choice: Choice, judged: tuple[Run, ...]) -> Judgement:
 def _choose(
     wire: ForwardWire,
     groups: Sequence[tuple[Run, ...]],
-    candidates: Sequence[Candidate],
+    candidates: Sequence[ForwardCandidate],
     progress: Progress,
     jobs: int,
 ) -> list[Choice]:
@@ -296,7 +296,7 @@ def _counted(jobs: int, calls: Sequence[Call], what: str, progress: Progress) ->
             yield result
 
 
-def _together(candidates: Sequence[Candidate]) -> bool:
+def _together(candidates: Sequence[ForwardCandidate]) -> bool:
     """Whether no two of them have a value in common."""
     names = [name for c in candidates for name in c.value_names]
     return len(names) == len(set(names))
@@ -320,11 +320,11 @@ def _mean(values: Sequence[float]) -> float:
     return float(np.exp(np.mean(np.log(np.maximum(values, 1e-9)))))
 
 
-def _rms(found: Fit, run: Run) -> float:
+def _rms(found: ForwardFit, run: Run) -> float:
     return float(np.sqrt(np.mean(residual_m(found.wire, run) ** 2)))
 
 
-def _held_out(fits: Sequence[Fit], folds: Sequence[Fold]) -> tuple[float, ...]:
+def _held_out(fits: Sequence[ForwardFit], folds: Sequence[Fold]) -> tuple[float, ...]:
     return tuple(_rms(f, run) for f, (_, judged) in zip(fits, folds, strict=True) for run in judged)
 
 
@@ -332,7 +332,7 @@ def _losses(held_out_m: Sequence[float]) -> np.ndarray:
     return np.log(np.maximum(held_out_m, _LEAST_m))
 
 
-def _fit_plain(wire: ForwardWire, folds: Sequence[Fold]) -> list[Fit]:
+def _fit_plain(wire: ForwardWire, folds: Sequence[Fold]) -> list[ForwardFit]:
     free = plain_parameters(wire)
     return [fit(wire, free, fitted, plain_starts(free)) for fitted, _ in folds]
 
@@ -361,7 +361,7 @@ class _Work:
         return ""
 
 
-def _fit_with(base: Fit, added: Sequence[Candidate], runs: Sequence[Run]) -> Fit:
+def _fit_with(base: ForwardFit, added: Sequence[ForwardCandidate], runs: Sequence[Run]) -> ForwardFit:
     """A fit with the candidates' values free as well, from where it was."""
     new = [f for c in added for f in c.free]
     starts = [np.concatenate([base.values, [f.start for f in new]])]
@@ -394,7 +394,7 @@ def _ranked(selection: Selection, plain: Outcome) -> list[Outcome]:
 
 def _finish(
     wire: ForwardWire, runs: Sequence[Run], plain: Outcome, ranked: Sequence[Outcome]
-) -> tuple[int | None, dict[str, Fit], Fit, Fit | None]:
+) -> tuple[int | None, dict[str, ForwardFit], ForwardFit, ForwardFit | None]:
     """On all runs of a choice: (place of the winner among ``ranked``, plain fits by voltage, without expansion, winner's fit)."""
     heats = {}
     for name in ("rms", "mean"):
@@ -412,5 +412,5 @@ def _finish(
     return None, heats, rigid, None
 
 
-def _fit_all(outcome: Outcome, runs: Sequence[Run]) -> Fit:
+def _fit_all(outcome: Outcome, runs: Sequence[Run]) -> ForwardFit:
     return fit(outcome.fits[0].wire, outcome.fits[0].free, runs, [f.values for f in outcome.fits], _FINAL_EVALUATIONS)

@@ -8,7 +8,7 @@ from sma_actuator.base.parameters import to_mapping
 from sma_actuator.diagnosis.selection import INSIDE
 
 from .fitting import predict
-from .race import Choice, Outcome, Tracing
+from .race import Choice, ForwardTracing, Outcome
 from .runs import IDLE_DUTY, Run
 from .wire import ForwardWire
 
@@ -40,12 +40,12 @@ def percent(run: Run, error_m: float) -> float:
     return 100.0 * error_m / run.stroke_m
 
 
-def sentences(found: Tracing) -> list[str]:
+def sentences(found: ForwardTracing) -> list[str]:
     """What was found, most important first."""
     return [verdict_sentence(found), _errors(found), *_named(found), *_chosen(found), *observations(found)]
 
 
-def observations(found: Tracing) -> list[str]:
+def observations(found: ForwardTracing) -> list[str]:
     """What the runs say beside the verdict and the errors."""
     choice = found.choice
     how = ", ".join(run.name for run in found.judged)
@@ -71,7 +71,7 @@ def observations(found: Tracing) -> list[str]:
     return out
 
 
-def verdict_sentence(found: Tracing) -> str:
+def verdict_sentence(found: ForwardTracing) -> str:
     """The verdict in words."""
     if found.verdict == "none":
         return "Nothing is missing: on unseen runs the plain model errs by no more than a position sensor does, and no effect is chosen."
@@ -92,13 +92,13 @@ def verdict_sentence(found: Tracing) -> str:
     return text
 
 
-def _alternatives(found: Tracing) -> list[list[str]]:
+def _alternatives(found: ForwardTracing) -> list[list[str]]:
     """What these runs cannot tell from what is named: as good, and without some of it."""
     mine = {c.name for c in found.named}
     return [list(e.names) for e in found.choice.alike if mine and not mine <= set(e.names)]
 
 
-def _errors(found: Tracing) -> str:
+def _errors(found: ForwardTracing) -> str:
     """Before and after, as judged on runs that had no part in the choice."""
     before, after = 1e3 * np.array(found.before_m), 1e3 * np.array(found.after_m)
     strokes = np.array([run.stroke_m for run in found.judged])
@@ -138,7 +138,7 @@ def _on_a_new_run(winner: Outcome) -> dict:
     }
 
 
-def _named(found: Tracing) -> list[str]:
+def _named(found: ForwardTracing) -> list[str]:
     out = []
     for c in found.named:
         values = ", ".join(
@@ -148,7 +148,7 @@ def _named(found: Tracing) -> list[str]:
     return out
 
 
-def _chosen(found: Tracing) -> list[str]:
+def _chosen(found: ForwardTracing) -> list[str]:
     choice = found.choice
     word = " + ".join(choice.winner.names) or "nothing"
     if not found.nested:
@@ -161,7 +161,7 @@ def _chosen(found: Tracing) -> list[str]:
     return [f"Chosen on all the runs together: {word}, of {len(choice.entries)} competitors; {each}."]
 
 
-def still_shows(found: Tracing) -> list[str]:
+def still_shows(found: ForwardTracing) -> list[str]:
     """What the runs do that the model leaves open."""
     out = _power_off(found)
     for one, two, rms_m in found.repeat_m:
@@ -171,11 +171,11 @@ def still_shows(found: Tracing) -> list[str]:
     return out
 
 
-def _runs(found: Tracing) -> list[Run]:
+def _runs(found: ForwardTracing) -> list[Run]:
     return list({run.name: run for run in (*found.choice.runs, *found.judged)}.values())
 
 
-def _shows(found: Tracing) -> list[str]:
+def _shows(found: ForwardTracing) -> list[str]:
     """The same, in a few words."""
     out = []
     wire = found.fitted.wire
@@ -200,7 +200,7 @@ def _voltage(name: str) -> str:
     return {"rms": "RMS", "mean": "mean"}[name]
 
 
-def _power_off(found: Tracing) -> list[str]:
+def _power_off(found: ForwardTracing) -> list[str]:
     rigid = {"wire.martensite_expansion_1_K": 0.0, "wire.austenite_expansion_1_K": 0.0}
     out = []
     for run in _runs(found):
@@ -231,7 +231,7 @@ def _power_off(found: Tracing) -> list[str]:
     return out
 
 
-def summary(found: Tracing) -> dict:
+def summary(found: ForwardTracing) -> dict:
     """The result for machines; ``error_*`` are RMS on runs that had no part in the choice, lengths in metres unless named otherwise."""
     judged = found.judged
     names = [run.name for run in judged]
@@ -276,7 +276,7 @@ def summary(found: Tracing) -> dict:
     }
 
 
-def _effects(found: Tracing) -> list[dict]:
+def _effects(found: ForwardTracing) -> list[dict]:
     """What is named; the interval is the span over the folds of the choice."""
     return [
         {

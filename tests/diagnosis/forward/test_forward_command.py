@@ -10,7 +10,7 @@ from forward_runs import MAKERS, synthetic
 from sma_actuator.cli.main import main
 from sma_actuator.diagnosis.forward import command
 from sma_actuator.diagnosis.forward.candidates import named
-from sma_actuator.diagnosis.forward.race import trace
+from sma_actuator.diagnosis.forward.race import trace_runs
 from sma_actuator.diagnosis.forward.wire import read_wire
 
 
@@ -32,7 +32,7 @@ def _forward(*words):
 
 def test_it_writes_a_wire_the_figures_and_a_page_in_one_file(runs, tmp_path, monkeypatch, capsys):
     few = (named("backlash"), named("lead resistance"))
-    monkeypatch.setattr(command, "trace", lambda *args: trace(*args, candidates=few))
+    monkeypatch.setattr(command, "trace_runs", lambda *args: trace_runs(*args, candidates=few))
     out, threads = tmp_path / "out", os.environ.get("OPENBLAS_NUM_THREADS")
     assert (
         _forward(

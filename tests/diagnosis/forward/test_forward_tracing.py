@@ -7,7 +7,7 @@ from forward_runs import MEASURED, TRUTH, makers, synthetic
 from sma_actuator.base.parameters import declaration_of
 from sma_actuator.diagnosis.forward.candidates import CANDIDATES, named
 from sma_actuator.diagnosis.forward.fitting import fit, plain_parameters, plain_starts
-from sma_actuator.diagnosis.forward.race import trace
+from sma_actuator.diagnosis.forward.race import trace_runs
 from sma_actuator.diagnosis.forward.report import sentences, summary
 from sma_actuator.diagnosis.forward.runs import read_run
 from sma_actuator.diagnosis.forward.wire import Effects
@@ -26,7 +26,7 @@ def test_the_parameters_of_a_known_wire_are_found_again():
 
 
 def test_without_an_effect_none_is_named():
-    found = trace(makers(), synthetic({})[:3], candidates=FEW[:3])
+    found = trace_runs(makers(), synthetic({})[:3], candidates=FEW[:3])
     assert found.verdict == "none"
     assert found.named == () == found.choice.winner.effects
     assert found.choice.heated_by == "rms"
@@ -37,7 +37,7 @@ def test_without_an_effect_none_is_named():
 
 @pytest.mark.long
 def test_an_error_that_is_no_candidates_is_not_given_a_name():
-    found = trace(makers(), synthetic({}, drift_m=5e-5, ambient_K=0.7, bend=0.005, seed=1)[:3], candidates=FEW)
+    found = trace_runs(makers(), synthetic({}, drift_m=5e-5, ambient_K=0.7, bend=0.005, seed=1)[:3], candidates=FEW)
     assert found.verdict == "unexplained", sentences(found)
     assert found.named == ()
     assert summary(found)["effects"] == []
@@ -56,7 +56,7 @@ def test_an_error_that_is_no_candidates_is_not_given_a_name():
 )
 def test_an_effect_that_was_switched_on_is_named_on_a_run_that_had_no_part_in_it(effects, name, candidates):
     runs = synthetic(effects)
-    found = trace(makers(), runs[:3], runs[3:], candidates=candidates)
+    found = trace_runs(makers(), runs[:3], runs[3:], candidates=candidates)
     assert found.verdict == "traced", sentences(found)
     assert [c.name for c in found.named] == [name], sentences(found)
     assert [run.name for run in found.choice.runs] == ["ramp", "step", "low"] and [
@@ -72,7 +72,7 @@ def test_an_effect_that_was_switched_on_is_named_on_a_run_that_had_no_part_in_it
 
 @pytest.mark.long
 def test_an_effect_is_named_through_errors_that_are_no_candidates():
-    found = trace(
+    found = trace_runs(
         makers(), synthetic({"dead_time_s": 0.4}, drift_m=5e-5, ambient_K=0.3, bend=0.005, seed=5), candidates=FEW[:2]
     )
     assert found.verdict == "traced", sentences(found)
@@ -84,12 +84,12 @@ def test_an_effect_is_named_through_errors_that_are_no_candidates():
 @pytest.mark.long
 def test_each_run_is_judged_by_a_choice_that_it_had_no_part_in():
     runs = synthetic({"dead_time_s": 0.4})[:3]
-    found = trace(makers(), runs, candidates=FEW[1:2])
+    found = trace_runs(makers(), runs, candidates=FEW[1:2])
     for run, judgement in zip(runs, found.judgements, strict=True):
         assert judgement.judged == (run,)
         assert run not in judgement.choice.runs
         assert all(run not in fitted + judged for fitted, judged in judgement.choice.folds)
-    alone = trace(makers(), runs[1:], runs[:1], candidates=FEW[1:2])
+    alone = trace_runs(makers(), runs[1:], runs[:1], candidates=FEW[1:2])
     assert np.array_equal(alone.choice.fitted.values, found.judgements[0].choice.fitted.values)
     assert alone.after_m == found.judgements[0].after_m
 
@@ -107,7 +107,7 @@ def test_every_candidate_keeps_to_what_its_parameters_are_declared_for():
 @pytest.mark.skipif(not MEASURED.is_dir(), reason=f"the measurements are not beside the project ({MEASURED})")
 def test_the_measured_wire_is_heated_by_the_rms_voltage_and_lacks_something():
     ramp, step, cooling, other = (read_run(MEASURED / f"{n}.csv") for n in ("ramp01", "step01", "step02", "step03_pr"))
-    found = trace(makers(), [ramp, step, cooling, other], candidates=FEW[2:3])
+    found = trace_runs(makers(), [ramp, step, cooling, other], candidates=FEW[2:3])
     assert found.choice.heated_by == "rms"
     assert np.mean(found.heats_m("mean")) > 3 * np.mean(found.heats_m("rms"))
     assert max(found.after_m) < 0.06 * other.stroke_m
