@@ -22,7 +22,7 @@ demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
 
 # Most tests wait for processes: two beside the two cores cost nothing.  A class, or a file's functions, stay together.
-test: $(VENV)/ready
+test: $(VENV)/ready viewers
 	$(BIN)/python -m pytest -n 4 --dist loadscope --no-loadscope-reorder -m "not long" --durations=10
 
 long-tests: $(VENV)/ready
@@ -35,6 +35,14 @@ counterparts: $(VENV)/ready .counterparts/ready
 # MicroPython for Node, which runs the board's firmware in tests (docs/board.md).
 micropython:
 	npm install --prefix .node --no-save --no-audit --no-fund @micropython/micropython-webassembly-pyscript@1.27.0
+
+.PHONY: viewers
+# Packages of Foxglove's for Node, pinned by package-lock.json, which open recordings in tests; without Node those tests skip.
+VIEWERS := tests/viewers/node_modules/.package-lock.json
+viewers: $(VIEWERS)
+$(VIEWERS): tests/viewers/package-lock.json
+	@if command -v npm >/dev/null; then npm ci --prefix tests/viewers --no-audit --no-fund --ignore-scripts && touch $@; \
+	else echo "no npm: what others' viewers make of recordings is not tried"; fi
 
 FOREIGN_PYTHON ?= $(PYTHON)
 .counterparts/ready: tests/counterparts/requirements.txt
@@ -185,4 +193,4 @@ fuzz: $(VENV)/ready
 	nice -n 5 $(BIN)/python -m attack.parsers $(PARSERS) --minutes $(MINUTES)
 
 clean:
-	rm -rf $(VENV) .counterparts .node build install log out
+	rm -rf $(VENV) .counterparts .node tests/viewers/node_modules build install log out
