@@ -3,7 +3,7 @@
 ``~/enable`` and ``~/stop`` of every node of a process are served by one more node, in a context of its own: another
 DDS participant with its own ports, another thread.  A flood of setpoints fills the buffers of the participant it is
 sent to, and DDS offers a request lost there again only after seconds; here it comes through.  ``~/stop`` has a node and a
-thread to itself.
+thread to itself, and is heard beside DDS too by who is on the same computer (``base/local_stop.py``).
 
 These threads only take requests, all that wait at once, and never wait themselves: DDS keeps but so many for a server
 that is busy, and forgets the oldest, be it an off.  What a request asks for is done by two threads of the wire
@@ -26,6 +26,7 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 
+from sma_actuator.base.local_stop import Reply, StopListener
 from sma_actuator.driver import OFF_MEANWHILE
 
 from .guard import spin
@@ -37,8 +38,6 @@ QUIET_s = 0.5
 REQUESTS_KEPT = 2000
 _AT_ONCE = 100  #: requests of one service that are taken before the others have their turn
 _MOST_WAITING = 100  #: requests that wait for the same "on"; more are refused
-
-Reply = Callable[[bool, str], None]  #: whether it was done, and a sentence
 
 
 class Switchable(Protocol):
@@ -191,7 +190,9 @@ class Switch:
         )
         for way in self._ways:
             _serve(switch, SetBool, way.wire.resolve_service_name("~/enable"), partial(_on_enable, way))
-            _serve(stop, Trigger, way.wire.resolve_service_name("~/stop"), self._on_stop)
+        stops = [node.resolve_service_name("~/stop") for node in nodes]
+        for name in stops:
+            _serve(stop, Trigger, name, lambda _, reply: self._stop_all(reply))
         self._threads = [
             threading.Thread(
                 target=spin,
@@ -203,8 +204,13 @@ class Switch:
         ]
         for thread in self._threads:
             thread.start()
+        self._beside: StopListener | None = None
+        try:
+            self._beside = StopListener(stops, str(self._context.get_domain_id()), self._stop_all)
+        except OSError as error:  # ~/stop is heard all the same
+            first.report(f"who asks for ~/stop on this computer has to find the node first: {error}")
 
-    def _on_stop(self, _: Trigger.Request, reply: Reply) -> None:
+    def _stop_all(self, reply: Reply) -> None:
         """All wires of the process off, at the same time; the answer says of each what became of it."""
         lock, said = threading.Lock(), dict[str, tuple[bool, str]]()
 
@@ -220,7 +226,9 @@ class Switch:
             way.off(partial(note, name))
 
     def close(self) -> None:
-        """Leave the ROS graph."""
+        """Hear nobody any more."""
+        if self._beside is not None:
+            self._beside.close()
         rclpy.try_shutdown(context=self._context)
         for thread in self._threads:
             thread.join(1.0)

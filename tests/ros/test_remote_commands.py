@@ -1,6 +1,7 @@
 """``sma-actuator move | status | enable | stop | call | watch`` speak to a running node; no ROS tool is needed."""
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -12,6 +13,7 @@ pytest.importorskip("rclpy")
 from processes import Bench, NodeProcess, parameter_file, wait_until
 from test_node import _enabled
 
+from sma_actuator.base.local_stop import StopListener
 from sma_actuator.cli.main import main
 
 NODE = ("--node", "left", "--namespace", "/arm", "--patience", "60")
@@ -82,6 +84,14 @@ def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
     assert said.err == f"next: `sma-actuator enable{OPTIONS}`\n"
     wait_until(lambda: bench.current_A() == 0.0)
     assert _status(capsys, mode="off")["values"]["displacement_m"] is None
+
+
+def test_a_node_of_another_computer_is_stopped_over_ros(bench, capsys, monkeypatch):
+    _enable(capsys)
+    monkeypatch.setattr("sma_actuator.cli.remote.stop.ask_here", lambda *_: [])
+    assert main(["stop", *NODE]) == 0
+    assert "/arm/left: the output is off" in capsys.readouterr().out
+    wait_until(lambda: bench.current_A() == 0.0)
 
 
 def test_services_without_an_argument_are_called_by_their_name(bench, capsys):
@@ -201,6 +211,8 @@ class TestStopWithoutRos:
     def test_of_a_node_that_stands_still_the_process_is_ended_since_it_has_the_lock(self, driven, capsys):
         bench, node, file = driven
         node.popen.send_signal(signal.SIGSTOP)
+        assert main(["stop", "--patience", "0.5"]) == 1
+        assert "/sma_actuator is there, but has not answered within 0.5 s; ask the supply" in capsys.readouterr().err
         assert main(["stop", "--config", str(file)]) == 0
         said = capsys.readouterr().out
         assert f"process {node.popen.pid} drives the supply and lets nobody else command it: it is ended" in said
@@ -218,10 +230,13 @@ class TestStopWithoutRos:
         assert "NOT CONFIRMED: supply at TCPIP" in capsys.readouterr().out
 
 
-def test_what_stop_imports_is_little():
-    code = (
-        "import sys; from sma_actuator.cli.main import main\ntry: main(['stop', '--help'])\nexcept SystemExit: pass\n"
-    )
-    code += "print({'numba', 'scipy', 'numpy', 'pyvisa', 'rich', 'sma_actuator.config'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=150.0)
-    assert done.stdout.splitlines()[-1] == "set()", done.stdout
+def test_a_stop_on_this_computer_imports_little_and_no_ros():
+    name = f"quick_{os.getpid()}"
+    listener = StopListener([f"/{name}/stop"], os.environ["ROS_DOMAIN_ID"], lambda reply: reply(True, "~/enable"))
+    code = f"import sys; from sma_actuator.cli.main import main\nassert main(['stop', '--node', '{name}']) == 0\n"
+    code += "print({'rclpy', 'numba', 'scipy', 'numpy', 'pyvisa', 'rich', 'sma_actuator.config'} & set(sys.modules))"
+    try:
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=150.0)
+    finally:
+        listener.close()
+    assert done.stdout == f"`sma-actuator enable --node {name}`\nset()\n", done.stderr

@@ -1,5 +1,6 @@
 """Wires of one process are switched beside each other: one whose instrument holds it up delays no other."""
 
+import os
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -10,6 +11,7 @@ pytest.importorskip("rclpy")
 from processes import wait_until
 from std_srvs.srv import SetBool, Trigger
 
+from sma_actuator.base.local_stop import ask_here
 from sma_actuator.driver import OFF_MEANWHILE
 from sma_actuator.ros.switch import QUIET_s, Switch, Way
 
@@ -106,6 +108,14 @@ def test_a_stop_switches_all_at_the_same_time_and_no_enabling_outlives_it(wires,
     client.spin_until(enabled.done, what="the answer to the enabling")
     assert not slow.on
     assert not enabled.result().success and "it was switched off meanwhile" in enabled.result().message
+
+
+def test_a_stop_from_the_same_computer_switches_all_too(wires):
+    for wire in wires:
+        wire.on = True
+    [(off, words)] = ask_here("/wire_5/stop", os.environ["ROS_DOMAIN_ID"], 60.0)
+    assert off and words.count("the output is off") == MANY
+    assert not any(wire.on for wire in wires)
 
 
 @pytest.fixture

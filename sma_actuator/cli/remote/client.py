@@ -41,7 +41,30 @@ def add_node_arguments(parser: argparse.ArgumentParser) -> None:
     )
 
 
-class NodeClient:
+class Named:
+    """The node that the options of a command name."""
+
+    def __init__(self, args: argparse.Namespace):
+        self.name, self.namespace = args.node.strip("/"), "/" + args.namespace.strip("/")
+        self.full_name = f"{self.namespace.rstrip('/')}/{self.name}"
+
+    @property
+    def options(self) -> str:
+        """What a command says to reach this node; nothing where it is the usual one."""
+        options = f" --node {self.name}" if self.name != NODE_NAME else ""
+        return options + (f" --namespace {self.namespace}" if self.namespace != "/" else "")
+
+    def words(self, sentence: str) -> str:
+        """A sentence of this node, with commands in it that reach it."""
+        return as_commands(sentence, self.options)
+
+    def say_next(self, args: argparse.Namespace, words: str) -> None:
+        """What to do next, with commands that reach this node; after the results, and nothing with ``-q``."""
+        if not args.quiet:
+            print(f"next: {self.words(words)}", file=sys.stderr)
+
+
+class NodeClient(Named):
     """One node, as a program beside it sees it."""
 
     def __init__(self, args: argparse.Namespace, interrupts: Interrupts):
@@ -51,8 +74,7 @@ class NodeClient:
         from rclpy.qos import DurabilityPolicy, QoSProfile
         from rclpy.signals import SignalHandlerOptions
 
-        self.name, self.namespace = args.node.strip("/"), "/" + args.namespace.strip("/")
-        self.full_name = f"{self.namespace.rstrip('/')}/{self.name}"
+        super().__init__(args)
         self._patience_s = args.patience
         self._interrupts = interrupts
         self._context = rclpy.Context()
@@ -150,21 +172,6 @@ class NodeClient:
     def publish(self, topic: str, message: Any) -> None:
         """Publish on ``~/topic``, which was advertised."""
         self._publishers[topic].publish(message)
-
-    @property
-    def options(self) -> str:
-        """What a command says to reach this node; nothing where it is the usual one."""
-        options = f" --node {self.name}" if self.name != NODE_NAME else ""
-        return options + (f" --namespace {self.namespace}" if self.namespace != "/" else "")
-
-    def words(self, sentence: str) -> str:
-        """A sentence of this node, with commands in it that reach it."""
-        return as_commands(sentence, self.options)
-
-    def say_next(self, args: argparse.Namespace, words: str) -> None:
-        """What to do next, with commands that reach this node; after the results, and nothing with ``-q``."""
-        if not args.quiet:
-            print(f"next: {self.words(words)}", file=sys.stderr)
 
     def finish(self) -> None:
         """A signal that has come is dealt with: what follows is the way out, and has its time."""

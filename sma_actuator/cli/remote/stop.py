@@ -10,7 +10,10 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .client import OFF_AGAIN_s, add_node_arguments, connected
+from sma_actuator.base.errors import UserError
+from sma_actuator.base.local_stop import ask_here
+
+from .client import Named, OFF_AGAIN_s, add_node_arguments, connected
 
 if TYPE_CHECKING:
     from sma_actuator.instruments.supply import SessionSupply
@@ -37,15 +40,31 @@ def run(args: argparse.Namespace) -> int:
     """Switch off; 0 where every supply has confirmed it."""
     if args.config is not None:
         return _at_the_supply(args.config, args.node)
+    node = Named(args)
+    if answers := _asked_here(node, args.patience):
+        return max([_said(node, args, *answer) for answer in answers])
     with connected(args) as client:
         from std_srvs.srv import Trigger
 
         response = client.call("stop", Trigger, Trigger.Request(), again_s=OFF_AGAIN_s)
-        print(client.words(response.message), flush=True)  # before anything else is waited for
-        client.say_next(
-            args, "~/enable" if response.success else "look at the supply, and pull its plug if its output is on"
-        )
-    return 0 if response.success else 1
+        return _said(client, args, response.success, response.message)  # before anything else is waited for
+
+
+def _asked_here(node: Named, patience_s: float) -> list[tuple[bool, str]]:
+    """What the node answers where it runs on this computer: DDS would take up to 3 s to find it."""
+    try:
+        return ask_here(f"{node.full_name}/stop", os.environ.get("ROS_DOMAIN_ID", ""), patience_s)
+    except TimeoutError:
+        raise UserError(
+            f"{node.full_name} is there, but has not answered within {patience_s:g} s; ask the supply itself: "
+            "sma-actuator stop --config FILE"
+        ) from None
+
+
+def _said(node: Named, args: argparse.Namespace, off: bool, words: str) -> int:
+    print(node.words(words), flush=True)
+    node.say_next(args, "~/enable" if off else "look at the supply, and pull its plug if its output is on")
+    return 0 if off else 1
 
 
 def _at_the_supply(file: Path, node: str) -> int:
