@@ -17,6 +17,7 @@ LEAST_Hz, MOST_Hz = 10, 100
 LEAST_SHARE, MOST_SHARE = 1e-6 * ON_us * LEAST_Hz, 0.95  # there is always a pause, in which a broken MOSFET shows
 MISSED_ms = 350  # three periods of the slowest pulses without one that was measured
 OLD_ms = 500  # what is older is not told as a measurement
+WORD_ms = 3  # of the load cell, and what a clock of whole milliseconds and the turn before it take
 REST_ms = 20  # between two looks while nothing flows
 LEAK_A = 0.005  # with the gate off flows less
 SAME = 0.002  # a share of the time that differs by less is left as it is
@@ -105,7 +106,7 @@ class Board:
         frequency_Hz = max(LEAST_Hz, min(int(share * 1e6 / ON_us), MOST_Hz))
         on_ns = int(1e9 * share / frequency_Hz)
         self._gate.pulse(frequency_Hz, on_ns)
-        self._share = 1e-9 * frequency_Hz * on_ns
+        self._share, self._period_ms = 1e-9 * frequency_Hz * on_ns, 1000 / frequency_Hz
 
     # --- what is measured
 
@@ -152,8 +153,7 @@ class Board:
                 self._see_nothing_flow()
             except OSError:
                 self.trip("METER")
-        # Its word takes as long as a pulse: it is read when one is just over, so that it never hides the next.
-        if (seen is not None or not self._share) and self._cell.is_done():
+        if self._is_between_pulses(unseen_ms) and self._cell.is_done():
             self._cell_V, self._cell_ms = self._cell.read(), now_ms
         try:
             if self._converts and self._converter.is_done():
@@ -163,6 +163,10 @@ class Board:
                 self._converts = True
         except OSError:  # nobody has to have one
             self._converts = False
+
+    def _is_between_pulses(self, unseen_ms):
+        """Whether there is time for a word of the load cell, which takes as long as a pulse and must never hide one."""
+        return not self._share or unseen_ms % self._period_ms + WORD_ms < self._period_ms
 
     def measured(self, channel):
         """The newest of a channel: 101 circuit, 102 sense resistor, 103 load cell, 104 displacement sensor [V], 105 room [°C]."""

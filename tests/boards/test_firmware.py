@@ -193,3 +193,14 @@ def test_what_it_cannot_obey_it_says_and_does_not(board, line, error):
     board.tell(line)
     board.run(0.1)
     assert board.ask("CURR?;SYST:ERR?;SYST:ERR?") == f'0;{error};0,"No error"'
+
+
+@pytest.mark.parametrize("current_A", [0.05, 0.2])
+def test_the_load_cell_is_read_anew_between_rare_pulses(board, current_A):
+    board.drive(current_A)
+    loads_V = []
+    for _ in range(40):
+        board.run(0.044)
+        loads_V.append(board.ask("FETC? (@103)"))
+    assert sum(before == after for before, after in zip(loads_V, loads_V[1:])) <= 1, "noise: two may be equal by chance"
+    assert board.ask("OUTP:PROT:TRIP?") == "NONE"
