@@ -4,8 +4,8 @@
                                         [--model whole_range thesis] [--law pid feed_forward_pid] [--json FILE]
                                                                                           (make control-worlds)
 
-``init``, ``characterise``, ``identify``, ``init`` (``users_way.py``), then the driver of the node (``driven.py``): the thesis's
-eleven experiments, a light and a heavy weight and a stiff spring, over 85 % of the stroke that the wire truly has under each load.
+``init``, ``characterise``, ``identify``, ``init``, and a second round with that model (``users_way.py``; ``--model first_round``:
+without it), then the driver of the node (``driven.py``): the thesis's eleven experiments, a light and a heavy weight and a stiff spring, over 85 % of the stroke that the wire truly has under each load.
 Without ``--physics``: the eight that were designed and as many as ``--drawn`` says that nobody chose, by the numbers from
 ``--from`` on; ``--every 4`` takes every fourth of them.  Everything is kept in ``out`` and used again while nothing has changed
 that it depends on; what is stopped goes on where it was.
@@ -33,7 +33,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from driven import LAWS, Case, Found, fastest_once, once
+from control_tables import EXPERIMENTS as THESIS
+from control_tables import MEANS
+from driven import LAWS, RUN_BY, SHARED, Case, Found, fastest_once, once
 from kept import MODEL, kept
 from rich.console import Console
 from rich.table import Table
@@ -55,29 +57,26 @@ class Experiment:
     thesis: float  #: output error, % of full stroke
 
 
-#: By wire: the thesis's (tables 5, 6, 8 and 9; rows 1 and 2 of table 8 are one here, held against the smaller), then ours.
-EXPERIMENTS = {
-    "flexinol": (
-        Experiment("5.1 steps", "weight", "steps", 5.33),
-        Experiment("5.2 steps, spring", "spring", "steps", 3.39),
-        Experiment("5.3 steps, switched", "switched", "steps", 2.69),
-        Experiment("6.1 steps, varying", "varying", "steps", 4.15),
-        Experiment("6.2 sine, varying", "varying", "sine", 4.62),
-        Experiment("steps, light", "light", "steps", 4.10),
-        Experiment("sine, heavy", "heavy", "sine", 4.10),
-        Experiment("triangle, stiff", "stiff_spring", "triangle", 4.10),
-    ),
-    "furukawa": (
-        Experiment("8.2 steps", "weight", "steps", 2.06),
-        Experiment("8.3 steps, spring", "spring", "steps", 2.64),
-        Experiment("8.4 steps, switched", "switched", "steps", 3.00),
-        Experiment("9.1 steps, varying", "varying", "steps", 4.32),
-        Experiment("9.2 triangle", "weight", "triangle", 3.26),
-        Experiment("steps, light", "light", "steps", 3.19),
-        Experiment("sine, heavy", "heavy", "sine", 3.19),
-        Experiment("triangle, stiff", "stiff_spring", "triangle", 3.19),
-    ),
-}
+#: Ours, beside those of the thesis: name, load and program.
+OURS = (
+    ("steps, light", "light", "steps"),
+    ("sine, heavy", "heavy", "sine"),
+    ("triangle, stiff", "stiff_spring", "triangle"),
+)
+
+
+def _experiments(wire: str) -> tuple[Experiment, ...]:
+    """Those of the thesis, as ``control_tables.py`` has them (row 1 of table 8 with its own variant left out), then ours."""
+    theirs = [
+        Experiment(f"{e.table}.{e.row}", next(n for n in SHARED if SHARED[n] is e.load), e.program, e.thesis_pct[2])
+        for e in THESIS
+        if e.config.startswith(wire) and not e.changes
+    ]
+    mean = float(np.mean([pct[2] for _, row, _, pct in MEANS if row.lower().startswith(wire)]))
+    return (*theirs, *(Experiment(*each, mean) for each in OURS))
+
+
+EXPERIMENTS = {wire: _experiments(wire) for wire in WIRES}
 
 
 @dataclass(frozen=True)
@@ -121,7 +120,7 @@ def judged(wire: Wire) -> Judged:
 
 def _replayed(wire: Wire) -> tuple[float, float]:
     return kept(
-        f"replayed {wire.wire} {wire.physics} {wire.model} {digest(('users_way',))}",
+        f"replayed {wire.wire} {wire.physics} {wire.model} {digest(RUN_BY)}",
         MODEL,
         lambda: replayed(wire.wire, wire.physics, wire.model),
     )

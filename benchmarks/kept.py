@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "out" / "kept"
 #: What decides what a bench shows, and what identifies a model from it.
 BENCH = ("plant", "bench", "characterise", "instruments", "base")
-MODEL = (*BENCH, "identify", "estimation")
+MODEL = (*BENCH, "identify", "estimation", "calibration")
 
 T = TypeVar("T")
 

@@ -1,8 +1,10 @@
-"""A wire of the virtual bench as a user gets to drive it: ``init``, ``characterise``, ``identify``, ``init`` again.
+"""A wire of the virtual bench as a user gets to drive it: ``init``, ``characterise``, ``identify``, ``init``, then the second round.
 
-Nothing comes from the limits and gains in ``config/``: of ``config/*_bench.yaml`` only what the wire and its instruments are
-(:data:`FACTS`) is taken.  Logs and models lie in ``out/control_worlds`` and are used again while nothing has changed that
-they depend on; what ``init`` derives is derived each time.
+In the second round ``characterise --follow`` lets the model drive the wire, ``identify`` takes both rounds, and ``init`` makes
+of it what the node drives with.  Nothing comes from the limits and gains in ``config/``: of ``config/*_bench.yaml`` only what the
+wire and its instruments are (:data:`FACTS`) is taken; ``identify`` gets the bench file that ``characterise`` leaves.  Logs and
+models lie in ``out/control_worlds`` and are used again while nothing has changed that they depend on; what ``init`` derives is
+derived each time.
 """
 
 from __future__ import annotations
@@ -24,6 +26,7 @@ from sma_actuator.base.share import shared_file
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
 from sma_actuator.characterise import PlanOptions, Rig, characterise, make_plan
 from sma_actuator.characterise.operators import BenchOperator
+from sma_actuator.characterise.session import BENCH_FILE
 from sma_actuator.cli.main import main as sma_actuator
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file, write_parameter_file
 from sma_actuator.estimation.chain import Chain
@@ -34,7 +37,8 @@ from sma_actuator.plant.loads import Load, Schedule
 ROOT = Path(__file__).resolve().parents[1]
 KEPT = ROOT / "out" / "control_worlds"
 WIRES = ("flexinol", "furukawa")
-MODELS = ("thesis", "whole_range")
+#: ``whole_range`` is of both rounds, the others of the first alone.
+MODELS = ("thesis", "first_round", "whole_range")
 #: What a user knows of wire and bench without having measured.
 FACTS = ("wire", "circuit", "load_cell", "reference_sensor", "instruments")
 #: Load cell and LVDT are calibrated already, and the wire is trained before (:data:`TRAINED` cycles).
@@ -42,8 +46,9 @@ SKIPPED = ("lead_resistance", "load_cell", "lvdt", "training", "fatigue")
 CHARACTERISED = PlanOptions(levels=6, skip=SKIPPED)
 #: A load between those that are characterised, for logs that no fit has seen.
 UNSEEN_Pa = 54e6
-#: The rooms that the logs depend on, and those that the models do beside.
-LOGS_BY, MODELS_BY = ("plant", "bench", "characterise"), ("identify", "estimation")
+#: The rooms that the logs depend on, those that the models do beside, and beside these the logs of the second round.
+LOGS_BY, MODELS_BY = ("plant", "bench", "characterise"), ("identify", "estimation", "calibration")
+SECOND_BY = (*MODELS_BY, "control", "derived")
 #: The stroke that a wire truly has is that between this temperature at its hottest place and the bias current.
 HOT_C = 160.0
 COOL_s, LONGEST_s = 40.0, 60.0
@@ -108,22 +113,49 @@ def _characterised(
 
 
 def _init(start: Path, path: Path, *words: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
     command("init", "--start", start, "--set", "thermal.ambient_temperature=24.0", *words, "--out", path, "--force")
     return path
 
 
+def second_round(wire: str, physics: str) -> list[Path]:
+    """The logs of the wire as the model of the first round drives it."""
+    first, folder = folder_of(wire, physics), _second(wire, physics)
+    if not (folder / "complete").is_file():
+        node = _init(_model(wire, physics, "first_round"), folder / "node.yaml")
+        followed = PlanOptions(follow=str(node), skip=SKIPPED)
+        done = float((first / "complete").read_text(encoding="utf-8"))
+        cycles = _characterised(wire, physics, first / "logs" / BENCH_FILE, followed, 3, folder / "logs", done)
+        (folder / "complete").write_text(f"{cycles:g}\n", encoding="utf-8")
+    return sorted((folder / "logs").glob("*.csv"))
+
+
+def _second(wire: str, physics: str) -> Path:
+    return folder_of(wire, physics) / f"second_{digest(SECOND_BY)}"
+
+
 def cycles_done(wire: str, physics: str) -> float:
     """How many cycles it has done when it is driven."""
-    return float((folder_of(wire, physics) / "complete").read_text(encoding="utf-8"))
+    return float((_second(wire, physics) / "complete").read_text(encoding="utf-8"))
+
+
+def _model(wire: str, physics: str, model: str) -> Path:
+    """What ``identify`` writes."""
+    logs, first = logs_of(wire, physics), folder_of(wire, physics)
+    folder = first
+    if model == "whole_range":
+        logs, folder = [*logs, *second_round(wire, physics)], _second(wire, physics)
+    path = folder / f"{model}_{digest(MODELS_BY)}.yaml"
+    if not path.is_file():
+        name = wire if model == "thesis" else "whole_range"
+        bench_path = first / "logs" / BENCH_FILE
+        command("identify", *logs, "--config", bench_path, "--model", name, "--jobs", 1, "--out", path)
+    return path
 
 
 def identified(wire: str, physics: str, model: str = "whole_range") -> dict[str, Any]:
     """The parameters that a node drives the wire with: its model, and what ``init`` adds to it."""
-    logs, folder = logs_of(wire, physics), folder_of(wire, physics)
-    path = folder / f"{model}_{digest(MODELS_BY)}.yaml"
-    if not path.is_file():
-        name = {"thesis": wire}.get(model, model)
-        command("identify", *logs, "--config", facts_of(wire, folder), "--model", name, "--jobs", 1, "--out", path)
+    path = _model(wire, physics, model)
     with tempfile.TemporaryDirectory(prefix="sma_users_way_") as scratch:
         return read_parameter_file(_init(path, Path(scratch) / "node.yaml"))
 
@@ -131,6 +163,7 @@ def identified(wire: str, physics: str, model: str = "whole_range") -> dict[str,
 def prepare(job: tuple[str, str, Sequence[str]]) -> None:
     """Have a wire (alloy, physics, models) identified; apart, so that no two processes make the same."""
     wire, physics, models = job
+    second_round(wire, physics)
     for model in models:
         identified(wire, physics, model)
 
