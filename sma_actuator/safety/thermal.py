@@ -6,8 +6,9 @@ parameters, and with the least that the wire may have (``thermal.heat_loss_margi
 hangs in a tube loses its heat more slowly than one in the open.  What limits the current is the
 second.
 
-The wire is a thermometer beside it, which knows nothing of heat loss (:class:`Thermometer`).  What it says bounds the
-second balance from above: else a limit that provides for any heat loss would not let a wire contract.
+The wire is a thermometer beside it, which knows nothing of heat loss (:class:`Thermometer`).  What it says bounds both
+balances from above: else a limit that provides for any heat loss would not let a wire contract, and one that loses more
+than the parameters say would be held for a hot one.
 
 Nothing is known of a wire when an actuator begins: it may come from another that was ended while
 the wire was hot.  So it starts as hot as a wire may be and cools by the balance, which takes a few
@@ -224,7 +225,7 @@ class WireHeat:
 
     @property
     def temperature_C(self) -> float:
-        """The temperature with the heat loss of the parameters."""
+        """The temperature with the heat loss of the parameters, and no more than its resistance says."""
         return self._likely.temperature_C
 
     @property
@@ -256,6 +257,7 @@ class WireHeat:
         at_most_C, transformed_C = self._most.temperature_C, parameters.transformed_temperature
         shown_C = self._thermometer.step(resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, contracted_Ohm)
         self._most.temperature_C = min(at_most_C, shown_C)
+        self._likely.temperature_C = min(self._likely.temperature_C, shown_C)
         at_its_limit = self.at_most_C > parameters.max_temperature - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
         shown_W_K = self._shown_loss.step(wire_W, dt_s, self._above_coldest_K(parameters), parameters)
         self._least_loss_W_K = max(loss_W_K / parameters.heat_loss_margin, SUDDENLY * shown_W_K)

@@ -287,6 +287,18 @@ def test_a_wire_that_shows_what_it_loses_is_left_more_power_and_no_more_than_is_
     assert wire.step(limits_W[-1], 1.05, 9.0, 0.01, 0.75 * 0.6 / 141.0) < parameters.max_temperature
 
 
+def test_a_wire_that_loses_more_than_the_parameters_say_is_not_derated_for_a_hot_one(parameters):
+    """It transforms still, by its resistance, with power that the parameters' heat loss takes for 224 °C."""
+    heat = WireHeat(parameters)
+    heat.step(0.0, 60.0, math.nan, parameters)
+    for _ in range(2000):
+        heat.step(1.0, 0.05, math.nan, parameters, 4.5, 1.0, wire_W=1.0)
+    assert heat.temperature_C == pytest.approx(150.0, abs=0.5)
+    for _ in range(2000):  # without a word of its resistance it is as hot as the balance says
+        heat.step(1.0, 0.05, math.nan, parameters)
+    assert heat.temperature_C == pytest.approx(parameters.ambient_temperature + 200.0, abs=0.5)
+
+
 def test_at_its_limit_and_without_a_word_of_its_resistance_a_wire_is_let_cool_until_it_transforms(parameters):
     heat = WireHeat(parameters)
     assert heat.cools
