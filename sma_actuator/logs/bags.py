@@ -145,13 +145,20 @@ def _log_of_signals(reader: Any, path: Path) -> BenchLog:
             rows[values["time_s"]] = values, message.header.frame_id
     if not rows:
         raise BenchLogError(f"{path}: topic {topics[0]} holds no message with a time_s")
+    return log_of_signals(rows, str(path), {"recording": path.name})
+
+
+def log_of_signals(
+    rows: Mapping[float, tuple[Mapping[str, float], str]], source: str, metadata: Mapping[str, Any]
+) -> BenchLog:
+    """A bench log of messages of ``~/signals``: by their ``time_s``, the named values and what happened before."""
     times_s = sorted(rows)
     columns = {
         name: np.array([rows[time_s][0].get(name, np.nan) for time_s in times_s], dtype=float)
         for name in RECORDED_COLUMNS
     }
-    table = Table(columns, str(path), texts={i: rows[t][1] for i, t in enumerate(times_s) if rows[t][1]})
-    return log_of(table, {"recording": path.name})
+    table = Table(columns, source, texts={i: rows[t][1] for i, t in enumerate(times_s) if rows[t][1]})
+    return log_of(table, metadata)
 
 
 def parse_topics(words: list[str]) -> dict[str, str]:

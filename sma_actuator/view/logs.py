@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import dataclasses
 import json
 import math
 import re
 import secrets
 import sys
 import tempfile
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,8 @@ import yaml
 from sma_actuator.base.commands import NODE_NAME
 from sma_actuator.base.errors import UserError
 from sma_actuator.config import Config
+from sma_actuator.logs.bags import log_of_signals
+from sma_actuator.logs.bench_log import write_bench_log
 from sma_actuator.logs.reading import ReadingOptions, read_logs
 from sma_actuator.replay import replay
 
@@ -132,6 +135,18 @@ async def _run(command: list[str], timeout_s: float) -> None:
         if lines and "MemoryError" in lines[-1]:
             raise UserError(f"it takes more than {LARGEST_PROCESS_B / 1e9:g} GB of memory; use sma-actuator for it")
         raise UserError(lines[-1] if lines else f"{command[2]} ended with code {process.returncode}")
+
+
+def bench_log_of(rows: Mapping[float, tuple[Mapping[str, float], str]]) -> bytes:
+    """A bench log as CSV of what a node's ``~/signals`` said.  Raises UserError where that is too little."""
+    if len(rows) < 2:
+        raise UserError("nothing is recorded yet: it is while a page is open and the node is there")
+    log = log_of_signals(rows, "the last two minutes", {})
+    wired = {name: values for name, values in log.columns.items() if np.isfinite(values).any()}
+    with tempfile.TemporaryDirectory(prefix="sma_view_") as folder:
+        path = Path(folder) / "log.csv"
+        write_bench_log(path, dataclasses.replace(log, columns=wired))
+        return path.read_bytes()
 
 
 def replayed(log_path: Path, config: Config) -> dict[str, Any]:

@@ -15,6 +15,7 @@ import json
 import logging
 import math
 import secrets
+import time
 from collections.abc import Awaitable, Callable
 from importlib import resources
 from pathlib import Path
@@ -29,7 +30,7 @@ from sma_actuator.config import Config, text_with
 from sma_actuator.logs.files import write_atomically
 
 from .asymptotes import Asymptotes, asymptotes_of
-from .logs import LogDesk
+from .logs import LogDesk, bench_log_of
 from .wire import COLUMNS, Refused, Wire
 
 _log = logging.getLogger(__name__)
@@ -119,6 +120,7 @@ class ViewServer:
             self.app.router.add_get(address, _file(text, kind))
         self.app.router.add_get("/live", self._live)
         self.app.router.add_post("/log", self._take_log)
+        self.app.router.add_post("/recording", self._recording)
         self.app.router.add_get("/report/{name}", self._report)
         self.app.cleanup_ctx.append(self._background)
 
@@ -128,7 +130,7 @@ class ViewServer:
     async def _guarded(self, request: web.Request, handler: Any) -> web.StreamResponse:
         if _name_of(request.host) not in self._hosts:
             raise web.HTTPForbidden(text=f"Host '{request.host}' is not this server\n")
-        acts = request.path in ("/live", "/log")
+        acts = request.path in ("/live", "/log", "/recording")
         origin = request.headers.get("Origin")
         if (acts or origin is not None) and origin != f"http://{request.host}":
             raise web.HTTPForbidden(text=f"Origin '{origin}' is not a page of this server\n")
@@ -320,6 +322,19 @@ class ViewServer:
         except OSError as error:
             return web.Response(status=507, text=f"the log cannot be kept ({error.strerror or error})")
         return web.Response(status=202, text="taken")
+
+    async def _recording(self, _: web.Request) -> web.Response:
+        """What the wire did in the last two minutes, as a bench log."""
+        try:
+            body = await asyncio.to_thread(bench_log_of, await self._wire.recorded())
+        except UserError as error:
+            return web.Response(status=409, text=str(error))
+        name = f"{self._wire.node.strip('/').replace('/', '_')}_{time.strftime('%Y%m%d_%H%M%S')}.csv"
+        return web.Response(
+            body=body,
+            content_type="text/csv",
+            headers={**_HEADERS, "Content-Disposition": f'attachment; filename="{name}"'},
+        )
 
     async def _forget_log(self) -> str:
         await self._logs.give_up()

@@ -59,6 +59,8 @@ COLUMNS = (
 )
 ROW_PERIOD_s = 0.05  #: a page draws no faster, however fast the loop is
 ROWS_WAITING = 200  #: rows kept where nobody takes them
+RECORDED_s = 120.0  #: of every step, for who wants to keep what was just seen
+MOST_RECORDED = 24_000  #: a node publishes no more than 200 a second
 LOOK_PERIOD_s = 1.0  #: how often is looked whether the node is there, and still the same
 SILENCE_s = 3.5  #: a node says its status once a second
 ANSWER_TIMEOUT_s = 3.0
@@ -98,6 +100,7 @@ class Wire:
         self.services: list[str] = []  #: that are asked without an argument
         self._heard_s = -math.inf
         self._row_s = -math.inf
+        self._recorded: collections.deque[tuple[float, bytes]] = collections.deque(maxlen=MOST_RECORDED)
         self._identity: frozenset[bytes] = frozenset()
         self._clients: dict[str, Any] = {}
         self._kinds: dict[str, Any] = {}
@@ -187,8 +190,14 @@ class Wire:
                 self._ros.destroy_subscription(self._signals)
                 self._signals = None
                 self.rows.clear()
+                self._recorded.clear()
 
         await self._in_ros(subscribe)
+
+    async def recorded(self) -> dict[float, tuple[dict[str, float], str]]:
+        """Named values of the last :data:`RECORDED_s` in which a page was open, and what happened before each, by ``time_s``."""
+        messages = await self._in_ros(lambda: [serialized for _, serialized in self._recorded])
+        return await asyncio.to_thread(_by_time, messages)
 
     async def watch(self) -> None:
         """Look after the node for ever: whether it is there, and what it offers when it has come anew."""
@@ -305,6 +314,9 @@ class Wire:
 
     def _on_signals(self, serialized: bytes) -> None:
         now_s = time.monotonic()
+        self._recorded.append((now_s, serialized))
+        while self._recorded[0][0] < now_s - RECORDED_s:
+            self._recorded.popleft()
         if now_s - self._row_s < 0.8 * ROW_PERIOD_s:
             return
         self._row_s = now_s
@@ -362,6 +374,16 @@ def _done(response: Any) -> str:
     if not response.success:
         raise Refused(response.message or "refused without a reason")
     return response.message
+
+
+def _by_time(messages: list[bytes]) -> dict[float, tuple[dict[str, float], str]]:
+    rows = {}
+    for serialized in messages:
+        message = deserialize_message(serialized, JointState)
+        values = signals_from(message)
+        if "time_s" in values:
+            rows[values["time_s"]] = values, message.header.frame_id
+    return rows
 
 
 def row_of(values: Mapping[str, float]) -> list[float | None]:

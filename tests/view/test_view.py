@@ -25,7 +25,7 @@ from sma_actuator.characterise import Rig
 from sma_actuator.characterise.programs import Drive
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config
-from sma_actuator.logs.bench_log import write_bench_log
+from sma_actuator.logs.bench_log import read_bench_log, write_bench_log
 from sma_actuator.view.asymptotes import Asymptotes, asymptotes_of, config_of
 
 NAME = "/sma_actuator"
@@ -331,6 +331,28 @@ def test_a_log_that_is_sent_is_replayed_and_traced_with_the_nodes_model(stand, l
     with_page(stand, work)
 
 
+def test_what_was_just_seen_is_downloaded_as_a_bench_log(stand, tmp_path):
+    async def work(page):
+        await page.enabled()
+        await page.send(0.0024)
+        await page.until(lambda: abs((page.latest("displacement_estimate_m") or 0.0) - 0.0024) < 2e-4)
+        await page.until(lambda: len(page.rows) > 60)
+        headers = {"Origin": stand.url, "Authorization": f"Bearer {stand.token}"}
+        async with aiohttp.ClientSession() as http, http.post(f"{stand.url}/recording", headers=headers) as response:
+            assert response.status == 200, await response.text()
+            assert "sma_actuator_" in response.headers["Content-Disposition"]
+            (tmp_path / "seen.csv").write_bytes(await response.read())
+        return {row[0] for row in page.rows}, page.latest("setpoint_m")
+
+    rows, setpoint_m = with_page(stand, work)
+    log = read_bench_log(tmp_path / "seen.csv", allow_gaps=True)
+    assert (
+        len(log) >= len(rows) - 5
+    )  # the page draws a part of them; the last may still be on their way to one of the two
+    assert log["setpoint_m"][-1] == setpoint_m
+    assert np.nanmin(np.abs(log["displacement_estimate_m"] - 0.0024)) < 2e-4
+
+
 # --- the model -------------------------------------------------------------------------------------------
 
 
@@ -432,6 +454,79 @@ def test_in_the_browser_the_point_moves_where_it_is_sent(browser, stand):
     assert browser.text("#mode") == "tracking"
 
 
+def test_in_the_browser_a_zoom_stays_while_data_arrive_and_the_legend_has_the_values_of_now(browser):
+    browser.wait_for("live.times.length > 40")
+    shown = "JSON.stringify([positionPlot.scales.x.min, positionPlot.scales.x.max])"
+    place = browser.value(
+        "(() => { const r = positionPlot.over.getBoundingClientRect(); return [r.left, r.width, r.top + r.height / 2]; })()"
+    )
+    for kind, share in (("mousePressed", 0.4), ("mouseMoved", 0.6), ("mouseReleased", 0.6)):
+        browser.command(
+            "Input.dispatchMouseEvent", type=kind, x=place[0] + share * place[1], y=place[2], button="left", buttons=1, clickCount=1
+        )  # fmt: skip
+    browser.wait_for("zoom !== null && !$('zoom').hidden")
+    browser.wait_for("positionPlot.scales.x.max === zoom.max")
+    before, newest = browser.value(shown), browser.value("live.last('at_s')")
+    browser.wait_for(f"live.last('at_s') > {newest} + 1")
+    assert browser.value(shown) == before
+    assert browser.value("heatPlot.scales.x.max === zoom.max")
+    browser.click("#zoom")
+    browser.wait_for("zoom === null && positionPlot.scales.x.max >= live.last('at_s') - 1")
+    browser.command("Input.dispatchMouseEvent", type="mouseMoved", x=1, y=1)  # away from the plots
+    legend = "[...document.querySelectorAll('#position-plot .u-series')].at(-1).querySelector('.u-value').textContent"
+    browser.wait_for(f"Number({legend}) === Number(live.last('displacement_estimate_m').toFixed(3))")
+
+
+def test_in_the_browser_the_setpoint_is_dragged_on_the_plot(browser, stand):
+    _enabled_by_hand(browser, stand)
+    _sent_by_hand(browser, 2.4)
+    browser.value("$('grip').scrollIntoView({block: 'center'})")
+    x, y, px_per_mm = browser.value(
+        "(() => { const r = $('grip').getBoundingClientRect(); const p = positionPlot; "
+        "return [r.x + r.width / 2, r.y + r.height / 2, p.valToPos(2, 'y') - p.valToPos(3, 'y')]; })()"
+    )
+    drag = [("mousePressed", 0.0), ("mouseMoved", 0.1), ("mouseMoved", 0.2), ("mouseReleased", 0.2)]
+    for kind, mm in drag:
+        browser.command(
+            "Input.dispatchMouseEvent", type=kind, x=x, y=y - mm * px_per_mm, button="left", buttons=1, clickCount=1
+        )
+    browser.wait_for("!grabbed && Math.abs(live.last('setpoint_m') - 2.6) < 0.02")  # a tenth of a millimetre is some px
+    browser.wait_for("Math.abs(Number($('grip').textContent) - 2.6) < 0.02")
+
+
+def test_in_the_browser_steps_and_sines_end_with_stop_and_with_any_other_command(browser, stand):
+    browser.value("$('generator').open = true")
+
+    def begin(form, amplitude, period):
+        browser.value(
+            f"$('wave').value = {form!r}; $('amplitude').value = {amplitude!r}; $('period').value = {period!r}"
+        )
+        browser.click("#generate")
+
+    said = "document.querySelector('#said li').textContent"
+    _enabled_by_hand(browser, stand)
+    _sent_by_hand(browser, 2.2)
+    begin("steps", "5", "2")
+    browser.wait_for(f"{said}.startsWith('not started: ±5 mm around 2.2')")
+    assert browser.value("wave === null")
+    begin("steps", "0.1", "1")
+    for goal in (2.3, 2.1, 2.3):
+        browser.wait_for(f"Math.abs(live.last('setpoint_m') - {goal}) < 1e-3")
+    browser.wait_for("/^error over the last [01].[0-9] s: mean 0/.test($('error').textContent)")
+    _sent_by_hand(browser, 2.4)
+    assert browser.value("wave === null")
+    begin("sine", "0.2", "2")
+    browser.wait_for("live.last('setpoint_m') > 2.5")
+    browser.wait_for("live.last('setpoint_m') < 2.3")
+    browser.click("#stop")
+    assert browser.value("wave === null")
+    assert _seconds_to_no_current(stand) < SOON_s
+    browser.wait_for("$('mode').textContent === 'off'")
+    begin("sine", "0.2", "2")
+    browser.wait_for(f"{said} === 'not started: enable the wire first'")
+    browser.value("$('generator').open = false")
+
+
 def test_in_the_browser_a_refused_gain_shows_the_nodes_sentence_and_its_value_again(browser, stand):
     browser.wait_for("document.querySelector('[name=\"controller.kd\"]')")
     field = "document.querySelector('[name=\"controller.kd\"]')"
@@ -503,6 +598,57 @@ def test_in_the_browser_commands_and_plot_are_seen_at_once(browser, width, heigh
             )
     finally:
         browser.command("Emulation.clearDeviceMetricsOverride")
+
+
+#: Of everything that a person sees: what is beyond the window, or beyond what holds it and shows no more.
+_CUT_OFF = """(() => {
+  const cut = [], wide = document.documentElement.clientWidth;
+  for (const e of document.querySelectorAll('body *')) {
+    const r = e.getBoundingClientRect();
+    if (!r.width || e.closest('.u-wrap')) continue;
+    const hidden = getComputedStyle(e).overflowX !== 'visible' && e.scrollWidth > e.clientWidth + 1;
+    if (r.right > wide + 1 || r.left < -1 || hidden) cut.push(`${e.tagName}#${e.id}.${e.className} ${r.left}…${r.right}`);
+  }
+  for (const u of document.querySelectorAll('.u-wrap')) if (u.getBoundingClientRect().right > wide + 1) cut.push('a plot');
+  return innerWidth === WIDTH ? cut.join('; ') : 'wider than the window';
+})()"""
+
+
+def test_in_the_browser_nothing_is_cut_off_at_any_width(browser):
+    browser.value("for (const d of document.querySelectorAll('details')) d.open = true")
+    try:
+        for width in (360, 390, 480, 600, 768, 959, 961, 1024, 1366, 1920, 2560):
+            size = {"width": width, "height": 700, "deviceScaleFactor": 1, "mobile": width < 800}
+            browser.command("Emulation.setDeviceMetricsOverride", **size)
+            browser.wait_for(f"{_CUT_OFF.replace('WIDTH', str(width))} === ''")
+    finally:
+        browser.command("Emulation.clearDeviceMetricsOverride")
+        browser.value("for (const d of document.querySelectorAll('details')) d.open = false")
+
+
+def test_in_the_browser_it_is_dark_where_the_system_is(browser):
+    def light(of):
+        """How bright a colour is, of 255."""
+        return browser.value(
+            f"(() => {{ const g = document.createElement('canvas').getContext('2d'); g.fillStyle = {of}; g.fillRect(0, 0, 1, 1); "
+            "const [r, b, c] = g.getImageData(0, 0, 1, 1).data; return (r + b + c) / 3; })()"
+        )
+
+    for scheme in ("dark", "light"):
+        browser.command("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        paper, ink = (light(f"getComputedStyle($('command')).{each}") for each in ("backgroundColor", "color"))
+        assert (paper < 60 and ink > 200) if scheme == "dark" else (paper > 200 and ink < 60)
+        browser.wait_for("theme.ink === getComputedStyle(document.documentElement).getPropertyValue('--ink')")
+
+
+def test_in_the_browser_the_last_two_minutes_are_downloaded(browser, tmp_path):
+    browser.command("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
+    browser.click("#record")
+    browser.wait_for("document.querySelector('#said li').textContent.includes('check-log')")
+    wait_until(lambda: any(tmp_path.glob("*.csv")), what="the file")
+    (path,) = tmp_path.glob("*.csv")
+    log = read_bench_log(path, allow_gaps=True)
+    assert len(log) > 20
 
 
 def test_in_the_browser_a_file_that_is_no_log_is_answered_in_sight(browser):

@@ -6,15 +6,20 @@ import json
 import math
 import sys
 
+import numpy as np
 import pytest
 
 pytest.importorskip("aiohttp", reason="aiohttp is not installed (extra 'view')")
 pytest.importorskip("rclpy", reason="ROS 2 is not installed (extra 'ros')")
 from aiohttp.test_utils import TestClient, TestServer
+from rig import Rig
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.share import shared_file
-from sma_actuator.config import Config
+from sma_actuator.cli.main import main
+from sma_actuator.config import Config, read_parameter_file
+from sma_actuator.logs.bench_log import read_bench_log
+from sma_actuator.ros.named_signals import named_signals
 from sma_actuator.view import logs
 from sma_actuator.view.server import ViewServer
 
@@ -33,6 +38,7 @@ class StillWire:
         self.status = None
         self.diagnostics, self.parameters, self.live, self.services = {}, {}, {}, []
         self.done = []
+        self.rows_recorded = {}
 
     async def listen(self, wanted):
         self.done.append(("listen", wanted))
@@ -59,6 +65,9 @@ class StillWire:
     async def trigger(self, name):
         self.done.append(name)
         return "done"
+
+    async def recorded(self):
+        return self.rows_recorded
 
 
 def with_server(work, config=None, file=None):
@@ -106,10 +115,10 @@ async def asked(socket, number, **question):
     return answer
 
 
-@pytest.mark.parametrize("path", ["/", "/view.js", "/live", "/log", "/report/x", "/no_such_page"])
+@pytest.mark.parametrize("path", ["/", "/view.js", "/live", "/log", "/recording", "/report/x", "/no_such_page"])
 def test_another_sites_page_is_answered_nowhere_and_the_token_wanted_where_something_is_told_or_done(path):
     async def work(client, server, wire):
-        method = "POST" if path == "/log" else "GET"
+        method = "POST" if path in ("/log", "/recording") else "GET"
 
         async def status(**headers):
             async with client.request(method, path, headers=headers) as response:
@@ -118,7 +127,7 @@ def test_another_sites_page_is_answered_nowhere_and_the_token_wanted_where_somet
         assert await status(**headers_of(client, server, Origin="http://attacker.example")) == 403
         assert await status(**headers_of(client, server, Origin="null")) == 403
         assert await status(**headers_of(client, server, Host="attacker.example")) == 403
-        acts = path in ("/live", "/log")
+        acts = path in ("/live", "/log", "/recording")
         assert (await status() == 403) is acts
         assert (await status(Authorization=f"Bearer {server.token}") == 403) is acts  # no page: it says no Origin
         assert (await status(**headers_of(client, server, Authorization="Bearer wrong")) == 403) is acts
@@ -226,3 +235,34 @@ def test_what_works_on_a_log_has_a_bound_of_memory_and_says_so(monkeypatch):
     hungry = [sys.executable, "-c", "bytearray(1_000_000_000)"]
     with pytest.raises(UserError, match=r"more than 0\.5 GB of memory; use sma-actuator"):
         asyncio.run(logs._run(hungry, 60.0))
+
+
+def test_a_download_before_there_is_anything_says_so():
+    async def work(client, server, wire):
+        async with client.post("/recording", headers=headers_of(client, server)) as response:
+            assert response.status == 409
+            assert "nothing is recorded yet" in await response.text()
+
+    with_server(work)
+
+
+def test_what_is_downloaded_holds_every_step_and_check_log_takes_it(tmp_path):
+    rig = Rig(read_parameter_file(shared_file("config/flexinol.yaml")))
+    rig.enable()
+    rig.track(0.0035)
+    rig.track(0.0025)
+    rows = {
+        (named := named_signals(output))["time_s"]: (named, "enabled" if number == 3 else "")
+        for number, output in enumerate(rig.outputs)
+    }
+    path = tmp_path / "seen.csv"
+    path.write_bytes(logs.bench_log_of(rows))
+    log = read_bench_log(path)
+    assert len(log) == len(rows)
+    for name in ("supply_voltage_V", "load_cell_voltage_V", "setpoint_m", "quality", "output_on"):
+        np.testing.assert_allclose(log[name], [named[name] for named, _ in rows.values()], rtol=1e-8, err_msg=name)
+    assert log.events == ((log["time_s"][3], "enabled"),)
+    assert all(np.isfinite(log[name]).any() for name in log.columns), "channels that are wired"
+    main(["check-log", str(path), "--quiet", "--json", str(tmp_path / "found.json")])
+    found = {each["requirement"]: each["met"] for each in json.loads((tmp_path / "found.json").read_text())}
+    assert found["20 readings a second or more"] and found["every row is a new reading"]

@@ -7,6 +7,9 @@ const MOST_ROWS = 3000; // kept; the memory of the page does not grow
 const DRAW_PERIOD_ms = 100;
 const SETPOINT_PERIOD_ms = 100;
 const RETRY_ms = 1000;
+const WAVE_PERIOD_ms = 50; // between setpoints of a sine
+const SHORTEST_WAVE_s = 0.5;
+const MOST_UNANSWERED = 10; // setpoints of a wave; with more it ends
 const SHORT_px = 900; // a window that is no higher has lower plots, so that plots and commands are seen at once
 // An axis spans no less: a wire at rest is a line, and its noise no picture.
 const LEAST = { mm: 0.2, mA: 20, C: 10 };
@@ -44,6 +47,18 @@ function takeToken() {
 }
 
 const token = takeToken();
+
+// --- colours: the page's own, light or dark as the system is ------------------------------------------
+
+const theme = {};
+const darkness = matchMedia("(prefers-color-scheme: dark)");
+
+function takeTheme() {
+  const style = getComputedStyle(document.documentElement);
+  for (const name of ["ink", "soft", "grid", "setpoint", "limited", "band", "band-fill", "blue", "good", "limit", "bad"]) theme[name] = style.getPropertyValue(`--${name}`).trim();
+}
+
+takeTheme();
 
 // --- rows --------------------------------------------------------------------------------------------
 
@@ -90,6 +105,7 @@ class Rows {
   }
 }
 
+let dirty = false; // something is to be drawn
 const live = new Rows();
 let shownLog = null; // Rows of a dropped log, while it is shown
 let names = [];
@@ -103,59 +119,126 @@ function clock(value) {
   return shownLog ? `${value} s` : new Date(value * 1000).toTimeString().slice(0, 8);
 }
 
-function line(label, stroke, more = {}) {
-  return { label, stroke, width: 1.5, spanGaps: false, points: { show: false }, value: (_, v) => (v == null ? "–" : v.toFixed(3)), ...more };
+function line(label, colour, more = {}, digits = 3) {
+  return { label, stroke: () => theme[colour], width: 1.5, spanGaps: false, points: { show: false }, value: (_, v) => (v == null ? "–" : v.toFixed(digits)), ...more };
 }
 
 function noLessThan(span) {
-  return (_, low, high) => {
+  return (made, low, high, scale) => {
+    if (grabbed) return [made.scales[scale].min, made.scales[scale].max]; // the ground does not move under who drags
     if (low === null || high === null) return [0, span];
     const more = Math.max(span - (high - low), 0.1 * (high - low)) / 2;
     return [low - more, high + more];
   };
 }
 
+let zoom = null; // {min, max} of time, kept while data arrive
+let selecting = false; // the mouse is down on a plot: nothing moves under it
+let grabbed = null; // the setpoint's grip, while it is dragged
+
+function zoomTo(wanted) {
+  zoom = wanted;
+  $("zoom").hidden = !wanted;
+  redraw();
+}
+
+$("zoom").onclick = () => zoomTo(null);
+addEventListener("mouseup", () => { selecting = false; });
+
 function plot(place, height, spans, columns, series, axes, bands = []) {
   const ranges = Object.fromEntries(Object.entries(spans).map(([name, span]) => [name, { range: noLessThan(span) }]));
+  const coloured = axes.map((axis) => ({ stroke: () => theme.ink, ...axis, grid: { stroke: () => theme.grid, ...axis.grid }, ticks: { stroke: () => theme.grid, ...axis.ticks } }));
   const made = new uPlot(
     {
-      width: 300, height, series: [{ label: "time", value: (_, v) => (v == null ? "–" : clock(v)) }, ...series], axes, bands,
-      scales: { x: { time: false }, ...ranges }, cursor: { sync: { key: "time" }, drag: { x: true, y: false } },
+      width: 300, height, series: [{ label: "time", value: (_, v) => (v == null ? "–" : clock(v)) }, ...series], axes: coloured, bands,
+      scales: { x: { time: false }, ...ranges },
+      cursor: { sync: { key: "time" }, drag: { x: true, y: false, setScale: false }, bind: { dblclick: () => () => zoomTo(null) } },
+      hooks: {
+        setSelect: [(u) => {
+          const { left, width } = u.select;
+          if (width > 0) zoomTo({ min: u.posToVal(left, "x"), max: u.posToVal(left + width, "x") });
+          u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+        }],
+      },
     },
     [[], ...columns.map(() => [])],
     place,
   );
-  const size = () => made.setSize({ width: Math.max(place.clientWidth, 200), height: height * (innerHeight <= SHORT_px ? 0.75 : 1) });
-  new ResizeObserver(size).observe(place);
-  addEventListener("resize", size);
-  return (rows) => {
+  made.over.addEventListener("mousedown", () => { selecting = true; });
+  // Looked at with every drawing: a window tells of its new size before it has it.
+  const fit = () => {
+    const size = { width: Math.max(place.clientWidth, 200), height: height * (innerHeight <= SHORT_px ? 0.75 : 1) };
+    if (made.width !== size.width || made.height !== size.height) made.setSize(size);
+  };
+  new ResizeObserver(redraw).observe(place);
+  addEventListener("resize", redraw);
+  darkness.addEventListener("change", () => made.redraw());
+  made.show = (rows) => {
+    if (selecting) return;
+    fit();
     made.setData([rows.times, ...columns.map((name) => rows.column(name))], false);
     const end = rows.last("at_s") ?? 1;
     const start = shownLog ? rows.times[0] : Math.max(rows.times[0] ?? 0, end - KEPT_s);
-    made.setScale("x", { min: start, max: Math.max(end, start + 1) });
+    if (zoom && zoom.max < start) zoomTo(null); // what was looked at is gone
+    made.setScale("x", zoom ?? { min: start, max: Math.max(end, start + 1) });
+    if (made.cursor.left < 0) made.setLegend({ idx: rows.times.length - 1 }, false); // the values of now, where nobody points at others
   };
+  return made;
 }
 
 const timeAxis = { values: (_, splits) => splits.map(clock), space: 90 };
+const beside = { size: 50, labelSize: 18, space: 30 };
 
-const drawPosition = plot(
+const positionPlot = plot(
   $("position-plot"), 300, { y: LEAST.mm },
   ["setpoint_m", "limited_setpoint_m", "high", "low", "displacement_m", "displacement_estimate_m"],
   [
-    line("setpoint", "#d98200", { dash: [6, 4] }), line("rate limited", "#e9b872"),
-    line("+95 %", "rgba(31,95,174,.35)", { width: 1 }), line("−95 %", "rgba(31,95,174,.35)", { width: 1 }),
-    line("reference", "#1c2733"), line("estimate", "#1f5fae", { width: 2 }),
+    line("setpoint", "setpoint", { dash: [6, 4] }), line("rate limited", "limited", { class: "fewer" }),
+    line("95 %", "band", { width: 1, value: (u, v, _, i) => (v == null ? "–" : `±${((v - u.data[4][i]) / 2).toFixed(3)}`) }), line("−95 %", "band", { width: 1, class: "unlisted" }),
+    line("reference", "ink"), line("estimate", "blue", { width: 2 }),
   ],
-  // An empty axis on the right, so that the two plots stand exactly over each other.
-  [timeAxis, { label: "displacement [mm]", size: 60 }, { side: 1, size: 60, label: " ", values: (_, s) => s.map(() => ""), grid: { show: false }, ticks: { show: false } }],
-  [{ series: [3, 4], fill: "rgba(31,95,174,.12)" }],
+  // An empty axis on the right, for the setpoint's grip, and so that the two plots stand exactly over each other.
+  [timeAxis, { ...beside, label: "displacement [mm]" }, { ...beside, side: 1, label: " ", values: (_, s) => s.map(() => ""), grid: { show: false }, ticks: { show: false } }],
+  [{ series: [3, 4], fill: () => theme["band-fill"] }],
 );
-const drawHeat = plot(
+const heatPlot = plot(
   $("heat-plot"), 200, { y: LEAST.mA, C: LEAST.C },
   ["current_A", "current_limit_A", "temperature_C"],
-  [line("current [mA]", "#17794a"), line("limit [mA]", "#9fc9b3", { dash: [3, 3] }), line("temperature [°C]", "#b3201d", { scale: "C" })],
-  [timeAxis, { label: "current [mA]", size: 60 }, { scale: "C", side: 1, label: "temperature [°C]", size: 60, grid: { show: false } }],
+  [line("current [mA]", "good", {}, 1), line("limit [mA]", "limit", { dash: [3, 3] }, 1), line("temperature [°C]", "bad", { scale: "C" }, 1)],
+  [timeAxis, { ...beside, label: "current [mA]" }, { ...beside, scale: "C", side: 1, label: "temperature [°C]", grid: { show: false } }],
 );
+
+// --- the setpoint's grip, beside the plot of position --------------------------------------------------
+
+function showGrip() {
+  const grip = $("grip"), over = positionPlot.over;
+  const mm = grabbed ? grabbed.mm : live.last("setpoint_m") ?? live.last("displacement_estimate_m");
+  grip.hidden = shownLog !== null || mm === null;
+  grip.disabled = !model.range_m;
+  if (grip.hidden) return;
+  const y = Math.min(Math.max(positionPlot.valToPos(mm, "y"), 0), over.clientHeight);
+  const at = over.getBoundingClientRect(), place = $("position-plot").getBoundingClientRect();
+  grip.style.left = `${at.right - place.left + 4}px`;
+  grip.style.top = `${at.top - place.top + y}px`;
+  grip.textContent = mm.toFixed(3);
+}
+
+$("grip").onpointerdown = (event) => {
+  if (!model.range_m || event.button !== 0) return;
+  $("grip").setPointerCapture(event.pointerId);
+  const mm = live.last("setpoint_m") ?? live.last("displacement_estimate_m");
+  grabbed = { mm, y: event.clientY, from: positionPlot.valToPos(mm, "y") };
+};
+$("grip").onpointermove = (event) => {
+  if (!grabbed) return;
+  const [low, high] = model.range_m.map((m) => m * 1e3);
+  const mm = Math.min(Math.max(positionPlot.posToVal(grabbed.from + event.clientY - grabbed.y, "y"), low), high);
+  if (mm === grabbed.mm) return;
+  grabbed.mm = mm;
+  showGrip();
+  sendSetpoint(mm);
+};
+$("grip").onpointerup = $("grip").onpointercancel = () => { grabbed = null; redraw(); };
 
 // --- resistance and displacement ---------------------------------------------------------------------
 
@@ -200,8 +283,8 @@ function drawLoop(rows) {
   const [y0, y1] = bounds([...stroke, ...estimate.slice(first)], 0.05);
   const X = (v) => 52 + ((v - x0) / (x1 - x0)) * (width - 62), Y = (v) => height - 34 - ((v - y0) / (y1 - y0)) * (height - 44);
   g.font = "12px system-ui, sans-serif";
-  g.strokeStyle = "#e3e8ed";
-  g.fillStyle = "#5b6b7a";
+  g.strokeStyle = theme.grid;
+  g.fillStyle = theme.soft;
   g.lineWidth = 1;
   g.textAlign = "center";
   for (const v of ticks(x0, x1, 6)) { segment(g, X(v), Y(y0), X(v), Y(y1)); g.fillText(v, X(v), height - 20); }
@@ -219,18 +302,18 @@ function drawLoop(rows) {
   g.rect(52, 0, width - 62, height - 34);
   g.clip();
   if (curves) {
-    path(g, curves.resistance_Ohm, curves.heating_m, 0, 1e3, X, Y, "#b3201d");
-    path(g, curves.resistance_Ohm, curves.cooling_m, 0, 1e3, X, Y, "#1f5fae");
+    path(g, curves.resistance_Ohm, curves.heating_m, 0, 1e3, X, Y, theme.bad);
+    path(g, curves.resistance_Ohm, curves.cooling_m, 0, 1e3, X, Y, theme.blue);
     g.textAlign = "left";
-    g.fillStyle = "#b3201d"; g.fillText("heating asymptote", 60, 16);
-    g.fillStyle = "#1f5fae"; g.fillText("cooling asymptote", 60, 32);
-    g.fillStyle = "#5b6b7a"; g.fillText(`at ${(curves.stress_Pa * 1e-6).toFixed(1)} MPa`, 60, 48);
+    g.fillStyle = theme.bad; g.fillText("heating asymptote", 60, 16);
+    g.fillStyle = theme.blue; g.fillText("cooling asymptote", 60, 32);
+    g.fillStyle = theme.soft; g.fillText(`at ${(curves.stress_Pa * 1e-6).toFixed(1)} MPa`, 60, 48);
   }
-  path(g, resistance, estimate, first, 1, X, Y, "rgba(28,39,51,.45)");
-  if (shownLog) path(g, resistance, rows.column("displacement_m"), 0, 1, X, Y, "rgba(217,130,0,.6)");
+  path(g, resistance, estimate, first, 1, X, Y, theme.soft);
+  if (shownLog) path(g, resistance, rows.column("displacement_m"), 0, 1, X, Y, theme.setpoint);
   const R = rows.last("resistance_Ohm"), d = rows.last("displacement_estimate_m");
   if (R !== null && d !== null && !shownLog) {
-    g.fillStyle = "#d98200";
+    g.fillStyle = theme.setpoint;
     g.beginPath();
     g.arc(X(R), Y(d), 6, 0, 2 * Math.PI);
     g.fill();
@@ -263,17 +346,19 @@ function path(g, xs, ys, first, factor, X, Y, colour) {
 
 // --- drawing -----------------------------------------------------------------------------------------
 
-let dirty = false, drawn_ms = 0;
+let drawn_ms = 0;
 
 function draw(now_ms) {
   if (now_ms - drawn_ms < DRAW_PERIOD_ms) { requestAnimationFrame(draw); return; }
   drawn_ms = now_ms;
   dirty = false;
   const rows = shownLog ?? live;
-  drawPosition(rows);
-  drawHeat(rows);
+  positionPlot.show(rows);
+  heatPlot.show(rows);
   drawLoop(rows);
+  showGrip();
   showValues();
+  showError();
 }
 
 function redraw() {
@@ -292,7 +377,7 @@ function showValues() {
   $("quality").textContent = quality === null ? "–" : qualityWords[quality] ?? `quality ${quality}`;
   $("quality").className = quality === 0 ? "good" : quality === 4 ? "bad" : "warn";
   const at = live.last("displacement_estimate_m");
-  if (!touched && at !== null) { $("setpoint").value = live.last("setpoint_m") ?? at; $("setpoint-mm").value = Number($("setpoint").value).toFixed(3); }
+  if (!touched && !grabbed && at !== null) { $("setpoint").value = live.last("setpoint_m") ?? at; $("setpoint-mm").value = Number($("setpoint").value).toFixed(3); }
 }
 
 // --- state, health -----------------------------------------------------------------------------------
@@ -308,6 +393,7 @@ function showState(state) {
   $("status").className = !state.present ? "bad" : status ? LEVELS[status.level] : "";
   document.title = `${$("node").textContent}: ${words}`;
   $("mode").textContent = state.present && status ? status.mode : "–";
+  if (!moves()) endWave("the wire is not driven any more");
   const fault = state.present && status ? status.fault : null;
   $("fault").hidden = !fault;
   $("fault").textContent = fault ? `Fault ${fault.name}: ${fault.words}. ${fault.advice}` : "";
@@ -429,7 +515,7 @@ function showParameters(parameters) {
     row.show(row.declared.value);
   }
   const range = parameters.range_m;
-  for (const id of ["setpoint", "setpoint-mm", "setpoint-send"]) $(id).disabled = !range;
+  for (const id of ["setpoint", "setpoint-mm", "setpoint-send", "generate"]) $(id).disabled = !range;
   if (range) { $("setpoint").min = range[0] * 1e3; $("setpoint").max = range[1] * 1e3; }
   $("range").textContent = range ? `${(range[0] * 1e3).toFixed(2)} … ${(range[1] * 1e3).toFixed(2)} mm` : "";
   $("save").disabled = !parameters.file || !given.length;
@@ -446,10 +532,10 @@ function say(ok, sentence) {
   while ($("said").children.length > 6) $("said").lastChild.remove();
 }
 
-// The answer of the node, {ok, sentence}; it is shown as well.
-function ask(what, more = {}) {
+// The answer of the node, {ok, sentence}; it is shown as well, of what is asked often (quiet) only where it is no.
+function ask(what, more = {}, quiet = false) {
   return new Promise((resolve) => {
-    const done = (answer) => { say(answer.ok, answer.sentence); resolve(answer); };
+    const done = (answer) => { if (!quiet || !answer.ok) say(answer.ok, answer.sentence); resolve(answer); };
     if (!socket || socket.readyState !== WebSocket.OPEN) {
       done({ ok: false, sentence: `${what}: not asked, there is no connection to sma-actuator view` });
       return;
@@ -460,22 +546,29 @@ function ask(what, more = {}) {
   });
 }
 
-$("stop").onclick = () => ask("stop");
+function stop() {
+  endWave("");
+  clearTimeout(later);
+  ask("stop");
+}
+
+$("stop").onclick = stop;
 // Before whatever has the focus gets it: no button is pressed by it, no field takes a blank.
 addEventListener("keydown", (event) => {
   if (event.code !== "Space") return;
   event.preventDefault();
   event.stopPropagation();
-  if (!event.repeat) ask("stop");
+  if (!event.repeat) stop();
 }, true);
 addEventListener("keyup", (event) => { if (event.code === "Space") event.preventDefault(); }, true);
 $("save").onclick = () => ask("save");
 $("enable").onclick = () => ask("enable");
-$("disable").onclick = () => ask("disable");
+$("disable").onclick = () => { endWave(""); ask("disable"); };
 
 let touched = false, sent_ms = 0, later = 0;
 
 function sendSetpoint(mm) {
+  endWave("the setpoint is yours again");
   clearTimeout(later);
   const wait = sent_ms + SETPOINT_PERIOD_ms - performance.now();
   if (wait > 0) { later = setTimeout(() => sendSetpoint(mm), wait); return; }
@@ -488,6 +581,68 @@ $("setpoint").onchange = () => { touched = false; };
 $("setpoint-mm").oninput = () => { touched = true; }; // what is typed stays until it is sent
 $("setpoint-send").onclick = () => { sendSetpoint(Number($("setpoint-mm").value)); touched = false; };
 $("setpoint-mm").onkeydown = (event) => { if (event.key === "Enter") $("setpoint-send").click(); };
+
+// --- steps and sines -----------------------------------------------------------------------------------
+
+let wave = null;
+
+function beginWave() {
+  const amplitude = Number($("amplitude").value), period = Number($("period").value);
+  const centre = live.last("setpoint_m") ?? live.last("displacement_estimate_m");
+  const [low, high] = model.range_m.map((m) => m * 1e3);
+  const refusal = !moves() ? "not started: enable the wire first"
+    : !(amplitude > 0) ? "not started: the amplitude is a number above 0"
+    : !(period >= SHORTEST_WAVE_s) ? `not started: it takes ${SHORTEST_WAVE_s} s or longer`
+    : centre - amplitude < low || centre + amplitude > high ? `not started: ±${amplitude} mm around ${centre.toFixed(3)} mm is more than ${low.toFixed(3)} … ${high.toFixed(3)} mm`
+    : "";
+  if (refusal) { say(false, refusal); return; }
+  clearTimeout(later);
+  wave = { sine: $("wave").value === "sine", amplitude, period, centre, began_ms: performance.now(), began_s: live.last("at_s"), sent: NaN, unanswered: 0, timer: setInterval(nextOfWave, WAVE_PERIOD_ms) };
+  $("generate").textContent = "end";
+  nextOfWave();
+}
+
+async function nextOfWave() {
+  const mine = wave;
+  const phase = ((performance.now() - mine.began_ms) * 1e-3) / mine.period;
+  const mm = mine.centre + mine.amplitude * (mine.sine ? Math.sin(2 * Math.PI * phase) : phase % 1 < 0.5 ? 1 : -1);
+  if (mm === mine.sent) return;
+  if (mine.unanswered >= MOST_UNANSWERED) { endWave("the answers come too late"); return; }
+  mine.sent = mm;
+  mine.unanswered += 1;
+  const { ok } = await ask("setpoint", { position_m: mm * 1e-3 }, true);
+  mine.unanswered -= 1;
+  if (!ok && wave === mine) endWave("a setpoint was refused");
+}
+
+function endWave(why) {
+  if (!wave) return;
+  clearInterval(wave.timer);
+  wave = null;
+  $("generate").textContent = "start";
+  say(!why, `the wave has ended${why && ": "}${why}`);
+}
+
+// What the wire is off by, over the last whole period; while there is a wave, and of the last one.
+function showError() {
+  if (!wave || shownLog) return;
+  const times = live.times, end = live.last("at_s");
+  const start = Math.max(wave.began_s, end - wave.period);
+  let n = 0, sum = 0, worst = 0;
+  for (let i = times.length - 1; i >= 0 && times[i] > start; i--) {
+    const off = Math.abs(live.column("displacement_estimate_m")[i] - live.column("setpoint_m")[i]);
+    if (live.column("displacement_estimate_m")[i] === null || live.column("setpoint_m")[i] === null) continue;
+    n += 1;
+    sum += off;
+    worst = Math.max(worst, off);
+  }
+  if (n) $("error").textContent = `error over the last ${(end - start).toFixed(1)} s: mean ${(sum / n).toFixed(3)} mm, worst ${worst.toFixed(3)} mm`;
+}
+
+const moves = () => ["hold", "tracking"].includes($("mode").textContent);
+
+$("generate").onclick = () => (wave ? endWave("ended by hand") : beginWave());
+addEventListener("visibilitychange", () => { if (document.hidden) endWave("the page is hidden"); });
 
 // --- the connection ----------------------------------------------------------------------------------
 
@@ -521,6 +676,7 @@ function connect() {
     for (const [kind, content] of Object.entries(JSON.parse(event.data))) takers[kind]?.(content);
   };
   socket.onclose = () => {
+    endWave("there is no connection");
     silent(true);
     banner("No connection to sma-actuator view: nothing here is of now, and STOP cannot reach the node. If the command was started anew, open the address that it prints.");
     for (const done of asked.values()) done({ ok: false, sentence: "the connection ended before the answer" });
@@ -533,6 +689,7 @@ function connect() {
 
 function showLog(log) {
   const came = log && $("log").hidden;
+  zoomTo(null);
   shownLog = log && log.columns ? Rows.ofLog(log.columns) : null;
   $("log").hidden = !log;
   if (log) {
@@ -558,6 +715,20 @@ async function dropLog(file) {
   }
 }
 
+async function downloadRecording() {
+  try {
+    const response = await fetch("/recording", { method: "POST", headers: { Authorization: `Bearer ${token}` } });
+    if (!response.ok) { say(false, await response.text()); return; }
+    const link = el("a", { href: URL.createObjectURL(await response.blob()), download: response.headers.get("Content-Disposition").match(/filename="(.+)"/)[1] });
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+    say(true, `${link.download} is with your downloads; sma-actuator check-log reads it`);
+  } catch (error) {
+    say(false, `nothing was downloaded: ${error.message}`);
+  }
+}
+
+$("record").onclick = downloadRecording;
 $("log-close").onclick = () => { showLog(null); ask("forget_log"); };
 $("file").onchange = () => { if ($("file").files.length) dropLog($("file").files[0]); };
 // Anywhere on the page: a file that misses the place would else be opened instead of it.
@@ -569,5 +740,6 @@ document.ondrop = (event) => {
   if (event.dataTransfer.files.length) dropLog(event.dataTransfer.files[0]);
 };
 
+darkness.addEventListener("change", () => { takeTheme(); redraw(); });
 redraw();
 connect();
