@@ -184,8 +184,10 @@ class AmbientTemperature(Effect):
         rise_K = scales.rise_K
         how_warm = [size("temperature_coefficient", 5e-3, 5e-4)]
         if not scales.ambient_logged:
-            # The power says how warm it is; a metal's resistance rises with that, but not by any amount.
-            coefficient = shape("temperature_coefficient", 1e-4, 2.5e-3, 6e-4, other_at=("high",))
+            # The power says how warm it is.  A metal's resistance rises with that, but not by any amount; of a wire that the
+            # surroundings keep from transforming to its cold end it falls.  Held to rise, it takes the sign of the power along.
+            starts, ends = (6e-4, -3e-4), (-1e-3, 2.5e-3)
+            coefficient = Free("temperature_coefficient", *ends, 5e-4, starts, logarithmic=False, other_at=("high",))
             how_warm = [size("difference", 40.0, 2.0), coefficient]
         return [
             *how_warm,
