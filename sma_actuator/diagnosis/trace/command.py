@@ -34,6 +34,7 @@ from sma_actuator.logs.kinds import make_experiments
 from sma_actuator.logs.reading import add_log_arguments, find_logs, place, read_logs, reading_of
 
 from .evidence import Evidence
+from .isolability import as_numbers, isolability, size_in_words, tells_in_words
 from .race import trace
 from .report import explained, extended, summary
 
@@ -78,6 +79,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="say of these what speaks for and against them, whether they were named or not",
     )
     parser.add_argument(
+        "--isolability",
+        action="store_true",
+        help="trace nothing: say which effects logs like these would show, and which they could not tell apart",
+    )
+    parser.add_argument(
         "--beyond-floor",
         action="store_true",
         help="look also for what the model lacked at its calibration already (default: for what has come since)",
@@ -95,12 +101,9 @@ def run(args: argparse.Namespace) -> int:
     """Experiment, write and report; 0 when the report was written, whatever the verdict."""
     from .page import write_page
 
-    for option in ("only", "without", "explain"):
-        for name in getattr(args, option):
-            if name not in EFFECTS:
-                raise ConfigError(f"--{option}: '{name}' is no effect; known are {', '.join(EFFECTS)}")
-    if args.jobs < 1:
-        raise ConfigError(f"--jobs: {args.jobs} is too few; at least 1 is wanted")
+    _check(args)
+    if args.isolability:
+        return _isolability(args)
     if args.table:
         if args.calibration:
             raise ConfigError(
@@ -161,6 +164,61 @@ def run(args: argparse.Namespace) -> int:
         f"wrote {args.out / 'report.json'}, report.html{' and model.yaml' if model is not None else ''}", markup=False
     )
     say_next(args, _next(args, report["verdict"], path if model is not None else None))
+    return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Raise ConfigError where an option is none, or does not go with another."""
+    for option in ("only", "without", "explain"):
+        for name in getattr(args, option):
+            if name not in EFFECTS:
+                raise ConfigError(f"--{option}: '{name}' is no effect; known are {', '.join(EFFECTS)}")
+    if args.jobs < 1:
+        raise ConfigError(f"--jobs: {args.jobs} is too few; at least 1 is wanted")
+    for option in ("only", "explain", "beyond_floor", "calibration", "table"):
+        if args.isolability and getattr(args, option):
+            raise ConfigError(f"--{option.replace('_', '-')}: not with --isolability, which traces nothing")
+
+
+def _isolability(args: argparse.Namespace) -> int:
+    """Say what the logs would show; 0 when it is written."""
+    from .page import write_isolability
+
+    if args.out is None:
+        raise ConfigError("--out: a folder for the report is wanted")
+    written = [args.out / "isolability.json", args.out / "isolability.html"]
+    refuse_to_overwrite(args, *written)
+    console = notes(args)
+    config = Config.for_tools(read_parameter_file(args.config), str(args.config))
+    found = isolability(Evidence(read_logs(args.logs, reading_of(args), console.print), config), args.without)
+    report = as_numbers(found)
+    args.out.mkdir(parents=True, exist_ok=True)
+    write_isolability(written[1], report)
+    text = json.dumps(report, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    write_atomically(written[0], lambda stream: stream.write(text.encode()))
+    write_json(args, report)
+    shown = results(args)
+    table = Table(title="what these logs would show, and from which size (for 90 %)")
+    for header in ("effect", "shows from", "told from all others from", "last from"):
+        table.add_column(header)
+    for e in report["effects"]:
+        table.add_row(
+            e["name"], *(size_in_words(e, e[key]) for key in ("seen_from", "told_from_all")), e["told_last_from"]
+        )
+    shown.print(table)
+    for e in report["effects"]:
+        if e["not_told_from"]:
+            shown.print(
+                f"{e['name']}: these logs cannot tell it from {', '.join(e['not_told_from'])}, whatever its size"
+            )
+    for u in report["untestable"]:
+        shown.print(f"untestable: {u['name']}: {u['reason']}")
+    best = report["experiments"][0]
+    shown.print(
+        f"the experiment that would tell most: {best['what']} ({best['duration_s']:.0f} s), {best['adds_bits']:.2f} bits more of "
+        f"{report['most_bits']:.1f} (these logs: {report['known_bits']:.2f}); {tells_in_words(best)}"
+    )
+    console.print(f"wrote {written[0]}, {written[1].name}", markup=False)
     return 0
 
 

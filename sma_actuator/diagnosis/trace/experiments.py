@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,24 +36,24 @@ def best_experiment(
     evidence: Evidence, first: Mapping[str, Effect], second: Mapping[str, Effect]
 ) -> ProposedExperiment:
     """The shortest experiment in which the two differ by ENOUGH_percent; the one where they differ most if none does."""
-    chains = [_after_the_session(evidence, effects) for effects in (first, second)]
+    chains = [after_the_session(evidence, effects) for effects in (first, second)]
     found = []
-    for what, signals in _experiments(evidence):
+    for what, signals in experiments(evidence):
         # What they differ by at the beginning they differ by already: only what moves them apart decides.
-        difference_m = float(np.ptp(_shown(evidence, chains[0], signals) - _shown(evidence, chains[1], signals)))
+        difference_m = float(np.ptp(shown_m(evidence, chains[0], signals) - shown_m(evidence, chains[1], signals)))
         found.append(ProposedExperiment(what, float(np.ptp(signals.time_s)), difference_m))
     enough = [e for e in found if e.difference_m >= ENOUGH_percent / 100 * evidence.full_stroke_m]
     return min(enough, key=lambda e: e.duration_s) if enough else max(found, key=lambda e: e.difference_m)
 
 
-def _after_the_session(evidence: Evidence, effects: Mapping[str, Effect]) -> Chain:
+def after_the_session(evidence: Evidence, effects: Mapping[str, Effect]) -> Chain:
     """The chain as the last log leaves it: what creeps has crept, what slipped has slipped."""
     chain = evidence.chain(effects)
     evidence.through(chain)
     return chain
 
 
-def _shown(evidence: Evidence, chain: Chain, signals: Signals) -> np.ndarray:
+def shown_m(evidence: Evidence, chain: Chain, signals: Signals) -> np.ndarray:
     """What the reference sensor would show in an experiment right after the session."""
     begin_s = float(evidence.logs.experiments[-1].signals.time_s[-1]) + 1.0
     shifted = dataclasses.replace(signals, time_s=signals.time_s - signals.time_s[0] + begin_s)
@@ -62,7 +62,7 @@ def _shown(evidence: Evidence, chain: Chain, signals: Signals) -> np.ndarray:
     return np.nan_to_num(chain.judge(shifted).shown_m)
 
 
-def _experiments(evidence: Evidence):
+def experiments(evidence: Evidence) -> Iterator[tuple[str, Signals]]:
     """(what to do, what the channels would show) of every experiment."""
     experiment = evidence.logs.experiments[-1]
     s = experiment.signals

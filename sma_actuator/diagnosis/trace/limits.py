@@ -122,6 +122,15 @@ class Limits:
         0.15, "share of the cycles, the latest, that is looked at once, when all is chosen", "1", 0.0, 1.0
     )
 
+    # How probable is it?
+    tempering: float = parameter(
+        0.1,
+        "of every nat that counts as one: neighbouring cycles, and what no form fits, say the same again",
+        "1",
+        0.0,
+        1.0,
+    )
+
 
 LIMITS = Limits()
 

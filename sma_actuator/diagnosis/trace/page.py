@@ -13,6 +13,7 @@ from sma_actuator.report import Page, figure
 
 from .analysis import quantities, residual_m
 from .evidence import Evidence
+from .isolability import size_in_words, tells_in_words
 from .race import Tracing
 from .report import explained
 
@@ -41,6 +42,66 @@ def write_page(
     _dependence(page, report)
     _the_rest(page, report)
     page.write(path)
+
+
+def write_isolability(path: Path, report: dict[str, Any]) -> None:
+    """Write the page of what some logs would show; ``report``: of :func:`.isolability.as_numbers`."""
+    effects, best = report["effects"], report["experiments"][0]
+    alike = [e for e in effects if e["not_told_from"]]
+    said = "; ".join(f"{_words([e['name']])} from {_words(e['not_told_from'])}" for e in alike)
+    page = Page(
+        "What these logs would show",
+        f"Not told apart, whatever the size: {said}."
+        if said
+        else "Every effect can be told from every other, if it is large enough.",
+    )
+    names = [e["name"] for e in effects]
+    times = np.array([[_times(e, name) for name in names] for e in effects])
+    drawing, axes = figure(1, 1, width_in=9.0, height_in=8.0)
+    ax = axes[0, 0]
+    picture = ax.imshow(np.log10(times), cmap="viridis_r", vmin=0.0, vmax=2.0)
+    ax.set_xticks(range(len(names)), [_words([n]) for n in names], rotation=90)
+    ax.set_yticks(range(len(names)), [_words([n]) for n in names])
+    ax.set(xlabel="told from", ylabel="effect")
+    drawing.colorbar(picture, ax=ax, label="log10 of the size from which it is told, over that from which it shows")
+    page.figure(
+        drawing, "How much larger an effect must be to be told from another than to be seen. White: no size would do."
+    )
+    page.table(
+        ("effect", "shows from", "told from all others from", "last from", "cannot be told from"),
+        [
+            (
+                _words([e["name"]]),
+                size_in_words(e, e["seen_from"]),
+                size_in_words(e, e["told_from_all"]),
+                _words([e["told_last_from"]]),
+                ", ".join(_words([n]) for n in e["not_told_from"]),
+            )
+            for e in effects
+        ],
+        caption="For a probability of 90 %, of logs like these and what the calibration repeated.",
+    )
+    page.heading("The experiment that would tell most")
+    page.table(
+        ("experiment", "takes", "bits more", "what it gives"),
+        [
+            (t["what"], f"{t['duration_s']:.0f} s", f"{t['adds_bits']:.2f}", tells_in_words(t))
+            for t in report["experiments"]
+        ],
+        caption=f"Of an effect that is just large enough to be seen; {report['most_bits']:.1f} bits say which it is, {report['known_bits']:.2f} are known from these logs. {best['what'].capitalize()} comes first.",
+    )
+    if report["untestable"]:
+        page.heading("What these logs could not show")
+        page.table(("effect", "why"), [(_words([u["name"]]), u["reason"]) for u in report["untestable"]])
+    page.write(path)
+
+
+def _times(effect: dict[str, Any], name: str) -> float:
+    """How much larger than to be seen an effect must be to be told from another."""
+    if name == effect["name"]:
+        return 1.0
+    told, seen = effect["told_from"][name], effect["seen_from"]
+    return max(told / seen, 1.0) if told and seen else np.nan
 
 
 def _words(names: Sequence[str]) -> str:
