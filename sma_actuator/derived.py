@@ -80,13 +80,13 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
 
     capacity = settle(
         "thermal.heat_capacity",
-        _digits(DENSITY_kg_m3 * SPECIFIC_HEAT_J_kgK[wire.alloy] * wire.area_m2 * wire.length, 3),
+        _digits(DENSITY_kg_m3 * SPECIFIC_HEAT_J_kgK[wire.alloy] * wire.volume_m3, 3),
         f"volume · {DENSITY_kg_m3:g} kg/m³ · {SPECIFIC_HEAT_J_kgK[wire.alloy]:g} J/(kg K)",
     )
     transfer = still_air_W_m2K(wire.diameter)
     loss = settle(
         "thermal.heat_loss",
-        _digits(transfer * math.pi * wire.diameter * wire.length, 3),
+        _digits(transfer * wire.surface_m2, 3),
         f"surface · {transfer:.0f} W/(m² K): still air (Morgan) and radiation, without the crimps; identify measures it",
     )
     _settle_supply(wire, loss, given, settle)
@@ -96,24 +96,37 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
         f"{LATENT:g} · heat_capacity / heat_loss: latent heat makes the wire slower; identify measures it",
     )
     _settle_gains(wire, given("supply.max_current", out["supply.max_current"].value), lag_s, settle)
-    per_resistivity = wire.length / wire.area_m2
+    least_Ohm, largest_Ohm = (wire.resistance_Ohm(r) for r in (LEAST_RESISTIVITY_Ohm_m, LARGEST_RESISTIVITY_Ohm_m))
     settle(
         "safety.resistance_min",
-        _digits(0.4 * LEAST_RESISTIVITY_Ohm_m * per_resistivity, 2),
-        f"well below the {LEAST_RESISTIVITY_Ohm_m * per_resistivity:.3g} Ω of {LEAST_RESISTIVITY_Ohm_m * 1e6:g} µΩ m",
+        _digits(0.4 * least_Ohm, 2),
+        f"well below the {least_Ohm:.3g} Ω of {LEAST_RESISTIVITY_Ohm_m * 1e6:g} µΩ m",
     )
     settle(
         "safety.resistance_max",
-        _digits(2.5 * LARGEST_RESISTIVITY_Ohm_m * per_resistivity, 2),
-        f"well above the {LARGEST_RESISTIVITY_Ohm_m * per_resistivity:.3g} Ω of {LARGEST_RESISTIVITY_Ohm_m * 1e6:g} µΩ m",
+        _digits(2.5 * largest_Ohm, 2),
+        f"well above the {largest_Ohm:.3g} Ω of {LARGEST_RESISTIVITY_Ohm_m * 1e6:g} µΩ m",
     )
     strongest_N = wire.max_stress * wire.area_m2
     settle("safety.load_spike", _digits(0.5 * strongest_N, 2), f"half of {strongest_N:.3g} N, which is max_stress")
+    if wire.form != "wire":
+        settle(
+            "wire.max_stress",
+            wire.max_stress,
+            f"a load of {strongest_N:.3g} N{_shear(wire, wire.max_stress * 1e-6, ' MPa')}",
+        )
+        strain = f"{wire.full_stroke_strain:.1%} of strain{_shear(wire, wire.full_stroke_strain * 300.0, ' %')}"
+        settle("wire.full_stroke", _digits(wire.full_stroke_m, 3), strain)
     return out
 
 
+def _shear(wire: Wire, value: float, unit: str) -> str:
+    """What a stress or strain of tension is as shear, where the wire is twisted: τ = σ/√3, γ = √3 ε."""
+    return f", {value / math.sqrt(3.0):.3g}{unit} as shear at the surface" if wire.form == "coil" else ""
+
+
 def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None:
-    hot_Ohm = HOT_RESISTIVITY_Ohm_m * wire.length / wire.area_m2
+    hot_Ohm = wire.resistance_Ohm(HOT_RESISTIVITY_Ohm_m)
     ambient_C = given("thermal.ambient_temperature", _AMBIENT_C)
     derate_C = given("thermal.derate_temperature", _DERATE_C)
     hottest_C = given("thermal.max_temperature", _HOTTEST_C) - _TRIP_HEADROOM_K
@@ -140,7 +153,7 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None
     )
     sense_Ohm, leads_Ohm = given("circuit.reference_resistance", 0.0), given("circuit.lead_resistance", 0.0)
     sense_Ohm = 0.0 if math.isnan(sense_Ohm) else sense_Ohm
-    total_Ohm = LARGEST_RESISTIVITY_Ohm_m * wire.length / wire.area_m2 + sense_Ohm + leads_Ohm
+    total_Ohm = wire.resistance_Ohm(LARGEST_RESISTIVITY_Ohm_m) + sense_Ohm + leads_Ohm
     settle(
         "supply.max_voltage",
         max(math.ceil(12.5 * most_A * total_Ohm) / 10.0, 0.1),

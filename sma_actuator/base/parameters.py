@@ -215,7 +215,10 @@ def look_up(cls: type, name: str) -> tuple[Declaration, str]:
 
 
 def from_mapping(cls: type, mapping: Mapping[str, Any], prefix: str = "") -> tuple[Any, list[str]]:
-    """Build ``cls`` from a nested mapping; return it (or None) and every problem found."""
+    """Build ``cls`` from a nested mapping; return it (or None) and every problem found.
+
+    A class with ``contradictions()`` says itself what no single range can.
+    """
     if not isinstance(mapping, Mapping):
         return None, [f"{prefix.rstrip('.') or 'configuration'}: {_shown(mapping)} is not a section of parameters"]
     fields = {f.name: f for f in dataclasses.fields(cls) if f.init and "named" not in f.metadata}
@@ -238,7 +241,9 @@ def from_mapping(cls: type, mapping: Mapping[str, Any], prefix: str = "") -> tup
         problems += found
     if problems:
         return None, problems
-    return cls(**values), []
+    built = cls(**values)
+    found = [f"{prefix}{problem}" for problem in built.contradictions()] if hasattr(built, "contradictions") else []
+    return (None, found) if found else (built, [])
 
 
 def _read_others(

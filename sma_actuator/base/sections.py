@@ -4,20 +4,40 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from math import nan
+from typing import Any
 
 from .parameters import parameter, section
 
 #: The over-voltage trip sits this much above the compliance voltage, so that noise does not trip it.
 OVER_VOLTAGE_MARGIN = 1.1
+#: Coils are wound between these ratios of their mean diameter to that of the wire; Wahl's factor has a pole at 1.
+LEAST_INDEX, LARGEST_INDEX = 3.0, 25.0
 
 
 @dataclass(frozen=True, slots=True)
 class Wire:
-    """The wire itself."""
+    """The wire itself: a straight one, a coil of one, or several straight ones side by side.
+
+    Whatever the form, all that is below works with the straight wire that does the same: ``area_m2`` makes a stress of
+    a load, ``strain_length_m`` a displacement of a strain, :meth:`resistance_Ohm` a resistance of a resistivity, and
+    current and power are those at the terminals.  Stress and strain of a coil are those of the surface of its wire in
+    tension by von Mises, σ = √3 τ and ε = γ/√3, so that what is known of wires in MPa and in % holds for coils.
+
+    Sources
+        A. M. Wahl, *Mechanical Springs*, 2nd ed., McGraw-Hill 1963: τ = 8 F D K/(π d³), γ = δ d/(π D² n), K.
+        C. Liang, C. A. Rogers, J. Intell. Mater. Syst. Struct. 8 (1997) 314, and S.-M. An and others, Smart Mater.
+        Struct. 21 (2012) 055009: the same of coils of shape memory alloy.
+    """
 
     alloy: str = parameter(description="alloy of the wire", choices=("ni-ti", "ni-ti-cu"))
+    form: str = parameter(
+        "wire",
+        "one straight wire, a coil of one, or a bundle of several on one load",
+        choices=("wire", "coil", "bundle"),
+    )
     length: float = parameter(
-        description="length between the crimps, slack taken out",
+        description="length between the crimps, slack taken out; of a coil: of its wire, π · coil_diameter · active turns",
         unit="m",
         lo=0.005,
         hi=20.0,
@@ -30,20 +50,133 @@ class Wire:
         hi=2e-3,
         hint="metres are wanted: 0.1524 mm is 0.1524e-3",
     )
+    coil_diameter: float = parameter(
+        nan,
+        "of a coil: mean diameter, which is the outer one less that of the wire",
+        "m",
+        30e-6,
+        0.1,
+        optional=True,
+        hint="metres are wanted: 3 mm is 0.003",
+    )
+    wires: int = parameter(1, "of a bundle: how many wires pull side by side", "1", 1, 1000)
+    connection: str = parameter(
+        "", "of a bundle: how the current goes through its wires", choices=("series", "parallel"), optional=True
+    )
     full_stroke_strain: float = parameter(
         0.04, "strain that counts as 100 % of stroke in every error", "1", 0.001, 0.12
     )
+    full_stroke: float = parameter(
+        nan, "the same as a displacement; it counts before the strain", "m", 1e-6, 20.0, optional=True
+    )
     max_stress: float = parameter(175e6, "stress the wire must never see", "Pa", 1e6, 1e9, live=True, stricter="lower")
+
+    def contradictions(self) -> list[str]:
+        """What of the form is missing or does not fit it: sentences, each beginning with a parameter's name."""
+        coil, bundle = self.form == "coil", self.form == "bundle"
+        problems = []
+        if coil and not LEAST_INDEX <= self.index <= LARGEST_INDEX:
+            problems.append(
+                f"coil_diameter: {self.coil_diameter:g} m; of a coil {LEAST_INDEX:g} to {LARGEST_INDEX:g} times the diameter of "
+                f"its wire is wanted, {LEAST_INDEX * self.diameter:g} to {LARGEST_INDEX * self.diameter:g} m"
+            )
+        if bundle and (self.wires < 2 or not self.connection):
+            problems.append(
+                "wires, connection: of a bundle two wires or more are wanted, and whether the current goes through them in series "
+                "or in parallel"
+            )
+        if not coil and math.isfinite(self.coil_diameter):
+            problems.append(f"coil_diameter: is of a coil, and form is {self.form}")
+        if not bundle and (self.wires != 1 or self.connection):
+            problems.append(f"wires, connection: are of a bundle, and form is {self.form}")
+        return problems
+
+    @property
+    def index(self) -> float:
+        """Spring index of a coil, D/d; NaN of anything else."""
+        return self.coil_diameter / self.diameter
+
+    @property
+    def turns(self) -> float:
+        """Active turns of a coil; NaN of anything else."""
+        return self.length / (math.pi * self.coil_diameter)
+
+    @property
+    def wahl_factor(self) -> float:
+        """By how much curvature and transverse shear raise the stress at the inner side of a coil (Wahl)."""
+        return (4.0 * self.index - 1.0) / (4.0 * self.index - 4.0) + 0.615 / self.index
 
     @property
     def area_m2(self) -> float:
-        """Cross-section of the wire."""
-        return math.pi * self.diameter**2 / 4.0
+        """Load over stress: the cross-section of all wires; of a coil by its torsion."""
+        area_m2 = self.wires * self._section_m2
+        return area_m2 / (2.0 * math.sqrt(3.0) * self.index * self.wahl_factor) if self.form == "coil" else area_m2
+
+    @property
+    def strain_length_m(self) -> float:
+        """Displacement over strain: the length; of a coil √3 π D² n/d."""
+        return math.sqrt(3.0) * self.index * self.length if self.form == "coil" else self.length
 
     @property
     def full_stroke_m(self) -> float:
         """Displacement that counts as 100 % in every error."""
-        return self.full_stroke_strain * self.length
+        by_strain_m = self.full_stroke_strain * self.strain_length_m
+        return self.full_stroke if math.isfinite(self.full_stroke) else by_strain_m
+
+    @property
+    def surface_m2(self) -> float:
+        """What loses heat to the air."""
+        return self.wires * (math.pi * self.diameter * self.length)
+
+    @property
+    def volume_m3(self) -> float:
+        """What is heated."""
+        return self.wires * (self._section_m2 * self.length)
+
+    def resistance_Ohm(self, resistivity_Ohm_m: Any) -> Any:
+        """Resistance at the terminals, of all wires in series or in parallel; of a number or an array."""
+        length_m, section_m2 = self._path
+        return resistivity_Ohm_m * length_m / section_m2
+
+    def resistivity_Ohm_m(self, resistance_Ohm: float) -> float:
+        """The other way round."""
+        length_m, section_m2 = self._path
+        return resistance_Ohm * section_m2 / length_m
+
+    @property
+    def size(self) -> dict[str, Any]:
+        """What the wire is, as logs and manifests keep it beside what was measured."""
+        size: dict[str, Any] = {"alloy": self.alloy, "length_m": self.length, "diameter_m": self.diameter}
+        return size | ({"form": self.form_text} if self.form_text else {})
+
+    @property
+    def form_text(self) -> str:
+        """The form and its measures, to be compared; "" of a straight wire."""
+        if self.form == "coil":
+            return f"coil of {self.coil_diameter * 1e3:.4g} mm"
+        return f"bundle of {self.wires} in {self.connection}" if self.form == "bundle" else ""
+
+    @property
+    def words(self) -> str:
+        """The wire as a person reads it."""
+        text = f"{self.length * 1e3:g} mm × {self.diameter * 1e3:g} mm"
+        return f"{text}, {self.form_text}" if self.form_text else text
+
+    def stress_text(self, stress_Pa: float) -> str:
+        """A stress as a person reads it; where several wires or turns bear the load, with the load."""
+        text = f"{stress_Pa / 1e6:.4g} MPa"
+        return text if self.form == "wire" else f"{text} ({stress_Pa * self.area_m2:.3g} N)"
+
+    @property
+    def _section_m2(self) -> float:
+        return math.pi * self.diameter**2 / 4.0
+
+    @property
+    def _path(self) -> tuple[float, float]:
+        """Length and cross-section of what the current goes through."""
+        if self.connection == "series":
+            return self.wires * self.length, self._section_m2
+        return self.length, self.wires * self._section_m2
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
-from sma_actuator.plant import physics
+from sma_actuator.base.sections import Wire as WireParameters
+from sma_actuator.plant import coil, physics
 from sma_actuator.plant.loads import Load, Schedule, Weight
 from sma_actuator.plant.materials import Wire
 from sma_actuator.plant.worlds import HOME
@@ -86,7 +87,8 @@ class VirtualBench:
 
     def _rest(self, ambient_C: float) -> None:
         """The wire has cooled to ``ambient_C`` under its load, and nothing has happened yet."""
-        self._wire = physics.cold_state(self.setup.wire, self.constants, ambient_C, *self.load.at(0.0))
+        cold_state = coil.cold_state if self.setup.wire.coil_diameter_m else physics.cold_state
+        self._wire = cold_state(self.setup.wire, self.constants, ambient_C, *self.load.at(0.0))
         self._state = self._wire.whole
 
     @classmethod
@@ -95,21 +97,28 @@ class VirtualBench:
         name: str,
         seed: int = 0,
         load: Load | None = None,
-        size_m: tuple[float, float] | None = None,
+        like: WireParameters | None = None,
         physics: str = HOME,
         cycles: float = 0.0,
         **setup,
     ) -> VirtualBench:
-        """A bench with the wire ``flexinol`` or ``furukawa``, or one of that alloy and another size.
+        """A bench with a wire of :data:`sma_actuator.plant.materials.WIRES`, or one of that alloy and another size and form.
 
-        ``size_m`` is length and diameter; ``physics`` is a name that :func:`sma_actuator.bench.real.wire_of` knows;
+        ``like`` has size and form; ``physics`` is a name that :func:`sma_actuator.bench.real.wire_of` knows;
         ``cycles`` is how many the wire has done before; ``setup`` may hold other fields of :class:`Setup`.
         """
         wire = wire_of(name, physics).after(cycles)
         if load is not None:
             setup["load"] = load
-        if size_m is not None:
-            wire = replace(wire, length_m=size_m[0], diameter_m=size_m[1])
+        if like is not None:
+            wire = replace(
+                wire,
+                length_m=like.length,
+                diameter_m=like.diameter,
+                coil_diameter_m=like.coil_diameter if like.form == "coil" else 0.0,
+                wires=like.wires,
+                in_series=like.connection == "series",
+            )
         return cls(Setup(wire, **setup), seed)
 
     @property
@@ -240,7 +249,8 @@ class VirtualBench:
 
     def _run(self, steps: int) -> None:
         self._set_inputs()
-        self._row = physics.simulate(
+        simulate = coil.simulate if self.setup.wire.coil_diameter_m else physics.simulate
+        self._row = simulate(
             steps,
             STEP_s,
             self.constants,

@@ -653,7 +653,7 @@ class HiddenBench(VirtualBench):
         name,
         seed=0,
         load=None,
-        size_m=None,
+        like=None,
         physics=HOME,
         cycles=0.0,
         hidden: Mapping[str, float] = {},
@@ -661,7 +661,7 @@ class HiddenBench(VirtualBench):
         **setup,
     ):
         """As :meth:`VirtualBench.from_name`, with effects."""
-        plain = VirtualBench.from_name(name, seed, load, size_m, physics, cycles, **setup)
+        plain = VirtualBench.from_name(name, seed, load, like, physics, cycles, **setup)
         return cls(plain.setup, seed, hidden, session_s)
 
     def _set_inputs(self) -> None:

@@ -33,6 +33,8 @@ class JointBench:
     ) -> JointBench:
         """A joint with two wires of that name; their noise has the seeds ``seed`` and ``seed + 1``."""
         wire = wire_of(name, physics)
+        if wire.coil_diameter_m:
+            raise ValueError(f"'{name}' is a coil; the joint of the bench takes straight wires")
         setups = [Setup(wire, load=joint.load(number), ambient_C=ambient_C) for number in range(2)]
         return cls(VirtualBench(setups[0], seed), VirtualBench(setups[1], seed + 1), joint)
 

@@ -32,7 +32,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--config", type=Path, metavar="BENCH.yaml", help="parameters of the bench (a model in it is ignored)"
     )
     parser.add_argument(
-        "--virtual", metavar="WIRE", help="the virtual bench in this process, unattended: flexinol or furukawa"
+        "--virtual",
+        metavar="WIRE",
+        help="the virtual bench in this process, unattended: flexinol, furukawa, coil or bundle",
     )
     parser.add_argument(
         "--physics",
@@ -197,12 +199,11 @@ def run(args: argparse.Namespace) -> int:
     if args.virtual:
         from sma_actuator.bench import HiddenBench, InProcessDaq, InProcessSupply, VirtualClock
 
-        size_m = (config.wire.length, config.wire.diameter)
         try:
             bench = HiddenBench.from_name(
                 args.virtual,
                 args.seed,
-                size_m=size_m,
+                like=config.wire,
                 physics=args.physics or HOME,
                 hidden=dict(args.hidden),
                 session_s=sum(p.duration_s for p in plan),

@@ -17,10 +17,11 @@ _LINES = {
 def write_page(folder: Path, manifest: Manifest) -> None:
     """Write ``calibration.html`` into the folder of logs."""
     wire, parts = manifest.data["wire"], manifest.data["parts"]
+    form = f", {wire['form']}" if "form" in wire else ""
     page = Page(
         "Characterisation of a wire",
         f"{len(parts)} part{'s' * (len(parts) != 1)} measured on a {wire['alloy']} wire of {wire['length_m'] * 1e3:g} mm × "
-        f"{wire['diameter_m'] * 1e3:g} mm{_correlations(parts)}.",
+        f"{wire['diameter_m'] * 1e3:g} mm{form}{_correlations(parts)}.",
     )
     for name, (title, x_label, y_label) in _LINES.items():
         if name not in manifest.data["parts"]:

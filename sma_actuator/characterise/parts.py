@@ -216,7 +216,7 @@ def _record(
     wire = rig.config.wire
     metadata = {
         "kind": part.kind,
-        "wire": {"alloy": wire.alloy, "length_m": wire.length, "diameter_m": wire.diameter},
+        "wire": wire.size,
         **part.parameters,
         **more,
     }

@@ -195,7 +195,7 @@ def _cycled(kind: str, cycles: int, batch: int, parameters: dict, cycle_s: float
 
 def typical_resistance_Ohm(wire) -> float:
     """Resistance of a wire of this geometry, from a resistivity between those of the phases (≈ 0.9 µΩ·m)."""
-    return 0.9e-6 * wire.length / wire.area_m2
+    return float(wire.resistance_Ohm(0.9e-6))
 
 
 def default_heat_current_A(config) -> float:

@@ -37,7 +37,7 @@ def characterise(
     """
     folder = Path(folder)
     wire = rig.config.wire
-    manifest = Manifest(folder, {"alloy": wire.alloy, "length_m": wire.length, "diameter_m": wire.diameter})
+    manifest = Manifest(folder, wire.size)
     todo = [part for part in plan if not manifest.finished(part)]
     logs: dict[str, BenchLog] = {}
     for part in plan:

@@ -27,7 +27,9 @@ def add_arguments(parser) -> None:
     parser.add_argument(
         "--config", type=Path, required=True, metavar="FILE", help="parameter file of the wire, with a model or without"
     )
-    parser.add_argument("--virtual", choices=("flexinol", "furukawa"), help="on this wire of the virtual bench")
+    parser.add_argument(
+        "--virtual", choices=("flexinol", "furukawa", "coil", "bundle"), help="on this wire of the virtual bench"
+    )
     add_output_arguments(parser, "what was found")
 
 
@@ -90,7 +92,7 @@ def _instruments(config: BenchConfig, virtual: str | None) -> tuple[PowerSupply,
     if virtual:
         from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
 
-        bench = VirtualBench.from_name(virtual, size_m=(config.wire.length, config.wire.diameter))
+        bench = VirtualBench.from_name(virtual, like=config.wire)
         return InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench)
     from sma_actuator.instruments import open_instruments
     from sma_actuator.instruments.clock import MonotonicClock

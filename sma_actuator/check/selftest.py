@@ -354,7 +354,7 @@ class SelfTest:
     def _expected_Ohm(self) -> tuple[float, float]:
         wire = self._config.wire
         low, high = RESISTIVITY_Ohm_m[wire.alloy]
-        return low * wire.length / wire.area_m2, high * wire.length / wire.area_m2
+        return wire.resistance_Ohm(low), wire.resistance_Ohm(high)
 
     def _resistance(self, supply_V: float, reference_V: float) -> float:
         config = self._config

@@ -68,6 +68,40 @@ QUESTIONS = (
         "packet says so.",
     ),
     Question(
+        "wire.form",
+        "One straight wire, a coil of one, or a bundle of several on one load: wire, coil or bundle (Enter: wire)?",
+        "A coil is a spring that is wound of the wire; a bundle is several straight wires that pull side by side: docs/coils.md.",
+        "wire",
+        when=lambda mapping: _get(mapping, "wire.length") is None,
+    ),
+    Question(
+        "wire.coil_diameter",
+        "Mean diameter of the coil, as 1.5mm?",
+        "From the middle of the wire to the middle of the wire across: the outer diameter less that of the wire. Load over "
+        "stress goes with 1/D, the stroke with D. A bare number is metres.",
+        when=lambda mapping: _get(mapping, "wire.form") == "coil",
+    ),
+    Question(
+        "wire.length",
+        "Length of the coil's wire, 3.14 × mean diameter × active turns, as 115mm?",
+        "Resistance, stroke and the current it bears follow from it. Straight ends that carry current but do not twist belong "
+        "to circuit.lead_resistance. A bare number is metres.",
+        when=lambda mapping: _get(mapping, "wire.form") == "coil",
+    ),
+    Question(
+        "wire.wires",
+        "How many wires are in the bundle, as 4?",
+        "They share the load: stress is the load over all of their cross-sections.",
+        when=lambda mapping: _get(mapping, "wire.form") == "bundle",
+    ),
+    Question(
+        "wire.connection",
+        "Does the current go through them one after the other or through all at once: series or parallel?",
+        "In series each has all of the current, and one that breaks stops it. In parallel they share it, and when one breaks the "
+        "others have its share too.",
+        when=lambda mapping: _get(mapping, "wire.form") == "bundle",
+    ),
+    Question(
         "wire.length",
         "Length of the wire between its crimps, as 100mm?",
         "From crimp to crimp, pulled straight and cold. Resistance, stroke and the current it bears follow from it. A bare "
@@ -198,12 +232,7 @@ def run(args: argparse.Namespace) -> int:
     refuse_to_overwrite(args, args.out)
     console = notes(args)
     mapping = read_parameter_file(args.start) if args.start else {}
-    answers = read_answers(args.answers)
-    for word in args.set:
-        name, equals, text = word.partition("=")
-        if not equals or "." not in name:
-            raise ConfigError(f"--set {word}: SECTION.PARAMETER=VALUE is wanted, as wire.length=0.1")
-        answers[name] = text
+    answers = _answers(args)
     asked = {question.name for question in QUESTIONS}
     for name in [name for name in answers if name not in asked]:
         _put(mapping, name, _value(name, answers.pop(name)))
@@ -247,6 +276,19 @@ def run(args: argparse.Namespace) -> int:
     console.print(f"wrote {args.out}", markup=False)
     say_next(args, _next(bench, args.out))
     return 0
+
+
+def _answers(args: argparse.Namespace) -> dict[str, Any]:
+    """What was answered before anything is asked, in a file and in words."""
+    answers = read_answers(args.answers)
+    for word in args.set:
+        name, equals, text = word.partition("=")
+        if not equals or "." not in name:
+            raise ConfigError(f"--set {word}: SECTION.PARAMETER=VALUE is wanted, as wire.length=0.1")
+        answers[name] = text
+    if "wire.length" in answers:  # who says the size says the form too
+        answers.setdefault("wire.form", "wire")
+    return answers
 
 
 def _answer(question: Question, asking: Asking) -> Any:

@@ -45,7 +45,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--current", type=float, metavar="A", help="no more flows than this (default: by controller.tuning_current)"
     )
-    parser.add_argument("--virtual", choices=("flexinol", "furukawa"), help="on this wire of the virtual bench")
+    parser.add_argument(
+        "--virtual", choices=("flexinol", "furukawa", "coil", "bundle"), help="on this wire of the virtual bench"
+    )
     parser.add_argument("--physics", choices=PHYSICS, default=HOME, metavar="NAME", help="with --virtual: its physics")
     parser.add_argument(
         "--load", default="weight:0.98", metavar="LOAD", help="with --virtual: weight:N or spring:N/m,N"
@@ -180,8 +182,7 @@ def _driver(
             load = parse_load(args.load)
         except ValueError as error:
             raise ConfigError(f"--load: {error}") from error
-        size_m = (config.wire.length, config.wire.diameter)
-        bench = VirtualBench.from_name(args.virtual, size_m=size_m, load=load, physics=args.physics)
+        bench = VirtualBench.from_name(args.virtual, like=config.wire, load=load, physics=args.physics)
         driver = Driver(
             config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench), on_output
         )

@@ -87,7 +87,7 @@ def place_of(config: ChainSections) -> Place:
         reference_resistance_Ohm=config.circuit.reference_resistance,
         lead_resistance_Ohm=config.circuit.lead_resistance,
         area_m2=config.wire.area_m2,
-        length_m=config.wire.length,
+        length_m=config.wire.strain_length_m,
         heat_loss_W_K=config.thermal.heat_loss,
         ambient_C=config.thermal.ambient_temperature,
         working_range_m=config.model.build(config.wire).displacement_range_m,
@@ -204,7 +204,7 @@ class Chain:
         self._branch = BranchDetector(config.estimator)
         self._hot_end = HotEnd(config)
         self._asks_hot_end = self._hot_end.known and self._thermal is None
-        self._length_m = config.wire.length
+        self._length_m = config.wire.strain_length_m
         self._stress_Pa = stresses_inside_Pa(self._model.stress_range_Pa)
         low_m, high_m = self._model.displacement_range_m if self._thermal is None else self._thermal.stroke_m
         # A model of the whole range has been at both ends; its estimates scatter about them.

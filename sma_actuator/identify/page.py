@@ -32,7 +32,7 @@ def write_page(path: Path, result: Identification) -> None:
     low_m, high_m = model.displacement_range_m
     stress_lo, stress_hi = model.stress_range_Pa
     page.text(
-        f"Wire {wire.alloy}, {wire.length * 1e3:g} mm × {wire.diameter * 1e3:g} mm. Working range "
+        f"Wire {wire.alloy}, {wire.words}. Working range "
         f"{low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm, "
         f"stress {stress_lo / 1e6:.0f} to {stress_hi / 1e6:.0f} MPa."
     )
@@ -42,7 +42,7 @@ def write_page(path: Path, result: Identification) -> None:
     page.table(
         ("log", "load [N]", "working range [%]", "share of samples in it", "full range [%]"),
         [(e.name, e.load_N, e.working_percent, f"{e.working_share:.0%}", e.full_percent) for e in result.errors],
-        "Mean absolute error in % of full_stroke_strain × length, on the logs that were fitted.",
+        f"Mean absolute error in % of the full stroke of {wire.full_stroke_m * 1e3:.3g} mm, on the logs that were fitted.",
     )
     page.table(
         ("load [N]", *(f"{name} [%]" for name in REGIONS)),
@@ -142,9 +142,9 @@ def _material(page: Page, result: Identification) -> None:
     from .fitters.material import RPhaseAlloy, asymptotes_from_material
 
     wire, model = result.config.wire, result.config.model
-    stress_Pa = _stresses_Pa(result)
+    stress_Pa, unit_Ohm = _stresses_Pa(result), wire.resistance_Ohm(1.0)
     from_material = np.array(
-        [np.ravel(asymptotes_from_material(RPhaseAlloy(), wire.length, wire.area_m2, s)) for s in stress_Pa]
+        [np.ravel(asymptotes_from_material(RPhaseAlloy(), wire.strain_length_m, unit_Ohm, s)) for s in stress_Pa]
     )
     drawing, axes = figure(4, width_in=3.2, height_in=2.8)
     for i, (ax, name) in enumerate(

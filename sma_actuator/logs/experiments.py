@@ -141,10 +141,10 @@ def make_experiment(log: BenchLog, config, with_reference: bool = True) -> Exper
     if signals.reference_displacement_m is not None and np.ndim(signals.reference_displacement_m):
         moved_m = signals.reference_displacement_m[np.isfinite(signals.reference_displacement_m)]
         stroke_m = float(np.subtract(*np.percentile(moved_m, (99.0, 1.0)))) if len(moved_m) else 0.0
-        if stroke_m > MOST_STROKE * config.wire.length:
+        if stroke_m > MOST_STROKE * (most_m := config.wire.strain_length_m):
             raise BenchLogError(
-                f"{log.source}: line 2: the displacement moves by {stroke_m * 1e3:.3g} mm, {stroke_m / config.wire.length:.0%} of the "
-                f"wire's length, and no wire does more than {MOST_STROKE:.0%}; check its unit (--unit displacement_m=mm) and wire.length"
+                f"{log.source}: line 2: the displacement moves by {stroke_m * 1e3:.3g} mm, {stroke_m / most_m:.0%} "
+                f"of strain, and no wire does more than {MOST_STROKE:.0%}; check its unit (--unit displacement_m=mm) and wire.length"
             )
     detector = BranchDetector(config.estimator)
     seen = [np.ascontiguousarray(v[good]) for v in (signals.time_s, signals.resistance_Ohm, signals.power_W)]
@@ -190,6 +190,11 @@ def _same_wire(log: BenchLog, config) -> None:
                 f"{log.source}: is a log of another wire: its {name} is {said[key] * 1e3:g} mm and wire.{name} is "
                 f"{ours * 1e3:g} mm"
             )
+    if said and said.get("form", "") != config.wire.form_text:
+        raise BenchLogError(
+            f"{log.source}: is a log of another wire: it is a {said.get('form', 'straight wire')} and wire.form says "
+            f"{config.wire.form_text or 'wire'}"
+        )
     if "alloy" in said and said["alloy"] != config.wire.alloy:
         raise BenchLogError(
             f"{log.source}: is a log of another wire: its alloy is {said['alloy']} and wire.alloy is "

@@ -114,7 +114,10 @@ class Wire:
     diameter_m: float
     heat_transfer_W_m2K: float  #: still air and, unless clamped, conduction into the crimps together
     convection_exponent: float = 0.0  #: n of h ∝ (T − T_air)^n, which has the value above at 60 K
-    clamped: bool = False  #: cold clamps at the ends: temperature varies along the wire
+    clamped: bool = False  #: cold clamps at the ends: temperature varies along the wire; a coil has none
+    coil_diameter_m: float = 0.0  #: mean diameter, where it is wound to a coil (:mod:`.coil`)
+    wires: int = 1  #: so many like it pull side by side
+    in_series: bool = False  #: the current goes through one after the other, not through all of them at once
     untrained: Untrained | None = None
     other_kinetics: Kinetics | None = None
 
@@ -189,4 +192,8 @@ NI_TI_CU = Material(
 WIRES = {
     "flexinol": Wire("flexinol", NI_TI, 0.100, 0.1524e-3, 125.0),
     "furukawa": Wire("furukawa", NI_TI_CU, 0.060, 0.20e-3, 110.0),
+    # [F] 24 turns, spring index 6; less heat transfer than of a straight wire of 0.254 mm, since the turns shade one another
+    "coil": Wire("coil", NI_TI, 0.115, 0.254e-3, 80.0, coil_diameter_m=1.524e-3),
+    # [D] the 0.004 in wire; [F] heat transfer, which grows as the diameter shrinks
+    "bundle": Wire("bundle", NI_TI, 0.100, 0.1016e-3, 160.0, wires=4),
 }

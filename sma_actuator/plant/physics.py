@@ -88,7 +88,7 @@ SUPPLY_TIME_CONSTANT_s = 0.4e-3  #: settles within about 1 ms
 HOT_BELOW, COLD_ABOVE = 0.4, 0.6  #: fractions of martensite between which a cycle is counted
 CONVECTION_AT_K = 60.0  #: excess at which the heat transfer has its stated value, whatever its exponent
 LOGISTIC_OF_BAND = 0.134  #: width of the logistic with the same 10-90 % width as a cosine, per width of the cosine
-_TOLERANCE_K = (
+TOLERANCE_K = (
     1e-7  #: of the temperature that goes with a heat content; it does not add up, since the heat is what is kept
 )
 _END_CELLS = (0.5, 1.0, 1.5)  #: lengths of the cells next to a clamp, in units of the decay length
@@ -111,8 +111,11 @@ class Transformation(NamedTuple):
 class Constants(NamedTuple):
     """Everything about a wire and its circuit that does not change while it runs."""
 
-    length_m: float
-    area_m2: float
+    length_m: float  #: displacement over strain
+    area_m2: float  #: load over stress
+    path_m: float  #: of the current
+    path_area_m2: float
+    torsion_m2: float  #: of a coil: load over the section's mean of radius · stress (:mod:`.coil`); 0: none
     transformation: Transformation
     heat_loss_W_K: float
     convection_exponent: float
@@ -169,12 +172,17 @@ class Strain(NamedTuple):
 def constants(wire: Wire, series_Ohm: float) -> Constants:
     """Lump a wire, and the resistances in series with it, into numbers for the kernels."""
     m = wire.material
-    area_m2 = pi * wire.diameter_m**2 / 4.0
-    mass_kg = m.density_kg_m3 * area_m2 * wire.length_m
+    section_m2 = pi * wire.diameter_m**2 / 4.0
+    mass_kg = m.density_kg_m3 * section_m2 * wire.length_m * wire.wires
     untrained = wire.untrained
+    index = wire.coil_diameter_m / wire.diameter_m
+    wahl = (4.0 * index - 1.0) / (4.0 * index - 4.0) + 0.615 / index if index else 0.0
     return Constants(
-        length_m=wire.length_m,
-        area_m2=area_m2,
+        length_m=sqrt(3.0) * index * wire.length_m if index else wire.length_m,
+        area_m2=section_m2 / (2.0 * sqrt(3.0) * index * wahl) if index else section_m2 * wire.wires,
+        path_m=wire.length_m * (wire.wires if wire.in_series else 1),
+        path_area_m2=section_m2 * (1 if wire.in_series else wire.wires),
+        torsion_m2=section_m2 / (sqrt(3.0) * index) if index else 0.0,
         transformation=Transformation(
             family=wire.kinetics.family,
             heat_capacity_J_K=mass_kg * m.specific_heat_J_kgK,
@@ -186,7 +194,7 @@ def constants(wire: Wire, series_Ohm: float) -> Constants:
             r_hysteresis_K=m.r_hysteresis_K,
             slope_r_K_Pa=1.0 / m.stress_slope_r_Pa_K,
         ),
-        heat_loss_W_K=wire.heat_transfer_W_m2K * pi * wire.diameter_m * wire.length_m,
+        heat_loss_W_K=wire.heat_transfer_W_m2K * pi * wire.diameter_m * wire.length_m * wire.wires,
         convection_exponent=wire.convection_exponent,
         rho_m=m.martensite.resistivity_Ohm_m,
         rho_a=m.austenite.resistivity_Ohm_m,
@@ -295,7 +303,7 @@ def resistance_of(c, martensite, r_share, temperature_C, stress_Pa, strain):
         + r * c.rho_r * (1.0 + c.alpha_r * dt)
         + a * c.rho_a * (1.0 + c.alpha_a * dt)
     )
-    return rho * c.length_m / c.area_m2 * (1.0 + c.geometric_factor * strain)
+    return rho * c.path_m / c.path_area_m2 * (1.0 + c.geometric_factor * strain)
 
 
 @jit
@@ -350,20 +358,20 @@ def temperature_for(
     capacity = x.heat_capacity_J_K
     t1 = temperature_C + (enthalpy_J - enthalpy_of(x, martensite, r_share, temperature_C)) / slope_J_K
     f1 = _excess(x, bands, memory_m, memory_r, martensite, r_share, t1, stress_Pa, shift, enthalpy_J)
-    if abs(f1) <= _TOLERANCE_K * capacity:
+    if abs(f1) <= TOLERANCE_K * capacity:
         return t1
     t0 = t1 - f1 / slope_J_K
     f0 = _excess(x, bands, memory_m, memory_r, martensite, r_share, t0, stress_Pa, shift, enthalpy_J)
     # Walk until the sign changes, then close in (Illinois).
     for _ in range(40):
-        if f0 * f1 <= 0.0 or abs(f0) <= _TOLERANCE_K * capacity:
+        if f0 * f1 <= 0.0 or abs(f0) <= TOLERANCE_K * capacity:
             break
         t1 = t0
         f1 = f0
         t0 = t1 - f1 / capacity
         f0 = _excess(x, bands, memory_m, memory_r, martensite, r_share, t0, stress_Pa, shift, enthalpy_J)
     for _ in range(60):
-        if abs(f0) <= _TOLERANCE_K * capacity:
+        if abs(f0) <= TOLERANCE_K * capacity:
             return t0
         t = t0 - f0 * (t0 - t1) / (f0 - f1)
         f = _excess(x, bands, memory_m, memory_r, martensite, r_share, t, stress_Pa, shift, enthalpy_J)
@@ -386,7 +394,7 @@ def convection(exponent, excess_K):
 
 
 @inlined
-def _electric(c, state, inputs, on, response):
+def electric(c, state, inputs, on, response):
     """Supply and circuit for one step: current and voltage into ``state``; the current through the wire [A]."""
     resistance = state[RESISTANCE]
     condition = inputs[WIRE_CONDITION]
@@ -466,18 +474,28 @@ def _transform(x, bands, cells, memory_m, memory_r, stress_Pa, shift):
 
 
 @jit
-def _untrained(c, cycles):
+def untrained_after(c, cycles):
     """How far from trained a wire is after so many cycles: 1 − (1 − exp(−N/N_0))."""
     return exp(-cycles / c.training_cycles)
 
 
 @inlined
-def _shift(c, cycles):
+def shift_of(c, cycles):
     """Where the bands of a wire lie that is still in training."""
     if c.untrained_heating_K == 0.0 and c.untrained_cooling_K == 0.0:
         return Shift(0.0, 0.0)
-    untrained = _untrained(c, cycles)
+    untrained = untrained_after(c, cycles)
     return Shift(untrained * c.untrained_heating_K, untrained * c.untrained_cooling_K)
+
+
+@inlined
+def count_cycles(whole, martensite):
+    """A cycle ends where a wire that was hot is cold again."""
+    if martensite < HOT_BELOW:
+        whole[HOT] = 1.0
+    elif martensite > COLD_ABOVE and whole[HOT] > 0.0:
+        whole[HOT] = 0.0
+        whole[CYCLES] += 1.0
 
 
 @inlined
@@ -504,7 +522,7 @@ def _mechanics(c, whole, cells, force_N, stiffness_N_m, spring_at_m):
         r_share = r_phase / (1.0 - martensite)
     if c.untrained_strain > 0.0:
         grown = 1.0 - (1.0 - c.untrained_cold_share) * martensite
-        other -= c.untrained_strain * _untrained(c, whole[CYCLES]) * grown
+        other -= c.untrained_strain * untrained_after(c, whole[CYCLES]) * grown
     parts = Strain(transformation, compliance, other)
     load = load_at(c, parts, whole[LOAD], force_N, stiffness_N_m, spring_at_m)
     stress = load / c.area_m2
@@ -519,11 +537,7 @@ def _mechanics(c, whole, cells, force_N, stiffness_N_m, spring_at_m):
             stress,
             strain,
         )
-    if martensite < HOT_BELOW:
-        whole[HOT] = 1.0
-    elif martensite > COLD_ABOVE and whole[HOT] > 0.0:
-        whole[HOT] = 0.0
-        whole[CYCLES] += 1.0
+    count_cycles(whole, martensite)
     whole[ENTHALPY] = enthalpy
     whole[TEMPERATURE] = temperature
     whole[MARTENSITE] = martensite
@@ -550,11 +564,11 @@ def simulate(steps, step_s, c, wire, inputs, ring, first):
     rows = ring.shape[0]
     row = first
     for _ in range(steps):
-        through = _electric(c, state, inputs, on and state[TRIP] == 0.0, response)
+        through = electric(c, state, inputs, on and state[TRIP] == 0.0, response)
         state[POWER] = through * through * state[RESISTANCE]
         stress = state[LOAD] / c.area_m2
         _heat(c, state, cells, through, stress, loss, ambient, step_s)
-        _transform(c.transformation, bands, cells, memory_m, memory_r, stress, _shift(c, state[CYCLES]))
+        _transform(c.transformation, bands, cells, memory_m, memory_r, stress, shift_of(c, state[CYCLES]))
         _mechanics(c, state, cells, inputs[FORCE], inputs[STIFFNESS], inputs[SPRING_AT])
         state[TIME] += step_s
         ring[row, 0] = state[CURRENT]
@@ -575,7 +589,7 @@ def _cool_on_its_load(c, wire, ambient_C, force_N, stiffness_N_m, spring_at_m):
     x = c.transformation
     whole, cells, memory_m, memory_r, bands = wire
     stress_Pa = force_N / c.area_m2
-    shift = _shift(c, 0.0)
+    shift = shift_of(c, 0.0)
     for j in range(cells.shape[0]):
         cells[j, CELL_TEMPERATURE] = ambient_C
         cells[j, CELL_SLOPE_J_K] = x.heat_capacity_J_K

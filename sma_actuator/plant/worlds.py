@@ -177,7 +177,7 @@ def _drawn(number: int) -> World:
         untrained=replace(IN_TRAINING, hot_strain=between(0.3, 1.0) * IN_TRAINING.hot_strain)
         if chance() < 0.25
         else None,
-        material={wire.material.name: _drawn_material(rng, wire.material) for wire in WIRES.values()},
+        material={material.name: _drawn_material(rng, material) for material in (NI_TI, NI_TI_CU)},
         austenite_warms_1_K=between(0.0, 4e-4),
     )
 

@@ -15,6 +15,7 @@ from sma_actuator.logs.units import quantity
 
 ANSWERS = {
     "wire.alloy": "ni-ti",
+    "wire.form": "wire",
     "wire.length": "0.1",
     "wire.diameter": "0.1524e-3",
     "circuit.reference_resistance": "1.0",
@@ -50,7 +51,7 @@ def asked(text, *words):
 def test_answers_at_a_pipe_make_a_file_that_says_where_every_limit_comes_from(tmp_path):
     out = tmp_path / "bench.yaml"
     lines = list(ANSWERS.values())
-    lines.insert(1, "100")  # millimetres: asked again, in a sentence
+    lines.insert(2, "100")  # millimetres: asked again, in a sentence
     done = asked("\n".join(lines) + "\n", "--out", out)
     assert done.returncode == 0, done.stderr
     assert "metres are wanted: 100 mm is 0.100" in done.stderr
@@ -130,7 +131,7 @@ def test_answers_may_stand_in_a_file_with_any_other_parameter(tmp_path, capsys):
 def test_nobody_to_answer_is_a_sentence(tmp_path):
     done = asked(None, "--set", "wire.alloy=ni-ti", "--out", tmp_path / "bench.yaml")
     assert done.returncode == 1 and "Traceback" not in done.stderr
-    assert "'wire.length' was asked, and standard input is closed" in done.stderr
+    assert "'wire.form' was asked, and standard input is closed" in done.stderr
     assert not (tmp_path / "bench.yaml").exists()
 
 

@@ -412,7 +412,7 @@ def test_normalised_and_exclusive_model_of_one_wire_agree(flexinol, joint):
 def test_corners_from_material_properties_follow_the_equations():
     alloy = RPhaseAlloy(alpha_m_1_K=0.0, alpha_a_1_K=0.0, alpha_r_1_K=0.0, geometric_factor=0.0)
     length_m, area_m2, stress_Pa = 0.1, 1.8e-8, 50e6
-    corner = corners(alloy, length_m, area_m2, stress_Pa)
+    corner = corners(alloy, length_m, length_m / area_m2, stress_Pa)
     assert corner["Hs"].resistance_Ohm == pytest.approx(alloy.rho_m_Ohm_m * length_m / area_m2)
     assert corner["Hs"].displacement_m == pytest.approx(length_m * (alloy.strain_m + stress_Pa / alloy.modulus_m_Pa))
     assert corner["Hf"].displacement_m == pytest.approx(length_m * stress_Pa / alloy.modulus_a_Pa)
@@ -426,8 +426,8 @@ def test_corners_from_material_properties_follow_the_equations():
 def test_lines_from_material_properties_go_through_their_corners_and_are_near_the_identified_ones(joint):
     wire, model = joint.config.wire, joint.config.model
     stress_Pa = 60e6
-    (a_h, b_h), (a_c, b_c) = asymptotes_from_material(RPhaseAlloy(), wire.length, wire.area_m2, stress_Pa)
-    corner = corners(RPhaseAlloy(), wire.length, wire.area_m2, stress_Pa)
+    (a_h, b_h), (a_c, b_c) = asymptotes_from_material(RPhaseAlloy(), wire.length, wire.resistance_Ohm(1.0), stress_Pa)
+    corner = corners(RPhaseAlloy(), wire.length, wire.resistance_Ohm(1.0), stress_Pa)
     assert a_h * corner["Hs"].resistance_Ohm + b_h == pytest.approx(corner["Hs"].displacement_m)
     assert a_c * corner["Cs"].resistance_Ohm + b_c == pytest.approx(corner["Cs"].displacement_m)
     assert a_h == pytest.approx(np.polynomial.polynomial.polyval(stress_Pa, model.heating_slope), rel=0.5)

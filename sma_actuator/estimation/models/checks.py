@@ -17,7 +17,7 @@ COUNTS_CONTRACTION = (
 )
 
 
-def wrong_size(length_m: float, diameter_m: float, wire: Wire) -> list[str]:
+def wrong_size(length_m: float, diameter_m: float, form: str, wire: Wire) -> list[str]:
     """Sentences when coefficients of one wire are used for a wire of another size."""
     problems = []
     for name, wanted, found in (("length", length_m, wire.length), ("diameter", diameter_m, wire.diameter)):
@@ -26,6 +26,11 @@ def wrong_size(length_m: float, diameter_m: float, wire: Wire) -> list[str]:
                 f"wire.{name}: {found:g} m, but the coefficients were fitted on a wire of {wanted:g} m "
                 f"(model.calibrated_{name}); identify this wire, or use a normalised model"
             )
+    if form != wire.form_text:
+        problems.append(
+            f"wire.form: {wire.form_text or 'wire'}, but the coefficients were fitted on {form or 'a straight wire'} "
+            "(model.calibrated_form); identify this wire"
+        )
     return problems
 
 
@@ -49,7 +54,7 @@ def wrong_sense(model: Any, wire: Wire) -> list[str]:
 
     ``model`` is a StrainModel; where no resistance that such a wire may have lies in its working range, nothing is said.
     """
-    resistance_Ohm = _RESISTIVITIES_Ohm_m * wire.length / wire.area_m2
+    resistance_Ohm = wire.resistance_Ohm(_RESISTIVITIES_Ohm_m)
     stress_Pa = np.full(len(resistance_Ohm), np.mean(model.stress_range_Pa))
     middle_m = np.mean(model.limits_m(resistance_Ohm, stress_Pa), axis=0)
     low_m, high_m = model.displacement_range_m

@@ -275,7 +275,7 @@ class FlexinolNormalisedCoefficients(NormalisedCoefficients):
     def build(self, wire: Wire) -> FlexinolModel:
         """The model of ``wire``, in its own resistance and displacement."""
         length_m = wire.length
-        initial_Ohm = self.martensite_resistivity * length_m / wire.area_m2
+        initial_Ohm = wire.resistance_Ohm(self.martensite_resistivity)
         slope = length_m / initial_Ohm
         a_h, a_c = np.multiply(self.heating_slope, slope), np.multiply(self.cooling_slope, slope)
         return FlexinolModel(

@@ -266,7 +266,7 @@ class FurukawaNormalisedCoefficients(NormalisedCoefficients):
 
     def build(self, wire: Wire) -> FurukawaNormalisedModel:
         """The model of ``wire``, in its own resistance and displacement."""
-        per_resistivity = wire.length / wire.area_m2
+        per_resistivity = wire.resistance_Ohm(1.0)
         return FurukawaNormalisedModel(
             activation=self.activation,
             least_Ohm=self.austenite_resistivity * per_resistivity,

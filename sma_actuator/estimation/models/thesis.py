@@ -12,6 +12,13 @@ from .checks import wrong_ranges, wrong_size
 from .model import COEFFICIENTS
 
 
+def wrong_form(model_type: str, wire: Wire) -> list[str]:
+    """A sentence where a model that holds for any size is used for a coil: its resistance does not follow its stretch."""
+    if wire.form != "coil":
+        return []
+    return [f"model.type: {model_type} is a model of straight wires, but wire.form is coil; identify it as whole_range"]
+
+
 def wrong_alloy(model_type: str, wire: Wire) -> list[str]:
     """A sentence when a model, by its name, is of another alloy than the wire."""
     alloy = getattr(COEFFICIENTS[model_type], "ALLOY", wire.alloy)
@@ -41,6 +48,7 @@ class ExclusiveCoefficients(_Coefficients):
         description="length of the wire the coefficients were fitted on", unit="m", lo=0.005, hi=20.0
     )
     calibrated_diameter: float = parameter(description="its diameter", unit="m", lo=10e-6, hi=2e-3)
+    calibrated_form: str = parameter("", "its form, where it is no straight wire (docs/coils.md)", optional=True)
     displacement_range: tuple[float, ...] = parameter(
         description="determinate part of the stroke", unit="m", lo=-10.0, hi=10.0
     )
@@ -49,7 +57,7 @@ class ExclusiveCoefficients(_Coefficients):
         """Why these coefficients do not suit ``wire``."""
         return [
             *_Coefficients.mismatches(self, wire),
-            *wrong_size(self.calibrated_length, self.calibrated_diameter, wire),
+            *wrong_size(self.calibrated_length, self.calibrated_diameter, self.calibrated_form, wire),
             *wrong_ranges(displacement_range=self.displacement_range),
         ]
 
@@ -62,4 +70,8 @@ class NormalisedCoefficients(_Coefficients):
 
     def mismatches(self, wire: Wire) -> list[str]:
         """Why these coefficients do not suit ``wire``."""
-        return [*_Coefficients.mismatches(self, wire), *wrong_ranges(strain_range=self.strain_range)]
+        return [
+            *_Coefficients.mismatches(self, wire),
+            *wrong_form(COEFFICIENTS.name_of(type(self)), wire),
+            *wrong_ranges(strain_range=self.strain_range),
+        ]

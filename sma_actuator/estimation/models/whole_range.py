@@ -481,6 +481,7 @@ class WholeRangeCoefficients:
         description="length of the wire the coefficients were fitted on", unit="m", lo=0.005, hi=20.0
     )
     calibrated_diameter: float = parameter(description="its diameter", unit="m", lo=10e-6, hi=2e-3)
+    calibrated_form: str = parameter("", "its form, where it is no straight wire (docs/coils.md)", optional=True)
     thermal: tuple[float, ...] = parameter(
         description="time constant [s], growth of the heat loss [1/K], heat loss [W/K], λ_R [K/Ω], λ_X [K], "
         "λ_θ [K/Ω], shift of wide and of narrow plays with stress [K/Pa]"
@@ -536,7 +537,7 @@ class WholeRangeCoefficients:
     def mismatches(self, wire: Wire) -> list[str]:
         """Why these coefficients do not suit ``wire``."""
         return [
-            *wrong_size(self.calibrated_length, self.calibrated_diameter, wire),
+            *wrong_size(self.calibrated_length, self.calibrated_diameter, self.calibrated_form, wire),
             *wrong_ranges(
                 stress_range=self.stress_range, displacement_range=self.displacement_range, stroke=self.stroke
             ),

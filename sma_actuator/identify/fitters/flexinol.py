@@ -144,8 +144,8 @@ class _Joint:
         material properties (5.41–5.54); polynomials in stress through them."""
         full = full_cycles(self._experiments)
         stress_Pa = np.array([t.mean_stress_Pa for t in full])
-        area_m2 = self._wire.area_m2
-        from_material = [asymptotes_from_material(RPhaseAlloy(), self._wire.length, area_m2, s) for s in stress_Pa]
+        length_m, unit_Ohm = self._wire.strain_length_m, self._wire.resistance_Ohm(1.0)
+        from_material = [asymptotes_from_material(RPhaseAlloy(), length_m, unit_Ohm, s) for s in stress_Pa]
         candidates = []
         for lines in ([self._middle_lines(t) for t in full], from_material):
             (a_h, b_h), (a_c, b_c) = np.array(lines).transpose(1, 2, 0) * 1e3
@@ -183,6 +183,7 @@ def _coefficients(polynomials, wire, stress_range, displacement_range, initial_s
     return COEFFICIENTS["flexinol"](
         calibrated_length=wire.length,
         calibrated_diameter=wire.diameter,
+        calibrated_form=wire.form_text,
         **dict(zip(_NAMES, scaled, strict=True)),
         initial_slope=initial_slope,
         transition_rate=transition_rate,

@@ -106,6 +106,7 @@ class _Curves:
         return COEFFICIENTS["furukawa"](
             calibrated_length=self._wire.length,
             calibrated_diameter=self._wire.diameter,
+            calibrated_form=self._wire.form_text,
             variant=variant,
             transition_rate=fitting.transition_rate(theta[-1]),
             stress_range=self._stress_range_Pa,

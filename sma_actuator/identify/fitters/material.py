@@ -46,10 +46,9 @@ class Corner:
     displacement_m: float
 
 
-def corners(alloy: RPhaseAlloy, length_m: float, area_m2: float, stress_Pa: float) -> dict[str, Corner]:
-    """Start and finish of heating (``Hs``, ``Hf``) and of cooling (``Cs``, ``Cf``)."""
+def corners(alloy: RPhaseAlloy, length_m: float, unit_Ohm: float, stress_Pa: float) -> dict[str, Corner]:
+    """Start and finish of heating (``Hs``, ``Hf``) and of cooling (``Cs``, ``Cf``); ``unit_Ohm``: resistance over resistivity [1/m]."""
     p, sigma, g, t0 = alloy, stress_Pa, alloy.geometric_factor, alloy.reference_temperature_C
-    unit_Ohm = length_m / area_m2
     shift_a_K, shift_m_K, shift_r_K = (
         sigma / p.stress_slope_a_Pa_K,
         sigma / p.stress_slope_m_Pa_K,
@@ -76,10 +75,10 @@ def corners(alloy: RPhaseAlloy, length_m: float, area_m2: float, stress_Pa: floa
 
 
 def asymptotes_from_material(
-    alloy: RPhaseAlloy, length_m: float, area_m2: float, stress_Pa: float
+    alloy: RPhaseAlloy, length_m: float, unit_Ohm: float, stress_Pa: float
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """(a_H, b_H), (a_C, b_C) [m/Ω, m] at one stress: the lines through the corners."""
-    corner = corners(alloy, length_m, area_m2, stress_Pa)
+    corner = corners(alloy, length_m, unit_Ohm, stress_Pa)
     lines = []
     for start, finish in (("Hs", "Hf"), ("Cs", "Cf")):
         s, f = corner[start], corner[finish]

@@ -53,7 +53,7 @@ def as_one_wire(logs: Sequence[BenchLog], mapping: Mapping[str, Any]) -> list[Ex
             "diameter": said.get("diameter_m", reference.diameter),
         }
         unscaled = bench_from_mapping(own).wire
-        resistance = (reference.length / reference.area_m2) / (unscaled.length / unscaled.area_m2)
+        resistance = reference.resistance_Ohm(1.0) / unscaled.resistance_Ohm(1.0)
         own["safety"] = {**own["safety"]}
         for name in ("resistance_min", "resistance_max"):
             own["safety"][name] /= resistance
@@ -76,13 +76,13 @@ def martensite_resistivity_Ohm_m(experiments: Sequence[Experiment], wire) -> flo
     cold_Ohm = [float(np.median(t.resistance_Ohm[t.cycle == 0])) for t in full]
     stress_Pa = [t.mean_stress_Pa for t in full]
     at_zero_Ohm = np.polyfit(stress_Pa, cold_Ohm, 1)[-1] if len(set(stress_Pa)) > 1 else np.mean(cold_Ohm)
-    return float(at_zero_Ohm * wire.area_m2 / wire.length)
+    return float(wire.resistivity_Ohm_m(at_zero_Ohm))
 
 
 def flexinol_normalised(fit: FlexinolFit, experiments: Sequence[Experiment], wire):
     """FlexinolNormalisedCoefficients of an exclusive fit, and its bootstrap samples, both in λ and ε."""
     resistivity = martensite_resistivity_Ohm_m(experiments, wire)
-    initial_Ohm, length_m = resistivity * wire.length / wire.area_m2, wire.length
+    initial_Ohm, length_m = wire.resistance_Ohm(resistivity), wire.length
 
     def convert(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Works on one set of coefficients and on samples of them (last axis: order in stress)."""
@@ -122,7 +122,7 @@ def fit_furukawa_normalised(experiments: Sequence[Experiment], wire, order: int 
     stress = np.array([t.mean_stress_Pa for t in full]) / STRESS_UNIT_Pa
     r_low, r_high = np.array([np.percentile(t.resistance_Ohm, (1, 99)) for t in full]).T
     d_low, d_high = np.array([np.percentile(t.displacement_m, (1, 99)) for t in full]).T
-    per_resistivity = wire.length / wire.area_m2
+    per_resistivity = wire.resistance_Ohm(1.0)
     least_Ohm = float(np.mean(r_low))
     lam = np.concatenate(
         [(t.resistance_Ohm - least_Ohm) / (high - least_Ohm) for t, high in zip(full, r_high, strict=True)]

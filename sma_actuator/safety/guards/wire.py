@@ -72,7 +72,8 @@ def stress_above_limit(step: Step) -> str:
     """The stress is above ``wire.max_stress``."""
     if step.reading is None or step.signals.stress_Pa <= step.config.wire.max_stress:
         return ""
-    return f"{step.signals.stress_Pa / 1e6:.4g} MPa; wire.max_stress is {step.config.wire.max_stress / 1e6:g} MPa"
+    wire = step.config.wire
+    return f"{wire.stress_text(step.signals.stress_Pa)}; wire.max_stress is {wire.stress_text(wire.max_stress)}"
 
 
 @guard(

@@ -128,6 +128,7 @@ def _coefficients(
     return WholeRangeCoefficients(
         calibrated_length=data.wire.length,
         calibrated_diameter=data.wire.diameter,
+        calibrated_form=data.wire.form_text,
         thermal=_six(thermal),
         hot_end=_six(data.ends[0] * percent_m),
         cold_end=_six(data.ends[1] * percent_m),
