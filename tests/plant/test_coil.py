@@ -72,8 +72,9 @@ def test_it_transforms_last_where_it_is_twisted_most():
     assert 0.05 < bench.truth.martensite < 0.9 and np.all(np.diff(martensite) > 0.01), "more stress, sooner martensite"
 
 
-def test_no_heat_is_lost_in_the_section():
-    bench = VirtualBench.from_name("coil", load=Spring(3.0, 0.1, 0.04))
+@pytest.mark.parametrize("world", ["measured", "lagoudas", "in_training", "other_r_phase"])
+def test_no_heat_is_lost_in_the_section(world):
+    bench = VirtualBench.from_name("coil", load=Spring(3.0, 0.1, 0.04), physics=world)
     first_J = bench.heat_J[2]
     for current_A in (0.7, 0.1, 0.5, 0.3):
         driven(bench, current_A, 15.0)

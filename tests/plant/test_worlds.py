@@ -33,7 +33,7 @@ def cycle(bench, wire, hot_s=6.0, cold_s=12.0):
     return hot_m, bench.truth.displacement_m
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@pytest.mark.parametrize("wire", HEATING_A)
 @pytest.mark.parametrize("world", AWAY + DRAWN_WORLDS)
 def test_every_world_drives_both_alloys_and_no_energy_is_lost(wire, world):
     bench = powered(wire, world, Spring(200.0, 0.5))
@@ -45,7 +45,7 @@ def test_every_world_drives_both_alloys_and_no_energy_is_lost(wire, world):
     assert held_J - began_J == pytest.approx(put_in_J - lost_J, abs=1e-11)
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@pytest.mark.parametrize("wire", HEATING_A)
 def test_each_world_is_far_from_home(wire):
     """By at least three times what the models err at home, somewhere on the way."""
 
@@ -114,7 +114,7 @@ def test_training_moves_the_hot_end_as_on_the_measured_wire():
 
 
 def test_another_intermediate_phase_shows_in_both_alloys():
-    for wire in WIRES:
+    for wire in HEATING_A:
         home, other = wire_in_world(wire, "measured").material, wire_in_world(wire, "other_r_phase").material
         assert other.has_r_phase and other.r_start_C > home.r_start_C
         bench = powered(wire, "other_r_phase", Weight(0.49))
