@@ -1,5 +1,6 @@
 """The firmware of the board, with simulated parts and a wire: what it lets flow, what it says of that, and when it cuts."""
 
+import itertools
 import math
 
 import numpy as np
@@ -202,5 +203,7 @@ def test_the_load_cell_is_read_anew_between_rare_pulses(board, current_A):
     for _ in range(40):
         board.run(0.044)
         loads_V.append(board.ask("FETC? (@103)"))
-    assert sum(before == after for before, after in zip(loads_V, loads_V[1:])) <= 1, "noise: two may be equal by chance"
+    assert sum(before == after for before, after in itertools.pairwise(loads_V)) <= 1, (
+        "noise: two may be equal by chance"
+    )
     assert board.ask("OUTP:PROT:TRIP?") == "NONE"
