@@ -14,7 +14,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 DURATION ?= 60
 WIRE ?= flexinol
-EXTRAS := ros,speed,report,view,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
+EXTRAS := ros,speed,report,view,foxglove,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
 .PHONY: fuzz audit sbom release counterparts page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds feed-forward tuning pair fleet foreign-speed tutorial forward health clean
 

@@ -44,6 +44,7 @@ setup(
         "ros": ["ros-jazzy-rclpy[fastrtps]==7.1.6", "ros-jazzy-common-interfaces==5.3.6"],
         "speed": ["numba>=0.59"],
         "view": ["aiohttp>=3.9"],
+        "foxglove": ["foxglove-sdk>=0.30,<1"],
         "report": ["matplotlib>=3.6", "Jinja2>=3.1"],
         "bags": ["rosbags>=0.10"],
         # Logs in Excel, Parquet, TDMS and HDF5; MATLAB's are read by SciPy.

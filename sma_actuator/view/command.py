@@ -6,9 +6,8 @@ import argparse
 import asyncio
 import contextlib
 import ipaddress
+import time
 from pathlib import Path
-
-from aiohttp import web
 
 from sma_actuator.base.commands import NODE_NAME
 from sma_actuator.base.errors import UserError
@@ -34,6 +33,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "from elsewhere rather ssh -L 8765:127.0.0.1:8765",
     )
     parser.add_argument(
+        "--foxglove",
+        action="store_true",
+        help="serve Foxglove and Lichtblick instead of a page: the node's topics, to look at only",
+    )
+    parser.add_argument(
         "--config",
         type=Path,
         metavar="FILE",
@@ -42,22 +46,42 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Serve the page until a signal comes; 0 then."""
-    try:
-        from .server import ViewServer
-        from .wire import Wire
-    except ModuleNotFoundError as error:
-        raise UserError(f"needs the Python package '{error.name}', which is not installed") from error
+    """Serve until a signal comes; 0 then."""
     host = _address(args.host)
-    config = Config.load(args.config) if args.config else None
     node = "/".join(["", *filter(None, [args.namespace.strip("/"), args.node.strip("/")])])
+    try:
+        (_run_foxglove if args.foxglove else _run_page)(node, host, args)
+    except ModuleNotFoundError as error:
+        package = {"foxglove": "foxglove-sdk' (extra 'foxglove')"}.get(error.name or "", f"{error.name}'")
+        raise UserError(f"needs the Python package '{package}, which is not installed") from error
+    return 0
+
+
+def _run_page(node: str, host: str, args: argparse.Namespace) -> None:
+    from .server import ViewServer
+    from .wire import Wire
+
+    config = Config.load(args.config) if args.config else None
     with noted_signals() as interrupts:
         wire = Wire(node)
         try:
             asyncio.run(_serve(ViewServer(wire, host, config, args.config), host, args, interrupts))
         finally:
             wire.close()
-    return 0
+
+
+def _run_foxglove(node: str, host: str, args: argparse.Namespace) -> None:
+    from .foxglove import Topics
+
+    if args.config:
+        raise UserError("--config: Foxglove only looks; gains are saved from the page, without --foxglove")
+    with noted_signals() as interrupts, contextlib.closing(Topics(node, host, args.port)) as topics:
+        print(f"ws://{_shown(host)}:{topics.port}", flush=True)
+        notes(args).print(
+            "in Foxglove or Lichtblick: Open connection, Foxglove WebSocket, this address; then import layouts/foxglove.json"
+        )
+        while not interrupts:
+            time.sleep(SIGNAL_INTERVAL_s)
 
 
 def _address(host: str) -> str:
@@ -71,7 +95,13 @@ def _address(host: str) -> str:
     return str(address)
 
 
+def _shown(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
+
+
 async def _serve(server, host: str, args: argparse.Namespace, interrupts: Interrupts) -> None:
+    from aiohttp import web
+
     runner = web.AppRunner(server.app, access_log=None, shutdown_timeout=1.0)
     await runner.setup()
     try:
@@ -83,8 +113,7 @@ async def _serve(server, host: str, args: argparse.Namespace, interrupts: Interr
                 f"--port: {host}:{args.port} cannot be opened ({error}); --port 0 takes one that is free"
             ) from error
         port = runner.addresses[0][1]
-        shown = f"[{host}]" if ":" in host else host
-        print(f"http://{shown}:{port}/#token={server.token}", flush=True)
+        print(f"http://{_shown(host)}:{port}/#token={server.token}", flush=True)
         notes(args).print("open this address in a browser on this machine; Ctrl-C ends the page, not the node")
         while not interrupts:
             await asyncio.sleep(SIGNAL_INTERVAL_s)

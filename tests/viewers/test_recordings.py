@@ -12,73 +12,29 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed (extra 'ros')")
 pytest.importorskip("rosbags.rosbag2", reason="rosbags is not installed (extra 'bags')")
 
 import foreign
-from diagnostic_msgs.msg import DiagnosticArray
+from messages import NAME, STAMP_ns, every_message, kind_of
 from rclpy.serialization import serialize_message
 from rosbags import rosbag2
 from rosbags.typesys import Stores, get_typestore
 
 import sma_msgs_py
-from sma_actuator.base.signals import Health, JointEstimate, Verdict
 from sma_actuator.logs.bags import log_from_bag
 from sma_actuator.ros.named_signals import named_signals
 
 LAYOUTS = Path(__file__).resolve().parents[2] / "layouts"
-NAME = "/sma_actuator"
-STAMP_ns = 1_700_000_000_123_456_789
 FOR_NOBODY = {"time_message"}  #: makes a part of messages
-
-
-@pytest.fixture
-def outputs(make_rig):
-    """What the loop says while the output is off and no position is known, and while the wire is driven."""
-    rig = make_rig()
-    off = rig.output
-    rig.enable()
-    rig.track()
-    return [off, *rig.outputs[-5:]]
-
-
-def _messages(outputs):
-    """(topic, message, function that made it) of every kind that there is, as a node and its clients send them."""
-    stamp = sma_msgs_py.time_message(STAMP_ns)
-    driven = outputs[-1]
-    verdict = Verdict(state=Health.DUE, words="due: 25 % — 3 µm off", since_s=-0.0, causes=("stroke", "Ω"))
-    health = sma_msgs_py.health_status_from(f"{NAME}: model health", "wire", verdict, np.inf)
-    status = sma_msgs_py.diagnostic_status_from(NAME, "wire", driven.status)
-    array = DiagnosticArray(status=[status, health])
-    array.header.stamp = stamp
-    made = [
-        ("joint_states", sma_msgs_py.joint_state_message("wire", driven.estimate, driven.signals, stamp)),
-        ("reference", sma_msgs_py.reference_message("wire", driven.signals, stamp)),
-        ("load", sma_msgs_py.load_message("wire", driven.signals, stamp)),
-        ("command_current", sma_msgs_py.command_current_message(driven.command)),
-        ("setpoint", sma_msgs_py.setpoint_message(float("-inf"))),
-        ("joint_command", sma_msgs_py.joint_command_message("wire", -0.0)),
-        ("joint_trajectory", sma_msgs_py.trajectory_message("wire", [0.0, 1.5, 1e9], [0.001, np.nan, 0.003])),
-        ("status", sma_msgs_py.diagnostic_status_from(NAME, "wire", outputs[0].status)),
-        ("model_health", health),
-        ("/diagnostics", array),
-        ("/joint/joint_command", sma_msgs_py.pair_command_message("joint", 0.3)),
-        ("/joint/joint_states", sma_msgs_py.joint_estimate_message("joint", JointEstimate(-0.1, cocontraction_N=2.0), stamp)),
-    ]  # fmt: skip
-    made += [("signals", sma_msgs_py.signals_message(named_signals(each), "enabled; Ω", stamp)) for each in outputs]
-    return [(topic if topic.startswith("/") else f"{NAME}/{topic}", message) for topic, message in made]
-
-
-def _kind(message):
-    return f"{type(message).__module__.partition('.')[0]}/msg/{type(message).__name__}"
 
 
 @pytest.fixture
 def recording(outputs, tmp_path):
     """(file, what was put into it)."""
     foreign.need_node()
-    messages = _messages(outputs)
+    messages = every_message(outputs)
     store, connections = get_typestore(Stores.ROS2_JAZZY), {}
     with rosbag2.Writer(tmp_path / "bag", version=9, storage_plugin=rosbag2.StoragePlugin.MCAP) as writer:
         for number, (topic, message) in enumerate(messages):
             if topic not in connections:
-                connections[topic] = writer.add_connection(topic, _kind(message), typestore=store)
+                connections[topic] = writer.add_connection(topic, kind_of(message), typestore=store)
             writer.write(connections[topic], STAMP_ns + number, serialize_message(message))
     return tmp_path / "bag" / "bag.mcap", messages
 
@@ -90,18 +46,18 @@ def opened(recording):
 
 
 def test_every_kind_of_message_is_recorded_here(outputs):
-    """A new kind of message joins :func:`_messages`."""
-    source = Path(__file__).read_text(encoding="utf-8")
+    """A new kind of message joins :func:`every_message`."""
+    source = Path(__file__).with_name("messages.py").read_text(encoding="utf-8")
     makers = {name for name in sma_msgs_py.__all__ if re.search("_message$|_status_from$", name)} - FOR_NOBODY
     assert makers == set(re.findall(r"sma_msgs_py\.(\w+(?:_message|_status_from))\(", source)) - FOR_NOBODY
-    assert all(serialize_message(message) for _, message in _messages(outputs))
+    assert all(serialize_message(message) for _, message in every_message(outputs))
 
 
 def test_every_value_is_the_one_that_was_sent(recording, opened):
     found, sent = foreign.lines(opened), recording[1]
     assert [each["topic"] for each in found] == [topic for topic, _ in sent]
     for number, (each, (topic, message)) in enumerate(zip(found, sent)):
-        assert each["type"] == _kind(message)
+        assert each["type"] == kind_of(message)
         assert each["encoding"] == ["cdr", "ros2msg"]
         assert int(each["logTime"]) == STAMP_ns + number
         assert foreign.same(each["message"], foreign.plain(message)), topic
