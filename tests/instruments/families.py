@@ -259,15 +259,20 @@ class Genesys(Family):
         return f"MV({voltage_V:06.3f}),PV({out.set_V:g}),MC({current_A:07.4f}),PC({out.set_A:g}),SR(04),FR({fault:02X})"
 
 
-class KeysightE36300(Family):
-    """E36312A, channel 1: an over-current protection that trips in constant current and is on as it comes."""
+class TripsInConstantCurrent(Family):
+    """An over-voltage trip, and an over-current protection that trips in constant current and is on as it comes."""
 
-    identity = "Keysight Technologies,E36312A,MY12345678,1.1.0-1.0.0-1.00"
     has_ovp = True
 
     def __init__(self):
         super().__init__()
         self.out.trips_in_cc = True
+
+
+class KeysightE36300(TripsInConstantCurrent):
+    """E36312A, channel 1."""
+
+    identity = "Keysight Technologies,E36312A,MY12345678,1.1.0-1.0.0-1.00"
 
     def commands(self):
         return [
@@ -345,15 +350,10 @@ class Kepco(Family):
         ]
 
 
-class Agilent66xx(Family):
-    """6632B: trips as bits of a register, an over-current protection that trips in constant current."""
+class Agilent66xx(TripsInConstantCurrent):
+    """6632B: trips as bits of a register."""
 
     identity = "HEWLETT-PACKARD,6632B,0,A.02.07"
-    has_ovp = True
-
-    def __init__(self):
-        super().__init__()
-        self.out.trips_in_cc = True
 
     def commands(self):
         return [
@@ -374,16 +374,11 @@ class Agilent66xx(Family):
         ]
 
 
-class Hp663xA(Family):
+class Hp663xA(TripsInConstantCurrent):
     """6632A: no SCPI, no setting that can be asked for, a status word that says whether it regulates."""
 
     identity = "HP6632A"
     says = "\r\n"
-    has_ovp = True
-
-    def __init__(self):
-        super().__init__()
-        self.out.trips_in_cc = True
 
     def commands(self):
         return [
