@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
+
 from sma_actuator.base.share import shared_file
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
 from sma_actuator.characterise import PlanOptions, Rig, characterise, make_plan
 from sma_actuator.characterise.operators import BenchOperator
+from sma_actuator.cli.main import main
 from sma_actuator.config import bench_from_mapping, read_parameter_file
 from sma_actuator.logs.bench_log import read_bench_log
 
@@ -48,3 +51,11 @@ class Characterised:
     def only(self, *words):
         """The logs whose name contains one of the words."""
         return [log for log in self.logs if any(word in log.name for word in words)]
+
+
+def identified(logs, bench, out, *words, model="flexinol"):
+    """What ``sma-actuator identify`` finds in logs, order 2, as its ``--json`` has it; the model is in ``out``."""
+    found = out.with_suffix(".json")
+    command = ["identify", *map(str, logs), "--config", str(bench), "--model", model, "--order", "2"]
+    assert main([*command, "--out", str(out), "--json", str(found), *words]) == 0
+    return json.loads(found.read_text())

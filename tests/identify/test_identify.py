@@ -1,12 +1,11 @@
 """Identification: known coefficients are found again, unseen logs are met, and what cannot be determined is refused."""
 
 import dataclasses
-import json
 import math
 
 import numpy as np
 import pytest
-from characterised import bench_mapping, virtual_rig
+from characterised import bench_mapping, identified, virtual_rig
 
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
@@ -435,27 +434,9 @@ def test_lines_from_material_properties_go_through_their_corners_and_are_near_th
 
 def test_the_command_writes_a_file_that_the_node_accepts_and_a_page(flexinol, tmp_path):
     out = tmp_path / "model.yaml"
-    paths = [str(p) for p in flexinol.paths]
-    code = main(
-        [
-            "identify",
-            *paths,
-            "--config",
-            str(flexinol.folder / "bench.yaml"),
-            "--model",
-            "flexinol",
-            "--order",
-            "2",
-            "--out",
-            str(out),
-            "--json",
-            str(tmp_path / "id.json"),
-        ]
-    )
-    assert code == 0
+    summary = identified(flexinol.paths, flexinol.folder / "bench.yaml", out)
     config = Config.load(out)
     assert config.model_type == "flexinol" and config.wire.length == 0.1
-    summary = json.loads((tmp_path / "id.json").read_text())
     assert len(summary["intervals_95_percent"]["heating_slope"]) == 3 and len(summary["errors"]) == 8
     page = (tmp_path / "model.html").read_text()
     for heading in ("Coefficients against stress", "Transition curves", "Replay", "Fatigue"):

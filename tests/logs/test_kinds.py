@@ -1,17 +1,15 @@
 """What a log holds is seen in its data: without a label, cut together, in any order the same model comes out."""
 
 import dataclasses
-import json
 import shutil
 
 import numpy as np
 import pytest
 import yaml
-from characterised import virtual_rig
+from characterised import identified, virtual_rig
 
 from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import held_currents
-from sma_actuator.cli.main import main
 from sma_actuator.config import bench_from_mapping
 from sma_actuator.logs.bench_log import write_bench_log
 from sma_actuator.logs.kinds import FULL, PARTIAL, make_experiments
@@ -21,25 +19,7 @@ LOADS = ("0.300N", "0.600N", "1.200N", "2.000N")
 
 
 def model_of(flexinol, logs, out):
-    code = main(
-        [
-            "identify",
-            *map(str, logs),
-            "--config",
-            str(flexinol.folder / "bench.yaml"),
-            "--model",
-            "flexinol",
-            "--no-extension",
-            "--order",
-            "2",
-            "--out",
-            str(out),
-            "--json",
-            str(out.with_suffix(".json")),
-        ]
-    )
-    assert code == 0
-    found = json.loads(out.with_suffix(".json").read_text())
+    found = identified(logs, flexinol.folder / "bench.yaml", out, "--no-extension")
     assert not any("no log of partial cycles" in note for note in found["notes"])
     return yaml.safe_load(out.read_text())["sma_actuator"]["ros__parameters"]["model"]
 

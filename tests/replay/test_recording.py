@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import yaml
+from characterised import identified
 
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
 from sma_actuator.characterise.operators import BenchOperator
@@ -116,28 +117,10 @@ def test_a_recording_in_many_files_is_one(model_file, tmp_path, capsys):
     assert row["from_live_m"] == 0.0 and row["live_readings"] > 1000
 
 
-def test_a_recording_has_its_part_in_a_model_beside_pulses(recording, flexinol, tmp_path, capsys):
+def test_a_recording_has_its_part_in_a_model_beside_pulses(recording, flexinol, tmp_path):
     pulses = str(flexinol.folder / "pulses_*.csv")
-    code = main(
-        [
-            "identify",
-            str(recording),
-            pulses,
-            "--config",
-            str(flexinol.folder / "bench.yaml"),
-            "--model",
-            "flexinol",
-            "--no-extension",
-            "--order",
-            "2",
-            "--out",
-            str(tmp_path / "model.yaml"),
-            "--json",
-            str(tmp_path / "i.json"),
-        ]
-    )
-    assert code == 0, capsys.readouterr().err
-    found = json.loads((tmp_path / "i.json").read_text())
+    bench = flexinol.folder / "bench.yaml"
+    found = identified([recording, pulses], bench, tmp_path / "model.yaml", "--no-extension")
     assert max(e["working_percent"] for e in found["errors"]) < 3.0
     loads_N = [e["load_N"] for e in found["errors"] if recording.name in e["name"]]
     for load_N in (0.3, 0.6, 1.2, 2.0):
