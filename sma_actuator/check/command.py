@@ -49,7 +49,7 @@ def run(args) -> int:
 
 def look_first(config: BenchConfig, supply: PowerSupply, daq: Daq, clock: Clock, console: Console) -> None:
     """Look at the wiring before a wire is heated.  Raises UserError where it is not as the parameters say."""
-    console.print("first the wiring is checked, with the wire between its crimps", markup=False)
+    console.print("first the wiring is checked, with the wire between its crimps")
     with noted_signals() as interrupts:
         found = _test(config, supply, daq, clock, lambda: bool(interrupts), console, console)
         interrupts.raise_noted()
@@ -75,7 +75,7 @@ def _test(
     before.print(f"at most {1e3 * most_A:g} mA will flow; the output is off afterwards")
     found = SelfTest(config, supply, daq, clock).run(interrupted)
     for each in found:
-        lines.print(f"{_MARKS[each.level]:6} {each.part:15} {as_commands(each.sentence)}", markup=False)
+        lines.print(f"{_MARKS[each.level]:6} {each.part:15} {as_commands(each.sentence)}")
     return found
 
 

@@ -21,7 +21,8 @@ from sma_actuator.console import (
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.logs.fitness import Finding, judge
 from sma_actuator.logs.mapping import ColumnMap
-from sma_actuator.logs.reading import add_log_arguments, one_map, read_logs, reading_of
+from sma_actuator.logs.reading import add_log_arguments, one_map, read_logs, reading_of, said_of_logs
+from sma_actuator.logs.units import metres
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,7 +30,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "logs", nargs="+", type=Path, metavar="LOG", help="all logs of one wire: files, folders, patterns"
     )
-    parser.add_argument("--length", type=float, default=math.nan, metavar="M", help="length of the wire [m], if known")
+    parser.add_argument(
+        "--length",
+        type=metres,
+        default=math.nan,
+        metavar="M",
+        help="length of the wire, as 0.1 (metres) or 100mm, if known",
+    )
     parser.add_argument(
         "--write-map",
         type=Path,
@@ -73,9 +80,9 @@ def run(args: argparse.Namespace) -> int:
 def _next(args: argparse.Namespace) -> str:
     """A model from logs that are fit."""
     length = "L" if math.isnan(args.length) else f"{args.length:g}"
-    mapped = f" --map-file {args.write_map}" if args.write_map else ""
-    logs = " ".join(str(log) for log in args.logs)
-    return f"sma-actuator identify {logs}{mapped} --alloy ni-ti --length {length} --diameter D --out my_wire.yaml (L, D in m)"
+    mapped = f"--map-file {args.write_map}" if args.write_map else said_of_logs(args)
+    logs = " ".join([*(str(log) for log in args.logs), *([mapped] if mapped else [])])
+    return f"sma-actuator identify {logs} --alloy ni-ti --length {length} --diameter D --out my_wire.yaml (L, D: 0.1 or 100mm)"
 
 
 def verdict(findings: list[Finding]) -> str:

@@ -25,6 +25,7 @@ from sma_actuator.config import (
 )
 from sma_actuator.console import (
     add_output_arguments,
+    headed,
     notes,
     progress_bar,
     refuse_to_overwrite,
@@ -41,6 +42,7 @@ from sma_actuator.identify.identification import THESIS_MODEL, Identification, i
 from sma_actuator.identify.verdict import REGIONS
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.reading import add_log_arguments, place, read_logs, reading_of
+from sma_actuator.logs.units import metres
 
 NOT_GOOD = 3  #: exit code where a model was written that should not drive a wire
 
@@ -61,8 +63,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="parameters of the bench (a model in it is replaced); where there is none, the wire's will do:",
     )
     parser.add_argument("--alloy", choices=tuple(THESIS_MODEL), help="alloy of the wire")
-    parser.add_argument("--length", type=float, metavar="M", help="length of the wire in metres, between the crimps")
-    parser.add_argument("--diameter", type=float, metavar="M", help="diameter of the wire in metres")
+    parser.add_argument(
+        "--length", type=metres, metavar="M", help="length of the wire between the crimps, as 0.1 (metres) or 100mm"
+    )
+    parser.add_argument(
+        "--diameter", type=metres, metavar="M", help="diameter of the wire, as 0.15e-3 (metres) or 0.006in"
+    )
     parser.add_argument(
         "--set",
         action="append",
@@ -142,14 +148,14 @@ def run(args: argparse.Namespace) -> int:
     out.print(_table(result))
     out.print(_regions(result))
     if result.chosen:
-        out.print(f"[bold]model[/bold]: {result.chosen}")
+        out.print(headed("model", result.chosen))
     first, *others = result.verdict.sentences
-    out.print(f"[bold]verdict[/bold]: {first}")
+    out.print(headed("verdict", first))
     for sentence in others:
         out.print(f"  {sentence}")
     said = extended.sentences if extended else []
     for sentence in said:
-        out.print(f"[bold]extension[/bold]: {sentence}")
+        out.print(headed("extension", sentence))
     beside = () if result.chosen or not result.beside else (result.beside,)
     for note in (*beside, *result.notes):
         if note not in said:

@@ -273,7 +273,7 @@ def run(args: argparse.Namespace) -> int:
         table.add_row(name, _with_unit(name, _get(mapping, name)), comments[name])
     out.print(table)
     write_json(args, mapping)
-    console.print(f"wrote {args.out}", markup=False)
+    console.print(f"wrote {args.out}")
     say_next(args, _next(bench, args.out))
     return 0
 

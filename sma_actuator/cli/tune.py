@@ -77,8 +77,7 @@ def run(args: argparse.Namespace) -> int:
             f"{out}: not written ({error.strerror or error}); the gains are {words_of(found.gains)}"
         ) from error
     results(args).print(
-        f"{words_of(found.gains)} after {found.duration_s:.0f} s (before: {words_of(found.before)}); written to {out}",
-        markup=False,
+        f"{words_of(found.gains)} after {found.duration_s:.0f} s (before: {words_of(found.before)}); written to {out}"
     )
     write_json(args, dataclasses.asdict(found))
     if not args.running:
@@ -99,12 +98,12 @@ def _by_instruments(config: Config, args: argparse.Namespace) -> Tuned:
         try:
             with driver:
                 steps = _steps(step, outputs, lambda: bool(interrupts))
-                found = tune(driver, steps, lambda words: console.print(words, markup=False))
+                found = tune(driver, steps, console.print)
         except (DriverStopped, TimeoutError) as error:
             raise UserError(f"{error}; {driver.output_words}") from error
         finally:
             if not driver.output_is_off:
-                console.print(f"{driver.output_words}: look at the supply, switch it off by hand", markup=False)
+                console.print(f"{driver.output_words}: look at the supply, switch it off by hand")
         interrupts.raise_noted()
     if found is None:
         raise UserError("the loop ended before there were gains")

@@ -19,12 +19,14 @@ from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.text import Text
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.logs.files import write_atomically
 
 __all__ = [
     "add_output_arguments",
+    "headed",
     "notes",
     "progress_bar",
     "questions",
@@ -58,9 +60,14 @@ def notes(args: argparse.Namespace) -> Console:
     return _console(sys.stderr, quiet=getattr(args, "quiet", False))
 
 
+def headed(word: str, sentence: str) -> Text:
+    """A sentence after the word that says of what it is."""
+    return Text.assemble((word, "bold"), f": {sentence}")
+
+
 def say_next(args: argparse.Namespace, words: str) -> None:
     """What to do with what a command has brought: its last note."""
-    notes(args).print(f"next: {words}", markup=False)
+    notes(args).print(f"next: {words}")
 
 
 def questions() -> Console:
@@ -74,7 +81,10 @@ def progress_bar(args: argparse.Namespace) -> Progress:
 
 
 def _console(stream: Any, quiet: bool = False) -> Console:
-    return Console(file=stream, width=None if stream.isatty() else _UNBROKEN, highlight=False, quiet=quiet)
+    # Without markup: the brackets of a column 'U [mV]' are to be read.
+    return Console(
+        file=stream, width=None if stream.isatty() else _UNBROKEN, highlight=False, markup=False, quiet=quiet
+    )
 
 
 def refuse_to_overwrite(args: argparse.Namespace, *paths: Path | None) -> None:

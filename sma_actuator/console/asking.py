@@ -80,7 +80,7 @@ class Asking:
     def say(self, sentence: str) -> None:
         """A sentence between two questions."""
         with self._pause():
-            self._console.print(sentence, highlight=False, markup=False)
+            self._console.print(sentence)
 
     def ask(self, name: str, question: str, meanwhile: Callable[[], Shown] | None = None) -> str:
         """The answer, without blanks around it; ``meanwhile``: looked at and shown until it comes.
@@ -88,11 +88,11 @@ class Asking:
         Raises UserError where nobody can answer.
         """
         with self._pause():
-            self._console.print(f"► {question}", style="bold yellow", highlight=False, markup=False)
+            self._console.print(f"► {question}", style="bold yellow")
             if self.answered(name):
                 answer = self._answers[name]
                 text = str(answer.pop(0) if isinstance(answer, list) else answer).strip()
-                self._console.print(f"  {text} (from the file of answers)", highlight=False)
+                self._console.print(f"  {text} (from the file of answers)")
                 return text
             return self._line(name, meanwhile)
 
@@ -143,7 +143,7 @@ class _Showing:
             self._console.file.write(f"\r\x1b[2K  {shown.text}")
             self._console.file.flush()
         elif shown.state != self._state or time.monotonic() > self._said_s + _SAY_s:
-            self._console.print(f"  {shown.text}", highlight=False)
+            self._console.print(f"  {shown.text}")
             self._said_s = time.monotonic()
         self._state = shown.state
 

@@ -7,7 +7,8 @@ Said on the command line (``--map resistance_Ohm=R --unit displacement_m=mm``) o
     offsets: {displacement_m: 0.0041}
 
 A number in place of a column holds for the whole log.  A minus before a unit turns the sign: ``-mm`` is what a
-sensor gives that counts contraction.  Without a word a column is taken only where its name leaves no choice: ours, or
+sensor gives that counts contraction.  A number before it is what one of theirs is: ``1mm`` for the percent of a wire of
+100 mm, ``2.5mm`` for the volt of a sensor.  Without a word a column is taken only where its name leaves no choice: ours, or
 ours with another unit at its end (``displacement_mm``).
 """
 
@@ -28,7 +29,7 @@ from sma_actuator.base.yaml_text import read_yaml, yaml_of
 from .bench_log import COLUMNS, ELECTRICAL, LOAD, REFERENCE
 from .errors import BenchLogError
 from .tables import Table
-from .units import UNITS, Unit, unit_of
+from .units import UNITS, Unit, unit_in_words, unit_of
 
 _MISSPELT = 0.86  #: likeness above which a name is one of ours with a slip in it
 _SECTIONS = ("columns", "units", "offsets")
@@ -39,8 +40,27 @@ _HINTS: dict[str, tuple[str, ...]] = {
     "current_A": ("current", "i", "amps", "amp", "ampere", "strom"),
     "wire_voltage_V": ("voltage", "v", "u", "volts", "volt", "spannung"),
     "power_W": ("power", "p", "watt", "watts"),
-    "load_N": ("load", "force", "f", "weight", "tension", "kraft", "last"),
-    "displacement_m": ("displacement", "disp", "position", "pos", "x", "lvdt", "stroke", "extension", "weg"),
+    "load_N": ("load", "force", "f", "weight", "tension", "kraft", "last", "mass", "masse"),
+    "displacement_m": (
+        "displacement",
+        "disp",
+        "position",
+        "pos",
+        "x",
+        "lvdt",
+        "stroke",
+        "extension",
+        "weg",
+        "strain",
+        "dehnung",
+        "contraction",
+        "elongation",
+    ),
+}
+#: Shares that are taken for what they are shares of: (theirs, our unit) → what to say.
+_ONE_OF_IT = {
+    ("%", "m"): ": 1 % of a wire of 100 mm is --unit displacement_m=1mm",
+    ("MPa", "N"): ": 1 MPa on a wire of 0.15 mm is --unit load_N=0.01767N",
 }
 
 
@@ -127,14 +147,13 @@ class ColumnMap:
             raise BenchLogError(
                 f"{table.source}: line 1: --unit {ours}={said}, but '{theirs}' says {found}; if the file is wrong, rename the column in it"
             )
-        text = said if said is not None else found or own
-        if text.lstrip("-") not in UNITS[own]:
+        text = said if said is not None else found or _other_unit_in(theirs, own) or own
+        unit = unit_in_words(text, own)
+        if unit is None:
             raise BenchLogError(
-                f"{table.source}: line 1: '{theirs}' is in {text.lstrip('-')}, which is no unit of {ours}; known are {', '.join(UNITS[own])}"
+                f"{table.source}: line 1: '{theirs}' is in {text}, which is no unit of {ours}; known are {', '.join(UNITS[own])}, "
+                f"or say what one of it is{_ONE_OF_IT.get((text, own), f', as --unit {ours}=1{own}')}"
             )
-        unit = UNITS[own][text.lstrip("-")]
-        if text.startswith("-"):
-            unit = Unit(-unit.factor, -unit.offset)
         return unit, "" if text == own else f"in {text}"
 
     def _must_do(self, columns: Mapping[str, np.ndarray], table: Table) -> None:
@@ -148,6 +167,9 @@ class ColumnMap:
         if any(difflib.get_close_matches(name.lower(), COLUMNS, cutoff=_MISSPELT) for name in free):
             return  # check_bench_log names the column that is nearly ours
         proposals = {ours: [n for n in free if _may_be(ours, n)] for ours in missing}
+        unnamed = [n for n in free if not any(n in found for found in proposals.values())]
+        for ours, found in proposals.items():
+            found += [] if found else [n for n in unnamed if unit_in(n, _own_unit(ours))]
         proposals = {ours: found for ours, found in proposals.items() if found}
         if not proposals or set(missing) == {"displacement_m"}:
             return  # then check_bench_log says what is missing
@@ -192,6 +214,18 @@ def unit_in(name: str, own: str) -> str:
     return unit_of((match[1] or match[2]) if match else "", own)
 
 
+def _other_unit_in(name: str, own: str) -> str:
+    """Unit in brackets in a column's name that measures something else than ``own``, as percent of a length; "" where none does."""
+    match = re.search(r"[(\[]\s*([^)\]]+?)\s*[)\]]\s*$", name)
+    found = match[1] if match else ""
+    return (
+        found
+        if (own != "1" and any(found in units for kind, units in UNITS.items() if kind not in (own, "1")))
+        or found == "%"
+        else ""
+    )
+
+
 def _may_be(ours: str, theirs: str) -> bool:
     words = {word.lower() for word in re.split(r"[^A-Za-zÄÖÜäöü]+", theirs) if word}
     return bool(words & set(_HINTS[ours]))
@@ -217,8 +251,12 @@ def column_map(
             if ours not in known:
                 raise BenchLogError(f"{section}: '{ours}' is no column here; known are {', '.join(known)}")
     for ours, unit in said["units"].items():
-        if str(unit).lstrip("-") not in UNITS[_own_unit(ours)]:
-            raise BenchLogError(f"unit of {ours}: '{unit}' is not one of {', '.join(UNITS[_own_unit(ours)])}")
+        own = _own_unit(ours)
+        if unit_in_words(str(unit), own) is None:
+            raise BenchLogError(
+                f"unit of {ours}: '{unit}' is not one of {', '.join(UNITS[own])}, with a number before it or without"
+                f"{_ONE_OF_IT.get((str(unit).lstrip('-'), own), '')}"
+            )
     return ColumnMap(
         {ours: _number_or_name(theirs) for ours, theirs in said["columns"].items()},
         {ours: str(unit) for ours, unit in said["units"].items()},

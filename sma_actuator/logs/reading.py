@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import glob
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -55,7 +56,8 @@ def add_map_arguments(parser: argparse.ArgumentParser) -> argparse._ArgumentGrou
         action="append",
         default=[],
         metavar="OURS=UNIT",
-        help="unit of their column, as displacement_m=mm, or =-mm for a sensor that counts contraction; may be repeated",
+        help="unit of their column, as displacement_m=mm, or =-mm for a sensor that counts contraction, or what one of it is, as =1mm; "
+        "may be repeated",
     )
     group.add_argument(
         "--offset",
@@ -100,6 +102,24 @@ def columns_of(args: argparse.Namespace, known: tuple[str, ...]) -> ColumnMap:
     return column_map(args.map, args.unit, args.offset, args.map_file, known)
 
 
+def said_of_logs(args: argparse.Namespace) -> str:
+    """The options that say how logs are to be read, as they were given, for the next command."""
+    words = [
+        word
+        for option, values in (
+            ("--map", args.map),
+            ("--unit", args.unit),
+            ("--offset", args.offset),
+            ("--topic", args.topic),
+        )
+        for value in values
+        for word in (option, value)
+    ]
+    words += ["--map-file", str(args.map_file)] if args.map_file else []
+    words += ["--static", f"{args.static:g}"] if args.static else []
+    return shlex.join(words)
+
+
 def reading_of(args: argparse.Namespace) -> ReadingOptions:
     """How logs are to be read, by the options.  Raises BenchLogError."""
     if not args.static >= 0.0:
@@ -123,12 +143,15 @@ def read_logs(
     paths = find_logs(places)
     found = [] if found is None else found
     logs, errors = [], []
+    notes: dict[str, list[str]] = {}  #: on columns → the files in which they are so
     for i, path in enumerate(paths):
         try:
-            logs.append(_read(path, reading, say, found))
+            logs.append(_read(path, reading, say, found, notes))
         except BenchLogError as error:
             errors.append(error)
         progress((i + 1) / len(paths))
+    for note, names in notes.items():
+        say(f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}: {note}")
     if errors and not logs:
         raise errors[0]
     for each in errors:
@@ -159,7 +182,9 @@ def find_logs(places: Sequence[Path | str]) -> list[Path]:
     return list(dict.fromkeys(found))
 
 
-def _read(path: Path, reading: ReadingOptions, say: Say, found: list[ColumnMap]) -> BenchLog:
+def _read(
+    path: Path, reading: ReadingOptions, say: Say, found: list[ColumnMap], notes: dict[str, list[str]]
+) -> BenchLog:
     if is_bag(path):
         log = log_from_bag(path, reading.topics)
     else:
@@ -170,7 +195,7 @@ def _read(path: Path, reading: ReadingOptions, say: Say, found: list[ColumnMap])
         table = reading.columns.apply(theirs)
         found.append(reading.columns.of(theirs))
         for note in table.notes:
-            say(f"{path.name}: {note}")
+            notes.setdefault(note, []).append(path.name)
         log = (
             log_of_points(table, reading.static_s, read_metadata(path), say)
             if reading.static_s

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 from dataclasses import dataclass
 
@@ -81,6 +82,19 @@ def quantity(text: str, unit: str) -> float | None:
     return None if known is None else float(f"{known.factor * number + known.offset:.12g}")
 
 
+def unit_in_words(text: str, own: str) -> Unit | None:
+    """What a text says that one of a column is, in ``own``: ``mm``, ``-mm`` (it counts the other way), ``1.5mm``; None where it says nothing."""
+    sign, symbol = (-1.0, text[1:]) if text.startswith("-") else (1.0, text)
+    factor = sign
+    if symbol not in UNITS[own]:
+        written = re.fullmatch(r"\s*(\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*(\S+)", symbol)
+        if written is None or written[2] not in UNITS[own]:
+            return None
+        factor, symbol = sign * float(written[1]), written[2]
+    unit = UNITS[own][symbol]
+    return Unit(factor * unit.factor, sign * unit.offset)
+
+
 def unit_of(text: str, own: str) -> str:
     """The unit that a text names, of those that can be converted to ``own``, whatever its capitals; "" where none or several are meant."""
     text = text.strip("()[] ")
@@ -88,6 +102,14 @@ def unit_of(text: str, own: str) -> str:
         return text
     alike = [unit for unit in UNITS[own] if unit.lower() == text.lower()]
     return alike[0] if len({UNITS[own][unit] for unit in alike}) == 1 else ""
+
+
+def metres(text: str) -> float:
+    """A length as it is typed at the command line, for argparse."""
+    value_m = quantity(text, "m")
+    if value_m is None:
+        raise argparse.ArgumentTypeError(f"{text!r} is no length: 0.1 (metres), 100mm or 4in is wanted")
+    return value_m
 
 
 def is_unit(text: str) -> bool:

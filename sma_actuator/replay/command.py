@@ -98,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
         console.print(sentence)
     if args.health:
         for r in replays:
-            results(args).print(_health_words(r, next(iter(models.values()))), markup=False)
+            results(args).print(_health_words(r, next(iter(models.values()))))
     if args.report:
         write_page(args.report, replays, next(iter(models.values())))
         console.print(f"wrote {args.report}")

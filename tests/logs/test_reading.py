@@ -8,7 +8,9 @@ from sma_actuator.logs.bench_log import BenchLog, averaged, with_rising_stamps
 from sma_actuator.logs.cycles import cycle_numbers, cycles_of, is_driven, which_are_full
 from sma_actuator.logs.errors import BenchLogError
 from sma_actuator.logs.fitness import judge
+from sma_actuator.logs.mapping import column_map
 from sma_actuator.logs.reading import ReadingOptions, read_logs
+from sma_actuator.logs.units import unit_in_words
 
 HEADER = "time_s,resistance_Ohm,current_A,load_N,displacement_m"
 
@@ -120,6 +122,63 @@ def test_capitals_and_brackets_leave_no_choice_either(tmp_path, header):
     assert set(log.columns) == set(HEADER.split(","))
 
 
+FOREIGN = "Zeit (ms);U_Draht [mV];Strom (mA);Dehnung [%];Masse (g)"
+THEIRS = (
+    "time_s=Zeit (ms)",
+    "current_A=Strom (mA)",
+    "wire_voltage_V=U_Draht [mV]",
+    "load_N=Masse (g)",
+    "displacement_m=Dehnung [%]",
+)
+MAPPED = [word for column in THEIRS for word in ("--map", column)]
+
+
+@pytest.fixture
+def foreign(tmp_path):
+    """Two logs as somebody else writes them: other words, milli-units, decimal commas, percent of a wire of 100 mm."""
+    log = pulses(3)
+    voltage_mV = 1e3 * log["resistance_Ohm"] * log["current_A"]
+    columns = (
+        1e3 * log["time_s"],
+        voltage_mV,
+        1e3 * log["current_A"],
+        1e3 * log["displacement_m"],
+        102 * log["load_N"],
+    )
+    rows = "".join(";".join(f"{x:.4f}" for x in row) + "\n" for row in zip(*columns, strict=True)).replace(".", ",")
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / name).write_text(f"{FOREIGN}\n{rows}")
+    return log, tmp_path
+
+
+def test_other_words_and_units_are_asked_for_and_taken(foreign, capsys):
+    log, folder = foreign
+    assert main(["check-log", str(folder)]) == 1
+    said = capsys.readouterr().err
+    assert all(f"--map '{column}'" in said for column in THEIRS)
+    assert main(["check-log", str(folder), *MAPPED]) == 1
+    assert "'Dehnung [%]' is in %, which is no unit of displacement_m" in (said := capsys.readouterr().err)
+    assert "1 % of a wire of 100 mm is --unit displacement_m=1mm" in said
+    assert main(["check-log", str(folder), *MAPPED, "--unit", "displacement_m=1mm", "--length", "100mm"]) in (0, 1)
+    assert "a.csv and 1 more: wire_voltage_V: 'U_Draht [mV]' is in mV" in capsys.readouterr().err
+    columns = column_map(THEIRS, ("displacement_m=1mm",), (), None)
+    read, _ = read_logs([folder], ReadingOptions(columns))
+    np.testing.assert_allclose(read["displacement_m"], log["displacement_m"], atol=1e-6)
+    np.testing.assert_allclose(read["load_N"], log["load_N"], rtol=1e-3)
+
+
+@pytest.mark.parametrize(("text", "metres"), (("mm", 1e-3), ("-mm", -1e-3), ("2.5mm", 2.5e-3), ("-1e-1mm", -1e-4)))
+def test_a_unit_may_count_the_other_way_and_say_what_one_of_it_is(text, metres):
+    assert unit_in_words(text, "m").factor == pytest.approx(metres)
+
+
+@pytest.mark.parametrize("text", ("", "-", "3", "3V", "mm3", "%", "nanm"))
+def test_what_is_no_unit_of_a_length_is_refused(text):
+    assert unit_in_words(text, "m") is None
+    with pytest.raises(BenchLogError, match="unit of displacement_m"):
+        column_map((), (f"displacement_m={text}",), (), None)
+
+
 def test_check_log_writes_the_map_that_it_went_by(tmp_path, capsys):
     contraction = pulses(3)
     turned = {**contraction.columns, "displacement_m": 1e3 * (0.005 - contraction["displacement_m"])}
@@ -127,8 +186,6 @@ def test_check_log_writes_the_map_that_it_went_by(tmp_path, capsys):
     words = ["check-log", str(tmp_path / "log.csv"), "--map", "resistance_Ohm=R"]
     assert main([*words, "--write-map", str(tmp_path / "map.yaml")]) in (0, 1)
     assert "--map-file" in capsys.readouterr().err
-    from sma_actuator.logs.mapping import column_map
-
     again = ReadingOptions(column_map((), (), (), tmp_path / "map.yaml"))
     (log,) = read_logs([tmp_path / "log.csv"], again)
     assert again.columns.units == {"displacement_m": "-mm"}

@@ -23,9 +23,9 @@ def run(args) -> int:
         status = client.status()
         name, words = client.full_name, client.words(status.message)
     console = results(args)
-    console.print(f"{name}: {words}", markup=False)
+    console.print(f"{name}: {words}")
     for key, value in status.values.items():
-        console.print(f"  {key:24} {value if isinstance(value, str) else f'{value:.6g}'}", markup=False)
+        console.print(f"  {key:24} {value if isinstance(value, str) else f'{value:.6g}'}")
     client.say_next(args, after(client, status))
     write_json(args, {"node": name, **dataclasses.asdict(status), "mode": status.mode.value})
     return 0

@@ -33,7 +33,7 @@ def by_node(args: argparse.Namespace) -> Tuned:
         if not answer.success:
             raise UserError(client.words(f"{client.full_name}: {answer.message}"))
         console = notes(args)
-        console.print(answer.message, markup=False)
+        console.print(answer.message)
         try:
             outcome, words = "", of_before
             while not outcome:
@@ -44,7 +44,7 @@ def by_node(args: argparse.Namespace) -> Tuned:
                 tuning = str(status.values.get("tuning", ""))
                 if tuning != words and status.mode is Mode.TUNING:
                     words = tuning
-                    console.print(words, markup=False)
+                    console.print(words)
                 elif tuning != words:
                     outcome = tuning
         finally:

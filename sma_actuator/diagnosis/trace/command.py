@@ -19,6 +19,7 @@ from sma_actuator.calibration.learning import calibration_of
 from sma_actuator.config import Config, parameter_text, write_parameter_file
 from sma_actuator.console import (
     add_output_arguments,
+    headed,
     notes,
     progress_bar,
     refuse_to_overwrite,
@@ -160,9 +161,7 @@ def run(args: argparse.Namespace) -> int:
     write_json(args, report)
     _print(results(args), report)
     _explain(results(args), report, args.explain)
-    console.print(
-        f"wrote {args.out / 'report.json'}, report.html{' and model.yaml' if model is not None else ''}", markup=False
-    )
+    console.print(f"wrote {args.out / 'report.json'}, report.html{' and model.yaml' if model is not None else ''}")
     say_next(args, _next(args, report["verdict"], path if model is not None else None))
     return 0
 
@@ -261,7 +260,7 @@ def _next(args: argparse.Namespace, verdict: str, model: Path | None) -> str:
 
 
 def _print(console: Console, report: dict) -> None:
-    console.print(f"[bold]{report['verdict']}[/bold]: {report['sentence']}")
+    console.print(headed(report["verdict"], report["sentence"]))
     before, after = report["error_before_interval"], report["error_after_interval"]
     console.print(
         f"error {report['error_before_pct_stroke']:.2f} % of full stroke ({before[0]:.2f}–{before[1]:.2f}) before, "
@@ -297,7 +296,7 @@ def _print(console: Console, report: dict) -> None:
 def _explain(console: Console, report: dict, names: Sequence[str]) -> None:
     """What speaks for and against some names, beside what was chosen."""
     for row in explained(report, names):
-        console.print(f"[bold]{' and '.join(row['effects'])}[/bold], {row['answer']}: {row['reason']}")
+        console.print(headed(f"{' and '.join(row['effects'])}, {row['answer']}", row["reason"]))
     shown = [row for row in explained(report, names) if row["gain"] is not None]
     if not shown:
         return
