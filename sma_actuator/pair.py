@@ -131,6 +131,17 @@ class PairDriver:
             self._offered = delay_s, trajectory
             return ""
 
+    def hold(self) -> None:
+        """End the motion where the joint is measured to be."""
+        with self._lock:
+            self._forget_trajectories()
+            self._pair.hold()
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether both wires are meant to be on; from any thread."""
+        return self._driven
+
     def update(self, parameters: PairParameters) -> None:
         """Take over live parameters."""
         with self._lock:

@@ -1,4 +1,7 @@
-"""A trajectory that somebody waits for the end of: how far the wire is from it, and what became of it."""
+"""A trajectory that somebody waits for the end of: how far the wire, or the joint, is from it, and what became of it.
+
+Positions are those of the trajectory, m or rad.
+"""
 
 from __future__ import annotations
 
@@ -17,30 +20,30 @@ class Outcome(enum.Enum):
 
 
 class Pursuit:
-    """One trajectory, from ``begins_s``, with tolerances: positions [m], infinite where any will do, and the time [s] that
-    the wire may come late."""
+    """One trajectory, from ``begins_s``, with tolerances: of the position on the ``path`` and at the ``end``, infinite where
+    any will do, and the time [s] that it may come late."""
 
-    def __init__(self, trajectory: Trajectory, begins_s: float, path_m: float, end_m: float, late_s: float):
+    def __init__(self, trajectory: Trajectory, begins_s: float, path: float, end: float, late_s: float):
         self._trajectory, self._begins_s = trajectory, begins_s
-        self._path_m, self._end_m, self._late_s = path_m, end_m, late_s
+        self._path, self._end, self._late_s = path, end, late_s
 
-    def setpoint_m(self, now_s: float) -> float:
-        """Where the wire should be."""
+    def setpoint(self, now_s: float) -> float:
+        """Where it should be."""
         return self._trajectory(now_s - self._begins_s)
 
     def begun(self, now_s: float) -> bool:
         """Whether the trajectory runs, or has run."""
         return now_s >= self._begins_s
 
-    def look(self, now_s: float, position_m: float) -> Outcome | None:
-        """What has become of it with the wire at ``position_m``; None while that is open.  NaN is near nothing."""
+    def look(self, now_s: float, position: float) -> Outcome | None:
+        """What has become of it with it at ``position``; None while that is open.  NaN is near nothing."""
         if not self.begun(now_s):
             return None
-        error_m = abs(position_m - self.setpoint_m(now_s))
+        error = abs(position - self.setpoint(now_s))
         late_s = now_s - self._begins_s - self._trajectory.duration_s
         if late_s < 0.0:
-            return None if self._path_m == inf or error_m <= self._path_m else Outcome.PATH_VIOLATED
-        if error_m <= self._end_m:
+            return None if self._path == inf or error <= self._path else Outcome.PATH_VIOLATED
+        if error <= self._end:
             return Outcome.REACHED
         return Outcome.END_MISSED if late_s > self._late_s else None
 

@@ -13,29 +13,42 @@ from typing import Any, Protocol
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 
-from sma_actuator.base.signals import Mode, Output, Quality
+from sma_actuator.base.signals import Mode, Status
 from sma_actuator.control.following import Outcome, Pursuit, tolerance
 from sma_actuator.control.setpoints import Trajectory
 from sma_msgs_py import start_from, time_message, trajectory_from
 
-#: How late the wire may come to the end where a goal does not say: it cools in seconds.
+#: How late it may come to the end where a goal does not say: a wire cools in seconds.
 LATE_s = 10.0
 TAKEN_s = 0.5  #: by then the loop has taken a trajectory, and what it says is of that
 
 
 class Follower(Protocol):
-    """What the action asks of the node that has it."""
+    """What the action asks of what it moves: a wire, with positions in m, or a joint, in rad."""
 
-    def refuses_trajectories(self) -> str:
+    what: str  #: it is, in words
+
+    @property
+    def config(self) -> Any:
+        """Its parameters."""
+
+    @property
+    def usual_end(self) -> float:
+        """How near the end it must come where a goal does not say."""
+
+    def in_words(self, error: float) -> str:
+        """How far off it is, with its unit."""
+
+    def refuses_goals(self) -> str:
         """Why no goal can be taken now, or ""."""
 
-    def offer(
-        self, times_s: list[float], positions_m: list[float], velocities_m_s: list[float] | None, delay_s: float
-    ) -> None:
-        """Hand a trajectory to the loop; without points the motion ends where its reference has come."""
+    def follow(
+        self, times_s: list[float], positions: list[float], velocities: list[float] | None, delay_s: float
+    ) -> str:
+        """Hand a trajectory to the loop; without points the motion ends where its reference has come.  "" or why not."""
 
     def hold(self) -> None:
-        """End the motion where the wire is measured to be."""
+        """End the motion where it is measured to be."""
 
     def report(self, sentence: str) -> None:
         """Say why something was refused."""
@@ -70,15 +83,9 @@ class FollowJointTrajectoryServer:
         """Whether there is a goal to be watched; may be asked from any thread."""
         return self._handle is not None
 
-    @property
-    def usual_end_m(self) -> float:
-        """How near the end the wire must come where a goal does not say [m]."""
-        config = self._node.config
-        return float(config.controller.arming_distance * config.wire.full_stroke_m)
-
     def _on_request(self, request: Any) -> GoalResponse:
         try:
-            refusal = self._follower.refuses_trajectories() or self._why_not(request)
+            refusal = self._follower.refuses_goals() or self._why_not(request)
         except Exception as error:  # noqa: BLE001 - whatever it is, the next goal is as good as any
             refusal = f"{type(error).__name__}: {error}"
         if refusal:
@@ -88,7 +95,7 @@ class FollowJointTrajectoryServer:
     def _why_not(self, request: Any) -> str:
         """Why a goal cannot be followed, or ""."""
         try:
-            times_s, positions_m, velocities_m_s = trajectory_from(request.trajectory, self._node.config.joint_name)
+            times_s, positions_m, velocities_m_s = trajectory_from(request.trajectory, self._follower.config.joint_name)
             duration_s = Trajectory(times_s, positions_m, velocities_m_s=velocities_m_s).duration_s
         except ValueError as error:
             return str(error)
@@ -98,72 +105,68 @@ class FollowJointTrajectoryServer:
 
     def _on_accepted(self, handle: Any) -> None:
         self.preempt("a new goal has come")
-        request, config = handle.request, self._node.config
-        times_s, positions_m, velocities_m_s = trajectory_from(request.trajectory, config.joint_name)
+        request, config = handle.request, self._follower.config
+        times_s, positions, velocities = trajectory_from(request.trajectory, config.joint_name)
         delay_s = start_from(request.trajectory, self._node.get_clock().now().nanoseconds)
         late_s = request.goal_time_tolerance.sec + 1e-9 * request.goal_time_tolerance.nanosec
         self._pursuit = Pursuit(
-            Trajectory(times_s, positions_m, velocities_m_s=velocities_m_s),
+            Trajectory(times_s, positions, velocities_m_s=velocities),
             self._now_s() + delay_s,
-            path_m=tolerance(self._of_joint(request.path_tolerance), inf),
-            end_m=tolerance(self._of_joint(request.goal_tolerance), self.usual_end_m),
+            path=tolerance(self._of_joint(request.path_tolerance), inf),
+            end=tolerance(self._of_joint(request.goal_tolerance), self._follower.usual_end),
             late_s=tolerance(late_s, LATE_s),
         )
         self._taken_s = self._now_s()
         self._handle, self._tracked, self._joint_name = handle, False, config.joint_name
-        self._follower.offer(times_s, positions_m, velocities_m_s, delay_s)
+        self._follower.follow(times_s, positions, velocities, delay_s)
 
     def _of_joint(self, tolerances: Any) -> float:
-        asked = [each.position for each in tolerances if each.name in (self._node.config.joint_name, "")]
+        asked = [each.position for each in tolerances if each.name in (self._follower.config.joint_name, "")]
         return float(asked[0]) if asked else 0.0
 
-    def watch(self, output: Output) -> None:
-        """Look at an output: feedback, and the result where there is one."""
-        handle, pursuit = self._handle, self._pursuit
+    def watch(self, now_s: float, position: float, status: Status) -> None:
+        """Look at what a step has said: feedback, and the result where there is one.  NaN: nobody knows the position."""
+        handle, pursuit, follower = self._handle, self._pursuit, self._follower
         if handle is None or pursuit is None:
             return
         if handle.is_cancel_requested:
-            self._follower.offer([], [], None, 0.0)
-            self._end(
-                "canceled", self._action.Result.SUCCESSFUL, "canceled: the wire is held where its reference has come"
-            )
+            follower.follow([], [], None, 0.0)
+            words = f"canceled: the {follower.what} is held where its reference has come"
+            self._end("canceled", self._action.Result.SUCCESSFUL, words)
             return
-        now_s, known = output.signals.time_s, output.estimate.quality is not Quality.INVALID
-        position_m = output.estimate.displacement_m if known else nan
-        tracking = output.status.mode is Mode.TRACKING
+        tracking = status.mode is Mode.TRACKING
         self._tracked = self._tracked or (tracking and pursuit.begun(now_s))
-        if output.status.mode is Mode.OFF or (self._tracked and not tracking):
-            self._end("abort", self._action.Result.INVALID_GOAL, f"the wire does not follow: {output.status.message}")
+        if status.mode is Mode.OFF or (self._tracked and not tracking):
+            words = f"the {follower.what} does not follow: {status.message}"
+            self._end("abort", self._action.Result.INVALID_GOAL, words)
             return
-        joint_commands = output.status.values.get("joint_commands")
-        if joint_commands == "followed" and now_s > self._taken_s + TAKEN_s:
+        if status.values.get("joint_commands") == "followed" and now_s > self._taken_s + TAKEN_s:
             self.preempt("joint commands are followed")
             return
-        self._feed_back(pursuit.setpoint_m(now_s), position_m)
-        outcome = pursuit.look(now_s, position_m)
-        error_m = position_m - pursuit.setpoint_m(now_s)
+        setpoint = pursuit.setpoint(now_s)
+        self._feed_back(setpoint, position)
+        outcome = pursuit.look(now_s, position)
         if outcome is Outcome.REACHED:
             self._end("succeed", self._action.Result.SUCCESSFUL, "")
         elif outcome is not None:
-            self._follower.hold()
+            follower.hold()
             path = outcome is Outcome.PATH_VIOLATED
             code = self._action.Result.PATH_TOLERANCE_VIOLATED if path else self._action.Result.GOAL_TOLERANCE_VIOLATED
-            self._end(
-                "abort", code, f"{outcome.value}: the wire was {error_m * 1e3:+.3f} mm off; it is held where it is"
-            )
+            off = follower.in_words(position - setpoint)
+            self._end("abort", code, f"{outcome.value}: the {follower.what} was {off} off; it is held where it is")
 
     def preempt(self, why: str) -> None:
-        """Somebody else commands the wire: the goal that is pursued, if there is one, has ended."""
+        """Somebody else commands: the goal that is pursued, if there is one, has ended."""
         if self._handle is not None:
             self._end("abort", self._action.Result.INVALID_GOAL, f"preempted: {why}")
 
-    def _feed_back(self, setpoint_m: float, position_m: float) -> None:
+    def _feed_back(self, setpoint: float, position: float) -> None:
         feedback = self._action.Feedback()
         feedback.joint_names = [self._joint_name]
         feedback.header.stamp = time_message(self._node.get_clock().now().nanoseconds)
-        feedback.desired.positions = [setpoint_m]
-        feedback.actual.positions = [position_m]
-        feedback.error.positions = [setpoint_m - position_m]
+        feedback.desired.positions = [setpoint]
+        feedback.actual.positions = [position]
+        feedback.error.positions = [setpoint - position]
         self._handle.publish_feedback(feedback)
 
     def _end(self, how: str, code: int, words: str) -> None:

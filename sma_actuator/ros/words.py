@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Iterator, Mapping
 from math import inf
+from typing import Any
 
 from sma_actuator.actuator import without_advice
 from sma_actuator.base.signals import Mode, Status
@@ -131,3 +133,27 @@ def _words_of_mode(before: Mode, now: Mode) -> str:
         return "the output is off"
     words = _WORDS_OF_MODE.get(now, "holding the wire where it is")
     return f"the output is on; {words}" if before is Mode.OFF else words
+
+
+class Log:
+    """A node's log."""
+
+    def __init__(self, node: Any):
+        self._node = node
+        self._refusals = Refusals()
+
+    def say(self, level: str, sentence: str) -> None:
+        """Say a sentence."""
+        logger = self._node.get_logger()  # which wants a place of its own for each level
+        if level == ERROR:
+            logger.error(sentence)
+        elif level == WARNING:
+            logger.warning(sentence)
+        else:
+            logger.info(sentence)
+
+    def refuse(self, sentence: str) -> None:
+        """Say why something was refused; the same again and again only now and then."""
+        sentence = self._refusals.worth_saying(sentence, time.monotonic())
+        if sentence:
+            self.say(WARNING, sentence)

@@ -41,8 +41,8 @@ def test_without_a_path_tolerance_only_the_end_counts():
 
 
 def test_where_the_wire_should_be_is_said_also_before_the_beginning():
-    assert pursuit().setpoint_m(9.0) == 0.004
-    assert pursuit().setpoint_m(11.0) == pytest.approx(0.003)
+    assert pursuit().setpoint(9.0) == 0.004
+    assert pursuit().setpoint(11.0) == pytest.approx(0.003)
 
 
 @pytest.mark.parametrize(("asked", "wanted"), [(0.0, 0.3), (-1.0, inf), (0.2, 0.2)])

@@ -499,10 +499,10 @@ sys.exit(node.main())
     def test_a_ros_thread_that_hangs_is_a_lost_node(self, bench, parameters, start_node, client):
         program = """
 import sys, threading
-from sma_actuator.ros import node
+from sma_actuator.ros import commands, node
 def hang(self, message):
     threading.Event().wait()
-node.SmaActuatorNode._on_setpoint = hang
+commands.Commands._on_setpoint = hang
 sys.exit(node.main())
 """
         node = start_node(parameters(), program=("-c", program))
@@ -542,14 +542,14 @@ class TestLifecycle:
     def test_nothing_is_kept_of_drivers_that_were_given_up(self, parameters, start_node, client):
         program = """
 import gc, sys, weakref
-from sma_actuator.ros import node
-made, kept, opened = [], weakref.WeakSet(), node.open_instruments
+from sma_actuator.ros import node, wire
+made, kept, opened = [], weakref.WeakSet(), wire.open_instruments
 def open_instruments(config, clock):
     supply, daq = opened(config, clock)
     made.append(id(supply))
     kept.add(supply)
     return supply, daq
-node.open_instruments = open_instruments
+wire.open_instruments = open_instruments
 code = node.main()
 gc.collect()
 print(f"kept {len(kept)} of {len(made)} supplies", file=sys.stderr)

@@ -214,10 +214,10 @@ class TestDefects:
         bench = start_bench("--load", "weight:0.98")
         program = """
 import sys
-from sma_actuator.ros import node
+from sma_actuator.ros import commands, node, spoken
 def broken(self, message):
     raise ZeroDivisionError("provoked")
-node.SmaActuatorNode._on_setpoint = broken
+commands.Commands._on_setpoint = broken
 sys.exit(node.main())
 """
         node = start_node(make_config(instruments=bench.instruments()), program=("-c", program))
@@ -233,14 +233,14 @@ sys.exit(node.main())
         bench, now = start_bench("--load", "weight:0.98"), tmp_path / "now"
         program = f"""
 import os, sys
-from sma_actuator.ros import node
-health = node.SmaActuatorNode._key_values
+from sma_actuator.ros import commands, node, spoken
+health = spoken.Spoken._key_values
 def broken(self):
     if os.path.exists({str(now)!r}):
         os.remove({str(now)!r})
         raise ZeroDivisionError("provoked")
     return health(self)
-node.SmaActuatorNode._key_values = broken
+spoken.Spoken._key_values = broken
 sys.exit(node.main())
 """
         node = start_node(make_config(instruments=bench.instruments()), program=("-c", program))
@@ -260,7 +260,7 @@ sys.exit(node.main())
         # As Fast DDS does where the clock says a time before 1970: for ever, and Python with it.
         program = """
 import ctypes, sys
-from sma_actuator.ros import node
+from sma_actuator.ros import commands, node, spoken
 node.ROS_END_s = 1.0
 node.Switch.close = lambda self: ctypes.PyDLL(None).pause()
 sys.exit(node.main())

@@ -100,15 +100,15 @@ def test_after_the_end_nothing_is_published(handoff):
 
 _COUNTING = """
 import atexit, sys
-from sma_actuator.ros import node
+from sma_actuator.ros import node, telling
 calls = {"_publish": 0, "_take_news": 0}
 def counted(name, inner):
     def call(self, *arguments):
         calls[name] += 1
         return inner(self, *arguments)
-    setattr(node.SmaActuatorNode, name, call)
+    setattr(telling.Telling, name, call)
 for name in calls:
-    counted(name, getattr(node.SmaActuatorNode, name))
+    counted(name, getattr(telling.Telling, name))
 code = node.main()
 print(f"woken for {calls['_take_news']} of {calls['_publish']} outputs", file=sys.stderr)
 sys.exit(code)

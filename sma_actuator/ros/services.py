@@ -1,0 +1,59 @@
+"""What a wire's node is asked for, between two callbacks of its ROS thread; ``~/enable`` and ``~/stop``: ``switch.py``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from diagnostic_msgs.srv import SelfTest as SelfTestService
+from std_srvs.srv import Trigger
+
+from .topics import Service
+from .words import INFO
+
+if TYPE_CHECKING:
+    from sma_actuator.driver import Driver
+
+    from .wire import SmaActuatorNode
+
+CALL_TIMEOUT_s = 0.6  #: a service waits no longer for the control thread
+
+#: Services that are methods of the driver, and whether success is said in the log: of a fault it tells by itself.
+_OF_DRIVER = {"clear_fault": False, "reset_estimator": True, "tare_load": True, "measure_lead_resistance": True}
+
+
+def services_of(wire: SmaActuatorNode) -> tuple[Service, ...]:
+    """The services of a wire."""
+    return (
+        *(Service(f"~/{name}", Trigger, _asking(wire, name)) for name in _OF_DRIVER),
+        Service("~/tune", Trigger, _tuning(wire)),
+        Service("~/self_test", SelfTestService, wire.self_testing.answer),
+    )
+
+
+def _asking(wire: SmaActuatorNode, name: str) -> Callable[[Any, Any], Any]:
+    def answer(_: Trigger.Request, response: Trigger.Response) -> Any:
+        if _answer(wire, response, lambda driver: getattr(driver, name)(timeout_s=CALL_TIMEOUT_s)) and _OF_DRIVER[name]:
+            wire.log.say(INFO, response.message)
+        return response
+
+    return answer
+
+
+def _tuning(wire: SmaActuatorNode) -> Callable[[Any, Any], Any]:
+    def answer(_: Trigger.Request, response: Trigger.Response) -> Any:
+        """Begin to tune the gains; the answer is that it has begun, the status says how far it is."""
+        if _answer(wire, response, lambda driver: driver.tune(timeout_s=CALL_TIMEOUT_s)):
+            wire.commands.preempt("the gains are tuned")
+            wire.log.say(INFO, response.message)
+        return response
+
+    return answer
+
+
+def _answer(wire: SmaActuatorNode, response: Any, request: Callable[[Driver], tuple[Any, ...]]) -> bool:
+    """Fill a response with what the actuator says."""
+    response.success, response.message = wire.asked(request)
+    if not response.success:
+        wire.report(response.message)
+    return bool(response.success)
