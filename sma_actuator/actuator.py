@@ -185,6 +185,12 @@ class Actuator:
         else:
             self._events[fault] = (now_s, detail)
 
+    def end_fault(self, name: str) -> None:
+        """What was reported by :meth:`raise_fault` is over: where it is what is latched, it is so no more.  The output stays off."""
+        if self.latched == name:
+            self._changes.append(f"passed {name}")
+            self._supervisor.latched, self._supervisor.detail = None, ""
+
     def offer_setpoint(self, now_s: float, position_m: float) -> str:
         """Take a setpoint [m]; "" or the sentence why it was refused.  The last good one stands."""
         refusal = self._refuses_setpoints(now_s)

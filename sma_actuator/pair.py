@@ -3,7 +3,8 @@
 Each wire keeps its own driver, with all its guards.  After every step of the first wire's loop the law makes a setpoint
 for each of them, which its loop takes with its next step; after every step of either it is looked whether that wire is
 still driven.  Where a fault has switched one off, the other gets the fault ``partner_off``, in its own loop and no
-later than with its next step; where one was switched off by hand, the other is switched off too.
+later than with its next step; where one was switched off by hand, the other is switched off too.  Once the fault has
+passed, or was cleared, so is that of the other: both are off then, and ready.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass, replace
 from math import isfinite, nan, tau
 from typing import Protocol, Self
 
-from sma_actuator.actuator import AFTER_A_FAULT, without_advice
+from sma_actuator.actuator import AFTER_A_FAULT, AFTER_A_LOSS, without_advice
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import JointEstimate, Mode, Output, Quality, Status
 from sma_actuator.config import Config
@@ -22,6 +23,7 @@ from sma_actuator.control.pair import LIMITS, Pair, PairParameters, WireState
 from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.driver import OFF_MEANWHILE, Driver
 from sma_actuator.instruments import Clock, Daq, PowerSupply
+from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.guards.program import partner_off
 from sma_actuator.safety.guards.setpoints import setpoint_stale
 
@@ -77,6 +79,7 @@ class PairDriver:
         self._outputs: list[Output | None] = [None, None]
         self._driven = False  #: both wires are meant to be on
         self._fault, self._why_off = "", ""  #: of the wire that went off first
+        self._first = 0  #: which that is
         self._stepped_s = nan
         self._heard_s = nan  #: when the last command came; NaN: since the last step
         self._lost = ""  #: why the commander counts as lost
@@ -101,6 +104,10 @@ class PairDriver:
                 self._heard_s, self._lost = nan, ""
             return refusal
 
+    def go_to(self, angle_rad: float) -> str:
+        """Take an angle [rad] that stands until another, whatever the silence; "" or the sentence why it was refused."""
+        return self.follow([0.0], [angle_rad])
+
     def follow(
         self,
         times_s: Sequence[float],
@@ -111,14 +118,14 @@ class PairDriver:
         """Take angles [rad] at times [s] from ``delay_s`` after the next step; "" or the sentence why they were refused.
 
         Until a later start the joint goes on with what it does; of a trajectory that has begun already the rest is
-        followed, its last angle stands, and no silence ends it.  Without points the joint is held where it is.
+        followed, its last angle stands, and no silence ends it.  Without points the motion ends where its reference has come.
         """
         with self._lock:
             if not self._driven:
                 return "trajectory refused: the joint is off; call ~/enable first"
             if not len(times_s):
                 self._forget_trajectories()
-                self._pair.hold()
+                self._pair.cancel()
                 return ""
             if not all(abs(angle_rad) <= tau for angle_rad in angles_rad):
                 return "trajectory refused: an angle of it is more than a whole turn, or none; radians are wanted"
@@ -201,6 +208,8 @@ class PairDriver:
             if self._driven and not output.command.output_on:
                 self._driven = False
                 self._let_go(number, output.status)
+            elif self._fault and number == self._first and not output.status.fault:
+                self._come_back()
             if number != 0:
                 return
             said = self._step(output.signals.time_s)
@@ -209,7 +218,7 @@ class PairDriver:
     def _let_go(self, number: int, status: Status) -> None:
         """A wire has gone off: have the other off with its next step."""
         why = f"{self._pair.parameters.wires[number]}: {without_advice(status.message)}"
-        self._fault, self._why_off = status.fault, why
+        self._fault, self._why_off, self._first = status.fault, why, number
         driver = self._wires[1 - number].driver
         if driver is None:
             return
@@ -217,6 +226,14 @@ class PairDriver:
             driver.submit(lambda actuator, now_s: actuator.raise_fault(now_s, partner_off.name, why))
         else:
             driver.submit(lambda actuator, now_s: actuator.enable(now_s, False))
+
+    def _come_back(self) -> None:
+        """The fault of the wire that went off first has passed: the other has none by it any more."""
+        driver = self._wires[1 - self._first].driver
+        if driver is None or not driver.output_is_off:
+            return
+        driver.submit(lambda actuator, now_s: actuator.end_fault(partner_off.name))
+        self._fault, self._why_off = "", ""
 
     def _step(self, time_s: float) -> JointOutput:
         """One step of the law, where both wires are driven."""
@@ -264,7 +281,8 @@ class PairDriver:
         pair, limits = self._pair, self._pair.limits
         if not self._driven:
             mode, words, limits = Mode.OFF, f"off: {self._why_off}" if self._why_off else "off", ()
-            words += AFTER_A_FAULT if self._fault else ""
+            if self._fault:
+                words += AFTER_A_LOSS if FAULTS[self._fault].until_back else AFTER_A_FAULT
         elif not isfinite(estimate.angle_rad):
             mode, words = Mode.HOLD, "taking up the slack"
         elif pair.commanded:
@@ -296,7 +314,7 @@ def _state_of(output: Output | None) -> WireState:
     estimate, load_N = output.estimate, output.signals.load_N
     if estimate.quality is Quality.INVALID:
         return WireState(nan, nan, load_N)
-    return WireState(estimate.displacement_m, estimate.uncertainty_m, load_N)
+    return WireState(estimate.displacement_m, estimate.uncertainty_m, load_N, estimate.velocity_m_s)
 
 
 def mismatches(parameters: PairParameters, configs: Sequence[Config]) -> list[str]:

@@ -133,8 +133,9 @@ def pair_command_from(message: JointState, joint_name: str) -> tuple[float, floa
 
 
 def joint_estimate_message(joint_name: str, estimate: JointEstimate, stamp: Time) -> JointState:
-    """Angle [rad] and co-contraction [N] of a joint that two wires turn, as they are asked for."""
+    """Angle [rad] and co-contraction [N] of a joint that two wires turn, as they are asked for, and its velocity [rad/s]."""
     message = pair_command_message(joint_name, estimate.angle_rad, estimate.cocontraction_N)
+    message.velocity = [estimate.velocity_rad_s]
     message.header.stamp = stamp
     return message
 

@@ -100,6 +100,7 @@ class JointEstimate:
     uncertainty_rad: float = nan  #: half of the 95 % interval
     cocontraction_N: float = nan  #: tension of the wire that pulls less
     torque_Nm: float = nan  #: of both wires together, against the world's
+    velocity_rad_s: float = nan  #: as far as the wires show it; what is in series is left out
 
 
 class Mode(enum.Enum):

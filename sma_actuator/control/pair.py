@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import copysign, inf, isfinite, nan
+from math import copysign, hypot, inf, isfinite, nan
 from typing import Any
 
 from sma_actuator.base.parameters import from_mapping, parameter, refuse, to_mapping
@@ -138,6 +138,7 @@ class WireState:
     displacement_m: float
     uncertainty_m: float
     load_N: float
+    velocity_m_s: float = nan
 
 
 class Pair:
@@ -166,6 +167,10 @@ class Pair:
     def hold(self) -> None:
         """No angle is asked for any more: the joint is held where it is, with the co-contraction that it has."""
         self.asked_rad, self.commanded = nan, False
+
+    def cancel(self) -> None:
+        """The motion ends where the reference has come, and the joint follows to there: where it is would be a step back."""
+        self.asked_rad, self.commanded = self.reference_rad, False
 
     # --- geometry ---------------------------------------------------------------------------------
 
@@ -201,31 +206,31 @@ class Pair:
         return low_rad, high_rad
 
     def see(self, wires: Sequence[WireState]) -> JointEstimate:
-        """The joint as both wires show it: the less certain one counts less, a slack one not at all.
+        """The joint as the wires show it that are taut: their mean.
 
-        Its uncertainty is that of errors that come together, since both wires may have them from one model, and no
-        less than what the two taut wires contradict each other by.
+        What both have from one model they have against each other on a pulley, and their mean is free of it: so none
+        counts less. Its uncertainty is that of what the calibration of both leaves, as if it came together, and of what
+        they contradict each other by, which only one of them has: independent, as the root of their squares.
         """
         angles_rad = self.angles_rad(wires)
-        weighed = weight = uncertainty_m = 0.0
-        taut_rad: list[float] = []
-        for angle_rad, wire in zip(angles_rad, wires, strict=True):
-            if not wire.load_N >= SLACK_N or not isfinite(angle_rad):
-                continue
-            of_wire = 1.0 / wire.uncertainty_m**2 if wire.uncertainty_m > 0.0 else 1.0
-            weighed += of_wire * angle_rad
-            weight += of_wire
-            uncertainty_m += of_wire * wire.uncertainty_m
-            taut_rad.append(angle_rad)
-        radius_m = self.parameters.pulley_radius
+        taut = [
+            (angle_rad, wire, -sign * wire.velocity_m_s)
+            for sign, angle_rad, wire in zip(SIGNS, angles_rad, wires, strict=True)
+            if wire.load_N >= SLACK_N and isfinite(angle_rad)
+        ]
+        radius_m, many = self.parameters.pulley_radius, len(taut)
+        taut_rad = [angle_rad for angle_rad, _, _ in taut]
         first_N, second_N = (wire.load_N for wire in wires)
         self.estimate = JointEstimate(
-            angle_rad=weighed / weight if weight > 0.0 else nan,
-            uncertainty_rad=max(uncertainty_m / weight / radius_m, max(taut_rad) - min(taut_rad))
-            if weight > 0.0
+            angle_rad=sum(taut_rad) / many if many else nan,
+            uncertainty_rad=hypot(
+                sum(wire.uncertainty_m for _, wire, _ in taut) / many / radius_m, max(taut_rad) - min(taut_rad)
+            )
+            if many
             else nan,
             cocontraction_N=min(first_N, second_N) if isfinite(first_N + second_N) else nan,
             torque_Nm=radius_m * (first_N - second_N),
+            velocity_rad_s=sum(turning_m_s for _, _, turning_m_s in taut) / many / radius_m if many else nan,
         )
         return self.estimate
 

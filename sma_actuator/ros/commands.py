@@ -74,7 +74,7 @@ class Commands:
             self._follow.preempt(why)
 
     @property
-    def has_goal(self) -> bool:
+    def pursues(self) -> bool:
         """Whether a goal is pursued; may be asked from any thread."""
         return self._follow is not None and self._follow.pursues
 

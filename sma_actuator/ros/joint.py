@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from math import isfinite
 from typing import Any, Protocol
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -96,7 +97,7 @@ class JointNode(Node):
 
     def go_to(self, angle_rad: float) -> str:
         """Hand an angle to the law; "" or why it was refused."""
-        return self._pair.command(angle_rad)
+        return self._pair.go_to(angle_rad)
 
     def follow(
         self, times_s: list[float], angles_rad: list[float], velocities_rad_s: list[float] | None, delay_s: float
@@ -106,7 +107,11 @@ class JointNode(Node):
 
     def take_joint_command(self, message: JointState) -> str:
         """Hand an angle and a co-contraction to the law; "" or why they were refused."""
-        return self._pair.command(*pair_command_from(message, self.config.joint_name))
+        angle_rad, cocontraction_N = pair_command_from(message, self.config.joint_name)
+        refusal = self._pair.command(angle_rad, cocontraction_N)
+        if not refusal and isfinite(angle_rad):
+            self._commands.preempt("joint commands are followed")
+        return refusal
 
     def hold(self) -> None:
         """End the motion where the joint is measured to be."""
@@ -168,7 +173,7 @@ class JointNode(Node):
     @property
     def has_to_act(self) -> bool:
         """Whether there is a goal to be watched."""
-        return self._commands.has_goal
+        return self._commands.pursues
 
     def time_of(self, output: JointOutput) -> float:
         """When it was measured [s]."""

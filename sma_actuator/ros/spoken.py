@@ -50,7 +50,7 @@ class Spoken:
     def has_to_act(self) -> bool:
         """Whether there are refusals to be said, or a goal to be watched."""
         driver = self._wire.driver
-        return (driver is not None and driver.has_refusals) or self._wire.commands.has_goal
+        return (driver is not None and driver.has_refusals) or self._wire.commands.pursues
 
     def time_of(self, output: Output) -> float:
         """When it was measured [s]."""
@@ -77,7 +77,7 @@ class Spoken:
         if output is not None and driver is not None:
             for refusal in driver.refusals():
                 wire.report(refusal)
-            wire.watch_goal(output)
+            wire.watch(output)
             for level, sentence in self._events.of_status(output.status, time.monotonic()):
                 wire.log.say(level, sentence)
             for level, sentence in self._events.of_instruments(driver.lost_instruments, output.status.fault):

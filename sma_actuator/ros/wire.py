@@ -208,7 +208,7 @@ class SmaActuatorNode(LifecycleNode):
         """How far off it is."""
         return f"{error_m * 1e3:+.3f} mm"
 
-    def watch_goal(self, output: Output) -> None:
+    def watch(self, output: Output) -> None:
         """Look how a goal goes."""
         known = output.estimate.quality is not Quality.INVALID
         position_m = output.estimate.displacement_m if known else nan

@@ -1,6 +1,7 @@
 """The law of a pair: its geometry against closed forms, and the bound of the tension whatever is asked for."""
 
 import math
+from dataclasses import replace
 
 import hypothesis.strategies as st
 import pytest
@@ -50,13 +51,28 @@ def test_what_both_wires_show_is_where_they_were_put(angle_rad, first_N, second_
     assert seen.torque_Nm == pytest.approx(0.004 * (first_N - second_N))
 
 
-def test_the_wire_that_is_surer_counts_more_and_what_they_contradict_each_other_by_is_uncertain():
+@given(common_m=st.floats(-3e-4, 3e-4))
+def test_what_both_wires_have_from_one_model_leaves_the_angle_alone(common_m):
+    pair = pair_of()
+    wires = taut(pair, 0.1, (1.0, 1.0))
+    seen = pair.see([replace(wire, displacement_m=wire.displacement_m + common_m) for wire in wires])
+    assert seen.angle_rad == pytest.approx(0.1, abs=1e-12)
+
+
+def test_what_they_contradict_each_other_by_is_uncertain_beside_what_their_calibration_leaves():
     pair = pair_of()
     first, second = taut(pair, 0.1, (1.0, 1.0), uncertainties_m=(1e-4, 2e-4))
-    wrong = WireState(second.displacement_m + 0.4e-3, second.uncertainty_m, second.load_N)  # 0.1 rad further
+    wrong = replace(second, displacement_m=second.displacement_m + 0.4e-3)  # 0.1 rad further
     seen = pair.see((first, wrong))
-    assert seen.angle_rad == pytest.approx(0.1 + 0.1 / 5.0)
-    assert seen.uncertainty_rad == pytest.approx(0.1)
+    assert seen.angle_rad == pytest.approx(0.15)
+    assert seen.uncertainty_rad == pytest.approx(math.hypot(0.1, 1.5e-4 / 0.004))
+
+
+def test_the_velocity_is_that_of_the_pulley():
+    pair = pair_of()
+    first, second = taut(pair, 0.1, (1.0, 1.0))
+    turning = [replace(first, velocity_m_s=-0.4e-3), replace(second, velocity_m_s=0.4e-3)]
+    assert pair.see(turning).velocity_rad_s == pytest.approx(0.1)
 
 
 def test_a_slack_wire_says_nothing_and_two_say_that_nobody_knows():

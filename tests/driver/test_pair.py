@@ -198,6 +198,49 @@ def test_a_fault_of_one_wire_switches_both_off_within_a_period(rig, number, caus
 
 
 @pytest.mark.parametrize("number", (0, 1))
+def test_an_instrument_that_comes_back_leaves_the_joint_off_and_ready_without_a_person(rig, number):
+    rig.stand.benches[number].inject("daq_hangup")
+    while any(rig.on):
+        rig.pair.run_for(0.05)
+    assert "~/enable once it answers again" in rig.run(1.0).status.message
+    assert rig.status(1 - number).fault == "partner_off", "it has not come back yet"
+    rig.stand.benches[number].clear()
+    rig.run(3.0)
+    assert rig.status(0).fault == rig.status(1).fault == rig.output.status.fault == ""
+    assert rig.on == [False, False] and rig.output.status.message == "off"
+    rig.switch_on()
+
+
+def test_what_is_cleared_of_one_wire_is_so_of_the_other(rig):
+    rig.stand.benches[0].inject("open_wire")
+    while any(rig.on):
+        rig.pair.run_for(0.05)
+    rig.stand.benches[0].clear()
+    rig.run(3.0)
+    assert rig.status(1).fault == "partner_off", "such a fault wants a person"
+    assert rig.pair.wires[0].driver.clear_fault()[0]
+    rig.run(0.5)
+    assert rig.status(1).fault == rig.output.status.fault == ""
+
+
+def test_a_setpoint_stands_and_a_motion_that_is_cancelled_ends_where_its_reference_has_come():
+    rig = Rig(joint_command_timeout=0.5, angle_rate_limit=0.1)
+    rig.run(0.5)
+    assert "the joint is off" in rig.pair.go_to(0.2)
+    rig.switch_on()
+    began_rad = rig.output.reference_rad
+    assert rig.pair.go_to(began_rad + 0.2) == ""
+    assert rig.run(1.5).status.mode is Mode.TRACKING, "nobody is to be missed"
+    reference_rad = rig.output.reference_rad
+    assert began_rad + 0.05 < reference_rad < began_rad + 0.19, "it is on its way"
+    assert rig.pair.follow([], []) == ""
+    for _ in range(40):
+        assert rig.run(0.05).reference_rad == pytest.approx(reference_rad, abs=0.1 * 0.05 + 1e-9), "no step"
+    assert rig.output.status.mode is Mode.HOLD
+    assert rig.run(5.0).estimate.angle_rad == pytest.approx(reference_rad, abs=0.02)
+
+
+@pytest.mark.parametrize("number", (0, 1))
 def test_a_wire_that_is_switched_off_by_hand_takes_the_other_with_it_without_a_fault(rig, number):
     assert rig.pair.wires[number].switch_off()[0]
     rig.run(0.1)

@@ -15,7 +15,8 @@ from sensor_msgs.msg import JointState
 from test_node import NAME, _enable, _enabled, _status
 
 from sma_actuator.base.signals import Mode
-from sma_actuator.config import Config
+from sma_actuator.config import Config, read_parameter_file
+from sma_actuator.control.pair import Pair, PairParameters
 from sma_msgs_py import joint_command_message, signals_from, status_from
 
 URDF = Path(__file__).resolve().parents[2] / "urdf" / "one_wire.urdf.xacro"
@@ -46,6 +47,29 @@ def test_the_joints_limits_are_those_of_the_parameter_file(name):
             }
         )
         assert robot.getElementsByTagName("joint")[0].getAttribute("name") == config.joint_name
+
+
+def test_the_limits_can_be_what_the_wire_reaches_with_its_load():
+    robot = xacro.process_file(URDF, mappings={"lower": "0.0008", "upper": "0.0024"})
+    (limit,) = robot.getElementsByTagName("limit")
+    assert [float(limit.getAttribute(name)) for name in ("lower", "upper")] == [0.0008, 0.0024]
+
+
+def test_the_limits_of_a_joint_are_what_both_its_wires_reach_at_its_co_contraction():
+    robot = xacro.process_file(URDF.parent / "two_wires.urdf.xacro")
+    (limit,) = robot.getElementsByTagName("limit")
+    said = {name: float(limit.getAttribute(name)) for name in ("lower", "upper", "velocity", "effort")}
+    path = URDF.parents[1] / "config" / "pair.yaml"
+    parameters = PairParameters.from_mapping(read_parameter_file(path, "joint"))
+    wires = [Config.load(path, name) for name in parameters.wires]
+    ranges_m = [wire.model.build(wire.wire).displacement_range_m for wire in wires]
+    low_rad, high_rad = Pair(parameters, ranges_m).range_rad(parameters.cocontraction)
+    torque_Nm = parameters.tension_limit * parameters.pulley_radius
+    limits = {"lower": low_rad, "upper": high_rad, "velocity": parameters.angle_rate_limit, "effort": torque_Nm}
+    assert said == pytest.approx(limits)
+    joint = robot.getElementsByTagName("joint")[0]
+    assert (joint.getAttribute("name"), joint.getAttribute("type")) == (parameters.joint_name, "revolute")
+    assert "/joint/joint_command" in robot.toxml() and "/joint/joint_states" in robot.toxml()
 
 
 def _says(client, words, **wanted):
