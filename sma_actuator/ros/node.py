@@ -1,6 +1,6 @@
 """The process of the nodes: command line, threads, signals and the end.
 
-Every node has its control thread (``driver.py``) and its ROS thread (a single-threaded executor);
+Every node has its control thread (``driver``) and its ROS thread (a single-threaded executor);
 ``~/enable`` and ``~/stop`` of all have threads of their own (``switch.py``), and the main thread
 only waits for signals.  The control thread never calls ROS: outputs are handed over to a third
 thread, which publishes them itself and wakes the executor only where there is something to say

@@ -2,12 +2,15 @@
 
 import sys
 import time
+from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from ending import signals_end_the_program
 from virtual_board import CONFIG
 
 from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.config import Config
-from sma_actuator.driver import Driver, signals_end_the_program
+from sma_actuator.driver import Driver
 from sma_actuator.instruments import open_instruments
 from sma_actuator.instruments.clock import MonotonicClock
 

@@ -8,8 +8,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from counterpart import BackDoor, Rig
-
-from sma_actuator.driver import signals_end_the_program
+from ending import signals_end_the_program
 
 
 def main():

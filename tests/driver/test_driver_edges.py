@@ -8,7 +8,8 @@ from stand_ins import StandInDaq, StandInSupply
 from sma_actuator.bench.bench import VirtualBench
 from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply, VirtualClock
 from sma_actuator.config import Config
-from sma_actuator.driver import NOT_ASKED, Driver, DriverStopped, _Link
+from sma_actuator.driver import NOT_ASKED, Driver, DriverStopped
+from sma_actuator.driver.link import Link
 from sma_actuator.instruments import InstrumentLost, InstrumentUnreachable, LimitsNotHeld, OutputStaysOn
 
 
@@ -217,7 +218,7 @@ class TestLink:
         return link
 
     def link_to(self, instrument):
-        return _Link("supply", instrument, self.TIMEOUT_s, self.LONGEST_s, lambda: instrument.now_s)
+        return Link("supply", instrument, self.TIMEOUT_s, self.LONGEST_s, lambda: instrument.now_s)
 
     def lost(self, link, error):
         assert link.ask(self.raising(error)) is None

@@ -165,7 +165,7 @@ class TestDeadlines:
         began_s = []
         for _ in range(6):
             rig.driver._step_at_deadline()
-            began_s.append(rig.driver._last_step_s - 1000.0)
+            began_s.append(rig.driver._deadlines.last_step_s - 1000.0)
         assert began_s == [0.0, 0.125, 0.25, 0.625, 0.75, 1.0]
         statistics = rig.driver.statistics()
         assert (statistics.steps, statistics.overruns) == (6, 3)

@@ -15,10 +15,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ending import signals_end_the_program
 from stand_ins import RealClock, StandInDaq, StandInSupply
 
 from sma_actuator.config import Config
-from sma_actuator.driver import Driver, DriverStopped, signals_end_the_program
+from sma_actuator.driver import Driver, DriverStopped
 from sma_actuator.instruments import InstrumentLost
 
 SOON_s = 60.0  #: bound of every wait; none is expected to take long
@@ -220,7 +221,7 @@ def test_off_is_not_said_between_the_words_that_switch_on(make_driver):
 
 
 def test_off_beside_a_loop_that_has_just_heard_it_does_not_keep_the_next_on_away(make_driver, monkeypatch):
-    monkeypatch.setattr("sma_actuator.driver._OFF_PATIENCE_s", 0.0)
+    monkeypatch.setattr("sma_actuator.driver.loop._OFF_PATIENCE_s", 0.0)
     outputs = Outputs()
     driver = make_driver(on_output=outputs, changes={"safety.reading_timeout": 60.0, "supply.watchdog_timeout": 60.0})
     supply, _ = driver.stand_ins
@@ -583,7 +584,8 @@ _PROGRAM = """
 import json, signal, sys, threading
 from stand_ins import RealClock, StandInDaq, StandInSupply
 from sma_actuator.config import Config
-from sma_actuator.driver import Driver, signals_end_the_program
+from ending import signals_end_the_program
+from sma_actuator.driver import Driver
 
 class Supply(StandInSupply):
     def shut_down(self):

@@ -22,20 +22,15 @@ import contextlib
 import dataclasses
 import logging
 import math
-import signal
 import threading
 import time
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future
-from dataclasses import dataclass
 from typing import Any, Protocol, Self
-
-import numpy as np
 
 from sma_actuator.actuator import Actuator
 from sma_actuator.base import realtime
-from sma_actuator.base.interrupts import ending_signals
 from sma_actuator.base.jit import at_once
 from sma_actuator.base.realtime import RealtimeRefused
 from sma_actuator.base.signals import Command, Mode, Output, Reading, SupplyState
@@ -44,9 +39,6 @@ from sma_actuator.instruments import (
     Clock,
     Daq,
     InstrumentError,
-    InstrumentLate,
-    InstrumentUnreachable,
-    OutputStaysOn,
     PowerSupply,
     highest_rate_Hz,
 )
@@ -55,12 +47,14 @@ from sma_actuator.safety.guards.program import loop_hung
 from sma_actuator.safety.records import Fault, Waited
 from sma_actuator.safety.timing import SETTLING_TIME_s
 
+from .link import Link
+from .statistics import Deadlines, LoopStatistics
+
 _log = logging.getLogger(__name__)
 
 #: Changes of the commanded current smaller than this are not sent: the finest step of the supplies
 #: in use is 0.02 mA (thesis, ch. 3), and each message costs time on the bus.
 CURRENT_RESOLUTION_A = 5e-6
-NOT_ASKED = "it has not been asked yet"  #: why an instrument does not answer, before the first step
 _CALL_s = 5.0  #: how long a call waits for its turn between two steps, unless told otherwise
 _LONGEST_SLEEP_s = 0.05  #: so that a stop and a call do not wait for a slow loop's next deadline
 _CONFIRM_PERIOD_s = 0.005  #: how often it is looked whether the supply has read back that it is on
@@ -73,18 +67,12 @@ _WATCH_PERIOD_s = 0.05  #: how often the watchman looks
 #: Silence after a failed attempt to reach a supply that may be on, in multiples of its watchdog's delay: every word,
 #: also a question, feeds a watchdog, and one that is fed never cuts.
 _QUIET_WATCHDOGS = 1.25
-_SHORTEST_WAIT_s = 0.1
 #: The longest wait for a supply that may be on and hears nothing: one that restarts may switch its output on by itself.
 _UNHEARD_WAIT_s = 0.5
-#: How long at the most a new connection waits for the watchdog of a supply that says it stays on: a slower watchdog
-#: is too slow to be waited for before anything else is tried.
-_LONGEST_TRUST_s = 2.0
 CHECK_PERIOD_s = 0.5  #: how often one of the supply's settings is read back while driving
 _OFF = Command(0.0, False)
 OFF_MEANWHILE = "not enabled: it was switched off meanwhile"
 _SETPOINT_QUEUE = 1024
-_STATISTICS_WINDOW = 2048
-_MINUTE_s = 60
 
 
 class DriverStopped(RuntimeError):
@@ -96,160 +84,6 @@ class Recording(Protocol):
 
     def record(self, reading: Reading | None, output: Output) -> None:
         """Take one step's row; never wait."""
-
-
-@dataclass(frozen=True, slots=True)
-class LoopStatistics:
-    """How well the loop keeps its period; means and percentiles over the last 2048 steps."""
-
-    steps: int
-    overruns: int  #: deadlines that passed while a step was still busy
-    period_mean_s: float = math.nan
-    period_p99_s: float = math.nan
-    period_max_s: float = math.nan
-    busy_mean_s: float = math.nan  #: time from a step's deadline to the command being with the supply
-    busy_max_s: float = math.nan
-    late_answers: int = 0  #: of the instruments, that came after their time-out or not at all
-    slowest_answer_s: float = 0.0  #: of the last minute, whatever was asked for
-
-
-class _Slowest:
-    """The longest of what took how long in the last minute."""
-
-    def __init__(self) -> None:
-        self._by_second: collections.deque[tuple[int, float]] = collections.deque()
-
-    def note(self, now_s: float, took_s: float) -> None:
-        """Something took ``took_s``."""
-        second, longest = int(now_s), self._by_second
-        if longest and longest[-1][0] == second:
-            if took_s > longest[-1][1]:
-                longest[-1] = second, took_s
-            return
-        longest.append((second, took_s))
-        while longest[0][0] <= second - _MINUTE_s:
-            longest.popleft()
-
-    def longest_s(self, now_s: float) -> float:
-        """0 where nothing was noted."""
-        return max((took_s for second, took_s in tuple(self._by_second) if second > now_s - _MINUTE_s), default=0.0)
-
-
-class _Link:
-    """One instrument, whether it answers, and when to try again if it does not."""
-
-    def __init__(
-        self,
-        name: str,
-        instrument: PowerSupply | Daq,
-        timeout_s: float,
-        longest_wait_s: float,
-        now_s: Callable[[], float],
-    ):
-        self.name = name
-        self.instrument = instrument
-        self.answers = False
-        self.late = False  #: it owes an answer
-        self.late_answers = 0
-        self.slowest = _Slowest()
-        self._now_s = now_s
-        self._timeout_s = timeout_s
-        self._waits = 0.0, math.nan, timeout_s  #: how long so far; since when, if now; how long at the most
-        self._owed = self._owed_since_s = math.nan  #: which answer is late, and since when it is waited for
-        self.detail = NOT_ASKED  #: why it does not answer
-        self.fault = f"{name}_lost"  #: what that is
-        self._longest_wait_s = longest_wait_s
-        self._wait_s = 0.0
-        self._next_attempt_s = -math.inf
-        self._obeys = True  #: as far as is known
-
-    def waited_s(self) -> float:
-        """How long it has been waited for since the beginning [s]: for each question no longer than its answer may take.
-        From any thread."""
-        so_far_s, since_s, most_s = self._waits
-        return so_far_s if math.isnan(since_s) else so_far_s + min(self._now_s() - since_s, most_s)
-
-    @contextlib.contextmanager
-    def _waiting(self, most_s: float) -> Iterator[None]:
-        """What lasts longer than ``most_s`` is not the instrument's: the program stood still, or its library does."""
-        self._waits = self._waits[0], self._now_s(), most_s
-        try:
-            yield
-        finally:
-            self._waits = self.waited_s(), math.nan, most_s
-
-    def ask(self, question: Callable[[], Any], most_s: float | None = None) -> Any:
-        """Answer of the instrument, or None where it has none: then it is ``late``, or does not answer any more.
-
-        ``most_s``: how long it may take, if not its time-out.
-        """
-        if not self.answers:
-            return None
-        began_s = self._now_s()
-        try:
-            with self._waiting(self._timeout_s if most_s is None else most_s):
-                answer = question()
-        except InstrumentLate as error:
-            if error.asked_s != self._owed:
-                self._owed, self._owed_since_s = error.asked_s, began_s
-                self.late_answers += 1
-            self.late, self.detail = True, str(error)
-            self._note_answer(self._owed_since_s)
-            return None
-        except InstrumentError as error:
-            self._note_answer(began_s)
-            self.lose(error)
-            return None
-        self._note_answer(self._owed_since_s if self.late and answer is not None else began_s)
-        if answer is not None:  # what was only told did not wait for what it owes
-            self.late = False
-        self._wait_s, self._next_attempt_s = 0.0, -math.inf  # where it is lost, the first attempt is made at once
-        return answer
-
-    def insist(self, question: Callable[[], Any], patience_s: float) -> None:
-        """Ask until it has answered, or is lost, or is ``late`` for so long: its answer is waited for."""
-        until_s = self._now_s() + patience_s
-        while self.answers:
-            self.late = False
-            self.ask(question, math.inf)
-            if not self.late or self._now_s() >= until_s:
-                break
-
-    def _note_answer(self, since_s: float) -> None:
-        now_s = self._now_s()
-        self.slowest.note(now_s, now_s - since_s)
-
-    def lose(self, error: InstrumentError) -> None:
-        self.answers = self.late = False
-        self._note(error)
-        self._obeys = not isinstance(error, OutputStaysOn)
-
-    def _note(self, error: InstrumentError) -> None:
-        self.detail, self.fault = str(error), error.fault or f"{self.name}_lost"
-
-    def reconnect(self, quiet_s: float, unheard_s: float = math.inf) -> None:
-        """Try to open it again, not more often than the back-off allows, but every ``unheard_s`` while it hears nothing.
-
-        An attempt that was heard and failed is followed by ``quiet_s`` without a word, and so is a word that was heard
-        and not obeyed; but no longer than ``_LONGEST_TRUST_s``, for answers that are out of step may have said so.
-        """
-        if not self._obeys:
-            self._obeys, self._next_attempt_s = True, self._now_s() + min(quiet_s, _LONGEST_TRUST_s)
-        if self._now_s() < self._next_attempt_s:
-            return
-        self._wait_s = min(self._longest_wait_s, max(_SHORTEST_WAIT_s, 2.0 * self._wait_s))
-        try:
-            with self._waiting(math.inf):
-                self.instrument.open()
-        except InstrumentUnreachable as error:
-            self._note(error)
-            self._wait_s, quiet_s = min(self._wait_s, unheard_s), 0.0
-        except InstrumentError as error:
-            self._note(error)
-        else:
-            self.answers, quiet_s = True, 0.0
-        # Also where it was opened: it may be lost with the first question that matters, each time.
-        self._next_attempt_s = self._now_s() + max(self._wait_s, quiet_s)
 
 
 class Driver:
@@ -283,8 +117,8 @@ class Driver:
         self._daq_instrument = daq
         instruments = config.instruments
         longest_wait_s = instruments.reconnect_backoff_max
-        self._supply = _Link("supply", supply, instruments.supply.timeout, longest_wait_s, clock.now_s)
-        self._daq = _Link("daq", daq, instruments.daq.timeout, longest_wait_s, clock.now_s)
+        self._supply = Link("supply", supply, instruments.supply.timeout, longest_wait_s, clock.now_s)
+        self._daq = Link("daq", daq, instruments.daq.timeout, longest_wait_s, clock.now_s)
         self._links = (self._supply, self._daq)
         supply.patience_s = daq.patience_s = config.safety.reading_timeout
         self._on_output = on_output
@@ -320,14 +154,7 @@ class Driver:
         self._setpoints: collections.deque[tuple[float, Callable[[Actuator, float], str]]] = collections.deque()
         self._flooded = 0
         self._refusals: collections.deque[str] = collections.deque(maxlen=16)
-        self._period_s = 1.0 / config.loop.rate
-        self._start_s = math.nan  #: time of deadline 0
-        self._number = 0  #: of the next deadline
-        self._last_step_s = math.nan
-        self._steps = 0
-        self._overruns = 0
-        self._periods_s = np.full(_STATISTICS_WINDOW, np.nan)
-        self._busy_s = np.full(_STATISTICS_WINDOW, np.nan)
+        self._deadlines = Deadlines(1.0 / config.loop.rate)
 
     # --- life ------------------------------------------------------------------------------------
 
@@ -537,24 +364,10 @@ class Driver:
 
     def statistics(self) -> LoopStatistics:
         """Period and overruns of the loop."""
-        periods_s = self._periods_s[np.isfinite(self._periods_s)]
-        busy_s = self._busy_s[np.isfinite(self._busy_s)]
         now_s = self._clock.now_s()
         late = sum(link.late_answers for link in self._links)
         slowest_s = max(link.slowest.longest_s(now_s) for link in self._links)
-        if not len(periods_s):
-            return LoopStatistics(self._steps, self._overruns, late_answers=late, slowest_answer_s=slowest_s)
-        return LoopStatistics(
-            self._steps,
-            self._overruns,
-            float(periods_s.mean()),
-            float(np.quantile(periods_s, 0.99)),
-            float(periods_s.max()),
-            float(busy_s.mean()),
-            float(busy_s.max()),
-            late,
-            slowest_s,
-        )
+        return self._deadlines.statistics(late, slowest_s)
 
     # --- the loop ---------------------------------------------------------------------------------
 
@@ -601,27 +414,13 @@ class Driver:
                 return None
         self._alive_s = self._clock.now_s()
         self._waited_alive = self._waited_so_far()  # after that: the watchman reads it before
-        self._account_start(self._alive_s)
+        self._deadlines.begun(self._alive_s)
         output = self.tick()
-        self._account_end(deadline_s, self._clock.now_s())
+        self._deadlines.done(deadline_s, self._clock.now_s())
         return output
 
     def _next_deadline_s(self) -> float:
-        if math.isnan(self._start_s):
-            self._start_s = self._clock.now_s()
-        return self._start_s + self._number * self._period_s
-
-    def _account_start(self, now_s: float) -> None:
-        self._periods_s[self._steps % _STATISTICS_WINDOW] = now_s - self._last_step_s
-        self._last_step_s = now_s
-
-    def _account_end(self, deadline_s: float, now_s: float) -> None:
-        self._busy_s[self._steps % _STATISTICS_WINDOW] = now_s - deadline_s
-        self._steps += 1
-        missed = max(0, math.floor((now_s - self._start_s) / self._period_s + 1e-9) - self._number)
-        # Missed deadlines are skipped, not caught up with: old readings help nobody.
-        self._number += 1 + missed
-        self._overruns += missed
+        return self._deadlines.next_s(self._clock.now_s)
 
     def _tick(self) -> Output:
         self._run_calls()
@@ -777,7 +576,7 @@ class Driver:
         if len(self._asking_s) < _ASKED_STEPS or not all(link.answers for link in self._links):
             return ""
         daq_s, supply_s = min(self._asking_s, key=sum)
-        if daq_s + supply_s <= self._period_s:
+        if daq_s + supply_s <= self._deadlines.period_s:
             return ""
         return (
             f"a step takes the instruments {daq_s + supply_s:.3g} s (supply {supply_s:.3g} s, DAQ {daq_s:.3g} s), so loop.rate can "
@@ -917,7 +716,7 @@ class Driver:
         silent_s, bound_s = self._clock.now_s() - self._alive_s, self._config.safety.reading_timeout
         if self._hung or silent_s <= bound_s:
             return
-        name, part = waited.most(silent_s, self._period_s)
+        name, part = waited.most(silent_s, self._deadlines.period_s)
         fault = FAULTS[f"{name}_lost"] if name else loop_hung
         self._hung = why = f"no step for {silent_s:.3g} s{part}; safety.reading_timeout is {bound_s:g} s"
         if not (self._may_flow and self._supply.answers):
@@ -994,19 +793,3 @@ def _stop_at_exit(driver: Driver) -> Callable[[], None]:
 
     atexit.register(stop)
     return stop
-
-
-@contextlib.contextmanager
-def signals_end_the_program() -> Iterator[None]:
-    """What asks a program to end raises SystemExit, as SIGINT raises KeyboardInterrupt: every ``finally`` and
-    atexit function runs, so every driver is stopped.  For tools; in the main thread."""
-
-    def leave(number: int, _frame: object) -> None:
-        raise SystemExit(128 + number)
-
-    before = {number: signal.signal(number, leave) for number in ending_signals()}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -1,0 +1,104 @@
+"""The loop's deadlines, and how well it keeps them."""
+
+from __future__ import annotations
+
+import collections
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+_WINDOW = 2048
+_MINUTE_s = 60
+
+
+@dataclass(frozen=True, slots=True)
+class LoopStatistics:
+    """How well the loop keeps its period; means and percentiles over the last 2048 steps."""
+
+    steps: int
+    overruns: int  #: deadlines that passed while a step was still busy
+    period_mean_s: float = math.nan
+    period_p99_s: float = math.nan
+    period_max_s: float = math.nan
+    busy_mean_s: float = math.nan  #: time from a step's deadline to the command being with the supply
+    busy_max_s: float = math.nan
+    late_answers: int = 0  #: of the instruments, that came after their time-out or not at all
+    slowest_answer_s: float = 0.0  #: of the last minute, whatever was asked for
+
+
+class Slowest:
+    """The longest of what took how long in the last minute."""
+
+    def __init__(self) -> None:
+        self._by_second: collections.deque[tuple[int, float]] = collections.deque()
+
+    def note(self, now_s: float, took_s: float) -> None:
+        """Something took ``took_s``."""
+        second, longest = int(now_s), self._by_second
+        if longest and longest[-1][0] == second:
+            if took_s > longest[-1][1]:
+                longest[-1] = second, took_s
+            return
+        longest.append((second, took_s))
+        while longest[0][0] <= second - _MINUTE_s:
+            longest.popleft()
+
+    def longest_s(self, now_s: float) -> float:
+        """0 where nothing was noted."""
+        return max((took_s for second, took_s in tuple(self._by_second) if second > now_s - _MINUTE_s), default=0.0)
+
+
+class Deadlines:
+    """One every period from the first step on; those that pass while a step is busy are skipped, not caught up with:
+    old readings help nobody."""
+
+    def __init__(self, period_s: float):
+        self.period_s = period_s
+        self.last_step_s = math.nan  #: when the last step began
+        self.steps = 0
+        self.overruns = 0
+        self._start_s = math.nan  #: time of deadline 0
+        self._number = 0  #: of the next deadline
+        self._periods_s = np.full(_WINDOW, np.nan)
+        self._busy_s = np.full(_WINDOW, np.nan)
+
+    def next_s(self, now_s: Callable[[], float]) -> float:
+        """The next; the first one is now."""
+        if math.isnan(self._start_s):
+            self._start_s = now_s()
+        return self._start_s + self._number * self.period_s
+
+    def begun(self, now_s: float) -> None:
+        """A step begins."""
+        self._periods_s[self.steps % _WINDOW] = now_s - self.last_step_s
+        self.last_step_s = now_s
+
+    def done(self, deadline_s: float, now_s: float) -> None:
+        """That of this deadline has ended."""
+        self._busy_s[self.steps % _WINDOW] = now_s - deadline_s
+        self.steps += 1
+        missed = max(0, math.floor((now_s - self._start_s) / self.period_s + 1e-9) - self._number)
+        self._number += 1 + missed
+        self.overruns += missed
+
+    def statistics(self, late_answers: int, slowest_answer_s: float) -> LoopStatistics:
+        """Period and overruns, with what the instruments add."""
+        periods_s = self._periods_s[np.isfinite(self._periods_s)]
+        busy_s = self._busy_s[np.isfinite(self._busy_s)]
+        if not len(periods_s):
+            return LoopStatistics(
+                self.steps, self.overruns, late_answers=late_answers, slowest_answer_s=slowest_answer_s
+            )
+        return LoopStatistics(
+            self.steps,
+            self.overruns,
+            float(periods_s.mean()),
+            float(np.quantile(periods_s, 0.99)),
+            float(periods_s.max()),
+            float(busy_s.mean()),
+            float(busy_s.max()),
+            late_answers,
+            slowest_answer_s,
+        )
