@@ -154,13 +154,13 @@ def driven_loop(config: Config, seconds: float) -> list[float]:
     """Start times of the driver's steps while it tracks a moving setpoint."""
     clock, starts_s = MonotonicClock(), []
     driver = Driver(config, open_supply(config), open_daq(config, clock), clock)
-    inner = driver._account_start
+    inner = driver._loop.deadlines.begun
 
     def account(now_s: float) -> None:
         starts_s.append(now_s)
         inner(now_s)
 
-    driver._account_start = account
+    driver._loop.deadlines.begun = account  # type: ignore[method-assign]
     lo_m, hi_m = config.model.build(config.wire).displacement_range_m
     driver.start()
     try:

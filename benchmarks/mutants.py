@@ -53,6 +53,10 @@ KNOWN = ROOT / "out" / "mutants_known.json"
 PAGE = ROOT / "docs" / "mutants.md"
 #: A mutated source, and the tests that are there to judge it.
 _GUARDS = ("tests/safety/test_guard_edges.py", "tests/test_docs.py")
+_DRIVER = (
+    "tests/driver/test_output.py",
+    *(f"tests/driver/test_driver_{name}.py" for name in ("edges", "steps", "on_bench", "thread")),
+)
 TARGETS = {
     **{f"safety/guards/{name}": _GUARDS for name in ("program", "supply", "readings", "estimate", "setpoints", "wire")},
     "safety/records": (*_GUARDS, "tests/safety/test_faults.py"),
@@ -61,7 +65,10 @@ TARGETS = {
     "safety/faults": (*_GUARDS, "tests/safety/test_faults.py"),
     "safety/supervisor": ("tests/safety/test_supervisor_edges.py", *_GUARDS),
     "safety/thermal": (*_GUARDS, "tests/safety/test_thermal.py", "tests/safety/test_limits.py"),
-    "driver": tuple(f"tests/driver/test_driver_{name}.py" for name in ("edges", "steps", "on_bench", "thread")),
+    **{
+        f"driver/{name}": _DRIVER
+        for name in ("driver", "link", "loop", "output", "requests", "statistics", "warm_up", "watchman")
+    },
     "instruments/scpi": ("tests/instruments",),
     "instruments/supply": ("tests/instruments",),
     "instruments/session": ("tests/instruments",),

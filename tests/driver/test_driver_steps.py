@@ -165,7 +165,7 @@ class TestDeadlines:
         began_s = []
         for _ in range(6):
             rig.driver._step_at_deadline()
-            began_s.append(rig.driver._deadlines.last_step_s - 1000.0)
+            began_s.append(rig.driver._loop.deadlines.last_step_s - 1000.0)
         assert began_s == [0.0, 0.125, 0.25, 0.625, 0.75, 1.0]
         statistics = rig.driver.statistics()
         assert (statistics.steps, statistics.overruns) == (6, 3)
@@ -180,7 +180,7 @@ class TestDeadlines:
         rig.daq.takes_s = [0.02, -0.5]
         rig.steps(2)
         assert rig.driver.statistics().overruns == 0
-        assert rig.driver._next_deadline_s() == 1000.25
+        assert rig.driver._loop.deadlines.next_s(rig.clock.now_s) == 1000.25
 
     def test_there_are_no_figures_before_there_are_steps(self, make):
         rig = make()
@@ -238,7 +238,7 @@ class TestTold:
 
         def write(current_A):
             rig.supply.words.clear()
-            rig.driver._write(Command(current_A, True), None)
+            rig.driver._output.write(Command(current_A, True), None)
             return rig.supply.words
 
         assert write(on_A) == []
@@ -255,7 +255,7 @@ class TestTold:
         on = SupplyState(NAN, 0.0, True, 0.0, 0.0)
         for state, words in ((None, ["off"]), (None, []), (off, []), (on, ["off"])):
             rig.supply.words.clear()
-            rig.driver._write(Command(0.0, False), state)
+            rig.driver._output.write(Command(0.0, False), state)
             assert rig.supply.words == words
 
     def test_off_is_said_again_until_it_is_confirmed(self, make):
@@ -264,11 +264,11 @@ class TestTold:
         rig.supply.errors["off"] = InstrumentLost("no answer")
         for _ in range(2):
             with pytest.raises(InstrumentLost):
-                rig.driver._write(Command(0.0, False), None)
+                rig.driver._output.write(Command(0.0, False), None)
             assert rig.driver.output_words == "the output is told to be off, not confirmed"
             assert not rig.driver.output_is_off
         rig.supply.errors.clear()
-        rig.driver._write(Command(0.0, False), None)
+        rig.driver._output.write(Command(0.0, False), None)
         assert rig.driver.output_words == "the output is off"
         assert rig.driver.output_is_off
 
@@ -277,11 +277,11 @@ class TestTold:
         rig.driver.open()
         rig.supply.errors["output True"] = InstrumentLost("no answer")
         with pytest.raises(InstrumentLost):
-            rig.driver._write(Command(0.1, True), None)
+            rig.driver._output.write(Command(0.1, True), None)
         assert rig.driver.output_words == "the output is told to be off, not confirmed"
         rig.supply.errors.clear()
         rig.supply.words.clear()
-        rig.driver._write(Command(0.1, True), None)
+        rig.driver._output.write(Command(0.1, True), None)
         assert rig.supply.words == ["current 0.1", "output True"]
 
     def test_settings_are_looked_at_every_so_often_while_driving(self, make):
@@ -411,7 +411,7 @@ class TestSetpoints:
         rig.driver.offer_joint_command(NAN)
         rig.driver.offer_trajectory([1.0], [0.002])
         rig.driver.offer_trajectory([1.0], [0.002], [0.0], delay_s=0.5)
-        rig.driver._offer_setpoints(rig.clock.s)
+        rig.driver.take_offers(rig.clock.s)
         rig.driver._actuator = actuator
         assert [name for name, _ in came] == ["offer_setpoint", "offer_joint_command", *["offer_trajectory"] * 2]
         assert came[0][1] == (1000.0, 0.001)
@@ -607,7 +607,7 @@ class TestSaid:
 
         def cut_meanwhile(*arguments):
             output = record(*arguments)
-            rig.driver._cut = loop_hung, "no step for long"
+            rig.driver._output._cut = loop_hung, "no step for long"
             return output
 
         rig.driver._actuator.step = cut_meanwhile
@@ -649,7 +649,7 @@ class TestWatchman:
             return now_s()
 
         rig.clock.now_s = once
-        rig.driver._watch()
+        rig.driver._loop.watchman.watch(rig.driver._is_over)
         rig.clock.now_s = now_s
         rig.driver._stopping.clear()
         assert looked.is_set()
@@ -659,7 +659,7 @@ class TestWatchman:
     def test_cuts_the_supply_where_no_step_came_for_longer_than_readings_may_be_old(self, make, silent_s, cuts):
         rig = make(QUICK_WATCHMAN)
         rig.drive()
-        rig.driver._alive_s = rig.clock.s
+        rig.driver._loop.watchman.alive_s = rig.clock.s
         rig.clock.s += silent_s
         rig.supply.words.clear()
         self.look(rig)
@@ -683,7 +683,7 @@ class TestWatchman:
         rig = make(QUICK_WATCHMAN)
         rig.drive()
         rig.supply.shut_down = lambda: False
-        rig.driver._alive_s = rig.clock.s
+        rig.driver._loop.watchman.alive_s = rig.clock.s
         rig.clock.s += 0.6
         self.look(rig)
         assert rig.status.message.startswith("the output is told to be off, not confirmed")
@@ -693,7 +693,7 @@ class TestWatchman:
     def test_says_nothing_to_a_supply_that_is_off_or_lost(self, make):
         rig = make(QUICK_WATCHMAN)
         rig.steps(2)
-        rig.driver._alive_s = rig.clock.s
+        rig.driver._loop.watchman.alive_s = rig.clock.s
         rig.clock.s += 0.6
         rig.supply.words.clear()
         self.look(rig)
@@ -702,13 +702,13 @@ class TestWatchman:
         rig.steps(1)
         assert rig.status.fault == "", "nothing was cut, so nothing is latched"
         rig.drive()
-        rig.driver._supply.answers = False
-        rig.driver._alive_s = rig.clock.s
+        rig.driver._loop.supply.answers = False
+        rig.driver._loop.watchman.alive_s = rig.clock.s
         rig.clock.s += 0.6
         rig.supply.words.clear()
         self.look(rig)
         assert rig.supply.words == []
-        rig.driver._supply.answers = True
+        rig.driver._loop.supply.answers = True
 
     def test_goes_on_looking_after_a_hang_in_which_nothing_flowed(self, make):
         rig = make(QUICK_WATCHMAN)
@@ -716,7 +716,7 @@ class TestWatchman:
         now_s = rig.clock.now_s
 
         def hang_while_off():
-            rig.driver._alive_s = rig.clock.s - 0.6
+            rig.driver._loop.watchman.alive_s = rig.clock.s - 0.6
             rig.clock.now_s = hang_while_on
             return now_s()
 
@@ -724,12 +724,12 @@ class TestWatchman:
             rig.clock.now_s = now_s
             assert rig.driver.lost_instruments, "it was noted"
             rig.drive()
-            rig.driver._alive_s = rig.clock.s - 0.6
+            rig.driver._loop.watchman.alive_s = rig.clock.s - 0.6
             rig.driver._stopping.set()
             return now_s()
 
         rig.clock.now_s = hang_while_off
-        rig.driver._watch()
+        rig.driver._loop.watchman.watch(rig.driver._is_over)
         rig.driver._stopping.clear()
         assert not rig.supply.output_on
         assert rig.status.fault == "loop_hung"
@@ -737,8 +737,8 @@ class TestWatchman:
     def test_cuts_also_before_there_is_a_status(self, make, caplog):
         rig = make(QUICK_WATCHMAN)
         rig.driver.open()
-        rig.driver._write(Command(0.1, True), None)
-        rig.driver._alive_s = rig.clock.s - 0.6
+        rig.driver._output.write(Command(0.1, True), None)
+        rig.driver._loop.watchman.alive_s = rig.clock.s - 0.6
         self.look(rig)
         assert not rig.supply.output_on
         assert rig.outputs == []
@@ -748,7 +748,7 @@ class TestWatchman:
         rig = make(QUICK_WATCHMAN)
         rig.drive()
         rig.driver._on_output = None
-        rig.driver._alive_s = rig.clock.s
+        rig.driver._loop.watchman.alive_s = rig.clock.s
         rig.clock.s += 0.6
         self.look(rig)
         assert not rig.supply.output_on
@@ -764,7 +764,7 @@ class TestWatchman:
             raise ZeroDivisionError
 
         rig.driver._on_output = broken
-        rig.driver._alive_s = rig.clock.s
+        rig.driver._loop.watchman.alive_s = rig.clock.s
         rig.clock.s += 0.6
         self.look(rig)
         assert not rig.supply.output_on
@@ -789,7 +789,7 @@ class TestEnd:
             waiting.result(0.0)
         with pytest.raises(DriverStopped, match="wire: the loop has ended"):
             rig.driver.submit(lambda actuator, now_s: 1).result(0.0)
-        assert not any(link.answers for link in rig.driver._links)
+        assert not any(link.answers for link in rig.driver._loop.links)
         for use in (rig.driver.open, rig.driver.start, rig.driver.tick):
             with pytest.raises(DriverStopped, match="wire: the driver has ended; make a new one"):
                 use()

@@ -194,7 +194,7 @@ def test_off_is_not_said_between_the_words_that_switch_on(make_driver):
         False,
         "the output is told to be off, not confirmed; an instrument holds the loop up",
     )
-    answers, waits, writing = queue.Queue(), threading.Event(), driver._writing
+    answers, waits, writing = queue.Queue(), threading.Event(), driver._output._speaking
 
     class Awaited:
         """The same lock; it says when somebody waits for it."""
@@ -205,11 +205,11 @@ def test_off_is_not_said_between_the_words_that_switch_on(make_driver):
 
         release = writing.release
 
-    driver._writing = Awaited()
+    driver._output._speaking = Awaited()
     asking = threading.Thread(target=lambda: answers.put(driver.enable(False, timeout_s=SOON_s)), daemon=True)
     asking.start()
     assert waits.wait(SOON_s)
-    driver._writing = writing
+    driver._output._speaking = writing
     assert not supply.output_on
     supply.told.set()
     assert answers.get(timeout=SOON_s)[0]
@@ -221,7 +221,7 @@ def test_off_is_not_said_between_the_words_that_switch_on(make_driver):
 
 
 def test_off_beside_a_loop_that_has_just_heard_it_does_not_keep_the_next_on_away(make_driver, monkeypatch):
-    monkeypatch.setattr("sma_actuator.driver.loop._OFF_PATIENCE_s", 0.0)
+    monkeypatch.setattr("sma_actuator.driver.driver._OFF_PATIENCE_s", 0.0)
     outputs = Outputs()
     driver = make_driver(on_output=outputs, changes={"safety.reading_timeout": 60.0, "supply.watchdog_timeout": 60.0})
     supply, _ = driver.stand_ins
@@ -229,7 +229,7 @@ def test_off_beside_a_loop_that_has_just_heard_it_does_not_keep_the_next_on_away
     outputs.wait_for(lambda output: output.reading is not None)
     assert driver.enable(True)[0]
     outputs.wait_for(lambda _: supply.output_on)
-    writing = driver._writing
+    writing = driver._output._speaking
 
     class Late:
         """The same lock, had when the loop has obeyed."""
@@ -246,10 +246,10 @@ def test_off_beside_a_loop_that_has_just_heard_it_does_not_keep_the_next_on_away
 
         release = writing.release
 
-    driver._writing = Late()
+    driver._output._speaking = Late()
     assert driver.enable(False, timeout_s=SOON_s)[0]
     assert not supply.output_on
-    driver._writing = writing
+    driver._output._speaking = writing
     assert driver.enable(True)[0]
     outputs.wait_for(lambda _: supply.output_on)
 
@@ -302,7 +302,7 @@ def test_neither_thread_keeps_the_interpreter_from_its_end(make_driver):
 
 def test_the_watchman_stands_by_a_thread_that_has_not_begun(make_driver, monkeypatch):
     begins, looks = threading.Event(), []
-    monkeypatch.setattr(Driver, "_loop", lambda self: self._prepared.set_result(None) or begins.wait(SOON_s))
+    monkeypatch.setattr(Driver, "_run", lambda self: self._prepared.set_result(None) or begins.wait(SOON_s))
     driver = make_driver()
     driver.open()
     now_s = driver._clock.now_s
@@ -344,7 +344,7 @@ def test_a_commander_has_its_whole_time_from_the_start(make_driver):
     outputs = Outputs()
     driver = make_driver(on_output=outputs, feed_timeout_s=1000.0)
     driver.open()
-    driver._fed_at_s -= 1000.0  # it was made long before
+    driver._loop.fed_at_s -= 1000.0  # it was made long before
     driver.start()
     outputs.wait_for(lambda _: len(outputs.all) > 3)
     assert not any(output.status.fault for output in outputs.all)

@@ -289,10 +289,10 @@ class TestHang:
         release.set()
 
     def hang_in_the_recorder(self, rig):
-        rig.driver._recorder = type("Recorder", (), {"record": rig.hang})()
+        rig.driver._loop._recorder = type("Recorder", (), {"record": rig.hang})()
 
     def hang_in_the_supply(self, rig):
-        session = rig.driver._supply_instrument._session
+        session = rig.driver._supply._session
         ask_for = session.ask_for
 
         def hang_with_the_lock(line, read):

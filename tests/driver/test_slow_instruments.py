@@ -46,7 +46,7 @@ def slow(make_config):
         driver = Driver(config, open_supply(config), open_daq(config, clock), clock, on_output=outputs.append)
         ends.append(driver.stop)
         driver.open()
-        driver._supply_instrument._session.tell(f"BENC:FAUL slow_answers,{delay_s}")
+        driver._supply._session.tell(f"BENC:FAUL slow_answers,{delay_s}")
         driver.start()
         elapsed = Elapsed()
         while len(outputs) < 6:

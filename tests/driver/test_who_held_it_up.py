@@ -51,7 +51,7 @@ class Rig:
         while until_s - self.bench.time_s > 5e-4:
             self._advance(min(until_s, self.bench.time_s + LOOK_s))
             if self.watched:
-                self.driver._look()
+                self.driver._loop.watchman.look()
 
     def until_a_fault(self, within_s=4.0):
         """Name of the first; what comes after it must not take its place."""
