@@ -74,7 +74,10 @@ TARGETS = {
     "instruments/session": ("tests/instruments",),
     "instruments/dialect": ("tests/instruments",),
     "instruments/pymeasure_adapter": ("tests/instruments",),
-    "actuator": ("tests/test_actuator.py", "tests/safety/test_limits.py"),
+    **{
+        f"actuator/{name}": ("tests/test_actuator.py", "tests/safety/test_limits.py")
+        for name in ("actuator", "following", "measured", "offered", "said", "tuner")
+    },
     "pair": ("tests/driver/test_pair.py",),
     "estimation/hot_end": ("tests/estimation/test_hot_end_seen.py",),
     "estimation/chain": ("tests/estimation/test_chain.py",),

@@ -1,0 +1,196 @@
+"""What the control law is asked to reach, and what current it asks for: range, reach, tuning and law of a driven wire."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isnan, nan
+
+from sma_actuator.base.signals import Estimate, Mode, Signals
+from sma_actuator.config import Config
+from sma_actuator.control.commanding import Commanding
+from sma_actuator.control.law import ControlLaw, SensingLaw
+from sma_actuator.control.tuning import Sample
+from sma_actuator.estimation.chain import Chain
+from sma_actuator.estimation.ends import Ends
+from sma_actuator.safety.guards.setpoints import no_motion, setpoint_stale
+from sma_actuator.safety.limits import (
+    CURRENT_BIAS,
+    CURRENT_MAX,
+    SETPOINT_PACE,
+    SETPOINT_RANGE,
+    SETPOINT_RATE,
+    SETPOINT_REACH,
+)
+from sma_actuator.safety.reach import BEYOND_K, Needed, Reach
+from sma_actuator.safety.records import Limit
+from sma_actuator.safety.supervisor import Supervisor
+
+from .tuner import Tuner
+
+#: Share of the current's limit that counts as all of it: about the limit, a controller's output is noise.
+ALL_THERE_IS = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Where the wire can be held at its load and limits."""
+
+    short_m: float
+    long_m: float
+    beyond: str  #: which end the setpoint was last held at, ``short`` or ``long``; "" at none yet
+
+    @property
+    def words(self) -> str:
+        """The end that the setpoint is held at."""
+        end_m = self.short_m if self.beyond == "short" else self.long_m
+        return f"(at its {self.beyond} end, {end_m * 1e3:.3f} mm)"
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What the law goes by in a step."""
+
+    now_s: float
+    time_s: float  #: the last time that was a number
+    signals: Signals
+    estimate: Estimate
+    told_A: float  #: what the supply was told in the step before
+    power_W: float
+
+
+class Following:
+    """The control law of one wire, and where it is led.  ``config`` may be replaced."""
+
+    def __init__(
+        self,
+        config: Config,
+        controller: ControlLaw,
+        chain: Chain,
+        commanding: Commanding,
+        supervisor: Supervisor,
+        tuner: Tuner,
+    ):
+        self.config = config
+        self._controller = controller
+        self._sensing = controller if isinstance(controller, SensingLaw) else None
+        self._commanding = commanding
+        self._supervisor = supervisor
+        self._tuner = tuner
+        self._ends = Ends(config, chain.displacement_range_m, chain.knows_the_ends)
+        self._beyond = ""  #: which end the setpoint is held at
+        self._reach = Reach(config.wire.full_stroke_m, config.thermal.heat_capacity / config.thermal.heat_loss)
+        self._controlled_s = nan  #: when the law was last stepped
+
+    def sense(self, signals: Signals, estimate: Estimate, dt_s: float) -> None:
+        """Take note of a reading, whether the wire is driven or not."""
+        if self._sensing is not None:
+            self._sensing.sense(signals, estimate)
+        self._ends.step(signals.stress_Pa, dt_s)
+
+    def begin(self, seen: Seen) -> None:
+        """Let the law go on from the present position and current."""
+        self._reach.forget()
+        self._controlled_s = seen.time_s
+        position_m = seen.estimate.displacement_m
+        self._commanding.begun(position_m)
+        current_A = max(seen.told_A, self.config.supply.bias_current)
+        # What flows in a relay test holds the wire nowhere.
+        resting_A = self._tuner.take_resting_A()
+        self._controller.reset(position_m, current_A if isnan(resting_A) else min(current_A, resting_A))
+
+    def step(self, seen: Seen, is_new: bool, limits: set[Limit]) -> tuple[float, float]:
+        """Setpoint [m] and current asked for [A]; without a new estimate, the current asked for last.
+
+        Adds to ``limits`` those that are met.
+        """
+        setpoint_m = self._setpoint_m(seen, limits)
+        return setpoint_m, self._current_A(seen, setpoint_m, is_new, limits)
+
+    def lose_setpoint(self, now_s: float) -> None:
+        """What the parameters say when no setpoint has come for too long."""
+        if self._commanding.mode is not Mode.TRACKING:
+            return
+        why = setpoint_stale.look(self._commanding.silent_s(now_s), self._commanding.armed, self.config)
+        if not why:
+            return
+        action = self.config.controller.on_setpoint_loss
+        if action == "off":
+            self._supervisor.latch(setpoint_stale, why)
+        else:
+            self._commanding.lose(why, at_bias=action == "bias")
+
+    @property
+    def range(self) -> Range:
+        """Shortest and longest displacement that can be held at the present load and limits."""
+        supervisor = self._supervisor
+        short_m, long_m = self._ends.range_m(supervisor.most_rise_K(), supervisor.heat.ambient.temperature_C)
+        return Range(short_m, long_m, self._beyond)
+
+    @property
+    def limited_setpoint_m(self) -> float:
+        """How far the setpoint is followed by now; NaN before the law has begun, and where it has no position."""
+        if self._commanding.anew or not self._commanding.wants_position:
+            return nan
+        tuning = self._tuner.running
+        return self._controller.reference_m if tuning is None else tuning.setpoint_m
+
+    def _setpoint_m(self, seen: Seen, limits: set[Limit]) -> float:
+        """What the law is to reach [m], inside the working range."""
+        tuning, supervisor = self._tuner.running, self._supervisor
+        setpoint_m = self._commanding.position_m(seen.now_s) if tuning is None else tuning.setpoint_m
+        if self._commanding.mode is Mode.TRACKING:
+            within = self.range
+            if not within.short_m <= setpoint_m <= within.long_m:
+                limits.add(SETPOINT_RANGE)
+                self._beyond = "short" if setpoint_m < within.short_m else "long"
+                setpoint_m = min(max(setpoint_m, within.short_m), within.long_m)
+        setpoint_m = max(setpoint_m, supervisor.stress_floor_m)
+        self._reach.step(
+            seen.now_s,
+            seen.estimate.displacement_m,
+            setpoint_m,
+            at_max=seen.told_A >= ALL_THERE_IS * self.config.supply.max_current,
+            at_limit=seen.told_A >= ALL_THERE_IS * supervisor.limit_A(),
+            power_W=seen.power_W,
+            load_N=seen.signals.load_N,
+            heat=self._needed_heat(seen),
+        )
+        if self._reach.floor_m > setpoint_m:
+            limits.add(SETPOINT_REACH)
+            vain = no_motion.look(self._reach.tries)
+            if vain:
+                supervisor.latch(no_motion, vain)
+        return max(setpoint_m, self._reach.floor_m)
+
+    def _needed_heat(self, seen: Seen) -> Needed | None:
+        """What heat the wire takes to be where it seems to be; None where the calibration does not say."""
+        calibration, thermal, stress_Pa = self.config.calibration, self.config.thermal, seen.signals.stress_Pa
+        if not calibration.transformation_known:
+            return None
+        share = calibration.share_of_stroke(seen.estimate.displacement_m, stress_Pa)
+        rise_K = calibration.heating_C(share, stress_Pa) - self._supervisor.heat.ambient.temperature_C
+        loss_W_K = thermal.heat_loss
+        return Needed(share, loss_W_K * rise_K, loss_W_K * BEYOND_K, loss_W_K * calibration.latent_rise)
+
+    def _current_A(self, seen: Seen, setpoint_m: float, is_new: bool, limits: set[Limit]) -> float:
+        controller, tuning = self._controller, self._tuner.running
+        wanted_A = controller.output_A
+        if is_new:
+            # After a gap the integral must not leap.
+            dt_s = min(seen.time_s - self._controlled_s, self.config.safety.reading_timeout)
+            self._controlled_s = seen.time_s
+            position_m, limit_A = seen.estimate.displacement_m, self._supervisor.limit_A()
+            if tuning is None:
+                wanted_A = controller.step(position_m, setpoint_m, dt_s, limit_A)
+            else:
+                sample = Sample(seen.time_s, position_m, seen.told_A, self._supervisor.heat.temperature_C)
+                wanted_A = tuning.step(sample, setpoint_m, dt_s, limit_A)
+        if controller.rate_limited:
+            limits.add(SETPOINT_RATE)
+        if self._sensing is not None and self._sensing.paced:
+            limits.add(SETPOINT_PACE)
+        if controller.at_max:
+            limits.add(CURRENT_MAX)
+        if controller.at_bias:
+            limits.add(CURRENT_BIAS)
+        return wanted_A

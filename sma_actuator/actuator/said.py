@@ -1,0 +1,131 @@
+"""What a step has to say of itself: the status in words and numbers, what has happened, what has changed."""
+
+from __future__ import annotations
+
+from math import nan
+
+from sma_actuator.base.signals import Estimate, Mode, Quality, Signals, Status
+from sma_actuator.control.commanding import Commanding
+from sma_actuator.safety.faults import gravest
+from sma_actuator.safety.guards.setpoints import setpoint_stale
+from sma_actuator.safety.limits import LIMITS, SETPOINT_RANGE
+from sma_actuator.safety.records import Fault, Limit
+from sma_actuator.safety.supervisor import Supervisor
+
+from .following import Range
+from .tuner import Tuner
+
+#: An event without duration (a refused setpoint) stays in the status for this long.
+EVENT_SHOWN_s = 1.0
+#: How the message of a latched fault ends.
+AFTER_A_FAULT = "; ~/clear_fault, then ~/enable"
+#: And of one that passes when its instrument answers again.
+AFTER_A_LOSS = "; ~/enable once it answers again"
+_WORDS_OF_MODE = {Mode.OFF: "off", Mode.HOLD: "holding", Mode.TRACKING: "tracking", Mode.TUNING: "tuning"}
+
+
+def without_advice(message: str) -> str:
+    """What a status says of a latched fault, without what to do about it."""
+    return message.removesuffix(AFTER_A_FAULT).removesuffix(AFTER_A_LOSS)
+
+
+def words_of_latched(supervisor: Supervisor) -> str:
+    """The latched fault and why, "" where there is none."""
+    return f"{supervisor.latched.words} ({supervisor.detail})" if supervisor.latched is not None else ""
+
+
+class Said:
+    """What no output has told yet, and what is told for a while."""
+
+    def __init__(self) -> None:
+        self._changes: list[str] = []
+        self._events: dict[Fault, tuple[float, str]] = {}  #: fault without duration → when, detail
+        self._latched_told: Fault | None = None
+
+    def changed(self, *words: str) -> None:
+        """Something has changed; without words, nothing."""
+        self._changes += [each for each in words if each]
+
+    def event(self, now_s: float, fault: Fault, detail: str) -> None:
+        """A fault without duration has come."""
+        self._events[fault] = (now_s, detail)
+
+    def forget_events(self) -> None:
+        """They were looked at."""
+        self._events.clear()
+
+    def show_events(self, now_s: float, faults: dict[Fault, str], lost: str) -> None:
+        """Let faults without duration stay in the status for a while, a ``lost`` setpoint until the next."""
+        if lost:
+            faults.setdefault(setpoint_stale, lost)
+        for fault, (when_s, detail) in list(self._events.items()):
+            if 0.0 <= now_s - when_s <= EVENT_SHOWN_s:
+                faults.setdefault(fault, detail)
+            else:
+                del self._events[fault]
+
+    def take_changes(self, supervisor: Supervisor) -> tuple[str, ...]:
+        """What has changed since this was last asked, a fault that latched among it."""
+        latched = supervisor.latched
+        if latched is not self._latched_told and latched is not None:
+            self._changes.append(f"fault {latched.name}: {supervisor.detail}")
+        self._latched_told = latched
+        changes, self._changes = tuple(self._changes), []
+        return changes
+
+
+def status_of(
+    faults: dict[Fault, str],
+    limits: set[Limit],
+    supervisor: Supervisor,
+    commanding: Commanding,
+    signals: Signals,
+    estimate: Estimate,
+    reach: Range,
+    limited_setpoint_m: float,
+    joint_commands: str,
+    tuner: Tuner,
+) -> Status:
+    """The status of a step with these faults and limits."""
+    fault = supervisor.latched
+    words = _WORDS_OF_MODE[commanding.mode]
+    if tuner.running is not None:
+        words += f" ({tuner.words})"
+    if fault is not None:
+        words = f"off: {words_of_latched(supervisor)}{AFTER_A_LOSS if fault.until_back else AFTER_A_FAULT}"
+    elif faults:
+        fault = gravest(faults)
+        words = f"{words}: {fault.words} ({faults[fault]})"
+    shown = tuple(limit for limit in LIMITS.values() if limit in limits)
+    if fault is None and shown:
+        said = (f"{limit.words} {reach.words}" if limit is SETPOINT_RANGE else limit.words for limit in shown)
+        words = f"{words}: {', '.join(said)}"
+    # With the mode "off" no position is said, though the last reading may be of before the output went off:
+    # this status stands for a while, and the wire moves.
+    known = commanding.is_driven and estimate.quality is not Quality.INVALID
+    return Status(
+        mode=commanding.mode,
+        fault=fault.name if fault is not None else "",
+        limits=tuple(limit.name for limit in shown),
+        message=words,
+        values={
+            "displacement_m": estimate.displacement_m if known else nan,
+            "uncertainty_m": estimate.uncertainty_m if known else nan,
+            "resistance_Ohm": signals.resistance_Ohm,
+            "current_A": signals.current_A,
+            "power_W": signals.power_W,
+            "load_N": signals.load_N,
+            "stress_Pa": signals.stress_Pa,
+            "temperature_C": supervisor.heat.temperature_C,
+            "temperature_at_most_C": supervisor.heat.at_most_C,
+            "temperature_guessed_K": supervisor.heat.guessed_K,
+            "current_limit_A": supervisor.limit_A(),
+            "limited_setpoint_m": limited_setpoint_m,
+            "shortest_m": reach.short_m,
+            "longest_m": reach.long_m,
+            "branch": estimate.branch.name.lower(),
+            "quality": estimate.quality.name.lower(),
+            "joint_commands": joint_commands,
+            "tuning": tuner.words,
+        },
+    )
