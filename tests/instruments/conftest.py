@@ -36,3 +36,9 @@ def supply_of(make_config):
     yield make
     for each in made:
         each.close()
+
+
+@pytest.fixture
+def asked_once(monkeypatch):
+    """Who finds a supply taken by another is refused at once, and not after the time that its last word may take."""
+    monkeypatch.setattr("sma_actuator.instruments.supply.OFF_ANSWERS", 0)

@@ -110,7 +110,7 @@ def test_a_supply_that_refuses_its_configuration_is_told_off_last_and_given_up(s
     assert "OUTP ON" not in server.lines
 
 
-def test_what_was_given_up_can_be_opened_by_another(supply, server):
+def test_what_was_given_up_can_be_opened_by_another(supply, server, asked_once):
     first, second = supply(), supply()
     first.open()
     with pytest.raises(InstrumentError):
@@ -246,7 +246,7 @@ def test_a_supply_that_was_given_up_is_told_nothing_more(supply, server):
     assert len(server.lines) == said
 
 
-def test_one_that_was_opened_and_is_lost_stays_ours(supply, server):
+def test_one_that_was_opened_and_is_lost_stays_ours(supply, server, asked_once):
     """Nobody else may speak to it before it is off: the claim is kept until it is closed."""
     one, other = supply(), supply()
     one.open()
@@ -261,7 +261,7 @@ def test_one_that_was_opened_and_is_lost_stays_ours(supply, server):
     other.open()
 
 
-def test_one_that_is_opened_again_after_it_was_closed_is_ours_again(supply, server):
+def test_one_that_is_opened_again_after_it_was_closed_is_ours_again(supply, server, asked_once):
     one, other = supply(), supply()
     one.open()
     one.close()

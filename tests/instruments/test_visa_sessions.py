@@ -455,7 +455,7 @@ class TestBystander:
 
 
 @pytest.mark.parametrize("dialect", ["virtual_bench_supply", "virtual_bench_supply_shared"])
-def test_a_second_program_that_wants_the_supply_does_not_say_a_word_to_it(stand_in, make_config, dialect):
+def test_a_second_program_that_wants_the_supply_does_not_say_a_word_to_it(stand_in, make_config, dialect, asked_once):
     changes = {"instruments": {"supply": {"resource": stand_in.resource, "dialect": dialect}}}
     changes["supply.allow_shared_watchdog"] = True
     stand_in.replies[":OUTP:PROT:WDOG:SESS?"] = "1"
