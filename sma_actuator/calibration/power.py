@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from sma_actuator.base.jit import jit
 from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
 from sma_actuator.estimation.calibration import Calibration
+from sma_actuator.estimation.lag import lagged
 from sma_actuator.logs.experiments import Experiment
 
 SHARES = np.linspace(0.0, 1.0, 11)  #: where the curves have a value, between them they are straight
@@ -48,7 +48,7 @@ def learn(experiments: Sequence[Experiment], config: Config, calibration: Calibr
         share = _share(experiment, calibration)
         settled_C = _settled_C(signals, signals.power_W, thermal)
         lag_s = thermal.heat_capacity / thermal.heat_loss
-        warm_C, slow = (_lagged(signals.time_s, v, lag_s) for v in (settled_C, share))
+        warm_C, slow = (lagged(signals.time_s, v, lag_s) for v in (settled_C, share))
         rate_1_s = np.gradient(share, signals.time_s)
         inside = (share > 0.03) & (share < 0.97) & np.isfinite(experiment.stress_Pa + warm_C + share)
         for branch, moving in enumerate((rate_1_s > _MOVES_1_s, rate_1_s < -_MOVES_1_s)):
@@ -138,7 +138,7 @@ def warmer_K(
     """
     lag_s = thermal.heat_capacity / thermal.heat_loss
     settled_C = _settled_C(signals, heat_W, thermal)
-    warm_C, slow = (_lagged(signals.time_s, v, lag_s) for v in (settled_C, share))
+    warm_C, slow = (lagged(signals.time_s, v, lag_s) for v in (settled_C, share))
     places = np.linspace(0.0, 1.0, len(calibration.transformation_heating))
     warmer, ahead = np.empty(len(found)), np.empty(len(found))
     for i, (heating, rows) in enumerate(found):
@@ -187,18 +187,3 @@ def _known_before(n: int) -> tuple[np.ndarray, np.ndarray]:
     row = np.zeros(2 * n + 3)
     row[-1] = 1.0 / LATENT_WITHIN_K
     return np.array([*rows, row]), np.array([*values, LATENT_K / LATENT_WITHIN_K])
-
-
-@jit
-def _lag(time: np.ndarray, value: np.ndarray, time_constant: float, out: np.ndarray) -> None:
-    out[0] = value[0]
-    for i in range(1, len(time)):
-        step = max(time[i] - time[i - 1], 0.0)
-        out[i] = value[i] + (out[i - 1] - value[i]) * np.exp(-step / time_constant)
-
-
-def _lagged(time_s: np.ndarray, value: np.ndarray, time_constant_s: float) -> np.ndarray:
-    """A quantity through a first-order lag that begins settled."""
-    out = np.empty(len(value))
-    _lag(np.ascontiguousarray(time_s), np.ascontiguousarray(value), time_constant_s, out)
-    return out

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
+
+from sma_actuator.estimation.lag import lagged
 
 from .evidence import Evidence
 from .following import smooth
@@ -46,7 +47,7 @@ def quantities(evidence: Evidence, predictions: Sequence[Prediction]) -> dict[st
             "branch": p.heating.astype(float),
             "distance_from_reversal_m": np.abs(p.model_m - p.model_m[last]),
             "power_W": power_W,
-            **{f"power_lagged_{lag:g}_s_W": _lag(power_W, period_s, lag) for lag in POWER_LAGS_s},
+            **{f"power_lagged_{lag:g}_s_W": lagged(s.time_s, power_W, lag) for lag in POWER_LAGS_s},
             "cycle": unit.astype(float),
             "inverse_current_1_A": 1.0 / np.maximum(s.current_A, 1e-6),
             "resistance_rate_Ohm_s": slope,
@@ -115,11 +116,6 @@ def _white(values: np.ndarray) -> float:
 
 def _away_from_zero(values: np.ndarray) -> np.ndarray:
     return np.where(np.abs(values) > np.percentile(np.abs(values), 60.0), values, np.nan)
-
-
-def _lag(values: np.ndarray, period_s: float, lag_s: float) -> np.ndarray:
-    share = 1.0 - np.exp(-period_s / lag_s)
-    return lfilter([share], [1.0, share - 1.0], values, zi=[(1.0 - share) * values[0]])[0]
 
 
 def _bins(values: np.ndarray) -> np.ndarray:

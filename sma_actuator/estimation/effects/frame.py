@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from math import exp, isnan, nan
+from math import isnan, nan
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from sma_actuator.base.jit import jit
 from sma_actuator.base.signals import Signals
 from sma_actuator.estimation.calibration import Calibration
+from sma_actuator.estimation.lag import lag
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,23 +85,8 @@ class Frame:
         It starts in balance with the first value, or at zero.  A sample that is not finite leaves it standing.
         """
         out = np.empty(len(values))
-        _lag(self.elapsed_s, np.ascontiguousarray(values), state, time_constant_s, from_zero, out)
+        lag(self.elapsed_s, np.ascontiguousarray(values), state, time_constant_s, from_zero, out)
         return out
-
-
-@jit
-def _lag(
-    time: np.ndarray, values: np.ndarray, state: np.ndarray, time_constant: float, from_zero: bool, out: np.ndarray
-) -> None:
-    for i in range(len(values)):
-        x = values[i]
-        if not isnan(x):
-            if isnan(state[0]):
-                state[1] = 0.0 if from_zero else x
-            else:
-                state[1] += (1.0 - exp(-max(time[i] - state[0], 0.0) / time_constant)) * (x - state[1])
-            state[0] = time[i]
-        out[i] = state[1]
 
 
 @jit
