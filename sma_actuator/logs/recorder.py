@@ -274,7 +274,7 @@ class BenchLogRecorder:
             "recording": self._recording,
             "part": self._part_number,
             "started": started.isoformat(timespec="seconds"),
-            "wire": self._config.to_mapping()["wire"],
+            "wire": self._config.wire.size,
             "parameters": self._config.to_mapping(),
         }
         with self._manifest.changing() as files:
