@@ -16,6 +16,7 @@ from sma_actuator.instruments import (
     WatchdogNotHeld,
     open_supply,
 )
+from sma_actuator.instruments.afterwards import OFF_ANSWERS
 from sma_actuator.instruments.supply import Abilities
 
 
@@ -268,6 +269,31 @@ def test_one_that_is_opened_again_after_it_was_closed_is_ours_again(supply, serv
     one.open()
     with pytest.raises(InstrumentRefused, match="another program on this computer"):
         other.open()
+
+
+def test_one_that_is_taken_is_waited_for_as_long_as_a_last_word_may_take(supply):
+    supply().open()
+    other = supply(**{"instruments.supply.timeout": 0.1})
+    began_s = time.monotonic()
+    with pytest.raises(InstrumentRefused, match="another program on this computer"):
+        other.open()
+    assert time.monotonic() - began_s >= OFF_ANSWERS * 0.1
+
+
+def test_one_that_is_let_go_while_somebody_waits_for_it_is_opened(supply, monkeypatch):
+    one, other = supply(), supply()
+    one.open()
+    sleep, waited = time.sleep, []
+
+    def let_go(seconds):
+        if threading.current_thread() is threading.main_thread() and not waited:
+            waited.append(seconds)
+            one.close()
+        sleep(seconds)
+
+    monkeypatch.setattr(time, "sleep", let_go)
+    other.open()
+    assert waited
 
 
 def test_one_that_could_not_be_opened_is_free_for_others(supply, server):
