@@ -55,7 +55,6 @@ class Actuator:
         self._config = config
         self._chain = Chain(config)
         self._uncertainty = Uncertainty(config.model.build(config.wire), config.calibration)
-        self._controller = config.controller.build(config)
         self._health = ModelHealth(config, config.supply.bias_current)
         self._supervisor = Supervisor(config)
         self._commanding = Commanding()
@@ -64,7 +63,7 @@ class Actuator:
         self._measured = Measured()
         self._tuner = Tuner()
         self._following = Following(
-            config, self._controller, self._chain, self._commanding, self._supervisor, self._tuner
+            config, config.controller.build(config), self._chain, self._commanding, self._supervisor, self._tuner
         )
         self._now_s = nan
         self._reading_s = -inf  #: time stamp of the last usable reading
@@ -192,7 +191,7 @@ class Actuator:
         if refusal:
             return False, f"not tuned: {refusal}"
         range_m = self._chain.displacement_range_m
-        words = self._tuner.begin(self._config, self._controller, range_m, self._told.current_A)
+        words = self._tuner.begin(self._config, self._following.controller, range_m, self._told.current_A)
         self._commanding.tune()
         self._said.changed("tuning")
         return True, words
@@ -246,7 +245,7 @@ class Actuator:
             if self._tuner.running is not None:
                 self._commanding.stop()
                 self._end_tuning("the parameters of the controller were changed")
-            self._controller.set_gains(config.controller)
+            self._following.controller.set_gains(config.controller)
         self._config = config
         self._supervisor.config = self._offered.config = self._following.config = config
         self._chain.update(config)

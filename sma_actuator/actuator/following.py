@@ -71,7 +71,7 @@ class Following:
         tuner: Tuner,
     ):
         self.config = config
-        self._controller = controller
+        self.controller = controller
         self._sensing = controller if isinstance(controller, SensingLaw) else None
         self._commanding = commanding
         self._supervisor = supervisor
@@ -96,7 +96,7 @@ class Following:
         current_A = max(seen.told_A, self.config.supply.bias_current)
         # What flows in a relay test holds the wire nowhere.
         resting_A = self._tuner.take_resting_A()
-        self._controller.reset(position_m, current_A if isnan(resting_A) else min(current_A, resting_A))
+        self.controller.reset(position_m, current_A if isnan(resting_A) else min(current_A, resting_A))
 
     def step(self, seen: Seen, is_new: bool, limits: set[Limit]) -> tuple[float, float]:
         """Setpoint [m] and current asked for [A]; without a new estimate, the current asked for last.
@@ -132,7 +132,7 @@ class Following:
         if self._commanding.anew or not self._commanding.wants_position:
             return nan
         tuning = self._tuner.running
-        return self._controller.reference_m if tuning is None else tuning.setpoint_m
+        return self.controller.reference_m if tuning is None else tuning.setpoint_m
 
     def _setpoint_m(self, seen: Seen, limits: set[Limit]) -> float:
         """What the law is to reach [m], inside the working range."""
@@ -173,7 +173,7 @@ class Following:
         return Needed(share, loss_W_K * rise_K, loss_W_K * BEYOND_K, loss_W_K * calibration.latent_rise)
 
     def _current_A(self, seen: Seen, setpoint_m: float, is_new: bool, limits: set[Limit]) -> float:
-        controller, tuning = self._controller, self._tuner.running
+        controller, tuning = self.controller, self._tuner.running
         wanted_A = controller.output_A
         if is_new:
             # After a gap the integral must not leap.

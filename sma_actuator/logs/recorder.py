@@ -37,6 +37,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from sma_actuator.base.parameters import ConfigError, parameter
+from sma_actuator.base.sections import Wire
 from sma_actuator.base.signals import Output, Reading
 from sma_actuator.instruments.parameters import Instruments
 
@@ -77,6 +78,10 @@ class RecorderSections(Protocol):
     @property
     def instruments(self) -> Instruments:
         """Which channels there are."""
+
+    @property
+    def wire(self) -> Wire:
+        """Of which wire."""
 
     def to_mapping(self) -> Mapping[str, Any]:
         """Every parameter."""

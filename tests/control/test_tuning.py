@@ -240,7 +240,7 @@ def test_every_way_out_leaves_the_gains_of_before(happens, mode, why):
     assert rig.status.values["tuning"].startswith("given up: ")
     assert why in rig.status.values["tuning"]
     assert all(output.tuned is None for output in rig.outputs)
-    assert rig.actuator._controller.gains == rig.actuator._config.controller
+    assert rig.actuator._following.controller.gains == rig.actuator._config.controller
     if mode is Mode.OFF:
         assert not rig.bench.supply.output_on
     else:  # what flows then holds the wire, it is not that of the relay

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sma_actuator import actuator as actuator_module
-from sma_actuator.actuator import Actuator
+from sma_actuator.actuator import Actuator, following, offered
 from sma_actuator.base.signals import Command, Mode, Quality
 from sma_actuator.control.pid import PidController
 from sma_actuator.plant.loads import Weight
@@ -110,12 +109,12 @@ class Poisoned(PidController):
 
 
 def poison_controller(rig):
-    rig.genuine = rig.actuator._controller
-    rig.actuator._controller = Poisoned(rig.config.controller, rig.config.supply.bias_current)
+    rig.genuine = rig.actuator._following.controller
+    rig.actuator._following.controller = Poisoned(rig.config.controller, rig.config.supply.bias_current)
 
 
 def mend_controller(rig):
-    rig.actuator._controller = rig.genuine
+    rig.actuator._following.controller = rig.genuine
 
 
 def cold_but_contracted(rig):
@@ -237,10 +236,10 @@ SCENARIOS = {
 #: Those that are no guards of every step: where they are asked.
 ASKED_IN = {
     "command_invalid": supervisor_module,
-    "setpoint_stale": actuator_module,
-    "setpoint_flood": actuator_module,
-    "no_motion": actuator_module,
-    "setpoint_not_finite": actuator_module,
+    "setpoint_stale": following,
+    "setpoint_flood": offered,
+    "no_motion": following,
+    "setpoint_not_finite": offered,
 }
 #: What the driver sees and the actuator is told; its tests provoke them.
 REPORTED = {f.name for f in FAULTS.values() if not isinstance(f, Guard)} - {"unhandled_exception"}
@@ -493,7 +492,7 @@ def test_while_there_is_no_estimate_the_controller_waits(make_rig):
     rig.enable()
     rig.track()
     rig.run(2.0)
-    genuine, controller = rig.actuator._chain.step, rig.actuator._controller
+    genuine, controller = rig.actuator._chain.step, rig.actuator._following.controller
 
     def blind(signals):
         measured, estimate = genuine(signals)

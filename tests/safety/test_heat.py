@@ -28,7 +28,7 @@ class Greedy(PidController):
 def begin_anew(rig):
     """A new actuator, as after configure or a new start: it knows nothing of the old one."""
     rig.actuator = Actuator(rig.config)
-    rig.actuator._controller = Greedy(rig.config.controller, rig.config.supply.bias_current)
+    rig.actuator._following.controller = Greedy(rig.config.controller, rig.config.supply.bias_current)
     rig.supply.open()
     rig.written = Command(0.0, False)
 

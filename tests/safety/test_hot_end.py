@@ -147,7 +147,7 @@ class Greedy(PidController):
 
 def test_the_estimate_says_that_it_does_not_see_and_where_the_wire_is(identified):
     rig = stand(identified, Weight(0.98))
-    rig.actuator._controller = Greedy(rig.config.controller, rig.config.supply.bias_current)
+    rig.actuator._following.controller = Greedy(rig.config.controller, rig.config.supply.bias_current)
     rig.run(8.0)
     assert rig.bench.truth.temperature_C > 70.0
     assert rig.output.estimate.quality is Quality.INDETERMINATE_HOT
