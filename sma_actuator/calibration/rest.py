@@ -77,7 +77,8 @@ def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[R
     """Rests of an experiment: the last second before the current is switched on (cold) or off (hot), where all is steady.
 
     The current must have stood for SETTLED thermal time constants: a wire that has just been switched
-    off does not move yet, and is not at rest.  A load that changed is none either.
+    off does not move yet, and is not at rest.  A load that changed is none either, and no end is where a controller holds the
+    wire between them: cold the current is the least that flows in the log, hot its power is the most, to within AS_HOT.
     """
     time_s, driven, current_A = experiment.signals.time_s, experiment.driven, experiment.signals.current_A
     turns = np.flatnonzero(driven[1:] != driven[:-1]) + 1
@@ -85,7 +86,8 @@ def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[R
         (values, np.subtract(*np.nanpercentile(values, (99.0, 1.0))))
         for values in (experiment.resistance_Ohm, experiment.displacement_m)
     ]
-    range_A = np.subtract(*np.nanpercentile(current_A, (99.0, 1.0)))
+    most_A, least_A = np.nanpercentile(current_A, (99.0, 1.0))
+    range_A = most_A - least_A
     rests = []
     for turn in np.append(turns, len(time_s)):
         hot = bool(driven[turn - 1])
@@ -94,7 +96,10 @@ def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[R
         start = int(np.searchsorted(time_s, time_s[turn - 1] - WINDOW_s))
         if turn - start < 4 or time_s[turn - 1] - time_s[begun] < 0.9 * settling_s or (driven[begun:turn] != hot).any():
             continue
-        if np.ptp(current_A[begun + 1 : turn - 1]) > STILL[hot] * range_A:
+        since_A = current_A[begun + 1 : turn - 1]
+        mean_A = since_A.mean()
+        at_end = mean_A**2 >= (1.0 - AS_HOT) * most_A**2 if hot else mean_A <= least_A + STILL[False] * range_A
+        if np.ptp(since_A) > STILL[hot] * range_A or not at_end:
             continue
         load_N, still_m = experiment.signals.load_N, experiment.displacement_m
         steady = (

@@ -142,6 +142,19 @@ class TestRests:
         cut = experiment.rows(soon)
         assert all(r.hot or r.stop <= off for r in find_rests(cut, 1.0))
 
+    def test_where_a_controller_holds_a_wire_is_no_end(self, furukawa):
+        """Its current stands, below the middle of its range or above, and so does the wire."""
+        experiment = self.experiment(furukawa)
+        on = int(np.flatnonzero(experiment.driven)[0])
+        later = np.arange(len(experiment.driven)) >= on + len(experiment.driven[on:]) // 2
+        current_A = experiment.signals.current_A
+        least_A, most_A = current_A.min(), current_A.max()
+        held_A = least_A + np.where(experiment.driven, 0.75, 0.3) * (most_A - least_A)
+        held = dataclasses.replace(experiment.signals, current_A=np.where(later, held_A, current_A))
+        found = find_rests(dataclasses.replace(experiment, signals=held), 1.0)
+        assert any(later[r.start] for r in find_rests(experiment, 1.0))
+        assert found and not any(later[r.start] for r in found)
+
     def test_a_current_that_moves_is_no_rest(self, furukawa):
         experiment = self.experiment(furukawa)
         ramped = dataclasses.replace(
