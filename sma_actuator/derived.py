@@ -116,6 +116,11 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
             f"a load of {strongest_N:.3g} N{_shear(wire, wire.max_stress * 1e-6, ' MPa')}",
         )
         strain = f"{wire.full_stroke_strain:.1%} of strain{_shear(wire, wire.full_stroke_strain * 300.0, ' %')}"
+        settle(
+            "controller.setpoint_rate_limit",
+            _digits(2.5 * wire.full_stroke_m, 2),
+            "two and a half full strokes a second",
+        )
         settle("wire.full_stroke", _digits(wire.full_stroke_m, 3), strain)
     return out
 

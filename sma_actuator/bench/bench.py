@@ -13,6 +13,7 @@ from sma_actuator.base.sections import Wire as WireParameters
 from sma_actuator.plant import coil, physics
 from sma_actuator.plant.loads import Load, Schedule, Weight
 from sma_actuator.plant.materials import Wire
+from sma_actuator.plant.physics import constants
 from sma_actuator.plant.worlds import HOME
 
 from .chain import CHANNELS, LSB_V, SATURATED, Chain, Noise
@@ -22,6 +23,7 @@ from .supply import SimulatedSupply
 
 STEP_s = 1e-3
 RING = 8192
+USUAL_Pa = 54e6  #: on a coil or a bundle on which nothing else is hung, as 0.98 N make on the wire of 0.1524 mm
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +74,7 @@ class VirtualBench:
         self.faults: dict[str, float] = {}
         self.supply = SimulatedSupply()
         self.daq = SimulatedDaq(self)
-        self.constants = physics.constants(setup.wire, setup.chain.series_Ohm)
+        self.constants = constants(setup.wire, setup.chain.series_Ohm)
         self._noise = Noise(seed)
         self._rest(self.ambient_C)
         self._inputs = np.zeros(physics.INPUTS)
@@ -108,8 +110,6 @@ class VirtualBench:
         ``cycles`` is how many the wire has done before; ``setup`` may hold other fields of :class:`Setup`.
         """
         wire = wire_of(name, physics).after(cycles)
-        if load is not None:
-            setup["load"] = load
         if like is not None:
             wire = replace(
                 wire,
@@ -119,6 +119,10 @@ class VirtualBench:
                 wires=like.wires,
                 in_series=like.connection == "series",
             )
+        if load is None and (wire.coil_diameter_m or wire.wires > 1):
+            load = Weight(USUAL_Pa * constants(wire, 0.0).area_m2)
+        if load is not None:
+            setup["load"] = load
         return cls(Setup(wire, **setup), seed)
 
     @property

@@ -314,11 +314,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--load",
         type=_checked(_parse_load),
-        default="weight:0.98",
         metavar="LOAD",
         help="weight:N, spring:N/m,N[,m] (stiffness, tension, displacement where it has it), schedule:s,N,s,N,… or "
         "joint:m,m[,m] (radius of the pulley, displacement of both or each of two wires at angle zero), which takes two "
-        "benches (default %(default)s)",
+        "benches (default weight:0.98; of a coil or a bundle, the same stress)",
     )
     parser.add_argument(
         "--ambient", type=_number_within(-40, 100), default=22.0, metavar="°C", help="default %(default)s"

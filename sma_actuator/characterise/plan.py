@@ -31,6 +31,7 @@ HOT_ENOUGH_C = 160.0
 #: without a pattern.
 FOLLOWED_Pa, SPRING_Pa_m = (20e6, 40e6, 70e6, 110e6), 11e9
 DWELL_s, PERIOD_s = 12.0, 40.0
+DWELL, PERIOD = 6.0, 20.0  #: the same in heat_capacity / heat_loss, of a wire that takes longer so
 SHARES = (0.7, 0.3, 0.9, 0.5, 0.1, 0.6, 0.2, 0.95, 0.4, 0.05, 0.8, 0.15)
 
 
@@ -154,17 +155,20 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
 def _second_round(config, options: PlanOptions) -> list[Part]:
     """Setpoints followed by the model's own estimate and law, at each load."""
     area_m2 = config.wire.area_m2
+    lag_s = config.thermal.heat_capacity / config.thermal.heat_loss
+    dwell_s, period_s = max(DWELL_s, DWELL * lag_s), max(PERIOD_s, PERIOD * lag_s)
+    stiffness_N_m = round(SPRING_Pa_m * (config.wire.length / config.wire.strain_length_m) * area_m2, 1)
     stresses_Pa = [s for s in FOLLOWED_Pa if s < 0.9 * config.wire.max_stress]
     loads_N = options.loads_N or tuple(round(s * area_m2, 3) for s in stresses_Pa)
-    springs = options.springs_N_m or ((round(SPRING_Pa_m * area_m2, 1), round(stresses_Pa[0] * area_m2, 3)),)
+    springs = options.springs_N_m or ((stiffness_N_m, round(stresses_Pa[0] * area_m2, 3)),)
     loads: list[tuple[str, dict[str, Any]]] = [(f"{load_N:.3f}N", {"load_N": load_N}) for load_N in loads_N]
     loads += [(f"spring_{k:g}N_m_{p:g}N", {"stiffness_N_m": k, "preload_N": p}) for k, p in springs]
     return [
         Part(
             f"followed_{label}",
             "followed",
-            {**load, "model": options.follow, "dwell_s": DWELL_s, "period_s": PERIOD_s},
-            DWELL_s * len(SHARES) + 4.0 * PERIOD_s,
+            {**load, "model": options.follow, "dwell_s": dwell_s, "period_s": period_s},
+            dwell_s * len(SHARES) + 4.0 * period_s,
         )
         for label, load in loads
     ]

@@ -60,9 +60,7 @@ def add_arguments(parser) -> None:
         metavar="NAME",
         help=f"of the bench: {', '.join(PHYSICS)} (default %(default)s)",
     )
-    parser.add_argument(
-        "--load", default="weight:0.98", help="as for the bench: weight:N, spring:N/m,N (default %(default)s)"
-    )
+    parser.add_argument("--load", help="as for the bench: weight:N, spring:N/m,N (default: its own)")
     parser.add_argument(
         "--duration",
         type=float,
@@ -95,8 +93,7 @@ def run(args) -> int:
                     args.wire,
                     "--physics",
                     args.physics,
-                    "--load",
-                    args.load,
+                    *(("--load", args.load) if args.load else ()),
                     "--seed",
                     str(args.seed),
                     "--supply-port",

@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--physics", choices=PHYSICS, default=HOME, metavar="NAME", help="with --virtual: its physics")
     parser.add_argument(
-        "--load", default="weight:0.98", metavar="LOAD", help="with --virtual: weight:N or spring:N/m,N"
+        "--load", metavar="LOAD", help="with --virtual: weight:N or spring:N/m,N (default: the bench's own)"
     )
     add_node_arguments(parser)
     add_output_arguments(parser, "what was found")
@@ -178,7 +178,7 @@ def _driver(
         from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
 
         try:
-            load = parse_load(args.load)
+            load = parse_load(args.load) if args.load else None
         except ValueError as error:
             raise ConfigError(f"--load: {error}") from error
         bench = VirtualBench.from_name(args.virtual, like=config.wire, load=load, physics=args.physics)

@@ -70,6 +70,33 @@ def test_answers_at_a_pipe_make_a_file_that_says_where_every_limit_comes_from(tm
         assert "  # " in line, line
 
 
+@pytest.mark.parametrize(
+    ("form", "load_N", "stroke_m"),
+    [
+        (
+            {"wire.form": "coil", "wire.coil_diameter": "1.524mm", "wire.length": "115mm", "wire.diameter": "0.254mm"},
+            0.341,
+            0.0478,
+        ),
+        ({"wire.form": "bundle", "wire.wires": "3", "wire.connection": "series"}, 9.58, 0.004),
+    ],
+    ids=["coil", "bundle"],
+)
+def test_a_coil_or_a_bundle_gets_limits_of_its_own(tmp_path, capsys, form, load_N, stroke_m):
+    out = tmp_path / "bench.yaml"
+    answers = ANSWERS | form
+    assert main(["init", "--out", str(out), *(w for n, a in answers.items() for w in ("--set", f"{n}={a}"))]) == 0
+    text, mapping = out.read_text(), read_parameter_file(out)
+    assert f"max_stress: 175000000.0  # a load of {load_N:.3g} N" in text
+    assert ("101 MPa as shear" in text) == (form["wire.form"] == "coil")
+    bench = bench_from_mapping(mapping)
+    assert bench.wire.full_stroke_m == bench.wire.full_stroke == stroke_m
+    assert bench.controller.setpoint_rate_limit == pytest.approx(2.5 * stroke_m, rel=0.05)
+    hot_Ohm = bench.wire.resistance_Ohm(HOT_RESISTIVITY_Ohm_m)
+    settled_C = 30.0 + bench.supply.max_current**2 * hot_Ohm / bench.thermal.heat_loss
+    assert settled_C == pytest.approx(bench.thermal.derate_temperature, abs=8.0)
+
+
 def test_numbers_may_have_a_unit_enter_takes_the_usual_and_a_question_mark_explains(tmp_path):
     out = tmp_path / "bench.yaml"
     typed = {

@@ -7,7 +7,7 @@ from characterised import virtual_rig
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
 from sma_actuator.characterise import PlanOptions, characterise, make_plan
-from sma_actuator.config import Config, read_parameter_file, write_parameter_file
+from sma_actuator.config import Config, bench_from_mapping, read_parameter_file, write_parameter_file
 from sma_actuator.derived import derived, with_derived, without_derived
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.logs.kinds import PARTIAL, make_experiments
@@ -60,3 +60,11 @@ def test_what_follows_from_the_rest_gives_way_to_what_is_measured():
     assert "supply.max_current" in names and "thermal.heat_loss" not in names
     measured = {**bare, "thermal": {"heat_loss": 0.008}}
     assert derived(measured)["supply.max_current"].value > derived(bare)["supply.max_current"].value
+
+
+def test_a_coil_gets_the_time_that_it_takes_and_a_spring_as_soft_as_it_moves_far():
+    bench = bench_from_mapping(read_parameter_file(shared_file("config/coil_bench.yaml")))
+    spring = make_plan(bench, PlanOptions(follow="model.yaml"))[-1].parameters
+    raised_Pa = spring["stiffness_N_m"] * bench.wire.full_stroke_m / bench.wire.area_m2
+    assert 30e6 < raised_Pa < 70e6, "as on a wire: 44 MPa"
+    assert spring["dwell_s"] == pytest.approx(6.0 * bench.thermal.heat_capacity / bench.thermal.heat_loss)

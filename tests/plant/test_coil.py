@@ -156,6 +156,13 @@ def test_stress_and_strain_of_a_coil_are_wahl_s_by_von_mises():
     assert dataclasses.replace(wire, full_stroke=0.03).full_stroke_m == 0.03
 
 
+def test_what_hangs_on_it_unless_something_else_is_said_is_what_it_bears():
+    assert VirtualBench.from_name("coil").truth.stress_Pa == pytest.approx(54e6)
+    assert VirtualBench.from_name("flexinol", like=Wire(**COIL)).truth.stress_Pa == pytest.approx(54e6)
+    assert VirtualBench.from_name("bundle").truth.stress_Pa == pytest.approx(54e6)
+    assert VirtualBench.from_name("flexinol").truth.load_N == 0.98
+
+
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [

@@ -14,8 +14,10 @@ from plugin_double import PluginDouble
 from sensor_msgs.msg import JointState
 from test_node import NAME, _enable, _enabled, _status
 
+from sma_actuator.base.parameters import from_mapping
+from sma_actuator.base.sections import Wire
 from sma_actuator.base.signals import Mode
-from sma_actuator.config import Config, read_parameter_file
+from sma_actuator.config import Config, read_parameter_file, write_parameter_file
 from sma_actuator.control.pair import Pair, PairParameters
 from sma_msgs_py import joint_command_message, signals_from, status_from
 
@@ -70,6 +72,25 @@ def test_the_limits_of_a_joint_are_what_both_its_wires_reach_at_its_co_contracti
     joint = robot.getElementsByTagName("joint")[0]
     assert (joint.getAttribute("name"), joint.getAttribute("type")) == (parameters.joint_name, "revolute")
     assert "/joint/joint_command" in robot.toxml() and "/joint/joint_states" in robot.toxml()
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        {"form": "coil", "coil_diameter": 1.524e-3, "diameter": 0.254e-3},
+        {"form": "bundle", "wires": 4, "connection": "series"},
+    ],
+    ids=lambda form: form["form"],
+)
+def test_the_force_of_a_coil_or_a_bundle_is_what_all_of_it_bears(form, tmp_path):
+    mapping = read_parameter_file(URDF.parents[1] / "config" / "flexinol.yaml")
+    mapping["wire"] |= form
+    path = tmp_path / "other.yaml"
+    write_parameter_file(path, mapping, "another form")
+    (limit,) = xacro.process_file(URDF, mappings={"params_file": str(path)}).getElementsByTagName("limit")
+    wire, problems = from_mapping(Wire, mapping["wire"], "wire.")
+    assert not problems
+    assert float(limit.getAttribute("effort")) == pytest.approx(wire.max_stress * wire.area_m2, rel=1e-9)
 
 
 def _says(client, words, **wanted):

@@ -22,6 +22,7 @@ ENDED_s = 3.0  #: for the node to say that it holds the wire
 LINE_s = 1.0
 FURTHEST_m = 0.5  #: no wire moves so far: who asks for it means millimetres
 NEAR_m, NEAR_rad = 0.05e-3, 0.01  #: what counts as there
+NEAR_SHARE = 0.0125  #: of what a wire reaches, where that is more: of a coil
 _ANGLES = {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0}
 _WIRE, _JOINT = "0.0025 (metres) or 2.5mm is wanted", "0.2 (radians), 0.2rad or 10deg is wanted"
 
@@ -69,7 +70,7 @@ def add_arguments(parser) -> None:
         "--tolerance",
         type=place,
         metavar="SIZE",
-        help=f"near enough, as the position (default {NEAR_m * 1e3:g}mm, of a joint {NEAR_rad:g}rad)",
+        help=f"near enough, as the position (default {NEAR_m * 1e3:g}mm, or 1/80 of what the wire reaches; of a joint {NEAR_rad:g}rad)",
     )
     add_node_arguments(parser)
 
@@ -135,7 +136,8 @@ def _of_wire(client: NodeClient, args, status: Status) -> _Motion:
         if not known:
             raise UserError(f"{client.full_name}: it is not known how far the wire reaches at this load; {_WIRE}")
         args.position = Place(low_m + args.position.value / 100.0 * (high_m - low_m), "m")
-    asked_m, near_m = _in(args.position, "m", _WIRE), _in(args.tolerance or Place(NEAR_m, "m"), "m", _WIRE)
+    usual_m = max(NEAR_m, NEAR_SHARE * (high_m - low_m)) if known else NEAR_m
+    asked_m, near_m = _in(args.position, "m", _WIRE), _in(args.tolerance or Place(usual_m, "m"), "m", _WIRE)
     if known and not args.quiet:
         reach = f"{low_m * 1e3:.3f} (0%) to {high_m * 1e3:.3f} mm (100%)"
         print(f"to {asked_m * 1e3:.3f} mm; at this load the wire reaches {reach}", flush=True)
