@@ -36,6 +36,7 @@ from sma_actuator.console import (
 from sma_actuator.console.asking import Asking, read_answers
 from sma_actuator.derived import derived
 from sma_actuator.instruments.dialect import FOLDER, Dialect
+from sma_actuator.instruments.scpi import abilities_of
 from sma_actuator.logs.units import quantity
 
 
@@ -55,9 +56,17 @@ def _dialects(kind: str) -> str:
     return ", ".join(sorted(p.stem for p in FOLDER.glob("*.yaml") if f"kind: {kind}" in p.read_text(encoding="utf-8")))
 
 
-def _has_no_watchdog(mapping: Mapping[str, Any]) -> bool:
-    supply = mapping.get("instruments", {}).get("supply", {})
-    return "dialect" in supply and "arm_watchdog" not in Dialect.load(supply["dialect"], "supply").commands
+def _wants(acknowledgement: str) -> Callable[[Mapping[str, Any]], bool]:
+    """Whether the supply of a mapping is opened only where this parameter is true."""
+
+    def when(mapping: Mapping[str, Any]) -> bool:
+        supply = mapping.get("instruments", {}).get("supply", {})
+        return (
+            "dialect" in supply
+            and acknowledgement in abilities_of(Dialect.load(supply["dialect"], "supply")).unsafe_states()
+        )
+
+    return when
 
 
 QUESTIONS = (
@@ -142,7 +151,29 @@ QUESTIONS = (
         "(docs/safety.md); true or false?",
         "A watchdog is the supply's own timer: it cuts the output when the computer falls silent. Without one max_current must "
         "be what the wire survives for ever (it is, as derived here), and something else has to cut when nobody is there.",
-        when=_has_no_watchdog,
+        when=_wants("allow_no_watchdog"),
+    ),
+    Question(
+        "supply.allow_shared_watchdog",
+        "The watchdog of this supply is fed by anybody's words; true accepts that, on a network of its own (docs/safety.md); "
+        "true or false?",
+        "Whoever else speaks to it, as a web page of the supply left open, keeps the current of a dead computer on.",
+        when=_wants("allow_shared_watchdog"),
+    ),
+    Question(
+        "supply.allow_single_session",
+        "This supply is not known to take a second session, so where the first hangs nobody can switch it off; true accepts "
+        "that, with a switch in reach (docs/safety.md); true or false?",
+        "Where the connection hangs, off is said over another one. This supply may not hear it: wire a switch into its output.",
+        when=_wants("allow_single_session"),
+    ),
+    Question(
+        "supply.allow_no_trips",
+        "Not every trip of this supply can be read back, so nothing in it stands against a wrong setting; true accepts that, "
+        "with a fuse in series (docs/safety.md); true or false?",
+        "Over-voltage and over-current trip, and the compliance voltage, are programmed on opening and read back where the "
+        "supply tells them. Take a fuse that the wire survives for ever.",
+        when=_wants("allow_no_trips"),
     ),
     Question(
         "instruments.daq.resource",

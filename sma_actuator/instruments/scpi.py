@@ -60,6 +60,29 @@ def _no_errors(session: Session, dialect: Dialect, queries: Mapping[str, Query])
         )
 
 
+def _read_back(dialect: Dialect) -> frozenset[str]:
+    told = {
+        "voltage_setting": "voltage_setting" in dialect.queries,
+        "over_current_trip": "set_over_current" in dialect.commands and "over_current_setting" in dialect.queries,
+        "watchdog_trip": not {"*", "WDOG"}.isdisjoint(dialect.trips),
+    }
+    return frozenset(what for what, is_told in told.items() if is_told)
+
+
+def abilities_of(dialect: Dialect, watched: bool = True) -> Abilities:
+    """What a supply of this dialect can do for a wire that nobody looks after; ``watched``: its watchdog is to be used."""
+    told = _read_back(dialect)
+    return Abilities(
+        dialect.family,
+        watchdog=watched and "arm_watchdog" in dialect.commands,
+        watchdog_of_session=dialect.watchdog_fed_by == "session",
+        second_session=dialect.second_session,
+        voltage_setting="voltage_setting" in told,
+        over_voltage_trip="set_over_voltage" in dialect.commands and "over_voltage_setting" in dialect.queries,
+        over_current_trip="over_current_trip" in told,
+    )
+
+
 class _RoundedDown(float):
     """A number that is never written as more than it is: the last digit must not lift a current over its limit."""
 
@@ -91,13 +114,7 @@ class ScpiSupply(SessionSupply):
     @property
     def reads_back(self) -> frozenset[str]:
         """What not every supply tells."""
-        dialect = self._dialect
-        told = {
-            "voltage_setting": "voltage_setting" in dialect.queries,
-            "over_current_trip": "set_over_current" in dialect.commands and "over_current_setting" in dialect.queries,
-            "watchdog_trip": not {"*", "WDOG"}.isdisjoint(dialect.trips),
-        }
-        return frozenset(what for what, is_told in told.items() if is_told)
+        return _read_back(self._dialect)
 
     def _tell_current(self, current_A: float) -> None:
         self._tell("set_current", _RoundedDown(max(current_A, self._dialect.zero_current_A)))
@@ -238,17 +255,7 @@ class ScpiSupply(SessionSupply):
 
     def _arm_watchdog(self) -> None:
         wanted_s, dialect = self._limits.watchdog_timeout, self._dialect
-        self._acknowledged(
-            Abilities(
-                dialect.family,
-                watchdog=self._has_watchdog,
-                watchdog_of_session=dialect.watchdog_fed_by == "session",
-                second_session=dialect.second_session,
-                voltage_setting="voltage_setting" in self.reads_back,
-                over_voltage_trip="set_over_voltage" in dialect.commands and "over_voltage_setting" in dialect.queries,
-                over_current_trip="over_current_trip" in self.reads_back,
-            )
-        )
+        self._acknowledged(abilities_of(dialect, self._has_watchdog))
         if not self._has_watchdog:
             self._tell("disarm_watchdog")
             return

@@ -8,6 +8,7 @@ import pytest
 from rig import Rig
 
 from sma_actuator.base.share import shared_file
+from sma_actuator.cli.init import QUESTIONS
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file, write_parameter_file
 from sma_actuator.derived import HOT_RESISTIVITY_Ohm_m, derived
@@ -164,7 +165,12 @@ def test_nobody_to_answer_is_a_sentence(tmp_path):
 
 def test_a_supply_without_a_watchdog_wants_a_word(tmp_path, capsys):
     def with_answer(text):
-        said = {**ANSWERS, "instruments.supply.dialect": "rigol_dp800", "supply.allow_no_watchdog": text}
+        said = {
+            **ANSWERS,
+            "instruments.supply.dialect": "rigol_dp800",
+            "supply.allow_no_watchdog": text,
+            "supply.allow_single_session": "true",
+        }
         words = [word for name, answer in said.items() for word in ("--set", f"{name}={answer}")]
         return main(["init", *words, "--out", str(tmp_path / "bench.yaml")])
 
@@ -172,6 +178,21 @@ def test_a_supply_without_a_watchdog_wants_a_word(tmp_path, capsys):
     assert "supply.allow_no_watchdog" in capsys.readouterr().err
     assert with_answer("true") == 0
     assert read_parameter_file(tmp_path / "bench.yaml")["supply"]["watchdog_timeout"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("dialect", "asked_for"),
+    (
+        ("virtual_bench_supply", set()),
+        ("keysight_n6700", {"allow_shared_watchdog", "allow_no_trips"}),
+        ("rigol_dp800", {"allow_no_watchdog", "allow_single_session"}),
+        ("kepco_bop", {"allow_no_watchdog", "allow_single_session", "allow_no_trips"}),
+    ),
+)
+def test_all_that_the_supply_is_not_opened_without_is_asked(dialect, asked_for):
+    mapping = {"instruments": {"supply": {"dialect": dialect}}}
+    acknowledgements = [question for question in QUESTIONS if question.name.startswith("supply.allow_")]
+    assert {q.name.removeprefix("supply.") for q in acknowledgements if q.when(mapping)} == asked_for
 
 
 def test_limits_and_gains_that_were_derived_drive_the_wire(tmp_path):
