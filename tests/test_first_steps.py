@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from waiting import AS_ARGUMENTS
 
 from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
@@ -47,6 +48,7 @@ def test_drive_a_wire_as_it_is_written(tmp_path):
     (tmp_path / "config" / "flexinol.yaml").write_text(elsewhere((ROOT / "config/flexinol.yaml").read_text()))
     shutil.copy(ROOT / "config/flexinol.tables.npz", tmp_path / "config")
     one, other = map(elsewhere, blocks("README.md", "## Drive a wire\n"))
+    one = one.rstrip() + AS_ARGUMENTS
     with (tmp_path / "node.log").open("w") as log:
         node = subprocess.Popen(["bash", "-c", one], cwd=tmp_path, stdout=log, stderr=log, start_new_session=True)
     try:
@@ -70,7 +72,7 @@ def test_a_first_real_wire_is_asked_for_looked_at_and_told_what_comes_next(tmp_p
     monkeypatch.chdir(tmp_path)
     with background(VirtualBench.from_name("flexinol")) as server:
         addresses = [f"TCPIP::127.0.0.1::{server.ports[0][name]}::SOCKET" for name in ("supply", "daq")]
-        answers = ["ni-ti", "100mm", "0.006in", "1ohm", addresses[0], "virtual_bench_supply", ""]
+        answers = ["ni-ti", "", "100mm", "0.006in", "1ohm", addresses[0], "virtual_bench_supply", ""]
         answers += [addresses[1], "virtual_bench_daq", "", "", "", "", "104", ""]
         asked = subprocess.run(
             [sys.executable, "-m", "sma_actuator", *command("first_wire.md", "init")],

@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 from steady_points import write_table
 from test_commands_of_the_pages import BLOCK, PAGES
+from waiting import AS_ARGUMENTS
 
 from sma_actuator.logs.bench_log import read_bench_log
 
@@ -39,6 +40,7 @@ OURS = {
     r"my_logs/\*\.xlsx": "lab/*.xlsx",
     r"resistance_Ohm=R --map current_A=I --map load_N=F": "time_s=t --unit time_s=ms --map resistance_Ohm=R --map current_A=I --map load_N=0.98 "
     "--map displacement_m=Pos",
+    r"^(.*--params-file.*)$": rf"\1{AS_ARGUMENTS}",
     r"^boards/": f"{ROOT}/boards/",
     r"trained_": str(ROOT.parent / "shared" / "data" / "flexinol_381um" / "trained_"),
     r"^(enable|stop|status|watch.*|call .*)$": r"\1 --patience 300",
@@ -147,6 +149,7 @@ class Reader:
 ANSWERS = "\n".join(
     (
         "ni-ti",
+        "",  # a straight wire
         "100mm",
         "0.006in",
         "1ohm",

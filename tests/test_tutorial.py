@@ -6,6 +6,7 @@ import socket
 from pathlib import Path
 
 import pytest
+from waiting import AS_ARGUMENTS
 
 TUTORIAL = Path(__file__).parents[1] / "docs" / "tutorials"
 
@@ -22,7 +23,12 @@ def test_a_strangers_log_comes_to_a_driven_wire(tmp_path):
     tutorial = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(tutorial)
     ports = {"5425": _free_port(), "5426": _free_port()}
-    page = tutorial.run_page(tmp_path, lambda text: re.sub("|".join(ports), lambda m: ports[m[0]], text))
+
+    def ours(text):
+        text = re.sub("|".join(ports), lambda found: ports[found[0]], text)
+        return text.replace("--params-file node.yaml", f"--params-file node.yaml{AS_ARGUMENTS}")
+
+    page = tutorial.run_page(tmp_path, ours)
     assert page.count("there after") == 2  # the wire came to both places
     assert (tmp_path / "wire.html").exists() and (tmp_path / "replay.html").exists()
     written = (TUTORIAL / "a_strangers_log.md").read_text()

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from processes import Bench, Client, NodeProcess, parameter_file
+from waiting import PATIENT_NODE
 
 from sma_actuator.config import read_parameter_file
 
@@ -33,13 +34,11 @@ sys.exit(service.run())
 def make_config(make_config):
     """The shared configuration with the model identified on the bench: these tests wait for positions to be reached.
 
-    A machine that runs other things too may stop a process for some tenths of a second, which the driver rightly
-    takes for a lost instrument; what it does then is tested in tests/driver, in the bench's own time.  Here it may last.
+    The machine may stop a process for a while (``PATIENT_NODE``).
     """
     identified = read_parameter_file(ROOT / "config" / "flexinol.yaml")
     real = {section: identified[section] for section in ("model", "controller", "thermal", "estimator")}
-    real |= {"safety.reading_timeout": 3.0, "supply.watchdog_timeout": 3.0, "loop.overruns_to_fault": 100}
-    real |= {f"instruments.{name}.timeout": 1.4 for name in ("supply", "daq")}
+    real |= PATIENT_NODE | {f"instruments.{name}.timeout": 1.4 for name in ("supply", "daq")}
     return lambda **changes: make_config(**{**real, **changes})
 
 
