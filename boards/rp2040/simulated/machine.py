@@ -6,11 +6,20 @@ except ImportError:
     from link import call_world
 
 _handlers = {}
+_told = []  # what wants no answer goes with the next that does
 
 
 def call(*words):
-    """The world's answer to a line."""
-    return call_world(" ".join([str(word) for word in words]))
+    """The world's answer."""
+    tell(*words)
+    line = ";".join(_told)
+    _told.clear()
+    return call_world(line)
+
+
+def tell(*words):
+    """Say what wants no answer."""
+    _told.append(" ".join([str(word) for word in words]))
 
 
 def interrupt():
@@ -25,12 +34,12 @@ class Pin:
     def __init__(self, number, mode=-1, pull=-1, value=None):
         self.number = number
         if value is not None:
-            self.value(value)
+            call("pin", number, value)
 
     def value(self, value=None):
         if value is None:
             return int(call("pin", self.number))
-        call("pin", self.number, value)
+        tell("pin", self.number, value)
         return None
 
     def irq(self, handler, trigger):
@@ -80,7 +89,7 @@ class WDT:
         call("watchdog", timeout)
 
     def feed(self):
-        call("feed")
+        tell("feed")
 
 
 def disable_irq():

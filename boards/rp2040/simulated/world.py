@@ -55,7 +55,10 @@ class World:
         self._clock = clock
         self._began_s = clock() if clock else 0.0
         self._us = 0
-        self._turn = threading.Condition(threading.RLock())
+        self._lock = threading.RLock()
+        self._turn = threading.Condition(self._lock)
+        self._answers = {name[4:]: getattr(self, name) for name in dir(self) if name.startswith("_do_")}
+        self._quiet_until_us = 0  #: before that nothing happens by itself
         self._heard = bytearray()
         self._gate = (0, 0, 0)  #: µs at which a period began, its length, how much of it is on
         self._pulse_us: float = math.inf  #: start of the next pulse that the program has not been told of
@@ -98,11 +101,14 @@ class World:
     # --- the calls of the firmware
 
     def call(self, line: str) -> str:
-        """Answer one of ``machine.py``, ``time.py`` or ``usb.py``.  Raises Reset."""
-        name, *words = line.split(" ")
-        with self._turn:
-            self._pass(CALL_us)
-            return getattr(self, f"_do_{name}")(*words)
+        """Answer the last of what ``machine.py``, ``time.py`` and ``usb.py`` say, joined by ``;``.  Raises Reset."""
+        answer = ""
+        with self._lock:
+            for each in line.split(";"):
+                name, *words = each.split(" ")
+                self._pass(CALL_us)
+                answer = self._answers[name](*words)
+        return answer
 
     def _do_pin(self, number: str, value: str | None = None) -> str:
         pin = int(number)
@@ -150,7 +156,7 @@ class World:
         return str(16 * round((0.5 + 0.01 * temperature_C) / 3.3 * 4095))
 
     def _do_watchdog(self, timeout_ms: str) -> str:
-        self._watchdog_us, self._fed_us = 1000 * int(timeout_ms), self._us
+        self._watchdog_us, self._fed_us, self._quiet_until_us = 1000 * int(timeout_ms), self._us, 0
         return ""
 
     def _do_feed(self) -> str:
@@ -220,6 +226,9 @@ class World:
     def _pass(self, us: int, raises: bool = True) -> None:
         """Time passes: the wire is heated by the direct current that the pulses stand for."""
         end_us = self._us + us
+        if end_us < self._quiet_until_us:
+            self._us = end_us
+            return
         while self._us < end_us:
             step_us = min(end_us, self._us + _STEP_us) - self._us
             if self._watchdog_us and not self.was_reset:
@@ -235,6 +244,9 @@ class World:
                 supply.current_A = math.sqrt(self._share) * self._full_A
                 supply.output_on = supply.current_A > 0.0
                 self.bench.advance(self.time_s)
+        moves_us = int(1e6 * (self.bench.time_s + STEP_s)) - 1
+        cuts_us = self._fed_us + self._watchdog_us if self._watchdog_us else moves_us
+        self._quiet_until_us = 0 if self.was_reset else min(moves_us, cuts_us)
         if self.was_reset and raises:
             raise Reset
 
