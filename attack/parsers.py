@@ -188,6 +188,11 @@ class StillWire:
         self.done.append(position_m)
         return "sent"
 
+    async def send_angle(self, angle_rad: float) -> str:
+        """An angle of a joint."""
+        self.done.append(angle_rad)
+        return "sent"
+
     async def set_parameter(self, name: str, value: Any) -> str:
         """As a node is asked: what ROS has no type for is refused by it."""
         from rclpy.parameter import Parameter
@@ -203,12 +208,12 @@ class StillWire:
 
 
 def _page(data: bytes) -> None:
-    from sma_actuator.view.server import ViewServer, _Page
+    from sma_actuator.view.server import Desk, _Page
 
     async def ask() -> None:
         page = _Page()
-        server = ViewServer(StillWire(), "127.0.0.1")  # type: ignore[arg-type]
-        server._take(page, data.decode(errors="replace"))
+        desk = Desk(StillWire())  # type: ignore[arg-type]
+        desk.take(page, data.decode(errors="replace"))
         for outcome in await asyncio.gather(*page.asked, return_exceptions=True):
             if isinstance(outcome, BaseException):
                 raise outcome

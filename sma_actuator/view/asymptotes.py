@@ -11,7 +11,7 @@ from sma_actuator.base.parameters import ConfigError
 from sma_actuator.config import Config
 
 #: Parameters of every ROS 2 node, which are no part of a configuration.
-_OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
+OF_ROS = ("use_sim_time", "start_type_description_service", "qos_overrides")
 GRID = 400  #: resistances tried
 POINTS = 60  #: of a curve as it is drawn
 MARGIN = 0.15  #: how far beyond the working range a curve is drawn, as a share of it
@@ -21,7 +21,7 @@ def config_of(parameters: Mapping[str, Any]) -> Config:
     """The configuration that a node has, from its parameters by dotted name.  Raises ConfigError."""
     nested: dict[str, Any] = {}
     for name, value in parameters.items():
-        if value is None or name.startswith(_OF_ROS):
+        if value is None or name.startswith(OF_ROS):
             continue
         *sections, last = name.split(".")
         place = nested
@@ -70,6 +70,8 @@ class Asymptotes:
 
 def asymptotes_of(parameters: Mapping[str, Any]) -> tuple[Asymptotes | None, str]:
     """The asymptotes of a node with these parameters, or why there are none."""
+    if "wires" in parameters:
+        return None, "a joint has no loop of resistance: look at its wires"
     try:
         found = Asymptotes(config_of(parameters))
     except ConfigError as error:

@@ -12,6 +12,7 @@ from pathlib import Path
 from sma_actuator.base.commands import NODE_NAME
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import Interrupts, noted_signals
+from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.config import Config
 from sma_actuator.console import notes
 
@@ -22,8 +23,14 @@ SIGNAL_INTERVAL_s = 0.1
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``sma-actuator view``."""
-    parser.add_argument("--node", default=NODE_NAME, metavar="NAME", help="name of the node (default %(default)s)")
-    parser.add_argument("--namespace", default="/", metavar="NS", help="namespace of the node (default %(default)s)")
+    parser.add_argument(
+        "--node",
+        nargs="+",
+        default=[NODE_NAME],
+        metavar="NAME",
+        help=f"names of nodes, of wires and of joints, a tab for each (default {NODE_NAME})",
+    )
+    parser.add_argument("--namespace", default="/", metavar="NS", help="namespace of the nodes (default %(default)s)")
     parser.add_argument("--port", type=int, default=PORT, help="0: any that is free (default %(default)s)")
     parser.add_argument(
         "--host",
@@ -48,34 +55,44 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Serve until a signal comes; 0 then."""
     host = _address(args.host)
-    node = "/".join(["", *filter(None, [args.namespace.strip("/"), args.node.strip("/")])])
+    names = dict.fromkeys(name.strip("/") for name in args.node)
+    nodes = ["/".join(["", *filter(None, [args.namespace.strip("/"), name])]) for name in names]
     try:
-        (_run_foxglove if args.foxglove else _run_page)(node, host, args)
+        (_run_foxglove if args.foxglove else _run_page)(nodes, host, args)
     except ModuleNotFoundError as error:
         package = {"foxglove": "foxglove-sdk' (extra 'foxglove')"}.get(error.name or "", f"{error.name}'")
         raise UserError(f"needs the Python package '{package}, which is not installed") from error
     return 0
 
 
-def _run_page(node: str, host: str, args: argparse.Namespace) -> None:
-    from .server import ViewServer
+def _run_page(nodes: list[str], host: str, args: argparse.Namespace) -> None:
+    from .server import Desk, ViewServer
     from .wire import Wire
 
-    config = Config.load(args.config) if args.config else None
-    with noted_signals() as interrupts:
-        wire = Wire(node)
-        try:
-            asyncio.run(_serve(ViewServer(wire, host, config, args.config), host, args, interrupts))
-        finally:
-            wire.close()
+    configs = [_config(args.config, node.rpartition("/")[2]) for node in nodes]
+    with noted_signals() as interrupts, contextlib.ExitStack() as stack:
+        desks = []
+        for node, config in zip(nodes, configs, strict=True):
+            wire = Wire(node)
+            stack.callback(wire.close)
+            desks.append(Desk(wire, config, args.config))
+        asyncio.run(_serve(ViewServer(desks, host), host, args, interrupts))
 
 
-def _run_foxglove(node: str, host: str, args: argparse.Namespace) -> None:
+def _config(file: Path | None, name: str) -> Config | None:
+    """The configuration of a node's wire; None without a file, and of a joint.  Raises ConfigError."""
+    if file is None:
+        return None
+    mapping = read_parameter_file(file, name)
+    return None if "wires" in mapping else Config.from_mapping(mapping, source=str(file))
+
+
+def _run_foxglove(nodes: list[str], host: str, args: argparse.Namespace) -> None:
     from .foxglove import Topics
 
     if args.config:
         raise UserError("--config: Foxglove only looks; gains are saved from the page, without --foxglove")
-    with noted_signals() as interrupts, contextlib.closing(Topics(node, host, args.port)) as topics:
+    with noted_signals() as interrupts, contextlib.closing(Topics(nodes, host, args.port)) as topics:
         print(f"ws://{_shown(host)}:{topics.port}", flush=True)
         notes(args).print(
             "in Foxglove or Lichtblick: Open connection, Foxglove WebSocket, this address; then import layouts/foxglove.json"

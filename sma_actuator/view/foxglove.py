@@ -10,6 +10,7 @@ import collections
 import importlib
 import re
 import threading
+from collections.abc import Sequence
 from typing import Any
 
 import foxglove
@@ -78,17 +79,17 @@ class _Listener(ServerListener):
 
 
 class Topics:
-    """The topics of a node, as channels of a Foxglove server.  Raises UserError where the port cannot be had."""
+    """The topics of some nodes, as channels of a Foxglove server.  Raises UserError where the port cannot be had."""
 
-    def __init__(self, node: str, host: str, port: int):
-        self._prefix = f"{node}/"
+    def __init__(self, nodes: Sequence[str], host: str, port: int):
+        self._prefixes = tuple(f"{node}/" for node in nodes)
         self._channels: dict[str, tuple[foxglove.Channel, Any]] = {}
         self._lookers: collections.defaultdict[str, set[int]] = collections.defaultdict(set)
         self._subscriptions: dict[str, Any] = {}
         self._foxglove = foxglove.Context()
         try:
             self._server = foxglove.start_server(
-                name=f"sma_actuator {node}", host=host, port=port, context=self._foxglove, server_listener=_Listener(self)
+                name=f"sma_actuator {' '.join(nodes)}", host=host, port=port, context=self._foxglove, server_listener=_Listener(self)
             )  # fmt: skip
         except (OSError, RuntimeError) as error:
             raise UserError(
@@ -131,7 +132,7 @@ class Topics:
             if (
                 kind is None
                 or topic in self._channels
-                or not (topic.startswith(self._prefix) or topic == _OF_ALL_NODES)
+                or not (topic.startswith(self._prefixes) or topic == _OF_ALL_NODES)
             ):
                 continue
             if not self._ros.count_publishers(topic):

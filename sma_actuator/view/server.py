@@ -16,7 +16,7 @@ import logging
 import math
 import secrets
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -85,85 +85,49 @@ class _Page:
         self.more.set()
 
 
-class ViewServer:
-    """Serves the pages of one node.
+class Desk:
+    """One node, and the pages that show it.
 
     ``config``: the model for dropped logs where the node tells none; ``file``: where gains are saved to.
     """
 
-    def __init__(self, wire: Wire, host: str, config: Config | None = None, file: Path | None = None):
-        self.token = secrets.token_urlsafe(24)
-        self._wire = wire
-        self._hosts = {*_LOOPBACK, host}
+    def __init__(self, wire: Wire, config: Config | None = None, file: Path | None = None):
+        self.wire = wire
+        self.pages: set[_Page] = set()
+        self.desks: Sequence[Desk] = (self,)  #: of all nodes of this server
+        self.logs = LogDesk(lambda said: self._tell_all({"log": said}))
         self._config = config
         self._file = file
-        self._pages: set[_Page] = set()
-        self._logs = LogDesk(lambda said: self._tell_all({"log": said}))
         self._asymptotes: Asymptotes | None = None
         self._no_asymptotes = ""
         self._curves: dict[str, Any] | None = None
-        self._shown = (-1, -1)
+        self._shown: tuple[Any, ...] = (-1, -1, None)
         self._acts: dict[str, Callable[[dict[str, Any]], Awaitable[str]]] = {
-            "stop": lambda _: wire.stop(),
+            "stop": lambda _: self._stop(),
             "enable": lambda _: wire.enable(True),
             "disable": lambda _: wire.enable(False),
             "setpoint": lambda asked: wire.send_setpoint(float(asked["position_m"])),
+            "angle": lambda asked: wire.send_angle(float(asked["angle_rad"])),
             "parameter": lambda asked: wire.set_parameter(str(asked["name"]), asked["value"]),
             "trigger": lambda asked: wire.trigger(str(asked["name"])),
             "save": lambda _: self._save(),
             "forget_log": lambda _: self._forget_log(),
         }
-        self.app = web.Application(middlewares=[self._guarded], client_max_size=LONGEST_QUESTION_B)
-        files = resources.files(__package__) / "page"
-        for address, (name, kind) in _FILES.items():
-            text = (files / name).read_text(encoding="utf-8")
-            self.app.router.add_get(address, _file(text, kind))
-        self.app.router.add_get("/live", self._live)
-        self.app.router.add_post("/log", self._take_log)
-        self.app.router.add_post("/recording", self._recording)
-        self.app.router.add_get("/report/{name}", self._report)
-        self.app.cleanup_ctx.append(self._background)
 
-    # --- who may ----------------------------------------------------------------------------------
+    # --- what is asked ----------------------------------------------------------------------------
 
-    @web.middleware
-    async def _guarded(self, request: web.Request, handler: Any) -> web.StreamResponse:
-        if _name_of(request.host) not in self._hosts:
-            raise web.HTTPForbidden(text=f"Host '{request.host}' is not this server\n")
-        acts = request.path in ("/live", "/log", "/recording")
-        origin = request.headers.get("Origin")
-        if (acts or origin is not None) and origin != f"http://{request.host}":
-            raise web.HTTPForbidden(text=f"Origin '{origin}' is not a page of this server\n")
-        if acts and not hmac.compare_digest(_token_of(request).encode(), self.token.encode()):
-            raise web.HTTPForbidden(
-                text="the token is missing or wrong: open the address that sma-actuator view prints\n"
-            )
-        return await handler(request)
+    async def _stop(self) -> str:
+        """Every wire of every node's process off.  Raises Refused where one did not confirm it."""
+        answers = await asyncio.gather(*(desk.wire.stop() for desk in self.desks), return_exceptions=True)
+        for error in answers:
+            if isinstance(error, BaseException) and not isinstance(error, UserError | TimeoutError):
+                raise error
+        words = "; ".join(dict.fromkeys(str(answer) or "ROS did not answer in time" for answer in answers))
+        if any(isinstance(answer, BaseException) for answer in answers):
+            raise Refused(words)
+        return words
 
-    # --- pages ------------------------------------------------------------------------------------
-
-    async def _live(self, request: web.Request) -> web.WebSocketResponse:
-        socket = web.WebSocketResponse(heartbeat=10.0, protocols=(PROTOCOL,), max_msg_size=LONGEST_QUESTION_B)
-        await socket.prepare(request)
-        page = _Page()
-        for part in (self._hello(), *self._whole_state()):
-            page.tell(_json(part))
-        self._pages.add(page)
-        sender = asyncio.create_task(_send(socket, page))
-        try:
-            await self._wire.listen(True)
-            async for message in socket:
-                if message.type is WSMsgType.TEXT:
-                    self._take(page, message.data)
-        finally:
-            self._pages.discard(page)
-            for task in (sender, *page.asked):
-                task.cancel()
-            if not self._pages:
-                await self._wire.listen(False)
-        return socket
-
-    def _take(self, page: _Page, text: str) -> None:
+    def take(self, page: _Page, text: str) -> None:
         """Begin to do what a page asks."""
         try:
             asked = json.loads(text)
@@ -191,22 +155,67 @@ class ViewServer:
         except TimeoutError:
             page.tell(_answer(number, False, "ROS did not answer in time"))
 
+    async def _save(self) -> str:
+        """The law's numbers as they are in the node, into the parameter file; those of before stay as a comment."""
+        if self._file is None:
+            raise UserError("no file to save to: start sma-actuator view with --config FILE")
+        if self.wire.angle_range_rad is not None:
+            raise UserError("gains of a joint are not saved; write them into its parameter file")
+        now = {
+            name.removeprefix(_LAW): value["value"]
+            for name, value in self.wire.live.items()
+            if name.startswith(_LAW) and type(value["value"]) in (int, float)
+        }
+        before = Config.load(self._file, self.wire.node.rpartition("/")[2]).to_mapping()["controller"]
+        changed = {name: value for name, value in now.items() if before.get(name) != value}
+        if not changed:
+            return f"{self._file} has these gains already"
+        were = ", ".join(f"{name} {before[name]:g}" for name in changed if name in before)
+        text = text_with(
+            self._file,
+            "controller",
+            changed,
+            f"Saved from the page; before: {were}",
+            self.wire.node.rpartition("/")[2],
+        )
+        try:
+            write_atomically(self._file, lambda stream: stream.write(text.encode()))
+        except OSError as error:
+            raise UserError(f"{self._file}: not written ({error.strerror or error})") from error
+        return f"saved to {self._file}: {', '.join(f'{name} {value:g}' for name, value in changed.items())} (before: {were})"
+
+    async def _forget_log(self) -> str:
+        await self.logs.give_up()
+        self._tell_all({"log": None})
+        return "the log is forgotten"
+
     # --- what is shown ----------------------------------------------------------------------------
 
     def _hello(self) -> dict[str, Any]:
         words = {int(quality): words for quality, words in _QUALITY.items()}
-        return {"hello": {"node": self._wire.node, "columns": COLUMNS, "quality": words}}
+        return {"hello": {"node": self.wire.node, "columns": COLUMNS, "quality": words}}
 
-    def _whole_state(self) -> list[dict[str, Any]]:
-        out = [self._state(), self._parameters()]
+    def whole_state(self) -> list[dict[str, Any]]:
+        """Everything that a page which has just come is told."""
+        out = [self._hello(), self._state(), self._parameters()]
         if self._curves is not None:
             out.append({"curves": self._curves})
-        if self._logs.said is not None:
-            out.append({"log": self._logs.said})
+        if self.logs.said is not None:
+            out.append({"log": self.logs.said})
         return out
 
+    @property
+    def config(self) -> Config | None:
+        """The model of dropped logs: the node's, or that of the file."""
+        return self._asymptotes.config if self._asymptotes else self._config
+
+    def _tabs(self) -> list[list[Any]]:
+        """Name and level of every node; none of one that is silent."""
+        wires = [desk.wire for desk in self.desks]
+        return [[w.node, w.status.get("level") if w.present and w.status else None] for w in wires]
+
     def _state(self) -> dict[str, Any]:
-        wire = self._wire
+        wire = self.wire
         diagnostics = sorted(wire.diagnostics.values(), key=lambda said: said["name"])
         return {
             "state": {
@@ -214,6 +223,7 @@ class ViewServer:
                 "status": wire.status,
                 "diagnostics": diagnostics,
                 "services": wire.services,
+                "tabs": self._tabs(),
             }
         }
 
@@ -221,18 +231,19 @@ class ViewServer:
         model = self._asymptotes
         return {
             "parameters": {
-                "live": self._wire.live,
+                "live": self.wire.live,
                 "range_m": model.range_m if model else None,
+                "angle_range_rad": self.wire.angle_range_rad,
                 "full_stroke_m": model.full_stroke_m if model else None,
                 "note": self._no_asymptotes,
                 "file": str(self._file) if self._file else None,
             }
         }
 
-    async def _tick(self) -> None:
+    async def tick(self) -> None:
         """Tell all pages what is new."""
-        wire = self._wire
-        state, parameters = self._shown
+        wire = self.wire
+        state, parameters, tabs = self._shown
         if wire.parameters_version != parameters:
             # Building a model takes a moment: not in the thread that must pass on a stop.
             found = await asyncio.to_thread(asymptotes_of, wire.parameters)
@@ -240,11 +251,11 @@ class ViewServer:
             self._curves = None
             parameters = wire.parameters_version
             self._tell_all(self._parameters())
-        if wire.version != state:
-            state = wire.version
+        if (wire.version, self._tabs()) != (state, tabs):
+            state, tabs = wire.version, self._tabs()
             self._tell_all(self._state())
-        self._shown = state, parameters
-        if not self._pages:
+        self._shown = state, parameters, tabs
+        if not self.pages:
             return
         rows = [wire.rows.popleft() for _ in range(len(wire.rows))]
         if rows:
@@ -256,93 +267,132 @@ class ViewServer:
             self._tell_all({"rows": rows})
 
     def _tell_all(self, message: dict[str, Any]) -> None:
-        if self._pages:
+        if self.pages:
             text = _json(message)
-            for page in self._pages:
+            for page in self.pages:
                 page.tell(text)
 
+    async def watch(self) -> None:
+        """Look after the node for ever."""
+        while True:
+            try:
+                await self.wire.watch()
+            except (TimeoutError, Refused) as error:
+                _log.warning("ROS did not answer: %s", error)
+
+
+class ViewServer:
+    """Serves the pages of some nodes, the first where none is named."""
+
+    def __init__(self, desks: Sequence[Desk], host: str):
+        self.token = secrets.token_urlsafe(24)
+        self._hosts = {*_LOOPBACK, host}
+        self._desks = {desk.wire.node: desk for desk in desks}
+        for desk in desks:
+            desk.desks = desks
+        self.app = web.Application(middlewares=[self._guarded], client_max_size=LONGEST_QUESTION_B)
+        files = resources.files(__package__) / "page"
+        for address, (name, kind) in _FILES.items():
+            text = (files / name).read_text(encoding="utf-8")
+            self.app.router.add_get(address, _file(text, kind))
+        self.app.router.add_get("/live", self._live)
+        self.app.router.add_post("/log", self._take_log)
+        self.app.router.add_post("/recording", self._recording)
+        self.app.router.add_get("/report/{name}", self._report)
+        self.app.cleanup_ctx.append(self._background)
+
+    def _desk(self, request: web.Request) -> Desk:
+        name = request.query.get("node", next(iter(self._desks)))
+        if name not in self._desks:
+            raise web.HTTPNotFound(text=f"'{name}' is none of {', '.join(self._desks)}\n")
+        return self._desks[name]
+
+    # --- who may ----------------------------------------------------------------------------------
+
+    @web.middleware
+    async def _guarded(self, request: web.Request, handler: Any) -> web.StreamResponse:
+        if _name_of(request.host) not in self._hosts:
+            raise web.HTTPForbidden(text=f"Host '{request.host}' is not this server\n")
+        acts = request.path in ("/live", "/log", "/recording")
+        origin = request.headers.get("Origin")
+        if (acts or origin is not None) and origin != f"http://{request.host}":
+            raise web.HTTPForbidden(text=f"Origin '{origin}' is not a page of this server\n")
+        if acts and not hmac.compare_digest(_token_of(request).encode(), self.token.encode()):
+            raise web.HTTPForbidden(
+                text="the token is missing or wrong: open the address that sma-actuator view prints\n"
+            )
+        return await handler(request)
+
+    # --- pages ------------------------------------------------------------------------------------
+
+    async def _live(self, request: web.Request) -> web.WebSocketResponse:
+        desk = self._desk(request)
+        socket = web.WebSocketResponse(heartbeat=10.0, protocols=(PROTOCOL,), max_msg_size=LONGEST_QUESTION_B)
+        await socket.prepare(request)
+        page = _Page()
+        for part in desk.whole_state():
+            page.tell(_json(part))
+        desk.pages.add(page)
+        sender = asyncio.create_task(_send(socket, page))
+        try:
+            await desk.wire.listen(True)
+            async for message in socket:
+                if message.type is WSMsgType.TEXT:
+                    desk.take(page, message.data)
+        finally:
+            desk.pages.discard(page)
+            for task in (sender, *page.asked):
+                task.cancel()
+            if not desk.pages:
+                await desk.wire.listen(False)
+        return socket
+
     async def _background(self, _: web.Application) -> Any:
-        async def tick() -> None:
+        async def tick(desk: Desk) -> None:
             while True:
                 try:
-                    await self._tick()
+                    await desk.tick()
                 except Exception:  # noqa: BLE001 - said; the next turn is as good as any
                     _log.exception("the pages were not told what is new")
                 await asyncio.sleep(TICK_s)
 
-        tasks = [asyncio.create_task(tick()), asyncio.create_task(self._watch())]
+        desks = self._desks.values()
+        tasks = [asyncio.create_task(work) for desk in desks for work in (tick(desk), desk.watch())]
         yield
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
-        await self._logs.give_up()
-
-    async def _watch(self) -> None:
-        while True:
-            try:
-                await self._wire.watch()
-            except (TimeoutError, Refused) as error:
-                _log.warning("ROS did not answer: %s", error)
-
-    async def _save(self) -> str:
-        """The law's numbers as they are in the node, into the parameter file; those of before stay as a comment."""
-        if self._file is None:
-            raise UserError("no file to save to: start sma-actuator view with --config FILE")
-        now = {
-            name.removeprefix(_LAW): value["value"]
-            for name, value in self._wire.live.items()
-            if name.startswith(_LAW) and type(value["value"]) in (int, float)
-        }
-        before = Config.load(self._file, self._wire.node.rpartition("/")[2]).to_mapping()["controller"]
-        changed = {name: value for name, value in now.items() if before.get(name) != value}
-        if not changed:
-            return f"{self._file} has these gains already"
-        were = ", ".join(f"{name} {before[name]:g}" for name in changed if name in before)
-        text = text_with(
-            self._file,
-            "controller",
-            changed,
-            f"Saved from the page; before: {were}",
-            self._wire.node.rpartition("/")[2],
-        )
-        try:
-            write_atomically(self._file, lambda stream: stream.write(text.encode()))
-        except OSError as error:
-            raise UserError(f"{self._file}: not written ({error.strerror or error})") from error
-        return f"saved to {self._file}: {', '.join(f'{name} {value:g}' for name, value in changed.items())} (before: {were})"
+        for desk in desks:
+            await desk.logs.give_up()
 
     # --- logs -------------------------------------------------------------------------------------
 
     async def _take_log(self, request: web.Request) -> web.Response:
-        config = self._asymptotes.config if self._asymptotes else self._config
+        desk = self._desk(request)
         try:
-            await self._logs.take(request.query.get("name", "log.csv"), request.content.iter_any(), config)
+            await desk.logs.take(request.query.get("name", "log.csv"), request.content.iter_any(), desk.config)
         except UserError as error:
             return web.Response(status=400, text=str(error))
         except OSError as error:
             return web.Response(status=507, text=f"the log cannot be kept ({error.strerror or error})")
         return web.Response(status=202, text="taken")
 
-    async def _recording(self, _: web.Request) -> web.Response:
+    async def _recording(self, request: web.Request) -> web.Response:
         """What the wire did in the last two minutes, as a bench log."""
+        wire = self._desk(request).wire
         try:
-            body = await asyncio.to_thread(bench_log_of, await self._wire.recorded())
+            body = await asyncio.to_thread(bench_log_of, await wire.recorded())
         except UserError as error:
             return web.Response(status=409, text=str(error))
-        name = f"{self._wire.node.strip('/').replace('/', '_')}_{time.strftime('%Y%m%d_%H%M%S')}.csv"
+        name = f"{wire.node.strip('/').replace('/', '_')}_{time.strftime('%Y%m%d_%H%M%S')}.csv"
         return web.Response(
             body=body,
             content_type="text/csv",
             headers={**_HEADERS, "Content-Disposition": f'attachment; filename="{name}"'},
         )
 
-    async def _forget_log(self) -> str:
-        await self._logs.give_up()
-        self._tell_all({"log": None})
-        return "the log is forgotten"
-
     async def _report(self, request: web.Request) -> web.Response:
-        path = self._logs.reports.get(request.path)
+        path = next((p for desk in self._desks.values() if (p := desk.logs.reports.get(request.path))), None)
         if path is None:
             raise web.HTTPNotFound(text="no such report; drop the log again\n")
         return web.Response(text=path.read_text(encoding="utf-8"), content_type="text/html", headers=_REPORT_HEADERS)

@@ -29,11 +29,14 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.limits import LIMITS
-from sma_msgs_py import setpoint_message, signals_from
+from sma_msgs_py import setpoint_message, signals_from, trajectory_message
+
+from .asymptotes import OF_ROS
 
 _log = logging.getLogger(__name__)
 
@@ -56,6 +59,14 @@ COLUMNS = (
     "longest_m",
     "quality",
     "branch",
+    # Of a joint that two wires turn.
+    "asked_angle_rad",
+    "reference_rad",
+    "angle_rad",
+    "uncertainty_rad",
+    "asked_cocontraction_N",
+    "cocontraction_N",
+    "torque_Nm",
 )
 ROW_PERIOD_s = 0.05  #: a page draws no faster, however fast the loop is
 ROWS_WAITING = 200  #: rows kept where nobody takes them
@@ -117,6 +128,7 @@ class Wire:
         subscribe(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         subscribe(ParameterEvent, "/parameter_events", self._on_parameter_event, 50)
         self._setpoint = self._ros.create_publisher(Float64, f"{node}/setpoint", 1)
+        self._trajectory = self._ros.create_publisher(JointTrajectory, f"{node}/joint_trajectory", 1)
         # Made at once, since a client takes a while to find its service.
         self._client("enable", SetBool)
         self._client("stop", Trigger)
@@ -152,6 +164,28 @@ class Wire:
         if not await self._in_ros(publish):
             raise Refused(f"nobody takes setpoints of {self.node}: the node is not there")
         return f"setpoint {position_m * 1e3:.3f} mm"
+
+    async def send_angle(self, angle_rad: float) -> str:
+        """Ask a joint for an angle, once: a trajectory of one point, since a command would have to be repeated.  Raises Refused."""
+        if not math.isfinite(angle_rad):
+            raise Refused(f"an angle is a finite number of radians, not {angle_rad}")
+        joint_name = str(self.parameters.get("joint_name", ""))
+
+        def publish() -> int:
+            self._trajectory.publish(trajectory_message(joint_name, [0.0], [angle_rad]))
+            return self._trajectory.get_subscription_count()
+
+        if not await self._in_ros(publish):
+            raise Refused(f"nobody takes angles of {self.node}: the node is not there")
+        return f"angle {math.degrees(angle_rad):.2f}°"
+
+    @property
+    def angle_range_rad(self) -> tuple[float, float] | None:
+        """Of a joint, the angles at which one of its wires would have no length of its stroke left; None of a wire."""
+        radius_m, at_zero_m = (self.parameters.get(name) for name in ("pulley_radius", "displacement_at_zero"))
+        if not radius_m or not at_zero_m:
+            return None
+        return -at_zero_m[1] / radius_m, at_zero_m[0] / radius_m
 
     async def trigger(self, name: str) -> str:
         """Call one of ``services``; the node's sentence.  Raises Refused."""
@@ -305,7 +339,9 @@ class Wire:
         self.live = {
             d.name: _declared(d, values[d.name])
             for d in described.descriptors
-            if not d.read_only and isinstance(values.get(d.name), bool | int | float | str) and "." in d.name
+            if not d.read_only
+            and isinstance(values.get(d.name), bool | int | float | str)
+            and not d.name.startswith(OF_ROS)
         }
         self.parameters = values
         self.parameters_version += 1

@@ -14,6 +14,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed (extra 'ros')")
 from aiohttp.test_utils import TestClient, TestServer
 from rig import Rig
 
+from benchmarks.chromium import Chromium, find_chromium
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.share import shared_file
 from sma_actuator.cli.main import main
@@ -21,7 +22,8 @@ from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.ros.named_signals import named_signals
 from sma_actuator.view import logs
-from sma_actuator.view.server import ViewServer
+from sma_actuator.view.server import Desk, ViewServer
+from sma_actuator.view.wire import COLUMNS, Refused
 
 HOST = "127.0.0.1"
 
@@ -39,6 +41,7 @@ class StillWire:
         self.diagnostics, self.parameters, self.live, self.services = {}, {}, {}, []
         self.done = []
         self.rows_recorded = {}
+        self.angle_range_rad = None
 
     async def listen(self, wanted):
         self.done.append(("listen", wanted))
@@ -58,6 +61,10 @@ class StillWire:
         self.done.append(position_m)
         return "sent"
 
+    async def send_angle(self, angle_rad):
+        self.done.append(("angle", angle_rad))
+        return "sent"
+
     async def set_parameter(self, name, value):
         self.done.append((name, value))
         return "set"
@@ -70,14 +77,14 @@ class StillWire:
         return self.rows_recorded
 
 
-def with_server(work, config=None, file=None):
-    """``work(client, server, wire)`` with a server that listens."""
+def with_server(work, config=None, file=None, others=()):
+    """``work(client, server, wire, *others)`` with a server that listens."""
 
     async def run():
-        wire = StillWire()
-        server = ViewServer(wire, HOST, config, file)
+        wires = [StillWire(), *others]
+        server = ViewServer([Desk(wire, config, file) for wire in wires], HOST)
         async with TestClient(TestServer(server.app, host=HOST)) as client:
-            return await work(client, server, wire)
+            return await work(client, server, *wires)
 
     return asyncio.run(run())
 
@@ -164,6 +171,7 @@ def test_numbers_that_are_none_reach_a_page_as_null_also_when_it_opens_later():
         ({"do": "enable"}, ("enable", True)),
         ({"do": "disable"}, ("enable", False)),
         ({"do": "setpoint", "position_m": 0.002}, 0.002),
+        ({"do": "angle", "angle_rad": -0.1}, ("angle", -0.1)),
         ({"do": "parameter", "name": "controller.kp", "value": 1.0}, ("controller.kp", 1.0)),
         ({"do": "trigger", "name": "tare_load"}, "tare_load"),
     ],
@@ -266,3 +274,98 @@ def test_what_is_downloaded_holds_every_step_and_check_log_takes_it(tmp_path):
     main(["check-log", str(path), "--quiet", "--json", str(tmp_path / "found.json")])
     found = {each["requirement"]: each["met"] for each in json.loads((tmp_path / "found.json").read_text())}
     assert found["20 readings a second or more"] and found["every row is a new reading"]
+
+
+# --- several nodes -----------------------------------------------------------------------------------------
+
+
+def joint():
+    """A joint that two wires turn, at an angle of 0.1 rad."""
+    wire = StillWire()
+    wire.node = "/joint"
+    wire.parameters_version = 1
+    wire.parameters = {"wires": ["left", "right"], "joint_name": "joint"}
+    wire.angle_range_rad = (-0.4, 0.4)
+    wire.live = {
+        "cocontraction": {"value": 0.8, "range": [0.0, 5.0], "description": "tension", "choices": [], "whole": False}
+    }
+    wire.status = {"level": 0, "message": "holding", "mode": "hold", "fault": None, "limits": [], "values": {}}
+    return wire
+
+
+def row(**values):
+    """A row of what a page draws."""
+    return [values.get(name) for name in COLUMNS]
+
+
+def test_a_page_shows_and_asks_its_own_node_and_stops_all_of_them():
+    async def work(client, server, wire, other):
+        sockets = [
+            await client.ws_connect("/live", params=params, headers=headers_of(client, server))
+            for params in ({}, {"node": "/joint"})
+        ]
+        assert [(await told(socket, "hello"))["node"] for socket in sockets] == ["/sma_actuator", "/joint"]
+        other.status = {**other.status, "level": 2}
+        other.version += 1
+        for socket in sockets:  # each page shows how every node is
+            while (await told(socket, "state"))["tabs"] != [["/sma_actuator", None], ["/joint", 2]]:
+                pass
+        assert (await asked(sockets[1], 1, do="angle", angle_rad=0.2))["ok"]
+        assert (await asked(sockets[0], 1, do="stop"))["sentence"] == "every wire is off"
+        assert wire.done == [("listen", True), "stop"]
+        assert other.done == [("listen", True), ("angle", 0.2), "stop"]
+
+        async def refuse():
+            raise Refused("/joint does not offer ~/stop now")
+
+        other.stop = refuse
+        answer = await asked(sockets[0], 2, do="stop")
+        assert not answer["ok"]
+        assert answer["sentence"] == "every wire is off; /joint does not offer ~/stop now"
+        assert wire.done[-1] == "stop"
+        async with client.get("/live", params={"node": "/none"}, headers=headers_of(client, server)) as response:
+            assert response.status == 404
+            assert "'/none' is none of /sma_actuator, /joint" in await response.text()
+        for socket in sockets:
+            await socket.close()
+
+    with_server(work, others=[joint()])
+
+
+@pytest.mark.skipif(find_chromium() is None, reason="no Chromium is installed: the tabs were not tried in a browser")
+def test_in_the_browser_a_joint_is_a_tab_and_is_turned_in_degrees(tmp_path):
+    async def work(client, server, wire, other):
+        async with Chromium() as browser:
+            await browser.open(f"{origin_of(client)}/#token={server.token}")
+            await browser.wait_for("document.querySelectorAll('#tabs a').length === 2 && kind === WIRE")
+            await browser.open(await browser.value("document.querySelector('#tabs a:last-child').href"))
+            await browser.wait_for(
+                "document.querySelector('#tabs a[aria-current]')?.textContent === '/joint' && kind === JOINT"
+            )
+            assert await browser.value("location.hash") == ""
+            assert await browser.value(
+                "$('loop-section').hidden && document.querySelector('.unit').textContent === '°'"
+            )
+            for step in range(30):
+                other.rows.append(
+                    row(
+                        at_s=1e9 + 0.05 * step,
+                        angle_rad=0.1,
+                        uncertainty_rad=0.02,
+                        asked_angle_rad=0.11,
+                        cocontraction_N=0.8,
+                    )
+                )
+            await browser.wait_for("document.querySelector('#values').textContent.startsWith('angle5.73 °')")
+            await browser.wait_for("$('grip').textContent === '6.30' && !$('grip').disabled")
+            await browser.value("$('setpoint-mm').value = '-9'; $('setpoint-mm').dispatchEvent(new Event('input'))")
+            await browser.click("#setpoint-send")
+            await browser.wait_for("document.querySelector('#said li')?.textContent === 'sent'")
+            what, angle_rad = other.done[-1]
+            assert what == "angle" and math.degrees(angle_rad) == pytest.approx(-9.0)
+            assert wire.done[-1] == ("listen", False), "the page of before has gone"
+            await browser.value("dispatchEvent(new KeyboardEvent('keydown', {code: 'Space'}))")
+            await browser.wait_for("document.querySelector('#said li').textContent === 'every wire is off'")
+            assert wire.done[-1] == other.done[-1] == "stop"
+
+    with_server(work, others=[joint()])

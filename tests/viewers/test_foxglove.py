@@ -84,7 +84,7 @@ def test_every_message_arrives_as_it_was_sent_and_nothing_can_be_done(node, outp
             publishers[topic].publish(sent[topic])
 
     publish(said_once)  # before anybody looks
-    with contextlib.closing(Topics(NAME, "127.0.0.1", 0)) as topics:
+    with contextlib.closing(Topics([NAME], "127.0.0.1", 0)) as topics:
         assert not any(publisher.get_subscription_count() for publisher in publishers.values())
         viewer = Viewer(f"ws://127.0.0.1:{topics.port}")
         with contextlib.closing(viewer):
@@ -112,6 +112,6 @@ def test_what_cannot_be_meant_is_refused(capsys, tmp_path):
     assert "every address" in capsys.readouterr().err
     assert main(["view", "--foxglove", "--config", str(tmp_path / "x.yaml")]) == 1
     assert "only looks" in capsys.readouterr().err
-    with contextlib.closing(Topics(NAME, "127.0.0.1", 0)) as topics:
+    with contextlib.closing(Topics([NAME], "127.0.0.1", 0)) as topics:
         assert main(["view", "--foxglove", "--port", str(topics.port)]) == 1
     assert "cannot be opened" in capsys.readouterr().err

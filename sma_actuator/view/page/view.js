@@ -11,21 +11,49 @@ const WAVE_PERIOD_ms = 50; // between setpoints of a sine
 const SHORTEST_WAVE_s = 0.5;
 const MOST_UNANSWERED = 10; // setpoints of a wave; with more it ends
 const SHORT_px = 900; // a window that is no higher has lower plots, so that plots and commands are seen at once
-// An axis spans no less: a wire at rest is a line, and its noise no picture.
-const LEAST = { mm: 0.2, mA: 20, C: 10 };
 const LEVELS = ["good", "warn", "bad", "warn"];
+const DEGREES = 180 / Math.PI;
 // Columns as they are drawn: factor to the unit shown.
 const FACTORS = {
   setpoint_m: 1e3, limited_setpoint_m: 1e3, shortest_m: 1e3, longest_m: 1e3, displacement_estimate_m: 1e3, uncertainty_m: 1e3, displacement_m: 1e3,
   current_A: 1e3, current_limit_A: 1e3, stress_Pa: 1e-6, power_W: 1e3,
+  asked_angle_rad: DEGREES, reference_rad: DEGREES, angle_rad: DEGREES, uncertainty_rad: DEGREES, torque_Nm: 1e3,
 };
-const SHOWN = [
-  ["displacement_estimate_m", "estimate", "mm", 3], ["uncertainty_m", "± (95 %)", "mm", 3], ["setpoint_m", "setpoint", "mm", 3],
-  ["displacement_m", "reference", "mm", 3], ["current_A", "current", "mA", 1], ["temperature_C", "temperature", "°C", 1],
-  ["shortest_m", "can go from", "mm", 3], ["longest_m", "can go to", "mm", 3],
-  ["load_N", "load", "N", 3], ["stress_Pa", "stress", "MPa", 1], ["resistance_Ohm", "resistance", "Ω", 3],
-  ["power_W", "power", "mW", 1],
-];
+// What there is to see of a wire, and of a joint that two wires turn.  An axis spans no less than `least`: what is at rest is a
+// line, and its noise no picture.
+const WIRE = {
+  asked: "setpoint_m", followed: "limited_setpoint_m", measured: "displacement_m", at: "displacement_estimate_m", half: "uncertainty_m",
+  unit: "mm", label: "displacement [mm]", digits: 3, least: 0.2, amplitude: 0.2,
+  range: (parameters) => parameters.range_m?.map((m) => m * 1e3) ?? null,
+  question: (mm) => ["setpoint", { position_m: mm * 1e-3 }],
+  below: [
+    { column: "current_A", words: "current [mA]", colour: "good" }, { column: "current_limit_A", words: "limit [mA]", colour: "limit", dash: [3, 3] },
+    { column: "temperature_C", words: "temperature [°C]", colour: "bad", right: true },
+  ],
+  belowDigits: 1, leastBelow: { left: 20, right: 10 },
+  shown: [
+    ["displacement_estimate_m", "estimate", "mm", 3], ["uncertainty_m", "± (95 %)", "mm", 3], ["setpoint_m", "setpoint", "mm", 3],
+    ["displacement_m", "reference", "mm", 3], ["current_A", "current", "mA", 1], ["temperature_C", "temperature", "°C", 1],
+    ["shortest_m", "can go from", "mm", 3], ["longest_m", "can go to", "mm", 3],
+    ["load_N", "load", "N", 3], ["stress_Pa", "stress", "MPa", 1], ["resistance_Ohm", "resistance", "Ω", 3],
+    ["power_W", "power", "mW", 1],
+  ],
+};
+const JOINT = {
+  asked: "asked_angle_rad", followed: "reference_rad", measured: "none", at: "angle_rad", half: "uncertainty_rad",
+  unit: "°", label: "angle [°]", digits: 2, least: 2, amplitude: 5,
+  range: (parameters) => parameters.angle_range_rad?.map((rad) => rad * DEGREES) ?? null,
+  question: (degrees) => ["angle", { angle_rad: degrees / DEGREES }],
+  below: [
+    { column: "cocontraction_N", words: "co-contraction [N]", colour: "good", axis: "tension [N]" }, { column: "asked_cocontraction_N", words: "asked [N]", colour: "limit", dash: [3, 3] },
+    { column: "torque_Nm", words: "torque [mN·m]", colour: "bad", right: true },
+  ],
+  belowDigits: 2, leastBelow: { left: 0.5, right: 1 },
+  shown: [
+    ["angle_rad", "angle", "°", 2], ["uncertainty_rad", "± (95 %)", "°", 2], ["asked_angle_rad", "asked", "°", 2], ["reference_rad", "followed", "°", 2],
+    ["cocontraction_N", "co-contraction", "N", 3], ["asked_cocontraction_N", "asked", "N", 3], ["torque_Nm", "torque", "mN·m", 2],
+  ],
+};
 
 const $ = (id) => document.getElementById(id);
 
@@ -41,7 +69,7 @@ function takeToken() {
   const given = new URLSearchParams(location.hash.slice(1)).get("token");
   if (given) {
     sessionStorage.setItem("sma-token", given);
-    history.replaceState(null, "", location.pathname);
+    history.replaceState(null, "", location.pathname + location.search);
   }
   return given || sessionStorage.getItem("sma-token") || "";
 }
@@ -77,11 +105,11 @@ class Rows {
 
   push(names, row) {
     names.forEach((name, i) => this.column(name).push(row[i] === null ? null : row[i] * (FACTORS[name] ?? 1)));
-    const estimate = row[names.indexOf("displacement_estimate_m")];
-    const half = row[names.indexOf("uncertainty_m")];
-    const known = estimate !== null && half !== null;
-    this.column("high").push(known ? (estimate + half) * 1e3 : null);
-    this.column("low").push(known ? (estimate - half) * 1e3 : null);
+    const at = this.last(kind.at), half = this.last(kind.half);
+    const known = at !== null && half !== null;
+    this.column("high").push(known ? at + half : null);
+    this.column("low").push(known ? at - half : null);
+    this.column("none").push(null);
     if (this.times.length > MOST_ROWS) {
       const gone = this.times.findIndex((t) => t > row[0] - KEPT_s);
       for (const values of Object.values(this.columns)) values.splice(0, Math.max(gone, MOST_ROWS / 10));
@@ -94,7 +122,7 @@ class Rows {
     for (const [name, values] of Object.entries(columns)) {
       rows.columns[name] = values.map((v) => (v === null ? null : v * (FACTORS[name] ?? 1)));
     }
-    for (const name of ["setpoint_m", "limited_setpoint_m", "high", "low", "temperature_C", "current_limit_A", "displacement_m"]) {
+    for (const name of ["none", "setpoint_m", "limited_setpoint_m", "high", "low", "temperature_C", "current_limit_A", "displacement_m"]) {
       rows.columns[name] ??= new Array(n).fill(null);
     }
     return rows;
@@ -105,13 +133,15 @@ class Rows {
   }
 }
 
+let kind = WIRE;
+let range = null; // [from, to], where it may be asked to go, in the unit shown
 let dirty = false; // something is to be drawn
 const live = new Rows();
 let shownLog = null; // Rows of a dropped log, while it is shown
 let names = [];
 let qualityWords = {};
 let curves = null;
-let model = { range_m: null, full_stroke_m: null };
+let model = { full_stroke_m: null };
 
 // --- over time ---------------------------------------------------------------------------------------
 
@@ -172,7 +202,6 @@ function plot(place, height, spans, columns, series, axes, bands = []) {
   };
   new ResizeObserver(redraw).observe(place);
   addEventListener("resize", redraw);
-  darkness.addEventListener("change", () => made.redraw());
   made.show = (rows) => {
     if (selecting) return;
     fit();
@@ -189,49 +218,68 @@ function plot(place, height, spans, columns, series, axes, bands = []) {
 const timeAxis = { values: (_, splits) => splits.map(clock), space: 90 };
 const beside = { size: 50, labelSize: 18, space: 30 };
 
-const positionPlot = plot(
-  $("position-plot"), 300, { y: LEAST.mm },
-  ["setpoint_m", "limited_setpoint_m", "high", "low", "displacement_m", "displacement_estimate_m"],
-  [
-    line("setpoint", "setpoint", { dash: [6, 4] }), line("rate limited", "limited", { class: "fewer" }),
-    line("95 %", "band", { width: 1, value: (u, v, _, i) => (v == null ? "–" : `±${((v - u.data[4][i]) / 2).toFixed(3)}`) }), line("−95 %", "band", { width: 1, class: "unlisted" }),
-    line("reference", "ink"), line("estimate", "blue", { width: 2 }),
-  ],
-  // An empty axis on the right, for the setpoint's grip, and so that the two plots stand exactly over each other.
-  [timeAxis, { ...beside, label: "displacement [mm]" }, { ...beside, side: 1, label: " ", values: (_, s) => s.map(() => ""), grid: { show: false }, ticks: { show: false } }],
-  [{ series: [3, 4], fill: () => theme["band-fill"] }],
-);
-const heatPlot = plot(
-  $("heat-plot"), 200, { y: LEAST.mA, C: LEAST.C },
-  ["current_A", "current_limit_A", "temperature_C"],
-  [line("current [mA]", "good", {}, 1), line("limit [mA]", "limit", { dash: [3, 3] }, 1), line("temperature [°C]", "bad", { scale: "C" }, 1)],
-  [timeAxis, { ...beside, label: "current [mA]" }, { ...beside, scale: "C", side: 1, label: "temperature [°C]", grid: { show: false } }],
-);
+let positionPlot, heatPlot;
+
+function makePlots() {
+  for (const made of [positionPlot, heatPlot]) made?.destroy();
+  const { digits, below } = kind;
+  const off = (u, v, _, i) => (v == null ? "–" : `±${((v - u.data[4][i]) / 2).toFixed(digits)}`);
+  positionPlot = plot(
+    $("position-plot"), 300, { y: kind.least },
+    [kind.asked, kind.followed, "high", "low", kind.measured, kind.at],
+    [
+      line("setpoint", "setpoint", { dash: [6, 4] }, digits), line("rate limited", "limited", { class: "fewer" }, digits),
+      line("95 %", "band", { width: 1, value: off }), line("−95 %", "band", { width: 1, class: "unlisted" }),
+      line("reference", "ink", { class: kind.measured === "none" ? "unlisted" : null }, digits), line("estimate", "blue", { width: 2 }, digits),
+    ],
+    // An empty axis on the right, for the setpoint's grip, and so that the two plots stand exactly over each other.
+    [timeAxis, { ...beside, label: kind.label }, { ...beside, side: 1, label: " ", values: (_, s) => s.map(() => ""), grid: { show: false }, ticks: { show: false } }],
+    [{ series: [3, 4], fill: () => theme["band-fill"] }],
+  );
+  heatPlot = plot(
+    $("heat-plot"), 200, { y: kind.leastBelow.left, right: kind.leastBelow.right },
+    below.map(({ column }) => column),
+    below.map(({ words, colour, dash, right }) => line(words, colour, { dash, scale: right ? "right" : "y" }, kind.belowDigits)),
+    [timeAxis, { ...beside, label: below[0].axis ?? below[0].words }, { ...beside, scale: "right", side: 1, label: below.at(-1).words, grid: { show: false } }],
+  );
+}
+
+// A wire's page becomes a joint's, or the other way round, as soon as the node has said what it is.
+function setKind(wanted) {
+  if (kind === wanted) return;
+  kind = wanted;
+  live.columns = {};
+  $("amplitude").value = kind.amplitude;
+  for (const unit of document.querySelectorAll(".unit")) unit.textContent = kind.unit;
+  for (const id of ["loop-section", "drop"]) $(id).hidden = kind === JOINT;
+  makePlots();
+  makeValues();
+}
 
 // --- the setpoint's grip, beside the plot of position --------------------------------------------------
 
 function showGrip() {
   const grip = $("grip"), over = positionPlot.over;
-  const mm = grabbed ? grabbed.mm : live.last("setpoint_m") ?? live.last("displacement_estimate_m");
+  const mm = grabbed ? grabbed.mm : live.last(kind.asked) ?? live.last(kind.at);
   grip.hidden = shownLog !== null || mm === null;
-  grip.disabled = !model.range_m;
+  grip.disabled = !range;
   if (grip.hidden) return;
   const y = Math.min(Math.max(positionPlot.valToPos(mm, "y"), 0), over.clientHeight);
   const at = over.getBoundingClientRect(), place = $("position-plot").getBoundingClientRect();
   grip.style.left = `${at.right - place.left + 4}px`;
   grip.style.top = `${at.top - place.top + y}px`;
-  grip.textContent = mm.toFixed(3);
+  grip.textContent = mm.toFixed(kind.digits);
 }
 
 $("grip").onpointerdown = (event) => {
-  if (!model.range_m || event.button !== 0) return;
+  if (!range || event.button !== 0) return;
   $("grip").setPointerCapture(event.pointerId);
-  const mm = live.last("setpoint_m") ?? live.last("displacement_estimate_m");
+  const mm = live.last(kind.asked) ?? live.last(kind.at);
   grabbed = { mm, y: event.clientY, from: positionPlot.valToPos(mm, "y") };
 };
 $("grip").onpointermove = (event) => {
   if (!grabbed) return;
-  const [low, high] = model.range_m.map((m) => m * 1e3);
+  const [low, high] = range;
   const mm = Math.min(Math.max(positionPlot.posToVal(grabbed.from + event.clientY - grabbed.y, "y"), low), high);
   if (mm === grabbed.mm) return;
   grabbed.mm = mm;
@@ -365,19 +413,24 @@ function redraw() {
   if (!dirty) { dirty = true; requestAnimationFrame(draw); }
 }
 
-const valueCells = SHOWN.map(([name, words, unit, digits]) => {
-  const cell = el("td");
-  $("values").append(el("tr", {}, el("td", { textContent: words }), cell));
-  return () => { const v = live.last(name); cell.textContent = v === null ? "–" : `${v.toFixed(digits)} ${unit}`; };
-});
+let valueCells = [];
+
+function makeValues() {
+  $("values").replaceChildren();
+  valueCells = kind.shown.map(([name, words, unit, digits]) => {
+    const cell = el("td");
+    $("values").append(el("tr", {}, el("td", { textContent: words }), cell));
+    return () => { const v = live.last(name); cell.textContent = v === null ? "–" : `${v.toFixed(digits)} ${unit}`; };
+  });
+}
 
 function showValues() {
   for (const show of valueCells) show();
   const quality = live.last("quality");
   $("quality").textContent = quality === null ? "–" : qualityWords[quality] ?? `quality ${quality}`;
   $("quality").className = quality === 0 ? "good" : quality === 4 ? "bad" : "warn";
-  const at = live.last("displacement_estimate_m");
-  if (!touched && !grabbed && at !== null) { $("setpoint").value = live.last("setpoint_m") ?? at; $("setpoint-mm").value = Number($("setpoint").value).toFixed(3); }
+  const asked = live.last(kind.asked) ?? live.last(kind.at);
+  if (!touched && !grabbed && asked !== null) { $("setpoint").value = asked; $("setpoint-mm").value = asked.toFixed(kind.digits); }
 }
 
 // --- state, health -----------------------------------------------------------------------------------
@@ -388,6 +441,7 @@ let offered = "";
 function showState(state) {
   silent(!state.present);
   const status = state.status;
+  showTabs(state.tabs);
   const words = !state.present ? "no word from the node: it is not there, or busy with a self-test (it is looked for)" : status ? status.message : "no status yet";
   $("status").textContent = words;
   $("status").className = !state.present ? "bad" : status ? LEVELS[status.level] : "";
@@ -414,6 +468,16 @@ function showState(state) {
     offered = state.services.join();
     $("services").replaceChildren(...state.services.map((name) => sureButton(name.replaceAll("_", " "), () => ask("trigger", { name }))));
   }
+}
+
+// Of several nodes a tab for each, coloured as its state is: grey where it is silent.
+function showTabs(tabs) {
+  $("tabs").hidden = tabs.length < 2;
+  $("tabs").replaceChildren(...tabs.map(([name, level]) => {
+    const link = el("a", { textContent: name, href: `/?node=${encodeURIComponent(name)}#token=${token}`, className: level === null ? "small" : LEVELS[level] });
+    if (name === $("node").textContent) link.ariaCurrent = "page";
+    return link;
+  }));
 }
 
 function silent(yes) {
@@ -497,6 +561,8 @@ function gainRow(name, declared) {
 
 function showParameters(parameters) {
   model = parameters;
+  range = (parameters.angle_range_rad ? JOINT : WIRE).range(parameters);
+  setKind(parameters.angle_range_rad ? JOINT : WIRE);
   $("model-note").textContent = parameters.note;
   if (!parameters.range_m) curves = null;
   const known = [...gains.keys()].join(), given = Object.keys(parameters.live).sort();
@@ -507,19 +573,18 @@ function showParameters(parameters) {
     for (const name of given) {
       const row = gainRow(name, parameters.live[name]);
       gains.set(name, row);
-      $(name.startsWith("controller.") ? "gains" : "others").append(row.element);
+      $(name.startsWith("controller.") || kind === JOINT ? "gains" : "others").append(row.element);
     }
   }
   for (const [name, row] of gains) {
     row.declared = parameters.live[name];
     row.show(row.declared.value);
   }
-  const range = parameters.range_m;
   for (const id of ["setpoint", "setpoint-mm", "setpoint-send", "generate"]) $(id).disabled = !range;
-  if (range) { $("setpoint").min = range[0] * 1e3; $("setpoint").max = range[1] * 1e3; }
-  $("range").textContent = range ? `${(range[0] * 1e3).toFixed(2)} … ${(range[1] * 1e3).toFixed(2)} mm` : "";
-  $("save").disabled = !parameters.file || !given.length;
-  $("save-note").textContent = parameters.file ? `of ${parameters.file}` : "sma-actuator view --config FILE can save them there";
+  if (range) [$("setpoint").min, $("setpoint").max] = range;
+  $("range").textContent = range ? `${range[0].toFixed(2)} … ${range[1].toFixed(2)} ${kind.unit}` : "";
+  $("save").disabled = !parameters.file || !given.length || kind === JOINT;
+  $("save-note").textContent = kind === JOINT ? "a joint's are yours to write into its file" : parameters.file ? `of ${parameters.file}` : "sma-actuator view --config FILE can save them there";
 }
 
 // --- asking ------------------------------------------------------------------------------------------
@@ -573,10 +638,10 @@ function sendSetpoint(mm) {
   const wait = sent_ms + SETPOINT_PERIOD_ms - performance.now();
   if (wait > 0) { later = setTimeout(() => sendSetpoint(mm), wait); return; }
   sent_ms = performance.now();
-  ask("setpoint", { position_m: mm * 1e-3 });
+  ask(...kind.question(mm));
 }
 
-$("setpoint").oninput = () => { touched = true; $("setpoint-mm").value = Number($("setpoint").value).toFixed(3); sendSetpoint(Number($("setpoint").value)); };
+$("setpoint").oninput = () => { touched = true; $("setpoint-mm").value = Number($("setpoint").value).toFixed(kind.digits); sendSetpoint(Number($("setpoint").value)); };
 $("setpoint").onchange = () => { touched = false; };
 $("setpoint-mm").oninput = () => { touched = true; }; // what is typed stays until it is sent
 $("setpoint-send").onclick = () => { sendSetpoint(Number($("setpoint-mm").value)); touched = false; };
@@ -588,12 +653,12 @@ let wave = null;
 
 function beginWave() {
   const amplitude = Number($("amplitude").value), period = Number($("period").value);
-  const centre = live.last("setpoint_m") ?? live.last("displacement_estimate_m");
-  const [low, high] = model.range_m.map((m) => m * 1e3);
+  const centre = live.last(kind.asked) ?? live.last(kind.at);
+  const [low, high] = range;
   const refusal = !moves() ? "not started: enable the wire first"
     : !(amplitude > 0) ? "not started: the amplitude is a number above 0"
     : !(period >= SHORTEST_WAVE_s) ? `not started: it takes ${SHORTEST_WAVE_s} s or longer`
-    : centre - amplitude < low || centre + amplitude > high ? `not started: ±${amplitude} mm around ${centre.toFixed(3)} mm is more than ${low.toFixed(3)} … ${high.toFixed(3)} mm`
+    : centre - amplitude < low || centre + amplitude > high ? `not started: ±${amplitude} ${kind.unit} around ${centre.toFixed(kind.digits)} is more than ${low.toFixed(kind.digits)} … ${high.toFixed(kind.digits)} ${kind.unit}`
     : "";
   if (refusal) { say(false, refusal); return; }
   clearTimeout(later);
@@ -610,7 +675,7 @@ async function nextOfWave() {
   if (mine.unanswered >= MOST_UNANSWERED) { endWave("the answers come too late"); return; }
   mine.sent = mm;
   mine.unanswered += 1;
-  const { ok } = await ask("setpoint", { position_m: mm * 1e-3 }, true);
+  const { ok } = await ask(...kind.question(mm), true);
   mine.unanswered -= 1;
   if (!ok && wave === mine) endWave("a setpoint was refused");
 }
@@ -630,13 +695,14 @@ function showError() {
   const start = Math.max(wave.began_s, end - wave.period);
   let n = 0, sum = 0, worst = 0;
   for (let i = times.length - 1; i >= 0 && times[i] > start; i--) {
-    const off = Math.abs(live.column("displacement_estimate_m")[i] - live.column("setpoint_m")[i]);
-    if (live.column("displacement_estimate_m")[i] === null || live.column("setpoint_m")[i] === null) continue;
+    const at = live.column(kind.at)[i], asked = live.column(kind.asked)[i];
+    if (at === null || asked === null) continue;
+    const off = Math.abs(at - asked);
     n += 1;
     sum += off;
     worst = Math.max(worst, off);
   }
-  if (n) $("error").textContent = `error over the last ${(end - start).toFixed(1)} s: mean ${(sum / n).toFixed(3)} mm, worst ${worst.toFixed(3)} mm`;
+  if (n) $("error").textContent = `error over the last ${(end - start).toFixed(1)} s: mean ${(sum / n).toFixed(kind.digits)} ${kind.unit}, worst ${worst.toFixed(kind.digits)} ${kind.unit}`;
 }
 
 const moves = () => ["hold", "tracking"].includes($("mode").textContent);
@@ -670,7 +736,7 @@ function connect() {
     banner("Open the address that sma-actuator view prints: it holds the token without which nothing is shown or done.");
     return;
   }
-  socket = new WebSocket(`ws://${location.host}/live`, ["sma-view", `token.${token}`]);
+  socket = new WebSocket(`ws://${location.host}/live${location.search}`, ["sma-view", `token.${token}`]);
   socket.onopen = () => banner("");
   socket.onmessage = (event) => {
     for (const [kind, content] of Object.entries(JSON.parse(event.data))) takers[kind]?.(content);
@@ -684,6 +750,8 @@ function connect() {
     setTimeout(connect, RETRY_ms);
   };
 }
+
+const ofThisNode = location.search.slice(1);
 
 // --- logs --------------------------------------------------------------------------------------------
 
@@ -706,7 +774,7 @@ function showLog(log) {
 async function dropLog(file) {
   say(true, `sending ${file.name} …`);
   try {
-    const response = await fetch(`/log?name=${encodeURIComponent(file.name)}`, {
+    const response = await fetch(`/log?${ofThisNode}&name=${encodeURIComponent(file.name)}`, {
       method: "POST", body: file, headers: { Authorization: `Bearer ${token}` },
     });
     if (!response.ok) say(false, await response.text());
@@ -717,7 +785,7 @@ async function dropLog(file) {
 
 async function downloadRecording() {
   try {
-    const response = await fetch("/recording", { method: "POST", headers: { Authorization: `Bearer ${token}` } });
+    const response = await fetch(`/recording?${ofThisNode}`, { method: "POST", headers: { Authorization: `Bearer ${token}` } });
     if (!response.ok) { say(false, await response.text()); return; }
     const link = el("a", { href: URL.createObjectURL(await response.blob()), download: response.headers.get("Content-Disposition").match(/filename="(.+)"/)[1] });
     link.click();
@@ -740,6 +808,8 @@ document.ondrop = (event) => {
   if (event.dataTransfer.files.length) dropLog(event.dataTransfer.files[0]);
 };
 
-darkness.addEventListener("change", () => { takeTheme(); redraw(); });
+darkness.addEventListener("change", () => { takeTheme(); positionPlot.redraw(); heatPlot.redraw(); redraw(); });
+makePlots();
+makeValues();
 redraw();
 connect();
