@@ -11,6 +11,7 @@ import importlib
 import re
 import threading
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import foxglove
@@ -26,6 +27,8 @@ from std_msgs.msg import Float64
 from trajectory_msgs.msg import JointTrajectory
 
 from sma_actuator.base.errors import UserError
+
+from .in_order import InOrder
 
 #: The kinds of messages that a node has.  No others are taken: a topic's kind is what anybody on the network says.
 _KINDS = {
@@ -103,13 +106,14 @@ class Topics:
         )
         self._executor = SingleThreadedExecutor(context=self._ros_context)
         self._executor.add_node(self._ros)
+        self._tasks = InOrder(self._executor)
         self._ros.create_timer(LOOK_PERIOD_s, self._look)
         self._thread = threading.Thread(target=self._spin, name="foxglove ROS", daemon=True)
         self._thread.start()
 
     def looked_at(self, topic: str, client: int, yes: bool) -> None:
         """A viewer begins or ends to look at a topic."""
-        self._executor.create_task(self._follow, topic, client, yes)
+        self._tasks.put(partial(self._follow, topic, client, yes))
 
     def close(self) -> None:
         """Say goodbye to viewers, and leave the ROS graph."""

@@ -37,6 +37,7 @@ from sma_actuator.safety.limits import LIMITS
 from sma_msgs_py import setpoint_message, signals_from, trajectory_message
 
 from .asymptotes import OF_ROS
+from .in_order import InOrder
 
 _log = logging.getLogger(__name__)
 
@@ -123,6 +124,7 @@ class Wire:
         )
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._ros)
+        self._tasks = InOrder(self._executor)
         subscribe = self._ros.create_subscription
         subscribe(DiagnosticStatus, f"{node}/status", self._on_status, _LATCHED)
         subscribe(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
@@ -277,7 +279,7 @@ class Wire:
             else:
                 loop.call_soon_threadsafe(_settle, done, result, None)
 
-        self._executor.create_task(run)
+        self._tasks.put(run)
         return await asyncio.wait_for(done, ANSWER_TIMEOUT_s)
 
     async def _ask(
