@@ -17,7 +17,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 REPORT = ROOT / "out" / "coverage.json"
-TESTS = ("-n", "4", "--dist", "loadscope", "--no-loadscope-reorder")
+TESTS = ("-n", "4", "--dist", "loadscope", "--no-loadscope-reorder", "-m", "not long")
 
 
 def room_of(file: str) -> str:
