@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 from math import inf, nan
 
 WINDOW_s = 1.0  #: over which both are averaged
-LAG_s = 0.2  #: that the DAQ may be behind the supply
+LAG_s = 0.2  #: that the DAQ may be behind the supply, and so much later than usual may a reading come
+_BEHIND = 3  #: readings that it may be behind where that takes longer, this one counted
 FLOOR_A = 1e-3  #: the step of the coarsest supplies that may be driven
 SCALE = 0.015  #: what the scales of both may differ by, beside a drift
 STANDS_A = 0.25 * FLOOR_A  #: by how much a current that stands differs in the DAQ's eyes
@@ -30,6 +31,7 @@ class CurrentsApart:
     _sums: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     _means: deque[tuple[float, float, float]] = field(default_factory=deque)  #: time, mean of the supply's from, to
     _since_s: float = inf
+    _usual_s: float = WINDOW_s  #: between the last two readings
     #: Current, by how much the DAQ's was above it, and how exactly that is known, by current.
     _noted: list[tuple[float, float, float]] = field(default_factory=list)
 
@@ -105,8 +107,11 @@ class CurrentsApart:
             bisect.insort(noted, (supply_A, above_A, vague_A))
 
     def _take(self, now_s: float, values: tuple[float, float, float]) -> None:
-        if self._samples and not 0.0 <= now_s - self._samples[-1][0] <= WINDOW_s:
+        apart_s = now_s - self._samples[-1][0] if self._samples else 0.0
+        if not 0.0 <= apart_s <= min(self._usual_s + LAG_s, WINDOW_s):  # who stood still meanwhile is not known
             self.pause()
+        elif self._samples:
+            self._usual_s = apart_s
         if not self._samples:
             self._since_s = now_s
         self._samples.append((now_s, *values))
@@ -116,5 +121,5 @@ class CurrentsApart:
             self._sums = [total - value for total, value in zip(self._sums, gone, strict=True)]
         count = len(self._samples)
         self._means.append((now_s, self._sums[1] / count, self._sums[2] / count))
-        while now_s - self._means[0][0] > LAG_s + _ROUNDING_s:
+        while now_s - self._means[0][0] > LAG_s + _ROUNDING_s and len(self._means) > _BEHIND:
             self._means.popleft()

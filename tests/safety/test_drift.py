@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from sma_actuator.safety.drift import FLOOR_A, SCALE, CurrentsApart, LAG_s, WINDOW_s
@@ -47,6 +48,19 @@ def test_a_drift_is_found(rate, moved):
     found_s = apart(set_A, lambda t: set_A(t) * (1.0 + rate * max(0.0, t - 30.0)), 200.0)
     drifted = abs(rate) * (found_s - 30.0)
     assert SHARE < drifted < (0.06 if moved else SHARE + FLOOR_A / 0.2 + abs(rate) * WINDOW_s)
+
+
+@pytest.mark.parametrize("behind", [1, 2])
+@pytest.mark.parametrize("seed", range(5))
+def test_nor_is_a_daq_that_is_readings_behind_while_a_busy_machine_stands_still(seed, behind):
+    random, currents = np.random.default_rng(seed), CurrentsApart()
+    time_s, told_A, set_A = 0.0, 0.05, [0.05] * (behind + 1)
+    for _ in range(2000):
+        time_s += random.uniform(0.2, 0.9) if random.random() < 0.1 else PERIOD_s
+        told_A = random.choice([0.05, 0.125, 0.3]) if random.random() < 0.02 else told_A
+        set_A.append(told_A)
+        change_A, allowed_A = currents.step(time_s, set_A[-1 - behind], told_A, told_A, SHARE)
+        assert not abs(change_A) > allowed_A
 
 
 def test_what_was_noted_outlives_a_pause_and_is_forgotten_when_asked():
