@@ -81,6 +81,8 @@ TARGETS = {
     "pair": ("tests/driver/test_pair.py",),
     "estimation/hot_end": ("tests/estimation/test_hot_end_seen.py",),
     "estimation/chain": ("tests/estimation/test_chain.py",),
+    "safety/alive": ("tests/safety/test_alive.py",),
+    "safety/drift": ("tests/safety/test_drift.py",),
     "safety/reach": ("tests/safety/test_reach.py",),
     "safety/limits": ("tests/safety/test_limits.py", "tests/test_docs.py"),
     "control/commanding": ("tests/control/test_commanding.py",),
@@ -124,12 +126,19 @@ OPERATORS = (
     "NumberReplacer",
     "ZeroIterationForLoop",
 )
+#: Changes of nothing but which side of a bound the bound itself is on.
+AT_THE_BOUND = tuple(
+    f"ReplaceComparisonOperator_{a}_{b}" for a, b in (("Lt", "LtE"), ("LtE", "Lt"), ("Gt", "GtE"), ("GtE", "Gt"))
+)
 #: Words for the log are not looked at: leaving one out harms no wire.
 UNWATCHED = ("_log.",)
-#: Nobody reads what pytest says; a test that hangs is ended here.
-QUICKLY = ("-q", "--assert=plain", "-o", "timeout=0", "-p", "no:cacheprovider")
+#: Nobody reads what pytest says; a test that hangs is ended here; of its plug-ins only that of hypothesis is wanted.
+QUICKLY = ("-q", "--assert=plain", "-o", "timeout=0", "-p", "pytest_timeout", "-p", "_hypothesis_pytestplugin")
+QUICKLY += ("-p", "no:cacheprovider")
 #: A mutant may hang where the code did not: a test has so long, and as many times its own time.
 LEAST_s, TIMES = 20.0, 6.0
+#: The same in time of the processor, which a busy machine does not lengthen: a loop without end is ended so.
+LEAST_OF_PROCESSOR_s = 4.0
 
 
 class LeaveOut(Operator):
@@ -204,7 +213,7 @@ def _known(what: str, target: str, of: str, find: Callable[[], Any]) -> Any:
 
 def mutants_of(target: str) -> list[Mutant]:
     """Every mutant of a source file that still is Python and differs in more than words or annotations."""
-    of = _digest([path_of(target), Path(__file__)])
+    of = _digest_of(path_of(target).read_bytes() + repr((OPERATORS, UNWATCHED)).encode())
     return [Mutant(target, *each) for each in _known("mutants of", target, of, lambda: _mutants_of(target))]
 
 
@@ -352,6 +361,7 @@ def _measure(target: str) -> tuple[dict[int, list[str]], dict[str, float]]:
 
 
 def _quiet() -> None:
+    os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"
     nowhere = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1, 2):
         os.dup2(nowhere, stream)
@@ -428,11 +438,22 @@ def _judge(folder: Path, target: str, tests: list[str], times: dict[str, float])
         _forget(folder, target)
         import pytest
 
+        from sma_actuator.base.jit import at_once
+
+        if "@jit" in path_of(target).read_text(encoding="utf-8"):
+            at_once().__enter__()  # a mutant that runs as plain Python has had its tests before it is compiled
+
         class Watch:
             @pytest.hookimpl(wrapper=True)
             def pytest_runtest_protocol(self, item: Any) -> Any:
                 signal.setitimer(signal.ITIMER_REAL, _longest_s(item.nodeid, times))
+                own_s = TIMES * times.get(item.nodeid, 0.0)
+                signal.setitimer(signal.ITIMER_PROF, LEAST_OF_PROCESSOR_s + own_s)
                 return (yield)
+
+            @pytest.hookimpl(trylast=True)
+            def pytest_sessionfinish(self, exitstatus: int) -> None:
+                os._exit(int(exitstatus))  # what the tests have left behind is ended by who asked
 
         code = int(pytest.main(["-x", *QUICKLY, *tests], plugins=[Watch()]))
     except BaseException:  # noqa: BLE001 - an import that fails is a mutant noticed
@@ -505,15 +526,23 @@ def _warm_up() -> None:
 
 def _without(found: list[Mutant], known: dict[str, set[str]]) -> list[Mutant]:
     explained = {target: known.get(target, set()) for target in {mutant.target for mutant in found}}
-    return [mutant for mutant in found if not {mutant.words, mutant.function} & explained[mutant.target]]
+
+    def names(mutant: Mutant) -> set[str]:
+        at_bound = {f"bound: {mutant.before}"} if mutant.operator in AT_THE_BOUND else set()
+        return {mutant.words, mutant.function} | at_bound
+
+    return [mutant for mutant in found if not names(mutant) & explained[mutant.target]]
 
 
 def equivalent() -> dict[str, set[str]]:
-    """Mutants that no test can notice, and functions where none can, by target; the file has the reason beside each."""
+    """Mutants that no test can notice, functions where none can, and lines whose bounds are met by chance alone, by target; the
+    file has the reason beside each."""
     groups = yaml.safe_load(EQUIVALENT.read_text(encoding="utf-8")) or []
     known: dict[str, set[str]] = {}
     for group in groups:
-        known.setdefault(group["target"], set()).update(group.get("mutants", ()), group.get("functions", ()))
+        known.setdefault(group["target"], set()).update(
+            group.get("mutants", ()), group.get("functions", ()), (f"bound: {line}" for line in group.get("bounds", ()))
+        )
         assert group["reason"], "every group of equivalent mutants has a reason"
     return known
 

@@ -206,6 +206,8 @@ def _hdf5(path: Path) -> Table:
 
     def visit(name: str, item: Any) -> None:
         nonlocal taken_B
+        if isinstance(item, h5py.Dataset) and (item.external or item.is_virtual):
+            elsewhere(name, "are kept outside of it")
         if isinstance(item, h5py.Dataset) and (item.dtype.names or item.dtype.kind in "fiub"):
             # A few bytes describe a dataset of any size, and one of its chunks is unpacked whole.
             taken_B += max(item.dtype.itemsize, _NUMBER_B) * (item.size + math.prod(item.chunks or ()))
@@ -218,7 +220,17 @@ def _hdf5(path: Path) -> Table:
             if isinstance(unit, str) and unit:
                 units[name] = unit
 
+    def elsewhere(name: str, how: str) -> None:
+        raise BenchLogError(
+            f"{path}: the numbers of '{name}' {how}; only what stands in the file itself is read: copy them there"
+        )
+
+    links: dict[str, Any] = {}
     with h5py.File(path, "r") as file:
+        file.visititems_links(links.__setitem__)
+        for name, link in links.items():
+            if isinstance(link, h5py.ExternalLink):
+                elsewhere(name, f"are linked from {link.filename!r}")
         file.visititems(visit)
     return _table(path, _vectors(path, columns), units)
 

@@ -41,7 +41,6 @@ class CurrentsApart:
             self._samples.clear()
             self._means.clear()
             self._sums = [0.0, 0.0, 0.0]
-        self._since_s = inf
 
     def forget(self) -> None:
         """Begin anew."""

@@ -60,6 +60,33 @@ def machine_in(state):
     return machine
 
 
+def test_what_is_cancelled_is_held_where_its_reference_has_come_and_no_more_is_heard_of_it():
+    machine = machine_in(State.FOLLOWING)
+    machine.follow(1.0, RAMP, 5.0)
+    machine.cancel(0.0031)
+    assert machine.position_m(1.0) == 0.0031
+    assert math.isnan(machine.silent_s(1.0))
+    machine.advance(100.0)
+    assert machine.state is State.HOLDING, "the one that was awaited does not begin"
+
+
+def test_a_tuning_forgets_what_was_wanted_before():
+    machine = machine_in(State.HOLDING)
+    machine.track(1.0, 0.003)
+    machine.follow(1.0, RAMP, 5.0)
+    machine.tune()
+    assert math.isnan(machine.position_m(1.0)) and math.isnan(machine.silent_s(1.0))
+    machine.advance(100.0)
+    assert machine.state is State.TUNING
+
+
+def test_an_off_that_changes_nothing_and_a_stop_know_nothing_of_an_older_setpoint():
+    machine = machine_in(State.TRACKING)
+    assert machine.silent_s(3.0) == 2.0
+    machine.stop()
+    assert math.isnan(machine.silent_s(3.0))
+
+
 def test_the_table_is_whole():
     assert list(EVENTS) == HEAD
     assert [row[0] for row in ROWS] == [state.name for state in State]

@@ -33,6 +33,7 @@ def test_it_is_seen_below_one_bound_and_left_above_a_second(config):
     range_Ohm, usual_C = config.calibration.resistance_range, config.thermal.ambient_temperature
     hot_Ohm = austenite_Ohm(config, usual_C)
     hot_end = HotEnd(config)
+    assert (ENTER, LEAVE) == (0.015, 0.03)
     shares = (1.01 * ENTER, 0.99 * ENTER, 0.99 * LEAVE, 1.01 * LEAVE, 0.99 * LEAVE, 0.99 * ENTER)
     said = [seen(config, hot_Ohm + s * range_Ohm, usual_C, hot_end, float(i)) for i, s in enumerate(shares)]
     assert said == [False, True, True, False, False, True]

@@ -166,3 +166,27 @@ def test_text_that_is_no_table_is_refused_in_our_own_words(tmp_path, text, words
     (tmp_path / "a.csv").write_text(text, newline="")
     with pytest.raises(BenchLogError, match=words):
         read_table(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("how", ["stored outside", "put together", "linked"])
+def test_what_an_hdf5_file_takes_from_other_files_is_not_read(tmp_path, how):
+    """Whoever sends a log would choose what of this computer is read as numbers."""
+    h5py = pytest.importorskip("h5py")
+    (tmp_path / "secret.bin").write_bytes(np.arange(20.0).tobytes())
+    with h5py.File(tmp_path / "other.h5", "w") as other:
+        other["R"] = np.arange(20.0)
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        file["time_s"] = np.arange(20.0)
+        if how == "stored outside":
+            file.create_dataset("R", (20,), "f8", external=[(str(tmp_path / "secret.bin"), 0, 160)])
+        elif how == "put together":
+            layout = h5py.VirtualLayout((20,), "f8")
+            layout[:] = h5py.VirtualSource(str(tmp_path / "other.h5"), "R", (20,))
+            file.create_virtual_dataset("R", layout)
+        else:
+            file["R"] = h5py.ExternalLink(str(tmp_path / "other.h5"), "R")
+    with pytest.raises(
+        BenchLogError, match=r"log\.h5: the numbers of 'R' are .*; only what stands in the file itself is"
+    ):
+        read_table(path)

@@ -5,6 +5,7 @@ import errno
 import fnmatch
 import json
 import math
+import multiprocessing
 import os
 import shutil
 import signal
@@ -423,36 +424,20 @@ def test_rows_that_somebody_cuts_off_are_counted_and_what_follows_is_another_rec
     assert first["recording"] != second["recording"] and second["part"] == 1
 
 
-@pytest.fixture
-def unprivileged(tmp_path_factory):
-    """A folder of a user whom permissions bind; the process is that user meanwhile."""
-    folder = Path(tempfile.mkdtemp(dir="/tmp"))
+def _shut_out(folder, mapping):
+    """Run in a process of its own, which becomes a user whom permissions bind."""
     if os.geteuid() == 0:
-        os.chown(folder, 65534, 65534)
-        os.seteuid(65534)
-    try:
-        yield folder
-    finally:
-        if os.getuid() == 0:
-            os.seteuid(0)
-        folder.chmod(0o700)
-        shutil.rmtree(folder)
-
-
-@pytest.mark.long  # the whole process is another user meanwhile, which what else runs in a worker of the suite does not stand
-def test_a_folder_that_may_not_be_entered_any_more_costs_no_row_until_a_new_file_is_due(
-    config, unprivileged, monkeypatch
-):
-    monkeypatch.setattr(recorder_module, "LOOK_s", 0.02)
-    monkeypatch.setattr(recorder_module, "RETRY_s", 0.05)
-    recorder = BenchLogRecorder(config(recorder={"folder": str(unprivileged / "logs"), "max_file_size": 10_000}))
+        os.setuid(65534)
+    recorder_module.LOOK_s, recorder_module.RETRY_s = 0.02, 0.05
+    config = Config.from_mapping(mapping)
+    recorder = BenchLogRecorder(config)
     _record(recorder, range(10))
     wait_until(lambda: not recorder.waiting_rows, what="the rows with the system")
-    (unprivileged / "logs").chmod(0)
+    (folder / "logs").chmod(0)
     _record(recorder, range(10, 200))  # more than one file's worth
     wait_until(lambda: not recorder.waiting_rows and recorder.lost_rows, what="rows to be lost")
-    assert recorder.problem == f"the bench log in {unprivileged / 'logs'} ended: Permission denied"
-    (unprivileged / "logs").chmod(0o700)
+    assert recorder.problem == f"the bench log in {folder / 'logs'} ended: Permission denied"
+    (folder / "logs").chmod(0o700)
     number = 200
     while recorder.problem and number < 2000:
         _record(recorder, [number])
@@ -460,10 +445,24 @@ def test_a_folder_that_may_not_be_entered_any_more_costs_no_row_until_a_new_file
         time.sleep(0.01)
     recorder.close()
     assert "it goes on in" in recorder.words
-    BenchLogRecorder(
-        config(recorder={"folder": str(unprivileged / "logs")})
-    ).close()  # completes what it could not name
-    assert len(_rows_below(unprivileged)) + recorder.lost_rows == number
+    BenchLogRecorder(config).close()  # completes what it could not name
+    assert len(_rows_below(folder)) + recorder.lost_rows == number
+
+
+def test_a_folder_that_may_not_be_entered_any_more_costs_no_row_until_a_new_file_is_due(make_config):
+    folder = Path(tempfile.mkdtemp(dir="/tmp"))  # pytest's own may be entered by its user alone
+    try:
+        if os.geteuid() == 0:
+            os.chown(folder, 65534, 65534)
+        recorder = {"folder": str(folder / "logs"), "max_file_size": 10_000}
+        child = multiprocessing.get_context("spawn").Process(
+            target=_shut_out, args=(folder, make_config(recorder=recorder)), daemon=True
+        )
+        child.start()
+        child.join(120.0)
+        assert child.exitcode == 0, "what it said is on standard error"
+    finally:
+        shutil.rmtree(folder)
 
 
 def test_a_disk_that_does_not_answer_holds_nothing_up_and_is_said(config, monkeypatch):

@@ -51,6 +51,14 @@ def test_a_request_that_was_refused_unread_is_answered_with_the_reason_alone():
     assert [(r.successful, r.reason) for r in response.results] == [(False, "~/do: the request was refused: too much")]
 
 
+def test_only_services_of_parameters_are_asked_how_much_they_hold():
+    """The others hold a few words each."""
+    services = [SimpleNamespace(callback=breaks, srv_name="~/do", srv_type=kind) for kind in (SetParameters, SetBool)]
+    guard.refuse_what_raises(SimpleNamespace(services=services, subscriptions=[]), print)
+    assert [service.srv_type in (SetParameters, SetBool) for service in services] == [False, True]
+    assert services[0].srv_type.Response is SetParameters.Response
+
+
 def test_what_does_not_raise_is_passed_on_as_it_is():
     said, heard = [], []
     answer, _ = guarded(lambda request, response: (request, response), said)

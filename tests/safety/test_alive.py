@@ -38,6 +38,27 @@ class TestRepeats:
             repeats.step(block_V(rng, 0.08, 2e-4))
         assert any(repeats.step(0.08 + LSB_V * rng.integers(-1, 2)) for _ in range(200))
 
+    @pytest.mark.parametrize("every", [(0, 1), (10, 1), (7, 2), (3, 1), (2, 2)])
+    def test_by_its_definition(self, every):
+        """A repetition is no chance once the sum of what each reading says, against what was usual in 200 or more before it,
+        is beyond a millionth of a millionth: of a channel that repeats every so many readings at first, and more often then."""
+        before, after = every
+        equal = [bool(before) and number % before == 0 for number in range(1, 300)]
+        equal += [number % after == 0 for number in range(3000)]
+        values = np.cumsum(~np.array([False, *equal]))
+        repeats = Repeats()
+        said = [repeats.step(float(value)) for value in values]
+        same = np.array([False, *equal])
+        usual = (np.cumsum(same) - same + 1.0) / (np.arange(len(same)) + 2.0)
+        if_stands = usual + 0.3 * (1.0 - usual)
+        says = np.where(same, np.log(if_stands / usual), np.log((1.0 - if_stands) / (1.0 - usual)))
+        total, expected = 0.0, []
+        for number, each in enumerate(says):
+            total = max(total + each, 0.0) if number >= 200 else 0.0
+            expected.append(total > 12.0 * math.log(10.0))
+        assert said == expected
+        assert any(said) == (before != after)
+
     def test_nothing_is_said_before_enough_was_seen(self):
         repeats = Repeats()
         assert not any(repeats.step(1.0) for _ in range(SEEN))
@@ -73,6 +94,29 @@ class TestLiveliness:
             )
             > 0.5
         )
+
+    def test_by_its_definition(self):
+        """The mean second difference of the last hundred, against the least of earlier hundreds in which the channel stood."""
+        rng = np.random.default_rng(2)
+        quiet, loud = rng.normal(0.0, 1.0, (2, 700))
+        moved = np.concatenate([np.zeros(150), [50.0], quiet, np.linspace(0.0, 900.0, 300), 3.0 * loud, 0.2 * quiet])
+        levels, counted, since = [], [], 0
+        for end in range(1, len(moved) + 1):
+            since += 1
+            if end < 100:
+                continue
+            last = moved[end - 100 : end]
+            level = np.abs(np.diff(last, 2)).mean()
+            earlier = counted[:-1]
+            levels.append(level / min(earlier) if len(earlier) >= 2 else math.nan)
+            quarters = last.reshape(4, 25).mean(axis=1)
+            if since >= 100 and level > 1e-12 and np.ptp(quarters) <= level:
+                counted.append(level)
+                since = 0
+        live = Liveliness()
+        said = [live.step(float(value)) for value in moved][99:]
+        assert len(counted) > 8
+        assert said == pytest.approx(levels, nan_ok=True, abs=1e-9)
 
     @pytest.mark.parametrize("noise_V", [0.0, 5e-5])
     def test_what_is_left_of_a_dead_channel_is_less(self, noise_V):
@@ -117,6 +161,120 @@ class TestFollowing:
         following = Following()
         places_m = np.where(np.arange(len(self.PLACES_m)) % 20, self.PLACES_m, np.nan)
         assert follow(following, places_m, 2.0 - 400.0 * self.PLACES_m) == []
+
+
+class Swung:
+    """A wire that is moved to and fro by 1.2 mm, where 1 mm counts as a motion and 0.03 N as noise."""
+
+    def __init__(self, way_m=1.2e-3):
+        self.following, self.at_m, self.load_N, self.way_m = Following(), 0.0, 2.0, way_m
+
+    def to(self, place_m, stiffness_N_m, pieces=12):
+        """Go there under such a spring; what is said on the way."""
+        said, from_m, from_N = "", self.at_m, self.load_N
+        for piece in range(1, pieces + 1):
+            self.at_m = from_m + (place_m - from_m) * piece / pieces
+            self.load_N = from_N + stiffness_N_m * (self.at_m - from_m)
+            said = self.step() or said
+        return said
+
+    def step(self):
+        return self.following.step(self.at_m, self.load_N, 1e-3, 0.03)
+
+    def swing(self, *stiffness_N_m):
+        """Once to or fro for each of these, and back by as much as shows that it has turned; what is said last."""
+        said = ""
+        for each in stiffness_N_m:
+            self.step()
+            said = self.to(self.at_m + self.way_m, each)
+            self.way_m = -self.way_m
+            said = self.to(self.at_m + 0.3e-3 * math.copysign(1.0, self.way_m), each) or said
+            self.at_m -= 0.3e-3 * math.copysign(1.0, self.way_m)
+            self.load_N -= each * 0.3e-3 * math.copysign(1.0, self.way_m)
+        return said
+
+
+class TestWhatALoadDoes:
+    def test_three_motions_show_it_and_no_fewer(self):
+        wire = Swung()
+        wire.swing(-300.0, -300.0)
+        assert math.isnan(wire.following.stiffness_N_m)
+        wire.swing(-300.0)
+        assert wire.following.stiffness_N_m == pytest.approx(-300.0)
+
+    @pytest.mark.parametrize(
+        ("shown", "known"),
+        [
+            ((-0.5, -0.5, -0.5), -0.5),  # however soft
+            ((0.5, 0.5, 0.5), math.nan),  # one that grows with the length is no spring
+            ((-300.0, -300.0, -500.0), -300.0),  # alike within a factor of two
+            ((-300.0, -300.0, -650.0), math.nan),
+            ((-200.0, -300.0, -300.0, -300.0), -300.0),  # the last three count
+        ],
+    )
+    def test_it_is_the_least_of_three_that_are_alike(self, shown, known):
+        wire = Swung()
+        wire.swing(*shown)
+        assert wire.following.stiffness_N_m == pytest.approx(known, nan_ok=True)
+
+    def test_a_quarter_of_a_motion_back_is_no_turn(self):
+        wire = Swung()
+        wire.step()
+        for to_m in (1.2e-3, 0.0) * 2:
+            on = math.copysign(1.0, to_m - wire.at_m)
+            for share_m in (0.5e-3, 0.3e-3, 0.9e-3, 0.7e-3):
+                wire.to((0.0 if on > 0.0 else 1.2e-3) + on * share_m, -300.0, 1)
+            wire.to(to_m, -300.0, 1)
+        assert wire.following.stiffness_N_m == pytest.approx(-300.0)
+
+    def test_the_load_is_the_one_to_which_it_has_come_at_the_turn(self):
+        """A load cell is slower than the wire: it stands there, and its load comes."""
+        wire = Swung()
+        for _ in range(4):
+            wire.to(wire.way_m if wire.at_m == 0.0 else 0.0, -200.0)
+            wire.load_N -= 100.0 * math.copysign(1.2e-3, wire.at_m - 0.5e-3)
+            wire.step()
+        assert wire.following.stiffness_N_m == pytest.approx(-300.0)
+
+    def test_the_second_motion_that_it_does_not_follow_is_told(self):
+        wire = Swung()
+        wire.swing(-300.0, -300.0, -300.0)
+        assert wire.swing(0.0) == ""
+        sentence = (
+            "-0 N where +0.36 N belong to a motion of -1.2 mm and -0 N where -0.36 N belong to a motion of +1.2 mm"
+        )
+        assert wire.swing(0.0).replace("+0 N where", "-0 N where") in (
+            sentence,
+            " and ".join(reversed(sentence.split(" and "))),
+        )
+
+    @pytest.mark.parametrize(("stiffness_N_m", "told"), [(-65.0, True), (-40.0, False)])
+    def test_a_change_of_less_than_twice_the_noise_cannot_be_missed(self, stiffness_N_m, told):
+        wire = Swung()
+        wire.swing(*[stiffness_N_m] * 3)
+        assert bool(wire.swing(0.0, 0.0)) == told
+        assert (wire.following.stiffness_N_m == pytest.approx(stiffness_N_m)) == told, "else it is what is usual now"
+
+    def test_one_that_follows_less_than_half_is_neither_dead_nor_what_is_usual(self):
+        wire = Swung()
+        wire.swing(-300.0, -300.0, -300.0)
+        assert wire.swing(0.0, -100.0, 0.0) == "", "it was alive in between"
+        assert wire.swing(-100.0, -100.0) == ""
+        assert wire.following.stiffness_N_m == pytest.approx(-300.0)
+
+    def test_one_that_follows_more_than_half_is_what_is_usual(self):
+        wire = Swung()
+        wire.swing(-300.0, -300.0, -300.0, -200.0)
+        assert wire.following.stiffness_N_m == pytest.approx(-200.0)
+
+    def test_what_happened_while_the_wire_had_no_place_is_no_motion(self):
+        wire = Swung()
+        wire.swing(-300.0, -300.0)
+        for _ in range(2):
+            wire.following.step(math.nan, 2.0, 1e-3, 0.03)
+            wire.at_m, wire.load_N = wire.at_m + 1.2e-3, wire.load_N - 0.36
+            wire.to(wire.at_m - 0.3e-3, -300.0)
+        assert math.isnan(wire.following.stiffness_N_m)
 
 
 @pytest.mark.parametrize("load", [Weight(0.98), Spring(400.0, 0.6)], ids=str)

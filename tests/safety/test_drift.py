@@ -87,6 +87,150 @@ def test_a_gap_of_readings_begins_the_window_anew():
     assert math.isnan(currents.step(5.0 + 2.0 * WINDOW_s, 0.3, 0.2, 0.2, SHARE)[0])
 
 
+def seen(currents, begun_s, supply_A, above_A, seconds=1.5, vague_A=0.0, period_s=PERIOD_s):
+    """What is said at the end of so long at one current, which the supply tells give or take ``vague_A``."""
+    for step in range(round(seconds / period_s) + 1):
+        at_s = begun_s + step * period_s
+        said = currents.step(at_s, supply_A + above_A, supply_A - vague_A, supply_A + vague_A, SHARE)
+    return said
+
+
+def noted(*points):
+    """Currents of the supply and by how much the DAQ's were above them, each seen long enough to be known."""
+    currents = CurrentsApart()
+    for number, (supply_A, above_A) in enumerate(points):
+        currents.pause()
+        seen(currents, 10.0 * number, supply_A, above_A)
+    currents.pause()
+    return currents
+
+
+def allowed_A(supply_A):
+    return SHARE * supply_A + FLOOR_A
+
+
+@pytest.mark.parametrize("points", [((0.1, 1e-3), (0.3, 3e-3)), ((0.3, 3e-3), (0.1, 1e-3))])
+def test_between_two_noted_currents_the_difference_is_on_a_straight_line(points):
+    change_A, may_A = seen(noted(*points), 100.0, 0.15, 4e-3)
+    assert (change_A, may_A) == pytest.approx((2.5e-3, allowed_A(0.15)))
+
+
+def test_a_current_a_half_larger_is_noted_and_one_a_twentieth_larger_is_the_same():
+    assert seen(noted((0.1, 0.0), (0.15, 1e-3)), 100.0, 0.125, 0.0)[0] == pytest.approx(-0.5e-3)
+    assert seen(noted((0.1, 0.0), (0.105, 1e-3)), 100.0, 0.105, 1e-3)[0] == pytest.approx(1e-3)
+
+
+def test_beyond_those_it_is_the_change_that_the_scales_explain_least():
+    """By 1.5 % of 0.2 A, 3 mA of the 12 mA; the noted current that lies farther explains more of it."""
+    currents = noted((0.1, 0.0), (0.3, 1e-3))
+    change_A, may_A = seen(currents, 100.0, 0.5, 13e-3)
+    assert (change_A, may_A) == pytest.approx((12e-3, 3e-3 + allowed_A(0.5)))
+
+
+def test_a_change_between_them_is_not_learned():
+    currents = noted((0.1, 0.0), (0.3, 0.0), (0.2, 2e-3))
+    assert seen(currents, 100.0, 0.2, 5.5e-3)[0] == pytest.approx(5.5e-3)
+
+
+def test_what_was_noted_in_a_moment_is_noted_again_when_it_is_known_exactly():
+    """Within what the moment left open, whatever the errors that stand still; a quarter of a milliampere is left open then."""
+    for above_A in (0.0, 5e-3, -5e-3):
+        currents = CurrentsApart()
+        seen(currents, 0.0, 0.2, above_A, 0.2)
+        _, may_A = seen(currents, 0.25, 0.2, above_A + 0.1e-3, 0.0)
+        assert may_A == pytest.approx(allowed_A(0.2) + 2 * 0.25e-3)
+        known = [seen(currents, 0.3 + PERIOD_s * k, 0.2, above_A + 0.1e-3, 0.0)[0] for k in range(60)]
+        assert not any(map(math.isnan, known)), "at no instant in between is it known no more"
+        assert seen(currents, 3.3, 0.2, above_A + 0.1e-3, 0.0) == pytest.approx((0.0, allowed_A(0.2)), abs=1e-12)
+
+
+def test_what_has_changed_since_that_moment_is_not():
+    currents = CurrentsApart()
+    seen(currents, 0.0, 0.2, 5e-3, 0.2)
+    assert seen(currents, 0.25, 0.2, 6e-3, 3.0) == pytest.approx((1e-3, allowed_A(0.2) + 0.25e-3))
+
+
+def test_a_drift_is_not_followed_where_the_supply_tells_its_current_only_about():
+    currents, above_A = CurrentsApart(), 0.0
+    for step in range(400):
+        above_A = 2e-5 * step
+        change_A, _ = currents.step(PERIOD_s * step, 0.2 + above_A, 0.1998, 0.2002, SHARE)
+    assert change_A == pytest.approx(above_A, abs=0.5e-3)
+
+
+def test_a_supply_that_tells_its_current_only_about_leaves_that_much_open():
+    currents = CurrentsApart()
+    seen(currents, 0.0, 0.2, 1e-3, 3.0, vague_A=0.2e-3)
+    change_A, may_A = seen(currents, 3.05, 0.2, 1e-3, 0.0, vague_A=0.2e-3)
+    assert (change_A, may_A) == pytest.approx((0.0, allowed_A(0.2) + 2 * 0.2e-3), abs=1e-9)
+
+
+def test_currents_on_the_way_from_one_to_another_are_not_noted():
+    """The mean of a second's change is no current that stood."""
+    currents = CurrentsApart()
+    seen(currents, 0.0, 0.1, 0.0)
+    seen(currents, 1.55, 0.3, 0.0, 3.0)
+    assert seen(currents, 4.6, 0.3, 2e-3, 3.0)[0] == pytest.approx(2e-3)
+    currents.pause()
+    assert seen(currents, 100.0, 0.2, 2e-3)[0] == pytest.approx(2e-3), "the line between the two that stood"
+
+
+class TestAMomentOfCurrent:
+    """It is noted after two tenths of a second and three readings in which nothing moves."""
+
+    def known(self, begun_s, *, period_s, seconds, daq_A=(0.0,), vague_A=0.0):
+        currents = CurrentsApart()
+        for step in range(round(seconds / period_s) + 1):
+            set_A = 0.2 + daq_A[step % len(daq_A)]
+            currents.step(begun_s + step * period_s, set_A, 0.2 - vague_A, 0.2 + vague_A, SHARE)
+        at_s = begun_s + seconds + 1e-3
+        return not math.isnan(currents.step(at_s, 0.2, 0.2 - vague_A, 0.2 + vague_A, SHARE)[0])
+
+    @pytest.mark.parametrize("begun_s", [0.0, 10.0])
+    def test_two_tenths_of_a_second(self, begun_s):
+        assert self.known(begun_s, period_s=0.05, seconds=0.2)
+        assert not self.known(begun_s, period_s=0.05, seconds=0.15)
+
+    def test_three_readings(self):
+        assert self.known(0.0, period_s=0.1, seconds=0.2)
+        assert not self.known(0.0, period_s=0.2, seconds=0.2)
+
+    def test_that_differ_by_a_quarter_of_a_milliampere_at_most(self):
+        assert self.known(0.0, period_s=0.05, seconds=0.3, daq_A=(0.0, 0.2e-3))
+        assert not self.known(0.0, period_s=0.05, seconds=0.3, daq_A=(0.0, 0.3e-3))
+
+    def test_as_does_what_the_supply_tells(self):
+        assert self.known(0.0, period_s=0.05, seconds=0.3, vague_A=0.1e-3)
+        assert not self.known(0.0, period_s=0.05, seconds=0.3, vague_A=0.15e-3)
+
+
+def test_of_one_that_moves_something_is_known_after_a_second_and_two_tenths():
+    currents = CurrentsApart()
+    for step in range(30):
+        set_A = 0.1 + 0.01 * step
+        change_A, _ = currents.step(PERIOD_s * step, set_A, set_A, set_A, 10.0)
+        assert math.isnan(change_A) == (step <= 24), step
+
+
+def test_slow_readings_are_compared_as_well():
+    assert not math.isnan(seen(CurrentsApart(), 0.0, 0.2, 0.0, 3.5, period_s=0.35)[0])
+
+
+def test_a_clock_that_goes_back_begins_the_window_anew():
+    for back_s in (0.5, 50.0):
+        currents = noted((0.1, 0.0))
+        seen(currents, 100.0, 0.3, 0.0, 3.0)
+        assert math.isnan(currents.step(103.0 - back_s, 0.1, 0.1, 0.1, SHARE)[0])
+        assert seen(currents, 103.05 - back_s, 0.1, 1e-3) == pytest.approx((1e-3, allowed_A(0.1)))
+
+
+def test_what_is_forgotten_has_to_be_seen_for_as_long_as_at_first():
+    currents = noted((0.2, 0.0))
+    seen(currents, 100.0, 0.2, 0.0)
+    currents.forget()
+    assert math.isnan(seen(currents, 101.55, 0.2, 0.0, 0.15)[0])
+
+
 def test_a_wire_at_the_compliance_voltage_is_not_accused(make_rig):
     """There the supply holds the voltage, and the current is what the wire takes."""
     rig = make_rig()

@@ -4,7 +4,9 @@ import math
 
 import pytest
 
-from sma_actuator.safety.reach import BACK_OFF, FIRST_AGAIN_TIMES, LAST_AGAIN_TIMES, Needed, Reach
+from sma_actuator.safety.guards.setpoints import no_motion
+from sma_actuator.safety.limits import SETPOINT_REACH
+from sma_actuator.safety.reach import BACK_OFF, Needed, Reach
 
 STROKE_m, TAU_s, STEP_s = 4e-3, 2.0, 0.05
 FULL_W = 0.8
@@ -15,8 +17,8 @@ HALF_WAY = Needed(0.5, 0.45, 0.05, 0.3)
 class Wire:
     """A wire that stands where it is put, and a `Reach` that looks at it."""
 
-    def __init__(self, position_m=2e-3):
-        self.reach = Reach(STROKE_m, TAU_s)
+    def __init__(self, position_m=2e-3, tau_s=TAU_s):
+        self.reach = Reach(STROKE_m, tau_s)
         self.now_s, self.position_m, self.load_N = 0.0, position_m, 1.0
 
     def run(self, seconds, wanted_m=1e-3, power_W=FULL_W, at_max=True, at_limit=True, heat=HALF_WAY):
@@ -24,6 +26,10 @@ class Wire:
             self.now_s += STEP_s
             self.reach.step(self.now_s, self.position_m, wanted_m, at_max, at_limit, power_W, self.load_N, heat)
         return self.reach.floor_m
+
+    def never_ends(self, seconds, **more):
+        """There is no end at any instant of so many seconds, and none that was tried again since."""
+        return all(self.run(STEP_s, **more) == -math.inf for _ in range(round(seconds / STEP_s)))
 
     def ended(self, **more):
         """Run until there is an end; the time that took."""
@@ -52,8 +58,63 @@ def test_unless_the_wire_is_hotter_than_a_heating_one_is_there():
     assert wire.ended(power_W=0.55, at_max=False) == pytest.approx(0.8, abs=0.11)
 
 
+def test_that_heat_counts_again_once_the_wire_has_long_stood_where_it_is():
+    wire = Wire()
+    wire.run(20.0, wanted_m=3e-3, power_W=0.1, at_limit=False, heat=HALF_WAY._replace(share=1.0))
+    wire.run(20.0, wanted_m=3e-3, power_W=0.55, at_limit=False)
+    assert wire.ended(power_W=0.55, at_max=False) == pytest.approx(0.8, abs=0.11)
+
+
 def test_a_wire_that_only_warms_up_is_not_at_its_end():
-    assert Wire().run(2.0, heat=None) == -math.inf
+    """Nine tenths of what its power makes it: after ln 10 of its time constants, and so long it may stand then."""
+    assert Wire().ended(heat=None) == pytest.approx(TAU_s * math.log(10.0) + 0.8, abs=0.11)
+
+
+def test_a_slow_wire_may_stand_for_three_tenths_of_its_time_constant():
+    wire = Wire(tau_s=10.0)
+    wire.run(60.0, wanted_m=3e-3)
+    assert wire.ended() == pytest.approx(3.0, abs=0.11)
+
+
+def test_one_that_backed_off_in_vain_need_not_become_warm_once_more():
+    """It cooled meanwhile; full current and no motion are known to be an end."""
+    wire = at_its_end()
+    assert wire.reach.tries == 1
+    wire.run(8.5, power_W=0.1, at_max=False, at_limit=False)  # it does not come to where it was backed off to
+    assert wire.reach.floor_m == -math.inf and wire.reach.tries == 1
+    assert wire.ended(heat=None) == pytest.approx(0.8, abs=0.11)
+    assert wire.reach.tries == 2
+
+
+def test_what_was_in_vain_is_forgotten_once_the_wire_has_been_for_a_while_where_it_was_backed_off_to():
+    wire = at_its_end()
+    wire.position_m = wire.reach.floor_m
+    wire.run(0.7, **BACKED_OFF)
+    assert wire.reach.tries == 1, "it may only be passing"
+    wire.run(0.2, **BACKED_OFF)
+    assert wire.reach.tries == 0
+
+
+def test_one_that_leaves_that_place_meanwhile_has_only_passed_it():
+    wire = at_its_end()
+    for _ in range(3):
+        wire.position_m = wire.reach.floor_m
+        wire.run(0.7, **BACKED_OFF)
+        wire.position_m = wire.reach.floor_m + 0.02 * STROKE_m
+        wire.run(0.2, **BACKED_OFF)
+    assert wire.reach.tries == 1
+
+
+def test_to_be_where_the_limits_let_it_be_is_not_to_be_where_it_was_wanted():
+    wire = at_its_end()
+    wire.position_m = wire.reach.floor_m
+    wire.run(2.0, power_W=0.4, at_max=False, at_limit=True)
+    assert wire.reach.tries == 1
+
+
+def test_five_times_in_vain_are_a_fault_and_ten_kelvin_too_many_as_the_page_says():
+    assert no_motion.look(4) == "" and no_motion.look(5)
+    assert "10 K hotter" in SETPOINT_REACH.detector
 
 
 def test_the_heat_that_the_transformation_takes_does_not_count():
@@ -61,7 +122,7 @@ def test_the_heat_that_the_transformation_takes_does_not_count():
     wire = Wire()
     wire.run(20.0, wanted_m=3e-3, power_W=0.1, at_limit=False, heat=HALF_WAY._replace(share=1.0))
     wire.run(2.0, wanted_m=3e-3, at_limit=False)
-    assert wire.run(30.0, power_W=0.45, at_max=False) == -math.inf
+    assert wire.never_ends(30.0, power_W=0.45, at_max=False)
     wire = Wire()
     wire.run(20.0, wanted_m=3e-3, power_W=0.1, at_limit=False)
     wire.run(2.0, wanted_m=3e-3, at_limit=False)
@@ -104,8 +165,7 @@ def test_the_same_is_tried_again_after_a_while_that_doubles_in_vain():
         wire.position_m = 2e-3
         wire.run(10.0, power_W=FULL_W, at_max=False, at_limit=False)
         wire.ended()
-    doubled = [min(FIRST_AGAIN_TIMES * 2.0**k, LAST_AGAIN_TIMES) * TAU_s for k in range(6)]
-    assert waits_s == pytest.approx(doubled, abs=0.11)
+    assert waits_s == pytest.approx([times * TAU_s for times in (4, 8, 16, 32, 32, 32)], abs=0.11)
     assert wire.reach.tries == 1, "it came to where it was backed off to each time"
 
 
@@ -118,6 +178,16 @@ def test_a_stream_of_setpoints_does_not_keep_a_wire_that_seems_to_grow_at_full_c
         wire.position_m += 1e-6
         wire.run(STEP_s, wanted_m=1e-3 + 1e-4 * (k % 2), at_max=not off, at_limit=not off)
     assert 0.4 < backed_off / 400 < 0.6
+
+
+def test_a_tenth_more_or_less_is_the_same_load():
+    for load_N, same in ((2.15, True), (1.85, True), (2.25, False), (1.75, False)):
+        wire = Wire()
+        wire.load_N = 2.0
+        wire.run(10.0, wanted_m=3e-3)
+        wire.ended()
+        wire.load_N = load_N
+        assert (wire.run(STEP_s, **BACKED_OFF) > -math.inf) == same
 
 
 def test_another_load_or_a_longer_setpoint_is_another_matter():
