@@ -18,6 +18,8 @@ from sma_actuator.control.following import Outcome, Pursuit, tolerance
 from sma_actuator.control.setpoints import Trajectory
 from sma_msgs_py import start_from, time_message, trajectory_from
 
+from .bounded import Refused, bound_goals
+
 #: How late it may come to the end where a goal does not say: a wire cools in seconds.
 LATE_s = 10.0
 TAKEN_s = 0.5  #: by then the loop has taken a trajectory, and what it says is of that
@@ -77,6 +79,7 @@ class FollowJointTrajectoryServer:
             handle_accepted_callback=self._on_accepted,
             cancel_callback=lambda handle: CancelResponse.ACCEPT,
         )
+        bound_goals(self._server)
 
     @property
     def pursues(self) -> bool:
@@ -94,6 +97,8 @@ class FollowJointTrajectoryServer:
 
     def _why_not(self, request: Any) -> str:
         """Why a goal cannot be followed, or ""."""
+        if isinstance(request, Refused):
+            return str(request)
         try:
             times_s, positions_m, velocities_m_s = trajectory_from(request.trajectory, self._follower.config.joint_name)
             duration_s = Trajectory(times_s, positions_m, velocities_m_s=velocities_m_s).duration_s

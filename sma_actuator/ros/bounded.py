@@ -3,13 +3,17 @@
 rclpy makes them of all that it has taken, and holds up every thread of the process meanwhile, the control loop's too:
 6 s for a request to set 100 000 parameters.  A subscription can be had as bytes, a service cannot.  So rclpy is given, in the
 place of the type of a request, one that counts in the C structure what there is and makes nothing of too much.
+The same goes for the goals of an action.
 """
 
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 from rcl_interfaces.srv import (
     DescribeParameters,
     GetParameters,
@@ -19,6 +23,9 @@ from rcl_interfaces.srv import (
     SetParametersAtomically,
 )
 from rclpy.service import Service
+from unique_identifier_msgs.msg import UUID
+
+from .trajectories import LONGEST_TRAJECTORY_B
 
 #: Names or parameters of one request: some more than a node has.
 MOST_NAMES = 500
@@ -45,6 +52,40 @@ class _Parameter(ctypes.Structure):
         ("arrays", _Sequence * 5),
     ]
 
+
+class _Trajectory(ctypes.Structure):
+    """``trajectory_msgs/msg/JointTrajectory``, and the one of several degrees of freedom."""
+
+    _fields_ = [
+        ("stamp", ctypes.c_uint8 * 8),
+        ("frame_id", _Sequence),
+        ("joint_names", _Sequence),
+        ("points", _Sequence),
+    ]
+
+
+class _Goal(ctypes.Structure):
+    """The request of ``control_msgs/action/FollowJointTrajectory``, but for the time at its end."""
+
+    _fields_ = [
+        ("goal_id", ctypes.c_uint8 * 16),
+        ("trajectory", _Trajectory),
+        ("multi_dof_trajectory", _Trajectory),
+        ("tolerances", _Sequence * 4),
+    ]
+
+
+_GOAL_FIELDS = {
+    "trajectory": "trajectory_msgs/JointTrajectory",
+    "multi_dof_trajectory": "trajectory_msgs/MultiDOFJointTrajectory",
+    "path_tolerance": "sequence<control_msgs/JointTolerance>",
+    "component_path_tolerance": "sequence<control_msgs/JointComponentTolerance>",
+    "goal_tolerance": "sequence<control_msgs/JointTolerance>",
+    "component_goal_tolerance": "sequence<control_msgs/JointComponentTolerance>",
+    "goal_time_tolerance": "builtin_interfaces/Duration",
+}  #: of the Jazzy release; of a goal that is laid out otherwise nothing is looked at here
+_POINT_WORDS, _LISTS_OF_A_POINT = 13, 4  #: of 8 bytes: four sequences and a duration
+_POINT_B, _NUMBER_B = 4 * _LISTS_OF_A_POINT + 8, 8  #: as they are sent: four lengths and a duration, and each number
 
 _OF = {
     DescribeParameters: _Sequence,
@@ -76,8 +117,49 @@ def _content(parameter: Any) -> int:
     return sum(each.size for each in counted)
 
 
+def too_long(goal: _Goal) -> str:
+    """Why a goal will not be looked at, or ""."""
+    others = [goal.trajectory.joint_names, goal.multi_dof_trajectory.joint_names, goal.multi_dof_trajectory.points]
+    most = max(each.size for each in (*others, *goal.tolerances))
+    if most > MOST_NAMES:
+        return (
+            f"it has a list of {most} names, tolerances or points of several degrees of freedom, more than {MOST_NAMES}"
+        )
+    points = goal.trajectory.points
+    sent_B = _POINT_B * points.size
+    if points.size and sent_B <= LONGEST_TRAJECTORY_B:
+        words = (ctypes.c_uint64 * (_POINT_WORDS * points.size)).from_address(points.data)
+        lists = np.frombuffer(words, np.uint64).reshape(points.size, _POINT_WORDS)[:, : 3 * _LISTS_OF_A_POINT]
+        sent_B += _NUMBER_B * int(lists[:, 1::3].sum())
+    if sent_B > LONGEST_TRAJECTORY_B:
+        return f"its trajectory takes {sent_B} bytes, more than {LONGEST_TRAJECTORY_B}; send it in parts"
+    return ""
+
+
 class Refused(Exception):
     """What is had in the place of a request that is too much."""
+
+
+class RefusedGoal(Refused):
+    """The same of a goal, with what is wanted of its request: who it is, and itself."""
+
+    def __init__(self, why: str, goal_id: UUID):
+        super().__init__(why)
+        self.goal_id, self.goal = goal_id, self
+
+
+def _look_at_parameters(kind: Any) -> Callable[[int], Refused | None]:
+    def look(address: int) -> Refused | None:
+        why = too_much(address, kind)
+        return Refused(why) if why else None
+
+    return look
+
+
+def _look_at_goal(address: int) -> Refused | None:
+    goal = _Goal.from_address(address)
+    why = too_long(goal)
+    return RefusedGoal(why, UUID(uuid=list(goal.goal_id))) if why else None
 
 
 _capsule_pointer = ctypes.pythonapi.PyCapsule_GetPointer
@@ -91,9 +173,9 @@ _Convert = ctypes.PYFUNCTYPE(ctypes.py_object, ctypes.c_void_p)
 
 
 class _Type:
-    """A service's type whose requests are looked at first; what is too much becomes a ``Refused``."""
+    """A service's type whose requests are looked at first; what is too much becomes what ``look`` makes of it."""
 
-    def __init__(self, kind: Any):
+    def __init__(self, kind: Any, look: Callable[[int], Refused | None]):
         whole: Any = type(kind.Request)
         whole.__import_type_support__()
         capsule = whole._CONVERT_TO_PY
@@ -101,8 +183,7 @@ class _Type:
         convert = _Convert(_capsule_pointer(capsule, name))
 
         def looked_at(address: int) -> Any:
-            why = too_much(address, _OF[kind])
-            return Refused(why) if why else convert(address)
+            return look(address) or convert(address)
 
         self._called = _Convert(looked_at)  # as long as this is there
         as_ever = {each: getattr(whole, each) for each in ("_CREATE_ROS_MESSAGE", "_DESTROY_ROS_MESSAGE")}
@@ -113,4 +194,16 @@ class _Type:
 def bound(service: Service) -> None:
     """Have a service that is asked about parameters refuse what is too much."""
     if service.srv_type in _OF:
-        service.srv_type = _Type(service.srv_type)
+        service.srv_type = _Type(service.srv_type, _look_at_parameters(_OF[service.srv_type]))
+
+
+def bound_goals(server: Any) -> None:
+    """Have a server of ``FollowJointTrajectory`` be asked about a ``RefusedGoal`` in the place of a goal that is too long."""
+    action = server.action_type
+    if list(action.Goal.get_fields_and_field_types().items()) != list(_GOAL_FIELDS.items()):
+        return
+    parts = {name: getattr(action.Impl, name) for name in dir(action.Impl) if not name.startswith("_")}
+    parts["SendGoalService"] = _Type(action.Impl.SendGoalService, _look_at_goal)
+    server._action_type = SimpleNamespace(
+        Impl=SimpleNamespace(**parts), Goal=action.Goal, Result=action.Result, Feedback=action.Feedback
+    )

@@ -51,7 +51,6 @@ class Liveliness:
     _recent: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW))
     #: Second differences, for each of them but the first two: what is left of a steady motion is noise.
     _steps: deque[float] = field(default_factory=lambda: deque(maxlen=WINDOW - 2))
-    _sum: float = 0.0  #: of them
     _fresh: int = 0  #: readings since the last window that counted
     _latest: float = nan  #: of the last window that counted
     _least: float = inf  #: of those before it
@@ -61,14 +60,12 @@ class Liveliness:
         """Share of the least noise that the last readings have; NaN until both are known."""
         recent, steps = self._recent, self._steps
         if len(recent) >= 2:
-            self._sum -= steps[0] if len(steps) == WINDOW - 2 else 0.0
             steps.append(abs(value - 2.0 * recent[-1] + recent[-2]))
-            self._sum += steps[-1]
         recent.append(value)
         self._fresh += 1
         if len(recent) < WINDOW:
             return nan
-        level = max(self._sum, 0.0) / len(steps)
+        level = sum(steps) / len(steps)
         share = level / self._least if self._before >= WINDOWS else nan
         if self._fresh >= WINDOW and level > 0.0 and _range_of_quarters(list(recent)) <= level:
             self._fresh = 0
@@ -127,9 +124,10 @@ class Following:
 
     @property
     def stiffness_N_m(self) -> float:
-        """The least that the last motions have shown alike, negative where the wire pulls as it contracts; NaN where they have not."""
+        """The least that the last motions have shown alike, negative where the wire pulls as it contracts, 0 where it does nothing
+        else than carry; NaN where they have not, or where the load grows with the length."""
         shown = self._stiffness
-        if len(shown) < SWINGS or not max(shown) < 0.0 or min(shown) < ALIKE * max(shown):
+        if len(shown) < SWINGS or min(shown) < ALIKE * max(shown):
             return nan
         return max(shown)
 
