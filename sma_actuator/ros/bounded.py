@@ -25,12 +25,12 @@ from rcl_interfaces.srv import (
 from rclpy.service import Service
 from unique_identifier_msgs.msg import UUID
 
-from .trajectories import LONGEST_TRAJECTORY_B
-
 #: Names or parameters of one request: some more than a node has.
 MOST_NAMES = 500
 #: Characters and numbers of one request: a parameter file may have as many.
 MOST_CONTENT = 200_000
+#: Of a trajectory, as it is sent: some thousand points.
+LONGEST_TRAJECTORY_B = 500_000
 
 
 class _Sequence(ctypes.Structure):

@@ -14,10 +14,10 @@ from sma_actuator.base.signals import Status
 from sma_msgs_py import position_from, start_from, trajectory_from
 
 from .action import Follower, FollowJointTrajectoryServer
+from .bounded import LONGEST_TRAJECTORY_B
 from .topics import Taken
 
 LONGEST_COMMAND_B = 20_000  #: for some hundred joints
-LONGEST_TRAJECTORY_B = 500_000  #: some thousand points
 
 
 class Moved(Follower, Protocol):

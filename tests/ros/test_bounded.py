@@ -83,7 +83,7 @@ def test_what_is_refused_knows_whose_goal_it_is_and_is_rejected_with_the_reason(
     refused = bounded._look_at_goal(ctypes.addressof(held))
     assert list(refused.goal_id.uuid) == list(range(16)) and refused.goal is refused
     said = []
-    follower = SimpleNamespace(refuses_trajectories=lambda: "", report=said.append)
+    follower = SimpleNamespace(refuses_goals=lambda: "", report=said.append)
     server = FollowJointTrajectoryServer.__new__(FollowJointTrajectoryServer)
     server._follower = follower
     assert server._on_request(refused.goal).name == "REJECT"
