@@ -64,18 +64,18 @@ class _Trajectory(ctypes.Structure):
     ]
 
 
-class _Goal(ctypes.Structure):
+class _Motion(ctypes.Structure):
     """The request of ``control_msgs/action/FollowJointTrajectory``, but for the time at its end."""
 
     _fields_ = [
-        ("goal_id", ctypes.c_uint8 * 16),
+        ("identity", ctypes.c_uint8 * 16),
         ("trajectory", _Trajectory),
         ("multi_dof_trajectory", _Trajectory),
         ("tolerances", _Sequence * 4),
     ]
 
 
-_GOAL_FIELDS = {
+_MOTION_FIELDS = {
     "trajectory": "trajectory_msgs/JointTrajectory",
     "multi_dof_trajectory": "trajectory_msgs/MultiDOFJointTrajectory",
     "path_tolerance": "sequence<control_msgs/JointTolerance>",
@@ -117,15 +117,19 @@ def _content(parameter: Any) -> int:
     return sum(each.size for each in counted)
 
 
-def too_long(goal: _Goal) -> str:
+def too_long(motion: _Motion) -> str:
     """Why a goal will not be looked at, or ""."""
-    others = [goal.trajectory.joint_names, goal.multi_dof_trajectory.joint_names, goal.multi_dof_trajectory.points]
-    most = max(each.size for each in (*others, *goal.tolerances))
+    others = [
+        motion.trajectory.joint_names,
+        motion.multi_dof_trajectory.joint_names,
+        motion.multi_dof_trajectory.points,
+    ]
+    most = max(each.size for each in (*others, *motion.tolerances))
     if most > MOST_NAMES:
         return (
             f"it has a list of {most} names, tolerances or points of several degrees of freedom, more than {MOST_NAMES}"
         )
-    points = goal.trajectory.points
+    points = motion.trajectory.points
     sent_B = _POINT_B * points.size
     if points.size and sent_B <= LONGEST_TRAJECTORY_B:
         words = (ctypes.c_uint64 * (_POINT_WORDS * points.size)).from_address(points.data)
@@ -140,12 +144,12 @@ class Refused(Exception):
     """What is had in the place of a request that is too much."""
 
 
-class RefusedGoal(Refused):
+class RefusedMotion(Refused):
     """The same of a goal, with what is wanted of its request: who it is, and itself."""
 
-    def __init__(self, why: str, goal_id: UUID):
+    def __init__(self, why: str, identity: UUID):
         super().__init__(why)
-        self.goal_id, self.goal = goal_id, self
+        vars(self).update(goal_id=identity, goal=self)
 
 
 def _look_at_parameters(kind: Any) -> Callable[[int], Refused | None]:
@@ -156,10 +160,10 @@ def _look_at_parameters(kind: Any) -> Callable[[int], Refused | None]:
     return look
 
 
-def _look_at_goal(address: int) -> Refused | None:
-    goal = _Goal.from_address(address)
-    why = too_long(goal)
-    return RefusedGoal(why, UUID(uuid=list(goal.goal_id))) if why else None
+def _look_at_motion(address: int) -> Refused | None:
+    motion = _Motion.from_address(address)
+    why = too_long(motion)
+    return RefusedMotion(why, UUID(uuid=list(motion.identity))) if why else None
 
 
 _capsule_pointer = ctypes.pythonapi.PyCapsule_GetPointer
@@ -198,12 +202,12 @@ def bound(service: Service) -> None:
 
 
 def bound_goals(server: Any) -> None:
-    """Have a server of ``FollowJointTrajectory`` be asked about a ``RefusedGoal`` in the place of a goal that is too long."""
+    """Have a server of ``FollowJointTrajectory`` be asked about a ``RefusedMotion`` in the place of a goal that is too long."""
     action = server.action_type
-    if list(action.Goal.get_fields_and_field_types().items()) != list(_GOAL_FIELDS.items()):
+    if list(action.Goal.get_fields_and_field_types().items()) != list(_MOTION_FIELDS.items()):
         return
     parts = {name: getattr(action.Impl, name) for name in dir(action.Impl) if not name.startswith("_")}
-    parts["SendGoalService"] = _Type(action.Impl.SendGoalService, _look_at_goal)
+    parts["SendGoalService"] = _Type(action.Impl.SendGoalService, _look_at_motion)
     server._action_type = SimpleNamespace(
         Impl=SimpleNamespace(**parts), Goal=action.Goal, Result=action.Result, Feedback=action.Feedback
     )

@@ -35,8 +35,8 @@ def in_c(message):
 
 def goal(points=(), joints=("sma_joint",), others=0, tolerances=(0, 0, 0, 0)):
     """A goal as rcl holds it, of trajectories that rosidl has laid out."""
-    made = bounded._Goal()
-    made.goal_id[:] = range(16)
+    made = bounded._Motion()
+    made.identity[:] = range(16)
     made.trajectory = in_c(JointTrajectory(joint_names=list(joints), points=list(points)))
     made.multi_dof_trajectory = in_c(MultiDOFJointTrajectory(points=[MultiDOFJointTrajectoryPoint()] * others))
     for place, size in zip(made.tolerances, tolerances, strict=True):
@@ -48,7 +48,7 @@ def test_a_goal_of_a_size_that_a_topic_may_have_is_looked_at():
     points = [JointTrajectoryPoint(positions=[1e-3], velocities=[0.0])] * FITS
     held = goal(points, tolerances=(1, 0, 1, 0))
     assert bounded.too_long(held) == ""
-    assert bounded._look_at_goal(ctypes.addressof(held)) is None
+    assert bounded._look_at_motion(ctypes.addressof(held)) is None
     assert bounded.too_long(goal()) == ""
 
 
@@ -80,7 +80,7 @@ def test_so_are_lists_of_other_things():
 
 def test_what_is_refused_knows_whose_goal_it_is_and_is_rejected_with_the_reason():
     held = goal([JointTrajectoryPoint(positions=[0.0] * 70_000)])
-    refused = bounded._look_at_goal(ctypes.addressof(held))
+    refused = bounded._look_at_motion(ctypes.addressof(held))
     assert list(refused.goal_id.uuid) == list(range(16)) and refused.goal is refused
     said = []
     follower = SimpleNamespace(refuses_goals=lambda: "", report=said.append)
@@ -99,13 +99,13 @@ def action(fields):
 
 
 def test_a_server_of_goals_that_are_laid_out_otherwise_is_left_as_it_is():
-    server = action(reversed(bounded._GOAL_FIELDS.items()))
+    server = action(reversed(bounded._MOTION_FIELDS.items()))
     bounded.bound_goals(server)
     assert server._action_type is server.action_type
 
 
 def test_one_of_those_that_are_known_has_its_requests_looked_at_and_all_else_as_ever():
-    server = action(bounded._GOAL_FIELDS.items())
+    server = action(bounded._MOTION_FIELDS.items())
     bounded.bound_goals(server)
     bound, was = server._action_type, server.action_type
     assert bound.Impl.SendGoalService.Request is not SetParameters.Request
