@@ -52,7 +52,7 @@ BAR_WIDTH = 48
 
 def add_arguments(parser) -> None:
     """Declare the options of ``sma-actuator demo``."""
-    parser.add_argument("--wire", choices=("flexinol", "furukawa"), default="flexinol", help="wire and model")
+    parser.add_argument("--wire", choices=("flexinol", "furukawa", "coil"), default="flexinol", help="wire and model")
     parser.add_argument(
         "--physics",
         choices=PHYSICS,
