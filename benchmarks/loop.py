@@ -5,22 +5,27 @@
 Three measurements, each against virtual benches in a process of their own, together about two minutes:
 
 * ``periods``: period of the control loop at 20 Hz, 100 Hz and 1 kHz, and of a bare loop (deadline, DAQ block,
-  supply read-back, one current setting, a limit looked at twice a second) in turn with it;
+  supply read-back, one current setting, a limit looked at twice a second) in turn with it; and, where they are installed, of
+  what others wrote to keep time and that asks nothing: ``loop-rate-limiters`` (PyPI), and ``cyclictest`` (Debian's
+  ``rt-tests``), in C, whose error is how late it wakes;
 * ``delay``: from publishing a setpoint to the new current on ``~/command_current``, over real ROS 2;
 * ``cpu``: CPU time that a step of a wire takes in a node whose wires are driven, one at 100 Hz and sixteen at 20 Hz,
   beside that of as many bare loops in a process at the same time; with nobody listening, and with one subscriber of
   ``~/joint_states`` for each wire.  With ``--against``, the same of the node of another checkout of this repository.
 
-These machines are shared: compare what stands in one run, do not take the microseconds for more.
+These machines are shared: compare what stands in one run, do not take the microseconds for more.  The load is said first.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
+import importlib.util
 import itertools
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -46,6 +51,7 @@ WAIT_s = 60.0  #: longest wait for a process, a service or a reading
 SETTLING_s = 3.0  #: between the last wire that went on, or is listened to, and the first CPU time that counts
 SETPOINTS, PAUSE_s = 12, 0.8  #: of the delay
 MIDDLE_m = 2e-3  #: of the wire's range
+_LATEST_us = 100_000  #: that cyclictest counts one by one
 
 
 @contextlib.contextmanager
@@ -139,12 +145,12 @@ def bare_loop(config: Config, seconds: float, ended: threading.Event | None = No
     return starts_s
 
 
-def in_its_thread(config: Config, seconds: float) -> list[float]:
-    """The bare loop in a thread that has what ``loop.realtime`` gives the driver's."""
+def in_its_thread(loop: Callable[[Config, float], list[float]], config: Config, seconds: float) -> list[float]:
+    """A loop in a thread that has what ``loop.realtime`` gives the driver's."""
 
     def run() -> list[float]:
         realtime.begin(config.loop.realtime)
-        return bare_loop(config, seconds)
+        return loop(config, seconds)
 
     with ThreadPoolExecutor(1) as thread:
         return thread.submit(run).result()
@@ -177,25 +183,56 @@ def driven_loop(config: Config, seconds: float) -> list[float]:
     return starts_s
 
 
+def rate_limiter(config: Config, seconds: float) -> list[float]:
+    """Start times of an empty loop that ``loop-rate-limiters`` keeps."""
+    from loop_rate_limiters import RateLimiter
+
+    limiter, starts_s = RateLimiter(config.loop.rate, warn=False), []
+    for _ in range(round(seconds * config.loop.rate)):
+        limiter.sleep()
+        starts_s.append(time.monotonic())
+    return starts_s
+
+
+def cyclictest(rate_Hz: float, seconds: float, priority: int) -> dict[str, float]:
+    """How late a thread in C wakes: p50, p99 and maximum [µs]."""
+    words = f"cyclictest -q -i {1e6 / rate_Hz:.0f} -l {rate_Hz * seconds:.0f} -h {_LATEST_us}".split()
+    words += ["-m", "-p", str(priority)] if priority else ["--policy=other"]
+    said = subprocess.run(words, capture_output=True, text=True, check=True).stdout.splitlines()
+    counted = np.array([line.split() for line in said if line[:1].isdigit()], float)
+    (longest,) = (line for line in said if line.startswith("# Max Latencies:"))
+    late_us = np.repeat(counted[:, 0], counted[:, 1].astype(int))
+    p50_us, p99_us = np.percentile(late_us, [50, 99]).tolist()
+    return {"p50_us": p50_us, "p99_us": p99_us, "max_us": float(longest.split()[-1]), "lost_share": 0.0}
+
+
 def loop_periods(args: argparse.Namespace) -> list[dict]:
-    """Driver and bare loop in turn."""
-    rows = []
+    """Driver, bare loop and what others have, in turn."""
+    rows: list[dict] = []
+
+    def say(rate_Hz: float, name: str, found: dict[str, float]) -> None:
+        rows.append({"rate_Hz": rate_Hz, "loop": name, **found})
+        print(
+            f"{rate_Hz:6g} Hz  {name:22s} period error p50 {found['p50_us']:7.0f} µs   p99 {found['p99_us']:7.0f} µs   "
+            f"max {found['max_us']:8.0f} µs   {100 * found['lost_share']:5.2f} % lost",
+            flush=True,
+        )
+
+    print(f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors", flush=True)
+    loops = [("bare loop", functools.partial(in_its_thread, bare_loop)), ("driver", driven_loop)]
+    if importlib.util.find_spec("loop_rate_limiters"):
+        loops.append(("loop-rate-limiters", functools.partial(in_its_thread, rate_limiter)))
     for rate_Hz in (20.0, 100.0, 1000.0):
         with benches(1) as (ports,):
             plain = parameters(ports, rate_Hz)
             first = {**plain, "loop": {**plain["loop"], "realtime": {"priority": args.priority, "lock_memory": True}}}
             kinds = [("", plain), (f", priority {args.priority}", first)] if args.priority else [("", plain)]
-            for (note, mapping), (name, loop) in itertools.product(
-                kinds, (("bare loop", in_its_thread), ("driver", driven_loop))
-            ):
+            for (note, mapping), (name, loop) in itertools.product(kinds, loops):
                 starts_s = loop(Config.from_mapping(mapping), args.seconds)
-                rows.append({"rate_Hz": rate_Hz, "loop": name + note, **of_periods(starts_s, 1.0 / rate_Hz)})
-                r = rows[-1]
-                print(
-                    f"{rate_Hz:6g} Hz  {name + note:22s} period error p50 {r['p50_us']:7.0f} µs   p99 {r['p99_us']:7.0f} µs   "
-                    f"max {r['max_us']:8.0f} µs   {100 * r['lost_share']:5.2f} % lost",
-                    flush=True,
-                )
+                say(rate_Hz, name + note, of_periods(starts_s, 1.0 / rate_Hz))
+            if shutil.which("cyclictest"):
+                for note, _ in kinds:
+                    say(rate_Hz, "cyclictest" + note, cyclictest(rate_Hz, args.seconds, args.priority if note else 0))
     return rows
 
 
