@@ -240,11 +240,11 @@ def loop_periods(args: argparse.Namespace) -> list[dict]:
 def node(sections: dict[str, dict], checkout: Path = ROOT) -> Iterator[subprocess.Popen]:
     """A node process with one wire for each name."""
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "wires.yaml"
-        file.write_text(
-            yaml.safe_dump({name: {"ros__parameters": {**p, "autostart": True}} for name, p in sections.items()})
-        )
-        words = ["-m", "sma_actuator.ros.node", "--nodes", *sections, "--ros-args", "--params-file", str(file)]
+        words = ["-m", "sma_actuator.ros.node", "--nodes", *sections, "--ros-args"]
+        for name, p in sections.items():  # a file each: together they are longer than a file of parameters may be
+            file = Path(folder) / f"{name}.yaml"
+            file.write_text(yaml.safe_dump({name: {"ros__parameters": {**p, "autostart": True}}}))
+            words += ["--params-file", str(file)]
         words += ["--log-level", "error"]
         with a_process(words, checkout) as process:
             yield process
