@@ -46,6 +46,7 @@ from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.logs.experiments import IdentificationError
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.worlds import DRAWN, HOME, WORLDS, world_of
+from sma_actuator.report import figure
 
 RAISED = 1.5  #: error over that of the same session without the effect, from which it must be found
 KINDS = ("none", "single", "pair", "foreign")
@@ -64,7 +65,13 @@ AIMS = {
     "foreign unexplained": ">= 90 %",
     "wrong name left out": "<= 30 %",
     "after / known": "<= 1.15",
+    "most probable is true": "",
+    "p / of the true": ">= 0.75",
+    "p / calibration error": "<= 0.08",
+    "said 80-100 %, true": ">= 85 %",
 }
+#: What is hidden, as the probabilities call it, of the kinds of which it has no name.
+TRUTH = {"none": "nothing", "foreign": "something else"}
 
 
 def _traced(logs: Sequence[str], model: str, out: Path, *words: str) -> dict:
@@ -127,6 +134,8 @@ def _judge(case: Case, only_blind: bool) -> dict:
         "explained": report["excess_explained"],
         "left_out": None if without is None else without["verdict"],
         "said_instead": None if without is None else [e["name"] for e in without["effects"]],
+        "probable": report["probable"],
+        "by_probability": report["by_probability"],
         "best_names": [n for r in report["race"][-1:] for t in r["trials"][:1] for n in t["effects"]],
     }
 
@@ -174,6 +183,9 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--minutes", type=float, default=math.inf, metavar="M", help="begin no case after so long")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every case here")
+    parser.add_argument(
+        "--picture", type=Path, metavar="FILE", help="draw the probabilities said against what was true"
+    )
     args = parser.parse_args()
     require_twins({name: effect.PART for name, effect in EFFECTS.items()})
     until_s = time.monotonic() + 60.0 * args.minutes
@@ -186,6 +198,8 @@ def main() -> int:
     if len(answers) < len(todo):
         print(f"{len(answers)} of {len(todo)} cases: the same command goes on")
     show(Console(width=160), answers)
+    if args.picture:
+        draw(args.picture, [_most_probable(x) for x in answers if _asked_for(x)])
     return 0
 
 
@@ -249,7 +263,59 @@ def figures(answers: Sequence[dict]) -> dict[str, tuple[float, int]]:
         "wrong name left out": [x["left_out"] == "traced" for x in raised if x["left_out"]],
         "after / known": [x["after"] / x["best"] for x in known],
     }
-    return {name: (float(np.mean(values)) if values else np.nan, len(values)) for name, values in rates.items()}
+    said = [(*_most_probable(x), _of_the_true(x)) for x in answers if _asked_for(x)]
+    rates |= {
+        "most probable is true": [true for _, true, _ in said],
+        "p / of the true": [share for _, _, share in said],
+        "said 80-100 %, true": [true for share, true, _ in said if share >= 0.8],
+    }
+    out = {name: (float(np.mean(values)) if values else np.nan, len(values)) for name, values in rates.items()}
+    out["p / calibration error"] = (calibration_error([(share, true) for share, true, _ in said]), len(said))
+    return out
+
+
+def _asked_for(x: dict) -> bool:
+    """Whether it was said how probable the truth is: that these logs could show it, and that it is one thing."""
+    return bool(x["probable"]) and x["kind"] != "pair" and not set(x["hidden"]) & set(x["untestable"])
+
+
+def _true_name(x: dict) -> str:
+    return TRUTH.get(x["kind"]) or next(iter(x["hidden"]))
+
+
+def _most_probable(x: dict) -> tuple[float, bool]:
+    """Probability of what was most probable, and whether that is true."""
+    name = max(x["probable"], key=lambda n: x["probable"][n])
+    return x["probable"][name], name == _true_name(x)
+
+
+def _of_the_true(x: dict) -> float:
+    return x["probable"].get(_true_name(x), 0.0)
+
+
+def by_decile(said: Sequence[tuple[float, bool]]) -> list[tuple[int, int, float, float]]:
+    """(decile, cases, probability said in the mean, share that was true) of what was said with such a probability."""
+    out = []
+    for decile in range(10):
+        some = [(p, true) for p, true in said if min(int(10.0 * p), 9) == decile]
+        if some:
+            out.append((decile, len(some), float(np.mean([p for p, _ in some])), float(np.mean([t for _, t in some]))))
+    return out
+
+
+def calibration_error(said: Sequence[tuple[float, bool]]) -> float:
+    """Expected calibration error: how far what is said is from what is true, in the mean over deciles by their cases."""
+    return sum(n * abs(p - true) for _, n, p, true in by_decile(said)) / len(said) if said else math.nan
+
+
+def draw(path: Path, said: Sequence[tuple[float, bool]]) -> None:
+    """Write a picture of what was said against what was true."""
+    drawing, axes = figure(1, 1)
+    ax, found = axes[0, 0], by_decile(said)
+    ax.plot([0.0, 1.0], [0.0, 1.0], color="0.7")
+    ax.scatter([p for _, _, p, _ in found], [true for *_, true in found], s=[20.0 * n for _, n, _, _ in found])
+    ax.set(xlabel="probability said", ylabel="share that was true", xlim=(0.0, 1.05), ylim=(-0.05, 1.05))
+    drawing.savefig(path)
 
 
 def in_turn(answers: Sequence[dict], world: str) -> dict[str, str]:
@@ -284,10 +350,16 @@ def show(console: Console, answers: Sequence[dict]) -> None:
             for v, n in (c[name] for c in columns)
         ]
         table.add_row(name, aim, *cells)
+    deciles = Table(title="what was said to be most probable, and how often it was true")
+    for header in ("said with", "cases", "said in the mean", "true"):
+        deciles.add_column(header, justify="right")
+    for decile, n, p, true in by_decile([_most_probable(x) for x in answers if _asked_for(x)]):
+        deciles.add_row(f"{10 * decile}-{10 * decile + 10} %", str(n), f"{p:.0%}", f"{true:.0%}")
     turns = [in_turn(answers, w) for w in worlds]
     for name in max(turns, key=len):
         table.add_row(name, "", *(turn.get(name, "") for turn in turns), *([""] if len(worlds) > 1 else []))
     console.print(table)
+    console.print(deciles)
     _said(console, [x for x in answers if x["kind"] == "single" and x["raised"] >= RAISED])
     both = [x for x in answers if x["kind"] == "pair" and x["raised"] >= RAISED]
     if both:

@@ -37,7 +37,7 @@ from sma_actuator.logs.reading import add_log_arguments, find_logs, place, read_
 from .evidence import Evidence
 from .isolability import as_numbers, isolability, size_in_words, tells_in_words
 from .race import trace
-from .report import explained, extended, summary
+from .report import explained, extended, probable, summary
 
 _HEADER = "Written by `sma-actuator trace`"
 
@@ -268,6 +268,8 @@ def _print(console: Console, report: dict) -> None:
         f"beyond what the calibration lets expect {report['news_before_pct_stroke']:.2f} % before, "
         f"{report['news_after_pct_stroke']:.2f} % after; up to {report['gate_pct_stroke']:.2f} % is usual"
     )
+    if report["probable"]:
+        console.print(f"probable by the logs' evidence alone: {probable(report)}")
     if report["effects"]:
         table = Table()
         for header in ("effect", "what is the matter", "stage", "share", "parameters"):

@@ -179,13 +179,23 @@ class Evidence:
         others = np.concatenate([witness.off(predictions) for witness in self._others])
         return np.concatenate((samples, limited(others)))
 
+    def off(self, predictions: Sequence[Prediction]) -> np.ndarray:
+        """The same rows without Huber's limit: in proportion to what an effect moves."""
+        samples = np.nan_to_num(self.of_displacement.off(predictions)) * self.sample_weight
+        return np.concatenate((samples, *(np.nan_to_num(witness.off(predictions)) for witness in self._others)))
+
     def losses(self, rows: np.ndarray) -> np.ndarray:
         """Loss of every unit, shape (units,)."""
         return 0.5 * np.bincount(self.unit_of_row, rows**2, minlength=self.units)
 
+    @property
+    def witness_of_row(self) -> np.ndarray:
+        """Number of the witness of every row, into WITNESSES; -1 of the residual's."""
+        return np.concatenate((np.full(self.rows_of_samples, -1), self._witness))
+
     def rows_by_witness(self) -> dict[str, np.ndarray]:
         """Which rows each witness has (bool): the residual first, then those of WITNESSES of which there is something."""
-        of_row = np.concatenate((np.full(self.rows_of_samples, -1), self._witness))
+        of_row = self.witness_of_row
         named = {"residual": of_row == -1} | {name: of_row == k for k, name in enumerate(WITNESSES)}
         return {name: rows for name, rows in named.items() if rows.any()}
 

@@ -10,9 +10,8 @@ information of effect and readings by its bound over pairs (Kolchinsky and Trace
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,15 +21,13 @@ from sma_actuator.base.one_thread import one_thread
 from sma_actuator.base.parameters import declaration_of
 from sma_actuator.calibration.rest import SPREAD
 from sma_actuator.estimation.effects import EFFECTS, Effect
-from sma_actuator.estimation.effects.free import Free
 
 from .candidates import Candidate, candidate, scales_of, untestable
 from .evidence import INDEPENDENT, Evidence
 from .experiments import after_the_session, experiments, shown_m
 from .limits import LIMITS
+from .sensitivity import built, probes, shapes, sizes
 
-PROBE = 0.5  #: of what is typical: so large an effect is asked for, as a fit's first step asks
-TIMES = (0.5, 0.25, 0.75)  #: of the logs: when something may have happened that happens once
 SURE = math.log(9.0)  #: nats between two names from which one has 90 %
 ALIKE = 1e-9  #: share of a sensitivity below which nothing is left of it
 PAIRS_SHOWN = 2
@@ -100,16 +97,16 @@ def isolability(evidence: Evidence, without: Sequence[str] = ()) -> Isolability:
     candidates = [candidate(name, scales) for name in names if name not in reasons]
     tried = list(experiments(evidence))
     moves, beyond = [], []
-    plain, plain_there = evidence.residual({}), _there(evidence, {}, tried)
+    plain, plain_there = evidence.off(evidence.predict({})), _there(evidence, {}, tried)
     for c in candidates:
         own, all_, there = [], [], []
-        for effect, share, is_own in _probes(c, scales.duration_s):
-            effects = {c.name: effect}
-            all_.append((evidence.residual(effects) - plain) / share)
-            if is_own:
-                own.append(all_[-1])
-            after = _there(evidence, effects, tried)
-            there.append([(a - b) / share for a, b in zip(after, plain_there, strict=True)])
+        for number, shape in enumerate(shapes(c, scales.duration_s)):
+            for probe in probes(c):
+                effects, share = {c.name: built(c, shape, probe)}, probe[np.flatnonzero(probe)[0]]
+                all_.append((evidence.off(evidence.predict(effects)) - plain) / share)
+                after = _there(evidence, effects, tried)
+                there.append([(a - b) / share for a, b in zip(after, plain_there, strict=True)])
+                own += [all_[-1]] if number == 0 else []
         moves.append(_Moves(c, np.column_stack(own), np.column_stack(all_)))
         beyond.append([np.column_stack(parts) for parts in zip(*there, strict=True)])
     nats = _apart(moves)
@@ -134,31 +131,6 @@ def isolability(evidence: Evidence, without: Sequence[str] = ()) -> Isolability:
         )
     told.sort(key=lambda tells: -tells.bits)
     return Isolability(apart, reasons, known, math.log2(max(len(moves), 1)), tuple(told))
-
-
-def _measure(c: Candidate) -> tuple[Free, float]:
-    """The parameter that an effect is in proportion to, and what is typical of it; of a play or a lag it is a shape of a fit."""
-    size = next((f for f in c.free if f.is_size), c.free[0])
-    return size, size.typical if size.is_size else size.starts[0]
-
-
-def _probes(c: Candidate, duration_s: float) -> Iterator[tuple[Effect, float, bool]]:
-    """The effect with one of its sizes at a share of what is typical, all others at nothing; that share; whether it is its own.
-
-    Its own are those with the shape from which a fit begins, a size each; the others are what it can do with other shapes.
-    """
-    sizes, shapes = [f for f in c.free if f.is_size], [f for f in c.free if not f.is_size]
-    times = [{c.scanned: share * duration_s} for share in TIMES] if c.scanned else [{}]
-    own = True
-    for values, when in itertools.product(itertools.product(*(f.starts for f in shapes)), times):
-        shape = dict(zip((f.name for f in shapes), values, strict=True)) | when
-        nothing = {f.name: 0.0 for f in sizes}
-        for size in sizes:
-            probe = PROBE if PROBE * size.typical <= size.high else -PROBE
-            yield c.build({**nothing, **shape, size.name: probe * size.typical}), probe, own
-        if not sizes:
-            yield c.build(shape), shape[shapes[0].name] / shapes[0].starts[0], own
-        own = False
 
 
 def _there(evidence: Evidence, effects: dict[str, Effect], tried: Sequence[tuple[str, Any]]) -> list[np.ndarray]:
@@ -199,7 +171,7 @@ def _sure_from(nats: float) -> float:
 
 
 def _of(c: Candidate, moves: Sequence[_Moves], seen_from: float, nats: np.ndarray) -> Apart:
-    size, typical = _measure(c)
+    size, typical = sizes(c)[0]
     unit = declaration_of(next(f for f in dataclasses.fields(c.effect) if f.name == size.name)).unit  # type: ignore[arg-type]
     others = {
         m.candidate.name: typical * _sure_from(n) for m, n in zip(moves, nats, strict=True) if m.candidate is not c

@@ -1,7 +1,8 @@
 """The limits by which ``trace`` decides, each declared once: what it is, in which unit, and why it lies where it does.
 
 ``python -m sma_actuator.diagnosis.trace.limits > docs/tracing_limits.md`` prints them.  They were chosen on designed sessions of the
-virtual bench at home (``benchmarks/blind_cases.py``); those of a trial's drawn physics have seen none of them.
+virtual bench at home (``benchmarks/blind_cases.py``); those of a trial's drawn physics have seen none of them.  Those of the
+probabilities were chosen on drawn worlds of their own (``docs/tracing_method.md``).
 A deviation is the rms of what a witness shows, in standard deviations of the calibration ("σ").
 """
 
@@ -122,14 +123,22 @@ class Limits:
         0.15, "share of the cycles, the latest, that is looked at once, when all is chosen", "1", 0.0, 1.0
     )
 
-    # How probable is it?
+    # How probable is it?  Chosen on the sessions that docs/tracing_method.md names.
     tempering: float = parameter(
-        0.1,
+        0.002,
         "of every nat that counts as one: neighbouring cycles, and what no form fits, say the same again",
         "1",
         0.0,
         1.0,
     )
+    size: float = parameter(3.0, "standard deviation of an effect's size before the logs", "typical sizes", 0.0)
+    else_size: float = parameter(
+        1.0, "standard deviation of each of the smooth errors that something else may make, before the logs", "σ", 0.0
+    )
+    nothing: float = parameter(0.3, "probability before the logs that nothing has happened", "1", 0.0, 1.0)
+    something_else: float = parameter(0.1, "that something has that is none of the effects", "1", 0.0, 1.0)
+    pair: float = parameter(0.1, "that two effects have; single ones have the rest, each as much", "1", 0.0, 1.0)
+    enough: float = parameter(0.9, "probability that a set of names must have to be given", "1", 0.0, 1.0)
 
 
 LIMITS = Limits()

@@ -15,7 +15,7 @@ from .analysis import quantities, residual_m
 from .evidence import Evidence
 from .isolability import size_in_words, tells_in_words
 from .race import Tracing
-from .report import explained
+from .report import LEAST_SAID, explained
 
 REFUSED_SHOWN = 8  #: rows of the table of candidates
 _MM = 1e3
@@ -31,6 +31,7 @@ def write_page(
     _residual(page, evidence, tracing)
     _what_to_do(page, report)
     _numbers(page, report)
+    _probable(page, report)
     _loop(page, evidence, tracing)
     if tracing.rounds:
         _race(page, tracing)
@@ -168,6 +169,18 @@ def _numbers(page: Page, report: dict[str, Any]) -> None:
             ),
             rows,
         )
+
+
+def _probable(page: Page, report: dict[str, Any]) -> None:
+    likely = [(name, share) for name, share in report["probable"].items() if share >= LEAST_SAID]
+    if not likely:
+        return
+    page.heading("How probable each is")
+    page.table(
+        ("hypothesis", "probability"),
+        [(_words([name]), f"{share:.0%}") for name, share in likely],
+        caption="By the evidence of the logs alone, beside the race that decides; a name has what its pairs have, too.",
+    )
 
 
 def _some(n: int) -> slice:

@@ -86,6 +86,7 @@ class Tracing:
     unusual: list[str]  #: those that are not as usual after
     judge: Judge  #: what every name was held against
     singles: dict[str, Trial]  #: of every name that was tried alone
+    field: tuple[str, ...]  #: names that could have been given, where it was to be found out which
     beside: tuple[str, float] | None = None  #: a further name that would take off too much, and how much over the gain
 
 
@@ -245,6 +246,7 @@ def trace(
         quantities(evidence, predictions),
     )
     result = _nothing(evidence, reasons, train, judge)
+    result.field = () if only else tuple(c.name for c in field_)
     work = Work(evidence, train)
     if only or judge.certain or judge.news_percent > LIMITS.hint * evidence.floor_percent:
         if only:
@@ -312,6 +314,7 @@ def _nothing(evidence: Evidence, reasons: dict[str, str], train: np.ndarray, jud
         unusual=[],
         judge=judge,
         singles={},
+        field=(),
     )
 
 

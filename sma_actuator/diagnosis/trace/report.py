@@ -22,10 +22,12 @@ from .evidence import Evidence
 from .experiments import best_experiment
 from .fitting import Fit, fit
 from .limits import LIMITS
+from .probability import probabilities
 from .race import Tracing, of_the_model, usual
 
 DRAWS = 1000
 SELDOM = 0.05  #: share of redrawn cycles on which an alternative does best, below which it does surely less well
+LEAST_SAID = 0.02  #: probability from which a name is worth a word
 DEPENDS = 0.1  #: share of the residual's mean square from which a dependence is worth naming
 
 
@@ -44,6 +46,7 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
         "effects": _effects(evidence, tracing),
         "alternatives": alternatives,
         "witnesses": _witnesses(tracing),
+        **_probabilities(evidence, tracing),
         "candidates": why.as_numbers(found),
         "untestable": [{"name": name, "reason": why} for name, why in tracing.untestable.items()],
         "error_before_pct_stroke": _mean(before, weight),
@@ -96,6 +99,25 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
         "logs": [t.log.source for t in evidence.logs.experiments],
     }
     return _plain(out)
+
+
+def _probabilities(evidence: Evidence, tracing: Tracing) -> dict[str, Any]:
+    """How probable every hypothesis is, and what follows from that alone; empty where it is not asked what happened since."""
+    if evidence.beyond_floor or not evidence.knows_its_scatter or not tracing.field:
+        return {"probabilities": [], "probable": {}, "by_probability": None}
+    found = probabilities(evidence, tracing.field)
+    verdict, names = found.verdict
+    return {
+        "probabilities": [{"hypothesis": list(some), "probability": share} for some, share in found.of.items()],
+        "probable": found.by_name,
+        "by_probability": {"verdict": verdict, "effects": names},
+    }
+
+
+def probable(report: dict[str, Any]) -> str:
+    """The most probable names in a line; empty where none were reckoned."""
+    likely = [f"{name} {share:.0%}" for name, share in report["probable"].items() if share >= LEAST_SAID]
+    return ", ".join(likely)
 
 
 def explained(report: dict[str, Any], names: Sequence[str]) -> list[dict[str, Any]]:

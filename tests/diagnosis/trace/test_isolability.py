@@ -69,7 +69,7 @@ def test_a_size_at_which_an_effect_shows_is_one_at_which_its_rows_say_so(under_a
     _, effects, evidence = under_a_weight
     effect = effects["reference_gain"]
     built = candidate("reference_gain", scales_of(evidence)).build({"gain": effect.seen_from, "pivot": 0.0})
-    moved = evidence.residual({"reference_gain": built}) - evidence.residual({})
+    moved = evidence.off(evidence.predict({"reference_gain": built})) - evidence.off(evidence.predict({}))
     assert 0.5 * LIMITS.tempering * float(np.sum(moved**2)) == pytest.approx(SURE, rel=0.15)
     assert effect.unit == "1" and math.isfinite(effect.seen_from)
 

@@ -34,6 +34,14 @@ def report(traced):
     return json.loads((traced[0] / "out" / "report.json").read_text())
 
 
+def test_the_report_says_how_probable_each_hypothesis_is(report, traced):
+    shares = [each["probability"] for each in report["probabilities"]]
+    assert sum(shares) == pytest.approx(1.0) and shares == sorted(shares, reverse=True)
+    assert max(report["probable"], key=report["probable"].get) == "voltage_offset"
+    assert report["by_probability"]["verdict"] == "traced" and "voltage_offset" in report["by_probability"]["effects"]
+    assert "How probable each is" in (traced[0] / "out" / "report.html").read_text()
+
+
 def test_the_report_says_what_was_found_and_how_sure_it_is(report):
     assert report["verdict"] == "traced"
     (effect,) = report["effects"]
