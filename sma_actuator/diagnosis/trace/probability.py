@@ -54,18 +54,19 @@ class Probabilities:
 
     @property
     def verdict(self) -> tuple[str, list[str]]:
-        """None, traced or unexplained by these alone; and the smallest set of names that is probable enough."""
+        """None, traced or unexplained by these alone; and the smallest set of names of which one is there probably enough."""
         best = next(iter(self.of))
         if best == (NOTHING,):
             return "none", []
-        names = [name for name in self.by_name if name not in (NOTHING, SOMETHING_ELSE)][: LIMITS.most_names]
-        for number in range(1, len(names) + 1):
-            if best != (SOMETHING_ELSE,) and self._within(names[:number]) >= LIMITS.enough:
+        of_best = [name for name in self.by_name if name in best]
+        names = of_best + [n for n in self.by_name if n not in (*best, NOTHING, SOMETHING_ELSE)]
+        for number in range(len(of_best), LIMITS.most_names + 1):
+            if best != (SOMETHING_ELSE,) and self._with_one_of(names[:number]) >= LIMITS.enough:
                 return "traced", names[:number]
         return "unexplained", []
 
-    def _within(self, names: Sequence[str]) -> float:
-        return sum(share for some, share in self.of.items() if set(some) <= set(names))
+    def _with_one_of(self, names: Sequence[str]) -> float:
+        return sum(share for some, share in self.of.items() if set(some) & set(names))
 
 
 def probabilities(evidence: Evidence, names: Sequence[str]) -> Probabilities:

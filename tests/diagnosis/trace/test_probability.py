@@ -64,3 +64,5 @@ def test_the_smallest_set_that_is_probable_enough_is_given_and_none_where_no_thr
     assert two.verdict == ("traced", ["creep", "slip"])
     four = Probabilities({(name,): 0.25 for name in ("creep", "slip", "rate", "fatigue")})
     assert four.verdict == ("unexplained", [])
+    beside_others = {("creep", name): 0.05 for name in ("slip", "rate", "fatigue", "shunt")}
+    assert Probabilities({("creep",): 0.8, **beside_others}).verdict == ("traced", ["creep"])
