@@ -86,7 +86,7 @@ class Manner:
         )
 
 
-class Wire(Protocol):
+class ByteStream(Protocol):
     """Bytes to and from an instrument.  ``send`` and ``receive`` raise TimeoutError, OSError or pyvisa.Error."""
 
     resumes: bool  #: what comes after a time-out can still be received, whole and in order
@@ -107,7 +107,7 @@ class Wire(Protocol):
         """Let go of it."""
 
 
-class SocketWire:
+class SocketStream:
     """A TCP connection of our own, for ``TCPIP::…::SOCKET``."""
 
     resumes = True
@@ -177,7 +177,7 @@ class SocketWire:
             raise TimeoutError
 
 
-class VisaWire:
+class VisaStream:
     """Any other resource of VISA: VXI-11, HiSLIP, USB, GPIB, serial; and all of them with another backend than pyvisa-py.
 
     Each call into VISA is bounded by VISA's own time-out, which some backends take by the wall
@@ -384,7 +384,7 @@ class Session:
                 f"instruments.{self.role}.resource: is empty; a VISA resource is wanted, as TCPIP::192.168.0.5::5025::SOCKET"
             )
         try:
-            wire = self._connect(lock)
+            stream = self._connect(lock)
         except InstrumentRefused:
             raise
         except pyvisa.VisaIOError as error:
@@ -400,11 +400,11 @@ class Session:
             ) from error
         except Exception as error:  # pyvisa-py raises a bare Exception for a host that has no address
             raise self._cannot_be_opened(error) from error
-        self._begin(wire)
+        self._begin(stream)
         self.say_off()
 
-    def _begin(self, wire: Wire | None) -> None:
-        self._wire = wire
+    def _begin(self, stream: ByteStream | None) -> None:
+        self._stream = stream
         self._midline = False  #: a line was begun and not ended
         self._got = b""  #: received, and not a whole line yet
         self._answered = False  #: a question, on this connection
@@ -415,8 +415,8 @@ class Session:
 
     def say_off(self) -> None:
         """Write the off lines, blind and in bounded time, from any thread.  Never raises."""
-        wire = self._wire
-        if wire is None or not self.off_lines:
+        stream = self._stream
+        if stream is None or not self.off_lines:
             return
         end = self._manner.write_termination
         pieces = [line + end for line in self.off_lines]
@@ -427,7 +427,7 @@ class Session:
         try:
             for piece in pieces:
                 self._pause(math.inf)
-                wire.send(piece.encode(), time.monotonic() + LAST_WORDS_s)
+                stream.send(piece.encode(), time.monotonic() + LAST_WORDS_s)
                 self._has_spoken()
             self._owe(*self.off_lines)
         except (OSError, pyvisa.Error) as error:
@@ -545,24 +545,24 @@ class Session:
 
         The instrument's exclusive lock goes with the connection, so that another one can be heard.
         """
-        wire = self._wire
-        if wire is not None:
+        stream = self._stream
+        if stream is not None:
             self.say_off()
-            wire.cut()
+            stream.cut()
 
     def close(self) -> None:
         """Give up the connection.  Never raises."""
-        wire, self._wire = self._wire, None
-        if wire is not None:
+        stream, self._stream = self._stream, None
+        if stream is not None:
             try:
-                wire.close()
+                stream.close()
             except Exception as error:  # noqa: BLE001 - nothing depends on a connection that is given up
                 _log.debug("%s: closing: %s", self.name, error)
 
     def _by_s(self) -> float:
         return min(self._deadline_s, time.monotonic() + self._timeout_s)
 
-    def _connect(self, lock: bool) -> Wire:
+    def _connect(self, lock: bool) -> ByteStream:
         name = pyvisa.rname.ResourceName.from_string(self.resource)
         by_s = self._by_s()
         if isinstance(name, pyvisa.rname.TCPIPSocket) and self._manner.backend == OWN_BACKEND:
@@ -571,16 +571,16 @@ class Session:
                 if not 0 < port < 65536:
                     raise OSError(f"there is no port {port}")
                 self._addresses = socket.getaddrinfo(name.host_address, port, type=socket.SOCK_STREAM)
-            return SocketWire(self._addresses, by_s)
+            return SocketStream(self._addresses, by_s)
         library = self._library()  # the first one takes its time, which is not the instrument's
-        wire = VisaWire(library, self.resource, self._manner, self._by_s())
+        stream = VisaStream(library, self.resource, self._manner, self._by_s())
         if lock:
             try:
-                wire.lock()
+                stream.lock()
             except pyvisa.Error:
-                wire.close()
+                stream.close()
                 raise
-        return wire
+        return stream
 
     def _library(self) -> pyvisa.ResourceManager:
         backend = self._manner.backend
@@ -596,7 +596,7 @@ class Session:
         data = (line + self._manner.write_termination).encode()
         self._do(f"'{line}'", lambda _: self._pause(by_s))
         self._midline = True
-        self._do(f"'{line}'", lambda wire: wire.send(data, by_s))
+        self._do(f"'{line}'", lambda stream: stream.send(data, by_s))
         self._midline = False
         self._has_spoken()
 
@@ -610,7 +610,7 @@ class Session:
 
     @property
     def _is_patient(self) -> bool:
-        return self.patience_s > 0.0 and self._wire is not None and self._wire.resumes
+        return self.patience_s > 0.0 and self._stream is not None and self._stream.resumes
 
     def _late(self, why: str, asked_s: float) -> InstrumentLate:
         return InstrumentLate(f"{self.name}: {why}", asked_s)
@@ -639,7 +639,7 @@ class Session:
 
     def _must_be_silent(self, line: str, by_s: float) -> None:
         """Nothing may have come before ``line`` is sent but what acknowledges a line of an earlier connection."""
-        self._got += self._do(f"'{line}'", lambda wire: wire.unread())
+        self._got += self._do(f"'{line}'", lambda stream: stream.unread())
         while came := self._got:
             whole = self._line_is_whole or self._manner.acknowledgement is not None  # of the latter the rest is to come
             first = self._line(f"'{line}'", by_s) if whole else _shown(came)
@@ -681,16 +681,16 @@ class Session:
     def _line(self, what: str, by_s: float) -> str:
         """One line of what it says to ``what``."""
         while not self._line_is_whole:
-            self._got += self._do(what, lambda wire: self._piece(wire, by_s))
+            self._got += self._do(what, lambda stream: self._piece(stream, by_s))
         text, _, self._got = self._got.partition(self._end)
         self._has_spoken()
         return text.decode("ascii", errors="replace").strip()
 
-    def _piece(self, wire: Wire, by_s: float) -> bytes:
+    def _piece(self, stream: ByteStream, by_s: float) -> bytes:
         if len(self._got) > LONGEST_ANSWER:
             raise OSError(f"its answer has no end within {LONGEST_ANSWER} bytes")
         try:
-            return wire.receive(by_s)
+            return stream.receive(by_s)
         except TimeoutError as error:
             begun = (
                 f"'{_shown(self._got)}' came, without the end of a line, {self._manner.read_termination!r} "
@@ -698,12 +698,12 @@ class Session:
             )
             raise TimeoutError(begun if self._got else "") from error
 
-    def _do(self, what: str, action: Callable[[Wire], T]) -> T:
-        wire = self._wire
-        if wire is None:
+    def _do(self, what: str, action: Callable[[ByteStream], T]) -> T:
+        stream = self._stream
+        if stream is None:
             raise InstrumentLost(f"{self.name}: not connected")
         try:
-            return action(wire)
+            return action(stream)
         except TimeoutError as error:
             begun = f": {error}" if str(error) else ""
             if self._answers and math.isfinite(self._deadline_s):

@@ -55,7 +55,7 @@ def test_off_is_confirmed_while_answers_to_blind_lines_lie_in_the_buffer(tmp_pat
             supply._session.say_off()
             assert supply.shut_down()
             assert instrument.settings["OUTP"] == "0"
-        assert supply._session._wire is not None, "on its own connection"
+        assert supply._session._stream is not None, "on its own connection"
 
 
 def test_off_is_confirmed_beside_a_session_that_hangs(tmp_path, supply_of, served):
@@ -180,7 +180,7 @@ def test_what_is_no_acknowledgement_and_was_not_asked_for_ends_the_connection():
         session.tell("OUTP 0")
         line.say("0.123")
         deadline_s = time.monotonic() + PATIENT_s
-        while not session._wire._waiting and time.monotonic() < deadline_s:
+        while not session._stream._waiting and time.monotonic() < deadline_s:
             time.sleep(0.001)
         with pytest.raises(InstrumentLost, match="said '0.123' without being asked"):
             session.tell("OUTP 0")
@@ -191,7 +191,7 @@ def test_an_acknowledgement_that_comes_late_and_in_pieces_is_waited_for():
         session = Session("supply", line.resource, Manner(acknowledgement=OK), PATIENT_s)
         session.open()
         os.write(line._ours, b"OK")
-        while not session._wire._waiting:
+        while not session._stream._waiting:
             time.sleep(0.001)
         rest = threading.Timer(0.2, os.write, (line._ours, b"\n"))
         rest.start()

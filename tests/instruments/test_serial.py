@@ -17,7 +17,7 @@ from sma_actuator.instruments import InstrumentError, InstrumentLost, Instrument
 from sma_actuator.instruments import session as session_module
 from sma_actuator.instruments.clock import MonotonicClock
 from sma_actuator.instruments.parameters import SerialLine
-from sma_actuator.instruments.session import Manner, Session, VisaWire
+from sma_actuator.instruments.session import Manner, Session, VisaStream
 
 CONSTANTS = pyvisa.constants
 
@@ -118,7 +118,7 @@ def test_the_line_is_set_as_the_parameters_say(make_config, role):
 def test_all_settings_reach_the_line():
     """A pseudo-terminal has eight bits and no parity, whatever it is told."""
     line = Mock()
-    VisaWire._prepare(
+    VisaStream._prepare(
         line, SerialLine(baud_rate=115200, data_bits=7, parity="even", stop_bits=2, flow_control="rts_cts")
     )
     told = (line.baud_rate, line.data_bits, line.parity, line.stop_bits, line.flow_control)
@@ -199,7 +199,7 @@ def test_what_the_last_program_left_unread_is_nobodys_answer():
         assert session.ask("OUTP?") == "1"
         line.say("2")
         deadline_s = time.monotonic() + 10.0
-        while not session._wire._waiting and time.monotonic() < deadline_s:
+        while not session._stream._waiting and time.monotonic() < deadline_s:
             time.sleep(0.001)
         with pytest.raises(InstrumentLost, match="said '2' without being asked"):
             session.ask("OUTP?")
@@ -254,7 +254,7 @@ def test_an_interface_without_locks_opens_all_the_same(monkeypatch, resource):
     monkeypatch.setattr(session_module.pyvisa, "ResourceManager", Manager)
     session = Session("supply", resource, Manner(), 1.0)
     session.open(lock=True)
-    assert isinstance(session._wire, VisaWire)
+    assert isinstance(session._stream, VisaStream)
     session.close()
     opened.error = CONSTANTS.StatusCode.error_system_error
     with pytest.raises(InstrumentError, match="cannot be opened"):
@@ -274,7 +274,7 @@ def test_a_line_that_cannot_be_set_so_is_given_back():
 def test_a_line_that_is_closed_under_the_one_who_waits_is_a_broken_connection(call):
     """pyserial calls that have lost their file end in a TypeError."""
     with SerialInstrument(lambda line: None) as line:
-        wire = VisaWire(pyvisa.ResourceManager("@py"), line.resource, Manner(), time.monotonic() + 10.0)
+        wire = VisaStream(pyvisa.ResourceManager("@py"), line.resource, Manner(), time.monotonic() + 10.0)
         port = wire._visa.visalib.sessions[wire._visa.session].interface
         fd, port.fd = port.fd, None
         deadline = () if call == "unread" else (time.monotonic() + 10.0,)

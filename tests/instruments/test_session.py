@@ -149,7 +149,7 @@ def test_an_answer_may_come_in_pieces_that_part_the_end_of_the_line(peer):
 
 def test_a_port_that_greets_is_said_to_be_for_people(peer, session):
     peer.connection.sendall(b"Welcome to the supply\r\n")
-    assert select.select([session._wire._socket], [], [], 10.0)[0]
+    assert select.select([session._stream._socket], [], [], 10.0)[0]
     with pytest.raises(InstrumentLost, match=r"said 'Welcome to the supply' without being asked: .* a port for people"):
         session.ask("*IDN?")
 
@@ -160,7 +160,7 @@ def test_what_comes_unasked_later_is_no_greeting(peer, session):
         peer.answer(b"1\n")
         assert session.ask("OUTP?") == "1"
         peer.connection.sendall(b"2\n")
-        assert select.select([session._wire._socket], [], [], 10.0)[0]
+        assert select.select([session._stream._socket], [], [], 10.0)[0]
         with pytest.raises(
             InstrumentLost, match="said '2' without being asked: its answers and our questions are out of"
         ):
@@ -168,7 +168,7 @@ def test_what_comes_unasked_later_is_no_greeting(peer, session):
         session.open()
         peer.accept()
     peer.connection.sendall(b"Welcome\n")
-    assert select.select([session._wire._socket], [], [], 10.0)[0]
+    assert select.select([session._stream._socket], [], [], 10.0)[0]
     with pytest.raises(InstrumentLost, match="said 'Welcome' without being asked: .* a port for people"):
         session.ask("OUTP?")
 
@@ -208,8 +208,8 @@ def test_a_side_that_reads_nothing_holds_nobody_up(peer, session):
 
 
 def test_off_does_not_wait_for_long_for_a_side_that_reads_nothing(session):
-    session._wire.close()
-    session._wire = full = Full()
+    session._stream.close()
+    session._stream = full = Full()
     session.say_off()
     assert 0.0 < full.waited_s < 0.2
 
@@ -230,20 +230,20 @@ class Full:
 
 
 def test_off_begins_a_line_of_its_own_where_one_was_begun_and_not_ended(session):
-    session._wire.close()
-    session._wire = full = Full()
+    session._stream.close()
+    session._stream = full = Full()
     with pytest.raises(InstrumentLost, match="no complete answer to 'CURR 0.1'"):
         session.tell("CURR 0.1")
     assert full.sent == b"CURR 0.1\n" + b"\nOUTP OFF\nCURR 0\n"
 
 
 def test_off_that_cannot_be_said_is_no_failure(session):
-    session._wire.close()
+    session._stream.close()
     for error in (TimeoutError, OSError, pyvisa.Error):
-        session._wire = full = Full()
+        session._stream = full = Full()
         full.send = raising(error)
         session.say_off()
-    session._wire = None
+    session._stream = None
     session.say_off()
 
 
@@ -348,13 +348,13 @@ def test_of_several_addresses_the_first_that_answers_is_taken(peer):
     session.close()
     session._addresses = []
     with pytest.raises(OSError, match="it has no address"):
-        session_module.SocketWire([], time.monotonic() + 1.0)
+        session_module.SocketStream([], time.monotonic() + 1.0)
 
 
 def test_a_deadline_that_has_passed_is_not_waited_for(session):
     for passed_s in (1e-6, 0.5, 100.0):
         with pytest.raises(TimeoutError):
-            session._wire.receive(time.monotonic() - passed_s)
+            session._stream.receive(time.monotonic() - passed_s)
 
 
 def test_what_an_instrument_said_is_shown_short_enough_for_a_sentence(peer, session):
@@ -371,7 +371,7 @@ def test_a_connection_is_ended_and_not_broken_though_words_are_unread(peer, sess
     """A reset could overtake the off that was said last."""
     monkeypatch.setattr(session_module, "_PIECE", 1000)
     peer.connection.sendall(b"1" * 10_000)
-    assert select.select([session._wire._socket], [], [], 10.0)[0]
+    assert select.select([session._stream._socket], [], [], 10.0)[0]
     session.give_up("a test")
     heard = b""
     while data := peer.connection.recv(65536):
@@ -380,14 +380,14 @@ def test_a_connection_is_ended_and_not_broken_though_words_are_unread(peer, sess
 
 
 def test_opening_again_ends_the_connection_before(peer, session):
-    before = session._wire
+    before = session._stream
     session.open()
     assert before._socket.fileno() == -1
     assert peer.read_to_the_end() == b"OUTP OFF\nCURR 0\n"
 
 
 def test_what_is_closed_is_closed_at_once(session):
-    wire = session._wire
+    wire = session._stream
     session.close()
     assert wire._socket.fileno() == -1
 
@@ -406,14 +406,14 @@ def test_a_second_session_asks_no_name_server_again(peer, session, monkeypatch):
 
 
 def test_a_query_does_not_wait_for_the_acknowledgement_of_what_was_told_before(session):
-    assert session._wire._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+    assert session._stream._socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
 
 def test_a_connection_that_cannot_be_closed_is_given_up_all_the_same(session, monkeypatch):
     def broken():
         raise ZeroDivisionError
 
-    wire = session._wire
+    wire = session._stream
     monkeypatch.setattr(wire, "close", broken)
     session.close()
     with pytest.raises(InstrumentLost, match="not connected"):
@@ -467,7 +467,7 @@ def test_a_resource_that_visa_does_not_find_cannot_be_opened(monkeypatch):
     def nothing(*_):
         raise pyvisa.VisaIOError(pyvisa.constants.StatusCode.error_resource_not_found)
 
-    monkeypatch.setattr(session_module, "VisaWire", nothing)
+    monkeypatch.setattr(session_module, "VisaStream", nothing)
     with pytest.raises(
         InstrumentUnreachable, match="daq at USB0::1::2::3::INSTR: cannot be opened .*is it switched on"
     ):
@@ -516,13 +516,13 @@ class TestSerial:
 
     def test_a_line_that_breaks_is_lost(self, line):
         _, session = line
-        session._wire._visa.close()
+        session._stream._visa.close()
         with pytest.raises(InstrumentLost, match=r"the connection broke at 'CURR\?'"):
             session.ask("CURR?")
 
     def test_what_is_cut_is_told_off_and_cannot_be_used_any_more(self, line):
         ours, session = line
-        wire = session._wire
+        wire = session._stream
         session.cut()
         with pytest.raises((pyvisa.Error, OSError)):
             wire.receive(time.monotonic() + 60.0)

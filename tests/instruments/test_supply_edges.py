@@ -342,7 +342,7 @@ def test_a_session_that_hangs_in_another_thread_is_broken_and_a_second_one_speak
         thread = threading.Thread(target=hang)
         thread.start()
         assert held.wait(60.0)
-        wire = one._session._wire
+        wire = one._session._stream
         began_s = time.monotonic()
         assert one.shut_down()
         took_s.append(time.monotonic() - began_s)
