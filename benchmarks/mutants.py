@@ -78,7 +78,7 @@ TARGETS = {
         f"actuator/{name}": ("tests/test_actuator.py", "tests/safety/test_limits.py")
         for name in ("actuator", "following", "measured", "offered", "said", "tuner")
     },
-    "pair": ("tests/driver/test_pair.py",),
+    **{f"pair/{name}": ("tests/driver/test_pair.py",) for name in ("driver", "fit", "stepped")},
     "estimation/hot_end": ("tests/estimation/test_hot_end_seen.py",),
     "estimation/chain": ("tests/estimation/test_chain.py",),
     "safety/alive": ("tests/safety/test_alive.py",),

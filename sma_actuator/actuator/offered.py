@@ -82,8 +82,8 @@ class Offered:
             trajectory = Trajectory(times_s, positions_m, velocities_m_s=velocities_m_s)
         except (TypeError, ValueError) as error:
             return self._refused(now_s, setpoint_not_finite, str(error))
-        if not trajectory.duration_s + delay_s >= 0.0:
-            return f"trajectory refused: its last point was due {-delay_s - trajectory.duration_s:.3g} s ago"
+        if refusal := trajectory.refusal(delay_s):
+            return refusal
         self._commanding.follow(now_s, trajectory, delay_s)
         return ""
 

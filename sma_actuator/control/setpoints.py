@@ -108,6 +108,12 @@ class Trajectory:
         """Time of the last point [s]."""
         return self.times_s[-1]
 
+    def refusal(self, delay_s: float) -> str:
+        """Why it cannot be followed from ``delay_s`` after now, or "": a negative one has begun before."""
+        if self.duration_s + delay_s >= 0.0:
+            return ""
+        return f"trajectory refused: its last point was due {-delay_s - self.duration_s:.3g} s ago"
+
     def __call__(self, time_s: float) -> float:
         """Position [m] at ``time_s`` since the start."""
         times, positions = self.times_s, self.positions_m

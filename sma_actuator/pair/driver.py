@@ -13,7 +13,7 @@ import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, nan, tau
-from typing import Protocol, Self
+from typing import Protocol
 
 from sma_actuator.actuator import AFTER_A_FAULT, AFTER_A_LOSS, without_advice
 from sma_actuator.base.parameters import ConfigError
@@ -22,10 +22,11 @@ from sma_actuator.config import Config
 from sma_actuator.control.pair import LIMITS, Pair, PairParameters, WireState
 from sma_actuator.control.setpoints import Trajectory
 from sma_actuator.driver import OFF_MEANWHILE, Driver
-from sma_actuator.instruments import Clock, Daq, PowerSupply
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.guards.program import partner_off
 from sma_actuator.safety.guards.setpoints import setpoint_stale
+
+from .fit import mismatches
 
 _UNKNOWN = WireState(nan, nan, nan)
 
@@ -133,8 +134,8 @@ class PairDriver:
                 trajectory = Trajectory(times_s, angles_rad, velocities_m_s=velocities_rad_s)
             except ValueError as error:
                 return str(error)
-            if not trajectory.duration_s + delay_s >= 0.0:
-                return f"trajectory refused: its last point was due {-delay_s - trajectory.duration_s:.3g} s ago"
+            if refusal := trajectory.refusal(delay_s):
+                return refusal
             self._offered = delay_s, trajectory
             return ""
 
@@ -315,96 +316,3 @@ def _state_of(output: Output | None) -> WireState:
     if estimate.quality is Quality.INVALID:
         return WireState(nan, nan, load_N)
     return WireState(estimate.displacement_m, estimate.uncertainty_m, load_N, estimate.velocity_m_s)
-
-
-def mismatches(parameters: PairParameters, configs: Sequence[Config]) -> list[str]:
-    """Why these wires cannot turn that joint together, one sentence each."""
-    found = []
-    ranges_m = []
-    for name, config in zip(parameters.wires, configs, strict=True):
-        wire, model = config.wire, config.model.build(config.wire)
-        ranges_m.append(model.displacement_range_m)
-        most_N = config.safety.stress_limit_fraction * wire.max_stress * wire.area_m2
-        if parameters.tension_limit > most_N:
-            found.append(
-                f"tension_limit: {parameters.tension_limit:g} N is above {most_N:.3g} N, where safety.stress_limit_fraction "
-                f"of the wire {name} holds it"
-            )
-        least_N = model.stress_range_Pa[0] * wire.area_m2
-        if parameters.least_cocontraction < least_N:
-            found.append(
-                f"least_cocontraction: {parameters.least_cocontraction:g} N is below {least_N:.3g} N, the least that the "
-                f"model of the wire {name} was identified on"
-            )
-    low_rad, high_rad = Pair(parameters, ranges_m).range_rad(parameters.cocontraction)
-    if not low_rad < high_rad:
-        found.append(
-            f"displacement_at_zero: with {', '.join(f'{x:g}' for x in parameters.displacement_at_zero)} m there is no angle "
-            "at which both wires are in the working ranges of their models"
-        )
-    return found
-
-
-class SteppedPair(PairDriver):
-    """A pair with the drivers of both wires, stepped by hand: for tools and tests, in the time of a bench.
-
-    ``instruments`` are supply and DAQ of each wire.
-    """
-
-    def __init__(
-        self,
-        parameters: PairParameters,
-        configs: Sequence[Config],
-        instruments: Sequence[tuple[PowerSupply, Daq]],
-        clock: Clock,
-    ):
-        self.outputs: list[JointOutput] = []  #: of every step
-        self.wires = [
-            SteppedWire(
-                Driver(
-                    config,
-                    supply,
-                    daq,
-                    clock,
-                    on_output=lambda output, number=number: self.take_output(number, output),  # type: ignore[misc]
-                    name=name,
-                )
-            )
-            for number, (name, config, (supply, daq)) in enumerate(
-                zip(parameters.wires, configs, instruments, strict=True)
-            )
-        ]
-        super().__init__(parameters, configs, self.wires, self.outputs.append)
-        self._clock = clock
-        self._period_s = 1.0 / max(config.loop.rate for config in configs)
-
-    def run_for(self, seconds: float) -> JointOutput:
-        """Step both loops for a time; what the last step has said."""
-        until_s = self._clock.now_s() + seconds
-        while (now_s := self._clock.now_s()) < until_s - 1e-9:
-            self._clock.sleep_until_s(min(now_s + self._period_s, until_s))
-            for wire in self.wires:
-                wire.driver.tick()
-        return self.outputs[-1]
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for wire in self.wires:
-            wire.driver.stop()
-
-
-@dataclass(frozen=True, slots=True)
-class SteppedWire:
-    """One wire of such a pair."""
-
-    driver: Driver
-
-    def switch_on(self, wanted: Callable[[], bool]) -> tuple[bool, str]:
-        """As :meth:`PairedWire.switch_on`."""
-        return self.driver.enable(True, wanted=wanted)
-
-    def switch_off(self) -> tuple[bool, str]:
-        """As :meth:`PairedWire.switch_off`."""
-        return self.driver.enable(False)
