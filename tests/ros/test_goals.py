@@ -1,4 +1,5 @@
-"""What becomes of a goal of the action, for a joint in the bench's own time; with the real action: test_follow_joint_trajectory.py."""
+"""What becomes of a goal of the action, for a joint in the bench's own time; with the real action:
+test_follow_joint_trajectory.py."""
 
 import sys
 from types import ModuleType, SimpleNamespace
@@ -106,7 +107,9 @@ def stand(monkeypatch):
     module.FollowJointTrajectory = SimpleNamespace(Result=Result, Feedback=feedback)
     monkeypatch.setitem(sys.modules, "control_msgs", package)
     monkeypatch.setitem(sys.modules, "control_msgs.action", module)
-    monkeypatch.setattr(action, "ActionServer", lambda *arguments, **callbacks: None)
+    of_its_own = SimpleNamespace(Goal=SimpleNamespace(get_fields_and_field_types=dict))  # laid out as no goal is
+    server = SimpleNamespace(action_type=of_its_own)
+    monkeypatch.setattr(action, "ActionServer", lambda *arguments, **callbacks: server)
     return Stand()
 
 
