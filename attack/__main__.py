@@ -1,7 +1,7 @@
 """``python -m attack``: run attacks, print what they broke, and write their figures to docs/attack.md.
 
-Without a name of an attack all of them are run, side by side, in pieces that are kept with their commit, and the page of all that is
-kept is written; with one, it alone, and kept only ``--into`` a file.
+Without a name of an attack all of them are run, side by side, in pieces that are kept with their commit, and the page
+of all that is kept is written; with one, it alone, and kept only ``--into`` a file.
 """
 
 from __future__ import annotations
@@ -100,7 +100,8 @@ def _units(name: str, options: argparse.Namespace, next_seed: int) -> list[tuple
 
 
 def _run(work: list[tuple[str, tuple]], jobs: int, minutes: float) -> Iterator[tuple[str, tuple, Result]]:
-    """An attack, the arguments of one of its parts and what it brings home, as they end; what has not begun when the time is over is left out."""
+    """An attack, the arguments of one of its parts and what it brings home, as they end; what has not begun when the
+    time is over is left out."""
     # Taken in turns, so that each attack has its share where the time does not suffice for all.
     by_name = {name: [arguments for kind, arguments in work if kind == name] for name in RUNNERS}
     order = sorted(
@@ -136,28 +137,74 @@ def page(kept: Kept) -> str:
     lines = [
         "# The attack",
         "",
-        "Written by `make attack`, which runs it in pieces that are kept with their commit (`attack/kept.json`), each with the seeds after",
+        (
+            "Written by `make attack`, which runs it in pieces that are kept with their commit (`attack/kept.json`), "
+            "each "
+            "with the seeds after"
+        ),
         "the last; `python -m attack --show` says what of it is older than the code that it tried.",
         "",
         "| attack | commit | on | how much | when this page was written |",
         "|---|---|---|---|---|",
         *(f"| {' | '.join(row)} |" for row in pieces),
         "",
-        "An attacker that does everything which instruments, operating systems and ROS 2 can do, at random, and a judge that",
-        "knows only [docs/faults.md](faults.md), the parameter file and what is true on the virtual bench: its temperature,",
-        "stress and current. It asks nothing of the code under test. Every attack is seeded; what is broken is listed with the",
+        (
+            "An attacker that does everything which instruments, operating systems and ROS 2 can do, at random, and a "
+            "judge that"
+        ),
+        (
+            "knows only [docs/faults.md](faults.md), the parameter file and what is true on the virtual bench: its "
+            "temperature,"
+        ),
+        (
+            "stress and current. It asks nothing of the code under test. Every attack is seeded; what is broken is "
+            "listed "
+            "with the"
+        ),
         "command that shows it again. `tests/attack` runs a short attack with every test run.",
-        "Lines, kills and fuzz run in real time: the longest that the machine stood still is taken off once, so on a busy one its",
+        (
+            "Lines, kills and fuzz run in real time: the longest that the machine stood still is taken off once, so on "
+            "a "
+            "busy one its"
+        ),
         "other stalls are among what is listed here.",
         "",
-        "The soaks look at memory: `python -m attack soak` at a driver with its recorder for a virtual day, `node_soak` at a node",
-        "that somebody listens to over ROS 2 for some minutes, five times as fast as usual, and that is configured anew again and",
-        "again. *Grown* is what has come since everything was there that is there once. *Objects* are the blocks that Python has",
-        "given out, with all garbage collected: what is kept of each step would be millions. *Memory* is what the process has of",
-        "its own. An allocator takes pages as what waits for the disk is now and then more than ever before, so it levels off; what",
-        "goes on growing in the second half would be a leak. Pages of programs on disk are left out, for the machine takes and drops",
-        "them as it likes: the first time that the model's health fits a plane it reads 1.6 MB of linear algebra. What a node",
-        "takes each time that it is configured does not level off and is no object of Python's; where it goes is not known.",
+        (
+            "The soaks look at memory: `python -m attack soak` at a driver with its recorder for a virtual day, "
+            "`node_soak` at a node"
+        ),
+        (
+            "that somebody listens to over ROS 2 for some minutes, five times as fast as usual, and that is configured "
+            "anew again and"
+        ),
+        (
+            "again. *Grown* is what has come since everything was there that is there once. *Objects* are the blocks "
+            "that "
+            "Python has"
+        ),
+        (
+            "given out, with all garbage collected: what is kept of each step would be millions. *Memory* is what the "
+            "process has of"
+        ),
+        (
+            "its own. An allocator takes pages as what waits for the disk is now and then more than ever before, so it "
+            "levels off; what"
+        ),
+        (
+            "goes on growing in the second half would be a leak. Pages of programs on disk are left out, for the "
+            "machine "
+            "takes and drops"
+        ),
+        (
+            "them as it likes: the first time that the model's health fits a plane it reads 1.6 MB of linear algebra. "
+            "What "
+            "a node"
+        ),
+        (
+            "takes each time that it is configured does not level off and is no object of Python's; where it goes is "
+            "not "
+            "known."
+        ),
         "",
         "| attack | what was done | how often |",
         "|---|---|---|",
@@ -177,7 +224,11 @@ def page(kept: Kept) -> str:
     if "heat" in results:
         lines += ["", "## How hot at half the heat loss, how far at the full", ""]
         lines += [
-            "Limits as `sma-actuator init` writes them; shares are of the stroke from the cold to where the wire is shortest,"
+            (
+                "Limits as `sma-actuator init` writes them; shares are of the stroke from the cold to where the wire "
+                "is "
+                "shortest,"
+            )
         ]
         lines += [
             "the least that was held for ten minutes under a light, a middle and the largest load.",

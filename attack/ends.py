@@ -1,10 +1,11 @@
 """Ends: wires that are driven to and fro inside their stroke, and ends that are none.
 
 The user's way for each physics: what `init` derives, `characterise`, `identify`, and the driver on what that wrote.
-Places at random inside 85 % of the stroke that the wire has at that load, by the bench's truth, under a light, a middle and the largest
-calibrated load, switched on at once (the guard counts the wire as hot) and with the wire hot from before.  An end that is shown
-(limit ``setpoint_reach``) for longer than a second by a wire that has more than a tenth of its stroke to go is false, and a place
-that is not reached within a tenth of the stroke in the last third of its time is not gone to.
+Places at random inside 85 % of the stroke that the wire has at that load, by the bench's truth, under a light, a middle
+and the largest calibrated load, switched on at once (the guard counts the wire as hot) and with the wire hot from
+before.  An end that is shown (limit ``setpoint_reach``) for longer than a second by a wire that has more than a tenth
+of its stroke to go is false, and a place that is not reached within a tenth of the stroke in the last third of its time
+is not gone to.
 """
 
 from __future__ import annotations

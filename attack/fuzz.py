@@ -128,7 +128,8 @@ class Fuzzing:
                 return
             self._alive()
             if self._node is not None and attempt:
-                # What it was told may well keep it from driving: a limit near zero, say.  A new node knows nothing of it.
+                # What it was told may well keep it from driving: a limit near zero, say.  A new node knows nothing of
+                # it.
                 self._node.end()
                 self._node = None
                 self.result.counts["parameters that no longer drive"] += 1

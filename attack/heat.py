@@ -1,13 +1,15 @@
 """Heat: the two promises of the limits that `sma-actuator init` writes, side by side, in every physics of the bench.
 
-How hot a wire becomes that loses half the heat that it should: from the start, driven with all the current that the limits
-leave, through moves, through restarts, with a sensor of the surroundings that reads too cold, and by ``characterise``; and suddenly, while it
-is held hot (a cover is put over it).  The guard that tells a wrong heat loss from how the wire cools is blind here: what
-holds has to hold before anybody can know.  The judge looks at the hottest place of the wire, by the bench's truth.
+How hot a wire becomes that loses half the heat that it should: from the start, driven with all the current that the
+limits leave, through moves, through restarts, with a sensor of the surroundings that reads too cold, and by
+``characterise``; and suddenly, while it is held hot (a cover is put over it).  The guard that tells a wrong heat loss
+from how the wire cools is blind here: what holds has to hold before anybody can know.  The judge looks at the hottest
+place of the wire, by the bench's truth.
 
-And how far a wire contracts that loses what it should, under a light, a middle and the largest load, and what of that is
-held for ten minutes, a minute and a half after it was asked for: in % of its stroke, from the cold to where it is shortest of all below ``max_temperature``.  The law that asks for it sees
-the bench's truth, so that nothing but the limits can be in the way.
+And how far a wire contracts that loses what it should, under a light, a middle and the largest load, and what of that
+is held for ten minutes, a minute and a half after it was asked for: in % of its stroke, from the cold to where it is
+shortest of all below ``max_temperature``.  The law that asks for it sees the bench's truth, so that nothing but the
+limits can be in the way.
 """
 
 from __future__ import annotations
@@ -123,8 +125,9 @@ class Heating:
     # --- how hot ------------------------------------------------------------------------------------
 
     def driven(self, load: Load, seconds: float, way: str) -> float:
-        """Hottest place [°C] of a wire that the driver drives in a way: "held" at all the current there is, also "covered",
-        "begun anew" again and again or in a "warm room" whose sensor reads too cold; or moved along a "sine" or "steps"."""
+        """Hottest place [°C] of a wire that the driver drives in a way: "held" at all the current there is, also
+        "covered", "begun anew" again and again or in a "warm room" whose sensor reads too cold; or moved along a "sine"
+        or "steps"."""
         config = self.config
         if way == "warm room":
             config = config.replace({"thermal.ambient_temperature": WARM_C})
@@ -157,7 +160,8 @@ class Heating:
         return hottest_C
 
     def characterised(self) -> float:
-        """Hottest place [°C] in pulses of ``characterise`` at supply.max_current, under its lightest, a middle and its heaviest load."""
+        """Hottest place [°C] in pulses of ``characterise`` at supply.max_current, under its lightest, a middle and its
+        heaviest load."""
         config = bench_from_mapping(self.parameters)
         # Half in all, however it hangs: the margin of an attended bench is no more.
         bench = self._bench(LOADS[0], self.heat_loss / world_of(self.physics).heat_transfer)
@@ -188,8 +192,8 @@ class Heating:
     # --- how far ------------------------------------------------------------------------------------
 
     def stroke(self, load: Load) -> tuple[float, float, float]:
-        """Where the wire rests in the cold, and where it is shortest of all below the limit of its temperature [m]; how hot
-        it is where it has come as far as is asked [°C]."""
+        """Where the wire rests in the cold, and where it is shortest of all below the limit of its temperature [m]; how
+        hot it is where it has come as far as is asked [°C]."""
         bench = self._bench(load, 1.0)
         bench.supply.set_voltage(20.0)
         bench.supply.set_output(True)

@@ -37,8 +37,8 @@ LOADS = {
 }
 WIRES = tuple(LOADS)
 PHYSICS = tuple(WORLDS)
-#: Rates of the loop [Hz], that of the shipped parameters and the slowest that their time-outs allow.  Three of them, so that
-#: seeds that follow each other have every wire in every physics at each.
+#: Rates of the loop [Hz], that of the shipped parameters and the slowest that their time-outs allow.  Three of them, so
+#: that seeds that follow each other have every wire in every physics at each.
 RATES_Hz = (10.0, 20.0, 10.0)
 #: What the bench can be told to do wrong while the wire is driven.
 DRIVEN_FAULTS = tuple(FAULTS)
@@ -105,7 +105,8 @@ class Session:
         self.bench.inject("draught", self.heat_loss)
         self.ambient_lie_C = chance.choice(AMBIENT_LIES)
         self.scene = (
-            f"{wire} in {self.physics} at {self.rate_Hz:g} Hz, {load}, heat loss × {self.heat_loss:g}, leads {self.lead_error_Ohm:+g} Ω, {ambient_C:.0f} °C"
+            f"{wire} in {self.physics} at {self.rate_Hz:g} Hz, {load}, heat loss × {self.heat_loss:g}, leads "
+            f"{self.lead_error_Ohm:+g} Ω, {ambient_C:.0f} °C"
             f"{'' if self.ambient_lie_C is None else f' read as {self.ambient_lie_C:g} °C'}"
         )
         self.outputs = 0

@@ -1,7 +1,8 @@
 """What attacks have brought home, commit by commit, and what of it is older than the code that it tried.
 
-A long attack is run in pieces, on whatever commit there is at the time: a million messages today, a thousand kills tomorrow.
-Each piece goes on with the seeds after the last, and is kept with its commit; a piece says nothing of code that came later.
+A long attack is run in pieces, on whatever commit there is at the time: a million messages today, a thousand kills
+tomorrow.  Each piece goes on with the seeds after the last, and is kept with its commit; a piece says nothing of code
+that came later.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""Sensors that lie slowly or plausibly, while the wire is driven: nothing jumps, nothing stands still to the last digit.
+"""Sensors that lie slowly or plausibly, while the wire is driven: nothing jumps, nothing stands still to the last
+digit.
 
-The judge knows the bench's truth: by how much more the position is wrong than before the lie, until a fault says that something is
-wrong; and that an honest stand is never accused, in any physics, whatever it is asked for.
+The judge knows the bench's truth: by how much more the position is wrong than before the lie, until a fault says that
+something is wrong; and that an honest stand is never accused, in any physics, whatever it is asked for.
 """
 
 from __future__ import annotations
@@ -103,12 +104,15 @@ class Lying:
             self.result.counts["lies found"] += 1
             self.result.see(f"{words}: until a fault [s]", after_s)
         if after - before > lie.wrong_at_most or after_s > lie.within_s:
-            detail = f"{scene}: wrong by {after:.0%} of the stroke, before {before:.0%}, and {fault or 'no fault'} after {after_s:.1f} s"
+            detail = (
+                f"{scene}: wrong by {after:.0%} of the stroke, before {before:.0%}, and {fault or 'no fault'} "
+                f"after {after_s:.1f} s"
+            )
             self.result.violations.append(Violation(f"believed: {words}", detail, replay))
 
     def drive(self, lie: Lie | None, motion: str, load: Load) -> tuple[float, float, Output, float]:
-        """The largest error of the position before the lie and after it, in full strokes; the last output, and how long after
-        the lie began it came [s]."""
+        """The largest error of the position before the lie and after it, in full strokes; the last output, and how long
+        after the lie began it came [s]."""
         config = self.config
         bench = VirtualBench.from_name(self.wire, seed=self.unit, load=load, physics=self.physics)
         worst, outputs = [0.0, 0.0], []

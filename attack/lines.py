@@ -46,7 +46,8 @@ _ENDS_THE_TALK = (
     Mischief("trickle"),
     Mischief("flood"),
 )
-#: The supply forgets what it was told, with its connection as it was: the row of the table that promises the current off.
+#: The supply forgets what it was told, with its connection as it was: the row of the table that promises the current
+#: off.
 _FORGETS = {
     Mischief("slip in", "questions", words="*RST"): "second_commander",
     Mischief("slip in", "questions", words="CURR:PROT 1"): "limits_not_held",
@@ -55,7 +56,8 @@ _FORGETS = {
     Mischief("slip in", "questions", words="CURR 0.3"): "second_commander",
     Mischief("forget", "questions"): "second_commander",
 }
-#: Answers whose form is right and whose meaning is wrong, by instrument: the row of the table that promises the current off.
+#: Answers whose form is right and whose meaning is wrong, by instrument: the row of the table that promises the current
+#: off.
 _MEANS_OTHERWISE = {
     "daq": {
         Mischief("times thousand"): "reading_saturated",
@@ -179,13 +181,14 @@ class Line:
         if role == "supply":
             within_s = max(within_s, self.config.supply.watchdog_timeout)
             if mischief.kind == "garble" and mischief.touches("questions"):
-                # It hears no "off" either, only words, and its watchdog counts from the last: the off that gives the line up.
+                # It hears no "off" either, only words, and its watchdog counts from the last: the off that gives the
+                # line up.
                 return self.config.instruments.supply.timeout + self.config.supply.watchdog_timeout
         return min(within_s, OFF_AT_MOST_s)
 
     def _must_fall_silent(self, began_s: float) -> None:
-        """It answers and does not hear "off": the driver notices, asks in vain, and leaves it to its watchdog, which counts
-        from the last word.  What this machine stood still counts in the one part as in the other."""
+        """It answers and does not hear "off": the driver notices, asks in vain, and leaves it to its watchdog, which
+        counts from the last word.  What this machine stood still counts in the one part as in the other."""
         took_s = self.stand.off_within_s(began_s, 4.0)
         if math.isnan(took_s):
             self.broken("the current is not off in time", "not within 4 s")

@@ -116,7 +116,8 @@ class Client:
         return value
 
     def call(self, service: str, kind: Any, request: Any = None, timeout_s: float = 5.0) -> Any:
-        """Response of a service, None where there is none in time; the next call then has a client of its own, as a person's has."""
+        """Response of a service, None where there is none in time; the next call then has a client of its own, as a
+        person's has."""
         if service not in self._clients:
             self._clients[service] = self.node.create_client(kind, service)
         client, answer = self._clients[service], None

@@ -1,7 +1,8 @@
 """Starts nodes quickly: imports everything once, and then forks one process for each node that is asked for.
 
-``python -m attack.nursery`` reads one JSON list of arguments a line and answers ``started PID``; when a node ends it says
-``ended PID CODE`` (minus the signal's number where one ended it).  What runs in the fork is the node's own ``main``.
+``python -m attack.nursery`` reads one JSON list of arguments a line and answers ``started PID``; when a node ends it
+says ``ended PID CODE`` (minus the signal's number where one ended it).  What runs in the fork is the node's own
+``main``.
 """
 
 from __future__ import annotations

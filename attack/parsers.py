@@ -3,10 +3,10 @@
     python -m attack.parsers --minutes 60          every parser in turn, as ``make fuzz``
     python -m attack.parsers csv --minutes 5       one of them
 
-Atheris changes inputs where that reaches new lines.  What may leave a parser is a UserError with its sentence, or, of messages,
-the ValueError that the node answers with; anything else, more than 2.5 GB, or 20 s for one input, is found.  The corpus in
-``attack/corpus`` is kept, and ``tests/attack`` goes through it with every test run; what breaks a parser is put there.
-What atheris has learned besides stays in ``out/fuzz`` and is gone on with.
+Atheris changes inputs where that reaches new lines.  What may leave a parser is a UserError with its sentence, or, of
+messages, the ValueError that the node answers with; anything else, more than 2.5 GB, or 20 s for one input, is found.
+The corpus in ``attack/corpus`` is kept, and ``tests/attack`` goes through it with every test run; what breaks a parser
+is put there.  What atheris has learned besides stays in ``out/fuzz`` and is gone on with.
 """
 
 from __future__ import annotations

@@ -36,7 +36,10 @@ class Mischief:
         return self.direction in (direction, "both")
 
     def __str__(self) -> str:
-        return f"{self.kind}{f' {self.delay_s:g} s' if self.delay_s else ''}{f' {self.words}' if self.words else ''}, {self.direction}"
+        return (
+            f"{self.kind}{f' {self.delay_s:g} s' if self.delay_s else ''}{f' {self.words}' if self.words else ''}, "
+            f"{self.direction}"
+        )
 
 
 HONEST = Mischief("honest", "none")

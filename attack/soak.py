@@ -1,9 +1,9 @@
 """A soak: one driver with its recorder, hour after virtual hour, and what of this machine's memory it takes.
 
 Nothing goes wrong here but setpoints; what grows would end a process that is left to itself for days.  Two things are
-looked at.  Python's own objects are counted, exactly: what is kept at each step shows within minutes.  And memory that is
-this process' own is measured, with whatever else takes any.  Pages of programs and libraries on disk are left out: they
-come and go with what else the machine does.
+looked at.  Python's own objects are counted, exactly: what is kept at each step shows within minutes.  And memory that
+is this process' own is measured, with whatever else takes any.  Pages of programs and libraries on disk are left out:
+they come and go with what else the machine does.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from .stand import SOON_s, wait_until
 #: After these everything is there that is there once: compiled code, full windows, full queues.
 SETTLED_s = 600.0
 SLICE_s = 60.0
-#: What may come to it from then on, however long it lasts: an allocator gives and takes some pages, and Python keeps some
-#: objects for the next use.
+#: What may come to it from then on, however long it lasts: an allocator gives and takes some pages, and Python keeps
+#: some objects for the next use.
 MOST_GROWN_B = 1_000_000
 MOST_GROWN_OBJECTS = 1000
 

@@ -196,7 +196,8 @@ def currents_A(config, number: int, seed: int, program: str = PROGRAMS[0]) -> np
 
 
 def _currents_elsewhere_A(rng: np.random.Generator, rate: float, low: float, high: float) -> np.ndarray:
-    """Sines, stairs up and down, switching at random and pulses with one pause, in any order, of a fifth of the log each."""
+    """Sines, stairs up and down, switching at random and pulses with one pause, in any order, of a fifth of the log
+    each."""
     part_s = 52.0
     t = np.arange(round(part_s * rate)) / rate
 
@@ -332,7 +333,8 @@ def cases(
 ) -> list[Case]:
     """The whole list: every effect alone, none, pairs and what no model has a name for; the same on every call.
 
-    Each of ``turns`` is the whole list with other seeds, loads and signs.  ``elsewhere``: those that have the whole program, with :data:`ELSEWHERE` in its place.
+    Each of ``turns`` is the whole list with other seeds, loads and signs.  ``elsewhere``: those that have the whole
+    program, with :data:`ELSEWHERE` in its place.
     """
     out = []
     for turn in turns:

@@ -10,8 +10,8 @@ Of the single effects only those count that raise the error by half or more over
 The gate is also trained on all physics but one and judged on that one, each in turn: the smallest factor with which
 no effect-free session elsewhere is an alarm.
 
-What is kept on disk (``out/kept``) makes the next run cheap, so that a trial may be run in pieces: with ``--minutes`` no
-case is begun after so long, and what is printed is of all cases that are judged by then.
+What is kept on disk (``out/kept``) makes the next run cheap, so that a trial may be run in pieces: with ``--minutes``
+no case is begun after so long, and what is printed is of all cases that are judged by then.
 """
 
 from __future__ import annotations
@@ -84,7 +84,8 @@ def _traced(logs: Sequence[str], model: str, out: Path, *words: str) -> dict:
 
 
 def judge(case: Case, only_blind: bool, until_s: float = math.inf) -> dict | None:
-    """What the command says of one case, and what knowing the truth would give; kept, so that a trial may be run in parts.
+    """What the command says of one case, and what knowing the truth would give; kept, so that a trial may be run in
+    parts.
 
     None where it is not kept and, by the monotonic clock, it is too late to begin.
     """
@@ -304,7 +305,8 @@ def by_decile(said: Sequence[tuple[float, bool]]) -> list[tuple[int, int, float,
 
 
 def calibration_error(said: Sequence[tuple[float, bool]]) -> float:
-    """Expected calibration error: how far what is said is from what is true, in the mean over deciles by their cases."""
+    """Expected calibration error: how far what is said is from what is true, in the mean over deciles by their
+    cases."""
     return sum(n * abs(p - true) for _, n, p, true in by_decile(said)) / len(said) if said else math.nan
 
 
@@ -319,7 +321,8 @@ def draw(path: Path, said: Sequence[tuple[float, bool]]) -> None:
 
 
 def in_turn(answers: Sequence[dict], world: str) -> dict[str, str]:
-    """What a gate does in one physics that was trained on all others; empty where there is nothing to train or to judge."""
+    """What a gate does in one physics that was trained on all others; empty where there is nothing to train or to
+    judge."""
     times = [(x, LIMITS.gate * x["news"] / x["gate"]) for x in answers if x["gate"] > 0.0]  # of the floor
     elsewhere = [t for x, t in times if x["kind"] == "none" and x["physics"] != world]
     none = [t for x, t in times if x["kind"] == "none" and x["physics"] == world]
@@ -366,7 +369,8 @@ def show(console: Console, answers: Sequence[dict]) -> None:
         found = [set(x["hidden"]) == set(x["effects"]) for x in both]
         among = [set(x["hidden"]) <= {*x["effects"], *x["alternatives"]} for x in both]
         console.print(
-            f"pairs: both named {np.mean(found):.0%}, both among names and alternatives {np.mean(among):.0%} of {len(both)}"
+            f"pairs: both named {np.mean(found):.0%}, both among names and alternatives {np.mean(among):.0%} of "
+            f"{len(both)}"
         )
     for x in answers:
         if x["kind"] == "none" and x["verdict"] != "none":

@@ -43,7 +43,8 @@ class Chromium:
         sandbox = ["--no-sandbox"] if os.geteuid() == 0 else []  # as root it cannot have one
         size = "{},{}".format(*self._size)
         self._process = await asyncio.create_subprocess_exec(
-            program, "--headless=new", *sandbox, "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run", "--hide-scrollbars",
+            program, "--headless=new", *sandbox, "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run",
+            "--hide-scrollbars",
             "--disable-background-networking", "--disable-component-update", "--disable-extensions", "--disable-sync",
             "--remote-debugging-port=0", f"--user-data-dir={folder}", f"--window-size={size}", "about:blank",
             stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.DEVNULL, start_new_session=True,

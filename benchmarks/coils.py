@@ -1,11 +1,11 @@
 """A coil or a bundle driven by the model that `identify` found: what is asked for, what came of it, in virtual time.
 
-    sma-actuator characterise --virtual coil --levels 6 --training-cycles 2 --skip fatigue --skip load_cell --skip lvdt --out out/coil
-    sma-actuator identify out/coil/{pulses,partial,levels}_*.csv --model whole_range --config out/coil/bench.yaml --out out/coil.yaml
-    python benchmarks/coils.py out/coil.yaml --wire coil
+    sma-actuator characterise --virtual coil --levels 6 --training-cycles 2 --skip fatigue --skip load_cell --skip lvdt
+    --out out/coil sma-actuator identify out/coil/{pulses,partial,levels}_*.csv --model whole_range --config
+    out/coil/bench.yaml --out out/coil.yaml python benchmarks/coils.py out/coil.yaml --wire coil
 
-The same driver, actuator and supervisor as in the node.  Positions over 85 % of the stroke that the wire truly has under each
-load: held for four time constants of the wire each, then a sine of sixteen a period.
+The same driver, actuator and supervisor as in the node.  Positions over 85 % of the stroke that the wire truly has
+under each load: held for four time constants of the wire each, then a sine of sixteen a period.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ def stroke_m(name: str, config: Config, load: Load, lag_s: float) -> tuple[float
 
 
 def drive(name: str, config: Config, load: Load) -> tuple[float, ...]:
-    """Stroke [m]; model, control and output error, output error while held [% of full stroke], cover of the interval [%], and
-    the hottest temperature [°C].  Raises RuntimeError where a fault ends the run."""
+    """Stroke [m]; model, control and output error, output error while held [% of full stroke], cover of the interval
+    [%], and the hottest temperature [°C].  Raises RuntimeError where a fault ends the run."""
     lag_s = config.estimator.thermal_time_constant
     hot_m, cold_m = stroke_m(name, config, load, lag_s)
     low_m = hot_m + 0.5 * (1.0 - SPAN) * (cold_m - hot_m)
@@ -105,7 +105,8 @@ def main() -> None:
     for name, load in loads_of(config).items():
         stroke, model, control, output, held, covered, hottest_C = drive(options.wire, config, load)
         print(
-            f"| {name} | {stroke * 1e3:.1f} | {model:.2f} | {control:.2f} | {output:.2f} | {held:.2f} | {covered:.0f} % "
+            f"| {name} | {stroke * 1e3:.1f} | {model:.2f} | {control:.2f} | {output:.2f} | {held:.2f} | {covered:.0f} "
+            f"% "
             f"| {hottest_C:.0f} °C |",
             flush=True,
         )

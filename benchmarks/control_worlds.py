@@ -1,26 +1,27 @@
-"""The judge of the control loop: every wire goes the user's way, in every physics of the bench, and is driven by both laws.
+"""The judge of the control loop: every wire goes the user's way, in every physics, and is driven by both laws.
 
     python benchmarks/control_worlds.py [--physics NAME …] [--drawn 24] [--every N] [--wire flexinol furukawa]
                                         [--model whole_range thesis] [--law pid feed_forward_pid] [--json FILE]
                                                                                           (make control-worlds)
 
-``init``, ``characterise``, ``identify``, ``init``, and a second round with that model (``users_way.py``; ``--model first_round``:
-without it), then the driver of the node (``driven.py``): the thesis's eleven experiments, a light and a heavy weight and a stiff spring, over 85 % of the stroke that the wire truly has under each load.
-Without ``--physics``: the eight that were designed and as many as ``--drawn`` says that nobody chose, by the numbers from
-``--from`` on; ``--every 4`` takes every fourth of them.  Everything is kept in ``out`` and used again while nothing has changed
-that it depends on; what is stopped goes on where it was.
+``init``, ``characterise``, ``identify``, ``init``, and a second round with that model (``users_way.py``; ``--model
+first_round``: without it), then the driver of the node (``driven.py``): the thesis's eleven experiments, a light and a
+heavy weight and a stiff spring, over 85 % of the stroke that the wire truly has under each load.  Without
+``--physics``: the eight that were designed and as many as ``--drawn`` says that nobody chose, by the numbers from
+``--from`` on; ``--every 4`` takes every fourth of them.  Everything is kept in ``out`` and used again while nothing has
+changed that it depends on; what is stopped goes on where it was.
 
-Errors are mean absolute, % of full stroke.  First table, the output error of each run, held against the thesis's for that
-experiment, those that it has not against the mean of its tables for the alloy; of steps also beyond what is left when
-``supply.max_current``, or the bias, flows until the wire is truly there.  Second table, the eight runs together:
+Errors are mean absolute, % of full stroke.  First table, the output error of each run, held against the thesis's for
+that experiment, those that it has not against the mean of its tables for the alloy; of steps also beyond what is left
+when ``supply.max_current``, or the bias, flows until the wire is truly there.  Second table, the eight runs together:
 
 * there: positions of the steps that were reached and held (the last 5 s of 20 within 2 %; one still cooling at the bias
   current is left out); of the others the time within 5 %
 * false: seconds in which the status said that the wire cannot go where it is told; in truth it can
 * unrest: the command from sample to sample, rms, % of max_current: positions held, and sine or triangle
 * hottest: the wire's hottest place, in truth
-* covered: truths within the 95 % interval;  model: estimate and truth in the loop, and in replay of logs of the characterised
-  wire that were not fitted; held: the true error, and the model's, where positions are held
+* covered: truths within the 95 % interval;  model: estimate and truth in the loop, and in replay of logs of the
+  characterised wire that were not fitted; held: the true error, and the model's, where positions are held
 """
 
 from __future__ import annotations
@@ -66,7 +67,8 @@ OURS = (
 
 
 def _experiments(wire: str) -> tuple[Experiment, ...]:
-    """Those of the thesis, as ``control_tables.py`` has them (row 1 of table 8 with its own variant left out), then ours."""
+    """Those of the thesis, as ``control_tables.py`` has them (row 1 of table 8 with its own variant left out), then
+    ours."""
     theirs = [
         Experiment(f"{e.table}.{e.row}", next(n for n in SHARED if SHARED[n] is e.load), e.program, e.thesis_pct[2])
         for e in THESIS
@@ -210,7 +212,8 @@ def summary(rows: Sequence[Judged]) -> list[str]:
         ),
         (
             f"positions reached and held: {np.nanmean([f.there for f in steps]):.1%}, the worst run "
-            f"{np.nanmin([f.there for f in steps]):.0%}; followed for {np.nanmean([f.there for f in moving]):.1%} of the time, "
+            f"{np.nanmin([f.there for f in steps]):.0%}; followed for {np.nanmean([f.there for f in moving]):.1%} of "
+            f"the time, "
             f"the worst run {np.nanmin([f.there for f in moving]):.0%}"
         ),
         (
@@ -228,7 +231,8 @@ def summary(rows: Sequence[Judged]) -> list[str]:
             f"{np.nanmean([f.covered for f in found]):.1%}, the worst run {np.nanmin([f.covered for f in found]):.0%}"
         ),
         (
-            f"model in the loop {np.mean([f.model for f in found]):.2f} %, {np.median(ratios):.2f} times replay's in the median, "
+            f"model in the loop {np.mean([f.model for f in found]):.2f} %, {np.median(ratios):.2f} times replay's in "
+            f"the median, "
             f"at most {max(ratios):.1f} times; held positions off by {np.nanmean([f.held for f in steps]):.2f} %, "
             f"{share(lambda f: f.held <= 0.7, steps)} within 0.7 %"
         ),

@@ -1,7 +1,7 @@
 """One run of the loop on a wire that came the user's way (``users_way.py``): what is asked for, what came of it.
 
-The same driver, actuator and supervisor as in the node, in virtual time.  Programs are those of ``control_tables.py``: a
-position for 20 s each, or 60 s a period, over 85 % of the stroke that the wire truly has under every load of the run.
+The same driver, actuator and supervisor as in the node, in virtual time.  Programs are those of ``control_tables.py``:
+a position for 20 s each, or 60 s a period, over 85 % of the stroke that the wire truly has under every load of the run.
 """
 
 from __future__ import annotations
@@ -218,7 +218,8 @@ def _mean(values: np.ndarray) -> float:
 def _reached(time_s: np.ndarray, output: np.ndarray, too_short: np.ndarray, at_bias: np.ndarray) -> float:
     """Share of the positions that the wire was at in the last part of their time.
 
-    One that it is still cooling towards then, with no more than the bias current, is left out: no law comes there sooner.
+    One that it is still cooling towards then, with no more than the bias current, is left out: no law comes there
+    sooner.
     """
     number = (time_s // DWELL_s).astype(int)
     last = time_s % DWELL_s >= (1.0 - LAST) * DWELL_s
@@ -244,8 +245,8 @@ def fastest_once(case: Case) -> float:
 
 
 def fastest(case: Case) -> float:
-    """Mean absolute error of a wire that gets full current, or the bias, until it is where it should be, and counts as there
-    until the next step [% of full stroke]: what no law that keeps to the current can better."""
+    """Mean absolute error of a wire that gets full current, or the bias, until it is where it should be, and counts as
+    there until the next step [% of full stroke]: what no law that keeps to the current can better."""
     config = config_of(case)
     setpoint, bench = setpoint_of(case, config), bench_for(case, config, seed=7)
     supply = bench.supply

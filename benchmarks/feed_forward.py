@@ -1,10 +1,10 @@
-"""What feed-forward takes off the control error of the PID alone, on every physics, and with a model whose heat is wrong.
+"""What feed-forward takes off the error of the PID alone, on every physics, and with a model whose heat is wrong.
 
     python benchmarks/feed_forward.py [--physics NAME …] [--wire flexinol furukawa] [--load weight spring]
                                       [--law feed_forward_pid] [--json FILE]                        (make feed-forward)
 
-Wires come the user's way (`users_way.py`) with models of the whole range; steps and sine are those of `driven.py`.  Control
-errors are means in % of full stroke.
+Wires come the user's way (`users_way.py`) with models of the whole range; steps and sine are those of `driven.py`.
+Control errors are means in % of full stroke.
 
 * fastest: of the steps, the way that no law can shorten
 * going: of the sine from its second period on; the first begins with the way from the cold to it

@@ -1,12 +1,13 @@
 """A fleet judged over a Dask cluster that shares no folder with its client, one worker killed on the way.
 
-    python benchmarks/fleet.py [--wires N] [--logs N] [--workers N] [--command replay trace] [--json FILE]     (make fleet)
+    python benchmarks/fleet.py [--wires N] [--logs N] [--workers N] [--command replay trace] [--json FILE]     (make
+    fleet)
 
 Logs of so many wires on so many days are made on the virtual bench and put into an S3-compatible server (moto), and
 nowhere else; some wires have an effect that grows.  ``replay --table`` judges all of them, ``trace --table`` those of
-ten wires, each over a cluster of worker processes that stand in a folder of their own; once some rows are there a worker
-is killed.  The rows must be those of one process, bit by bit, but for what tells of the worker.  Stated are logs per
-second and core and the largest memory of a worker, for a tenth of the logs and for all.
+ten wires, each over a cluster of worker processes that stand in a folder of their own; once some rows are there a
+worker is killed.  The rows must be those of one process, bit by bit, but for what tells of the worker.  Stated are logs
+per second and core and the largest memory of a worker, for a tenth of the logs and for all.
 """
 
 from __future__ import annotations
@@ -183,7 +184,8 @@ def main() -> int:
 def compared(
     console: Console, command: str, wires: list[int], days: int, model: str, folder: Path, workers: int
 ) -> bool:
-    """The logs of some wires by one process and by a cluster of which a worker is killed; whether the rows are the same."""
+    """The logs of some wires by one process and by a cluster of which a worker is killed; whether the rows are the
+    same."""
     places = [f"s3://{BUCKET}/wire_{wire:03d}" for wire in wires]
     number = len(wires) * days
     alone, spread = folder / f"{command}_alone_{number}.parquet", folder / f"{command}_all.parquet"
@@ -201,7 +203,8 @@ def compared(
     cores = min(workers, os.cpu_count() or 1)
     console.print(
         f"{command}, {number} logs: one process {number / alone_s:.1f} logs/s; {workers} workers, one killed, "
-        f"{number / cluster_s / cores:.1f} logs/s per core ({cores} cores), {max(r['peak_memory_MB'] for r in rows):.0f} MB at the most "
+        f"{number / cluster_s / cores:.1f} logs/s per core ({cores} cores), "
+        f"{max(r['peak_memory_MB'] for r in rows):.0f} MB at the most "
         f"in a worker; asked again {again_s:.1f} s, {len(read_table(spread)) - len(rows)} rows more"
     )
     return results_of(alone) == results_of(spread) and len(read_table(spread)) == len(rows) == number

@@ -4,8 +4,9 @@
 
 Ten logs (pulses and partial cycles at five weights) of a Ni-Ti wire in a physics that no model was made on.  They are
 read at the highest of the rates asked for, and every second or fourth reading is taken for the others.  ``identify``
-runs on them, ``trace`` on the same logs with a zero error added to the voltage channel.  Stated are seconds of one core,
-from logs in memory to the result, so that what else the machine does has no part in it; the kernels are compiled before.
+runs on them, ``trace`` on the same logs with a zero error added to the voltage channel.  Stated are seconds of one
+core, from logs in memory to the result, so that what else the machine does has no part in it; the kernels are compiled
+before.
 """
 
 from __future__ import annotations

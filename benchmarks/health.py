@@ -1,12 +1,13 @@
 """What the driver says of its model's health: drifts hidden in the bench, and virtual hours without any.
 
-    python benchmarks/health.py [--wire flexinol furukawa] [--physics NAME …] [--hours 3] [--drifts] [--json FILE]  (make health)
+    python benchmarks/health.py [--wire flexinol furukawa] [--physics NAME …] [--hours 3] [--drifts] [--json FILE]
+    (make health)
 
 For each physics each wire is characterised and identified on that bench; then it is used as on a robot, without a
 reference sensor: switched on, moved about for a minute or two, switched off for a while, again and again.  Without
 ``--drifts``: false alarms over ``--hours`` for each physics.  With it: each drift at home in growing strength, when the
-driver speaks, and what the position was wrong by until then (the bench knows it, the driver does not).  What a wire came
-to in so many hours is kept (`kept.py`), so that a table may be made a physics at a time.
+driver speaks, and what the position was wrong by until then (the bench knows it, the driver does not).  What a wire
+came to in so many hours is kept (`kept.py`), so that a table may be made a physics at a time.
 """
 
 from __future__ import annotations
@@ -49,8 +50,8 @@ DRIFTS = (
 SESSIONS = 6
 #: What decides what comes of a use, beside bench and model.
 USED_BY = (
-    "control/pid", "control/commanding", "control/setpoints", "safety", "config", "driver", "actuator", "derived", "health",
-    "whole_range",
+    "control/pid", "control/commanding", "control/setpoints", "safety", "config", "driver", "actuator", "derived",
+    "health", "whole_range",
 )  # fmt: skip
 
 

@@ -1,19 +1,21 @@
-"""How well the loop keeps time over TCP, and what a wire costs, beside a bare loop that only asks the instruments the same.
+"""How well the loop keeps time over TCP, and what a wire costs, beside a bare loop with the same queries.
 
-    python benchmarks/loop.py [periods] [delay] [cpu] [--seconds 4] [--priority 50] [--against CHECKOUT] [--json FILE]     (make benchmarks)
+    python benchmarks/loop.py [periods] [delay] [cpu] [--seconds 4] [--priority 50] [--against CHECKOUT] [--json FILE]
+    (make benchmarks)
 
 Three measurements, each against virtual benches in a process of their own, together about two minutes:
 
 * ``periods``: period of the control loop at 20 Hz, 100 Hz and 1 kHz, and of a bare loop (deadline, DAQ block,
-  supply read-back, one current setting, a limit looked at twice a second) in turn with it; and, where they are installed, of
-  what others wrote to keep time and that asks nothing: ``loop-rate-limiters`` (PyPI), and ``cyclictest`` (Debian's
-  ``rt-tests``), in C, whose error is how late it wakes;
+  supply read-back, one current setting, a limit looked at twice a second) in turn with it; and, where they are
+  installed, of what others wrote to keep time and that asks nothing: ``loop-rate-limiters`` (PyPI), and ``cyclictest``
+  (Debian's ``rt-tests``), in C, whose error is how late it wakes;
 * ``delay``: from publishing a setpoint to the new current on ``~/command_current``, over real ROS 2;
 * ``cpu``: CPU time that a step of a wire takes in a node whose wires are driven, one at 100 Hz and sixteen at 20 Hz,
   beside that of as many bare loops in a process at the same time; with nobody listening, and with one subscriber of
   ``~/joint_states`` for each wire.  With ``--against``, the same of the node of another checkout of this repository.
 
-These machines are shared: compare what stands in one run, do not take the microseconds for more.  The load is said first.
+These machines are shared: compare what stands in one run, do not take the microseconds for more.  The load is said
+first.
 """
 
 from __future__ import annotations
@@ -97,7 +99,8 @@ def parameters(ports: dict, rate_Hz: float = 20.0, checkout: Path = ROOT) -> dic
     for instrument in ("supply", "daq"):
         out["instruments"][instrument]["resource"] = f"TCPIP::127.0.0.1::{ports[instrument]}::SOCKET"
     out["loop"] = {"rate": rate_Hz, "samples_per_block": max(1, int(1000 / rate_Hz))}
-    # A machine that runs other things too is late by more than a period, or a time-out, now and then; the figures say so.
+    # A machine that runs other things too is late by more than a period, or a time-out, now and then; the figures say
+    # so.
     out["loop"]["overruns_to_fault"] = 1000
     out["safety"]["reading_timeout"] = out["supply"]["watchdog_timeout"] = 3.0
     for instrument in ("supply", "daq"):
@@ -423,7 +426,8 @@ def cpu_per_wire(args: argparse.Namespace) -> list[dict]:
             row = cpu_beside(count, rate_Hz, args.seconds, checkout)
             rows.append({"wires": count, "rate_Hz": rate_Hz, "of": name, **row})
             print(
-                f"{count:3d} × {rate_Hz:3g} Hz  {name:22s} {row['alone_us']:5.0f} µs a step, {row['alone_ratio']:.2f} × "
+                f"{count:3d} × {rate_Hz:3g} Hz  {name:22s} {row['alone_us']:5.0f} µs a step, {row['alone_ratio']:.2f} "
+                f"× "
                 f"bare   with listeners {row['heard_us']:5.0f} µs, {row['heard_ratio']:.2f} × bare   "
                 f"(bare {row['bare_us']:.0f} µs; period p99 {1e3 * row['p99_s']:.1f} ms)",
                 flush=True,

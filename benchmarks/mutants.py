@@ -4,14 +4,16 @@
     python benchmarks/mutants.py safety/thermal             one of them
     python benchmarks/mutants.py --every 5 --minutes 8      a sample, as far as one gets; called again, it goes on
 
-The places and the changes are those of cosmic-ray, and one more, that of leaving a statement out.  Which tests run a line is
-measured once; a mutant of that line gets these tests and no other, the quickest first, in a process of its own whose copy
-of the package is the mutated one (also for the processes that a test starts).  A test that hangs on a mutant has noticed it.
-A mutant that no test notices and that ``mutants_equivalent.yaml`` does not explain makes the command fail.
+The places and the changes are those of cosmic-ray, and one more, that of leaving a statement out.  Which tests run a
+line is measured once; a mutant of that line gets these tests and no other, the quickest first, in a process of its own
+whose copy of the package is the mutated one (also for the processes that a test starts).  A test that hangs on a mutant
+has noticed it.  A mutant that no test notices and that ``mutants_equivalent.yaml`` does not explain makes the command
+fail.
 
-What was found is kept in ``benchmarks/mutants_tried.json`` and not tried again until the function changes in which the mutant
-stands, or a test where it lived; which mutants there are, and which tests run which line, in ``out/mutants_known.json``, which may
-be deleted.  ``docs/mutants.md`` is written from the former, with the targets that were tried before.
+What was found is kept in ``benchmarks/mutants_tried.json`` and not tried again until the function changes in which the
+mutant stands, or a test where it lived; which mutants there are, and which tests run which line, in
+``out/mutants_known.json``, which may be deleted.  ``docs/mutants.md`` is written from the former, with the targets that
+were tried before.
 """
 
 from __future__ import annotations
@@ -302,7 +304,8 @@ def path_of(target: str) -> Path:
 
 
 def covering(target: str) -> tuple[dict[int, list[str]], dict[str, float]]:
-    """Tests by the line of the target that they run, and how long each takes [s]; measured where it is not known yet."""
+    """Tests by the line of the target that they run, and how long each takes [s]; measured where it is not known
+    yet."""
     of = _digest([path_of(target), *_tests_of(target)])
     lines, times = _known("lines of", target, of, lambda: _covering(target))
     return {int(line): tests for line, tests in lines.items()}, times
@@ -535,8 +538,8 @@ def _without(found: list[Mutant], known: dict[str, set[str]]) -> list[Mutant]:
 
 
 def equivalent() -> dict[str, set[str]]:
-    """Mutants that no test can notice, functions where none can, and lines whose bounds are met by chance alone, by target; the
-    file has the reason beside each."""
+    """Mutants that no test can notice, functions where none can, and lines whose bounds are met by chance alone, by
+    target; the file has the reason beside each."""
     groups = yaml.safe_load(EQUIVALENT.read_text(encoding="utf-8")) or []
     known: dict[str, set[str]] = {}
     for group in groups:
@@ -597,9 +600,17 @@ def _page(findings: Findings) -> str:
     lines = [
         "# Mutants",
         "",
-        "Written by `make mutants` (`python benchmarks/mutants.py`), which changes one place of what guards the wire and runs the",
+        (
+            "Written by `make mutants` (`python benchmarks/mutants.py`), which changes one place of what guards the "
+            "wire "
+            "and runs the"
+        ),
         "tests of that line on it. A mutant that no test notices is listed, or stands with its reason in",
-        "`benchmarks/mutants_equivalent.yaml` because it changes nothing that anybody could see. Those that were tried were drawn at",
+        (
+            "`benchmarks/mutants_equivalent.yaml` because it changes nothing that anybody could see. Those that were "
+            "tried "
+            "were drawn at"
+        ),
         "random from the whole file, and count until the function changes in which they stand.",
         "",
         "| source | mutants | equivalent | tried | not noticed |",
@@ -647,7 +658,8 @@ def main() -> int:
             found = [m for m in found if int(first) <= m.line <= int(last or first)]
         untried = [mutant for mutant in found if mutant.key not in lives]
         if untried and time.monotonic() < ends_s:
-            # In an order that leaves an even sample where the time does not suffice; those that lived before come first.
+            # In an order that leaves an even sample where the time does not suffice; those that lived before come
+            # first.
             order = sorted(random.Random(0).sample(untried, len(untried)), key=lambda each: each.key not in again)
             _try(target, order, lives, lambda: findings.save(target, lives), options.jobs, ends_s)  # noqa: B023 - at once
         findings.save(target, lives)

@@ -4,7 +4,8 @@
 
 Starts the demonstration with its page, opens it, and looks once a minute: JavaScript in use after its garbage is
 collected, elements of the page, CPU time of the process that serves it and of the node, of which the latter is also
-measured before the page is opened.  The first three minutes fill what the page keeps; the memory is judged from then on.
+measured before the page is opened.  The first three minutes fill what the page keeps; the memory is judged from then
+on.
 """
 
 from __future__ import annotations
@@ -52,7 +53,8 @@ def main() -> int:
     kB = [row["heap_B"] / 1e3 for row in settled]
     minutes = (settled[-1]["time_s"] - settled[0]["time_s"]) / 60.0
     print(
-        f"over {minutes:.1f} min after filling: JavaScript {min(kB):.0f} to {max(kB):.0f} kB, at the end {kB[-1]:.0f} kB"
+        f"over {minutes:.1f} min after filling: JavaScript {min(kB):.0f} to {max(kB):.0f} kB, at the end {kB[-1]:.0f} "
+        f"kB"
     )
     return 0
 
@@ -87,7 +89,8 @@ async def _look(address: str, demo: int, args: argparse.Namespace) -> list[dict[
                 row["node_cpu_share"] = (_cpu_s(node) - node_s) / max(elapsed_s, 1.0)
                 rows.append(row)
                 print(
-                    f"{elapsed_s / 60.0:5.1f} min {row['heap_B'] / 1e3:7.0f} kB {row['nodes']:8.0f} {row['cpu_share']:10.1%} {row['node_cpu_share']:10.1%}",
+                    f"{elapsed_s / 60.0:5.1f} min {row['heap_B'] / 1e3:7.0f} kB {row['nodes']:8.0f} "
+                    f"{row['cpu_share']:10.1%} {row['node_cpu_share']:10.1%}",
                     flush=True,
                 )
                 next_s += 60.0

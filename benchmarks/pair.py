@@ -2,13 +2,14 @@
 
     python benchmarks/pair.py [--physics NAME …]     (make pair)
 
-The joint of ``config/pair.yaml``, whose mechanism the bench has too; in the physics of home with the model of that file, in
-another with the thesis's model identified from the logs of that physics (``benchmarks/users_way.py`` keeps them), and
-no less co-contraction than these were.
-Steps of 20 s over ±0.25 rad and sines of ±0.25 rad, with several co-contractions and with a torque from outside.
+The joint of ``config/pair.yaml``, whose mechanism the bench has too; in the physics of home with the model of that
+file, in another with the thesis's model identified from the logs of that physics (``benchmarks/users_way.py`` keeps
+them), and no less co-contraction than these were.  Steps of 20 s over ±0.25 rad and sines of ±0.25 rad, with several
+co-contractions and with a torque from outside.
 
-* angle: mean absolute, every sample from the first command on, against the truth, of what was asked for (control and output
-  error: of the estimate and of the truth) and of the estimate; as a displacement of the wires, in % of full stroke;
+* angle: mean absolute, every sample from the first command on, against the truth, of what was asked for (control and
+  output error: of the estimate and of the truth) and of the estimate; as a displacement of the wires, in % of full
+  stroke;
 * covered: share of the samples in which the truth was inside the interval that was stated;
 * co-contraction: mean absolute difference of what was asked for;
 * tension: the highest of either wire, after every step, beside the limit.

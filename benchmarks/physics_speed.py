@@ -1,6 +1,7 @@
 """How fast the virtual bench runs in each of its physics: bench seconds per second of processor time.
 
-Both wires, a weight and a spring, four currents in turn; the best of a few rounds, taken in turn, since the machine is shared.
+Both wires, a weight and a spring, four currents in turn; the best of a few rounds, taken in turn, since the machine is
+shared.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
     python benchmarks/results.py [NAME …]     (make results, RESULTS="control replay")
 
-Every file there has its command in a line ``$ python …``; a comment before the first one stays.  Without names all are run,
-one after the other, which takes hours on two cores.  The pages of ``docs`` state figures of these files; the tests say
-where one is no longer in them.
+Every file there has its command in a line ``$ python …``; a comment before the first one stays.  Without names all are
+run, one after the other, which takes hours on two cores.  The pages of ``docs`` state figures of these files; the tests
+say where one is no longer in them.
 """
 
 from __future__ import annotations

@@ -3,10 +3,12 @@
     python benchmarks/static_loop.py [--models flexinol whole_range] [--seconds 60] [--picture out/static_loop.png]
 
 The record (M. Zuk, MK-Zuk/SMA-dataset, "static characteristics", every second point) has no licence, so it is read from
-../shared/data/static_loop and not shipped; without it the benchmark says so and ends.  Its wire's size and load are not stated:
+../shared/data/static_loop and not shipped; without it the benchmark says so and ends.  Its wire's size and load are not
+stated:
 0.42 m × 0.381 mm follow from the resistance and from a stroke of 4 %, 5 N is assumed.
 
-Fitted to all points, and to every second point of each branch in turn; judged at the points of the other half, ends excepted.
+Fitted to all points, and to every second point of each branch in turn; judged at the points of the other half, ends
+excepted.
 """
 
 from __future__ import annotations

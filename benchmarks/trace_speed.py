@@ -1,8 +1,9 @@
-"""How long tracing takes: ten logs of 10 000 samples, in which nothing, a zero error of the voltage, or slips are hidden.
+"""How long tracing takes: ten logs of 10 000 samples, with nothing, a zero error of the voltage, or slips in them.
 
     python benchmarks/trace_speed.py [--jobs 2]
 
-The last is the longest way: there each session slips where it likes, no name leaves the logs clean, and pairs are fitted too.
+The last is the longest way: there each session slips where it likes, no name leaves the logs clean, and pairs are
+fitted too.
 """
 
 from __future__ import annotations

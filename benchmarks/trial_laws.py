@@ -1,7 +1,8 @@
 """Control laws that were tried beside those of the package.
 
-Importing this registers them; ``control_worlds.py --law`` drives with them.  ``held_heat`` and ``sliding_mode`` keep the
-wire's heat balance, on the power that did flow, and from it the current that would hold the wire as warm as it is now.
+Importing this registers them; ``control_worlds.py --law`` drives with them.  ``held_heat`` and ``sliding_mode`` keep
+the wire's heat balance, on the power that did flow, and from it the current that would hold the wire as warm as it is
+now.
 """
 
 from __future__ import annotations

@@ -4,11 +4,12 @@
                                 [--load weight spring] [--json FILE]                                      (make tuning)
 
 Wires come the user's way (`users_way.py`), and steps and a sine (`driven.py`) are what the gains are judged by: control
-error, mean absolute, over that with the gains that `init` derives.  Each wire is
-tuned twice as `sma-actuator tune` does it, from those gains ten times too high and ten times too low; errors and
-unrest are the worse of the two.  Once more with `thermal.derate_temperature` where the wire is sure to come to be hotter.
+error, mean absolute, over that with the gains that `init` derives.  Each wire is tuned twice as `sma-actuator tune`
+does it, from those gains ten times too high and ten times too low; errors and unrest are the worse of the two.  Once
+more with `thermal.derate_temperature` where the wire is sure to come to be hotter.
 
-* time: of the bench, from the first reading to the gains, with the wait for the wire to count as cool, the longer of the two
+* time: of the bench, from the first reading to the gains, with the wait for the wire to count as cool, the longer of
+  the two
 * current: the most that was commanded, as share of the bound, the larger of the two
 * unrest: the command at held positions from sample to sample, rms, derived and tuned [% of max_current]
 * hot: after so long it was given up since the wire was too hot, with the output off and read back as off [s]
@@ -201,7 +202,8 @@ def main() -> int:
             print(f"{f.case.physics}, {f.case.wire}, {f.case.model}, {f.case.load}: {f.trouble}")
     worst = max(found, key=lambda f: max(f.steps, f.sine))
     print(
-        f"worst: {max(worst.steps, worst.sine):.2f} ({worst.case.physics}, {worst.case.wire}, {worst.case.load}); at most "
+        f"worst: {max(worst.steps, worst.sine):.2f} ({worst.case.physics}, {worst.case.wire}, {worst.case.load}); at "
+        f"most "
         f"{max(f.time_s for f in found):.0f} s and {max(f.current for f in found):.0%} of the bound; "
         f"{sum(bool(f.trouble) for f in found)} of {len(found)} given up or with a fault; "
         f"{sum(f.hot_s == f.hot_s for f in found)} of {len(found)} given up, and off, when too hot"

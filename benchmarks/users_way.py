@@ -1,10 +1,11 @@
-"""A wire of the virtual bench as a user gets to drive it: ``init``, ``characterise``, ``identify``, ``init``, then the second round.
+"""A wire of the virtual bench as a user gets to drive it: ``init``, ``characterise``, ``identify``, ``init``, then the
+second round.
 
-In the second round ``characterise --follow`` lets the model drive the wire, ``identify`` takes both rounds, and ``init`` makes
-of it what the node drives with.  Nothing comes from the limits and gains in ``config/``: of ``config/*_bench.yaml`` only what the
-wire and its instruments are (:data:`FACTS`) is taken; ``identify`` gets the bench file that ``characterise`` leaves.  Logs and
-models lie in ``out/control_worlds`` and are used again while nothing has changed that they depend on; what ``init`` derives is
-derived each time.
+In the second round ``characterise --follow`` lets the model drive the wire, ``identify`` takes both rounds, and
+``init`` makes of it what the node drives with.  Nothing comes from the limits and gains in ``config/``: of
+``config/*_bench.yaml`` only what the wire and its instruments are (:data:`FACTS`) is taken; ``identify`` gets the bench
+file that ``characterise`` leaves.  Logs and models lie in ``out/control_worlds`` and are used again while nothing has
+changed that they depend on; what ``init`` derives is derived each time.
 """
 
 from __future__ import annotations
@@ -63,7 +64,8 @@ def digest(rooms: Iterable[str]) -> str:
 
 
 def command(*words: object) -> None:
-    """One command of the user's, without its words; raises where it fails.  A model that is not good is written all the same."""
+    """One command of the user's, without its words; raises where it fails.  A model that is not good is written all the
+    same."""
     said = io.StringIO()
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
         code = sma_actuator([str(word) for word in words])
@@ -171,7 +173,8 @@ def prepare(job: tuple[str, str, Sequence[str]]) -> None:
 def prepared(
     wires: Sequence[tuple[str, str, Sequence[str]]], run_one: Callable[[Any], Any], cases: Sequence[Any], jobs: int
 ) -> list[Any]:
-    """What each case comes to, once the models of all wires (alloy, physics, models) are there; in so many processes."""
+    """What each case comes to, once the models of all wires (alloy, physics, models) are there; in so many
+    processes."""
     if jobs == 1:
         for wire in wires:
             prepare(wire)

@@ -1,12 +1,13 @@
-"""The model of the whole range beside the thesis's, on every physics of the virtual bench, on logs that were not fitted.
+"""The model of the whole range beside the thesis's, on every physics of the bench, on logs that were not fitted.
 
     python benchmarks/whole_range.py [--physics NAME …] [--wire flexinol furukawa] [--on-off] [--json FILE]
                                                                                           (make whole-range)
 
-Both are identified from the same fifteen calibration logs (pulses, partial cycles and held currents at five weights).  They are judged
-on other seeds, other weights, a spring and load steps: pulses, partial cycles, triangles of current, and a position
-held and moved by a PID.  The wire has done 40 cycles before it is characterised, as `characterise` drives them, and goes
-on from log to log as it is.  Errors are mean absolute, in % of the full stroke, over the whole range with both ends.
+Both are identified from the same fifteen calibration logs (pulses, partial cycles and held currents at five weights).
+They are judged on other seeds, other weights, a spring and load steps: pulses, partial cycles, triangles of current,
+and a position held and moved by a PID.  The wire has done 40 cycles before it is characterised, as `characterise`
+drives them, and goes on from log to log as it is.  Errors are mean absolute, in % of the full stroke, over the whole
+range with both ends.
 """
 
 from __future__ import annotations
@@ -135,7 +136,8 @@ def judged_logs(wire: OneWire, low_m: float, high_m: float) -> list[tuple[str, B
 
 
 def judge(wire: str, physics: str, options: PlanOptions = WITH_HELD, untrained: bool = False) -> dict:
-    """Every number of one wire in one physics; ``untrained``: when it is characterised, and a fresh one when it is judged."""
+    """Every number of one wire in one physics; ``untrained``: when it is characterised, and a fresh one when it is
+    judged."""
     mapping = read_parameter_file(shared_file(f"config/{wire}_bench.yaml"))
     its = OneWire(wire, physics, 0.0 if untrained else TRAINED)
     calibration = logs_of(its, options, 1)

@@ -1,6 +1,7 @@
 """Start the virtual bench, a simulated wire, and the node at it: nothing else is needed.
 
-``ros2 launch sma_actuator bench.launch.py``, then ``ros2 service call /sma_actuator/enable std_srvs/srv/SetBool "{data: true}"``
+``ros2 launch sma_actuator bench.launch.py``, then ``ros2 service call /sma_actuator/enable std_srvs/srv/SetBool "{data:
+true}"``
 """
 
 import sys

@@ -3,7 +3,8 @@
 ``ros2 launch sma_actuator ros2_control.launch.py params_file:=/path/to/your.yaml urdf:=/path/to/robot.urdf.xacro``
 
 Wants the packages ``controller_manager``, ``joint_state_broadcaster``, ``joint_trajectory_controller``,
-``joint_state_topic_hardware_interface``, ``robot_state_publisher`` and ``xacro``.  The wire stays off until ``~/enable``.
+``joint_state_topic_hardware_interface``, ``robot_state_publisher`` and ``xacro``.  The wire stays off until
+``~/enable``.
 """
 
 from pathlib import Path

@@ -1,7 +1,8 @@
 """Show a wire in RViz as a joint that moves, beside a node that runs.
 
-``ros2 launch sma_actuator rviz.launch.py params_file:=your.yaml``: the joint's limits are those of the file.  Wants the packages
-``robot_state_publisher``, ``rviz2`` and ``xacro``.  While the output is off nobody knows where the wire is, and it stands still.
+``ros2 launch sma_actuator rviz.launch.py params_file:=your.yaml``: the joint's limits are those of the file.  Wants the
+packages ``robot_state_publisher``, ``rviz2`` and ``xacro``.  While the output is off nobody knows where the wire is,
+and it stands still.
 """
 
 from pathlib import Path

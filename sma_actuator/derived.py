@@ -87,7 +87,8 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
     loss = settle(
         "thermal.heat_loss",
         _digits(transfer * wire.surface_m2, 3),
-        f"surface · {transfer:.0f} W/(m² K): still air (Morgan) and radiation, without the crimps; identify measures it",
+        f"surface · {transfer:.0f} W/(m² K): still air (Morgan) and radiation, without the crimps; identify measures "
+        f"it",
     )
     _settle_supply(wire, loss, given, settle)
     lag_s = settle(
@@ -149,7 +150,8 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None
     most_A = settle(
         "supply.max_current",
         steady_A(derate_C),
-        f"for ever in still air of {ambient_C:g} °C: {derate_C:g} °C (derate_temperature), by I² · {hot_Ohm:.3g} Ω / heat_loss",
+        f"for ever in still air of {ambient_C:g} °C: {derate_C:g} °C (derate_temperature), by I² · {hot_Ohm:.3g} Ω / "
+        f"heat_loss",
     )
     settle(
         "supply.over_current_trip",
@@ -181,7 +183,8 @@ def _settle_gains(wire: Wire, most_A: float, lag_s: float, settle: Any) -> None:
 
 
 def without_derived(mapping: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
-    """``mapping`` without what follows from the rest of it, and the names of that: nobody gave it, so what is measured may take its place.
+    """``mapping`` without what follows from the rest of it, and the names of that: nobody gave it, so what is measured
+    may take its place.
 
     Raises ConfigError where the wire is not known.
     """

@@ -133,7 +133,8 @@ def pair_command_from(message: JointState, joint_name: str) -> tuple[float, floa
 
 
 def joint_estimate_message(joint_name: str, estimate: JointEstimate, stamp: Time) -> JointState:
-    """Angle [rad] and co-contraction [N] of a joint that two wires turn, as they are asked for, and its velocity [rad/s]."""
+    """Angle [rad] and co-contraction [N] of a joint that two wires turn, as they are asked for, and its velocity
+    [rad/s]."""
     message = pair_command_message(joint_name, estimate.angle_rad, estimate.cocontraction_N)
     message.velocity = [estimate.velocity_rad_s]
     message.header.stamp = stamp
@@ -172,7 +173,8 @@ def trajectory_from(message: JointTrajectory, joint_name: str) -> tuple[list[flo
     for number, point in enumerate(message.points):
         if len(point.positions) != width:
             raise ValueError(
-                f"trajectory refused: point {number} has {len(point.positions)} positions for {width} joint{'s' * (width > 1)}"
+                f"trajectory refused: point {number} has {len(point.positions)} positions for {width} "
+                f"joint{'s' * (width > 1)}"
             )
         times_s.append(point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec)
         positions_m.append(point.positions[column])
@@ -180,13 +182,15 @@ def trajectory_from(message: JointTrajectory, joint_name: str) -> tuple[list[flo
             velocities_m_s.append(point.velocities[column])
     if velocities_m_s and len(velocities_m_s) != len(positions_m):
         raise ValueError(
-            f"trajectory refused: {len(velocities_m_s)} of {len(positions_m)} points have a velocity; all or none is wanted"
+            f"trajectory refused: {len(velocities_m_s)} of {len(positions_m)} points have a velocity; all or none is "
+            f"wanted"
         )
     return times_s, positions_m, velocities_m_s or None
 
 
 def time_message(since_1970_ns: int) -> Time:
-    """ROS time as messages have it; zero, "not known", where they have no room for it: before 1970, and from 2038 on."""
+    """ROS time as messages have it; zero, "not known", where they have no room for it: before 1970, and from 2038
+    on."""
     seconds, nanoseconds = divmod(since_1970_ns, 1_000_000_000)
     return Time(sec=seconds, nanosec=nanoseconds) if 0 <= seconds < 2**31 else Time()
 

@@ -81,7 +81,8 @@ def merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any
     return out
 
 
-#: Tests that mostly wait for processes, and tests that mostly reckon: together they fill a machine, and they take longest.
+#: Tests that mostly wait for processes, and tests that mostly reckon: together they fill a machine, and they take
+#: longest.
 _WAITING = (
     "tests/ros",
     "tests/counterparts",
@@ -103,7 +104,8 @@ _RECKONING = (
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile the bench once before many want it: on a fresh machine that takes a minute, and longer where four do it at once."""
+    """Compile the bench once before many want it: on a fresh machine that takes a minute, and longer where four do it
+    at once."""
     if getattr(session.config.option, "numprocesses", None):
         bench = (
             "from sma_actuator.bench.server import BenchServer, VirtualBench as B; BenchServer(B.from_name('flexinol'))"
@@ -120,7 +122,8 @@ def pytest_unconfigure() -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Classes and files that wait and that reckon in turn, then all others: so no worker is left alone with the longest."""
+    """Classes and files that wait and that reckon in turn, then all others: so no worker is left alone with the
+    longest."""
     scopes: dict[str, list[pytest.Item]] = {}
     for item in items:
         scopes.setdefault(item.nodeid.rpartition("::")[0], []).append(item)
@@ -132,7 +135,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session")
 def make_config() -> Callable[..., dict[str, Any]]:
-    """``make_config(supply={"max_current": 0.3}, **{"loop.rate": 100.0})``: a nested mapping for Config.from_mapping."""
+    """``make_config(supply={"max_current": 0.3}, **{"loop.rate": 100.0})``: a nested mapping for
+    Config.from_mapping."""
 
     def make(**changes: Any) -> dict[str, Any]:
         return merged(_NI_TI, changes)

@@ -1,7 +1,7 @@
 """Whatever ends the tests, Ctrl-C or ``kill -9`` too, ends what they started: benches, nodes, and what those started.
 
-A process of its own waits for the end of this one, which closes a pipe, and kills every process that has this one's mark in its
-environment.  So it does not matter who is whose child, or which group or session it is in.
+A process of its own waits for the end of this one, which closes a pipe, and kills every process that has this one's
+mark in its environment.  So it does not matter who is whose child, or which group or session it is in.
 """
 
 from __future__ import annotations

@@ -259,7 +259,8 @@ class TestJointCommands:
 
 
 class TestTheEndOfAMotion:
-    """A motion that is cancelled ends at its reference, one that failed at the measured position; the current steps in neither."""
+    """A motion that is cancelled ends at its reference, one that failed at the measured position; the current steps in
+    neither."""
 
     @pytest.fixture
     def moving(self, make_rig):

@@ -1,4 +1,5 @@
-"""Every ``sma-actuator`` command that a page shows is one that the program takes: its name, its options, their values."""
+"""Every ``sma-actuator`` command that a page shows is one that the program takes: its name, its options, their
+values."""
 
 import argparse
 import re

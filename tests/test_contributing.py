@@ -24,7 +24,8 @@ from sma_actuator.estimation.chain import Chain
 config = Config.load(shared_file("config/flexinol.yaml"))
 sample = Signals(0.0, 5.0, 0.2, 0.2, 1.0, 1.0 / config.wire.area_m2)
 plain = Chain(config, {}).step(sample)[1].displacement_m
-assert np.isclose(Chain(config, {"crimp_creep": CrimpCreep(compliance=1e-4)}).step(sample)[1].displacement_m, plain + 1e-4)
+creeping = Chain(config, {"crimp_creep": CrimpCreep(compliance=1e-4)})
+assert np.isclose(creeping.step(sample)[1].displacement_m, plain + 1e-4)
 from sma_actuator.bench import HiddenBench, require_twins
 require_twins({"crimp_creep": CrimpCreep.PART})
 assert HiddenBench.from_name("flexinol", hidden={"crimp_creep": 1e-4}).hidden[0].strength == 1e-4

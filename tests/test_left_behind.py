@@ -14,7 +14,11 @@ import os, subprocess, sys
 sys.path.insert(0, sys.argv[1])
 from left_behind import end_with_this_process
 watcher = end_with_this_process()
-child = "import subprocess, sys; print(subprocess.Popen(['sleep', '300'], start_new_session=True).pid, flush=True); sys.stdin.read()"
+child = '''
+import subprocess, sys
+print(subprocess.Popen(['sleep', '300'], start_new_session=True).pid, flush=True)
+sys.stdin.read()
+'''
 started = subprocess.Popen([sys.executable, "-c", child], stdin=subprocess.PIPE, start_new_session=True)
 print(started.pid, flush=True)
 started.wait()

@@ -1,4 +1,5 @@
-"""Every parameter that is declared live arrives: a running actuator goes on as one that had the new value from its start."""
+"""Every parameter that is declared live arrives: a running actuator goes on as one that had the new value from its
+start."""
 
 import itertools
 from collections.abc import Callable
@@ -180,7 +181,8 @@ def estimate_of(output: Output) -> Estimate:
 
 @dataclass(frozen=True)
 class Situation:
-    """Where a parameter matters: its new value, what the driven wire lives through, and what else must be set for it."""
+    """Where a parameter matters: its new value, what the driven wire lives through, and what else must be set for
+    it."""
 
     name: str
     new: Any

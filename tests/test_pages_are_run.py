@@ -1,7 +1,8 @@
 """Every command of the pages is run as its reader would run it, in the order of the page, on the virtual bench.
 
-What a reader has of their own (a bench, logs, a table) stands in ``OURS``, less of it than a real wire wants; what other tests run
-in ``ELSEWHERE`` and ``NOT_HERE``.  What the commands said stands in ``said.txt`` in the folder of the test.
+What a reader has of their own (a bench, logs, a table) stands in ``OURS``, less of it than a real wire wants; what
+other tests run in ``ELSEWHERE`` and ``NOT_HERE``.  What the commands said stands in ``said.txt`` in the folder of the
+test.
 """
 
 import functools
@@ -38,7 +39,8 @@ OURS = {
     r"LOG…": "lab/*.csv",
     r"my_logs/(?!\*)": "lab",
     r"my_logs/\*\.xlsx": "lab/*.xlsx",
-    r"resistance_Ohm=R --map current_A=I --map load_N=F": "time_s=t --unit time_s=ms --map resistance_Ohm=R --map current_A=I --map load_N=0.98 "
+    r"resistance_Ohm=R --map current_A=I --map load_N=F": "time_s=t --unit time_s=ms --map resistance_Ohm=R --map "
+    "current_A=I --map load_N=0.98 "
     "--map displacement_m=Pos",
     r"^(.*--params-file.*)$": rf"\1{AS_ARGUMENTS}",
     r"^boards/": f"{ROOT}/boards/",
@@ -51,7 +53,8 @@ ELSEWHERE = {
     "fleet": "tests/fleet drives its commands against a store and a cluster of its own",
     "pair": "tests/ros/test_joint_node.py turns its joint",
 }
-#: Commands that take four minutes in real time: the same with --virtual is run, and by a node in tests/ros/test_tune.py.
+#: Commands that take four minutes in real time: the same with --virtual is run, and by a node in
+#: tests/ros/test_tune.py.
 NOT_HERE = ("tune --config my_wire.yaml --running", "tune --config my_wire.yaml")
 #: The page of the first real wire is gone through in a physics that no model here was made in.
 PHYSICS = {"first_wire": "foreign"}

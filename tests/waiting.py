@@ -9,8 +9,8 @@ STALL_LOOK_s = 0.005
 SOON_s = 150.0  #: bound of waits that normally take under a second; a busy machine starts a process in half a minute
 
 
-#: Parameters of a node on a machine that may stop a process for some tenths of a second, which it rightly takes for a lost
-#: instrument or an overrun; what it does then is tested in tests/driver, in the bench's own time.
+#: Parameters of a node on a machine that may stop a process for some tenths of a second, which it rightly takes for a
+#: lost instrument or an overrun; what it does then is tested in tests/driver, in the bench's own time.
 PATIENT_NODE = {"safety.reading_timeout": 3.0, "supply.watchdog_timeout": 3.0, "loop.overruns_to_fault": 100}
 #: The same at the end of its command line.
 AS_ARGUMENTS = "".join(f" -p {name}:={value}" for name, value in PATIENT_NODE.items())

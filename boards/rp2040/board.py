@@ -1,12 +1,12 @@
 """What the board does for a wire: pulses that heat it as a direct current would, and what they show of it.
 
-Current flows in pulses of the supply's whole voltage.  Measured is while it flows, so also the smallest current is measured
-with the largest voltages.  Said and understood is everywhere the direct current (and voltage) that heats as the pulses do:
-with a share d of the time on, √d times what flows while it is on.  The ratio of two voltages, from which the resistance
-follows, is the same; and current² × resistance is the mean power.
+Current flows in pulses of the supply's whole voltage.  Measured is while it flows, so also the smallest current is
+measured with the largest voltages.  Said and understood is everywhere the direct current (and voltage) that heats as
+the pulses do: with a share d of the time on, √d times what flows while it is on.  The ratio of two voltages, from which
+the resistance follows, is the same; and current² × resistance is the mean power.
 
-A pulse lasts ON_us, as long as a measurement takes, and the more current is wanted the more of them come; from MOST_Hz on
-they become longer.
+A pulse lasts ON_us, as long as a measurement takes, and the more current is wanted the more of them come; from MOST_Hz
+on they become longer.
 """
 
 from math import sqrt
@@ -169,7 +169,8 @@ class Board:
         return not self._share or unseen_ms % self._period_ms + WORD_ms < self._period_ms
 
     def measured(self, channel):
-        """The newest of a channel: 101 circuit, 102 sense resistor, 103 load cell, 104 displacement sensor [V], 105 room [°C]."""
+        """The newest of a channel: 101 circuit, 102 sense resistor, 103 load cell, 104 displacement sensor [V], 105
+        room [°C]."""
         if channel == 105:
             return self._thermometer.read()
         if channel == 104:

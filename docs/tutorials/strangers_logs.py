@@ -2,8 +2,8 @@
 
     python docs/tutorials/strangers_logs.py FOLDER
 
-Eight CSV files and nothing beside them: four weights, full pulses and partial ones.  50 Hz, time in ms, voltage over the
-wire in V, current in mA, load in grams, contraction in mm; readings are missing here and there.
+Eight CSV files and nothing beside them: four weights, full pulses and partial ones.  50 Hz, time in ms, voltage over
+the wire in V, current in mA, load in grams, contraction in mm; readings are missing here and there.
 """
 
 from __future__ import annotations

@@ -112,7 +112,8 @@ class Actuator:
         return self._supervisor.latched.name if self._supervisor.latched is not None else ""
 
     def switched_off(self) -> None:
-        """Take note that the supply was switched off since the last step: it will read back so, and nobody else did it."""
+        """Take note that the supply was switched off since the last step: it will read back so, and nobody else did
+        it."""
         self._told = Command(0.0, False)
 
     def clear_fault(self, now_s: float) -> tuple[bool, str]:
@@ -140,7 +141,8 @@ class Actuator:
             self._said.event(now_s, fault, detail)
 
     def end_fault(self, name: str) -> None:
-        """What was reported by :meth:`raise_fault` is over: where it is what is latched, it is so no more.  The output stays off."""
+        """What was reported by :meth:`raise_fault` is over: where it is what is latched, it is so no more.  The output
+        stays off."""
         if self.latched == name:
             self._said.changed(f"passed {name}")
             self._supervisor.latched, self._supervisor.detail = None, ""

@@ -1,4 +1,5 @@
-"""What the control law is asked to reach, and what current it asks for: range, reach, tuning and law of a driven wire."""
+"""What the control law is asked to reach, and what current it asks for: range, reach, tuning and law of a driven
+wire."""
 
 from __future__ import annotations
 

@@ -49,7 +49,11 @@ class Measured:
         if not abs(load_N) <= bound_N:
             return (
                 False,
-                f"not tared: {load_N:.3g} N is more than the drift of a load cell (up to {bound_N:.3g} N); take the load off",
+                (
+                    f"not tared: {load_N:.3g} N is more than the drift of a load cell (up to {bound_N:.3g} N); take "
+                    f"the "
+                    f"load off"
+                ),
             )
         self.tare_N = load_N
         return True, f"tared: {load_N:.4f} N count as zero from now on"
@@ -61,7 +65,8 @@ class Measured:
             return (
                 False,
                 (
-                    f"not measured: {len(readings)} readings with current since the output went on, {FEWEST_READINGS} are wanted; "
+                    f"not measured: {len(readings)} readings with current since the output went on, {FEWEST_READINGS} "
+                    f"are wanted; "
                     "put a short in place of the wire and call ~/enable"
                 ),
                 nan,

@@ -1,4 +1,5 @@
-"""What a node offers, in the words of the command line: its sentences name services (``~/enable``), since that is what it has."""
+"""What a node offers, in the words of the command line: its sentences name services (``~/enable``), since that is what
+it has."""
 
 from __future__ import annotations
 

@@ -31,8 +31,8 @@ class Interrupts:
             raise KeyboardInterrupt
 
 
-#: Those that nobody can catch, that end nothing, that only stop a program or let it go on, and that a crash raises: what
-#: has crashed runs no handler.
+#: Those that nobody can catch, that end nothing, that only stop a program or let it go on, and that a crash raises:
+#: what has crashed runs no handler.
 _NOT_ENDING = {
     *(signal.SIGKILL, signal.SIGSTOP),
     *(signal.SIGCHLD, signal.SIGURG, signal.SIGWINCH, signal.SIGCONT),

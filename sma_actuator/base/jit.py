@@ -3,9 +3,10 @@
 The kernels are written once, for one sample; the loop over many samples is a kernel too.  With
 numba a replay runs some hundred times faster; the node does not need it.
 
-A kernel is compiled when it is called first, which takes seconds, once on a machine: what was compiled is kept beside the
-sources, or in the folder that ``NUMBA_CACHE_DIR`` names; where neither can be written, in the user's cache folder, else
-in one of the user's own below the system's temporary folder.  Who cannot wait so long calls it under :func:`at_once`.
+A kernel is compiled when it is called first, which takes seconds, once on a machine: what was compiled is kept beside
+the sources, or in the folder that ``NUMBA_CACHE_DIR`` names; where neither can be written, in the user's cache folder,
+else in one of the user's own below the system's temporary folder.  Who cannot wait so long calls it under
+:func:`at_once`.
 """
 
 from __future__ import annotations
@@ -46,7 +47,8 @@ def _in_a_hurry() -> bool:
 
 
 def _last_resort() -> str:
-    """A cache folder below the system's temporary one, nobody else's: what lies in it is executed.  "" where there is none."""
+    """A cache folder below the system's temporary one, nobody else's: what lies in it is executed.  "" where there is
+    none."""
     folder = Path(tempfile.gettempdir()) / f"sma_actuator-{os.getuid()}"
     with contextlib.suppress(OSError):
         folder.mkdir(mode=0o700, exist_ok=True)

@@ -1,8 +1,8 @@
 """Off for who is on the same computer: ``~/stop`` without DDS, which takes up to 3 s to find a node.
 
-A process that drives wires listens on a socket for each of them; to connect is to ask, and the answer is JSON.  The names are
-in Linux's abstract namespace, so there is nothing to be left behind.  Only the same user, and root, is heard and believed:
-any program may listen on any name.
+A process that drives wires listens on a socket for each of them; to connect is to ask, and the answer is JSON.  The
+names are in Linux's abstract namespace, so there is nothing to be left behind.  Only the same user, and root, is heard
+and believed: any program may listen on any name.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ def _is_trusted(connection: socket.socket) -> bool:
 
 
 class StopListener:
-    """Hears who asks for any of ``services``; ``stop(reply)``, which must not wait, is called for each.  Raises OSError."""
+    """Hears who asks for any of ``services``; ``stop(reply)``, which must not wait, is called for each.  Raises
+    OSError."""
 
     def __init__(self, services: Sequence[str], domain: str, stop: Callable[[Reply], None]):
         self._stop, self._closing = stop, False

@@ -17,6 +17,7 @@ except ModuleNotFoundError:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """``with one_thread():``, or ``@one_thread()`` on a function: linear algebra keeps to the calling thread meanwhile."""
+    """``with one_thread():``, or ``@one_thread()`` on a function: linear algebra keeps to the calling thread
+    meanwhile."""
     with nullcontext() if threadpool_limits is None else threadpool_limits(1):
         yield

@@ -136,7 +136,10 @@ def check(name: str, value: Any, declaration: Declaration, kind: str) -> tuple[A
         if not value.isprintable() and not declaration.choices:  # what is no choice says which there are
             return (
                 value,
-                f"{name}: {_shown(value)} holds what cannot be printed, as the end of a line; one line of text is wanted",
+                (
+                    f"{name}: {_shown(value)} holds what cannot be printed, as the end of a line; one line of text is "
+                    f"wanted"
+                ),
             )
         if declaration.choices and value not in declaration.choices and not (declaration.optional and value == ""):
             return value, f"{name}: {_shown(value)} is not one of {', '.join(declaration.choices)}"
@@ -199,7 +202,8 @@ def _is_number(text: str) -> bool:
 
 
 def look_up(cls: type, name: str) -> tuple[Declaration, str]:
-    """Declaration and kind of the parameter with a dotted name below ``cls``.  Raises ConfigError where there is none."""
+    """Declaration and kind of the parameter with a dotted name below ``cls``.  Raises ConfigError where there is
+    none."""
     head, _, rest = name.partition(".")
     fields = {f.name: f for f in dataclasses.fields(cls)}
     if head not in fields:

@@ -31,15 +31,18 @@ def begin(wanted: Realtime) -> None:
     if wanted.lock_memory and _lock_memory() != 0:
         raise RealtimeRefused(
             "loop.realtime.lock_memory: the system does not let this process lock its memory; give its user "
-            "'memlock unlimited' in /etc/security/limits.conf, LimitMEMLOCK=infinity in systemd, or --ulimit memlock=-1 in a container"
+            "'memlock unlimited' in /etc/security/limits.conf, LimitMEMLOCK=infinity in systemd, or --ulimit "
+            "memlock=-1 in a container"
         )
     if wanted.priority:
         try:
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(wanted.priority))
         except OSError as error:
             raise RealtimeRefused(
-                f"loop.realtime.priority: the system does not let this process run with priority {wanted.priority} ({error.strerror}); "
-                f"give its user 'rtprio {wanted.priority}' in /etc/security/limits.conf, LimitRTPRIO={wanted.priority} in systemd, "
+                f"loop.realtime.priority: the system does not let this process run with priority {wanted.priority} "
+                f"({error.strerror}); "
+                f"give its user 'rtprio {wanted.priority}' in /etc/security/limits.conf, LimitRTPRIO={wanted.priority} "
+                f"in systemd, "
                 "or --cap-add SYS_NICE to a container"
             ) from None
     if wanted.cpus:

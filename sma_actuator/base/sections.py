@@ -1,4 +1,5 @@
-"""Sections of parameters that several rooms share: the wire, its heat balance, the time of the loop, the limits of the supply."""
+"""Sections of parameters that several rooms share: the wire, its heat balance, the time of the loop, the limits of the
+supply."""
 
 from __future__ import annotations
 
@@ -37,7 +38,8 @@ class Wire:
         choices=("wire", "coil", "bundle"),
     )
     length: float = parameter(
-        description="length between the crimps, slack taken out; of a coil: of its wire, π · coil_diameter · active turns",
+        description="length between the crimps, slack taken out; of a coil: of its wire, π · coil_diameter · active "
+        "turns",
         unit="m",
         lo=0.005,
         hi=20.0,
@@ -77,12 +79,14 @@ class Wire:
         problems = []
         if coil and not LEAST_INDEX <= self.index <= LARGEST_INDEX:
             problems.append(
-                f"coil_diameter: {self.coil_diameter:g} m; of a coil {LEAST_INDEX:g} to {LARGEST_INDEX:g} times the diameter of "
+                f"coil_diameter: {self.coil_diameter:g} m; of a coil {LEAST_INDEX:g} to {LARGEST_INDEX:g} times the "
+                f"diameter of "
                 f"its wire is wanted, {LEAST_INDEX * self.diameter:g} to {LARGEST_INDEX * self.diameter:g} m"
             )
         if bundle and (self.wires < 2 or not self.connection):
             problems.append(
-                "wires, connection: of a bundle two wires or more are wanted, and whether the current goes through them in series "
+                "wires, connection: of a bundle two wires or more are wanted, and whether the current goes through "
+                "them in series "
                 "or in parallel"
             )
         if not coil and math.isfinite(self.coil_diameter):
@@ -247,7 +251,8 @@ class SupplyParameters:
     )
     allow_shared_watchdog: bool = parameter(
         False,
-        "drive a supply whose watchdog anybody's words feed: a bystander then keeps the current of a killed computer on",
+        "drive a supply whose watchdog anybody's words feed: a bystander then keeps the current of a killed computer "
+        "on",
     )
     allow_single_session: bool = parameter(
         False,
@@ -256,7 +261,8 @@ class SupplyParameters:
     )
     allow_no_trips: bool = parameter(
         False,
-        "drive a supply without an over-voltage or an over-current trip of its own: nothing in it then stands against a wrong "
+        "drive a supply without an over-voltage or an over-current trip of its own: nothing in it then stands against "
+        "a wrong "
         "setting",
     )
 
@@ -306,7 +312,8 @@ class ThermalParameters:
     )
     transformed_temperature: float = parameter(
         150.0,
-        "a wire that is hotter transforms no more at any stress: one whose resistance still falls as it is heated is not",
+        "a wire that is hotter transforms no more at any stress: one whose resistance still falls as it is heated is "
+        "not",
         "°C",
         40.0,
         400.0,

@@ -85,7 +85,8 @@ def file_of(section: Any, source: str) -> str:
 
 
 def put_back(mapping: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """The parameters of the file ``path`` with the tables that lie beside it; one that stands there by name counts first.
+    """The parameters of the file ``path`` with the tables that lie beside it; one that stands there by name counts
+    first.
 
     Raises ConfigError, whose sentence names both files: no such file, another one, or none of tables.
     """

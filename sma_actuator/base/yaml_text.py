@@ -56,7 +56,8 @@ class _Loader(yaml.SafeLoader):
         return node
 
     def construct_object(self, node: Any, deep: bool = False) -> Any:
-        """A value; one that only looks like a number or a date, or is of a type of YAML's own, is refused where it stands."""
+        """A value; one that only looks like a number or a date, or is of a type of YAML's own, is refused where it
+        stands."""
         kind = node.tag.removeprefix(_TAG)
         if node.tag.startswith(_TAG) and kind not in _TYPES:
             raise _Refusal(f"!!{kind} is not taken; plain numbers, texts, lists and sections are", node.start_mark)
@@ -65,7 +66,8 @@ class _Loader(yaml.SafeLoader):
             _is_bare(node) and _ODD_NUMBER.fullmatch(node.value)
         ):
             raise _Refusal(
-                f"{_brief(node.value)} is read as different numbers by different readers of YAML; write it plainly, as 10 or "
+                f"{_brief(node.value)} is read as different numbers by different readers of YAML; write it plainly, as "
+                f"10 or "
                 "1.0e-3, or in quotes where it is a text",
                 node.start_mark,
             )

@@ -104,7 +104,8 @@ class VirtualBench:
         cycles: float = 0.0,
         **setup,
     ) -> VirtualBench:
-        """A bench with a wire of :data:`sma_actuator.plant.materials.WIRES`, or one of that alloy and another size and form.
+        """A bench with a wire of :data:`sma_actuator.plant.materials.WIRES`, or one of that alloy and another size and
+        form.
 
         ``like`` has size and form; ``physics`` is a name that :func:`sma_actuator.bench.real.wire_of` knows;
         ``cycles`` is how many the wire has done before; ``setup`` may hold other fields of :class:`Setup`.
@@ -275,7 +276,8 @@ class VirtualBench:
 
 
 def run_events(benches: Sequence[VirtualBench], run: Callable[[int], None], end: int) -> None:
-    """Run benches of one time to ``end`` samples, ``run(steps)`` at a time from one event of any of them to the next."""
+    """Run benches of one time to ``end`` samples, ``run(steps)`` at a time from one event of any of them to the
+    next."""
     while benches[0].samples < end:
         for bench in benches:
             bench._fire_pending()

@@ -97,23 +97,26 @@ def _refusal(_name: str, cls: type[Hidden]) -> str:
     return "" if cls.unit and cls.where else "unit or where is missing: of its strength, and the part of the stand"
 
 
-#: The hidden twins of what a model might name, by the effect's name; another package brings its own.  The order is that in
-#: which they act.
+#: The hidden twins of what a model might name, by the effect's name; another package brings its own.  The order is that
+#: in which they act.
 TWINS: Registry[type[Hidden]] = Registry("hidden twin", "sma_actuator.hidden_twins", _refusal)
 #: What no effect describes.
 FOREIGN: Registry[type[Hidden]] = Registry("foreign effect", "sma_actuator.foreign_effects", _refusal)
 
 
 def require_twins(parts: Mapping[str, str]) -> None:
-    """Raise PartRefusedError where one of some effects, with the part of the stand that each lies in, cannot be hidden as it is.
+    """Raise PartRefusedError where one of some effects, with the part of the stand that each lies in, cannot be hidden
+    as it is.
 
-    Nobody could know whether such a one would be found, nor what is found in its place: a trial asks it before it begins.
+    Nobody could know whether such a one would be found, nor what is found in its place: a trial asks it before it
+    begins.
     """
     for name, part in parts.items():
         twin = TWINS.get(name)
         if twin is None:
             raise PartRefusedError(
-                f"effect '{name}': it has no hidden twin; a class derived from sma_actuator.bench.Hidden is wanted, registered "
+                f"effect '{name}': it has no hidden twin; a class derived from sma_actuator.bench.Hidden is wanted, "
+                f"registered "
                 f'with @TWINS.register("{name}") (in another package: named by an entry point of {TWINS.group})'
             )
         if twin.where != part:
@@ -270,7 +273,8 @@ class ElasticCompliance(Hidden):
 
 @TWINS.register("fatigue")
 class Fatigue(Hidden):
-    """Every cycle leaves some strain and some defects: with the square root of the cycles the hot end of the stroke moves by the strength, the cold one by less, and resistivity grows."""
+    """Every cycle leaves some strain and some defects: with the square root of the cycles the hot end of the stroke
+    moves by the strength, the cold one by less, and resistivity grows."""
 
     unit, where = "m", "wire"
 
@@ -312,7 +316,8 @@ class Creep(Hidden):
 
 @TWINS.register("minor_loop_memory")
 class MinorLoopMemory(Hidden):
-    """What turned back early leaves its variants: the next branch is longer (or shorter) in proportion, until complete."""
+    """What turned back early leaves its variants: the next branch is longer (or shorter) in proportion, until
+    complete."""
 
     unit, where = "m", "wire"
 
@@ -431,7 +436,8 @@ class ReferenceDrift(Hidden):
 
 @TWINS.register("heat_loss")
 class HeatLoss(Hidden):
-    """The wire loses its heat more easily, or less, than at the calibration: in a draught, in an enclosure, hung otherwise."""
+    """The wire loses its heat more easily, or less, than at the calibration: in a draught, in an enclosure, hung
+    otherwise."""
 
     unit, where = "1", "wire"
 

@@ -1,9 +1,11 @@
-"""A wire that exists: phases and kinetics fitted to a record of a real one's resistance beside its displacement, when they are asked for.
+"""A wire that exists: phases and kinetics fitted to a record of a real one's resistance beside its displacement, when
+they are asked for.
 
-The record (M. Zuk, MK-Zuk/SMA-dataset, "static characteristics": current, voltage, contraction and surface temperature of steady points, up in
-current and down again) has no licence, so neither it nor numbers from it are shipped: it is read where it is.  Size and load are not stated:
-0.42 m × 0.381 mm follow from resistance and stroke, 5 N is assumed [F].  A single load says nothing of slopes with stress: they are those of
-:mod:`sma_actuator.plant.measured` and of the material.
+The record (M. Zuk, MK-Zuk/SMA-dataset, "static characteristics": current, voltage, contraction and surface temperature
+of steady points, up in current and down again) has no licence, so neither it nor numbers from it are shipped: it is
+read where it is.  Size and load are not stated: 0.42 m × 0.381 mm follow from resistance and stroke, 5 N is assumed
+[F]. A single load says nothing of slopes with stress: they are those of :mod:`sma_actuator.plant.measured` and of the
+material.
 """
 
 from __future__ import annotations
@@ -30,8 +32,9 @@ RECORD = Path(__file__).resolve().parents[3] / "shared" / "data" / "static_loop"
 LENGTH_m, DIAMETER_m, LOAD_N = 0.42, 0.381e-3, 5.0
 _LEAST_A = 0.1  #: below it the voltmeter's last digit is more than R moves by
 _CAMERA_C = (50.0, 150.0)  #: where the camera tells the wire from the room and is not saturated
-#: What is fitted, where the fit begins, and its bounds: shares, temperatures [°C] and widths [K] of two logistics for each direction, middle, width and
-#: lag of the R-phase's band, strains of martensite and R-phase under this load, resistivities [µΩ·m] and how they grow [1e-3/K], zero [mm].
+#: What is fitted, where the fit begins, and its bounds: shares, temperatures [°C] and widths [K] of two logistics for
+#: each direction, middle, width and lag of the R-phase's band, strains of martensite and R-phase under this load,
+#: resistivities [µΩ·m] and how they grow [1e-3/K], zero [mm].
 _FITTED = {
     "heating_share": (0.7, 0.2, 1.0),
     "heating_C": (109.0, 90.0, 130.0),
@@ -70,7 +73,8 @@ class Points:
 
 
 def wire_of(name: str, physics: str) -> Wire:
-    """A wire of the bench in a physics, by their names.  Raises ValueError for a name that does not exist, UserError where the record is not here."""
+    """A wire of the bench in a physics, by their names.  Raises ValueError for a name that does not exist, UserError
+    where the record is not here."""
     return real_world(RECORD).wire(wire_in_world(name)) if physics == REAL else wire_in_world(name, physics)
 
 
@@ -125,7 +129,8 @@ def read_points(record: Path) -> Points:
     """The record's points.  Raises UserError where it is not here."""
     if not record.exists():
         raise UserError(
-            f"physics '{REAL}': {record} is not here; the record has no licence and is not shipped (docs/physics.md says whose it is)"
+            f"physics '{REAL}': {record} is not here; the record has no licence and is not shipped (docs/physics.md "
+            f"says whose it is)"
         )
     with record.open(newline="", encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
@@ -144,7 +149,8 @@ def read_points(record: Path) -> Points:
 
 
 def fitted(points: Points, material: Material = NI_TI) -> tuple[dict[str, float], Material]:
-    """What of :data:`_FITTED` the points tell, by least squares in % of both ranges; with the material that has the rest."""
+    """What of :data:`_FITTED` the points tell, by least squares in % of both ranges; with the material that has the
+    rest."""
     from scipy.optimize import least_squares
 
     first, low, high = (np.array(column) for column in zip(*_FITTED.values(), strict=True))

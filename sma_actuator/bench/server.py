@@ -179,7 +179,8 @@ class BenchServer:
 
 
 def _warm_up(like: VirtualBench) -> None:
-    """Run every kernel that an answer can reach, on a bench that nobody asks: compiling takes seconds, once on a machine."""
+    """Run every kernel that an answer can reach, on a bench that nobody asks: compiling takes seconds, once on a
+    machine."""
     bench = VirtualBench(like.setup)
     bench.advance(0.01)
     bench.daq.block(1)
@@ -316,7 +317,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=_checked(_parse_load),
         metavar="LOAD",
         help="weight:N, spring:N/m,N[,m] (stiffness, tension, displacement where it has it), schedule:s,N,s,N,… or "
-        "joint:m,m[,m] (radius of the pulley, displacement of both or each of two wires at angle zero), which takes two "
+        "joint:m,m[,m] (radius of the pulley, displacement of both or each of two wires at angle zero), which takes "
+        "two "
         "benches (default weight:0.98; of a coil or a bundle, the same stress)",
     )
     parser.add_argument(

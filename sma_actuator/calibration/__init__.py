@@ -1,4 +1,5 @@
-"""What a wire and its model looked like on the logs they were identified from, and how later logs are held against that.
+"""What a wire and its model looked like on the logs they were identified from, and how later logs are held against
+that.
 
 A file for each thing that is known: how it is learned, as fields of the section ``calibration``
 (:class:`sma_actuator.estimation.calibration.Calibration`), and how it is looked up.

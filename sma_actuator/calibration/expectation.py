@@ -6,13 +6,13 @@ model's displacement, resistance, stress, branch, the temperature that a heat ba
 temperature and resistance have come from their last turns (:mod:`sma_actuator.estimation.models.whole_range`).
 What is expected so is not news to anybody who traces a later log.
 
-A model may also depend on the way by which its load came to be what it is, which no wire that was ever loaded by weights has
-told it; what it would say if the load had always been so is another opinion.  Between the two lies what is expected,
-and how far they are apart is part of how well it is known (:func:`always_so_m`).
+A model may also depend on the way by which its load came to be what it is, which no wire that was ever loaded by
+weights has told it; what it would say if the load had always been so is another opinion.  Between the two lies what is
+expected, and how far they are apart is part of how well it is known (:func:`always_so_m`).
 
 It is judged where it was not fitted: by loads left out, or, where these are too few for that, by stretches of time left
-out of each log.  How far off it is there is learned in the same way, for a place and its history.  That is the floor; it
-stands higher the stranger these are to the logs, as the error of a regression does.
+out of each log.  How far off it is there is learned in the same way, for a place and its history.  That is the floor;
+it stands higher the stranger these are to the logs, as the error of a regression does.
 """
 
 from __future__ import annotations
@@ -120,7 +120,8 @@ def always_so_m(signals: Signals, chain: Chain) -> np.ndarray:
 def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config: Config) -> dict:
     """Learn what to expect; fields of a calibration.
 
-    ``found``: what the model's chain makes of each log; ``config`` knows the range of the resistance at the calibration.
+    ``found``: what the model's chain makes of each log; ``config`` knows the range of the resistance at the
+    calibration.
     """
     full_m = config.wire.full_stroke_m
     range_Ohm = config.calibration.resistance_range
@@ -272,11 +273,11 @@ def _unexpected_m(
     basis: np.ndarray,
     residual_m: np.ndarray,
 ) -> np.ndarray:
-    """What is left of the residual where it was not fitted: with all logs of a load left out together, neighbouring loads in
-    different folds; where there are too few loads, with stretches of each log.
+    """What is left of the residual where it was not fitted: with all logs of a load left out together, neighbouring
+    loads in different folds; where there are too few loads, with stretches of each log.
 
-    Of the lightest and the heaviest load, which nothing lies beyond, stretches are left out too; what they leave is raised by
-    as much as a load between leaves more when it is left out than its stretches do.
+    Of the lightest and the heaviest load, which nothing lies beyond, stretches are left out too; what they leave is
+    raised by as much as a load between leaves more when it is left out than its stretches do.
     """
     of_stretches_m = _left_out(z, basis, residual_m, block.astype(int) % FOLDS)
     stress_Pa = np.array([t.mean_stress_Pa for t in experiments])

@@ -1,7 +1,7 @@
 """The contracted wire, and the way back: resistance over temperature at the hot end, and how warm a wire is that cools.
 
-:class:`sma_actuator.estimation.hot_end.HotEnd` and the supervisor look it up: beyond the hot end resistance no longer tells
-displacement, and a wire that has not cooled so far cannot have gone back.
+:class:`sma_actuator.estimation.hot_end.HotEnd` and the supervisor look it up: beyond the hot end resistance no longer
+tells displacement, and a wire that has not cooled so far cannot have gone back.
 """
 
 from __future__ import annotations

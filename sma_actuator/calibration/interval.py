@@ -1,4 +1,5 @@
-"""What a model leaves on its own logs at a place, a stress and a branch: what the live interval of an estimate is made of.
+"""What a model leaves on its own logs at a place, a stress and a branch: what the live interval of an estimate is made
+of.
 
 :class:`sma_actuator.estimation.uncertainty.Uncertainty` looks it up, sample by sample.  A trace, which knows the whole
 past of a log, is held against :mod:`.expectation` instead.
@@ -26,7 +27,8 @@ def learn(
 ) -> dict:
     """Fields of a calibration: the mean residual by position, stress and branch, and the scatter about it.
 
-    ``experiments`` as the model's chain sees them, ``estimates``: its displacements; ``range_m``: where the model works.
+    ``experiments`` as the model's chain sees them, ``estimates``: its displacements; ``range_m``: where the model
+    works.
     """
     residuals = [t.displacement_m - d for d, t in zip(estimates, experiments, strict=True)]
     position_m = np.linspace(*_widened(range_m, estimates), POSITIONS)
@@ -97,7 +99,8 @@ def _means(sums: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def expected_residual_m(
     position_m, stress_Pa, heating_m, cooling_m, estimate_m, sample_stress_Pa, heating
 ) -> np.ndarray:
-    """Residual of the calibration at each of n samples, between positions (P,) and stresses (S,) linear, else the nearest."""
+    """Residual of the calibration at each of n samples, between positions (P,) and stresses (S,) linear, else the
+    nearest."""
     out = np.empty(len(estimate_m))
     table = np.stack((np.reshape(cooling_m, (len(stress_Pa), -1)), np.reshape(heating_m, (len(stress_Pa), -1))))
     _look_up(np.asarray(position_m), np.asarray(stress_Pa), table, estimate_m, sample_stress_Pa, heating, out)

@@ -106,7 +106,8 @@ def _scatter(experiments: Sequence[Experiment], thermal: ThermalParameters, cali
 
 
 def passages(share: np.ndarray) -> list[tuple[bool, np.ndarray]]:
-    """Each time that a wire goes from one end of its stroke to the other: whether heating, and its samples in the middle.
+    """Each time that a wire goes from one end of its stroke to the other: whether heating, and its samples in the
+    middle.
 
     ``share``: of the stroke, 0 contracted.  Their temperatures are those of the whole loop, whatever came before.
     """

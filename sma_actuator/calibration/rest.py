@@ -1,8 +1,9 @@
 """Where the wire stands still: cold at the bias current, and hot at full contraction.
 
-There resistance and displacement depend on load, surroundings and, of a contracted wire, its temperature alone, and repeat
-from cycle to cycle far better than the loop between; so they witness faults that the displacement hides.  :func:`learn` says what
-they were at the calibration, :class:`Usual` how far off a later rest is, in standard deviations.
+There resistance and displacement depend on load, surroundings and, of a contracted wire, its temperature alone, and
+repeat from cycle to cycle far better than the loop between; so they witness faults that the displacement hides.
+:func:`learn` says what they were at the calibration, :class:`Usual` how far off a later rest is, in standard
+deviations.
 """
 
 from __future__ import annotations
@@ -24,23 +25,26 @@ SETTLED = {
     False: 4.0,
     True: 2.0,
 }  #: thermal time constants that the current has stood, cold and hot (heated, it does not wait)
-#: Share of its range that the current may move meanwhile, cold and hot: a guard against overheating takes it back towards the end of a pulse.
+#: Share of its range that the current may move meanwhile, cold and hot: a guard against overheating takes it back
+#: towards the end of a pulse.
 STILL = {False: 0.06, True: 0.1}
 STEADY = 0.015  #: share of its range that R or δ may move from half a window to the next
 TO_GO = 0.012  #: share of its range that δ of a settled wire may have before it
 SPREAD = 1.25  #: standard deviation over mean absolute error
 REPEATS = 0.003, 0.005  #: share of the ranges of R and δ to which a rest repeats at the best
-#: How far a rest may be off, of those ranges, per distance from the calibration's nearest stress over its largest; and so
-#: many times that per difference from the load that a cold wire came to rest under: it has the variants of that.
+#: How far a rest may be off, of those ranges, per distance from the calibration's nearest stress over its largest; and
+#: so many times that per difference from the load that a cold wire came to rest under: it has the variants of that.
 BETWEEN, OTHER_VARIANTS = 0.05, 2.0
 BENDS_WITHIN = 0.5  #: how far the curve between these stresses may be off, of what it lies beside straight lines
-#: The same of a cold wire in surroundings known to be others, per kelvin: many alloys have not transformed to the end at
-#: room temperature.
+#: The same of a cold wire in surroundings known to be others, per kelvin: many alloys have not transformed to the end
+#: at room temperature.
 PER_KELVIN = 0.005
-#: A hot rest is held against the calibration's where it takes its power to within so much; and how well it is known how much more
-#: resistance a contracted wire has that is warmer: of that, or where nobody knows it, per kelvin of the resistance.
+#: A hot rest is held against the calibration's where it takes its power to within so much; and how well it is known how
+#: much more resistance a contracted wire has that is warmer: of that, or where nobody knows it, per kelvin of the
+#: resistance.
 AS_HOT, WARMS_WITHIN, WARMS_AT_MOST = 0.3, 0.5, 5e-4
-#: Temperature to which what a contracted wire has yet to go is in proportion, where it is not as hot as at the calibration.
+#: Temperature to which what a contracted wire has yet to go is in proportion, where it is not as hot as at the
+#: calibration.
 TAIL_K = 5.0
 ALIKE = 0.05  #: of the largest: what stress and heat of two rests may differ by that are held against each other
 
@@ -74,11 +78,12 @@ def _moved(values: np.ndarray, start: int, stop: int) -> float:
 
 
 def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[Rest]:
-    """Rests of an experiment: the last second before the current is switched on (cold) or off (hot), where all is steady.
+    """Rests of an experiment: the last second before the current is switched on (cold) or off (hot), where all is
+    steady.
 
-    The current must have stood for SETTLED thermal time constants: a wire that has just been switched
-    off does not move yet, and is not at rest.  A load that changed is none either, and no end is where a controller holds the
-    wire between them: cold the current is the least that flows in the log, hot its power is the most, to within AS_HOT.
+    The current must have stood for SETTLED thermal time constants: a wire that has just been switched off does not move
+    yet, and is not at rest.  A load that changed is none either, and no end is where a controller holds the wire
+    between them: cold the current is the least that flows in the log, hot its power is the most, to within AS_HOT.
     """
     time_s, driven, current_A = experiment.signals.time_s, experiment.driven, experiment.signals.current_A
     turns = np.flatnonzero(driven[1:] != driven[:-1]) + 1
@@ -193,7 +198,8 @@ class Usual:
     stroke_m: float
 
     def off(self, rests: Sequence[AtRest]) -> np.ndarray:
-        """How far off R and δ of n rests are, in standard deviations, shape (n, 2); 0 where nothing is known of such a rest."""
+        """How far off R and δ of n rests are, in standard deviations, shape (n, 2); 0 where nothing is known of such a
+        rest."""
         out = np.zeros((len(rests), 2))
         for hot in (False, True):
             chosen = [k for k, rest in enumerate(rests) if rest.hot == hot]

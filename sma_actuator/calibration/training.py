@@ -15,13 +15,13 @@ from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.logs.experiments import Experiment, judged_rows, make_experiment
 from sma_actuator.logs.kinds import load_numbers, logs_to_fit
 
-#: Share of the full stroke that the hot end may move with a cycle, outwards, as training does, and inwards, as a wire does also that
-#: grows warmer from pulse to pulse; ten logs hold some sixty cycles.
+#: Share of the full stroke that the hot end may move with a cycle, outwards, as training does, and inwards, as a wire
+#: does also that grows warmer from pulse to pulse; ten logs hold some sixty cycles.
 STANDS_OUTWARDS, STANDS_INWARDS = 0.0003, 0.0006
 FEWEST_LOGS, FEWEST_PULSES = 3, 3
-#: Of what a wire's hot end moved while it was calibrated: how much longer such a wire is since then than what was fitted, which is
-#: the mean of the calibration: between nothing, where most came with the first cycles, and half, where it came evenly; and how
-#: far off that is in the mean.
+#: Of what a wire's hot end moved while it was calibrated: how much longer such a wire is since then than what was
+#: fitted, which is the mean of the calibration: between nothing, where most came with the first cycles, and half, where
+#: it came evenly; and how far off that is in the mean.
 SINCE_THEN, SINCE_THEN_WITHIN = 0.25, 0.125
 _AGREE = 0.8  #: share of the logs in which it moves the same way
 _ALIKE = 0.1  #: share by which the times may differ that pulses are heated for
@@ -32,7 +32,8 @@ def words_of(change_m: float, full_stroke_m: float) -> str:
     """What to say of such a wire."""
     return (
         f"the wire changed while it was measured: its hot end moves with every pulse, always the same way, "
-        f"{change_m / full_stroke_m:.1%} of the full stroke in all of these logs together; train it first (`characterise` does, "
+        f"{change_m / full_stroke_m:.1%} of the full stroke in all of these logs together; train it first "
+        f"(`characterise` does, "
         "with --training-cycles), or measure again: these logs are of a wire that is no more"
     )
 

@@ -89,7 +89,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.0,
         metavar="S",
-        help="pause after a pulse (default: from the thermal section); up to four times as long while the wire still moves",
+        help="pause after a pulse (default: from the thermal section); up to four times as long while the wire still "
+        "moves",
     )
     parser.add_argument("--pulses", type=int, default=3, help="pulses at each load (default %(default)s)")
     parser.add_argument(
@@ -106,7 +107,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--follow",
         type=Path,
         metavar="NODE.yaml",
-        help="a second round: the model in this file (from `init --start`) drives the wire to held positions, a sine and a triangle "
+        help="a second round: the model in this file (from `init --start`) drives the wire to held positions, a sine "
+        "and a triangle "
         "at each load; give the logs to identify together with the first round's",
     )
     parser.add_argument(
@@ -137,13 +139,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="EFFECT=STRENGTH",
-        help="with --virtual: an undeclared effect in the bench, in SI units, for trying `trace`; may be repeated (see docs/tracing.md)",
+        help="with --virtual: an undeclared effect in the bench, in SI units, for trying `trace`; may be repeated (see "
+        "docs/tracing.md)",
     )
     parser.add_argument(
         "--answers",
         type=Path,
         metavar="ANSWERS.yaml",
-        help="answers to what a person would be asked, as 'hang_load: done' or 'place_probe: [1.0, 2.0]' (mm); the rest is asked",
+        help="answers to what a person would be asked, as 'hang_load: done' or 'place_probe: [1.0, 2.0]' (mm); the "
+        "rest is asked",
     )
     add_output_arguments(parser, "the manifest")
 

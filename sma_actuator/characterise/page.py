@@ -20,7 +20,8 @@ def write_page(folder: Path, manifest: Manifest) -> None:
     form = f", {wire['form']}" if "form" in wire else ""
     page = Page(
         "Characterisation of a wire",
-        f"{len(parts)} part{'s' * (len(parts) != 1)} measured on a {wire['alloy']} wire of {wire['length_m'] * 1e3:g} mm × "
+        f"{len(parts)} part{'s' * (len(parts) != 1)} measured on a {wire['alloy']} wire of {wire['length_m'] * 1e3:g} "
+        f"mm × "
         f"{wire['diameter_m'] * 1e3:g} mm{form}{_correlations(parts)}.",
     )
     for name, (title, x_label, y_label) in _LINES.items():
@@ -36,7 +37,8 @@ def write_page(folder: Path, manifest: Manifest) -> None:
         x_unit, y_unit = (label[label.index("[") + 1 : -1] for label in (x_label, y_label))
         page.figure(
             drawing,
-            f"{title}: points, fitted line and residuals; slope {line['slope']:.6g} {y_unit}/{x_unit}, offset {line['offset']:.6g} {y_unit}, "
+            f"{title}: points, fitted line and residuals; slope {line['slope']:.6g} {y_unit}/{x_unit}, offset "
+            f"{line['offset']:.6g} {y_unit}, "
             f"correlation {line['correlation']:.7f}.",
         )
     page.heading("Parts")

@@ -100,8 +100,9 @@ def lvdt(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog],
 def pulses(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
     """Open-loop square pulses at one load (4.1.1); also the training and fatigue cycles (4.1.4).
 
-    The few that a model is fitted on wait until the wire is at rest: near room temperature many cool with a long tail.  They
-    are heated further than planned where the wire still contracts; ``heat_current_A`` of the log's metadata says how far.
+    The few that a model is fitted on wait until the wire is at rest: near room temperature many cool with a long tail.
+    They are heated further than planned where the wire still contracts; ``heat_current_A`` of the log's metadata says
+    how far.
     """
     _apply_load(part, operator)
     p = part.parameters
@@ -179,7 +180,8 @@ def followed(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchL
 
 
 def _ends_m(config: Config, load_N: float, stiffness_N_m: float) -> tuple[float, float]:
-    """Where the wire is contracted and cold at a load, by the calibration; against a spring it contracts to more load."""
+    """Where the wire is contracted and cold at a load, by the calibration; against a spring it contracts to more
+    load."""
     known, area_m2 = config.calibration, config.wire.area_m2
     high_m = float(np.interp(load_N / area_m2, known.cold_stress, known.cold_displacement))
     low_m = float(np.interp(load_N / area_m2, known.contracted_stress, known.contracted_displacement))

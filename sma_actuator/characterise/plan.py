@@ -22,13 +22,13 @@ STRESSES_Pa = (
     85e6,
     120e6,
 )  #: default loads; from the thesis's lightest to above its judged ones
-#: Wires are heated so far that this is well above their usual transformations, however much further their limits let them be heated;
-#: and further where they still contract.
+#: Wires are heated so far that this is well above their usual transformations, however much further their limits let
+#: them be heated; and further where they still contract.
 HOT_ENOUGH_C = 160.0
 
-#: The second round: stresses between those of the first, a spring as stiff as makes much of the stroke a rise of stress, how long a
-#: position is held and a period lasts, and the positions, as shares of the stroke from contracted to cold, in an order
-#: without a pattern.
+#: The second round: stresses between those of the first, a spring as stiff as makes much of the stroke a rise of
+#: stress, how long a position is held and a period lasts, and the positions, as shares of the stroke from contracted to
+#: cold, in an order without a pattern.
 FOLLOWED_Pa, SPRING_Pa_m = (20e6, 40e6, 70e6, 110e6), 11e9
 DWELL_s, PERIOD_s = 12.0, 40.0
 DWELL, PERIOD = 6.0, 20.0  #: the same in heat_capacity / heat_loss, of a wire that takes longer so

@@ -36,13 +36,13 @@ class Following(Protocol):
         """The current [A] for what was measured and where the wire should be."""
 
 
-#: A wire that moves more of a pulse's stroke in the last STILL_PART of a pause is not at rest.  Stricter than what ``identify``
-#: takes for a full cycle (``kinds``: 0.08 in the same part), so that what is measured here is one.
+#: A wire that moves more of a pulse's stroke in the last STILL_PART of a pause is not at rest.  Stricter than what
+#: ``identify`` takes for a full cycle (``kinds``: 0.08 in the same part), so that what is measured here is one.
 STILL, STILL_PART = 0.06, 0.15
 
 
-#: While a wire still contracts it is given so many times the power, each time for so much of a pulse's heating; and it does
-#: where that made it shorter by this share of all that it has contracted.
+#: While a wire still contracts it is given so many times the power, each time for so much of a pulse's heating; and it
+#: does where that made it shorter by this share of all that it has contracted.
 MORE_POWER, MORE_TIME, STILL_CONTRACTS = 1.15, 0.5, 0.02
 
 
@@ -70,7 +70,8 @@ def rest(current_A: float, least_s: float, longest_s: float) -> Program:
 
 
 def contracted(current_A: float, heat_s: float, most_A: float) -> Generator[Drive, Signals, float]:
-    """``heat_s`` at the current, then more of it, up to ``most_A``, while the wire contracts further with more; the last that it did with."""
+    """``heat_s`` at the current, then more of it, up to ``most_A``, while the wire contracts further with more; the
+    last that it did with."""
     signals = yield Drive(current_A)
     cold_m = signals.reference_displacement_m
     yield from hold(current_A, heat_s)
@@ -98,8 +99,8 @@ def square_pulses(
 ) -> Program:
     """Open-loop square pulses: ``heat_s`` at the heating current, ``cool_s`` at the bias current (4.1.1).
 
-    While the wire has not come to rest a pause goes on, up to ``longest_cool_s``; and while it still contracts, the first
-    pulse goes on with more current, up to ``most_A``, which those after it then have.
+    While the wire has not come to rest a pause goes on, up to ``longest_cool_s``; and while it still contracts, the
+    first pulse goes on with more current, up to ``most_A``, which those after it then have.
     """
     yield from hold(bias_current_A, 1.0)
     for _ in range(cycles):

@@ -24,8 +24,8 @@ from sma_actuator.safety.supervisor import Supervisor
 from .programs import Program
 
 #: The wire stays below max_temperature even where it loses this many times less heat than thermal.heat_loss: that is a
-#: guess at a new bench, wrong by two perhaps.  Not more, where thermal.heat_loss_margin says more: it hangs in the open,
-#: and is looked at; and a wire that gets no warmer would not contract wholly, which is what is to be measured.
+#: guess at a new bench, wrong by two perhaps.  Not more, where thermal.heat_loss_margin says more: it hangs in the
+#: open, and is looked at; and a wire that gets no warmer would not contract wholly, which is what is to be measured.
 ATTENDED_MARGIN = 2.0
 #: Share of the way from the surroundings to max_temperature below which a wire is cool.
 COOL = 0.1
@@ -60,8 +60,8 @@ class Rig:
 
     @contextlib.contextmanager
     def opened(self) -> Iterator[Rig]:
-        """Connect; on every way out, SIGTERM included, current to zero and output off.  Raises InstrumentLost where nothing
-        else was wrong and that is not read back.
+        """Connect; on every way out, SIGTERM included, current to zero and output off.  Raises InstrumentLost where
+        nothing else was wrong and that is not read back.
 
         While nothing is driven a signal ends what is under way at once, since a person may be asked something.
         """
@@ -102,11 +102,10 @@ class Rig:
     ) -> BenchLog:
         """Run a program with the output on; return everything that was read.
 
-        The supervisor of the driver stands between: it lowers the current that is asked for where the wire would get too
-        hot or the stress too high, and every guard but those named in ``but`` looks at every row.  While the output is
-        on signals are noted, and end it after the row at hand with KeyboardInterrupt.
-        Raises InstrumentRefused where a guard finds something, and whatever the instruments raise; the output is
-        off by then.
+        The supervisor of the driver stands between: it lowers the current that is asked for where the wire would get
+        too hot or the stress too high, and every guard but those named in ``but`` looks at every row.  While the output
+        is on signals are noted, and end it after the row at hand with KeyboardInterrupt.  Raises InstrumentRefused
+        where a guard finds something, and whatever the instruments raise; the output is off by then.
         """
         clock, watch = self.clock, self._watch
         period_s = 1.0 / self.config.loop.rate
@@ -155,7 +154,8 @@ class Watch:
         self._supervisor.config = _attended(config)
 
     def let_cool(self, interrupts: Interrupts) -> None:
-        """Wait, with the output off, until a wire would be cool whatever it was: of one at the beginning nothing is known."""
+        """Wait, with the output off, until a wire would be cool whatever it was: of one at the beginning nothing is
+        known."""
         supervisor, heat = self._supervisor, self._supervisor.heat
         while True:
             now_s = self._clock.now_s()

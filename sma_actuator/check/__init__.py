@@ -1,4 +1,5 @@
-"""Whether a wire is wired as its parameters say: every instrument asked, a little current, and the watchdog put to the test."""
+"""Whether a wire is wired as its parameters say: every instrument asked, a little current, and the watchdog put to the
+test."""
 
 from .command import add_arguments, look_first, next_step, run
 from .selftest import Found, SelfTest, passed

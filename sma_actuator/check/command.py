@@ -1,4 +1,5 @@
-"""``sma-actuator check``: the self-test, on instruments that no node holds; and before a wire is heated for the first time."""
+"""``sma-actuator check``: the self-test, on instruments that no node holds; and before a wire is heated for the first
+time."""
 
 from __future__ import annotations
 
@@ -56,7 +57,8 @@ def look_first(config: BenchConfig, supply: PowerSupply, daq: Daq, clock: Clock,
     if not passed(found):
         wrong = "; ".join(f"{each.part}: {each.sentence}" for each in found if each.level is Level.WRONG)
         raise UserError(
-            f"nothing was heated, since the wiring is not what the bench file says: {wrong}. Mend that and start again; "
+            f"nothing was heated, since the wiring is not what the bench file says: {wrong}. Mend that and start "
+            f"again; "
             "`--skip check` goes on regardless"
         )
 

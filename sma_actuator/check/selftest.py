@@ -201,7 +201,8 @@ class SelfTest:
             if noise_V > NOISE_SHARE * full_V:
                 self._wrong(
                     "noise",
-                    f"the channel of the {_WORDS[name]} has {noise_V * 1e3:.3g} mV of noise; {NOISE_SHARE * full_V * 1e3:.3g} mV "
+                    f"the channel of the {_WORDS[name]} has {noise_V * 1e3:.3g} mV of noise; "
+                    f"{NOISE_SHARE * full_V * 1e3:.3g} mV "
                     "is the most that can be used: screen and ground it",
                 )
         for name in ("reference_voltage_V", "supply_voltage_V"):
@@ -221,7 +222,8 @@ class SelfTest:
         if not period_s <= (1.0 + PERIOD_SHARE) * wanted_s:
             self._wrong(
                 "rate",
-                f"the DAQ gives a new block every {period_s * 1e3:.3g} ms; loop.rate wants one every {wanted_s * 1e3:.3g} ms",
+                f"the DAQ gives a new block every {period_s * 1e3:.3g} ms; loop.rate wants one every "
+                f"{wanted_s * 1e3:.3g} ms",
             )
         else:
             self._say("rate", f"a new block every {period_s * 1e3:.3g} ms")
@@ -261,12 +263,14 @@ class SelfTest:
         if load_N < -LEAST_LOAD_SHARE * most_N:
             self._wrong(
                 "load cell",
-                f"the load is {load_N:.3g} N: a wire cannot push; swap the load cell's leads, or the sign of load_cell.slope",
+                f"the load is {load_N:.3g} N: a wire cannot push; swap the load cell's leads, or the sign of "
+                f"load_cell.slope",
             )
         elif load_N > most_N:
             self._end(
                 "load cell",
-                f"the load is {load_N:.3g} N, more than wire.max_stress allows, {most_N:.3g} N: take load off, or correct "
+                f"the load is {load_N:.3g} N, more than wire.max_stress allows, {most_N:.3g} N: take load off, or "
+                f"correct "
                 "load_cell.slope and offset",
             )
         elif load_N < LEAST_LOAD_SHARE * most_N:
@@ -294,7 +298,8 @@ class SelfTest:
             if np.ptp(values[name]) == 0.0:
                 self._end(
                     "channels",
-                    f"the channel of the {_WORDS[name]} reads {values[name][0]:g} V to the last digit: nothing is connected to "
+                    f"the channel of the {_WORDS[name]} reads {values[name][0]:g} V to the last digit: nothing is "
+                    f"connected to "
                     "it, or it is stuck",
                 )
         supply_V, reference_V = (float(np.mean(values[n])) for n in ("supply_voltage_V", "reference_voltage_V"))
@@ -310,7 +315,8 @@ class SelfTest:
             if voltage_V >= 0.95 * self._config.supply.max_voltage:
                 self._end(
                     "bias",
-                    f"the circuit is open: the supply is at its compliance voltage, {voltage_V:.3g} V, and {by_supply_A * 1e3:.3g} "
+                    f"the circuit is open: the supply is at its compliance voltage, {voltage_V:.3g} V, and "
+                    f"{by_supply_A * 1e3:.3g} "
                     "mA flow; look at the crimps and the leads",
                 )
             self._end(
@@ -327,7 +333,8 @@ class SelfTest:
         elif abs(supply_V / sense_Ohm - bias_A) <= near_A:
             self._end(
                 "sense resistor",
-                "the channels of supply voltage and sense resistor are swapped: what should be the whole circuit shows the "
+                "the channels of supply voltage and sense resistor are swapped: what should be the whole circuit shows "
+                "the "
                 "sense resistor alone",
             )
         elif abs(by_daq_A) <= near_A:
@@ -347,7 +354,8 @@ class SelfTest:
         if abs(supply_V - by_supply_V) > VOLTAGE_SHARE * by_supply_V + 0.01:
             self._wrong(
                 "supply voltage",
-                f"the DAQ reads {supply_V:.4g} V where the supply delivers {by_supply_V:.4g} V: are the taps across wire, leads "
+                f"the DAQ reads {supply_V:.4g} V where the supply delivers {by_supply_V:.4g} V: are the taps across "
+                f"wire, leads "
                 "and sense resistor?",
             )
 
@@ -362,13 +370,17 @@ class SelfTest:
         resistance_Ohm = signals_from_reading(reading, config).resistance_Ohm
         low_Ohm, high_Ohm = self._expected_Ohm()
         wire = config.wire
-        of_wire = f"{wire.length * 1e3:g} mm of {wire.diameter * 1e6:g} µm {wire.alloy} have {low_Ohm:.3g} to {high_Ohm:.3g} Ω (ρL/A)"
+        of_wire = (
+            f"{wire.length * 1e3:g} mm of {wire.diameter * 1e6:g} µm {wire.alloy} have {low_Ohm:.3g} to "
+            f"{high_Ohm:.3g} Ω (ρL/A)"
+        )
         if resistance_Ohm < config.safety.resistance_min or resistance_Ohm < 0.5 * low_Ohm:
             self._end("resistance", f"{resistance_Ohm:.3g} Ω: something bridges the wire; {of_wire}")
         if not low_Ohm <= resistance_Ohm <= high_Ohm:
             self._wrong(
                 "resistance",
-                f"{resistance_Ohm:.4g} Ω, and {of_wire}: is wire.length that between the crimps, wire.diameter that of the wire, "
+                f"{resistance_Ohm:.4g} Ω, and {of_wire}: is wire.length that between the crimps, wire.diameter that of "
+                f"the wire, "
                 "circuit.lead_resistance that of the leads?",
             )
         else:
@@ -390,8 +402,10 @@ class SelfTest:
         side = "more" if more_Ohm > 0 else "less"
         self._wrong(
             "leads",
-            f"{abs(more_Ohm):.3g} Ω {side} than the calibration has at cold rest ({cold_Ohm:.4g} Ω): the leads have other than "
-            f"circuit.lead_resistance, {config.circuit.lead_resistance:g} Ω (~/measure_lead_resistance), the wire is not cold "
+            f"{abs(more_Ohm):.3g} Ω {side} than the calibration has at cold rest ({cold_Ohm:.4g} Ω): the leads have "
+            f"other than "
+            f"circuit.lead_resistance, {config.circuit.lead_resistance:g} Ω (~/measure_lead_resistance), the wire is "
+            f"not cold "
             "yet, or it is another",
         )
 
@@ -411,8 +425,10 @@ class SelfTest:
         if not abs(away_Ohm) <= CALIBRATION_SHARE * self._resistance_Ohm:
             self._wrong(
                 "linearity",
-                f"{self._resistance_Ohm:.4g} Ω at {config.supply.bias_current * 1e3:.3g} mA and {signals.resistance_Ohm:.4g} Ω at "
-                f"{more_A * 1e3:.3g} mA: a voltage channel has a zero error of about {offset_V * 1e3:.3g} mV, or a contact is bad",
+                f"{self._resistance_Ohm:.4g} Ω at {config.supply.bias_current * 1e3:.3g} mA and "
+                f"{signals.resistance_Ohm:.4g} Ω at "
+                f"{more_A * 1e3:.3g} mA: a voltage channel has a zero error of about {offset_V * 1e3:.3g} mV, or a "
+                f"contact is bad",
             )
         else:
             self._say("linearity", f"the same resistance at {more_A * 1e3:.3g} mA, within {abs(away_Ohm):.2g} Ω")
@@ -431,7 +447,8 @@ class SelfTest:
             if self._clock.now_s() - silent_s > WATCHDOG_TIMES * delay_s + 0.5:
                 self._end(
                     "watchdog",
-                    f"the watchdog did not cut within {WATCHDOG_TIMES * delay_s + 0.5:.3g} s of silence; it was armed with "
+                    f"the watchdog did not cut within {WATCHDOG_TIMES * delay_s + 0.5:.3g} s of silence; it was armed "
+                    f"with "
                     f"{delay_s:g} s. Nothing would switch this wire off after a kill -9",
                 )
             self._wait(1.0 / config.loop.rate)
@@ -442,7 +459,8 @@ class SelfTest:
             self._end(
                 "watchdog",
                 f"the current went after {took_s:.2g} s of silence, but the supply reads back "
-                f"'{state.tripped or 'no trip'}', output {'on' if state.output_on else 'off'}; its watchdog's trip was wanted",
+                f"'{state.tripped or 'no trip'}', output {'on' if state.output_on else 'off'}; its watchdog's trip was "
+                f"wanted",
             )
         self._supply.clear_trip()
         cleared = self._supply.read_back()

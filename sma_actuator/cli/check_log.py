@@ -82,7 +82,10 @@ def _next(args: argparse.Namespace) -> str:
     length = "L" if math.isnan(args.length) else f"{args.length:g}"
     mapped = f"--map-file {args.write_map}" if args.write_map else said_of_logs(args)
     logs = " ".join([*(str(log) for log in args.logs), *([mapped] if mapped else [])])
-    return f"sma-actuator identify {logs} --alloy ni-ti --length {length} --diameter D --out my_wire.yaml (L, D: 0.1 or 100mm)"
+    return (
+        f"sma-actuator identify {logs} --alloy ni-ti --length {length} --diameter D --out my_wire.yaml (L, D: 0.1 "
+        f"or 100mm)"
+    )
 
 
 def verdict(findings: list[Finding]) -> str:

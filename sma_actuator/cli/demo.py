@@ -39,7 +39,8 @@ from sma_actuator.control.tracking import TrackingErrors
 from sma_actuator.instruments import InstrumentError
 from sma_actuator.plant.worlds import HOME
 
-#: How long a process may take to be ready: the first start on a machine compiles its kernels, and the machine may be busy.
+#: How long a process may take to be ready: the first start on a machine compiles its kernels, and the machine may be
+#: busy.
 READY_TIMEOUT_s = 600.0
 STOP_TIMEOUT_s = 5.0
 ANSWER_TIMEOUT_s = 5.0

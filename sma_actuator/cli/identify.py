@@ -74,12 +74,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="one more parameter, as circuit.reference_resistance=0.5 where the log holds the voltage over it; may be repeated",
+        help="one more parameter, as circuit.reference_resistance=0.5 where the log holds the voltage over it; may be "
+        "repeated",
     )
     parser.add_argument(
         "--model",
         metavar="TYPE",
-        help="model.type to fit: whole_range, flexinol, furukawa … (default: the best one for these logs; the thesis's where "
+        help="model.type to fit: whole_range, flexinol, furukawa … (default: the best one for these logs; the thesis's "
+        "where "
         "--method, --variant or --order is given)",
     )
     parser.add_argument(
@@ -87,7 +89,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=Path("model.yaml"),
         metavar="MODEL.yaml",
-        help="parameter file to write: the bench's, or what the logs told of it, with the model in it (default %(default)s)",
+        help="parameter file to write: the bench's, or what the logs told of it, with the model in it (default "
+        "%(default)s)",
     )
     parser.add_argument(
         "--method",
@@ -105,7 +108,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--no-extension",
         action="store_true",
-        help="do not look for effects that the model lacks on its own logs (default: what also helps logs held out is added)",
+        help="do not look for effects that the model lacks on its own logs (default: what also helps logs held out is "
+        "added)",
     )
     parser.add_argument("--jobs", type=int, default=2, help="processes of that search (default %(default)s)")
     parser.add_argument(

@@ -1,9 +1,10 @@
 # PYTHON_ARGCOMPLETE_OK
 """The edge to a person: ``sma-actuator COMMAND``.
 
-Each command lives in the package it drives, or in ``cli`` where it drives the whole; that offers ``add_arguments(parser)`` and ``run(args) -> int``; only
-the one asked for is imported, so ``--help`` is quick and a missing extra stops nobody who does not need it.
-Completion in the shell (extra ``completion``): ``eval "$(register-python-argcomplete sma-actuator)"``.
+Each command lives in the package it drives, or in ``cli`` where it drives the whole; that offers
+``add_arguments(parser)`` and ``run(args) -> int``; only the one asked for is imported, so ``--help`` is quick and a
+missing extra stops nobody who does not need it.  Completion in the shell (extra ``completion``): ``eval
+"$(register-python-argcomplete sma-actuator)"``.
 """
 
 from __future__ import annotations
@@ -79,7 +80,8 @@ def main(argv: list[str] | None = None) -> int:
     if chosen is not None and chosen not in COMMANDS:
         near = difflib.get_close_matches(chosen, COMMANDS, n=1)
         parser.error(
-            f"'{chosen}' is no command{f'; did you mean {near[0]}?' if near else ''}; commands are {', '.join(COMMANDS)}"
+            f"'{chosen}' is no command{f'; did you mean {near[0]}?' if near else ''}; commands are "
+            f"{', '.join(COMMANDS)}"
         )
     args, unknown = parser.parse_known_args(argv)
     if args.command is None:

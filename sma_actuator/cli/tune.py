@@ -119,7 +119,8 @@ def bounded(config: Config) -> Config:
 
 
 def tune(driver: Driver, outputs: Iterator[Output], tell: Callable[[str], None]) -> Tuned | None:
-    """Have the wire of a driver tuned, from off to off; None where the outputs end.  Raises UserError where it is given up."""
+    """Have the wire of a driver tuned, from off to off; None where the outputs end.  Raises UserError where it is given
+    up."""
     driven, told = False, ""
     refused_s: float | None = None
     for output in outputs:

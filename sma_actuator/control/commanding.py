@@ -9,12 +9,14 @@
                           │                           say)                      │
                           └────────────────── setpoint, trajectory ─────────────┘
 
-A setpoint or trajectory takes the place of the one before; ``stop`` leads from every driven state to
-HOLDING, where the wire is (``cancel`` of a trajectory: where its reference has come), and ``off`` to OFF.  ``tune`` leads from every driven state to TUNING, where the setpoints are the tuning's
-own; its end is a ``stop``, and whatever else is wanted of the wire ends it.
+A setpoint or trajectory takes the place of the one before; ``stop`` leads from every driven state to HOLDING, where the
+wire is (``cancel`` of a trajectory: where its reference has come), and ``off`` to OFF.  ``tune`` leads from every
+driven state to TUNING, where the setpoints are the tuning's own; its end is a ``stop``, and whatever else is wanted of
+the wire ends it.
 
 Joint commands come as a stream, from a program that may never have asked where the wire is.  One that counts is a
-setpoint; the first that counts is one near the wire (``armed``), and after anything else was wanted of the wire so is the next.
+setpoint; the first that counts is one near the wire (``armed``), and after anything else was wanted of the wire so is
+the next.
 
 Beside its state it remembers one more thing, whether the controller is to begin ``anew``: from the
 present position and current, as soon as these are known.  A wire that is to be held is held there.
@@ -118,8 +120,8 @@ class Commanding:
     def cancel(self, reference_m: float) -> None:
         """A trajectory ends where the reference of the control law has come, and the wire follows to there.
 
-        Holding where the wire is would be a step back by its following error.  The reference of a setpoint is at its end
-        from the beginning: there, and where there is none, this is a ``stop``.
+        Holding where the wire is would be a step back by its following error.  The reference of a setpoint is at its
+        end from the beginning: there, and where there is none, this is a ``stop``.
         """
         if reference_m == reference_m and self._take(Event.CANCEL):
             self._forget()

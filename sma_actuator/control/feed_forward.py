@@ -5,12 +5,12 @@ it comes (:class:`Wanted`); its heat balance, kept on the power that did flow, h
 
     P = h (T_wanted − T_ambient) + C (T_wanted − T) / heating_time
 
-takes the wire there and holds it there.  Until it is there the first term gives way to the second, which the limits
-of the current cut off: full current, or none.  A long way ends where the wire is seen to arrive, whatever its heat is
+takes the wire there and holds it there.  Until it is there the first term gives way to the second, which the limits of
+the current cut off: full current, or none.  A long way ends where the wire is seen to arrive, whatever its heat is
 reckoned to be; a short one, as from one branch to the other where the setpoint turns, where the heat is reckoned to be
-enough.  The PID gives what is left, without its derivative: that would brake the motion that is asked for.  Nothing else
-of it comes from the position but the latent heat in T, so that a wrong number costs error and not stability: the PID makes
-up for it as for everything that it is not told.
+enough.  The PID gives what is left, without its derivative: that would brake the motion that is asked for.  Nothing
+else of it comes from the position but the latent heat in T, so that a wrong number costs error and not stability: the
+PID makes up for it as for everything that it is not told.
 
 A wire cools no faster than its surroundings let it, and heats no faster than the limit of the current does.  What
 the setpoint asks for beyond that is not followed but shaped: the reference of the PID moves as the wire can, so that
@@ -44,15 +44,16 @@ SHAPED = 0.005
 ON_THE_WAY_K, THERE_K = 4.0, 0.5
 #: Share of the full stroke by which a wire that has gone too far is there, whatever its heat is reckoned to be.
 TOO_FAR = 0.01
-#: A way that is longer than this share of the full stroke ends where the wire arrives, by when a command acts, and not where
-#: its heat is reckoned to be enough; unless the heat is beyond that by so much.
+#: A way that is longer than this share of the full stroke ends where the wire arrives, by when a command acts, and not
+#: where its heat is reckoned to be enough; unless the heat is beyond that by so much.
 LONG_WAY, MOST_BEYOND_K = 0.03, 25.0
 #: Periods of the loop until what is asked for now acts: a reading is of the one before, and a command stands for one.
 OWN_PERIODS = 1.5
-#: Where a loop closes, the branch before it and the one that goes on need not agree: what they differ by wears off over this share
-#: of the stroke.
+#: Where a loop closes, the branch before it and the one that goes on need not agree: what they differ by wears off over
+#: this share of the stroke.
 CLOSING = 0.05
-#: Time over which what is asked for changes on a short way: a wire that turns can wait for it, and its current does not jump.
+#: Time over which what is asked for changes on a short way: a wire that turns can wait for it, and its current does not
+#: jump.
 TURNING_s = 0.15
 #: Time in which a jump of the current is worn off that taking over would have made.
 TAKE_OVER_s = 1.0
@@ -80,7 +81,8 @@ class FeedForwardPidParameters(PidParameters):
         if sections.calibration.transformation_known:
             return []
         sentence = (
-            "controller.type: feed_forward_pid wants calibration.transformation_heating and _cooling; identify the model "
+            "controller.type: feed_forward_pid wants calibration.transformation_heating and _cooling; identify the "
+            "model "
             "anew from logs of full pulses, or take controller.type pid"
         )
         return [sentence]
@@ -295,7 +297,8 @@ class FeedForwardPid(PidController):
         return self._holds_A(wanted_C, (wanted_C - led_C) / self.gains.heating_time)
 
     def _is_there(self, position_m: float, setpoint_m: float, wanted_C: float) -> bool:
-        """Whether the way is at its end; what then holds the wire is the integral's where it is otherwise than reckoned."""
+        """Whether the way is at its end; what then holds the wire is the integral's where it is otherwise than
+        reckoned."""
         beyond_K = self._way * (self.temperature_C - wanted_C)
         if not self._long:
             return beyond_K > -THERE_K or self._way * (setpoint_m - position_m) > TOO_FAR * self._full_m

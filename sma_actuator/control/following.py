@@ -20,8 +20,8 @@ class Outcome(enum.Enum):
 
 
 class Pursuit:
-    """One trajectory, from ``begins_s``, with tolerances: of the position on the ``path`` and at the ``end``, infinite where
-    any will do, and the time [s] that it may come late."""
+    """One trajectory, from ``begins_s``, with tolerances: of the position on the ``path`` and at the ``end``, infinite
+    where any will do, and the time [s] that it may come late."""
 
     def __init__(self, trajectory: Trajectory, begins_s: float, path: float, end: float, late_s: float):
         self._trajectory, self._begins_s = trajectory, begins_s

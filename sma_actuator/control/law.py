@@ -102,7 +102,8 @@ class ControllerParameters:
     )
 
     def build(self, sections: LawSections) -> ControlLaw:
-        """The law with these parameters, whose output lies between ``supply.bias_current`` and the limit of each step."""
+        """The law with these parameters, whose output lies between ``supply.bias_current`` and the limit of each
+        step."""
         raise NotImplementedError
 
     def mismatches(self, sections: LawSections) -> list[str]:

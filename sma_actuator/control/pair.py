@@ -8,10 +8,10 @@ so the angle is all that the pulley leaves of their two displacements: the secon
 how hard the wires pull against each other.  Co-contraction is the tension of the wire that pulls less; the other pulls
 as much, and what the world asks of the joint besides.
 
-The angle gives each wire its place.  The error of the co-contraction shortens both by the same length, a proportional and
-an integral part: wires that are asked to be shorter than the pulley lets them be pull harder, and none is asked to be
-where it is not, once the tension is there.  No step of the angle is asked for faster than the wire that must get longer
-lets go: the reference stays so near the joint that the pull which this asks for ends at the tension limit.
+The angle gives each wire its place.  The error of the co-contraction shortens both by the same length, a proportional
+and an integral part: wires that are asked to be shorter than the pulley lets them be pull harder, and none is asked to
+be where it is not, once the tension is there.  No step of the angle is asked for faster than the wire that must get
+longer lets go: the reference stays so near the joint that the pull which this asks for ends at the tension limit.
 """
 
 from __future__ import annotations
@@ -24,14 +24,16 @@ from typing import Any
 from sma_actuator.base.parameters import from_mapping, parameter, refuse, to_mapping
 from sma_actuator.base.signals import JointEstimate
 
-#: Tension below which a wire counts as slack, and its displacement says nothing of the joint: some times a load cell's noise.
+#: Tension below which a wire counts as slack, and its displacement says nothing of the joint: some times a load cell's
+#: noise.
 SLACK_N = 0.05
 #: The integral part of the common shortening: as a share of what a working range has of displacement.
 LARGEST_INTEGRAL = 0.2
 #: No wire is asked for more than this share of the tension limit; the rest is for what overshoots.
 MOST_ASKED = 0.9
 #: Both wires are asked to be longer by up to this, as a share of a working range, from half of the way between the
-#: tension that is wanted of the wire that pulls more and the limit on: enough to cut what their integrals still ask for.
+#: tension that is wanted of the wire that pulls more and the limit on: enough to cut what their integrals still ask
+#: for.
 LARGEST_EASE = 0.3
 #: Tension is taken for what it will be so much later, where it rises: a wire goes on pulling while it is still hot.
 LOOK_AHEAD_s = 0.2
@@ -169,7 +171,8 @@ class Pair:
         self.asked_rad, self.commanded = nan, False
 
     def cancel(self) -> None:
-        """The motion ends where the reference has come, and the joint follows to there: where it is would be a step back."""
+        """The motion ends where the reference has come, and the joint follows to there: where it is would be a step
+        back."""
         self.asked_rad, self.commanded = self.reference_rad, False
 
     # --- geometry ---------------------------------------------------------------------------------

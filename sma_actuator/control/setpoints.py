@@ -93,7 +93,8 @@ class Trajectory:
                 )
             if i and not time > times[i - 1]:
                 raise ValueError(
-                    f"trajectory point {i}: its time, {time:g} s, is not after that of point {i - 1}, {times[i - 1]:g} s"
+                    f"trajectory point {i}: its time, {time:g} s, is not after that of point {i - 1}, {times[i - 1]:g} "
+                    f"s"
                 )
         self.times_s = times
         self.positions_m = positions

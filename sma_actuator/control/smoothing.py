@@ -1,8 +1,8 @@
 """A position without the noise of its measurement: as much of it as a law can do with, and no later than that costs.
 
 An alpha-beta filter, which follows a steady motion without lag (critically damped: R. J. Kalata, "The tracking index: a
-generalized parameter for α-β and α-β-γ target trackers", IEEE Trans. AES-20 (1984) 174).  How noisy the position is, its own
-second differences tell: a wire moves evenly from one reading to the next, noise does not.
+generalized parameter for α-β and α-β-γ target trackers", IEEE Trans.  AES-20 (1984) 174).  How noisy the position is,
+its own second differences tell: a wire moves evenly from one reading to the next, noise does not.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ class Smoother:
         self._step_m, self._step_s = 0.0, nan
 
     def step(self, position_m: float, dt_s: float, allowed_m: float = inf) -> float:
-        """The smoothed position after ``dt_s`` > 0, which noise moves by ``allowed_m`` from step to step, rms, or less."""
+        """The smoothed position after ``dt_s`` > 0, which noise moves by ``allowed_m`` from step to step, rms, or
+        less."""
         if not isfinite(self.position_m):
             self.reset(position_m)
         self._learn(position_m, dt_s)

@@ -39,7 +39,8 @@ class TrackingErrors:
     def __str__(self) -> str:
         values = self.as_dict()
         return (
-            f"model error {values['model_error_pct_stroke']:.2f} %, control error {values['control_error_pct_stroke']:.2f} %, "
+            f"model error {values['model_error_pct_stroke']:.2f} %, control error "
+            f"{values['control_error_pct_stroke']:.2f} %, "
             f"output error {values['output_error_pct_stroke']:.2f} % of full stroke "
             f"({self.samples} samples, {100 * values['judged_share']:.0f} % judged)"
         )

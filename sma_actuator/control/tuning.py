@@ -41,7 +41,8 @@ LAST_PART = 0.3
 LARGEST_A_m = 1e5
 #: Time over which the current that holds the wire is averaged.
 HOLDING_s = 5.0
-#: Parts of the working range that a trial steps to and stays at; then those it goes to on a ramp.  It begins where it ends.
+#: Parts of the working range that a trial steps to and stays at; then those it goes to on a ramp.  It begins where it
+#: ends.
 STEPPED, STAY_s = (0.65, 0.35), 4.0
 RAMPED, RAMP_1_s = (0.75, 0.35), 0.05
 #: What is tried, from the best so far: which gains, times what.  A step that helps is gone on with, and once one of a
@@ -108,7 +109,8 @@ def swings_of(time_s: np.ndarray, place_m: np.ndarray, current_A: np.ndarray) ->
     fewest = min(len(rows) for rows in halves.values())
     if fewest < LEFT_OUT + WANTED:
         raise GivenUp(
-            f"the wire swung {fewest} times about the middle of its working range, {LEFT_OUT + WANTED} are wanted: is the "
+            f"the wire swung {fewest} times about the middle of its working range, {LEFT_OUT + WANTED} are wanted: is "
+            f"the "
             "load one that it lifts with this current?"
         )
     rows = {heated: np.array(values[LEFT_OUT:]) for heated, values in halves.items()}
@@ -241,7 +243,8 @@ class Tuning:
         try:
             if self._relay and setpoint_m != self.setpoint_m:
                 raise GivenUp(
-                    f"the wire is kept from the middle of its working range, {self.setpoint_m * 1e3:.3g} mm (what keeps it "
+                    f"the wire is kept from the middle of its working range, {self.setpoint_m * 1e3:.3g} mm (what "
+                    f"keeps it "
                     "is among the limits): take load off, or identify the model anew"
                 )
             if not sample.temperature_C <= self._around.hottest_C:

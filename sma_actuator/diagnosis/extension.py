@@ -109,7 +109,8 @@ def extend(result: Identification, jobs: int = 2, progress: Progress = lambda fr
 
 
 def _thinned(result: Identification) -> list[BenchLog]:
-    """The logs that were fitted and are no mere rest of one, with their kind said, and no more samples than the race needs."""
+    """The logs that were fitted and are no mere rest of one, with their kind said, and no more samples than the race
+    needs."""
     seldom = max(1, -(-sum(len(one.log) for one in result.experiments) // MOST_SAMPLES))
     thinned = [one.rows(np.arange(len(one.log)) % seldom == 0) for one in result.experiments]
     thinned = [one for one in thinned if len(one.log) >= _SHORTEST and one.cycle[-1] > 0]

@@ -85,7 +85,8 @@ class Selection:
 
     rounds: list[Round]
     chosen: Trial | None
-    #: Where that leaves nothing to be looked for: the sketch of it with one more beside, which takes off too much for that.
+    #: Where that leaves nothing to be looked for: the sketch of it with one more beside, which takes off too much for
+    #: that.
     unsettled: Trial | None = None
 
     @property
@@ -113,10 +114,11 @@ class Rules:
     leaders: int = 0  #: so many of the best single ones are tried with every other …
     sketched: int = 0  #: … and, where this is not 0, so many of these pairs in earnest: those that do best in a sketch
     least_beside: float = 0.0  #: share of a pair's gain that is lost at least where either of the two is left out
-    #: Of the gain of one that leaves nothing to be looked for: what one more may take off beside it; more, and it was the wrong one.
+    #: Of the gain of one that leaves nothing to be looked for: what one more may take off beside it; more, and it was
+    #: the wrong one.
     most_beside: Callable[[float], float] = lambda gain: inf
-    #: Names that may take off as much as they like there, and beside which others may: what has but roughly the form of what it
-    #: is called leaves a rest where it is right, too.
+    #: Names that may take off as much as they like there, and beside which others may: what has but roughly the form of
+    #: what it is called leaves a rest where it is right, too.
     no_sign_beside: tuple[str, ...] = ()
     most: int = 1  #: candidates chosen at the most
     unit: str = "cycle"  #: what a unit is called
@@ -162,7 +164,8 @@ INSIDE = 0.8
 
 
 def next_fall(before: np.ndarray, after: np.ndarray) -> NextFall:
-    """The fall of a new unit's loss; each of the units seen, shape (units,), was judged by a fit that had not seen it."""
+    """The fall of a new unit's loss; each of the units seen, shape (units,), was judged by a fit that had not seen
+    it."""
     fall, n = before - after, len(before)
     if n < 2:
         return NextFall(0.0, -inf, inf)
@@ -228,7 +231,8 @@ def _unsettled(
     clean: Callable[[Trial], bool],
     together: Callable[[Sequence[Any]], bool],
 ) -> Generator[list[Entry], list[Trial], Trial | None]:
-    """The sketch of a winner that leaves nothing to be looked for with one more that takes off too much for that, if there is one."""
+    """The sketch of a winner that leaves nothing to be looked for with one more that takes off too much for that, if
+    there is one."""
     most = rules.most_beside(winner.gain)
     if not (most < inf and clean(winner)) or set(winner.names) & set(rules.no_sign_beside):
         return None
@@ -328,7 +332,8 @@ def _take_a_pair(
 
 
 def _falls_short_beside(trial: Trial, rival: Trial, gain: float, rules: Rules) -> str:
-    """Why a pair with this gain does not do so much better than another trial that two names are worth it; empty if it does."""
+    """Why a pair with this gain does not do so much better than another trial that two names are worth it; empty if it
+    does."""
     beside, _ = paired(rival.losses, trial.losses)
     least = rules.least_beside * gain
     little = (

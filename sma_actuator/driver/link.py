@@ -1,4 +1,5 @@
-"""One instrument as the loop sees it: whether it answers, how long it was waited for, when to try again if it does not."""
+"""One instrument as the loop sees it: whether it answers, how long it was waited for, when to try again if it does
+not."""
 
 from __future__ import annotations
 
@@ -54,8 +55,8 @@ class Link:
         self._obeys = True  #: as far as is known
 
     def waited_s(self) -> float:
-        """How long it has been waited for since the beginning [s]: for each question no longer than its answer may take.
-        From any thread."""
+        """How long it has been waited for since the beginning [s]: for each question no longer than its answer may
+        take.  From any thread."""
         so_far_s, since_s, most_s = self._waits
         return so_far_s if math.isnan(since_s) else so_far_s + min(self._now_s() - since_s, most_s)
 
@@ -119,7 +120,8 @@ class Link:
         self.detail, self.fault = str(error), error.fault or f"{self.name}_lost"
 
     def reconnect(self, quiet_s: float, unheard_s: float = math.inf) -> None:
-        """Try to open it again, not more often than the back-off allows, but every ``unheard_s`` while it hears nothing.
+        """Try to open it again, not more often than the back-off allows, but every ``unheard_s`` while it hears
+        nothing.
 
         An attempt that was heard and failed is followed by ``quiet_s`` without a word, and so is a word that was heard
         and not obeyed; but no longer than ``_LONGEST_TRUST_s``, for answers that are out of step may have said so.

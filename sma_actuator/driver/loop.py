@@ -1,4 +1,5 @@
-"""One step of the loop, in the control thread: instruments in, actuator, instruments out.  And what is done between two steps."""
+"""One step of the loop, in the control thread: instruments in, actuator, instruments out.  And what is done between two
+steps."""
 
 from __future__ import annotations
 
@@ -225,7 +226,8 @@ class Loop:
         if daq_s + supply_s <= self.deadlines.period_s:
             return ""
         return (
-            f"a step takes the instruments {daq_s + supply_s:.3g} s (supply {supply_s:.3g} s, DAQ {daq_s:.3g} s), so loop.rate can "
+            f"a step takes the instruments {daq_s + supply_s:.3g} s (supply {supply_s:.3g} s, DAQ {daq_s:.3g} s), so "
+            f"loop.rate can "
             f"be {highest_rate_Hz(daq_s + supply_s):.2g} Hz at the most; it is {self._config.loop.rate:g} Hz"
         )
 

@@ -226,7 +226,8 @@ class SupplyOutput:
         return dataclasses.replace(output, status=dataclasses.replace(output.status, message=message))
 
     def _flows_on(self, output: Output) -> bool:
-        """Whether current has flown longer than readings may be wrong, though the supply says that its output is off."""
+        """Whether current has flown longer than readings may be wrong, though the supply says that its output is
+        off."""
         safety, reading = self.safety, output.reading
         if reading is None or not self._known.is_off or not output.signals.current_A > safety.current_disagreement:
             self._flows_since_s = math.inf

@@ -22,8 +22,8 @@ BY_STRESS = {
     "cooling_stress": ("cooling_rise",),
 }
 
-#: Where the hot end of a wire that wears or trains has moved, the cold one has moved by this share of that: what is left in place
-#: is less while it is martensite.
+#: Where the hot end of a wire that wears or trains has moved, the cold one has moved by this share of that: what is
+#: left in place is less while it is martensite.
 COLD_SHARE = 0.4
 
 
@@ -177,7 +177,8 @@ class Calibration:
             if any(b <= a for a, b in pairwise(stresses)):
                 out.append(f"calibration.{name}: does not rise from value to value; identify the model again")
             out += [
-                f"calibration.{table}: has {len(getattr(self, table))} values for the {len(stresses)} of calibration.{name}; "
+                f"calibration.{table}: has {len(getattr(self, table))} values for the {len(stresses)} of "
+                f"calibration.{name}; "
                 "identify the model again"
                 for table in tables
                 if getattr(self, table) and len(getattr(self, table)) != len(stresses)
@@ -186,13 +187,15 @@ class Calibration:
             hot_m = np.interp(self.cold_stress, self.hot_stress, self.hot_displacement)
             if np.mean(hot_m) > np.mean(self.cold_displacement):
                 out.append(
-                    "calibration.hot_displacement: the wire is longer hot than cold, so displacement counts contraction; turn "
+                    "calibration.hot_displacement: the wire is longer hot than cold, so displacement counts "
+                    "contraction; turn "
                     "its sign in the logs (--unit displacement_m=-mm) and identify the wire again"
                 )
         return out
 
     def share_of_stroke(self, displacement_m: Any, stress_Pa: Any) -> Any:
-        """How far a displacement lies between the contracted (0) and the cold wire (1) at a stress; of numbers or arrays."""
+        """How far a displacement lies between the contracted (0) and the cold wire (1) at a stress; of numbers or
+        arrays."""
         hot_m = np.interp(stress_Pa, self.contracted_stress, self.contracted_displacement)
         cold_m = np.interp(stress_Pa, self.cold_stress, self.cold_displacement)
         return (displacement_m - hot_m) / (cold_m - hot_m)
@@ -214,7 +217,8 @@ class Calibration:
         return bool(np.all(np.array(self.cold_displacement) > hot_m))
 
     def heating_C(self, share: float, stress_Pa: float) -> float:
-        """Temperature, by the heat balance, of a heating wire at a share of its stroke and a stress; NaN where not known."""
+        """Temperature, by the heat balance, of a heating wire at a share of its stroke and a stress; NaN where not
+        known."""
         if not (self.transformation_heating and self.transformation_shift):
             return nan
         places = np.linspace(0.0, 1.0, len(self.transformation_heating))
@@ -245,8 +249,9 @@ class Calibration:
 def through(nodes: Sequence[float] | np.ndarray, values: Sequence[float] | np.ndarray, at: Any) -> Any:
     """A smooth curve through the values at ascending nodes, without a wave between them, ``at`` other places (n,).
 
-    Beyond its ends it goes on straight, by as much as the next node lies within.  The cold end bends strongly with stress: straight
-    lines between the loads of a calibration lie up to 1.6 % of the stroke below it, and its last value 5 % above it at the lightest load.
+    Beyond its ends it goes on straight, by as much as the next node lies within.  The cold end bends strongly with
+    stress: straight lines between the loads of a calibration lie up to 1.6 % of the stroke below it, and its last value
+    5 % above it at the lightest load.
     """
     if len(nodes) < 3:
         return np.interp(at, nodes, values)

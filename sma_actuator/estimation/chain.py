@@ -248,7 +248,8 @@ class Chain:
         self.reset()
 
     def reset(self) -> None:
-        """Forget where on its loop the wire is: the next good sample is taken for a wire at rest on its cooling curve."""
+        """Forget where on its loop the wire is: the next good sample is taken for a wire at rest on its cooling
+        curve."""
         self._started = False
         self._hot_end.reset()
         for effect, state in self._effects:

@@ -20,7 +20,8 @@ from sma_actuator.base.signals import MEASURABLE, Reading, Signals, Value
 
 @dataclass(frozen=True, slots=True)
 class Circuit:
-    """The measuring circuit.  What it is made of has no default: with another's the wire's resistance would be false."""
+    """The measuring circuit.  What it is made of has no default: with another's the wire's resistance would be
+    false."""
 
     reference_resistance: float = parameter(
         nan, "sense resistor in series with the wire", "Ω", 1e-4, 1e3, optional=True

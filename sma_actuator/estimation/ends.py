@@ -30,7 +30,8 @@ class EndsSections(Protocol):
 class Ends:
     """The ends of one wire at the load that it carries.
 
-    ``range_m``: the model's working range; ``whole``: the model follows the wire to both ends of its stroke, at any load.
+    ``range_m``: the model's working range; ``whole``: the model follows the wire to both ends of its stroke, at any
+    load.
     """
 
     def __init__(self, sections: EndsSections, range_m: tuple[float, float], whole: bool):

@@ -34,8 +34,8 @@ from .models import Coefficients
 STROKE_SHARE, SCATTERS = 0.02, 4.0
 #: The heat of a held wire may be off by this share, or by this many of the scatter of the first holds.
 HOLD_SHARE, HOLD_SCATTERS = 0.3, 4.0
-#: Cold is a wire that for so many time constants has been no warmer than this times what the bias current makes of it and
-#: this many kelvins.  The balance leaves latent heat out: a wire that transforms is warmer than it says.
+#: Cold is a wire that for so many time constants has been no warmer than this times what the bias current makes of it
+#: and this many kelvins.  The balance leaves latent heat out: a wire that transforms is warmer than it says.
 BIAS_RISES, COLD_K, COLD_TIMES = 1.5, 0.5, 6.0
 WARM_SHARE = 0.6  #: of what the bias current makes of it, before it is read: the calibration has it all
 #: Held is a wire whose rise stands, within this share of itself and this many kelvins, for so many time constants.
@@ -78,7 +78,8 @@ EFFECTS: dict[str, tuple[str, tuple[tuple[int, ...] | None, ...]]] = {
 }
 #: What moves the joint and leaves no trace in resistance and heat.
 BLIND = (
-    "a slip or creep in crimps and mount, play, a mechanism that yields, thermal expansion of the mount, a resistivity that "
+    "a slip or creep in crimps and mount, play, a mechanism that yields, thermal expansion of the mount, a resistivity "
+    "that "
     "rises more with temperature where the wire is never held contracted, and anything smaller than the bounds"
 )
 

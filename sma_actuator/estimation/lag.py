@@ -13,7 +13,8 @@ from sma_actuator.base.jit import jit
 def lag(
     time: np.ndarray, values: np.ndarray, state: np.ndarray, time_constant: float, from_zero: bool, out: np.ndarray
 ) -> None:
-    """``values`` at ``time`` [s] through a lag, all of shape (n,); ``state`` (2,) = [time, value] is NaN before the first sample.
+    """``values`` at ``time`` [s] through a lag, all of shape (n,); ``state`` (2,) = [time, value] is NaN before the
+    first sample.
 
     It starts in balance with the first value, or at zero.  A sample that is not finite leaves it standing.
     """

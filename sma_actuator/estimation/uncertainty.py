@@ -1,9 +1,9 @@
 """How far an estimate of a model that says nothing of it may be off: from its calibration, and from how it began.
 
-Half of a 95 % interval, of two parts. What the model leaves on its own calibration logs, at this place and branch: the
-mean residual and twice the scatter about it. And where on its loop the wire is: after the output was off a measurement at
-the bias current tells the resistance, and the wire may be anywhere between the heating and the cooling curve there; as
-it moves, the loop forgets where it began, and so does this.
+Half of a 95 % interval, of two parts.  What the model leaves on its own calibration logs, at this place and branch: the
+mean residual and twice the scatter about it.  And where on its loop the wire is: after the output was off a measurement
+at the bias current tells the resistance, and the wire may be anywhere between the heating and the cooling curve there;
+as it moves, the loop forgets where it began, and so does this.
 """
 
 from __future__ import annotations

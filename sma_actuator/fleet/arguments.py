@@ -13,7 +13,8 @@ def add_fleet_arguments(parser: argparse.ArgumentParser, per: str) -> None:
         "--table",
         type=Path,
         metavar="FILE.parquet",
-        help=f"work on every {per} by itself, and append a row for each log to this table; folders, patterns and URLs (s3://…) "
+        help=f"work on every {per} by itself, and append a row for each log to this table; folders, patterns and URLs "
+        f"(s3://…) "
         "may be given, {wire} in the name of a file stands for the wire; what is in the table already is left out",
     )
     group.add_argument(

@@ -57,7 +57,8 @@ def run(args: argparse.Namespace) -> int:
     first = next((s.rows[-1]["log"] for s in found if s.drifts), "")
     say_next(
         args,
-        f"do what the table says, or see it for one wire: sma-actuator trace {first} --config ITS_MODEL.yaml --out out/traced"
+        f"do what the table says, or see it for one wire: sma-actuator trace {first} --config ITS_MODEL.yaml --out "
+        f"out/traced"
         if first
         else "nothing; the same table with the next logs (--table of replay or trace)",
     )

@@ -81,7 +81,8 @@ def verdict(found: Sequence[WireState]) -> str:
     if not drifting:
         return f"None of {of} drifts." if found else "No row of the table says anything of a drift."
     told = "; ".join(
-        f"{s.wire} by {' and '.join(_words(n) for n in s.effects) or 'something without a name'} since {s.since:%Y-%m-%d}"
+        f"{s.wire} by {' and '.join(_words(n) for n in s.effects) or 'something without a name'} since "
+        f"{s.since:%Y-%m-%d}"
         for s in drifting[:3]
     )
     more = f"; and {len(drifting) - 3} more" if len(drifting) > 3 else ""

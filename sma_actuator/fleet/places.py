@@ -1,4 +1,5 @@
-"""Where the logs of a fleet lie: folders, patterns and URLs, through fsspec; found by the client, read by the worker."""
+"""Where the logs of a fleet lie: folders, patterns and URLs, through fsspec; found by the client, read by the
+worker."""
 
 from __future__ import annotations
 

@@ -89,8 +89,8 @@ def run_fleet(
 ) -> int:
     """Work on every log by itself, or on the logs of every wire ``together``; 0 when there is a row for each.
 
-    ``options``: what else the findings depend on, things that say so by their ``repr``.  ``models``: where the models found are written, with
-    {wire} in it.  Raises UserError.
+    ``options``: what else the findings depend on, things that say so by their ``repr``.  ``models``: where the models
+    found are written, with {wire} in it.  Raises UserError.
     """
     console = notes(args)
     refuse_to_overwrite(args)
@@ -160,7 +160,8 @@ def _check_configs(jobs: Sequence[_Job]) -> None:
 
 
 def _outcomes(jobs: Sequence[_Job], processes: int) -> Generator[_Outcome, None, None]:
-    """What the workers find, each as soon as it is there; where processes die what they had not finished is done again."""
+    """What the workers find, each as soon as it is there; where processes die what they had not finished is done
+    again."""
     left = {job.number: job for job in jobs}
     tries = 0
     while left:
@@ -175,7 +176,8 @@ def _outcomes(jobs: Sequence[_Job], processes: int) -> Generator[_Outcome, None,
             if tries == TRIES:
                 place = next(iter(left.values())).places[0].url
                 raise UserError(
-                    f"the processes die at {place} or a log after it, {TRIES} times ({error}); is there too little memory?"
+                    f"the processes die at {place} or a log after it, {TRIES} times ({error}); is there too little "
+                    f"memory?"
                 ) from error
 
 

@@ -40,8 +40,8 @@ class Fatigue:
 def fit_fatigue(experiments: Sequence[Experiment]) -> Fatigue:
     """ln N lines of the extremes of R and δ over the fatigue logs, numbered from ``first_cycle`` in their metadata.
 
-    The first cycle of a log does not count: it begins at a rest of any length, the others where the pause between pulses
-    leaves the wire.  Raises IdentificationError where fewer than five are left.
+    The first cycle of a log does not count: it begins at a rest of any length, the others where the pause between
+    pulses leaves the wire.  Raises IdentificationError where fewer than five are left.
     """
     number, rows = [], []
     for experiment in experiments:
@@ -53,7 +53,8 @@ def fit_fatigue(experiments: Sequence[Experiment]) -> Fatigue:
             rows.append((*_ends(resistance_Ohm), *_ends(displacement_m)))
     if len(number) < 5:
         raise IdentificationError(
-            f"fatigue: {len(number)} cycles in the logs, without the first of each; at least 5 are needed for a line in ln N"
+            f"fatigue: {len(number)} cycles in the logs, without the first of each; at least 5 are needed for a line "
+            f"in ln N"
         )
     order = np.argsort(number)
     numbers, values = np.array(number)[order], np.array(rows)[order].T

@@ -150,7 +150,8 @@ def identify(
     if not any(t.kind == "partial" for t in experiments):
         notes.append("no log of partial cycles: minor loops, and with them the transition, rest on full cycles alone")
     notes += [
-        f"{t.name}: fitted on {t.cycle[-1]} of its {t.cycle[-1] + t.log.metadata[LEFT_OUT]} full cycles, which repeat each other"
+        f"{t.name}: fitted on {t.cycle[-1]} of its {t.cycle[-1] + t.log.metadata[LEFT_OUT]} full cycles, which repeat "
+        f"each other"
         for t in experiments
         if LEFT_OUT in t.log.metadata
     ]
@@ -181,7 +182,8 @@ def identify(
 
 
 def foreign_loads_N(experiments: Sequence[Experiment], config: Config) -> tuple[float, float] | None:
-    """Below and above which load the estimate says that it is outside its calibration, where all logs are of one; else None."""
+    """Below and above which load the estimate says that it is outside its calibration, where all logs are of one; else
+    None."""
     if distinct_stresses(experiments) != 1:
         return None
     low_Pa, high_Pa = stresses_inside_Pa(config.model.build(config.wire).stress_range_Pa)
@@ -189,7 +191,8 @@ def foreign_loads_N(experiments: Sequence[Experiment], config: Config) -> tuple[
 
 
 def _refuse_contraction(experiments: Sequence[Experiment]) -> None:
-    """Raise IdentificationError where a displacement counts contraction: the model would ask for heat where it should cool."""
+    """Raise IdentificationError where a displacement counts contraction: the model would ask for heat where it should
+    cool."""
     turned = [t for t in experiments if counts_contraction(t.resistance_Ohm, t.signals.current_A, t.displacement_m)]
     if not turned:
         return
@@ -202,7 +205,8 @@ def _refuse_contraction(experiments: Sequence[Experiment]) -> None:
     sources = dict.fromkeys(t.part_of or t.log.source for t in turned)
     names = ", ".join(sources) if len(turned) < len(experiments) or len(sources) == 1 else f"all {len(sources)} logs"
     raise IdentificationError(
-        f"{names}: the displacement grows while the wire is heated and its resistance falls, so it counts contraction, and "
+        f"{names}: the displacement grows while the wire is heated and its resistance falls, so it counts contraction, "
+        f"and "
         f"extension is positive here; a node with a model of it would go to full current. {how[0].upper()}{how[1:]}"
     )
 
@@ -246,7 +250,8 @@ def _add_measured(mapping: dict[str, Any], found: Mapping[str, Derived]) -> tupl
                 reasons[name] = each.why
         elif name in _COMPARED and abs(math.log(inside[key] / each.value)) > math.log(_FAR):
             at_odds.append(
-                f"{name} is given as {inside[key]:g}, where these logs say {each.value:g} ({each.why}); leave it out of the "
+                f"{name} is given as {inside[key]:g}, where these logs say {each.value:g} ({each.why}); leave it out "
+                f"of the "
                 "bench file, and the measured one is used"
             )
     return reasons, at_odds

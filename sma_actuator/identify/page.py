@@ -42,7 +42,8 @@ def write_page(path: Path, result: Identification) -> None:
     page.table(
         ("log", "load [N]", "working range [%]", "share of samples in it", "full range [%]"),
         [(e.name, e.load_N, e.working_percent, f"{e.working_share:.0%}", e.full_percent) for e in result.errors],
-        f"Mean absolute error in % of the full stroke of {wire.full_stroke_m * 1e3:.3g} mm, on the logs that were fitted.",
+        f"Mean absolute error in % of the full stroke of {wire.full_stroke_m * 1e3:.3g} mm, on the logs that were "
+        f"fitted.",
     )
     page.table(
         ("load [N]", *(f"{name} [%]" for name in REGIONS)),

@@ -16,8 +16,9 @@ from sma_actuator.logs.experiments import Experiment, IdentificationError
 from sma_actuator.logs.kinds import FULL, load_numbers
 
 MARGIN = 0.02  #: share of the full stroke that the working range keeps from where resistance stops telling
-#: Share by which a load may differ from the one that all logs are of before it counts as foreign.  On the virtual bench a tenth more or
-#: less costs 0.2 to 0.8 % of the full stroke (flexinol's asymptotes, measured and foreign physics) or 1.3 % (whole_range, measured).
+#: Share by which a load may differ from the one that all logs are of before it counts as foreign.  On the virtual bench
+#: a tenth more or less costs 0.2 to 0.8 % of the full stroke (flexinol's asymptotes, measured and foreign physics) or
+#: 1.3 % (whole_range, measured).
 ONE_LOAD = 0.1
 _SMOOTH = 3  #: samples either side that a local slope is taken over
 _FLAT = 0.4  #: share of the branch's slope below which it is called flat
@@ -83,7 +84,8 @@ def check_width(low_m: float, high_m: float, full_stroke_m: float) -> None:
 
 
 def shortest_seen_m(experiments: Sequence[Experiment], config: Config) -> float:
-    """The shortest displacement that the model sees at every load when the wire is heated as far as it goes, with a margin.
+    """The shortest displacement that the model sees at every load when the wire is heated as far as it goes, with a
+    margin.
 
     A controller that is asked for less heats for ever: resistance has its minimum there, and what the model
     makes of the minimum need not be where the wire is.
@@ -98,7 +100,8 @@ def full_cycles(experiments: Sequence[Experiment]) -> list[Experiment]:
     found = [t for t in experiments if t.kind == FULL and t.constant_load]
     if not found:
         raise IdentificationError(
-            "no log of full cycles at a constant load (open-loop pulses, from rest in the cold to rest in the heat and back); "
+            "no log of full cycles at a constant load (open-loop pulses, from rest in the cold to rest in the heat and "
+            "back); "
             "they are needed to find the branches and the ends of the stroke"
         )
     return found
@@ -107,9 +110,11 @@ def full_cycles(experiments: Sequence[Experiment]) -> list[Experiment]:
 def without_misjudged(
     experiments: Sequence[Experiment], say: Callable[[str], None] = lambda sentence: None
 ) -> list[Experiment]:
-    """The experiments but those taken for full cycles that hold no full stroke of both branches, of which ``say`` is told.
+    """The experiments but those taken for full cycles that hold no full stroke of both branches, of which ``say`` is
+    told.
 
-    One such among others must not end their identification; where there is no other, the fit says what is wrong with it.
+    One such among others must not end their identification; where there is no other, the fit says what is wrong with
+    it.
     """
     errors = {}
     for i, t in enumerate(experiments):
@@ -132,7 +137,8 @@ def lowest_order(experiments: Sequence[Experiment]) -> int:
 
 
 def stress_range_Pa(experiments: Sequence[Experiment]) -> tuple[float, float]:
-    """Lowest and highest stress that coefficients rest on, with a margin: 2 % for noise, or ONE_LOAD where there is but one."""
+    """Lowest and highest stress that coefficients rest on, with a margin: 2 % for noise, or ONE_LOAD where there is but
+    one."""
     found = full_cycles(experiments)
     values = [t.mean_stress_Pa for t in found]
     margin = (0.02 if distinct_stresses(found) > 1 else ONE_LOAD) * max(values)

@@ -66,11 +66,11 @@ class OutputStaysOn(InstrumentRefused):
 class PowerSupply(Protocol):
     """A current-controlled supply.  Every method but ``shut_down`` and ``close`` may raise InstrumentError.
 
-    Off is said first and last on every connection, without a question: before ``open`` asks who answers, and
-    before a connection is given up.  Every method returns or raises within the time of one answer,
-    ``instruments.supply.timeout``, and a pause between commands; but ``check_settings``, one for each question, ``open``, thirty,
-    and ``shut_down``, two and a tenth of a second.
-    Not thread-safe, but for ``shut_down``: one owner.
+    Off is said first and last on every connection, without a question: before ``open`` asks who answers, and before a
+    connection is given up.  Every method returns or raises within the time of one answer,
+    ``instruments.supply.timeout``, and a pause between commands; but ``check_settings``, one for each question,
+    ``open``, thirty, and ``shut_down``, two and a tenth of a second.  Not thread-safe, but for ``shut_down``: one
+    owner.
     """
 
     identity: str  #: answer to ``*IDN?``, "" before ``open``
@@ -80,8 +80,8 @@ class PowerSupply(Protocol):
 
     @property
     def reads_back(self) -> frozenset[str]:
-        """What not every supply tells: ``voltage_setting``; ``over_current_trip``, its setting; ``watchdog_trip``, as WDOG,
-        once it has cut."""
+        """What not every supply tells: ``voltage_setting``; ``over_current_trip``, its setting; ``watchdog_trip``, as
+        WDOG, once it has cut."""
 
     def open(self) -> None:
         """Connect, output off, check who answers, program compliance voltage, over-voltage and

@@ -48,7 +48,8 @@ class Channels:
         if ambient_channel != 0 and not measures_celsius:
             # 0.02 V would pass for a room of 0.02 °C, and the heat balance would take the wire for colder than it is.
             raise InstrumentRefused(
-                f"instruments.daq.ambient_temperature_channel: is {ambient_channel}, but {who} reads every channel in volts; "
+                f"instruments.daq.ambient_temperature_channel: is {ambient_channel}, but {who} reads every channel in "
+                f"volts; "
                 "0 is wanted, and the room's temperature in thermal.ambient_temperature"
             )
 

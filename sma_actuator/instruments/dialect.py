@@ -195,7 +195,8 @@ class Dialect:
             acknowledgement = pattern_or_none(document["acknowledgement"])
             if acknowledgement is None:
                 problems.append(
-                    f"acknowledgement: {document['acknowledgement']!r}; a regular expression for the whole line that answers a "
+                    f"acknowledgement: {document['acknowledgement']!r}; a regular expression for the whole line that "
+                    f"answers a "
                     "command is wanted, in quotes"
                 )
         identity = _identity(document, queries, problems)
@@ -231,7 +232,8 @@ class Dialect:
             return next(filled), next(filled)
         except KeyError as channel:
             raise ConfigError(
-                f"instruments.{self.kind}.channel: {channel} is no channel of {self.family}: {self.path} has no mask for it"
+                f"instruments.{self.kind}.channel: {channel} is no channel of {self.family}: {self.path} has no mask "
+                f"for it"
             ) from None
 
     def off_lines(self, channel: int) -> list[str]:

@@ -1,7 +1,7 @@
 """The process that says off for a program that is gone (``afterwards.py`` begins it).
 
-Its standard input ends with the program, whatever ended that.  It then makes a session of its own and says off until that
-is read back.  While another program has the instrument it says nothing: that one's first words were off.
+Its standard input ends with the program, whatever ended that.  It then makes a session of its own and says off until
+that is read back.  While another program has the instrument it says nothing: that one's first words were off.
 """
 
 from __future__ import annotations

@@ -119,7 +119,8 @@ class NationalInstruments(MakersDaq):
 
     package = "nidaqmx"
     install = (
-        "NI-DAQmx and the extra 'nidaqmx' are wanted (`nidaqmx installdriver` fetches the driver), and the name that NI MAX "
+        "NI-DAQmx and the extra 'nidaqmx' are wanted (`nidaqmx installdriver` fetches the driver), and the name that "
+        "NI MAX "
         "gives the device, as Dev1"
     )
 

@@ -34,7 +34,8 @@ class Connection:
     serial: SerialLine = section(SerialLine, "serial line")
     backend: str = parameter(
         "py",
-        "VISA library, as pyvisa names it: py (pyvisa-py), ivi (one of NI, Keysight or R&S), simulated devices as file.yaml@sim",
+        "VISA library, as pyvisa names it: py (pyvisa-py), ivi (one of NI, Keysight or R&S), simulated devices as "
+        "file.yaml@sim",
     )
     write_termination: str = parameter(
         "", "end of a line sent; empty: the dialect's", choices=tuple(TERMINATIONS), optional=True
@@ -63,7 +64,8 @@ class SupplyInstrument(Connection):
     )
     exclusive_lock: bool = parameter(
         True,
-        "keep others away: programs of this computer always, others by the instrument's lock or VISA's where there is one",
+        "keep others away: programs of this computer always, others by the instrument's lock or VISA's where there is "
+        "one",
     )
     pymeasure_class: str = parameter("", "dotted name of a pymeasure instrument, instead of a dialect", optional=True)
 
@@ -80,7 +82,8 @@ class DaqInstrument(Connection):
     )
     package: str = parameter(
         "",
-        "Python package of the DAQ's maker, instead of a dialect; resource is then the device's name there, and channel n its "
+        "Python package of the DAQ's maker, instead of a dialect; resource is then the device's name there, and "
+        "channel n its "
         "input n (0 stays free)",
         choices=("nidaqmx", "labjack"),
         optional=True,

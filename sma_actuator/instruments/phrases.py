@@ -1,7 +1,8 @@
 """One thing said to an instrument, and what its answer means: the entries of a dialect.
 
 A command is one or more texts and the scale of its value.  A query is a text and the way from the line that answers it
-to a value: a pattern that takes header and unit off, a field of a list, a scale, bits of a status word, words for yes and no.
+to a value: a pattern that takes header and unit off, a field of a list, a scale, bits of a status word, words for yes
+and no.
 """
 
 from __future__ import annotations
@@ -83,7 +84,8 @@ class Query:
 
     @classmethod
     def read(cls, name: str, entry: Any, allowed: Collection[str], reading: str, problems: list[str]) -> Self | None:
-        """Read an entry whose answer is a ``reading`` (a key of READINGS); what is wrong with it goes to ``problems``."""
+        """Read an entry whose answer is a ``reading`` (a key of READINGS); what is wrong with it goes to
+        ``problems``."""
         mapping = dict(entry) if isinstance(entry, Mapping) else {"ask": entry}
         mapping = {_YAMLS_WORDS.get(key, key) if isinstance(key, bool) else key: mapping[key] for key in mapping}
         text = mapping.pop("ask", None)

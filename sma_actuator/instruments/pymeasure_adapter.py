@@ -1,8 +1,8 @@
 """A supply driven by a class of pymeasure, for instruments that have a driver there and no dialect here.
 
-pymeasure's drivers name the same thing differently; the names looked for are below.  A class that
-lacks one of them is refused in a sentence.  ``python -m sma_actuator.instruments.pymeasure_adapter > docs/pymeasure.md``
-tries every class of the pymeasure that is installed.
+pymeasure's drivers name the same thing differently; the names looked for are below.  A class that lacks one of them is
+refused in a sentence.  ``python -m sma_actuator.instruments.pymeasure_adapter > docs/pymeasure.md`` tries every class
+of the pymeasure that is installed.
 """
 
 from __future__ import annotations
@@ -41,10 +41,11 @@ _PAGE = """# Classes of pymeasure that can drive a wire
 
 <!-- made by `python -m sma_actuator.instruments.pymeasure_adapter > docs/pymeasure.md` -->
 
-`instruments.supply.pymeasure_class` takes a class that can set and read back a current limit, a compliance voltage and an output,
-measures both, asks with question marks and gets no answers to what it sets: of pymeasure {version} the {fit} in the first
-table. Its lines end as `instruments.supply.write_termination` and `read_termination` say, with a line feed where they say nothing. Tests
-open, drive and switch off one of each family over TCP; none was tried on the instrument. No DAQ of pymeasure is used: [dialects.md](dialects.md) has those.
+`instruments.supply.pymeasure_class` takes a class that can set and read back a current limit, a compliance voltage
+and an output, measures both, asks with question marks and gets no answers to what it sets: of pymeasure {version} the
+{fit} in the first table. Its lines end as `instruments.supply.write_termination` and `read_termination` say, with a
+line feed where they say nothing. Tests open, drive and switch off one of each family over TCP; none was tried on the
+instrument. No DAQ of pymeasure is used: [dialects.md](dialects.md) has those.
 """
 
 
@@ -71,7 +72,8 @@ class _OverSession(Adapter):
 
 
 class _OnPaper(Adapter):
-    """Notes what a class of pymeasure would say, and whether it reads what it has not asked for with a question mark."""
+    """Notes what a class of pymeasure would say, and whether it reads what it has not asked for with a question
+    mark."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -219,14 +221,15 @@ def _find_class(dotted: str) -> type:
         return getattr(importlib.import_module(module_name), class_name)
     except (ImportError, ValueError, AttributeError) as error:
         raise ConfigError(
-            f"instruments.supply.pymeasure_class: '{dotted}' cannot be imported ({error}); the dotted name of a class is wanted, as "
+            f"instruments.supply.pymeasure_class: '{dotted}' cannot be imported ({error}); the dotted name of a class "
+            f"is wanted, as "
             "pymeasure.instruments.keysight.KeysightE36312A, and the extra 'pymeasure' installed"
         ) from error
 
 
 def survey() -> tuple[dict[str, tuple[str, ...]], dict[str, str]]:
-    """Of all instruments of the pymeasure that is installed: classes that can drive a wire, with the lines that they are
-    switched off by, and those that know most of what a supply does, with what does not fit."""
+    """Of all instruments of the pymeasure that is installed: classes that can drive a wire, with the lines that they
+    are switched off by, and those that know most of what a supply does, with what does not fit."""
     drive, lack = {}, {}
     for name, found in sorted(_instruments()):
         supply = PymeasureSupply.__new__(PymeasureSupply)

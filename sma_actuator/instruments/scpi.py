@@ -70,7 +70,8 @@ def _read_back(dialect: Dialect) -> frozenset[str]:
 
 
 def abilities_of(dialect: Dialect, watched: bool = True) -> Abilities:
-    """What a supply of this dialect can do for a wire that nobody looks after; ``watched``: its watchdog is to be used."""
+    """What a supply of this dialect can do for a wire that nobody looks after; ``watched``: its watchdog is to be
+    used."""
     told = _read_back(dialect)
     return Abilities(
         dialect.family,
@@ -156,7 +157,8 @@ class ScpiSupply(SessionSupply):
         if not holds:
             raise WatchdogNotHeld(
                 f"{self._session.name}: its watchdog was armed with {wanted_s:g} s and does not read back so: "
-                "a killed computer would leave the current on (supply.watchdog_timeout: 0 with supply.allow_no_watchdog: true "
+                "a killed computer would leave the current on (supply.watchdog_timeout: 0 with "
+                "supply.allow_no_watchdog: true "
                 "does without it)"
             )
 
@@ -183,7 +185,8 @@ class ScpiSupply(SessionSupply):
         session, limits, dialect = self._session, self._limits, self._dialect
         if limits.bias_current < dialect.zero_current_A:
             raise InstrumentRefused(
-                f"supply.bias_current: {limits.bias_current:g} A; {dialect.family} takes no less than {dialect.zero_current_A:g} A"
+                f"supply.bias_current: {limits.bias_current:g} A; {dialect.family} takes no less than "
+                f"{dialect.zero_current_A:g} A"
             )
         self.identity = _identify(session, dialect, self._queries)
         _forget_errors(session, self._queries, dialect.lines("clear_status", channel=self._channel))
@@ -267,7 +270,8 @@ class ScpiSupply(SessionSupply):
         self._tell("arm_watchdog", wanted_s)
 
     def _holds(self, query: str, switch: str, wanted: float, what: str) -> None:
-        """Ask for a setting, and whether it is switched on where that can be asked; raise LimitsNotHeld where it does not hold."""
+        """Ask for a setting, and whether it is switched on where that can be asked; raise LimitsNotHeld where it does
+        not hold."""
         asked = self._queries[query]
         found, reply = self._session.ask_for(asked.text, lambda reply: (asked.number(reply), reply))
         if not abs(found - wanted) <= SETTING_TOLERANCE * wanted:
@@ -337,7 +341,8 @@ class ScpiDaq:
         return self._channels.reading(self._clock.now_s(), values)
 
     def _means(self, numbers: list[float]) -> list[float]:
-        """The mean of each channel; raises ValueError for what is neither one mean nor all readings of every channel."""
+        """The mean of each channel; raises ValueError for what is neither one mean nor all readings of every
+        channel."""
         wanted = len(self._channels.numbers)
         if len(numbers) not in (wanted, self._values["readings"]):
             raise ValueError

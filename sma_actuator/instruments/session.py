@@ -178,7 +178,8 @@ class SocketStream:
 
 
 class VisaStream:
-    """Any other resource of VISA: VXI-11, HiSLIP, USB, GPIB, serial; and all of them with another backend than pyvisa-py.
+    """Any other resource of VISA: VXI-11, HiSLIP, USB, GPIB, serial; and all of them with another backend than
+    pyvisa-py.
 
     Each call into VISA is bounded by VISA's own time-out, which some backends take by the wall
     clock; the deadline of the whole answer is ours.  What came unasked is seen on a serial line alone.
@@ -336,7 +337,8 @@ class Session:
         """Raise ConfigError where somebody else of this connection was told another manner."""
         if manner != self._manner:
             raise ConfigError(
-                "instruments.daq: has the same resource as instruments.supply, so both speak over one line; the same serial, "
+                "instruments.daq: has the same resource as instruments.supply, so both speak over one line; the same "
+                "serial, "
                 "backend, write_termination, read_termination and command_pause are wanted"
             )
 
@@ -346,7 +348,8 @@ class Session:
             return Claim(_canonical(self.resource))
         except OSError as error:
             raise InstrumentRefused(
-                f"{self.name}: another program on this computer, or another part of this one, speaks to it; only one may "
+                f"{self.name}: another program on this computer, or another part of this one, speaks to it; only one "
+                f"may "
                 f"({why})"
             ) from error
 
@@ -381,7 +384,8 @@ class Session:
         self.close()
         if not self.resource:
             raise InstrumentRefused(
-                f"instruments.{self.role}.resource: is empty; a VISA resource is wanted, as TCPIP::192.168.0.5::5025::SOCKET"
+                f"instruments.{self.role}.resource: is empty; a VISA resource is wanted, as "
+                f"TCPIP::192.168.0.5::5025::SOCKET"
             )
         try:
             stream = self._connect(lock)
@@ -512,7 +516,8 @@ class Session:
                     raise self.give_up(f"said '{_shown(lines[0])}' without being asked: {self._for_people}")
                 self.give_up("")
                 raise InstrumentRefused(
-                    f"{self.name}: it answers commands ('{_shown(lines[0])}' to '{self._told[0]}'): put acknowledgement: "
+                    f"{self.name}: it answers commands ('{_shown(lines[0])}' to '{self._told[0]}'): put "
+                    f"acknowledgement: "
                     f"'{_shown(lines[0])}' into its dialect (docs/dialects.md)"
                 )
             self._answered = True
@@ -588,7 +593,8 @@ class Session:
             return pyvisa.ResourceManager(backend if "@" in backend else f"@{backend}")
         except Exception as error:  # each backend raises its own
             raise InstrumentRefused(
-                f"instruments.{self.role}.backend: '{backend}' cannot be loaded ({_shown(str(error))}); py needs nothing more, ivi "
+                f"instruments.{self.role}.backend: '{backend}' cannot be loaded ({_shown(str(error))}); py needs "
+                f"nothing more, ivi "
                 "wants the VISA library of NI, Keysight or R&S, and file.yaml@sim pyvisa-sim and that file"
             ) from error
 
@@ -662,7 +668,8 @@ class Session:
         if not self._acknowledges(said):
             self.give_up("")
             raise InstrumentRefused(
-                f"{self.name}: answered '{_shown(said)}' to '{line}', where acknowledgement '{self._wanted}' of its dialect was "
+                f"{self.name}: answered '{_shown(said)}' to '{line}', where acknowledgement '{self._wanted}' of its "
+                f"dialect was "
                 "wanted: it refuses that, or the dialect is not its own"
             )
 
@@ -709,7 +716,8 @@ class Session:
             if self._answers and math.isfinite(self._deadline_s):
                 took_s = time.monotonic() - self._began_s
                 begun += (
-                    f"; with the {self._answers} answers before it that took {took_s:.2g} s, and instruments.{self.role}.timeout is "
+                    f"; with the {self._answers} answers before it that took {took_s:.2g} s, and "
+                    f"instruments.{self.role}.timeout is "
                     "the time for all of them together"
                 )
             if not self._answered and self.resource.upper().startswith("ASRL"):

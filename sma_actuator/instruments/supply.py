@@ -40,18 +40,22 @@ class Abilities:
         if not self.watchdog:
             states["allow_no_watchdog"] = (
                 f"{self.what} has no communication watchdog, so a killed computer or a pulled network cable leaves the "
-                "current on; wire a relay into its output that drops out when the computer is silent, and a fuse that the wire "
+                "current on; wire a relay into its output that drops out when the computer is silent, and a fuse that "
+                "the wire "
                 "survives"
             )
         elif not self.watchdog_of_session:
             states["allow_shared_watchdog"] = (
-                f"{self.what} has a communication watchdog that anybody's words feed, so whoever else speaks to it keeps the "
-                "current of a dead computer on; give it a network of its own, or wire a relay into its output that drops out when "
+                f"{self.what} has a communication watchdog that anybody's words feed, so whoever else speaks to it "
+                f"keeps the "
+                "current of a dead computer on; give it a network of its own, or wire a relay into its output that "
+                "drops out when "
                 "the computer is silent"
             )
         if not self.watchdog and not self.second_session:  # else its silence cuts the output, whatever hangs
             states["allow_single_session"] = (
-                f"{self.what} is not known to take a second session and has no communication watchdog, so where its session "
+                f"{self.what} is not known to take a second session and has no communication watchdog, so where its "
+                f"session "
                 "hangs the current stays on until that is closed; wire a switch into its output that a hand can reach"
             )
         lacking = [
@@ -63,7 +67,8 @@ class Abilities:
             lacking.append("no compliance voltage that can be read back")
         if lacking:
             states["allow_no_trips"] = (
-                f"{self.what} has {' and '.join(lacking)}, so nothing in it stands against a setting that is wrong or that "
+                f"{self.what} has {' and '.join(lacking)}, so nothing in it stands against a setting that is wrong or "
+                f"that "
                 "somebody else has made; wire a fuse in series with the wire that it survives for ever"
             )
         return states
@@ -108,7 +113,8 @@ class SessionSupply(ABC):
 
     @abstractmethod
     def _configure(self) -> None:
-        """Identify, program and read back a supply that was just connected; raise InstrumentError where it will not do."""
+        """Identify, program and read back a supply that was just connected; raise InstrumentError where it will not
+        do."""
 
     @abstractmethod
     def _tell_current(self, current_A: float) -> None:
@@ -160,7 +166,8 @@ class SessionSupply(ABC):
                 time.sleep(_OFF_PAUSE_s)
 
     def _acknowledged(self, abilities: Abilities) -> None:
-        """Keep the sentences of states that cannot be made safe; raise InstrumentRefused where one is not acknowledged."""
+        """Keep the sentences of states that cannot be made safe; raise InstrumentRefused where one is not
+        acknowledged."""
         self._watchdog = abilities.watchdog
         unsafe = abilities.unsafe_states()
         for parameter, sentence in unsafe.items():
@@ -169,7 +176,8 @@ class SessionSupply(ABC):
         self._unsafe = list(unsafe.values())
 
     def set_output(self, on: bool) -> None:
-        """Switch the output.  Before one without a watchdog goes on, somebody waits who says off when this program is gone."""
+        """Switch the output.  Before one without a watchdog goes on, somebody waits who says off when this program is
+        gone."""
         if on:
             self._confirmed = False
             if not self._watchdog and not (self._afterwards is not None and self._afterwards.waits):
@@ -296,7 +304,8 @@ class SessionSupply(ABC):
     def _off_beside(self, timeout_s: float) -> None:
         """A second session speaks for one that is lost, or hangs in another thread.
 
-        Where connections do not begin empty, as serial lines, a late answer to the lost one may come to it: then another one.
+        Where connections do not begin empty, as serial lines, a late answer to the lost one may come to it: then
+        another one.
         """
         until_s = time.monotonic() + timeout_s
         while True:

@@ -33,7 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         type=Path,
         metavar="FILE",
-        help="one loop at one stress in each: CSV with temperature_C, strain (strain_%% for percent), stress_MPa, or these three without a header",
+        help="one loop at one stress in each: CSV with temperature_C, strain (strain_%% for percent), stress_MPa, or "
+        "these three without a header",
     )
     parser.add_argument(
         "--kinetics",

@@ -80,7 +80,8 @@ def read_loop(path: str | Path, columns: ColumnMap = ColumnMap(known=COLUMNS)) -
         missing = [name for name in COLUMNS if name not in table.columns]
         if missing:
             raise UserError(
-                f"{path}: line 1: no column {missing[0]}; {', '.join(COLUMNS)} are wanted, in any unit that the name says "
+                f"{path}: line 1: no column {missing[0]}; {', '.join(COLUMNS)} are wanted, in any unit that the name "
+                f"says "
                 f"(strain_%, stress_MPa), or say which it is: --map {missing[0]}=THEIRS --unit {missing[0]}=UNIT"
             )
         temperature_C, strain, stress_Pa = (table.columns[name] for name in COLUMNS)
@@ -97,7 +98,8 @@ def read_loop(path: str | Path, columns: ColumnMap = ColumnMap(known=COLUMNS)) -
 def _without_a_header(path: Path, rows: list[tuple[int, list[str]]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     if len(rows[0][1]) != len(COLUMNS):
         raise UserError(
-            f"{path}: line {rows[0][0]}: {len(rows[0][1])} columns and no header; a header that names {', '.join(COLUMNS)} is "
+            f"{path}: line {rows[0][0]}: {len(rows[0][1])} columns and no header; a header that names "
+            f"{', '.join(COLUMNS)} is "
             "wanted, or these three and no more"
         )
     values = np.array([_numbers(path, number, words) for number, words in rows])
@@ -109,17 +111,20 @@ def _possible(path: Path, temperature_C: np.ndarray, strain: np.ndarray, stress_
     stroke = float(np.subtract(*np.percentile(strain, (99.0, 1.0))))
     if stroke > MOST_STROKE:
         raise UserError(
-            f"{path}: a strain of {stroke:.0%} from end to end is more than any wire has (at most {MOST_STROKE:.0%}); is it in "
+            f"{path}: a strain of {stroke:.0%} from end to end is more than any wire has (at most {MOST_STROKE:.0%}); "
+            f"is it in "
             "percent? Name the column strain_%, or say --unit strain=%"
         )
     if (hottest_C := float(temperature_C.max())) > HOTTEST_C:
         raise UserError(
-            f"{path}: {hottest_C:.0f} °C is hotter than any loop of a wire; is it in kelvin or fahrenheit? Name the column "
+            f"{path}: {hottest_C:.0f} °C is hotter than any loop of a wire; is it in kelvin or fahrenheit? Name the "
+            f"column "
             "temperature_K, or say --unit temperature_C=K"
         )
     if (largest_Pa := float(np.abs(stress_Pa).max())) > MOST_STRESS_Pa:
         raise UserError(
-            f"{path}: {largest_Pa / 1e6:.0f} MPa is more than a wire bears; is the stress in another unit? Name the column "
+            f"{path}: {largest_Pa / 1e6:.0f} MPa is more than a wire bears; is the stress in another unit? Name the "
+            f"column "
             "stress_Pa, or say --unit stress_Pa=kPa"
         )
 
@@ -153,6 +158,7 @@ def _turn(path: Path, temperature_C: np.ndarray) -> int:
     crossings = int((np.diff(side) != 0).sum())
     if crossings != 2:
         raise UserError(
-            f"{path}: the temperature passes {middle_C:.0f} °C {crossings} times; one loop passes its middle twice: there and back"
+            f"{path}: the temperature passes {middle_C:.0f} °C {crossings} times; one loop passes its middle twice: "
+            f"there and back"
         )
     return int(np.argmax(temperature_C) if temperature_C[0] < middle_C else np.argmin(temperature_C))

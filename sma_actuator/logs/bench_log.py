@@ -188,8 +188,10 @@ def signals_from_log(log: BenchLog, config: LogSections) -> Signals:
     pair = electrical_columns(log)
     if "reference_voltage_V" in pair and not math.isfinite(config.circuit.reference_resistance):
         raise BenchLogError(
-            f"{log.source}: line 1, column reference_voltage_V: is the voltage over a sense resistor that is not known; "
-            "circuit.reference_resistance in ohms is wanted (in the bench file, or --set circuit.reference_resistance=OHM)"
+            f"{log.source}: line 1, column reference_voltage_V: is the voltage over a sense resistor that is not "
+            f"known; "
+            "circuit.reference_resistance in ohms is wanted (in the bench file, or --set "
+            "circuit.reference_resistance=OHM)"
         )
     if pair != ELECTRICAL[0]:
         resistance_Ohm, current_A = _resistance_and_current(log, pair, config.circuit.reference_resistance)
@@ -198,7 +200,8 @@ def signals_from_log(log: BenchLog, config: LogSections) -> Signals:
     if not ("load_cell_voltage_V" in log and config.load_cell.calibrated):
         if "load_N" not in log:
             raise BenchLogError(
-                f"{log.source}: line 1, column load_cell_voltage_V: is the voltage of a load cell that is not calibrated; "
+                f"{log.source}: line 1, column load_cell_voltage_V: is the voltage of a load cell that is not "
+                f"calibrated; "
                 "load_cell.slope in N/V and load_cell.offset in N are wanted (in the bench file, or "
                 "--set load_cell.slope=… --set load_cell.offset=…), or a column load_N"
             )
@@ -245,7 +248,8 @@ def uncalibrated_resistance_and_current(log: BenchLog) -> tuple[np.ndarray, np.n
 
 
 def averaged(log: BenchLog, least_period_s: float = 0.02) -> BenchLog:
-    """A log with readings closer together than so averaged, as many as make a step of it: what a wire does takes longer.
+    """A log with readings closer together than so averaged, as many as make a step of it: what a wire does takes
+    longer.
 
     Voltages and currents are averaged before anything is made of them, as a DAQ averages its blocks; blocks that hold a
     pause are left out.
@@ -267,8 +271,8 @@ def longest_pause_s(log: BenchLog) -> float:
 def with_rising_stamps(log: BenchLog, say: Callable[[str], None] = lambda sentence: None) -> BenchLog:
     """A log whose readings have stamps of their own; ``say`` is told.
 
-    Rows that stand twice count once, and where a coarse clock gives several readings one stamp, they are spread until the
-    next.  Time that runs back is left as it is.
+    Rows that stand twice count once, and where a coarse clock gives several readings one stamp, they are spread until
+    the next.  Time that runs back is left as it is.
     """
     time_s = log.columns.get("time_s", np.empty(0))
     if (
@@ -294,7 +298,8 @@ def with_rising_stamps(log: BenchLog, say: Callable[[str], None] = lambda senten
     place = (np.arange(len(time_s)) - np.repeat(first, count)) / np.repeat(count, count)
     spread_s = np.repeat(stamps, count) + place * np.repeat(within, count)
     say(
-        f"{log.name}: {len(time_s) - len(stamps)} readings have the stamp of the one before, as of a clock with steps of "
+        f"{log.name}: {len(time_s) - len(stamps)} readings have the stamp of the one before, as of a clock with steps "
+        f"of "
         f"{step_s:.3g} s; they are spread evenly until the next stamp"
     )
     return dataclasses.replace(log, columns={**log.columns, "time_s": spread_s})
@@ -393,7 +398,8 @@ def _missing_electrical(log: BenchLog) -> str:
     if "supply_voltage_V" in log and "current_A" in log:
         return (
             "supply_voltage_V and current_A tell the resistance of wire, leads and sense resistor together; name the "
-            "voltage wire_voltage_V if it is that over the wire alone, else give reference_voltage_V (over the sense resistor)"
+            "voltage wire_voltage_V if it is that over the wire alone, else give reference_voltage_V (over the sense "
+            "resistor)"
         )
     if "supply_voltage_V" in log:
         return _missing_column(("reference_voltage_V",), log)
@@ -401,7 +407,8 @@ def _missing_electrical(log: BenchLog) -> str:
         return _missing_column(("supply_voltage_V",), log)
     pairs = "; ".join(" and ".join(pair) for pair in ELECTRICAL)
     return (
-        f"{_missing_column(('supply_voltage_V', 'reference_voltage_V'), log)}; resistance and current come from one of these "
+        f"{_missing_column(('supply_voltage_V', 'reference_voltage_V'), log)}; resistance and current come from one of "
+        f"these "
         f"pairs: {pairs}"
     )
 
@@ -411,7 +418,8 @@ def _metadata_path(path: Path) -> Path:
 
 
 def read_metadata(path: Path) -> dict[str, Any]:
-    """What was known when a log was made, from the JSON file beside it; {} where there is none.  Raises BenchLogError."""
+    """What was known when a log was made, from the JSON file beside it; {} where there is none.  Raises
+    BenchLogError."""
     beside = _metadata_path(path)
     if not beside.exists():
         return {}

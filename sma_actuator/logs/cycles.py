@@ -1,7 +1,7 @@
 """The cycles of a log and which of them are full: one judgement, for ``identify`` as for ``check-log``.
 
-A cycle begins when the current is switched on, which is when it passes the middle of its range.  It is full where the wire
-rests at both ends of it and no cycle of that load goes further.
+A cycle begins when the current is switched on, which is when it passes the middle of its range.  It is full where the
+wire rests at both ends of it and no cycle of that load goes further.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ _HOT_PART, _COLD_PART = (
     0.25,
     0.15,
 )  #: shares of the time driven and not, in which it rests at the hot and at the cold end
-#: Share of the widest stroke of a load that a full cycle has at least: the first one begins at a rest of any length, the
-#: others at what a pause between pulses leaves of the long tail that the cooling of a real wire ends with.
+#: Share of the widest stroke of a load that a full cycle has at least: the first one begins at a rest of any length,
+#: the others at what a pause between pulses leaves of the long tail that the cooling of a real wire ends with.
 _WIDEST = 0.88
 _IN_MOTION = 5  #: samples in mid-stroke that the heating of some full cycles in a row has at least
 

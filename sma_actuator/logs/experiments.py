@@ -93,7 +93,8 @@ class Experiment:
 
 
 def begins_anew(experiments: Sequence[Experiment]) -> list[bool]:
-    """Of each whether it begins anew; else it is the stretch of a log after the one before it, and the wire has that past."""
+    """Of each whether it begins anew; else it is the stretch of a log after the one before it, and the wire has that
+    past."""
     return [
         before is None
         or not t.part_of
@@ -118,8 +119,10 @@ def make_experiment(log: BenchLog, config, with_reference: bool = True) -> Exper
     if not good.any():
         largest_A = float(np.nan_to_num(signals.current_A, nan=0.0).max())
         raise BenchLogError(
-            f"{log.source}: line 2: no reading has a resistance and a load: the current never exceeds {largest_A:.3g} A, where "
-            f"half of supply.bias_current ({config.supply.bias_current:g} A) is the least to measure resistance with, or the "
+            f"{log.source}: line 2: no reading has a resistance and a load: the current never exceeds {largest_A:.3g} "
+            f"A, where "
+            f"half of supply.bias_current ({config.supply.bias_current:g} A) is the least to measure resistance with, "
+            f"or the "
             "load is missing; was the wire never driven, or is circuit.reference_resistance of another circuit?"
         )
     resistance_Ohm = np.median(signals.resistance_Ohm[good])
@@ -144,7 +147,8 @@ def make_experiment(log: BenchLog, config, with_reference: bool = True) -> Exper
         if stroke_m > MOST_STROKE * (most_m := config.wire.strain_length_m):
             raise BenchLogError(
                 f"{log.source}: line 2: the displacement moves by {stroke_m * 1e3:.3g} mm, {stroke_m / most_m:.0%} "
-                f"of strain, and no wire does more than {MOST_STROKE:.0%}; check its unit (--unit displacement_m=mm) and wire.length"
+                f"of strain, and no wire does more than {MOST_STROKE:.0%}; check its unit (--unit displacement_m=mm) "
+                f"and wire.length"
             )
     detector = BranchDetector(config.estimator)
     seen = [np.ascontiguousarray(v[good]) for v in (signals.time_s, signals.resistance_Ohm, signals.power_W)]

@@ -68,7 +68,8 @@ class Seen:
 
 
 def judge(logs: Sequence[BenchLog], length_m: float = math.nan) -> list[Finding]:
-    """Every requirement, held against the logs of one wire; resistance and load are there, for a reader refuses logs without.
+    """Every requirement, held against the logs of one wire; resistance and load are there, for a reader refuses logs
+    without.
 
     ``length_m`` of the wire, where known, makes a strain of the stroke.
     """
@@ -166,7 +167,8 @@ def _measured(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
         "resistance is measured all the time",
         f"in {min(shares):.0%} of the rows",
         min(shares) >= LEAST_MEASURED,
-        "let a small current flow also while the wire cools (a tenth to a fifth of the heating current): cooling is half of the loop",
+        "let a small current flow also while the wire cools (a tenth to a fifth of the heating current): cooling is "
+        "half of the loop",
     )
 
 
@@ -224,7 +226,8 @@ def _rests(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
         "rests at both ends",
         words.get((cold, hot), "none"),
         cold and hot,
-        f"hold still for {REST_s:g} s or more before the current goes on and before it goes off: the ends anchor everything else",
+        f"hold still for {REST_s:g} s or more before the current goes on and before it goes off: the ends anchor "
+        f"everything else",
     )
 
 
@@ -316,7 +319,8 @@ def _cycle_s(log: BenchLog) -> float:
 
 
 def _late_s(time_s: np.ndarray, values: np.ndarray, others: np.ndarray, cycle_s: float) -> float | None:
-    """By how much ``values`` come later than ``others``: where their rates go together best; None where they never do."""
+    """By how much ``values`` come later than ``others``: where their rates go together best; None where they never
+    do."""
     good = np.isfinite(values + others)
     if good.sum() < FEWEST_READINGS:
         return None
@@ -350,7 +354,8 @@ def _no_tone(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
         "no tone in a channel",
         max(found)[1] if found else "none",
         not found,
-        "look for what hums or shakes at that frequency (or faster: what is above half the rate of readings shows below it), and average "
+        "look for what hums or shakes at that frequency (or faster: what is above half the rate of readings shows "
+        "below it), and average "
         "over its whole periods",
         needed=False,
     )
@@ -362,7 +367,8 @@ def _channels(log: BenchLog) -> dict[str, np.ndarray]:
 
 
 def _tone(time_s: np.ndarray, values: np.ndarray) -> tuple[float, float]:
-    """(frequency [Hz], amplitude over the range) of the one line that stands out of a channel's spectrum; (0, 0) for none."""
+    """(frequency [Hz], amplitude over the range) of the one line that stands out of a channel's spectrum; (0, 0) for
+    none."""
     good = np.isfinite(values)
     if good.sum() < FEWEST_READINGS:
         return 0.0, 0.0
@@ -436,6 +442,7 @@ def _ambient(logs: Sequence[BenchLog]) -> Finding:
         "ambient temperature is measured",
         "in all logs" if there else "not in all logs",
         there,
-        "put a thermometer beside the wire, or write down the temperature of the room: --map ambient_temperature_C=22.5",
+        "put a thermometer beside the wire, or write down the temperature of the room: --map "
+        "ambient_temperature_C=22.5",
         needed=False,
     )

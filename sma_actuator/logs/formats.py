@@ -19,11 +19,13 @@ from .errors import BenchLogError
 from .tables import CHUNK_BYTES, EVENT_COLUMN, Progress, Table, read_text, refuse_larger
 from .units import is_unit
 
-#: What a cell of a sheet takes until it is a number of a column, a Python object and a place in a row; a row takes as much as four.
+#: What a cell of a sheet takes until it is a number of a column, a Python object and a place in a row; a row takes as
+#: much as four.
 _CELL_B, _ROW_CELLS = 40, 4
 #: What a byte of a book takes that is not read row by row: its styles and texts become objects, all of them.
 _WHOLE_B = 20
-#: Of MATLAB's level 5: its header, the tag of an element, the type of one that is packed, and what a byte of text becomes.
+#: Of MATLAB's level 5: its header, the tag of an element, the type of one that is packed, and what a byte of text
+#: becomes.
 _MATLAB_HEADER_B, _MATLAB_TAG_B, _MATLAB_PACKED, _CHARACTER_B = 128, 8, 15, 4
 #: Kinds of its elements: numbers, matrices and what they are packed in, text; how deep structures stand in each other.
 _MATLAB_KINDS, _MATLAB_MATRIX, _MATLAB_DEEPEST = {*range(1, 8), 9, *range(12, 19)}, 14, 20
@@ -98,7 +100,8 @@ def _parquet(path: Path) -> Table:
     # Not asked of the columns one by one: of what is broken there pyarrow aborts the process.
     unpacked_B = sum(said.row_group(i).total_byte_size for i in range(said.num_row_groups))
     refuse_larger(path, max(_NUMBER_B * said.num_rows * said.num_columns, unpacked_B))
-    # A text that stands in a million rows is stored once; it is neither multiplied nor, but for the events, read at all.
+    # A text that stands in a million rows is stored once; it is neither multiplied nor, but for the events, read at
+    # all.
     texts = {field.name for field in said.schema.to_arrow_schema() if not _of_numbers(field.type)}
     names = [name for name in said.schema.to_arrow_schema().names if name not in texts or name == EVENT_COLUMN]
     table = pyarrow.parquet.read_table(path, columns=names, read_dictionary=[EVENT_COLUMN])
@@ -135,8 +138,8 @@ def _matlab(path: Path) -> Table:
 def _look_at_matlab(path: Path) -> None:
     """Refuse a file of level 5 whose packed elements take too much, or whose elements SciPy would break on.
 
-    What they take stands nowhere, so it is counted.  SciPy believes kind and length of an element: of others than there are the
-    process ends with a bus error.
+    What they take stands nowhere, so it is counted.  SciPy believes kind and length of an element: of others than there
+    are the process ends with a bus error.
     """
     size_B = path.stat().st_size
     if size_B < _MATLAB_HEADER_B:

@@ -25,10 +25,11 @@ from .experiments import (
 )
 
 FULL, PARTIAL, MANY = "pulses", "partial", "fatigue"
-#: Currents held one after the other, and setpoints followed by a control law: partial cycles that are never cut, since each
-#: stands on those before.
+#: Currents held one after the other, and setpoints followed by a control law: partial cycles that are never cut, since
+#: each stands on those before.
 WHOLE = ("levels", "followed")
-LEFT_OUT = "cycles_left_out"  #: in the metadata of an experiment: how many full cycles its log has beside those that are fitted
+#: In the metadata of an experiment: how many full cycles its log has beside those that are fitted.
+LEFT_OUT = "cycles_left_out"
 _WINDOW_s = 1.0  #: over which a load is steady or not
 _STEADY_N = 0.02  #: or SAME_LOAD of the load
 _STEADY_SHARE = 0.9  #: of the time, with weights; a spring's load moves with the wire
@@ -41,8 +42,8 @@ _MANY = 15  #: full cycles in a row of which no fit needs more, where other logs
 def with_kinds(experiments: Sequence[Experiment], remembered: bool = False) -> list[Experiment]:
     """Stretches of the experiments, each of one load and one kind of cycles.
 
-    ``remembered``: for a model that knows the wire's past; a stretch then begins where the one before it ended, and none
-    of its cycles is left out.
+    ``remembered``: for a model that knows the wire's past; a stretch then begins where the one before it ended, and
+    none of its cycles is left out.
     """
     stretches = [
         stretch
@@ -80,8 +81,8 @@ def _enough(experiment: Experiment) -> Experiment:
 def make_experiments(logs: Sequence[BenchLog], config: Any, remembered: bool = False) -> list[Experiment]:
     """Traces of the logs that a model is fitted on, each of one load and one kind of cycles.
 
-    ``remembered``: as in :func:`with_kinds`.  Logs of calibration and training are left out, and logs in which the current never moves.  Raises
-    IdentificationError where none is left.
+    ``remembered``: as in :func:`with_kinds`.  Logs of calibration and training are left out, and logs in which the
+    current never moves.  Raises IdentificationError where none is left.
     """
     experiments = [judged_rows(t) for log in logs_to_fit(logs) for t in sessions(make_experiment(log, config))]
     if not experiments:
@@ -92,7 +93,8 @@ def make_experiments(logs: Sequence[BenchLog], config: Any, remembered: bool = F
 
 
 def usable_logs(logs: Sequence[BenchLog], config: Any, say: Callable[[str], None]) -> list[BenchLog]:
-    """Those of the logs to fit that can be used; of the others ``say`` is told; raises what is wrong with the first where none can be."""
+    """Those of the logs to fit that can be used; of the others ``say`` is told; raises what is wrong with the first
+    where none can be."""
     kept, errors = [], []
     for log in logs_to_fit(logs):
         try:

@@ -6,9 +6,9 @@ Said on the command line (``--map resistance_Ohm=R --unit displacement_m=mm``) o
     units: {time_s: ms, displacement_m: -mm}
     offsets: {displacement_m: 0.0041}
 
-A number in place of a column holds for the whole log.  A minus before a unit turns the sign: ``-mm`` is what a
-sensor gives that counts contraction.  A number before it is what one of theirs is: ``1mm`` for the percent of a wire of
-100 mm, ``2.5mm`` for the volt of a sensor.  Without a word a column is taken only where its name leaves no choice: ours, or
+A number in place of a column holds for the whole log.  A minus before a unit turns the sign: ``-mm`` is what a sensor
+gives that counts contraction.  A number before it is what one of theirs is: ``1mm`` for the percent of a wire of 100
+mm, ``2.5mm`` for the volt of a sensor.  Without a word a column is taken only where its name leaves no choice: ours, or
 ours with another unit at its end (``displacement_mm``).
 """
 
@@ -117,7 +117,8 @@ class ColumnMap:
                 if ours in table.columns:
                     continue  # a log that has our name already, among others that have not
                 raise BenchLogError(
-                    f"{table.source}: line 1: no column '{theirs}' (--map {ours}={theirs}); found {', '.join(table.columns)}"
+                    f"{table.source}: line 1: no column '{theirs}' (--map {ours}={theirs}); found "
+                    f"{', '.join(table.columns)}"
                 )
             wanted[ours] = theirs
         said = {theirs for theirs in wanted.values() if isinstance(theirs, str)}
@@ -145,13 +146,15 @@ class ColumnMap:
             and UNITS[own].get(found) != UNITS[own].get(said.lstrip("-"))
         ):
             raise BenchLogError(
-                f"{table.source}: line 1: --unit {ours}={said}, but '{theirs}' says {found}; if the file is wrong, rename the column in it"
+                f"{table.source}: line 1: --unit {ours}={said}, but '{theirs}' says {found}; if the file is wrong, "
+                f"rename the column in it"
             )
         text = said if said is not None else found or _other_unit_in(theirs, own) or own
         unit = unit_in_words(text, own)
         if unit is None:
             raise BenchLogError(
-                f"{table.source}: line 1: '{theirs}' is in {text}, which is no unit of {ours}; known are {', '.join(UNITS[own])}, "
+                f"{table.source}: line 1: '{theirs}' is in {text}, which is no unit of {ours}; known are "
+                f"{', '.join(UNITS[own])}, "
                 f"or say what one of it is{_ONE_OF_IT.get((text, own), f', as --unit {ours}=1{own}')}"
             )
         return unit, "" if text == own else f"in {text}"
@@ -180,7 +183,8 @@ class ColumnMap:
             others = f" (or {', '.join(repr(n) for n in found[1:])})" if len(found) > 1 else ""
             words.append(f"--map '{ours}={found[0]}'{unit}{others}")
         raise BenchLogError(
-            f"{table.source}: line 1: the columns are {', '.join(table.columns)}; say which is which, perhaps: {' '.join(words)}"
+            f"{table.source}: line 1: the columns are {', '.join(table.columns)}; say which is which, perhaps: "
+            f"{' '.join(words)}"
         )
 
 
@@ -209,13 +213,15 @@ def _ours(theirs: str, known: tuple[str, ...]) -> str | None:
 
 
 def unit_in(name: str, own: str) -> str:
-    """Unit that a column's name says, as ``Pos (mm)``, ``Pos [mm]``, ``pos_mm``, ``Pos / mm``; "" where it says none."""
+    """Unit that a column's name says, as ``Pos (mm)``, ``Pos [mm]``, ``pos_mm``, ``Pos / mm``; "" where it says
+    none."""
     match = re.search(r"[(\[]\s*([^)\]]+?)\s*[)\]]\s*$|[/_ ]\s*([^\s/_]+)$", name)
     return unit_of((match[1] or match[2]) if match else "", own)
 
 
 def _other_unit_in(name: str, own: str) -> str:
-    """Unit in brackets in a column's name that measures something else than ``own``, as percent of a length; "" where none does."""
+    """Unit in brackets in a column's name that measures something else than ``own``, as percent of a length; "" where
+    none does."""
     match = re.search(r"[(\[]\s*([^)\]]+?)\s*[)\]]\s*$", name)
     found = match[1] if match else ""
     return (

@@ -49,14 +49,16 @@ def add_map_arguments(parser: argparse.ArgumentParser) -> argparse._ArgumentGrou
         action="append",
         default=[],
         metavar="OURS=THEIRS",
-        help="which of their columns is which of ours, as resistance_Ohm=R, or a number for all rows, as load_N=0.49; may be repeated",
+        help="which of their columns is which of ours, as resistance_Ohm=R, or a number for all rows, as load_N=0.49; "
+        "may be repeated",
     )
     group.add_argument(
         "--unit",
         action="append",
         default=[],
         metavar="OURS=UNIT",
-        help="unit of their column, as displacement_m=mm, or =-mm for a sensor that counts contraction, or what one of it is, as =1mm; "
+        help="unit of their column, as displacement_m=mm, or =-mm for a sensor that counts contraction, or what one of "
+        "it is, as =1mm; "
         "may be repeated",
     )
     group.add_argument(
@@ -80,7 +82,8 @@ def add_log_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         default=0.0,
         metavar="SECONDS",
-        help="tables of steady points, one a row, without times: go through them in so many seconds each, which should be several "
+        help="tables of steady points, one a row, without times: go through them in so many seconds each, which should "
+        "be several "
         "thermal time constants (0.15 mm: 10, 0.4 mm: 60)",
     )
     group.add_argument(
@@ -136,9 +139,10 @@ def read_logs(
 ) -> list[BenchLog]:
     """The logs at ``places``: files, folders and patterns, bags among them.
 
-    Pauses and readings that are missing are kept as they are; files that follow each other in one recording are
-    joined; a displacement that counts contraction is turned round.  A file that cannot be read among others is left out,
-    which ``say`` is told.  ``found`` takes what was made of each table's columns.  Raises BenchLogError where none can be read.
+    Pauses and readings that are missing are kept as they are; files that follow each other in one recording are joined;
+    a displacement that counts contraction is turned round.  A file that cannot be read among others is left out, which
+    ``say`` is told.  ``found`` takes what was made of each table's columns.  Raises BenchLogError where none can be
+    read.
     """
     paths = find_logs(places)
     found = [] if found is None else found
@@ -223,7 +227,8 @@ def _joined(logs: list[BenchLog], say: Say) -> list[BenchLog]:
             out.append(log)
             if log.metadata.get("part", 1) != 1:
                 say(
-                    f"{log.name}: begins in the middle of a recording; what the estimator remembered by then is not in it"
+                    f"{log.name}: begins in the middle of a recording; what the estimator remembered by then is not in "
+                    f"it"
                 )
     return out
 
@@ -262,7 +267,8 @@ def _extension_positive(
     zero_m = float(max(np.nanmax(log["displacement_m"]) for log in turned))
     names = ", ".join(log.name for log in turned) if len(turned) < len(asked) else "displacement_m"
     say(
-        f"{names}: grows while the wire is heated, so it counts contraction; turned round, extension = {zero_m:.6g} m less it "
+        f"{names}: grows while the wire is heated, so it counts contraction; turned round, extension = {zero_m:.6g} m "
+        f"less it "
         f"(to keep this zero for other logs: --unit displacement_m=-UNIT --offset displacement_m={zero_m:.6g})"
     )
     for i, each in enumerate(found):

@@ -122,7 +122,8 @@ class BenchLogRecorder:
         except OSError as error:
             if error.errno not in _NO_ROOM:
                 raise ConfigError(
-                    f"recorder.folder: {self._folder} cannot be written ({error.strerror}); a folder this process may write is wanted"
+                    f"recorder.folder: {self._folder} cannot be written ({error.strerror}); a folder this process may "
+                    f"write is wanted"
                 ) from error
             self._end_with(error)
         self._thread = threading.Thread(target=self._run, name=f"{name} recorder", daemon=True)

@@ -6,8 +6,8 @@ import numpy as np
 
 from .bench_log import BenchLog, uncalibrated_resistance_and_current
 
-#: Correlation beyond which a displacement is told to follow a quantity; it is 0.9 to 1.0 with the resistance of the wires of
-#: the virtual bench, pulses as partial cycles, and 0.97 with that of the one real wire that was measured.
+#: Correlation beyond which a displacement is told to follow a quantity; it is 0.9 to 1.0 with the resistance of the
+#: wires of the virtual bench, pulses as partial cycles, and 0.97 with that of the one real wire that was measured.
 _FOLLOWS = 0.5
 _DRIVEN = 0.02  #: share of the largest current from which the resistance is measured
 _FEWEST = 20  #: samples

@@ -1,9 +1,9 @@
 """Tables of steady points, one a row and without times, made logs: gone through slowly, along a smooth curve.
 
-Nothing is known between the points, but that a wire's loop has no corners where its current does not turn: a straight line
-between two of them says that resistance and displacement go in proportion, which they do nowhere that one phase follows another.  So the
-curve is a spline in their plane (Catmull and Rom's, with centripetal parameters, which makes no loops: C. Yuksel and others,
-Computer-Aided Design 43 (2011) 747).  A table of one loop holds one cycle; it is gone
+Nothing is known between the points, but that a wire's loop has no corners where its current does not turn: a straight
+line between two of them says that resistance and displacement go in proportion, which they do nowhere that one phase
+follows another.  So the curve is a spline in their plane (Catmull and Rom's, with centripetal parameters, which makes
+no loops: C. Yuksel and others, Computer-Aided Design 43 (2011) 747).  A table of one loop holds one cycle; it is gone
 through ROUNDS times, so that it has cycles to count, and its metadata say so: no cycle of it is unseen.
 """
 
@@ -40,7 +40,8 @@ def log_of_points(
     told = np.isfinite(resistance_Ohm) & (current_A >= LEAST_CURRENT * np.nanmax(current_A, initial=0.0))
     if np.count_nonzero(told) < _FEWEST:
         raise BenchLogError(
-            f"{table.source}: {np.count_nonzero(told)} points with a resistance are no loop; at least {_FEWEST} are wanted, up and "
+            f"{table.source}: {np.count_nonzero(told)} points with a resistance are no loop; at least {_FEWEST} are "
+            f"wanted, up and "
             "down in current, one a row in the order in which they were measured"
         )
     at_s = np.arange(ROUNDS * count) * seconds
@@ -58,15 +59,18 @@ def log_of_points(
         if name in points:
             columns[name] = np.interp(time_s, at_s, np.tile(points[name], ROUNDS))
     say(
-        f"{points.name}: {count} steady points, gone through {ROUNDS} times with {seconds:g} s from each to the next along a "
-        f"smooth curve; below {LEAST_CURRENT:.0%} of the largest current ({count - np.count_nonzero(told)} points) the resistance "
+        f"{points.name}: {count} steady points, gone through {ROUNDS} times with {seconds:g} s from each to the next "
+        f"along a "
+        f"smooth curve; below {LEAST_CURRENT:.0%} of the largest current ({count - np.count_nonzero(told)} points) the "
+        f"resistance "
         "is that of its neighbours"
     )
     return BenchLog(columns, {**metadata, STATIC: True}, table.source)
 
 
 def _along(points: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """A smooth curve through points (n, dimensions) at ``place`` (m,), which is k at the k-th: shape (m, dimensions)."""
+    """A smooth curve through points (n, dimensions) at ``place`` (m,), which is k at the k-th: shape (m,
+    dimensions)."""
     size = np.maximum(np.nanmax(points, axis=0) - np.nanmin(points, axis=0), 1e-300)
     apart = np.sqrt(np.linalg.norm(np.diff(points, axis=0) / size, axis=1))[
         :, np.newaxis

@@ -25,8 +25,8 @@ from .errors import BenchLogError
 from .units import is_unit
 
 CHUNK_BYTES = 8_000_000
-#: That a log may take in memory, whatever it takes on disk: an hour of forty columns at 800 Hz.  Looked at before it is read,
-#: for a few bytes can stand for any number of numbers in every format that packs.
+#: That a log may take in memory, whatever it takes on disk: an hour of forty columns at 800 Hz.  Looked at before it is
+#: read, for a few bytes can stand for any number of numbers in every format that packs.
 LARGEST_B = 1_000_000_000
 #: What was asked of the actuator or happened to it before its row, in words; text, where all others are numbers.
 EVENT_COLUMN = "event"

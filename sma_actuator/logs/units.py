@@ -71,7 +71,8 @@ _TYPED = {"Ω": "Ohm", "°C": "C"}
 
 
 def quantity(text: str, unit: str) -> float | None:
-    """The number that was typed, as ``0.15 mm`` or ``0.15e-3``, in ``unit``; None where it is no number with such a unit."""
+    """The number that was typed, as ``0.15 mm`` or ``0.15e-3``, in ``unit``; None where it is no number with such a
+    unit."""
     written = re.fullmatch(r"\s*([-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", text)
     if written is None:
         return None
@@ -83,7 +84,8 @@ def quantity(text: str, unit: str) -> float | None:
 
 
 def unit_in_words(text: str, own: str) -> Unit | None:
-    """What a text says that one of a column is, in ``own``: ``mm``, ``-mm`` (it counts the other way), ``1.5mm``; None where it says nothing."""
+    """What a text says that one of a column is, in ``own``: ``mm``, ``-mm`` (it counts the other way), ``1.5mm``; None
+    where it says nothing."""
     sign, symbol = (-1.0, text[1:]) if text.startswith("-") else (1.0, text)
     factor = sign
     if symbol not in UNITS[own]:
@@ -96,7 +98,8 @@ def unit_in_words(text: str, own: str) -> Unit | None:
 
 
 def unit_of(text: str, own: str) -> str:
-    """The unit that a text names, of those that can be converted to ``own``, whatever its capitals; "" where none or several are meant."""
+    """The unit that a text names, of those that can be converted to ``own``, whatever its capitals; "" where none or
+    several are meant."""
     text = text.strip("()[] ")
     if text in UNITS[own]:
         return text

@@ -106,7 +106,8 @@ class PairDriver:
             return refusal
 
     def go_to(self, angle_rad: float) -> str:
-        """Take an angle [rad] that stands until another, whatever the silence; "" or the sentence why it was refused."""
+        """Take an angle [rad] that stands until another, whatever the silence; "" or the sentence why it was
+        refused."""
         return self.follow([0.0], [angle_rad])
 
     def follow(
@@ -116,10 +117,12 @@ class PairDriver:
         velocities_rad_s: Sequence[float] | None = None,
         delay_s: float = 0.0,
     ) -> str:
-        """Take angles [rad] at times [s] from ``delay_s`` after the next step; "" or the sentence why they were refused.
+        """Take angles [rad] at times [s] from ``delay_s`` after the next step; "" or the sentence why they were
+        refused.
 
         Until a later start the joint goes on with what it does; of a trajectory that has begun already the rest is
-        followed, its last angle stands, and no silence ends it.  Without points the motion ends where its reference has come.
+        followed, its last angle stands, and no silence ends it.  Without points the motion ends where its reference has
+        come.
         """
         with self._lock:
             if not self._driven:

@@ -8,16 +8,16 @@ C = D/d, the length L = π D n of the wire and the radius r of a ring over that 
     δ = √3 C L ε,    ε(r) = r ε,    F = (π d²/4) / (√3 C) · <r σ(r)>,    1/R = (π d²/4) / L · <1/ρ(r)>,
 
 where <> is the mean over the section.  For an elastic wire that is F = G d⁴ δ/(8 D³ n) with G = E/3.  Displacement and
-twist stay proportional however far the coil is pulled out, as long as its ends do not turn and bending is left out:
-the torsion of a helix of n turns is 2 π n h/L² at any height h.  Curvature (Wahl's factor) raises the stress at the inner
-side and lowers it at the outer one: it belongs to what a wire bears, not to a mean over the section, and is left out here.
+twist stay proportional however far the coil is pulled out, as long as its ends do not turn and bending is left out: the
+torsion of a helix of n turns is 2 π n h/L² at any height h.  Curvature (Wahl's factor) raises the stress at the inner
+side and lowers it at the outer one: it belongs to what a wire bears, not to a mean over the section, and is left out
+here.
 
 Sources
-    A. M. Wahl, *Mechanical Springs*, 2nd ed., McGraw-Hill 1963.
-    C. Liang, C. A. Rogers, "Design of shape memory alloy springs with applications in vibration control", J. Intell. Mater.
-    Syst. Struct. 8 (1997) 314: transformation and plasticity over the section of a spring.
-    S.-M. An, J. Ryu, M. Cho, K.-J. Cho, "Engineering design framework for a shape memory alloy coil spring actuator using a
-    static two-state model", Smart Mater. Struct. 21 (2012) 055009.
+    A. M. Wahl, *Mechanical Springs*, 2nd ed., McGraw-Hill 1963. C. Liang, C. A. Rogers, "Design of shape memory alloy
+    springs with applications in vibration control", J. Intell.  Mater.  Syst.  Struct.  8 (1997) 314: transformation
+    and plasticity over the section of a spring.  S.-M. An, J. Ryu, M. Cho, K.-J. Cho, "Engineering design framework for
+    a shape memory alloy coil spring actuator using a static two-state model", Smart Mater.  Struct.  21 (2012) 055009.
 """
 
 from __future__ import annotations
@@ -146,7 +146,8 @@ def _transform(x, bands, whole, rings, memory_m, memory_r, shift):
 
 @inlined
 def _ring_stress(c, ring, strain):
-    """Stress at which a ring has a strain; what orients its martensite is odd in stress, and was trained as it is loaded."""
+    """Stress at which a ring has a strain; what orients its martensite is odd in stress, and was trained as it is
+    loaded."""
     transformation = ring[RING_TRANSFORMATION]
     compliance = ring[RING_COMPLIANCE]
     trained = c.strain_stress_0 * ring[RING_RADIUS]
@@ -189,7 +190,8 @@ def _pull(c, rings, strain):
 
 @inlined
 def _mechanics(c, whole, rings, force_N, stiffness_N_m, spring_at_m):
-    """The strain at which coil and load pull alike, displacement and resistance, into ``whole``; a coil does not push."""
+    """The strain at which coil and load pull alike, displacement and resistance, into ``whole``; a coil does not
+    push."""
     martensite = r_phase = 0.0
     temperature = whole[TEMPERATURE]
     for j in range(rings.shape[0]):
@@ -300,7 +302,8 @@ def cold_state(
     spring_at_m: float = 0.0,
     count: int = RINGS,
 ) -> WireState:
-    """A coil that has cooled to ``ambient_C`` under ``force_N``, and then hangs on its load; ``count`` rings of equal area."""
+    """A coil that has cooled to ``ambient_C`` under ``force_N``, and then hangs on its load; ``count`` rings of equal
+    area."""
     edges = np.arange(count + 1) / count  # squares of the radii
     state = WireState(
         whole=np.zeros(STATES),

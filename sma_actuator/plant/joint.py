@@ -1,4 +1,5 @@
-"""A joint that two wires turn against each other: a pulley, and in series with each wire what gives (a tendon, a spring).
+"""A joint that two wires turn against each other: a pulley, and in series with each wire what gives (a tendon, a
+spring).
 
 The contraction of the first wire turns the joint to positive angles.  A wire and what is in series with it together
 are as long as the pulley leaves them: ``δ + F / k = at_zero ∓ r θ``, or slack where the wire alone is longer.  So to
@@ -57,9 +58,9 @@ def simulate_joint(
 ):
     """As :func:`.physics.simulate`, for two wires of one joint; the angle after the last step.
 
-    ``first`` and ``second`` are constants, state, inputs and ring of a wire, ``rows`` (2,) where it goes on in its ring.
-    Each wire takes a step at the angle that stands, then the pulley turns to where their tensions balance.  That step
-    is implicit in what gives least in a taut wire, so that it cannot overshoot, however stiff that is.
+    ``first`` and ``second`` are constants, state, inputs and ring of a wire, ``rows`` (2,) where it goes on in its
+    ring.  Each wire takes a step at the angle that stands, then the pulley turns to where their tensions balance.  That
+    step is implicit in what gives least in a taut wire, so that it cannot overshoot, however stiff that is.
     """
     c_1, wire_1, inputs_1, ring_1 = first
     c_2, wire_2, inputs_2, ring_2 = second

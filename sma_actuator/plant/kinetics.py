@@ -139,7 +139,8 @@ class Measured:
         return Measured(moved(self.heating, *heating), moved(self.cooling, *cooling))
 
     def quantiles_C(self, share: float) -> tuple[float, float]:
-        """Temperatures at zero stress below which this share of martensite is left on heating, or has formed on cooling."""
+        """Temperatures at zero stress below which this share of martensite is left on heating, or has formed on
+        cooling."""
         found = []
         bands = self.bands()
         for row in (HEATING, COOLING):
@@ -351,7 +352,8 @@ def transform(memory, fraction, u, v, commit):
 
 @inlined
 def martensite_after(family, bands, memory, fraction, temperature_C, stress_Pa, shift, commit):
-    """Fraction of martensite after the wire came to a temperature and a stress; ``memory`` changes only if ``commit``."""
+    """Fraction of martensite after the wire came to a temperature and a stress; ``memory`` changes only if
+    ``commit``."""
     heating = memory[DIRECTION] > 0.0
     u = 0.0
     v = 0.0

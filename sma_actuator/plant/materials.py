@@ -192,7 +192,8 @@ NI_TI_CU = Material(
 WIRES = {
     "flexinol": Wire("flexinol", NI_TI, 0.100, 0.1524e-3, 125.0),
     "furukawa": Wire("furukawa", NI_TI_CU, 0.060, 0.20e-3, 110.0),
-    # [F] 24 turns, spring index 6; less heat transfer than of a straight wire of 0.254 mm, since the turns shade one another
+    # [F] 24 turns, spring index 6; less heat transfer than of a straight wire of 0.254 mm, since the turns shade one
+    # another
     "coil": Wire("coil", NI_TI, 0.115, 0.254e-3, 80.0, coil_diameter_m=1.524e-3),
     # [D] the 0.004 in wire; [F] heat transfer, which grows as the diameter shrinks
     "bundle": Wire("bundle", NI_TI, 0.100, 0.1016e-3, 160.0, wires=4),

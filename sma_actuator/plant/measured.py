@@ -1,7 +1,7 @@
 """Kinetics of a wire that was measured, and of a constitutive model beside it, placed on an alloy of the bench.
 
-The distribution is fitted to strain against temperature of a trained 0.381 mm Flexinol wire (90 °C type) at 50, 150
-and 200 MPa, by ``sma-actuator loop --kinetics`` (docs/physics.md has the errors, on stresses left out too).  The data are
+The distribution is fitted to strain against temperature of a trained 0.381 mm Flexinol wire (90 °C type) at 50, 150 and
+200 MPa, by ``sma-actuator loop --kinetics`` (docs/physics.md has the errors, on stresses left out too).  The data are
 those of github.com/Mecanon/morphing_wing, commit 28d027de4bca, folder experimental/sma_database:
 
     Copyright (c) 2016 Mecanon.  MIT licence: permission is hereby granted, free of charge, to any person obtaining a
@@ -73,8 +73,9 @@ def measured_between(
     )
 
 
-#: A wire that others measured (facts of github.com/MK-Zuk/SMA-dataset, of which nothing else is here): at a load of some 45 MPa half
-#: contracted at 107 °C and by 95 % at 125 °C, half back at 64 °C.  The shape is the one above, narrower on heating.
+#: A wire that others measured (facts of github.com/MK-Zuk/SMA-dataset, of which nothing else is here): at a load of
+#: some 45 MPa half contracted at 107 °C and by 95 % at 125 °C, half back at 64 °C.  The shape is the one above,
+#: narrower on heating.
 HOT_HEATING, HOT_COOLING = (55.2, 0.6), (2.0, 1.0)
 
 

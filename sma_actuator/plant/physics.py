@@ -584,8 +584,8 @@ def simulate(steps, step_s, c, wire, inputs, ring, first):
 
 @jit
 def _cool_on_its_load(c, wire, ambient_C, force_N, stiffness_N_m, spring_at_m):
-    """Fill a wire's state as :func:`cold_state` says.  One kernel, since the parts that are compiled into their callers are
-    compiled anew by every process that calls them from Python: seconds at every start of a bench."""
+    """Fill a wire's state as :func:`cold_state` says.  One kernel, since the parts that are compiled into their callers
+    are compiled anew by every process that calls them from Python: seconds at every start of a bench."""
     x = c.transformation
     whole, cells, memory_m, memory_r, bands = wire
     stress_Pa = force_N / c.area_m2

@@ -4,7 +4,8 @@ Home has the kinetics of a measured wire.  A world is a kinetics, and what real 
 has not.  Each serves both alloys.  What is developed against one of them is judged in the others.
 
 Sources beside those of :mod:`.materials`
-    [C]  V. T. Morgan, "The overall convective heat transfer from smooth circular cylinders", Adv. Heat Transf. 11 (1975)
+    [C]  V. T. Morgan, "The overall convective heat transfer from smooth circular cylinders", Adv.  Heat Transf.  11
+    (1975)
          199: Nu = 0.675 Ra^0.058 below Ra = 0.01 and 1.02 Ra^0.148 above, where a horizontal wire of 0.15 to 0.2 mm
          stands between 20 and 100 K above the air (90 to 110 W/(m²·K) at 60 K).
     [O]  A. Pathak, D. Brei, J. Luntz, "Transformation strain based method for characterization of convective heat
@@ -162,8 +163,8 @@ def wire_in_world(name: str, world: str = HOME) -> Wire:
 def _drawn(number: int) -> World:
     """A world that nobody chose: all that a wire may have, drawn by a generator that this number seeds.
 
-    Every draw is independent of the others and lies where wires of the makers and of the literature lie, or as far to either side
-    of the bench's own as these scatter [F]; the alloys differ.
+    Every draw is independent of the others and lies where wires of the makers and of the literature lie, or as far to
+    either side of the bench's own as these scatter [F]; the alloys differ.
     """
     rng = np.random.default_rng((number, 1))
     between, chance = rng.uniform, rng.random

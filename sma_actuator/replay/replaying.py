@@ -150,7 +150,8 @@ AS_AT_CALIBRATION = 1.5
 
 
 def verdict(replays: Sequence[Replay], config: Config) -> tuple[str, str]:
-    """The verdict on the first model, in a word (as calibrated, changed, not judged) and in a sentence; ``config`` is its."""
+    """The verdict on the first model, in a word (as calibrated, changed, not judged) and in a sentence; ``config`` is
+    its."""
     name = next(iter(replays[0].errors))
     percents = {r.experiment.name: r.errors[name].full_percent for r in replays}
     errors = {log: percent for log, percent in percents.items() if math.isfinite(percent)}
@@ -172,7 +173,10 @@ def verdict(replays: Sequence[Replay], config: Config) -> tuple[str, str]:
         )
     return (
         "changed",
-        f"{text}, where it was {calibrated.error:.2f} % at its calibration: something has changed; `sma-actuator trace` looks for what.",
+        (
+            f"{text}, where it was {calibrated.error:.2f} % at its calibration: something has changed; `sma-actuator "
+            f"trace` looks for what."
+        ),
     )
 
 

@@ -1,8 +1,8 @@
 """The action ``~/follow_joint_trajectory``, where ``control_msgs`` is installed; without it the rest of the node works.
 
-A goal is a trajectory whose end somebody waits for.  It goes to the loop as one from ``~/joint_trajectory`` does; here is
-only watched, with every output, what becomes of it.  Nothing blocks: a goal is *accepted* while it is pursued, and is
-executed, in no time, with its result.
+A goal is a trajectory whose end somebody waits for.  It goes to the loop as one from ``~/joint_trajectory`` does; here
+is only watched, with every output, what becomes of it.  Nothing blocks: a goal is *accepted* while it is pursued, and
+is executed, in no time, with its result.
 """
 
 from __future__ import annotations
@@ -47,7 +47,8 @@ class Follower(Protocol):
     def follow(
         self, times_s: list[float], positions: list[float], velocities: list[float] | None, delay_s: float
     ) -> str:
-        """Hand a trajectory to the loop; without points the motion ends where its reference has come.  "" or why not."""
+        """Hand a trajectory to the loop; without points the motion ends where its reference has come.  "" or why
+        not."""
 
     def hold(self) -> None:
         """End the motion where it is measured to be."""
@@ -130,7 +131,8 @@ class FollowJointTrajectoryServer:
         return float(asked[0]) if asked else 0.0
 
     def watch(self, now_s: float, position: float, status: Status) -> None:
-        """Look at what a step has said: feedback, and the result where there is one.  NaN: nobody knows the position."""
+        """Look at what a step has said: feedback, and the result where there is one.  NaN: nobody knows the
+        position."""
         handle, pursuit, follower = self._handle, self._pursuit, self._follower
         if handle is None or pursuit is None:
             return

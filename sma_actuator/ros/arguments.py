@@ -67,7 +67,8 @@ class RosArguments:
         if self.files:
             held = f"found {', '.join(sections)}" if sections else f"found no '{_PARAMETERS}:' at all"
             raise ConfigError(
-                f"{', '.join(map(str, self.files))}: no section '{node.rsplit('/', 1)[-1]}: {_PARAMETERS}:' for the node {node}; {held}"
+                f"{', '.join(map(str, self.files))}: no section '{node.rsplit('/', 1)[-1]}: {_PARAMETERS}:' for the "
+                f"node {node}; {held}"
             )
         raise ConfigError(f"the node {node} has no parameters; start it with --ros-args --params-file FILE")
 

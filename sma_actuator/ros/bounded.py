@@ -1,9 +1,9 @@
 """How much a request holds is looked at before Python objects are made of it.
 
-rclpy makes them of all that it has taken, and holds up every thread of the process meanwhile, the control loop's too:
-6 s for a request to set 100 000 parameters.  A subscription can be had as bytes, a service cannot.  So rclpy is given, in the
-place of the type of a request, one that counts in the C structure what there is and makes nothing of too much.
-The same goes for the goals of an action.
+rclpy makes them of all that it has taken, and holds up every thread of the process meanwhile, the control loop's too: 6
+s for a request to set 100 000 parameters.  A subscription can be had as bytes, a service cannot.  So rclpy is given, in
+the place of the type of a request, one that counts in the C structure what there is and makes nothing of too much.  The
+same goes for the goals of an action.
 """
 
 from __future__ import annotations
@@ -202,7 +202,8 @@ def bound(service: Service) -> None:
 
 
 def bound_goals(server: Any) -> None:
-    """Have a server of ``FollowJointTrajectory`` be asked about a ``RefusedMotion`` in the place of a goal that is too long."""
+    """Have a server of ``FollowJointTrajectory`` be asked about a ``RefusedMotion`` in the place of a goal that is too
+    long."""
     action = server.action_type
     if list(action.Goal.get_fields_and_field_types().items()) != list(_MOTION_FIELDS.items()):
         return

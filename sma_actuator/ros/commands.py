@@ -1,4 +1,5 @@
-"""What moves a wire, or a joint: setpoints, trajectories, streams of joint commands, and the action; the same for both."""
+"""What moves a wire, or a joint: setpoints, trajectories, streams of joint commands, and the action; the same for
+both."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 """What comes in over ROS fails alone: a message that makes a callback raise is refused, and the node goes on.
 
 rclpy lets such an exception end the executor, and with it the node: a lifecycle transition that the state does not
-have, or a parameter of a type that does not exist, would do.  A request that is too much is refused unread (``bounded.py``).
+have, or a parameter of a type that does not exist, would do.  A request that is too much is refused unread
+(``bounded.py``).
 """
 
 from __future__ import annotations

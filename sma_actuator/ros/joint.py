@@ -1,9 +1,9 @@
 """A joint that two wires of this process turn against each other, as a node of its own beside theirs.
 
 ``sma_actuator_node --nodes left right --joints joint --ros-args --params-file FILE``: the section ``joint`` of the file
-holds the joint's parameters.  What is asked of it and what it shows are angle [rad] and co-contraction [N], in the fields
-``position`` and ``effort`` of a JointState.  The wires' nodes stay what they are; a wire's own setpoints last until the
-next step of the joint.
+holds the joint's parameters.  What is asked of it and what it shows are angle [rad] and co-contraction [N], in the
+fields ``position`` and ``effort`` of a JointState.  The wires' nodes stay what they are; a wire's own setpoints last
+until the next step of the joint.
 """
 
 from __future__ import annotations
@@ -49,7 +49,8 @@ class WireNode(PairedWire, Protocol):
 
 
 class JointNode(Node):
-    """One joint on ROS 2.  Raises ConfigError where its parameters will not do, or its wires are not in this process."""
+    """One joint on ROS 2.  Raises ConfigError where its parameters will not do, or its wires are not in this
+    process."""
 
     what = "joint"
     is_active = True

@@ -7,9 +7,9 @@ thread, which publishes them itself and wakes the executor only where there is s
 (``publishing.py``).  Switching the output off never needs ROS, and no message ends the node
 (``guard.py``).
 
-``sma_actuator_node --ros-args --params-file FILE``; several wires in one process:
-``sma_actuator_node --nodes left right --ros-args --params-file FILE``, a section of the file each; two of them that turn
-one joint: ``--nodes left right --joints joint`` (``joint.py``).
+``sma_actuator_node --ros-args --params-file FILE``; several wires in one process: ``sma_actuator_node --nodes left
+right --ros-args --params-file FILE``, a section of the file each; two of them that turn one joint: ``--nodes left right
+--joints joint`` (``joint.py``).
 """
 
 from __future__ import annotations
@@ -45,13 +45,14 @@ from .wire import SmaActuatorNode
 GIL_INTERVAL_s = 0.1e-3
 #: How often the main thread looks whether a signal was noted.
 SIGNAL_INTERVAL_s = 0.05
-#: ROS has so long to end once the outputs are off and the logs complete: Fast DDS hangs for ever on a clock before 1970.
+#: ROS has so long to end once the outputs are off and the logs complete: Fast DDS hangs for ever on a clock before
+#: 1970.
 ROS_END_s = 30.0
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run until a signal comes (exit code 0) or something fatal happens, or an output is not confirmed to be off (1, with a
-    sentence on stderr).
+    """Run until a signal comes (exit code 0) or something fatal happens, or an output is not confirmed to be off (1,
+    with a sentence on stderr).
 
     A signal is only noted: whatever it interrupts goes on, and the outputs are switched off by
     this thread, without ROS.
@@ -138,7 +139,8 @@ def named(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str], 
             validate_node_name(name)
         except InvalidNodeNameException:
             raise ConfigError(
-                f"--nodes, --joints: {name[:60]!r} is no name of a node: letters, digits and _ are wanted, no digit first, "
+                f"--nodes, --joints: {name[:60]!r} is no name of a node: letters, digits and _ are wanted, no digit "
+                f"first, "
                 "255 characters at the most"
             ) from None
     if len(set(names)) != len(names):

@@ -33,8 +33,8 @@ Parameters = TypeVar("Parameters", bound=Sections)
 class NodeParameters(Generic[Parameters]):
     """Declares ``config`` on ``node`` and holds it as it changes; ``on_change(config, names)`` is told of every change.
 
-    A request may want hundreds to be set, one after another: ``alive`` is called before each.  While current ``flows`` no
-    change is taken that guards the wire less; at other times it is, and the log says so.
+    A request may want hundreds to be set, one after another: ``alive`` is called before each.  While current ``flows``
+    no change is taken that guards the wire less; at other times it is, and the log says so.
     """
 
     def __init__(
@@ -91,7 +91,8 @@ class NodeParameters(Generic[Parameters]):
         else:
             if self._flows():
                 problems += [
-                    f"{name}: {change} guards the wire less; while the output is on it can only be made {declaration.stricter}: "
+                    f"{name}: {change} guards the wire less; while the output is on it can only be made "
+                    f"{declaration.stricter}: "
                     "switch it off first, ~/enable false"
                     for name, change, declaration in loosened(self.config, changed)
                 ]

@@ -1,4 +1,5 @@
-"""``~/self_test``: the driver gives the instruments up, they are tested with a little current, and the driver has them again."""
+"""``~/self_test``: the driver gives the instruments up, they are tested with a little current, and the driver has them
+again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What a wire's node is asked for, between two callbacks of its ROS thread; ``~/enable`` and ``~/stop``: ``switch.py``."""
+"""What a wire's node is asked for, between two callbacks of its ROS thread; ``~/enable`` and ``~/stop``:
+``switch.py``."""
 
 from __future__ import annotations
 

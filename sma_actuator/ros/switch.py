@@ -1,8 +1,8 @@
 """The way to switch a wire off, apart from everything else that ROS carries.
 
-``~/enable`` and ``~/stop`` of every node of a process are served by one more node, in a context of its own: another
-DDS participant with its own ports, another thread.  A flood of setpoints fills the buffers of the participant it is
-sent to, and DDS offers a request lost there again only after seconds; here it comes through.  ``~/stop`` has a node and a
+``~/enable`` and ``~/stop`` of every node of a process are served by one more node, in a context of its own: another DDS
+participant with its own ports, another thread.  A flood of setpoints fills the buffers of the participant it is sent
+to, and DDS offers a request lost there again only after seconds; here it comes through.  ``~/stop`` has a node and a
 thread to itself, and is heard beside DDS too by who is on the same computer (``base/local_stop.py``).
 
 These threads only take requests, all that wait at once, and never wait themselves: DDS keeps but so many for a server
@@ -244,7 +244,8 @@ def _as_asked(request: Any, _: Any) -> Any:
 
 
 def _serve(node: Node, kind: Any, name: str, take: Callable[[Any, Reply], None]) -> None:
-    """A service whose requests all go to ``take(request, reply)``, which must not wait; the reply may come from any thread.
+    """A service whose requests all go to ``take(request, reply)``, which must not wait; the reply may come from any
+    thread.
 
     The executor of rclpy takes one request at a time and wants its response from the callback: so what it would send as
     the response is the request itself, and where it would send it the others that wait are taken too.

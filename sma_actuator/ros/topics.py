@@ -1,6 +1,7 @@
 """What a node publishes and takes: one row each, which says all that there is to say of a topic or a service.
 
-A publisher is made from its row, listened for by it, and fed by it; no other list names the topic, so none can forget it.
+A publisher is made from its row, listened for by it, and fed by it; no other list names the topic, so none can forget
+it.
 """
 
 from __future__ import annotations
@@ -69,7 +70,8 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """One topic.  ``message`` makes one, of a Step or of the list of DiagnosticStatus; None where there is nothing to say."""
+    """One topic.  ``message`` makes one, of a Step or of the list of DiagnosticStatus; None where there is nothing to
+    say."""
 
     name: str
     kind: type
@@ -167,10 +169,11 @@ JOINT = (
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """One topic that is subscribed to: ``take(message)`` answers why it was refused, or "", or raises ValueError with that.
+    """One topic that is subscribed to: ``take(message)`` answers why it was refused, or "", or raises ValueError with
+    that.
 
-    ``longest_B``: it comes as bytes, and how many there are is looked at first: to make Python objects of a million points
-    would hold up the ROS thread, and the loop with it.
+    ``longest_B``: it comes as bytes, and how many there are is looked at first: to make Python objects of a million
+    points would hold up the ROS thread, and the loop with it.
     """
 
     name: str
@@ -197,7 +200,8 @@ class Taken:
             return message
         if len(message) > self.longest_B:
             raise ValueError(
-                f"{self.what} refused: its message has {len(message)} bytes, more than {self.longest_B}; send less at once"
+                f"{self.what} refused: its message has {len(message)} bytes, more than {self.longest_B}; send less at "
+                f"once"
             )
         return deserialize_message(message, self.kind)
 

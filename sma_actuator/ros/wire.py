@@ -1,7 +1,7 @@
 """One wire as a lifecycle node: its life, and the loop that is opened, asked and given up with it.
 
-What it publishes: ``topics.py`` and ``telling.py``, in which words: ``spoken.py``; what moves it: ``commands.py``; what else
-it is asked for: ``services.py``, ``switch.py``, ``self_testing.py``; the process around it: ``node.py``.
+What it publishes: ``topics.py`` and ``telling.py``, in which words: ``spoken.py``; what moves it: ``commands.py``; what
+else it is asked for: ``services.py``, ``switch.py``, ``self_testing.py``; the process around it: ``node.py``.
 """
 
 from __future__ import annotations
@@ -222,7 +222,8 @@ class SmaActuatorNode(LifecycleNode):
         return ()
 
     def switch_on(self, wanted: Callable[[], bool] = lambda: True) -> tuple[bool, str]:
-        """Output on, if it is ``wanted`` still when its turn has come; whether that was done, and the sentence that says so."""
+        """Output on, if it is ``wanted`` still when its turn has come; whether that was done, and the sentence that
+        says so."""
         if self.self_testing.runs:
             return False, "not enabled: a self-test runs; ~/enable false ends it"
         with self.arming:
@@ -463,6 +464,7 @@ def _where(config: Config) -> str:
 def _keep_what_is_imported() -> None:
     """Have the collector pass over all that there is now: looking through it would take milliseconds out of the loop.
 
-    Once in a process: what is kept so is never freed where it refers to itself, and of a later driver nothing is to stay.
+    Once in a process: what is kept so is never freed where it refers to itself, and of a later driver nothing is to
+    stay.
     """
     gc.freeze()

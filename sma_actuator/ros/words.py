@@ -83,7 +83,8 @@ class Events:
         return begins
 
     def of_instruments(self, lost: Mapping[str, str], fault: str) -> Iterator[tuple[str, str]]:
-        """Level and sentence of every instrument lost or found since the last call; of a loss that is the fault, none."""
+        """Level and sentence of every instrument lost or found since the last call; of a loss that is the fault,
+        none."""
         lost = {name: why for name, why in lost.items() if why != NOT_ASKED}
         for name in sorted(set(lost) - self._lost - {fault.removesuffix("_lost")}):
             yield ERROR, f"the {name} does not answer: {lost[name]}"

@@ -1,8 +1,8 @@
 """A channel is believed as long as it behaves as it has: what it has shown in this run says what is improbable of it.
 
-Three ways to stand still that no single reading shows: digits repeat far more often than they have (one block comes again and again with
-new times, or a few values in turn); a channel is quieter than it has ever been (its source stands, and only a converter's dither is
-left); the load does not change any more when the wire moves, where it always has.
+Three ways to stand still that no single reading shows: digits repeat far more often than they have (one block comes
+again and again with new times, or a few values in turn); a channel is quieter than it has ever been (its source stands,
+and only a converter's dither is left); the load does not change any more when the wire moves, where it always has.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ STOOD = 2  #: motions, to and fro, that it has not followed
 
 @dataclass(slots=True)
 class Repeats:
-    """Whether readings are like the one before far more often than they have been: a cumulative sum of log-likelihoods."""
+    """Whether readings are like the one before far more often than they have been: a cumulative sum of
+    log-likelihoods."""
 
     _last: tuple[float, ...] = ()
     _seen: int = 0
@@ -124,8 +125,8 @@ class Following:
 
     @property
     def stiffness_N_m(self) -> float:
-        """The least that the last motions have shown alike, negative where the wire pulls as it contracts, 0 where it does nothing
-        else than carry; NaN where they have not, or where the load grows with the length."""
+        """The least that the last motions have shown alike, negative where the wire pulls as it contracts, 0 where it
+        does nothing else than carry; NaN where they have not, or where the load grows with the length."""
         shown = self._stiffness
         if len(shown) < SWINGS or min(shown) < ALIKE * max(shown):
             return nan

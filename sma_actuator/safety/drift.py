@@ -1,8 +1,8 @@
 """Two measurements of one current: what they differ by at a current is noted when it first flows, and must stay.
 
-The supply holds a current, the DAQ measures it over the sense resistor.  Both have errors of scale and zero, which stand
-still; what changes between them is a drift.  So a difference is held against the one that was noted, over a second that
-averages the noise, and over all the lags that the DAQ may have behind the supply, so that motion is none.
+The supply holds a current, the DAQ measures it over the sense resistor.  Both have errors of scale and zero, which
+stand still; what changes between them is a drift.  So a difference is held against the one that was noted, over a
+second that averages the noise, and over all the lags that the DAQ may have behind the supply, so that motion is none.
 """
 
 from __future__ import annotations
@@ -48,7 +48,8 @@ class CurrentsApart:
         self._noted.clear()
 
     def step(self, now_s: float, daq_A: float, from_A: float, to_A: float, share: float) -> tuple[float, float]:
-        """What the DAQ's current has changed by against the supply's, which lies from ``from_A`` to ``to_A``, and what it may [A].
+        """What the DAQ's current has changed by against the supply's, which lies from ``from_A`` to ``to_A``, and what
+        it may [A].
 
         NaN until that is known.  ``share`` of the current may be a drift.
         """
@@ -72,7 +73,8 @@ class CurrentsApart:
         return supply_A, self._sums[0] / len(self._samples) - supply_A, 0.5 * (high_A - low_A)
 
     def _steady(self, now_s: float) -> tuple[float, float, float] | None:
-        """The same of the current that is the first to flow, once the DAQ shows that it stands: it may flow for a moment only."""
+        """The same of the current that is the first to flow, once the DAQ shows that it stands: it may flow for a
+        moment only."""
         latest = [sample[1] for sample in self._samples][-_STEADY:]
         low_A, high_A = min(sample[2] for sample in self._samples), max(sample[3] for sample in self._samples)
         stands = max(latest) - min(latest) <= STANDS_A and high_A - low_A <= STANDS_A
@@ -82,8 +84,8 @@ class CurrentsApart:
         return supply_A, sum(latest) / _STEADY - supply_A, STANDS_A
 
     def _change(self, supply_A: float, above_A: float) -> tuple[float, float]:
-        """What the difference has changed by, and how exactly that is known: between currents that were noted on a straight
-        line, beyond them the change that is worst."""
+        """What the difference has changed by, and how exactly that is known: between currents that were noted on a
+        straight line, beyond them the change that is worst."""
         noted = self._noted
         after = bisect.bisect(noted, (supply_A,))
         if 0 < after < len(noted):

@@ -1,4 +1,5 @@
-"""All faults, collected from the guards; ``docs/faults.md`` is printed from here (``python -m sma_actuator.safety.faults``)."""
+"""All faults, collected from the guards; ``docs/faults.md`` is printed from here (``python -m
+sma_actuator.safety.faults``)."""
 
 from __future__ import annotations
 
@@ -32,11 +33,24 @@ def markdown() -> str:
         "",
         "Times are from the cause to the command, in seconds, of the parameters named; `0` is the same step.",
         "A latched fault switches the output off in the step that detects it, and the output stays off until",
-        "`~/clear_fault` and then a new `~/enable`. What does not latch passes with its cause. A lost instrument latches *until it",
-        "answers*: once both have answered for `safety.reading_timeout`, with the output read back as off, a new `~/enable` is enough.",
+        (
+            "`~/clear_fault` and then a new `~/enable`. What does not latch passes with its cause. A lost instrument "
+            "latches *until it"
+        ),
+        (
+            "answers*: once both have answered for `safety.reading_timeout`, with the output read back as off, a new "
+            "`~/enable` is enough."
+        ),
         "",
-        "Actions: **clip** brings a value into its range; **note** leaves out what is wrong and goes on; **hold** keeps the",
-        "wire where it is, or at the last good setpoint; **bias** lowers the current to `supply.bias_current`; **off** is",
+        (
+            "Actions: **clip** brings a value into its range; **note** leaves out what is wrong and goes on; **hold** "
+            "keeps the"
+        ),
+        (
+            "wire where it is, or at the last good setpoint; **bias** lowers the current to `supply.bias_current`; "
+            "**off** "
+            "is"
+        ),
         "current zero and output off.",
         "",
         "## Limits",

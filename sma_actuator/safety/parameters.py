@@ -62,7 +62,8 @@ class SafetyParameters:
     )
     voltage_disagreement: float = parameter(
         0.5,
-        "difference of the voltages that supply and DAQ measure that is a fault: drop along the supply's leads, and noise",
+        "difference of the voltages that supply and DAQ measure that is a fault: drop along the supply's leads, and "
+        "noise",
         "V",
         1e-3,
         60.0,
@@ -83,7 +84,8 @@ class SafetyParameters:
     )
     current_drift: float = parameter(
         0.015,
-        "share by which the DAQ's current may drift from the supply's; sense resistors that warm with their own current do "
+        "share by which the DAQ's current may drift from the supply's; sense resistors that warm with their own "
+        "current do "
         "by a per cent",
         "1",
         1e-3,

@@ -1,13 +1,13 @@
 """How far the wire goes: all the heat that can help, and no motion, is an end of the way.
 
-More does not help then, whatever the reason: a load, a wire that is held fast, an estimate whose sign has turned; and where the
-sign has turned it harms.  So the shortest setpoint becomes one that lies a little longer than the wire seems to be: the
-controller backs off to the side from which it came and where it could see.
+More does not help then, whatever the reason: a load, a wire that is held fast, an estimate whose sign has turned; and
+where the sign has turned it harms.  So the shortest setpoint becomes one that lies a little longer than the wire seems
+to be: the controller backs off to the side from which it came and where it could see.
 
-A limit that the driver itself has lowered is not all that can help, and a wire that only warms up is not at its end: what
-counts is all the current that the parameters allow, in a wire that is warm from it, or so much heat that by its calibration
-the wire would long be further.  And what was concluded is tried again: for a setpoint that is new at once, for one that
-stands after a while, which doubles as long as it is in vain.
+A limit that the driver itself has lowered is not all that can help, and a wire that only warms up is not at its end:
+what counts is all the current that the parameters allow, in a wire that is warm from it, or so much heat that by its
+calibration the wire would long be further.  And what was concluded is tried again: for a setpoint that is new at once,
+for one that stands after a while, which doubles as long as it is in vain.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ MOTION = 0.01
 BACK_OFF = 0.02
 #: Share of its final temperature above which a wire counts as warm as its power makes it; below, motion may still come.
 WARM = 0.9
-#: So much hotter than a heating wire of this stress is where it seems to be, and no motion will come any more: five times what
-#: passages through the transformation scatter by.
+#: So much hotter than a heating wire of this stress is where it seems to be, and no motion will come any more: five
+#: times what passages through the transformation scatter by.
 BEYOND_K = 10.0
 #: Times running that backing off may be in vain.
 TRIES = 5
@@ -76,8 +76,8 @@ class Reach:
     ) -> None:
         """Take note of one step: where the wire is, where it should be, and what current flows.
 
-        ``at_max``: all that the parameters allow; ``at_limit``: all that heat and stress leave of it now.  ``heat``: what the
-        calibration says that the wire needs to be where it is; None where it does not say.
+        ``at_max``: all that the parameters allow; ``at_limit``: all that heat and stress leave of it now.  ``heat``:
+        what the calibration says that the wire needs to be where it is; None where it does not say.
         """
         ample = self._keep_heat(now_s, power_W, heat)
         if self.floor_m > -inf:

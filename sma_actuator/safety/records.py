@@ -165,7 +165,8 @@ class Waited:
         return Waited(self.daq_s - before.daq_s, self.supply_s - before.supply_s)
 
     def most(self, elapsed_s: float, period_s: float) -> tuple[str, str]:
-        """Which instrument took most of the time between two steps, and a part of a sentence; "" where this computer did.
+        """Which instrument took most of the time between two steps, and a part of a sentence; "" where this computer
+        did.
 
         What the loop meant to rest, a period, is nobody's.
         """

@@ -104,8 +104,8 @@ class Supervisor:
         return found
 
     def let_go(self, now_s: float, reading: Reading | None, supply: SupplyState | None) -> str:
-        """End the latch of an instrument that was away, once both have answered for a while and nothing else is wrong; the
-        fault's name then, else "".  The output stays off."""
+        """End the latch of an instrument that was away, once both have answered for a while and nothing else is wrong;
+        the fault's name then, else "".  The output stays off."""
         latched = self.latched
         well = reading is not None and supply is not None and not supply.output_on
         back = well and not any(fault.prevents_enabling for fault in self.present)

@@ -24,7 +24,8 @@ from sma_actuator.base.sections import ThermalParameters
 
 #: The hottest that a wire may be is aimed at with this distance, for noise and a resistance that rises.
 HEADROOM_K = 5.0
-#: The least and the most by which the resistance of austenite rises with its temperature, as a share; makers and bench: 2e-4 to 1e-3.
+#: The least and the most by which the resistance of austenite rises with its temperature, as a share; makers and bench:
+#: 2e-4 to 1e-3.
 LEAST_SLOPE_1_K, MOST_SLOPE_1_K = 2e-4, 1e-3
 #: So near to the hottest that is aimed at, the balance has come to its limit.
 AT_LIMIT_K = 1.0
@@ -32,7 +33,8 @@ AT_LIMIT_K = 1.0
 SMOOTH_s, LONG_AGO_s = 0.2, 1.0
 #: Share by which a load changes from one reading to the next where it is another one.
 OTHER_LOAD = 0.03
-#: Time, in the wire's time constants without its latent heat, over which heat that flows and does not stay is heat that is lost.
+#: Time, in the wire's time constants without its latent heat, over which heat that flows and does not stay is heat that
+#: is lost.
 LOSING_TIMES = 8.0
 #: The most that latent heat takes of it, as a rise of temperature; wires that were measured: 20 to 30 K.
 LATENT_K = 40.0
@@ -94,7 +96,8 @@ class Ambient:
         self._stands_s = 0.0
 
     def step(self, read_C: float, dt_s: float, parameters: ThermalParameters) -> float:
-        """Advance by ``dt_s`` with what a sensor reads, NaN where there is none; the temperature to reckon with [°C]."""
+        """Advance by ``dt_s`` with what a sensor reads, NaN where there is none; the temperature to reckon with
+        [°C]."""
         dt_s = dt_s if 0.0 <= dt_s < math.inf else 0.0
         self._stands_s = self._stands_s + dt_s if read_C == self._read_C else 0.0
         self._read_C = read_C
@@ -148,8 +151,8 @@ class Thermometer:
     ) -> float:
         """Take note of a resistance, NaN where none was measured; the hottest that the wire can be [°C].
 
-        ``at_most_C``: what was known before.  Resistance that comes with another load says nothing of heat.  A wire that has
-        contracted shows no more than ``contracted_Ohm``, however hot it may be.
+        ``at_most_C``: what was known before.  Resistance that comes with another load says nothing of heat.  A wire
+        that has contracted shows no more than ``contracted_Ohm``, however hot it may be.
         """
         self._gap_s += dt_s
         if not math.isfinite(resistance_Ohm):
@@ -171,7 +174,8 @@ class Thermometer:
 
 
 def most_contracted_Ohm(calibration: Contracted, parameters: ThermalParameters) -> float:
-    """The most resistance that a contracted wire shows below max_temperature, whatever its load; ∞ where nobody knows."""
+    """The most resistance that a contracted wire shows below max_temperature, whatever its load; ∞ where nobody
+    knows."""
     if not calibration.contracted_resistance or not math.isfinite(calibration.contracted_temperature):
         return math.inf
     hotter_K = max(parameters.max_temperature - calibration.contracted_temperature, 0.0)
@@ -181,8 +185,8 @@ def most_contracted_Ohm(calibration: Contracted, parameters: ThermalParameters) 
 class ShownLoss:
     """How much heat a wire loses at the least, by what flowed into it and did not make it hotter than it can be.
 
-    Of the mean power what may have stayed is taken off, to warm the wire from the coldest surroundings and to transform it; the rest
-    was lost, at no higher a temperature than it had at most.
+    Of the mean power what may have stayed is taken off, to warm the wire from the coldest surroundings and to transform
+    it; the rest was lost, at no higher a temperature than it had at most.
     """
 
     __slots__ = ("_power_W", "_rise_K")
@@ -191,8 +195,8 @@ class ShownLoss:
         self._power_W, self._rise_K = 0.0, rise_K
 
     def step(self, power_W: float, dt_s: float, rise_K: float, parameters: ThermalParameters) -> float:
-        """Take note of the power in the wire alone, 0 or NaN where none was measured, and how much hotter than the coldest surroundings
-        it can be [K]; the heat loss [W/K], below zero where nothing is known yet."""
+        """Take note of the power in the wire alone, 0 or NaN where none was measured, and how much hotter than the
+        coldest surroundings it can be [K]; the heat loss [W/K], below zero where nothing is known yet."""
         over_s = LOSING_TIMES * parameters.heat_capacity / parameters.heat_loss
         lag = -math.expm1(-max(dt_s, 0.0) / over_s)
         self._power_W += lag * ((power_W if math.isfinite(power_W) else 0.0) - self._power_W)
@@ -204,8 +208,9 @@ class ShownLoss:
 class WireHeat:
     """What is known of the heat of one wire.
 
-    Where the balance has come to its limit and the resistance does not tell, a limit that stood would hold the wire where it is for
-    ever.  So it is let cool (``cools``) until it certainly transforms, which takes a second or two: from there on its resistance tells.
+    Where the balance has come to its limit and the resistance does not tell, a limit that stood would hold the wire
+    where it is for ever.  So it is let cool (``cools``) until it certainly transforms, which takes a second or two:
+    from there on its resistance tells.
     """
 
     def __init__(self, parameters: ThermalParameters):
@@ -244,10 +249,11 @@ class WireHeat:
         contracted_Ohm: float = math.inf,
         wire_W: float = math.nan,
     ) -> None:
-        """Keep both balances, on measured power [W]; resistance [Ω] and load [N] of the same reading, NaN where there is none.
+        """Keep both balances, on measured power [W]; resistance [Ω] and load [N] of the same reading, NaN where there
+        is none.
 
-        ``contracted_Ohm``: the most that the wire shows once it has contracted (:func:`most_contracted_Ohm`); ``wire_W``: the
-        power without that in its leads.
+        ``contracted_Ohm``: the most that the wire shows once it has contracted (:func:`most_contracted_Ohm`);
+        ``wire_W``: the power without that in its leads.
         """
         ambient_C = self.ambient.step(ambient_read_C, dt_s, parameters)
         loss_W_K, capacity_J_K = parameters.heat_loss, parameters.heat_capacity

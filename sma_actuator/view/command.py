@@ -48,7 +48,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--config",
         type=Path,
         metavar="FILE",
-        help="the node's parameter file: gains are saved to it, and its model is that of logs dropped while no node is there",
+        help="the node's parameter file: gains are saved to it, and its model is that of logs dropped while no node is "
+        "there",
     )
 
 
@@ -95,7 +96,8 @@ def _run_foxglove(nodes: list[str], host: str, args: argparse.Namespace) -> None
     with noted_signals() as interrupts, contextlib.closing(Topics(nodes, host, args.port)) as topics:
         print(f"ws://{_shown(host)}:{topics.port}", flush=True)
         notes(args).print(
-            "in Foxglove or Lichtblick: Open connection, Foxglove WebSocket, this address; then import layouts/foxglove.json"
+            "in Foxglove or Lichtblick: Open connection, Foxglove WebSocket, this address; then import "
+            "layouts/foxglove.json"
         )
         while not interrupts:
             time.sleep(SIGNAL_INTERVAL_s)

@@ -1,7 +1,8 @@
 """A running node for Foxglove and Lichtblick, by Foxglove's own server: its topics to look at, and nothing to do.
 
-Messages pass as ROS 2 serialised them, so a viewer makes of them what it makes of a recording.  The node is listened to only
-while a viewer looks at the topic.  Nothing is taken from viewers: the server offers them no way to publish, call or set.
+Messages pass as ROS 2 serialised them, so a viewer makes of them what it makes of a recording.  The node is listened to
+only while a viewer looks at the topic.  Nothing is taken from viewers: the server offers them no way to publish, call
+or set.
 """
 
 from __future__ import annotations
@@ -92,8 +93,12 @@ class Topics:
         self._foxglove = foxglove.Context()
         try:
             self._server = foxglove.start_server(
-                name=f"sma_actuator {' '.join(nodes)}", host=host, port=port, context=self._foxglove, server_listener=_Listener(self)
-            )  # fmt: skip
+                name=f"sma_actuator {' '.join(nodes)}",
+                host=host,
+                port=port,
+                context=self._foxglove,
+                server_listener=_Listener(self),
+            )
         except (OSError, RuntimeError) as error:
             raise UserError(
                 f"--port: {host}:{port} cannot be opened ({error}); --port 0 takes one that is free"

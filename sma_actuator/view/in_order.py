@@ -1,7 +1,7 @@
 """Work for the thread of an executor of rclpy, done in the order in which it was given.
 
-The executor itself begins with the task that was given last: where two wait, as on a busy machine, ``~/stop`` would be sent
-before the ``~/enable`` that was asked for first, and leaving a topic after taking it.
+The executor itself begins with the task that was given last: where two wait, as on a busy machine, ``~/stop`` would be
+sent before the ``~/enable`` that was asked for first, and leaving a topic after taking it.
 """
 
 from __future__ import annotations

@@ -32,7 +32,8 @@ from sma_actuator.replay import replay
 
 LARGEST_B = 500_000_000
 LONGEST_NAME_B = 200  #: of a log's file; file systems take 255
-#: Address space of a process that works on a log: four times what a log may take, and what the libraries reserve (0.7 GB).
+#: Address space of a process that works on a log: four times what a log may take, and what the libraries reserve (0.7
+#: GB).
 LARGEST_PROCESS_B = 5_000_000_000
 MOST_ROWS = 4000  #: that a page draws; of longer logs every n-th
 REPLAY_TIMEOUT_s = 300.0

@@ -64,8 +64,10 @@ _LAW = "controller."
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _QUALITY = {
     Quality.DETERMINATE: "determinate: the resistance tells where the wire is",
-    Quality.INDETERMINATE_COLD: "indeterminate, cold: near full extension the resistance does not tell where the wire is",
-    Quality.INDETERMINATE_HOT: "indeterminate, hot: near full contraction the resistance does not tell where the wire is",
+    Quality.INDETERMINATE_COLD: "indeterminate, cold: near full extension the resistance does not tell where the wire "
+    "is",
+    Quality.INDETERMINATE_HOT: "indeterminate, hot: near full contraction the resistance does not tell where the wire "
+    "is",
     Quality.OUTSIDE_CALIBRATION: "outside the calibration: the model has seen nothing like this",
     Quality.INVALID: "invalid: the position is not known",
 }
@@ -182,7 +184,10 @@ class Desk:
             write_atomically(self._file, lambda stream: stream.write(text.encode()))
         except OSError as error:
             raise UserError(f"{self._file}: not written ({error.strerror or error})") from error
-        return f"saved to {self._file}: {', '.join(f'{name} {value:g}' for name, value in changed.items())} (before: {were})"
+        return (
+            f"saved to {self._file}: {', '.join(f'{name} {value:g}' for name, value in changed.items())} (before: "
+            f"{were})"
+        )
 
     async def _forget_log(self) -> str:
         await self.logs.give_up()

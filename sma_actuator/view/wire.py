@@ -76,8 +76,8 @@ MOST_RECORDED = 24_000  #: a node publishes no more than 200 a second
 LOOK_PERIOD_s = 1.0  #: how often is looked whether the node is there, and still the same
 SILENCE_s = 3.5  #: a node says its status once a second
 ANSWER_TIMEOUT_s = 3.0
-#: Off is asked for again where no answer comes, since a node that has just come may not be reached yet.  On never is: it
-#: could arrive after a stop.
+#: Off is asked for again where no answer comes, since a node that has just come may not be reached yet.  On never is:
+#: it could arrive after a stop.
 OFF_AGAIN_s = 0.4
 #: For what is done with the wire before it is answered: a self-test, a relay test.
 LONG_TIMEOUT_s = 900.0
@@ -168,7 +168,8 @@ class Wire:
         return f"setpoint {position_m * 1e3:.3f} mm"
 
     async def send_angle(self, angle_rad: float) -> str:
-        """Ask a joint for an angle, once: a trajectory of one point, since a command would have to be repeated.  Raises Refused."""
+        """Ask a joint for an angle, once: a trajectory of one point, since a command would have to be repeated.  Raises
+        Refused."""
         if not math.isfinite(angle_rad):
             raise Refused(f"an angle is a finite number of radians, not {angle_rad}")
         joint_name = str(self.parameters.get("joint_name", ""))
@@ -231,7 +232,8 @@ class Wire:
         await self._in_ros(subscribe)
 
     async def recorded(self) -> dict[float, tuple[dict[str, float], str]]:
-        """Named values of the last :data:`RECORDED_s` in which a page was open, and what happened before each, by ``time_s``."""
+        """Named values of the last :data:`RECORDED_s` in which a page was open, and what happened before each, by
+        ``time_s``."""
         messages = await self._in_ros(lambda: [serialized for _, serialized in self._recorded])
         return await asyncio.to_thread(_by_time, messages)
 
@@ -285,7 +287,8 @@ class Wire:
     async def _ask(
         self, name: str, request: Any, timeout_s: float = ANSWER_TIMEOUT_s, again_s: float = math.inf
     ) -> Any:
-        """The response of one of the node's services, asked again every ``again_s``.  Raises Refused where there is none."""
+        """The response of one of the node's services, asked again every ``again_s``.  Raises Refused where there is
+        none."""
         loop = asyncio.get_running_loop()
         answer = loop.create_future()
         client = self._clients[name]

@@ -1,4 +1,5 @@
-"""Of everything that reads what others wrote: nothing but a refusal with a sentence leaves; ``make fuzz`` looks longer."""
+"""Of everything that reads what others wrote: nothing but a refusal with a sentence leaves; ``make fuzz`` looks
+longer."""
 
 import pytest
 from hypothesis import given, settings

@@ -1,4 +1,5 @@
-"""A program that drives the wire of a board until it is ended: ``drive.py RESOURCE``.  It prints a line once current flows."""
+"""A program that drives the wire of a board until it is ended: ``drive.py RESOURCE``.  It prints a line once current
+flows."""
 
 import sys
 import time

@@ -1,4 +1,5 @@
-"""The board behind a pseudo-terminal, its firmware a process of its own: what is ended, stopped or pulled ends with the current off.
+"""The board behind a pseudo-terminal, its firmware a process of its own: what is ended, stopped or pulled ends with the
+current off.
 
 Time is the board's own: what the machine takes away from it is not counted.
 """

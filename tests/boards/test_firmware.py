@@ -1,4 +1,5 @@
-"""The firmware of the board, with simulated parts and a wire: what it lets flow, what it says of that, and when it cuts."""
+"""The firmware of the board, with simulated parts and a wire: what it lets flow, what it says of that, and when it
+cuts."""
 
 import itertools
 import math
@@ -44,7 +45,8 @@ def test_it_lets_flow_what_it_is_told_and_shows_the_wire_as_it_is(board, current
 
 
 def test_pulses_heat_a_wire_as_the_direct_current_does_that_the_board_says():
-    """Step by step through every pulse: so the world, and the driver, may take √share × current for a direct current."""
+    """Step by step through every pulse: so the world, and the driver, may take √share × current for a direct
+    current."""
     full_A, share, period_s, step_s = 0.6, 0.25, 10e-3, 0.1e-3
     ends = []
     for pulses in (False, True):

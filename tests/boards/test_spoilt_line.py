@@ -1,4 +1,5 @@
-"""What the attack does to lines, done to the board's: the current is off in time, somebody is told, and all is found again."""
+"""What the attack does to lines, done to the board's: the current is off in time, somebody is told, and all is found
+again."""
 
 import pytest
 from virtual_board import VirtualBoard

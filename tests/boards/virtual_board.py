@@ -1,4 +1,5 @@
-"""The board in this process and in its own time: the firmware as it is, by this Python, with simulated parts and a wire."""
+"""The board in this process and in its own time: the firmware as it is, by this Python, with simulated parts and a
+wire."""
 
 import contextlib
 import os

@@ -97,7 +97,8 @@ def test_a_contracted_wire_that_still_grows_warmer_counts_as_it_would_be_in_the_
 
 
 def test_two_light_weights_are_two_stresses():
-    """The cold end bends most where the load is light: 0.24 N and 0.35 N are no more one load than 1.3 N and 1.9 N are."""
+    """The cold end bends most where the load is light: 0.24 N and 0.35 N are no more one load than 1.3 N and 1.9 N
+    are."""
     stress_Pa = np.array([15.0, 15.1, 22.0, 22.1, 32.0, 45.0, 62.0, 85.0, 118.0, 120.0]) * 1e6
     np.testing.assert_allclose(clusters(stress_Pa), np.array([15.05, 22.05, 32.0, 45.0, 62.0, 85.0, 119.0]) * 1e6)
     np.testing.assert_allclose(
@@ -195,7 +196,8 @@ class TestExpectation:
         return traces, [Chain(config).run(t.signals) for t in traces]
 
     def test_what_the_model_leaves_is_mostly_no_news(self, identified):
-        """Also where it was not fitted: the floor stands far below the error, and what is expected follows the residual."""
+        """Also where it was not fitted: the floor stands far below the error, and what is expected follows the
+        residual."""
         logs, result = identified
         calibration = result.config.calibration
         assert calibration.floor < 0.7 * calibration.error
@@ -258,7 +260,8 @@ class TestExpectation:
 
 
 def test_of_a_load_that_changes_half_of_what_the_model_would_say_had_it_always_been_so_is_expected(identified):
-    """A weight is lifted off half way through a cycle; before and after, the model is asked as though it had always hung so."""
+    """A weight is lifted off half way through a cycle; before and after, the model is asked as though it had always
+    hung so."""
     logs, result = identified
     config = Config.from_mapping(result.mapping)
     signals = make_experiment(next(log for log in logs if log.metadata["kind"] == "pulses"), config).signals

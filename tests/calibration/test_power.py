@@ -27,7 +27,8 @@ def test_a_passage_goes_from_end_to_end_without_turning_back():
 
 
 def test_a_wire_that_does_not_come_back_under_a_light_load_counts_as_little(flexinol):
-    """It began stretched and stays contracted: the pulse that contracted it is ten times as long as what it moves by then."""
+    """It began stretched and stays contracted: the pulse that contracted it is ten times as long as what it moves by
+    then."""
     config = Config.load(shared_file("config/flexinol.yaml"))
     calibration = config.calibration
     hot_m = np.interp(calibration.cold_stress[0], calibration.contracted_stress, calibration.contracted_displacement)

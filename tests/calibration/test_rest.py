@@ -1,4 +1,5 @@
-"""What a wire at rest shows, against its calibration, without a log: each line is a rest that somebody could have seen."""
+"""What a wire at rest shows, against its calibration, without a log: each line is a rest that somebody could have
+seen."""
 
 from dataclasses import replace
 

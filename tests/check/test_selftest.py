@@ -62,9 +62,11 @@ def longer_wire(stand):
 
 #: mistake → words that no other has.
 MISTAKES = {
-    "supply and sense resistor swapped": (swapped_channels, "channels of supply voltage and sense resistor are swapped"),
+    "supply and sense resistor swapped": (swapped_channels, ("channels of supply voltage and sense resistor are "
+                                                            "swapped")),
     "load cell reversed": (lambda s: s.faults.update(channel_reversed=103), "a wire cannot push"),
-    "sense resistor reversed": (lambda s: s.faults.update(channel_reversed=102), "the taps of the sense resistor are swapped"),
+    "sense resistor reversed": (lambda s: s.faults.update(channel_reversed=102), ("the taps of the sense resistor are "
+                                                                                 "swapped")),
     "supply voltage reversed": (lambda s: s.faults.update(channel_reversed=101), "the supply voltage reads backwards"),
     "another sense resistor": (lambda s: s.chain(reference_resistance_Ohm=0.5), "so it has 0.5 Ω"),
     "longer leads": (lambda s: s.chain(lead_resistance_Ohm=0.55), "the leads have other than circuit.lead_resistance"),
@@ -75,12 +77,15 @@ MISTAKES = {
     "sense resistor over range": (lambda s: s.faults.update(channel_saturated=102), "sense resistor reads 9.9e+37 V"),
     "supply delivers something else": (lambda s: s.faults.update(current_disagrees=0.5), "says that it delivers 25 mA"),
     "watchdog does not cut": (lambda s: s.faults.update(watchdog_dead=1.0), "the watchdog did not cut within"),
-    "watchdog is not armed": (lambda s: s.faults.update(watchdog_dead=0.0), "watchdog was armed and does not read back so"),
+    "watchdog is not armed": (lambda s: s.faults.update(watchdog_dead=0.0), ("watchdog was armed and does not read "
+                                                                             "back "
+                                                                            "so")),
     "limits set by somebody": (
         lambda s: setattr(s, "after_opening", lambda bench: bench.supply.set_ocp(1.0)),
         "does not hold its limits",
     ),
-    "too much load": (lambda s: setattr(s, "setup", replace(s.setup, load=Weight(4.0))), "more than wire.max_stress allows"),
+    "too much load": (lambda s: setattr(s, "setup", replace(s.setup, load=Weight(4.0))), ("more than wire.max_stress "
+                                                                                         "allows")),
     "noisy channel": (
         lambda s: s.chain(noise_V=(1.5e-4, 0.05, 2e-4, 1.5e-4, 0.02)),
         "screen and ground it",
@@ -94,7 +99,8 @@ def test_a_wire_that_is_as_its_parameters_say_passes(wire):
     assert passed(stand.found), stand.wrong
     parts = [each.part for each in stand.found if each.level is Level.OK]
     assert parts == [
-        "identity", "trips", "rate", "noise", "load cell", "bias", "resistance", "leads", "linearity", "watchdog", "output",
+        "identity", "trips", "rate", "noise", "load cell", "bias", "resistance", "leads", "linearity", "watchdog",
+        "output",
     ]  # fmt: skip
     (watchdog,) = [each.sentence for each in stand.found if each.part == "watchdog"]
     assert "read back as WDOG, cleared with the output off" in watchdog

@@ -22,7 +22,10 @@ def test_every_command_explains_itself(command, capsys):
 
 
 def test_help_lists_the_commands_and_loads_none_of_them():
-    code = "import sys; from sma_actuator.cli.main import main\ntry: main(['--help'])\nexcept SystemExit: pass\nprint('numba' in sys.modules)"
+    code = (
+        "import sys; from sma_actuator.cli.main import main\ntry: main(['--help'])\nexcept SystemExit: "
+        "pass\nprint('numba' in sys.modules)"
+    )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=150).stdout
     assert all(command in out for command in COMMANDS)
     assert out.endswith("False\n")

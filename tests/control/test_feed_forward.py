@@ -63,8 +63,8 @@ def test_alone_it_takes_the_wire_nearly_there():
 
 
 def test_with_it_the_wire_follows_more_closely():
-    """By the estimate, which is all that a law sees: 0.80 against 1.06 %.  In truth it is 1.68 against 1.26, since the PID comes
-    late by as much as this model of the thesis is off, the other way."""
+    """By the estimate, which is all that a law sees: 0.80 against 1.06 %.  In truth it is 1.68 against 1.26, since the
+    PID comes late by as much as this model of the thesis is off, the other way."""
     motion = sine(0.0019, 0.0010, 30.0)
     with_it, without = driven(), driven(feed_forward=0.0)
     for rig in (with_it, without):

@@ -206,7 +206,11 @@ def test_what_cannot_be_done_is_refused_before_current_flows(tmp_path, capsys):
 
 
 WAYS_OUT = {
-    "a setpoint": (lambda rig: rig.actuator.offer_setpoint(rig.now_s, 0.0025), Mode.TRACKING, "something else was wanted"),
+    "a setpoint": (
+        lambda rig: rig.actuator.offer_setpoint(rig.now_s, 0.0025),
+        Mode.TRACKING,
+        "something else was wanted",
+    ),
     "a stop of the motion": (lambda rig: rig.actuator.offer_trajectory(rig.now_s, [], []), Mode.HOLD, "something else"),
     "off": (lambda rig: rig.actuator.enable(rig.now_s, False), Mode.OFF, "the output was switched off"),
     "a fault": (
@@ -288,8 +292,11 @@ def test_refusals_say_why():
 @pytest.mark.parametrize(
     ("text", "after"),
     [
-        ("a:\n  controller: {kp: 1.0, ki: 2} # mine\n", "a:\n  # old\n  controller: {kd: 0.5, kp: 9.0, ki: 2} # mine\n"),
-        ("a:\n  controller:\n    ki: 3.0 # mine\n    kp: 1\n", "a:\n  # old\n  controller:\n    kd: 0.5\n    ki: 3.0 # mine\n    kp: 9.0\n"),
+        ("a:\n  controller: {kp: 1.0, ki: 2} # mine\n", ("a:\n  # old\n  controller: {kd: 0.5, kp: 9.0, ki: 2} # "
+                                                        "mine\n")),
+        ("a:\n  controller:\n    ki: 3.0 # mine\n    kp: 1\n", ("a:\n  # old\n  controller:\n    kd: 0.5\n    ki: 3.0 "
+                                                                "# "
+                                                               "mine\n    kp: 9.0\n")),
     ],
 )  # fmt: skip
 def test_numbers_are_put_into_a_file_that_else_stays_as_it_is(text, after):

@@ -92,7 +92,8 @@ class Emulator:
 
 
 class SerialLine:
-    """A serial line (a pseudo-terminal) before an instrument on TCP: it never hangs up, whatever becomes of the connection."""
+    """A serial line (a pseudo-terminal) before an instrument on TCP: it never hangs up, whatever becomes of the
+    connection."""
 
     def __init__(self, port: int, end: bytes):
         self._port, self._end = port, end

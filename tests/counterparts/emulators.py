@@ -1,8 +1,8 @@
 """Power supplies that others wrote, each served on a TCP port by the Python that has it.
 
 ``python emulators.py NAME`` prints one line, the port of the instrument and that of its back door, and serves until its
-standard input ends.  The back door belongs to the test: it tells the emulator what hangs on its output, and answers with
-what the emulator itself holds its output for, whatever the instrument's own lines say.  Nothing of this package is
+standard input ends.  The back door belongs to the test: it tells the emulator what hangs on its output, and answers
+with what the emulator itself holds its output for, whatever the instrument's own lines say.  Nothing of this package is
 imported here: an emulator may stand in an environment of its own.
 """
 
@@ -138,7 +138,8 @@ class Keithley2450(Keithley2400):
 
 
 class Labwire:
-    """The power supply of ``labwire-sim``: it answers every command, takes no 0 A, slews, and needs some milliseconds."""
+    """The power supply of ``labwire-sim``: it answers every command, takes no 0 A, slews, and needs some
+    milliseconds."""
 
     def __init__(self):
         import asyncio
@@ -160,8 +161,8 @@ class Labwire:
 
 
 class ScpiControl:
-    """The power supply with which ``SCPI-Instrument-Control`` tests itself.  It has no load of its own: what it measures is
-    given to it, as it provides for."""
+    """The power supply with which ``SCPI-Instrument-Control`` tests itself.  It has no load of its own: what it
+    measures is given to it, as it provides for."""
 
     def __init__(self):
         from scpi_control.connection.mock import MockConnection

@@ -26,7 +26,9 @@ from sma_actuator.instruments.dialect import FOLDER
 from sma_actuator.safety.faults import FAULTS
 
 TIMEOUT_s = 0.5  #: instruments.supply.timeout here
-MEASURING_s = 0.5  #: what the back door's question adds to a time, and a busy machine to every switch of threads; half of the shortest promise
+#: What the back door's question adds to a time, and a busy machine to every switch of threads; half of the shortest
+#: promise.
+MEASURING_s = 0.5
 STOP_s = 1.0  #: Driver.stop()
 STOOD_STILL_s = 0.3  #: a third of safety.reading_timeout here: less of it is never most of the time between two steps
 

@@ -216,7 +216,8 @@ def test_what_a_new_unit_will_show_is_said_as_often_right_as_it_claims():
 
 
 def test_what_helps_three_runs_and_harms_one_is_not_chosen_where_a_new_unit_counts():
-    """The logarithms of 4.1, 3.2, 3.5 and 2.0 % before and 2.4, 3.1, 1.4 and 4.1 % after: measured runs that were kept back."""
+    """The logarithms of 4.1, 3.2, 3.5 and 2.0 % before and 2.4, 3.1, 1.4 and 4.1 % after: measured runs that were kept
+    back."""
     before, after = np.log([4.1, 3.2, 3.5, 2.0]), np.log([2.4, 3.1, 1.4, 4.1])
     rules = Rules(significant=0.0, probable=0.8, unit="run")
     said = rules.falls_short(Trial((Named("spread"),), after, None), before)

@@ -1,4 +1,5 @@
-"""The driver's steps one by one, by a clock that stands until somebody turns it: deadlines, what is told when, what is said of it."""
+"""The driver's steps one by one, by a clock that stands until somebody turns it: deadlines, what is told when, what is
+said of it."""
 
 import itertools
 import math
@@ -513,7 +514,8 @@ class TestLost:
         done, words = rig.driver.enable(False)
         assert not done
         assert words == (
-            "the output is told to be off, not confirmed: supply: was told to switch off and answers that its output is on"
+            "the output is told to be off, not confirmed: supply: was told to switch off and answers that its output "
+            "is on"
         )
         assert rig.driver.call(lambda actuator, _: actuator.latched) == "output_not_confirmed"
         rig.steps(1)

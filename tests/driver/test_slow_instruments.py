@@ -1,4 +1,5 @@
-"""Instruments that are slow and honest: what they allow is measured and said, and what is asked of them is waited for."""
+"""Instruments that are slow and honest: what they allow is measured and said, and what is asked of them is waited
+for."""
 
 import re
 import threading
@@ -21,7 +22,8 @@ SOON_s = 60.0
 
 @pytest.fixture
 def slow(make_config):
-    """``slow(delay_s, rate_Hz, **parameters)``: a running driver of a bench whose every answer takes that long, and the bench."""
+    """``slow(delay_s, rate_Hz, **parameters)``: a running driver of a bench whose every answer takes that long, and the
+    bench."""
     ends = []
 
     def make(delay_s, rate_Hz, **parameters):

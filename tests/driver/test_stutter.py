@@ -1,4 +1,5 @@
-"""A process that is stopped again and again for a moment: what it acts on is too old, though some of its steps are in time.
+"""A process that is stopped again and again for a moment: what it acts on is too old, though some of its steps are in
+time.
 
 In the bench's own time: a clock that lets nothing happen but in the pieces of time in which the process runs.
 """
@@ -25,7 +26,8 @@ class StutteringClock(VirtualClock):
 
 @pytest.fixture
 def seen_after_s(make_config):
-    """``seen_after_s(stopped_s, every_s, rate_Hz, for_s)``: for each phase how long it took to be a fault, None: it was none."""
+    """``seen_after_s(stopped_s, every_s, rate_Hz, for_s)``: for each phase how long it took to be a fault, None: it was
+    none."""
 
     def look(stopped_s, every_s, rate_Hz, for_s=8.0):
         config = Config.from_mapping(make_config(**{"loop.rate": rate_Hz, "loop.samples_per_block": 10}))

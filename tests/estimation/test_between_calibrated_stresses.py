@@ -9,7 +9,8 @@ from sma_actuator.estimation.calibration import Calibration, through
 
 
 def test_between_the_loads_of_a_calibration_the_cold_end_is_a_curve_and_beyond_them_it_goes_on():
-    """On strains as transformation strain saturates with stress, ε (1 − exp(−(σ + σ₀)/σ₁)): a tenth of what straight lines are off."""
+    """On strains as transformation strain saturates with stress, ε (1 − exp(−(σ + σ₀)/σ₁)): a tenth of what straight
+    lines are off."""
     nodes_Pa = np.array([18.5, 32.0, 45.0, 62.0, 85.0, 120.0]) * 1e6
 
     def strain(stress_Pa):

@@ -22,7 +22,8 @@ fsspec = pytest.importorskip("fsspec")
 
 @pytest.fixture(scope="module")
 def fleet(flexinol, tmp_path_factory):
-    """Two wires with four logs each, and the model of both: a folder; the logs of one are as its load cell shows too much."""
+    """Two wires with four logs each, and the model of both: a folder; the logs of one are as its load cell shows too
+    much."""
     folder = tmp_path_factory.mktemp("fleet")
     result = identify(flexinol.only("pulses", "partial"), flexinol.mapping, "flexinol", order=1)
     write_parameter_file(folder / "model.yaml", result.mapping, "with its tables beside it")

@@ -97,7 +97,8 @@ def alone(config):
 
 
 def as_measured_by(result, log, noise_m=0.0, seed=0):
-    """``log`` with the displacement that the identified model gives, so that the truth is known; noise of its own by the seed."""
+    """``log`` with the displacement that the identified model gives, so that the truth is known; noise of its own by
+    the seed."""
     experiment = make_experiment(log, result.config)
     displacement_m = Chain(alone(result.config)).judge(experiment.signals).displacement_m
     columns = {k: v for k, v in log.columns.items() if k != "lvdt_current_A"}
@@ -157,8 +158,8 @@ def test_the_simplest_choice_wins_unless_it_is_clearly_worse():
     ("wire", "by_joint_fit", "share"), [("flexinol", "joint", 1.0), ("textbook", "by_the_textbook", 0.8)]
 )
 def test_the_joint_fit_beats_appendix_c_on_the_same_logs(wire, by_joint_fit, share, request):
-    """Over the whole stroke: in its middle lines through the corners are as good.  Most where the curves have the corners that appendix C
-    looks for."""
+    """Over the whole stroke: in its middle lines through the corners are as good.  Most where the curves have the
+    corners that appendix C looks for."""
     characterised, joint = request.getfixturevalue(wire), request.getfixturevalue(by_joint_fit)
     by_appendix = identify(characterised.logs, characterised.mapping, "flexinol", method="appendix-c")
     mean = {

@@ -48,7 +48,8 @@ def from_one_log(logs):
 
 
 def error_percent(result, log):
-    """Mean absolute, in the working range, of a log that was not fitted; and the share of readings inside the calibration."""
+    """Mean absolute, in the working range, of a log that was not fitted; and the share of readings inside the
+    calibration."""
     experiment = make_experiment(log, result.config)
     found = Chain(result.config).run(experiment.signals)
     low_m, high_m = result.config.model.build(result.config.wire).displacement_range_m

@@ -1,4 +1,5 @@
-"""A wire driven by its own model while it is characterised, and what identify makes of that; and of a file that `init` wrote."""
+"""A wire driven by its own model while it is characterised, and what identify makes of that; and of a file that `init`
+wrote."""
 
 import numpy as np
 import pytest

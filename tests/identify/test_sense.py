@@ -1,4 +1,5 @@
-"""A displacement that counts contraction is refused, by `identify` and by whatever loads a model: it would heat without end."""
+"""A displacement that counts contraction is refused, by `identify` and by whatever loads a model: it would heat without
+end."""
 
 import copy
 

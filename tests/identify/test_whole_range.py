@@ -1,4 +1,5 @@
-"""The model of the whole range: live as in replay, honest about what it knows, and better than the thesis's at the ends."""
+"""The model of the whole range: live as in replay, honest about what it knows, and better than the thesis's at the
+ends."""
 
 import dataclasses
 import math

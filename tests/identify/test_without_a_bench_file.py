@@ -45,7 +45,8 @@ def model(foreign, tmp_path_factory):
 
 
 def test_what_the_logs_do_not_tell_is_not_written(model):
-    """The contracted wire of home goes on transforming while it cools, so its resistance does not tell the heat loss."""
+    """The contracted wire of home goes on transforming while it cools, so its resistance does not tell the heat
+    loss."""
     assert "heat_loss" not in read_parameter_file(model).get("thermal", {})
 
 

@@ -1,4 +1,5 @@
-"""Instruments that answer are given the time that a busy machine takes; what must not answer is asked by shorter ones."""
+"""Instruments that answer are given the time that a busy machine takes; what must not answer is asked by shorter
+ones."""
 
 import pytest
 

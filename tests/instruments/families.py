@@ -1,7 +1,7 @@
 """Small emulators of families of supplies, each written from the commands in its manual, not from our dialect of it.
 
-A line that the manual does not have is an error as the family reports errors: in its queue, by its answer, or not at all.
-Behind every output hangs a load, so voltage, current and trips follow from what was programmed.
+A line that the manual does not have is an error as the family reports errors: in its queue, by its answer, or not at
+all.  Behind every output hangs a load, so voltage, current and trips follow from what was programmed.
 """
 
 from __future__ import annotations

@@ -1,4 +1,5 @@
-"""A SCPI instrument over TCP that remembers settings by their header and notes every line: for dialects of real families."""
+"""A SCPI instrument over TCP that remembers settings by their header and notes every line: for dialects of real
+families."""
 
 import contextlib
 import socket
@@ -99,7 +100,8 @@ class ScpiStandIn:
     def close(self):
         self.release.set()
         self.hang_up()
-        # One that is closed under a thread that waits for it may, when a paused process goes on, take the next one's clients.
+        # One that is closed under a thread that waits for it may, when a paused process goes on, take the next one's
+        # clients.
         with contextlib.suppress(OSError):
             self._server.shutdown(socket.SHUT_RDWR)
         self._acceptor.join(10.0)

@@ -1,4 +1,5 @@
-"""Instruments that answer commands: each answer is heard where it belongs, and where nothing says so the advice is right."""
+"""Instruments that answer commands: each answer is heard where it belongs, and where nothing says so the advice is
+right."""
 
 import os
 import re

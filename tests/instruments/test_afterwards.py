@@ -1,4 +1,5 @@
-"""Off for a supply without a watchdog whose program is gone, said by a process of its own; the bench is asked what flows."""
+"""Off for a supply without a watchdog whose program is gone, said by a process of its own; the bench is asked what
+flows."""
 
 import contextlib
 import json

@@ -1,4 +1,5 @@
-"""Every family with a dialect is driven through its manual's commands: limits, on, set-points, read-back, trip, off, and `check`."""
+"""Every family with a dialect is driven through its manual's commands: limits, on, set-points, read-back, trip, off,
+and `check`."""
 
 import itertools
 import time

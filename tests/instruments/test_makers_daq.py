@@ -1,7 +1,8 @@
-"""DAQs by their makers' packages: what is asked of the packages, and what they say where the maker's library is missing.
+"""DAQs by their makers' packages: what is asked of the packages, and what they say where the maker's library is
+missing.
 
-Nobody here has the hardware.  LabJack's package is real and speaks to a library of ours; of NI's, whose library cannot be
-stood in for so easily, every call is held against the signature of the real package.
+Nobody here has the hardware.  LabJack's package is real and speaks to a library of ours; of NI's, whose library cannot
+be stood in for so easily, every call is held against the signature of the real package.
 """
 
 import ctypes

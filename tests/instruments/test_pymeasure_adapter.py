@@ -107,7 +107,8 @@ def test_what_a_class_of_pymeasure_says_on_opening(server, make_config):
     assert server.lines == [*off, "*IDN?", *off, "VOLT 6, (@1)", "VOLT? (@1)", "OUTPut? (@1)"]
 
 
-#: One class of each family that fits → its questions and the answers, which say 6 V and 0.2 A; what it is switched off by.
+#: One class of each family that fits → its questions and the answers, which say 6 V and 0.2 A; what it is switched off
+#: by.
 FAMILIES = {
     "aimtti.PL303P": (
         {"V1?": "V1 6.00", "I1?": "I1 0.200", "V1O?": "1.30V", "I1O?": "0.200A"},

@@ -403,7 +403,8 @@ class TestBystander:
 
     @pytest.fixture
     def asked(self, make_config):
-        """``asked(dialect)``: the virtual supply, left with a current by a driver that died, while another client asks."""
+        """``asked(dialect)``: the virtual supply, left with a current by a driver that died, while another client
+        asks."""
         ended = threading.Event()
         with contextlib.ExitStack() as stack:
 

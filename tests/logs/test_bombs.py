@@ -82,8 +82,9 @@ def wide_text(path):
 
 
 BOMBS = [
-    (hdf5, ".h5"), (hdf5_chunk, ".h5"), (matlab, ".mat"), (parquet, ".parquet"), (tdms, ".tdms"), (excel_far_cells, ".xlsx"),
-    (excel_far_row, ".xlsx"), (excel_blanks, ".xlsx"), (blank_lines, ".csv"), (wide_text, ".csv"),
+    (hdf5, ".h5"), (hdf5_chunk, ".h5"), (matlab, ".mat"), (parquet, ".parquet"), (tdms, ".tdms"),
+    (excel_far_cells, ".xlsx"), (excel_far_row, ".xlsx"), (excel_blanks, ".xlsx"),
+    (blank_lines, ".csv"), (wide_text, ".csv"),
 ]  # fmt: skip
 
 

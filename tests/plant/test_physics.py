@@ -1,7 +1,7 @@
 """The wire as a whole: energy, closed forms, and the shape of the loops in the thesis's figures.
 
-All in the physics that has closed forms and that the figures were drawn with: cosines that begin and end somewhere.  What
-holds in every physics is in test_worlds.py.
+All in the physics that has closed forms and that the figures were drawn with: cosines that begin and end somewhere.
+What holds in every physics is in test_worlds.py.
 """
 
 import math

@@ -28,7 +28,8 @@ def signals(flexinol, model_file):
 
 @pytest.fixture(scope="module")
 def ours(flexinol, model_file, tmp_path_factory):
-    """Errors of the log as we write it, of a bench that knows no ambient temperature: the others do not say it either."""
+    """Errors of the log as we write it, of a bench that knows no ambient temperature: the others do not say it
+    either."""
     log, folder = flexinol.only("pulses_0.600N")[0], tmp_path_factory.mktemp("ours")
     columns = {name: values for name, values in log.columns.items() if name != "ambient_temperature_C"}
     write_bench_log(folder / "ours.csv", BenchLog(columns, dict(log.metadata), "ours.csv"))

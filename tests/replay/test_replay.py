@@ -1,4 +1,5 @@
-"""Replay: the same numbers as the node's estimator, honest errors, baselines that learn, recordings that become logs."""
+"""Replay: the same numbers as the node's estimator, honest errors, baselines that learn, recordings that become
+logs."""
 
 import dataclasses
 import json

@@ -1,6 +1,6 @@
-"""A program gone mad, until it is killed: ``python flood.py TOPIC`` publishes setpoints as fast as it can;
-``python flood.py SERVICE RATE`` asks for ``~/enable`` true so many times a second, awaits no answer, and pauses from one
-SIGUSR1 to the next."""
+"""A program gone mad, until it is killed: ``python flood.py TOPIC`` publishes setpoints as fast as it can; ``python
+flood.py SERVICE RATE`` asks for ``~/enable`` true so many times a second, awaits no answer, and pauses from one SIGUSR1
+to the next."""
 
 import os
 import signal

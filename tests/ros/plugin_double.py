@@ -1,5 +1,6 @@
 """What ``joint_state_topic_hardware_interface/JointStateTopicSystem`` 1.1.0 does with its topics, written after its
-``read`` and ``write``; and a controller on top of it that interpolates from the state, as joint_trajectory_controller does.
+``read`` and ``write``; and a controller on top of it that interpolates from the state, as joint_trajectory_controller
+does.
 
 The parameters come from the URDF, through xacro, as the controller manager would read them.
 """

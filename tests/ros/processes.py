@@ -105,7 +105,8 @@ class NodeProcess:
         return self.popen.wait(SOON_s)
 
     def ends_in_order(self):
-        """Whether it ends with 0, as asked; with 1 where it says that the supply, which was held up, has not confirmed off."""
+        """Whether it ends with 0, as asked; with 1 where it says that the supply, which was held up, has not confirmed
+        off."""
         return self.ends() == int("not confirmed; look at the supply" in self.words)
 
     def close(self):

@@ -1,5 +1,5 @@
-"""ros2_control drives a wire by ``~/joint_command``: against a double of its plugin here, against the real one where it is
-installed (test_ros2_control.py)."""
+"""ros2_control drives a wire by ``~/joint_command``: against a double of its plugin here, against the real one where it
+is installed (test_ros2_control.py)."""
 
 import math
 from pathlib import Path

@@ -1,4 +1,5 @@
-"""ros2_control itself moves a wire: its plugin, controller manager and joint_trajectory_controller; where they are installed."""
+"""ros2_control itself moves a wire: its plugin, controller manager and joint_trajectory_controller; where they are
+installed."""
 
 import os
 import signal

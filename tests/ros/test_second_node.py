@@ -1,4 +1,5 @@
-"""Two nodes that want the same supply: one drives, the other waits and is silent, for every word would feed the watchdog."""
+"""Two nodes that want the same supply: one drives, the other waits and is silent, for every word would feed the
+watchdog."""
 
 import pytest
 

@@ -18,7 +18,8 @@ NODES = ("sma_actuator", "sma_actuator_switch", "sma_actuator_stop")
 
 
 def allowed(enclave, kind, how):
-    """Full names that an enclave of the policy allows: ``topics`` to ``publish``, ``services`` to ``reply`` and so on."""
+    """Full names that an enclave of the policy allows: ``topics`` to ``publish``, ``services`` to ``reply`` and so
+    on."""
     names = set()
     for profile in ET.parse(POLICY).findall(f"./enclaves/enclave[@path='{enclave}']/profiles/profile"):
         for group in profile.findall(kind):

@@ -1,4 +1,5 @@
-"""``~/self_test`` on real instruments over TCP: what is found comes as the standard service says, and the node goes on."""
+"""``~/self_test`` on real instruments over TCP: what is found comes as the standard service says, and the node goes
+on."""
 
 import pytest
 

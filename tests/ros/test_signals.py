@@ -59,7 +59,8 @@ def _bag(path, messages, mcap):
 
 @pytest.fixture
 def driven(start_bench, make_config, start_node, client, tmp_path):
-    """(messages of ~/signals, as a recorder gets them: bytes; the node's own log; its parameters): a wire was driven."""
+    """(messages of ~/signals, as a recorder gets them: bytes; the node's own log; its parameters): a wire was
+    driven."""
     bench = start_bench("--load", "weight:0.98")
     parameters = make_config(instruments=bench.instruments(), recorder={"folder": str(tmp_path / "log")})
     node = start_node(parameters)

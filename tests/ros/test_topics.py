@@ -1,4 +1,5 @@
-"""One row for each topic: from it the publisher is made, it is listened for, and fed; and the page says what there is."""
+"""One row for each topic: from it the publisher is made, it is listened for, and fed; and the page says what there
+is."""
 
 import dataclasses
 from pathlib import Path

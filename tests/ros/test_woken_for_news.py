@@ -39,5 +39,6 @@ def test_the_executor_sleeps_while_nothing_is_new(start_bench, make_config, star
     assert node.ends_in_order()
     woken, outputs = (int(word) for word in node.words.split("woken for ")[1].split()[:3:2])
     assert outputs >= 100
-    # A machine that stalls is news as well: readings late, limits that come and go.  Woken for each would be all of them.
+    # A machine that stalls is news as well: readings late, limits that come and go.  Woken for each would be all of
+    # them.
     assert woken < 0.8 * outputs, f"the executor was woken for {woken} of {outputs} outputs"

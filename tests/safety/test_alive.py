@@ -1,4 +1,5 @@
-"""A channel that stands still is told from one that is alive by what it has shown; one that is alive is never accused."""
+"""A channel that stands still is told from one that is alive by what it has shown; one that is alive is never
+accused."""
 
 import math
 
@@ -41,8 +42,9 @@ class TestRepeats:
 
     @pytest.mark.parametrize("every", [(0, 1), (10, 1), (7, 2), (3, 1), (2, 2)])
     def test_by_its_definition(self, every):
-        """A repetition is no chance once the sum of what each reading says, against what was usual in 200 or more before it,
-        is beyond a millionth of a millionth: of a channel that repeats every so many readings at first, and more often then."""
+        """A repetition is no chance once the sum of what each reading says, against what was usual in 200 or more
+        before it, is beyond a millionth of a millionth: of a channel that repeats every so many readings at first, and
+        more often then."""
         before, after = every
         equal = [bool(before) and number % before == 0 for number in range(1, 200)]
         equal += [number % after == 0 for number in range(3000)]
@@ -97,7 +99,8 @@ class TestLiveliness:
         )
 
     def test_by_its_definition(self):
-        """The mean second difference of the last hundred, against the least of earlier hundreds in which the channel stood."""
+        """The mean second difference of the last hundred, against the least of earlier hundreds in which the channel
+        stood."""
         rng = np.random.default_rng(2)
         quiet, loud = rng.normal(0.0, 1.0, (2, 700))
         first = np.repeat([0.3, 0.5], [100, 200]) * quiet[:300]

@@ -1,4 +1,5 @@
-"""Supply and DAQ measure one current: a drift between them is found, errors that stand still, lags and steps are none."""
+"""Supply and DAQ measure one current: a drift between them is found, errors that stand still, lags and steps are
+none."""
 
 import math
 
@@ -133,7 +134,8 @@ def test_a_change_between_them_is_not_learned():
 
 
 def test_what_was_noted_in_a_moment_is_noted_again_when_it_is_known_exactly():
-    """Within what the moment left open, whatever the errors that stand still; a quarter of a milliampere is left open then."""
+    """Within what the moment left open, whatever the errors that stand still; a quarter of a milliampere is left open
+    then."""
     for above_A in (0.0, 5e-3, -5e-3):
         currents = CurrentsApart()
         seen(currents, 0.0, 0.2, above_A, 0.2)

@@ -1,4 +1,5 @@
-"""Every guard at its edges, one step at a time: on the bound, a hair beyond it, with nothing there to look at, with NaN."""
+"""Every guard at its edges, one step at a time: on the bound, a hair beyond it, with nothing there to look at, with
+NaN."""
 
 import math
 from dataclasses import replace

@@ -1,9 +1,9 @@
 """No heating into a region where the sign of the feedback is not known.
 
-The wire of this bench is of another physics: its austenite's resistance rises five times as steeply with
-temperature as that of the bench's own wires, and its transformation ends in a broad tail.  Fully contracted, it shows more resistance
-the hotter it gets, and a model reads that as extension.  It is characterised and identified as any wire, from its
-own logs.
+The wire of this bench is of another physics: its austenite's resistance rises five times as steeply with temperature as
+that of the bench's own wires, and its transformation ends in a broad tail.  Fully contracted, it shows more resistance
+the hotter it gets, and a model reads that as extension.  It is characterised and identified as any wire, from its own
+logs.
 """
 
 import dataclasses
@@ -34,8 +34,9 @@ from sma_actuator.safety.thermal import WireHeat
 
 #: The thesis's mean output error under control, exclusive model of the Ni-Ti wire, % of full stroke (its Table 4).
 THESIS_PCT = 3.80
-#: And of steps with Ni-Ti-Cu where the load is not constant (its Table 9).  There this model takes a wire that is contracted for one that
-#: is 7 % of the stroke longer, which a limit of heat that did not let it contract kept out of sight.
+#: And of steps with Ni-Ti-Cu where the load is not constant (its Table 9).  There this model takes a wire that is
+#: contracted for one that is 7 % of the stroke longer, which a limit of heat that did not let it contract kept out of
+#: sight.
 SPRING_PCT = 4.32
 #: Temperature coefficient of the austenite's resistivity [1/K]; that of the bench's own wires is 0.4e-3 and 0.3e-3.
 STEEP = {"flexinol": 2e-3, "furukawa": 1.5e-3}

@@ -118,7 +118,8 @@ def test_five_times_in_vain_are_a_fault_and_ten_kelvin_too_many_as_the_page_says
 
 
 def test_the_heat_that_the_transformation_takes_does_not_count():
-    """Fast through half of the stroke, and then held where it came to by a limit: the balance calls it too hot for a while."""
+    """Fast through half of the stroke, and then held where it came to by a limit: the balance calls it too hot for a
+    while."""
     wire = Wire()
     wire.run(20.0, wanted_m=3e-3, power_W=0.1, at_limit=False, heat=HALF_WAY._replace(share=1.0))
     wire.run(2.0, wanted_m=3e-3, at_limit=False)

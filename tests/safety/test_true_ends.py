@@ -1,4 +1,5 @@
-"""A wire that truly can go no further, or has nothing left to pull at: seen within two seconds on the bench, and safe."""
+"""A wire that truly can go no further, or has nothing left to pull at: seen within two seconds on the bench, and
+safe."""
 
 import pytest
 from rig import Rig
@@ -13,7 +14,8 @@ SOON_s = 2.0
 
 
 def held(wire, load):
-    """A wire that stands in the middle of the range that it has under that load, and the end it is then asked to go to."""
+    """A wire that stands in the middle of the range that it has under that load, and the end it is then asked to go
+    to."""
     rig = Rig(read_parameter_file(shared_file(f"config/{wire}.yaml")), wire=wire, load=load)
     rig.run(6.0)
     rig.enable()

@@ -69,7 +69,8 @@ class Page:
         return await self.until(lambda: self.answers.get(self._number))
 
     async def enabled(self):
-        """Enable the wire, once the node is there and has readings: a node that has just come may not be reached at first."""
+        """Enable the wire, once the node is there and has readings: a node that has just come may not be reached at
+        first."""
         await self.until(lambda: self.told.get("state", {}).get("present") and self.rows)
         for _ in range(5):
             answer = await self.ask("enable")
@@ -422,7 +423,8 @@ def _enabled_by_hand(browser, stand):
         assert time.monotonic() < deadline_s, browser.text("#said")
         browser.click("#enable")
         browser.wait_for("document.querySelector('#said').children.length > 0")
-        # Not clicked again while a click may still be on its way: one that comes after a setpoint holds the wire where it is.
+        # Not clicked again while a click may still be on its way: one that comes after a setpoint holds the wire where
+        # it is.
         again_s = time.monotonic() + 10.0
         while not stand.bench.current_A() > 0.01 and time.monotonic() < again_s:
             time.sleep(0.1)
@@ -458,12 +460,19 @@ def test_in_the_browser_a_zoom_stays_while_data_arrive_and_the_legend_has_the_va
     browser.wait_for("live.times.length > 40")
     shown = "JSON.stringify([positionPlot.scales.x.min, positionPlot.scales.x.max])"
     place = browser.value(
-        "(() => { const r = positionPlot.over.getBoundingClientRect(); return [r.left, r.width, r.top + r.height / 2]; })()"
+        "(() => { const r = positionPlot.over.getBoundingClientRect(); return [r.left, r.width, r.top + r.height / 2]; "
+        "})()"
     )
     for kind, share in (("mousePressed", 0.4), ("mouseMoved", 0.6), ("mouseReleased", 0.6)):
         browser.command(
-            "Input.dispatchMouseEvent", type=kind, x=place[0] + share * place[1], y=place[2], button="left", buttons=1, clickCount=1
-        )  # fmt: skip
+            "Input.dispatchMouseEvent",
+            type=kind,
+            x=place[0] + share * place[1],
+            y=place[2],
+            button="left",
+            buttons=1,
+            clickCount=1,
+        )
     browser.wait_for("zoom !== null && !$('zoom').hidden")
     browser.wait_for("positionPlot.scales.x.max === zoom.max")
     before, newest = browser.value(shown), browser.value("live.last('at_s')")
@@ -607,9 +616,12 @@ _CUT_OFF = """(() => {
     const r = e.getBoundingClientRect();
     if (!r.width || e.closest('.u-wrap')) continue;
     const hidden = getComputedStyle(e).overflowX !== 'visible' && e.scrollWidth > e.clientWidth + 1;
-    if (r.right > wide + 1 || r.left < -1 || hidden) cut.push(`${e.tagName}#${e.id}.${e.className} ${r.left}…${r.right}`);
+    const cut_off = r.right > wide + 1 || r.left < -1 || hidden;
+    if (cut_off) cut.push(`${e.tagName}#${e.id}.${e.className} ${r.left}…${r.right}`);
   }
-  for (const u of document.querySelectorAll('.u-wrap')) if (u.getBoundingClientRect().right > wide + 1) cut.push('a plot');
+  for (const u of document.querySelectorAll('.u-wrap')) {
+    if (u.getBoundingClientRect().right > wide + 1) cut.push('a plot');
+  }
   return innerWidth === WIDTH ? cut.join('; ') : 'wider than the window';
 })()"""
 
@@ -630,7 +642,8 @@ def test_in_the_browser_it_is_dark_where_the_system_is(browser):
     def light(of):
         """How bright a colour is, of 255."""
         return browser.value(
-            f"(() => {{ const g = document.createElement('canvas').getContext('2d'); g.fillStyle = {of}; g.fillRect(0, 0, 1, 1); "
+            f"(() => {{ const g = document.createElement('canvas').getContext('2d'); g.fillStyle = {of}; g.fillRect(0, "
+            f"0, 1, 1); "
             "const [r, b, c] = g.getImageData(0, 0, 1, 1).data; return (r + b + c) / 3; })()"
         )
 
@@ -658,7 +671,8 @@ def test_in_the_browser_a_file_that_is_no_log_is_answered_in_sight(browser):
     )
     browser.wait_for("/nothing.csv/.test($('said').textContent) || !$('log').hidden")
     browser.wait_for(
-        "[...document.querySelectorAll('#said li'), $('log')].some((e) => /no |not |nothing/.test(e.textContent) && e.getBoundingClientRect().top < innerHeight)"
+        "[...document.querySelectorAll('#said li'), $('log')].some((e) => /no |not |nothing/.test(e.textContent) && "
+        "e.getBoundingClientRect().top < innerHeight)"
     )
 
 

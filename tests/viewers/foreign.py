@@ -1,4 +1,5 @@
-"""Node with the packages of `package-lock.json`: programs that others wrote, run on what is recorded and served here."""
+"""Node with the packages of `package-lock.json`: programs that others wrote, run on what is recorded and served
+here."""
 
 from __future__ import annotations
 

@@ -32,7 +32,10 @@ def every_message(outputs):
         ("model_health", health),
         ("/diagnostics", array),
         ("/joint/joint_command", sma_msgs_py.pair_command_message("joint", 0.3)),
-        ("/joint/joint_states", sma_msgs_py.joint_estimate_message("joint", JointEstimate(-0.1, cocontraction_N=2.0), stamp)),
+        (
+            "/joint/joint_states",
+            sma_msgs_py.joint_estimate_message("joint", JointEstimate(-0.1, cocontraction_N=2.0), stamp),
+        ),
     ]  # fmt: skip
     made += [("signals", sma_msgs_py.signals_message(named_signals(each), "enabled; Ω", stamp)) for each in outputs]
     return [(topic if topic.startswith("/") else f"{NAME}/{topic}", message) for topic, message in made]

@@ -1,4 +1,5 @@
-"""What ``sma-actuator view --foxglove`` serves, heard by Foxglove's own client: every kind of message, and nothing can be done."""
+"""What ``sma-actuator view --foxglove`` serves, heard by Foxglove's own client: every kind of message, and nothing can
+be done."""
 
 import contextlib
 import subprocess

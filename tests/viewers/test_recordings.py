@@ -1,4 +1,5 @@
-"""A recording is opened by Foxglove's own packages: every kind of message, every value; the layouts draw what is in it."""
+"""A recording is opened by Foxglove's own packages: every kind of message, every value; the layouts draw what is in
+it."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""The board without the board: its firmware, simulated parts and a wire of the virtual bench at the end of a serial line.
+"""The board without the board: its firmware, simulated parts and a virtual wire at the end of a serial line.
 
 python boards/rp2040/simulated/run.py --config-out out/board.yaml
 """
@@ -31,8 +31,8 @@ MICROPYTHON = NODE_MODULES / "@micropython" / "micropython-webassembly-pyscript"
 
 
 class SimulatedBoard:
-    """A pseudo-terminal with the board behind it: ``resource``.  The firmware is a process of its own, started anew where
-    the watchdog says so."""
+    """A pseudo-terminal with the board behind it: ``resource``.  The firmware is a process of its own, started anew
+    where the watchdog says so."""
 
     def __init__(self, bench: VirtualBench, micropython: bool = False):
         self._ours, self._theirs = os.openpty()  # the other end is kept: else reading fails while nobody is there

@@ -1,7 +1,7 @@
 """What stands around the processor: the parts on the board, and a wire of the virtual bench that its pulses heat.
 
-The world has the processor's time.  Every call takes some of it; while the program waits it goes on to the next pulse or
-byte.  With a ``clock`` it never runs ahead of that one: so it is where the board stands at the end of a real line.
+The world has the processor's time.  Every call takes some of it; while the program waits it goes on to the next pulse
+or byte.  With a ``clock`` it never runs ahead of that one: so it is where the board stands at the end of a real line.
 """
 
 from __future__ import annotations

@@ -1,1 +1,2 @@
-"""Commands that speak to a running node over ROS 2: ``move``, ``status``, ``enable``, ``stop``, ``call`` and ``watch``."""
+"""Commands that speak to a running node over ROS 2: ``move``, ``status``, ``enable``, ``stop``, ``call`` and
+``watch``."""

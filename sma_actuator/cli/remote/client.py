@@ -22,8 +22,8 @@ if TYPE_CHECKING:  # stop is quicker without
 PATIENCE_s = 10.0
 #: For the status to say what a service has answered.
 SAID_s = 3.0
-#: Off is asked for again where no answer comes: DDS loses an answer to whom the node has not found yet.  On never is: it
-#: could arrive after a stop.
+#: Off is asked for again where no answer comes: DDS loses an answer to whom the node has not found yet.  On never is:
+#: it could arrive after a stop.
 OFF_AGAIN_s = 0.5
 _TURN_s = 0.01  #: a signal, and a service that is found, are looked for this often
 
@@ -192,7 +192,10 @@ class NodeClient(Named):
             f"(ROS_DOMAIN_ID is {domain})"
         )
         if self.full_name in others:
-            return f"{self.full_name} is there, but has not answered within {self._patience_s:g} s: ask again with a longer --patience"
+            return (
+                f"{self.full_name} is there, but has not answered within {self._patience_s:g} s: ask again with a "
+                f"longer --patience"
+            )
         if others:
             return f"{looked}; there is {', '.join(others)}: name it with --node and --namespace"
         return f"{looked}, and there is no other; start one: sma_actuator_node --ros-args --params-file FILE"

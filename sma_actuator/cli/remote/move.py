@@ -29,7 +29,8 @@ _WIRE, _JOINT = "0.0025 (metres) or 2.5mm is wanted", "0.2 (radians), 0.2rad or 
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """A place as it was typed: a length [m], an angle [rad], a share of the way [%], or a bare number, in the unit of what is moved."""
+    """A place as it was typed: a length [m], an angle [rad], a share of the way [%], or a bare number, in the unit of
+    what is moved."""
 
     value: float
     unit: str  #: m, rad, % or ""
@@ -61,7 +62,8 @@ def add_arguments(parser) -> None:
         "position",
         type=place,
         metavar="PLACE",
-        help="where to: a wire, in metres or with mm, extension positive (0.0025, 2.5mm), or 0%% (contracted) to 100%% of what it reaches; a joint, in radians or with deg (0.2, 10deg)",
+        help="where to: a wire, in metres or with mm, extension positive (0.0025, 2.5mm), or 0%% (contracted) to 100%% "
+        "of what it reaches; a joint, in radians or with deg (0.2, 10deg)",
     )
     parser.add_argument(
         "--within", type=float, default=20.0, metavar="S", help="give up after this time (default %(default)s)"
@@ -70,7 +72,8 @@ def add_arguments(parser) -> None:
         "--tolerance",
         type=place,
         metavar="SIZE",
-        help=f"near enough, as the position (default {NEAR_m * 1e3:g}mm, or 1/80 of what the wire reaches; of a joint {NEAR_rad:g}rad)",
+        help=f"near enough, as the position (default {NEAR_m * 1e3:g}mm, or 1/80 of what the wire reaches; of a joint "
+        f"{NEAR_rad:g}rad)",
     )
     add_node_arguments(parser)
 
@@ -121,7 +124,8 @@ def beyond_words(asked_m: float, status: Status) -> str:
         return ""
     which, end_m = ("short", short_m) if asked_m < short_m else ("long", long_m)
     return (
-        f"{asked_m * 1e3:.3f} mm is beyond what the wire reaches at this load, {short_m * 1e3:.3f} to {long_m * 1e3:.3f} mm; it "
+        f"{asked_m * 1e3:.3f} mm is beyond what the wire reaches at this load, {short_m * 1e3:.3f} to "
+        f"{long_m * 1e3:.3f} mm; it "
         f"is held at its {which} end, {end_m * 1e3:.3f} mm"
     )
 

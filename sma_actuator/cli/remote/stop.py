@@ -1,4 +1,5 @@
-"""``sma-actuator stop``: every wire of the node's process off; with ``--config`` without the node, by the supply itself."""
+"""``sma-actuator stop``: every wire of the node's process off; with ``--config`` without the node, by the supply
+itself."""
 
 from __future__ import annotations
 
@@ -30,7 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--config",
         type=Path,
         metavar="FILE",
-        help="switch off the supply of this parameter file, without ROS: for a node that hangs. Where the supply does not "
+        help="switch off the supply of this parameter file, without ROS: for a node that hangs. Where the supply does "
+        "not "
         "obey a second session, the process that drives it is ended",
     )
     add_node_arguments(parser)

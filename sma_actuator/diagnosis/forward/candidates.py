@@ -43,7 +43,8 @@ CANDIDATES = (
         "the slider rubs: it stands until the tension has changed by twice the friction",
         (_f("friction_N", "N", 0.0, 6.0, 0.5),),
         "mechanism",
-        "a standstill at every reversal, longest where the wire is stiff and slow; the wire's expansion before it transforms is not seen",
+        "a standstill at every reversal, longest where the wire is stiff and slow; the wire's expansion before it "
+        "transforms is not seen",
         "Clean and oil the guide, or let the slider hang free of it.",
     ),
     ForwardCandidate(

@@ -44,7 +44,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         metavar="DIR",
-        help="folder for forward.yaml, report.json and report.html; with --table, FORWARD.yaml with {wire} in it, where wanted",
+        help="folder for forward.yaml, report.json and report.html; with --table, FORWARD.yaml with {wire} in it, "
+        "where wanted",
     )
     parser.add_argument(
         "--judge",
@@ -52,7 +53,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=[],
         metavar="RUN.csv",
-        help="runs to judge on, which have no part in choice and fit (default: each in turn, chosen and fitted on the others)",
+        help="runs to judge on, which have no part in choice and fit (default: each in turn, chosen and fitted on the "
+        "others)",
     )
     add_map_arguments(parser)
     parser.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), help="processes (default %(default)s)")
@@ -104,7 +106,8 @@ def run(args: argparse.Namespace) -> int:
     say_next(
         args,
         f"look at {args.out / 'report.html'}; to judge new runs by this wire: "
-        f"sma-actuator forward {' '.join(str(run) for run in args.runs)} --wire {args.out / 'forward.yaml'} --judge NEW.csv --out DIR",
+        f"sma-actuator forward {' '.join(str(run) for run in args.runs)} --wire {args.out / 'forward.yaml'} --judge "
+        f"NEW.csv --out DIR",
     )
     return 0
 
@@ -146,11 +149,13 @@ def _check(
         )
     if judge and len(runs) < 2:
         raise UserError(
-            f"{run_paths[0]}: effects are chosen on one run after a fit to others; give at least 2 runs beside those of --judge"
+            f"{run_paths[0]}: effects are chosen on one run after a fit to others; give at least 2 runs beside those "
+            f"of --judge"
         )
     if not judge and len(runs) < 3:
         raise UserError(
-            f"{run_paths[0]}: {len(runs)} run{'s' * (len(runs) > 1)} cannot choose effects and judge them; give at least 3, "
+            f"{run_paths[0]}: {len(runs)} run{'s' * (len(runs) > 1)} cannot choose effects and judge them; give at "
+            f"least 3, "
             "or 2 and another for --judge"
         )
     for r, path in zip((*runs, *judge), (*run_paths, *judge_paths), strict=True):

@@ -136,8 +136,8 @@ def fit(
 
 
 def plain_starts(free: Sequence[Free]) -> list[np.ndarray]:
-    """A few starts: the maker's, wider and cooler bands with less and with more heat capacity, and a wire that
-    little power makes hot (else the mean voltage, a fraction of the RMS, would find no way to move the slider at all)."""
+    """A few starts: the maker's, wider and cooler bands with less and with more heat capacity, and a wire that little
+    power makes hot (else the mean voltage, a fraction of the RMS, would find no way to move the slider at all)."""
     first = np.array([f.start for f in free])
     out = [first]
     for heat, width, cooler, loss in ((600.0, 25.0, 5.0, 1.0), (780.0, 15.0, -5.0, 1.0), (470.0, 30.0, 10.0, 0.2)):

@@ -223,7 +223,8 @@ def _stand(wire: ForwardWire) -> Stand:
 
 
 def simulate(wire: ForwardWire, duty: np.ndarray, step_s: float) -> np.ndarray:
-    """Slider position [m] above the cold start, mean temperature [°C], martensite, tension [N], resistance [Ω], power [W].
+    """Slider position [m] above the cold start, mean temperature [°C], martensite, tension [N], resistance [Ω], power
+    [W].
 
     ``duty`` (n,) is the mean over each step; the result (n, 6) is at the end of each.
     """

@@ -42,7 +42,8 @@ def _what_to_do(page: Page, found: ForwardTracing) -> None:
                 c.sentence,
                 c.part,
                 ", ".join(
-                    f"{f.name.partition('.')[2].rpartition('_')[0].replace('_', ' ')} {found.fitted.wire.value(f.name):.3g} {f.unit}".strip()
+                    f"{f.name.partition('.')[2].rpartition('_')[0].replace('_', ' ')} "
+                    f"{found.fitted.wire.value(f.name):.3g} {f.unit}".strip()
                     for f in c.free
                 ),
                 c.remedy,
@@ -97,7 +98,8 @@ def _errors(page: Page, found: ForwardTracing) -> None:
                 (r.name, 1e3 * b, 1e3 * a)
                 for r, b, a in zip(choice.runs, choice.plain.held_out_m, choice.winner.held_out_m, strict=True)
             ],
-            "For comparison: the leave-one-out errors on which this choice was made. They always fall, and are not the result.",
+            "For comparison: the leave-one-out errors on which this choice was made. They always fall, and are not the "
+            "result.",
         )
 
 

@@ -395,7 +395,8 @@ def _ranked(selection: Selection, plain: Outcome) -> list[Outcome]:
 def _finish(
     wire: ForwardWire, runs: Sequence[Run], plain: Outcome, ranked: Sequence[Outcome]
 ) -> tuple[int | None, dict[str, ForwardFit], ForwardFit, ForwardFit | None]:
-    """On all runs of a choice: (place of the winner among ``ranked``, plain fits by voltage, without expansion, winner's fit)."""
+    """On all runs of a choice: (place of the winner among ``ranked``, plain fits by voltage, without expansion,
+    winner's fit)."""
     heats = {}
     for name in ("rms", "mean"):
         variant = wire.with_values({"drive.heats": name})

@@ -53,7 +53,8 @@ def observations(found: ForwardTracing) -> list[str]:
     other = "mean" if choice.heated_by == "rms" else "rms"
     out = [
         (
-            f"The {_voltage(choice.heated_by)} voltage heats the wire: the plain model's error is {heats[choice.heated_by]:.2f} mm, "
+            f"The {_voltage(choice.heated_by)} voltage heats the wire: the plain model's error is "
+            f"{heats[choice.heated_by]:.2f} mm, "
             f"with the {_voltage(other)} voltage {heats[other]:.2f} mm (mean over {how})."
         )
     ]
@@ -62,7 +63,8 @@ def observations(found: ForwardTracing) -> list[str]:
     worst = int(np.argmax(after))
     left = f"{after.min():.2f} to {after.max():.2f} mm" if len(after) > 1 else f"{after[0]:.2f} mm"
     out.append(
-        f"Left unexplained: {left} RMS on unseen runs{f', most in {found.judged[worst].name}' if len(after) > 1 else ''}."
+        f"Left unexplained: {left} RMS on unseen "
+        f"runs{f', most in {found.judged[worst].name}' if len(after) > 1 else ''}."
     )
     fitted = zip(found.fitted.free, found.fitted.values, strict=True)
     bound = [f"{f.name.rpartition('.')[2]} at {v:.4g}" for f, v in fitted if f.at_bound(v)]
@@ -74,7 +76,10 @@ def observations(found: ForwardTracing) -> list[str]:
 def verdict_sentence(found: ForwardTracing) -> str:
     """The verdict in words."""
     if found.verdict == "none":
-        return "Nothing is missing: on unseen runs the plain model errs by no more than a position sensor does, and no effect is chosen."
+        return (
+            "Nothing is missing: on unseen runs the plain model errs by no more than a position sensor does, and "
+            "no effect is chosen."
+        )
     if found.verdict == "traced":
         text = f"The model lacks {' and '.join(c.name for c in found.named)}."
         places = {c.name: c.part for c in found.named if c.part in ("mechanism", "sensor", "circuit")}
@@ -121,7 +126,8 @@ def _errors(found: ForwardTracing) -> str:
         )
         new = _on_a_new_run(winner)
         text += (
-            f" As far as these runs tell, the error on a new one will be {new['interval'][0]:.2f} to {new['interval'][1]:.2f} times the plain model's "
+            f" As far as these runs tell, the error on a new one will be {new['interval'][0]:.2f} to "
+            f"{new['interval'][1]:.2f} times the plain model's "
             f"({INSIDE:.0%}), smaller with a probability of {new['probability_of_a_smaller_error']:.0%}."
         )
     return text
@@ -166,7 +172,8 @@ def still_shows(found: ForwardTracing) -> list[str]:
     out = _power_off(found)
     for one, two, rms_m in found.repeat_m:
         out.append(
-            f"{one} and {two} were driven alike and differ by {1e3 * rms_m:.2f} mm RMS: of that the duty can explain nothing."
+            f"{one} and {two} were driven alike and differ by {1e3 * rms_m:.2f} mm RMS: of that the duty can explain "
+            f"nothing."
         )
     return out
 
@@ -186,7 +193,8 @@ def _shows(found: ForwardTracing) -> list[str]:
         measured, modelled = (1e3 * power_off_rise_m(run, x, off) for x in (run.coarse_position_m, predict(wire, run)))
         if abs(measured - modelled) > 2.0 * run.stroke_m:
             out.append(
-                f"a movement the way of contraction after power off of {measured:.2f} mm, in the model {max(modelled, 0.0):.2f} mm "
+                f"a movement the way of contraction after power off of {measured:.2f} mm, in the model "
+                f"{max(modelled, 0.0):.2f} mm "
                 f"({run.name})"
             )
         stands, model_stands = (standstill_s(run, x, off) for x in (run.coarse_position_m, predict(wire, run)))
@@ -225,14 +233,16 @@ def _power_off(found: ForwardTracing) -> list[str]:
         stands, modelled = (standstill_s(run, x, off) for x in (run.coarse_position_m, predict(found.fitted.wire, run)))
         if stands - modelled > 0.25:
             out.append(
-                f"{run.name}: before that it stands for {stands:.1f} s, in the model for {modelled:.1f} s: like a dead band (play or "
+                f"{run.name}: before that it stands for {stands:.1f} s, in the model for {modelled:.1f} s: like a dead "
+                f"band (play or "
                 "friction), but the runs do not give it one size."
             )
     return out
 
 
 def summary(found: ForwardTracing) -> dict:
-    """The result for machines; ``error_*`` are RMS on runs that had no part in the choice, lengths in metres unless named otherwise."""
+    """The result for machines; ``error_*`` are RMS on runs that had no part in the choice, lengths in metres unless
+    named otherwise."""
     judged = found.judged
     names = [run.name for run in judged]
     before, after = np.array(found.before_m), np.array(found.after_m)

@@ -103,20 +103,23 @@ def read_run(
     if (step_s <= 0.0).any():
         bad = int(np.argmax(step_s <= 0.0))
         raise UserError(
-            f"{path}: line {table.first_line + bad + 1}, column time_s: time does not advance, {time_s[bad]:.6g} s then {time_s[bad + 1]:.6g} s"
+            f"{path}: line {table.first_line + bad + 1}, column time_s: time does not advance, {time_s[bad]:.6g} s "
+            f"then {time_s[bad + 1]:.6g} s"
         )
     outside = (duty < 0.0) | (duty > 1.0)
     if outside.any():
         bad = int(np.argmax(outside))
         raise UserError(
-            f"{path}: line {table.first_line + bad}, column duty_cycle: {duty[bad]:g} is outside 0 to 1; is it in percent?"
+            f"{path}: line {table.first_line + bad}, column duty_cycle: {duty[bad]:g} is outside 0 to 1; is it in "
+            f"percent?"
         )
     if len(time_s) < SHORTEST:
         raise UserError(f"{path}: {len(time_s)} samples; a run of at least {SHORTEST} is wanted")
     if step_s.max() > 5.0 * np.median(step_s) + 1e-9:
         bad = int(np.argmax(step_s))
         raise UserError(
-            f"{path}: line {table.first_line + bad + 1}, column time_s: a gap of {step_s[bad]:.4g} s where {np.median(step_s):.4g} s is usual"
+            f"{path}: line {table.first_line + bad + 1}, column time_s: a gap of {step_s[bad]:.4g} s where "
+            f"{np.median(step_s):.4g} s is usual"
         )
     if np.ptp(position_m) == 0.0:
         raise UserError(f"{path}: column slider_position_m: the slider never moves; there is nothing to fit")

@@ -260,11 +260,13 @@ def _inconsistent(wire: ForwardWire) -> list[str]:
     problems = []
     if w.austenite_finish_C <= w.austenite_start_C:
         problems.append(
-            f"wire.austenite_finish_C: {w.austenite_finish_C:g} °C is not above wire.austenite_start_C, {w.austenite_start_C:g} °C"
+            f"wire.austenite_finish_C: {w.austenite_finish_C:g} °C is not above wire.austenite_start_C, "
+            f"{w.austenite_start_C:g} °C"
         )
     if w.martensite_start_C <= w.martensite_finish_C:
         problems.append(
-            f"wire.martensite_start_C: {w.martensite_start_C:g} °C is not above wire.martensite_finish_C, {w.martensite_finish_C:g} °C"
+            f"wire.martensite_start_C: {w.martensite_start_C:g} °C is not above wire.martensite_finish_C, "
+            f"{w.martensite_finish_C:g} °C"
         )
     return problems
 

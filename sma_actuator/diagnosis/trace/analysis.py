@@ -60,7 +60,8 @@ def quantities(evidence: Evidence, predictions: Sequence[Prediction]) -> dict[st
 
 
 def residual_m(evidence: Evidence, predictions: Sequence[Prediction]) -> np.ndarray:
-    """Measured less shown displacement beyond what the calibration lets expect, all logs together, of the samples compared."""
+    """Measured less shown displacement beyond what the calibration lets expect, all logs together, of the samples
+    compared."""
     return np.concatenate(evidence.of_displacement.news_m(predictions))
 
 
@@ -80,7 +81,8 @@ def anatomy(evidence: Evidence, predictions: Sequence[Prediction]) -> Anatomy:
 
 
 def size(evidence: Evidence, rows: np.ndarray, units: np.ndarray) -> float:
-    """Mean square of a residual in some units (bool), in the calibration's variances; ``rows`` as of :meth:`Evidence.rows`."""
+    """Mean square of a residual in some units (bool), in the calibration's variances; ``rows`` as of
+    :meth:`Evidence.rows`."""
     return float(np.mean(_errors(evidence, rows, units) ** 2))
 
 

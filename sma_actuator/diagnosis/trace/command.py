@@ -58,7 +58,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         metavar="DIR",
-        help="folder for report.json, report.html and model.yaml; with --table, MODEL.yaml with {wire} in it, where wanted",
+        help="folder for report.json, report.html and model.yaml; with --table, MODEL.yaml with {wire} in it, where "
+        "wanted",
     )
     parser.add_argument(
         "--calibration",
@@ -130,7 +131,8 @@ def run(args: argparse.Namespace) -> int:
         if args.calibration:
             remembers = FITTERS[config.model_type].remembers
             experiments = make_experiments(read_logs(args.calibration, reading, console.print), config, remembers)
-            # What such a model leaves on logs that it has learned is no measure of others; what identify found on others is.
+            # What such a model leaves on logs that it has learned is no measure of others; what identify found on
+            # others is.
             known_percent = config.calibration.floor
             fresh_percent = known_percent if remembers and math.isfinite(known_percent) else 0.0
             mapping["calibration"] = to_mapping(calibration_of(experiments, config, fresh_percent=fresh_percent))
@@ -214,7 +216,8 @@ def _isolability(args: argparse.Namespace) -> int:
         shown.print(f"untestable: {u['name']}: {u['reason']}")
     best = report["experiments"][0]
     shown.print(
-        f"the experiment that would tell most: {best['what']} ({best['duration_s']:.0f} s), {best['adds_bits']:.2f} bits more of "
+        f"the experiment that would tell most: {best['what']} ({best['duration_s']:.0f} s), {best['adds_bits']:.2f} "
+        f"bits more of "
         f"{report['most_bits']:.1f} (these logs: {report['known_bits']:.2f}); {tells_in_words(best)}"
     )
     console.print(f"wrote {written[0]}, {written[1].name}", markup=False)
@@ -286,8 +289,10 @@ def _print(console: Console, report: dict) -> None:
     for a in report["alternatives"]:
         x = a["experiment"]
         console.print(
-            f"instead of {a['instead_of']} it could be {a['name']} (better in {a['confidence']:.0%} of redrawn cycles); to tell them apart "
-            f"{x['what']} ({x['duration_s']:.0f} s): what the two expect of the reference sensor then moves {x['predicted_difference_m'] * 1e3:.2f} mm apart"
+            f"instead of {a['instead_of']} it could be {a['name']} (better in {a['confidence']:.0%} of redrawn "
+            f"cycles); to tell them apart "
+            f"{x['what']} ({x['duration_s']:.0f} s): what the two expect of the reference sensor then moves "
+            f"{x['predicted_difference_m'] * 1e3:.2f} mm apart"
         )
     for note in report["notes"]:
         console.print(f"note: {note}")

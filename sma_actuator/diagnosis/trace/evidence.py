@@ -1,9 +1,9 @@
 """What logs with a true displacement say about a model with some effects in it.
 
-Four kinds of witness (:mod:`.witnesses`): the residual of the displacement through the whole chain, R and δ where the wire
-stands still, where the wire pulls a spring the load against the displacement, and the power that it takes to transform
-the wire.  All but the spring are measured against what was at the calibration, which is frozen, and are weighted by
-how well they repeated there; that one needs no model: a spring is straight.
+Four kinds of witness (:mod:`.witnesses`): the residual of the displacement through the whole chain, R and δ where the
+wire stands still, where the wire pulls a spring the load against the displacement, and the power that it takes to
+transform the wire.  All but the spring are measured against what was at the calibration, which is frozen, and are
+weighted by how well they repeated there; that one needs no model: a spring is straight.
 """
 
 from __future__ import annotations
@@ -54,7 +54,8 @@ class Evidence:
         error = float(np.mean(self.errors_percent(self.predict({}))))
         if error > LIMITS.hopeless:
             raise BenchLogError(
-                f"{self.logs.experiments[0].log.source}: the model errs by {error:.0f} % of full stroke on these logs; it is not of this wire, or "
+                f"{self.logs.experiments[0].log.source}: the model errs by {error:.0f} % of full stroke on these logs; "
+                f"it is not of this wire, or "
                 "circuit, load_cell or reference_sensor are those of another bench"
             )
 
@@ -97,13 +98,15 @@ class Evidence:
 
     @property
     def independent_s(self) -> float:
-        """How far apart two samples are whose errors are independent, as the calibration has it; 0 where it is not known."""
+        """How far apart two samples are whose errors are independent, as the calibration has it; 0 where it is not
+        known."""
         known = self.calibration.independent_time
         return known if math.isfinite(known) else 0.0
 
     @property
     def expects_what_repeats(self) -> bool:
-        """Whether what the model always leaves is expected; where it is not, that goes with all kinds of quantities itself."""
+        """Whether what the model always leaves is expected; where it is not, that goes with all kinds of quantities
+        itself."""
         return self.knows_its_scatter and any(self.calibration.expected_weights)
 
     @property
@@ -125,7 +128,8 @@ class Evidence:
         return Chain(self.config, {**self.base, **effects})
 
     def through(self, chain: Chain) -> list[Prediction]:
-        """Every log through a chain.  Between two logs of a session nobody saw the wire: only its position is forgotten."""
+        """Every log through a chain.  Between two logs of a session nobody saw the wire: only its position is
+        forgotten."""
         out = []
         # What other surroundings do is news, until they are what is held against it.
         ambient_counts = any(effect.ALLOWS_FOR_AMBIENT for effect in chain.effects)
@@ -152,7 +156,8 @@ class Evidence:
         return out
 
     def shown_m(self, lighter: float = 1.0) -> list[np.ndarray]:
-        """What the reference sensor should show of every log by the model as it is, if the load were so many times less."""
+        """What the reference sensor should show of every log by the model as it is, if the load were so many times
+        less."""
         chain, out = self.chain({}), []
         for signals, kept in self.logs.seen:
             chain.reset() if self.logs.one_session else chain.begin_session()
@@ -194,7 +199,8 @@ class Evidence:
         return np.concatenate((np.full(self.rows_of_samples, -1), self._witness))
 
     def rows_by_witness(self) -> dict[str, np.ndarray]:
-        """Which rows each witness has (bool): the residual first, then those of WITNESSES of which there is something."""
+        """Which rows each witness has (bool): the residual first, then those of WITNESSES of which there is
+        something."""
         of_row = self.witness_of_row
         named = {"residual": of_row == -1} | {name: of_row == k for k, name in enumerate(WITNESSES)}
         return {name: rows for name, rows in named.items() if rows.any()}

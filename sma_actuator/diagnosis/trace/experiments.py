@@ -35,7 +35,8 @@ class ProposedExperiment:
 def best_experiment(
     evidence: Evidence, first: Mapping[str, Effect], second: Mapping[str, Effect]
 ) -> ProposedExperiment:
-    """The shortest experiment in which the two differ by ENOUGH_percent; the one where they differ most if none does."""
+    """The shortest experiment in which the two differ by ENOUGH_percent; the one where they differ most if none
+    does."""
     chains = [after_the_session(evidence, effects) for effects in (first, second)]
     found = []
     for what, signals in experiments(evidence):

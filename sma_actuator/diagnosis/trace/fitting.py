@@ -17,10 +17,10 @@ from .evidence import Evidence
 FOLDS = 4
 STEP = 1e-3  #: of the finite differences, in the optimiser's units
 MAX_EVALUATIONS = 12
-#: Of a size, in units of what is typical: from so large an effect one linear step says how large it is.  What is far off counts
-#: linearly, so that step falls short of a large effect: so many at once are tried too, where no shape is sought as well, which
-#: takes a wrong one with a large size; and, of a single size, so many times what is typical: a rest that counts only where the
-#: wire is as hot as it was may lie between nothing and a large effect like a wall.
+#: Of a size, in units of what is typical: from so large an effect one linear step says how large it is.  What is far
+#: off counts linearly, so that step falls short of a large effect: so many at once are tried too, where no shape is
+#: sought as well, which takes a wrong one with a large size; and, of a single size, so many times what is typical: a
+#: rest that counts only where the wire is as hot as it was may lie between nothing and a large effect like a wall.
 PROBE = 0.5
 STRIDES = (1.0, 2.0, 4.0)
 SIZES = (-3.0, -1.0, 1.0, 3.0)
@@ -84,7 +84,8 @@ class _Problem:
         return {c.name: c.build(values[c.name]) for c in self.candidates}
 
     def differ(self, u: np.ndarray, other: np.ndarray) -> bool:
-        """Whether two starts lead, as far as can be known, to different ends: another shape, or another sign of a size."""
+        """Whether two starts lead, as far as can be known, to different ends: another shape, or another sign of a
+        size."""
         sizes = np.array([f.is_size for _, f in self.slots])
         return bool(np.any(u[sizes] * other[sizes] < 0.0) or np.any(np.abs(u - other)[~sizes] > APART))
 
@@ -169,7 +170,8 @@ def fit(
 def sketch(
     evidence: Evidence, candidates: Sequence[Candidate], train: np.ndarray, known: Fit | None = None
 ) -> np.ndarray:
-    """About how much ``candidates`` together would lose on each unit of ``train``: by one linear step of their sizes."""
+    """About how much ``candidates`` together would lose on each unit of ``train``: by one linear step of their
+    sizes."""
     problem, u, new, rows = _begun(evidence, candidates, train, known)
     everything = [i for i, (_, f) in enumerate(problem.slots) if f.is_size or i in new]
     return evidence.losses(problem.residual(_starts(problem, u, everything, rows)[0]))[train]
@@ -198,10 +200,11 @@ def _begun(
 
 
 def _starts(problem: _Problem, u: np.ndarray, new: list[int], rows: np.ndarray) -> list[np.ndarray]:
-    """Where it is worth to begin, best first: every start of the new shapes, each with several sizes; none of them nothing.
+    """Where it is worth to begin, best first: every start of the new shapes, each with several sizes; none of them
+    nothing.
 
-    Nothing is no place to begin at: there no shape makes a difference, at the end of a size that has but one sign no step
-    leads away, and what a small effect does to a residual that is far off may point the wrong way.
+    Nothing is no place to begin at: there no shape makes a difference, at the end of a size that has but one sign no
+    step leads away, and what a small effect does to a residual that is far off may point the wrong way.
     """
     shapes = [i for i in new if problem.slots[i][1].starts]
     sizes = [i for i in new if problem.slots[i][1].is_size]
@@ -239,7 +242,8 @@ def _starts(problem: _Problem, u: np.ndarray, new: list[int], rows: np.ndarray) 
 
 
 def _solved(problem: _Problem, u: np.ndarray, new: list[int], rows: np.ndarray) -> np.ndarray:
-    """Least squares from the best start, and from the best that is another where that promises as much; nothing, if that is better."""
+    """Least squares from the best start, and from the best that is another where that promises as much; nothing, if
+    that is better."""
 
     def squares(there: np.ndarray) -> float:
         return float(np.sum(problem.residual(there)[rows] ** 2))
@@ -291,7 +295,8 @@ def _with(u: np.ndarray, i: int, value: float) -> np.ndarray:
 def _scan(problem: _Problem, candidate: Candidate, u: np.ndarray, rows: np.ndarray) -> list[float]:
     """When a slip explains most, and some of the times that do nearly as well: what is at rest has no say in it here.
 
-    Its length is linear in the residual, so every time is tried on one residual.  Returns seconds since the session began.
+    Its length is linear in the residual, so every time is tried on one residual.  Returns seconds since the session
+    began.
     """
     evidence = problem.evidence
     problem.scanned[candidate.name] = {candidate.scanned: 0.0}
@@ -316,7 +321,8 @@ def _scan(problem: _Problem, candidate: Candidate, u: np.ndarray, rows: np.ndarr
 
 
 def _held_out(problem: _Problem, u: np.ndarray, J: np.ndarray, at_u: np.ndarray, train: np.ndarray, folds: int):
-    """Rows and errors by fits that have not seen each unit: one Gauss–Newton step from the joint fit is as good as a new one."""
+    """Rows and errors by fits that have not seen each unit: one Gauss–Newton step from the joint fit is as good as a
+    new one."""
     evidence = problem.evidence
     held_out_rows = at_u.copy()
     at = evidence.predict(problem.effects(u))

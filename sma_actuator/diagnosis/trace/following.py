@@ -1,6 +1,7 @@
 """What the reference sensor shows of where the wire is, and not of where its model has it.
 
-What follows the wire with a memory (play, a lag, a filter) follows it through the errors that its model is known to make.
+What follows the wire with a memory (play, a lag, a filter) follows it through the errors that its model is known to
+make.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ SMOOTHED_s = 0.3  #: within which a wire does not go to and fro
 
 @dataclass(frozen=True, slots=True)
 class Where:
-    """Where the wire is on a log, as far as is known: the model's displacement with the residual that is expected there.
+    """Where the wire is on a log, as far as is known: the model's displacement with the residual that is expected
+    there.
 
     What follows it with a memory follows the wire and not the model.
     """
@@ -45,7 +47,8 @@ class Where:
         return self._through(true_m, steady=True, beyond_the_load=True) - true_m
 
     def _through(self, displacement_m: np.ndarray, steady: bool = False, beyond_the_load: bool = False) -> np.ndarray:
-        """What the sensor shows of a displacement; ``beyond_the_load``: by what comes after the place that the load pulls at.
+        """What the sensor shows of a displacement; ``beyond_the_load``: by what comes after the place that the load
+        pulls at.
 
         ``steady``: what lies behind the load follows the wire, and not the noise of the resistance that tells where the
         wire is: a wire at rest leaves the play as it is, and noise would take it up.

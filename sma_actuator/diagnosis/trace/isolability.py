@@ -1,10 +1,10 @@
 """Which effects some logs would show, and which they could not tell apart: before anything has happened.
 
 Every effect moves the rows of the evidence by its size times a sensitivity, which is asked of the chain.  In standard
-deviations of the calibration these are vectors: their length says how well an effect shows, and what is left of one beside
-all that another can do says how well the two are told apart (Basseville 1997, isolability from the information that logs
-hold).  The experiment that would tell most is the one that adds most to what is known of which effect it is: the mutual
-information of effect and readings by its bound over pairs (Kolchinsky and Tracey 2017).
+deviations of the calibration these are vectors: their length says how well an effect shows, and what is left of one
+beside all that another can do says how well the two are told apart (Basseville 1997, isolability from the information
+that logs hold).  The experiment that would tell most is the one that adds most to what is known of which effect it is:
+the mutual information of effect and readings by its bound over pairs (Kolchinsky and Tracey 2017).
 """
 
 from __future__ import annotations
@@ -134,7 +134,8 @@ def isolability(evidence: Evidence, without: Sequence[str] = ()) -> Isolability:
 
 
 def _there(evidence: Evidence, effects: dict[str, Effect], tried: Sequence[tuple[str, Any]]) -> list[np.ndarray]:
-    """What the reference sensor would show in each experiment, in standard deviations, weighed as the logs' samples are."""
+    """What the reference sensor would show in each experiment, in standard deviations, weighed as the logs' samples
+    are."""
     chain = after_the_session(evidence, effects)
     sigma_m = SPREAD * evidence.floor_percent / 100.0 * evidence.full_stroke_m
     out = []

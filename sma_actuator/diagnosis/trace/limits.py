@@ -1,9 +1,9 @@
 """The limits by which ``trace`` decides, each declared once: what it is, in which unit, and why it lies where it does.
 
-``python -m sma_actuator.diagnosis.trace.limits > docs/tracing_limits.md`` prints them.  They were chosen on designed sessions of the
-virtual bench at home (``benchmarks/blind_cases.py``); those of a trial's drawn physics have seen none of them.  Those of the
-probabilities were chosen on drawn worlds of their own (``docs/tracing_method.md``).
-A deviation is the rms of what a witness shows, in standard deviations of the calibration ("σ").
+``python -m sma_actuator.diagnosis.trace.limits > docs/tracing_limits.md`` prints them.  They were chosen on designed
+sessions of the virtual bench at home (``benchmarks/blind_cases.py``); those of a trial's drawn physics have seen none
+of them.  Those of the probabilities were chosen on drawn worlds of their own (``docs/tracing_method.md``). A deviation
+is the rms of what a witness shows, in standard deviations of the calibration ("σ").
 """
 
 from __future__ import annotations
@@ -61,7 +61,8 @@ class Limits:
     )
     other_speed: float = parameter(
         1.0,
-        "the same, per share of the stroke that a passage is more or less ahead of its lag than the calibration's: latent heat and "
+        "the same, per share of the stroke that a passage is more or less ahead of its lag than the calibration's: "
+        "latent heat and "
         "heat capacity were learned at one speed",
         "of the rise",
         0.0,
@@ -86,7 +87,8 @@ class Limits:
     # Are there two?
     least_beside: float = parameter(
         0.13,
-        "share of what two effects explain that is each one's own: a second name for a small rest, chosen among all there are, makes "
+        "share of what two effects explain that is each one's own: a second name for a small rest, chosen among all "
+        "there are, makes "
         "a first name look clean that is wrong",
         "1",
         0.0,
@@ -94,7 +96,8 @@ class Limits:
     )
     most_beside: float = parameter(
         0.04,
-        "what a second name may take off beside a first that leaves nothing unusual, of what the first does: a relative of the true "
+        "what a second name may take off beside a first that leaves nothing unusual, of what the first does: a "
+        "relative of the true "
         "effect leaves what the two differ by",
         "1",
         0.0,
@@ -149,8 +152,15 @@ def markdown() -> str:
     out = [
         "# Limits of tracing",
         "",
-        "Printed by `python -m sma_actuator.diagnosis.trace.limits > docs/tracing_limits.md`. News, floor, excess and witness are in the",
-        "[glossary](glossary.md); σ is a standard deviation of the calibration. They were chosen on the designed sessions of the virtual",
+        (
+            "Printed by `python -m sma_actuator.diagnosis.trace.limits > docs/tracing_limits.md`. News, floor, excess "
+            "and "
+            "witness are in the"
+        ),
+        (
+            "[glossary](glossary.md); σ is a standard deviation of the calibration. They were chosen on the designed "
+            "sessions of the virtual"
+        ),
         "bench at home, and on none of a drawn physics.",
         "",
         "| limit | is | unit | what, and why |",

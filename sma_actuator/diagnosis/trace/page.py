@@ -26,7 +26,8 @@ BEFORE, AFTER = {"color": "tab:red", "label": "before"}, {"color": "tab:blue", "
 def write_page(
     path: Path, evidence: Evidence, tracing: Tracing, report: dict[str, Any], explain: Sequence[str] = ()
 ) -> None:
-    """Write the page, whole or not at all; ``explain``: names of which it says in a picture what speaks for and against."""
+    """Write the page, whole or not at all; ``explain``: names of which it says in a picture what speaks for and
+    against."""
     page = Page("What the model lacks", report["sentence"])
     _residual(page, evidence, tracing)
     _what_to_do(page, report)
@@ -89,7 +90,8 @@ def write_isolability(path: Path, report: dict[str, Any]) -> None:
             (t["what"], f"{t['duration_s']:.0f} s", f"{t['adds_bits']:.2f}", tells_in_words(t))
             for t in report["experiments"]
         ],
-        caption=f"Of an effect that is just large enough to be seen; {report['most_bits']:.1f} bits say which it is, {report['known_bits']:.2f} are known from these logs. {best['what'].capitalize()} comes first.",
+        caption=f"Of an effect that is just large enough to be seen; {report['most_bits']:.1f} bits say which it is, "
+        f"{report['known_bits']:.2f} are known from these logs. {best['what'].capitalize()} comes first.",
     )
     if report["untestable"]:
         page.heading("What these logs could not show")
@@ -264,7 +266,8 @@ def _why(page: Page, report: dict[str, Any]) -> None:
     page.table(
         ("candidate", "takes off a cycle, nats", "answer", "why"),
         [(_words(row["effects"]), f"{row['gain']:.1f}", row["answer"], row["reason"]) for row in rows[:REFUSED_SHOWN]],
-        caption="report.json has them all, under candidates; trace --explain NAME … draws what speaks for and against a name.",
+        caption="report.json has them all, under candidates; trace --explain NAME … draws what speaks for and against "
+        "a name.",
     )
 
 

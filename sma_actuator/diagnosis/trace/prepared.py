@@ -138,11 +138,13 @@ def _moving(experiment: Experiment) -> Experiment:
     ):
         if not np.ptp(values) > 1e-3 * abs(float(np.median(values))):
             raise BenchLogError(
-                f"{experiment.log.source}: {name} never moves ({values[0]:.4g} {unit} throughout); a log of a wire that is driven is wanted"
+                f"{experiment.log.source}: {name} never moves ({values[0]:.4g} {unit} throughout); a log of a wire "
+                f"that is driven is wanted"
             )
     turns = np.diff(experiment.driven.astype(int))
     if not ((turns > 0).any() and (turns < 0).any()):
         raise BenchLogError(
-            f"{experiment.log.source}: is shorter than a cycle: the current must be switched on and off again at least once"
+            f"{experiment.log.source}: is shorter than a cycle: the current must be switched on and off again at least "
+            f"once"
         )
     return experiment

@@ -1,9 +1,9 @@
 """The probability of each hypothesis: nothing, each effect, pairs of them, and something else, by one principle.
 
-Rows are in standard deviations of the calibration.  An effect moves them by its sizes, of which a normal distribution is
-known before the logs; *something else* moves them by smooth errors over what a residual goes with, and by an offset of
-each other witness (Kennedy and O'Hagan 2001).  The evidence of each is Laplace's after one step (Kass and Raftery 1995).  One
-exponent tempers all likelihoods, so that what is said holds as often as is said.
+Rows are in standard deviations of the calibration.  An effect moves them by its sizes, of which a normal distribution
+is known before the logs; *something else* moves them by smooth errors over what a residual goes with, and by an offset
+of each other witness (Kennedy and O'Hagan 2001).  The evidence of each is Laplace's after one step (Kass and Raftery
+1995).  One exponent tempers all likelihoods, so that what is said holds as often as is said.
 """
 
 from __future__ import annotations
@@ -54,7 +54,8 @@ class Probabilities:
 
     @property
     def verdict(self) -> tuple[str, list[str]]:
-        """None, traced or unexplained by these alone; and the smallest set of names of which one is there probably enough."""
+        """None, traced or unexplained by these alone; and the smallest set of names of which one is there probably
+        enough."""
         best = next(iter(self.of))
         if best == (NOTHING,):
             return "none", []
@@ -80,7 +81,8 @@ def probabilities(evidence: Evidence, names: Sequence[str]) -> Probabilities:
 
 
 def weighed(base: np.ndarray, singles: Sequence[Step], smooth: np.ndarray) -> Probabilities:
-    """Of hypotheses by their steps; ``base``: limited rows without an effect, ``smooth``: what something else moves, a column each."""
+    """Of hypotheses by their steps; ``base``: limited rows without an effect, ``smooth``: what something else moves, a
+    column each."""
     names = list(dict.fromkeys(step.name for step in singles))
     several = {name: sum(step.name == name for step in singles) for name in names}
     paired = list(_pairs(singles, names))
@@ -114,7 +116,8 @@ def _evidence(step: Step) -> float:
 
 
 def _pairs(singles: Sequence[Step], names: Sequence[str]):
-    """(both names, the two together, how many such there are): the best few with every other, which takes a step beside them."""
+    """(both names, the two together, how many such there are): the best few with every other, which takes a step beside
+    them."""
     best = {name: min((x for x in singles if x.name == name), key=lambda x: float(x.rows @ x.rows)) for name in names}
     leaders = sorted(names, key=lambda name: float(best[name].rows @ best[name].rows))[:LEADERS]
     several = {name: sum(step.name == name for step in singles) for name in names}
@@ -134,9 +137,11 @@ def _pairs(singles: Sequence[Step], names: Sequence[str]):
 
 
 def smooth_errors(found: dict[str, np.ndarray], weight: np.ndarray, witness: np.ndarray) -> np.ndarray:
-    """What something else moves, shape (n, m): hats over each quantity of the samples, and an offset of each other witness.
+    """What something else moves, shape (n, m): hats over each quantity of the samples, and an offset of each other
+    witness.
 
-    ``weight`` of every sample's row, shape (k,); ``witness``: number of the witness of each of the n - k rows behind them.
+    ``weight`` of every sample's row, shape (k,); ``witness``: number of the witness of each of the n - k rows behind
+    them.
     """
     columns = []
     for values in found.values():

@@ -171,7 +171,8 @@ class Judge:
         return out + [self._trend(n, rows, n in telling, was) for n in asked if not (few and n in BLOCKED)]
 
     def _trend(self, name: str, rows: np.ndarray, telling: bool, was: float) -> Held:
-        """How much of what is left of ``was`` still goes with a quantity; ``telling``: one that gives the effect away."""
+        """How much of what is left of ``was`` still goes with a quantity; ``telling``: one that gives the effect
+        away."""
         blocked = name in BLOCKED
         most, share = (
             (LIMITS.trend, LIMITS.trend_share) if telling else (LIMITS.trend_elsewhere, LIMITS.trend_share_elsewhere)
@@ -191,7 +192,8 @@ class Judge:
     def _most_beside(self, gain: float) -> float:
         """What a second name may take off beside a first that has this gain and leaves nothing unusual.
 
-        As much as it likes where what the model always leaves is not expected: that goes with all kinds of names itself.
+        As much as it likes where what the model always leaves is not expected: that goes with all kinds of names
+        itself.
         """
         return LIMITS.most_beside * gain if self.evidence.expects_what_repeats else math.inf
 

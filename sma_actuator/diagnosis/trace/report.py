@@ -91,7 +91,8 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
         if evidence.logs.one_session or len(evidence.logs.experiments) == 1
         else [
             (
-                "the logs do not follow each other on one clock: each counts as a session, and what changes from one to the next (a slip, a "
+                "the logs do not follow each other on one clock: each counts as a session, and what changes from one "
+                "to the next (a slip, a "
                 "drift) cannot show; where they are one session, let time_s go on from log to log"
             )
         ],
@@ -102,7 +103,8 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
 
 
 def _probabilities(evidence: Evidence, tracing: Tracing) -> dict[str, Any]:
-    """How probable every hypothesis is, and what follows from that alone; empty where it is not asked what happened since."""
+    """How probable every hypothesis is, and what follows from that alone; empty where it is not asked what happened
+    since."""
     if evidence.beyond_floor or not evidence.knows_its_scatter or not tracing.field:
         return {"probabilities": [], "probable": {}, "by_probability": None}
     found = probabilities(evidence, tracing.field)
@@ -138,7 +140,8 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
         return "No candidate takes anything off this error on cycles that it has not seen."
     if tracing.verdict == "none":
         return (
-            f"Nothing is missing: of the error {tracing.news_percent['before'].mean():.2f} % of full stroke is not what the "
+            f"Nothing is missing: of the error {tracing.news_percent['before'].mean():.2f} % of full stroke is not "
+            f"what the "
             f"calibration lets expect, and up to {tracing.gate_percent:.2f} % is usual for these logs."
         )
     names = list(tracing.fit.names) if tracing.fit else []
@@ -154,7 +157,8 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
     if tracing.beside:
         further, share = tracing.beside
         text += (
-            f" {' and '.join(names)} would leave nothing unusual, but {further} beside that would take off {share:.0%} more: a relative "
+            f" {' and '.join(names)} would leave nothing unusual, but {further} beside that would take off {share:.0%} "
+            f"more: a relative "
             "of what is there leaves such a rest, so it may be the wrong name."
         )
     elif names:
@@ -174,8 +178,10 @@ def _trained_first(changed_percent: float) -> str:
     if not changed_percent:
         return ""
     return (
-        f" The wire changed while it was calibrated: its hot end moved by {changed_percent:.1f} % of full stroke, and what the "
-        "model lacks of these logs may be no more than that. Train it first (characterise does, with --training-cycles), "
+        f" The wire changed while it was calibrated: its hot end moved by {changed_percent:.1f} % of full stroke, and "
+        f"what the "
+        "model lacks of these logs may be no more than that. Train it first (characterise does, with "
+        "--training-cycles), "
         "and identify it again."
     )
 
@@ -196,7 +202,10 @@ NEXT = {
 def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[str, Any]]) -> str:
     before, after = (float(tracing.news_percent[w].mean()) for w in ("before", "after"))
     what = "; and ".join(f"{EFFECTS[n].WORDS} ({n})" for n in names)
-    text = f"{what[0].upper()}{what[1:]}: that explains {max(1.0 - after / before, 0.0):.0%} of what is unusual in these logs"
+    text = (
+        f"{what[0].upper()}{what[1:]}: that explains {max(1.0 - after / before, 0.0):.0%} of what is unusual in "
+        f"these logs"
+    )
     mended = [name for name, off in tracing.witnesses["before"].items() if off > LIMITS.usual_deviation]
     text += (
         f", and {_listed(mended)} {'is' if len(mended) == 1 else 'are'} as at the calibration with it."
@@ -211,15 +220,22 @@ def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[st
         text += " Nothing else that was tried does that."
     plain = [name for name, off in tracing.witnesses["before"].items() if off > LIMITS.certain_deviation]
     if before <= tracing.gate_percent and plain:
-        text += f" By its size alone ({before:.2f} % of full stroke, where {tracing.gate_percent:.2f} % may be usual) it could be nothing; {_listed(plain)} could not."
+        text += (
+            f" By its size alone ({before:.2f} % of full stroke, where {tracing.gate_percent:.2f} % may be usual) "
+            f"it could be nothing; {_listed(plain)} could not."
+        )
     elif before <= tracing.gate_percent:
-        text += f" It is small: by its size alone ({before:.2f} % of full stroke, where {tracing.gate_percent:.2f} % may be usual) it could be nothing."
+        text += (
+            f" It is small: by its size alone ({before:.2f} % of full stroke, where {tracing.gate_percent:.2f} % "
+            f"may be usual) it could be nothing."
+        )
     parts = dict.fromkeys(EFFECTS[n].PART for n in names)
     return " ".join([text, *(NEXT[part] for part in parts if part in NEXT), _allowed_for(names)])
 
 
 def _instead(alternatives: Sequence[dict[str, Any]], name: str, several: bool) -> str:
-    """What it could be in the place of one name: what does as well, and what does less and leaves nothing unusual either."""
+    """What it could be in the place of one name: what does as well, and what does less and leaves nothing unusual
+    either."""
     others = [a for a in alternatives if a["instead_of"] == name]
     as_well = " or ".join(a["name"] for a in others if a["confidence"] >= SELDOM)
     less = " or ".join(a["name"] for a in others if a["confidence"] < SELDOM)
@@ -243,7 +259,8 @@ def _allowed_for(names: Sequence[str]) -> str:
 
 
 def _witnesses(tracing: Tracing) -> list[dict[str, Any]]:
-    """How close what was found comes to its signature: each witness, with the share of what was unusual that is gone."""
+    """How close what was found comes to its signature: each witness, with the share of what was unusual that is
+    gone."""
     out = []
     for name, before in tracing.witnesses["before"].items():
         after = tracing.witnesses["after"].get(name, before)
@@ -345,7 +362,8 @@ def _alternatives(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
                 "what": EFFECTS[name].WORDS,
                 "instead_of": next((n for n in winner.names if n not in trial.names), winner.names[-1]),
                 "confidence": confidence.get(name, 0.0),
-                "why": "on cycles that the fits had not seen the two do as well as each other, or leave nothing unusual both",
+                "why": "on cycles that the fits had not seen the two do as well as each other, or leave nothing "
+                "unusual both",
                 "experiment": {
                     "what": experiment.what,
                     "duration_s": experiment.duration_s,
@@ -425,8 +443,8 @@ def extended(
 def _anew(mapping: dict[str, Any], evidence: Evidence, tracing: Tracing) -> dict[str, Any]:
     """What a model with new effects leaves, for its calibration.
 
-    An effect that has come since the calibration changes how large the errors are, and not what residual to expect beside
-    it; one that was there already was part of that, which is learned anew from these logs.
+    An effect that has come since the calibration changes how large the errors are, and not what residual to expect
+    beside it; one that was there already was part of that, which is learned anew from these logs.
     """
     full_m = evidence.full_stroke_m
     errors = [

@@ -20,7 +20,8 @@ RIDGE = 0.01  #: nats: holds a size that these rows say nothing of
 
 
 def sizes(c: Candidate) -> list[tuple[Free, float]]:
-    """The parameters that an effect is in proportion to, each with what is typical; of a play or a lag its one shape."""
+    """The parameters that an effect is in proportion to, each with what is typical; of a play or a lag its one
+    shape."""
     found = [(f, f.typical) for f in c.free if f.is_size]
     return found or [(c.free[0], c.free[0].starts[0])]
 

@@ -1,4 +1,5 @@
-"""Why a name was given, or was not: what it takes off by witness and by stretch of the log, and what it was refused for.
+"""Why a name was given, or was not: what it takes off by witness and by stretch of the log, and what it was refused
+for.
 
 Losses are half the sum of squares in the calibration's standard deviations, so what is taken off counts in nats: the
 logarithm of how much likelier the logs are with the effect than without, on cycles that its fit has not seen.
@@ -88,7 +89,10 @@ def _answer(tracing: Tracing, trial: Trial, chosen: Trial | None, held: Sequence
     if not any(t.names == trial.names for r in tracing.rounds for t in r.trials):
         return (
             REFUSED,
-            f"It did not compete: it {takes}{f', {chosen_takes}' * bool(chosen_takes)}, and would leave nothing unusual.",
+            (
+                f"It did not compete: it {takes}{f', {chosen_takes}' * bool(chosen_takes)}, and would leave nothing "
+                f"unusual."
+            ),
         )
     if tracing.verdict == "none":
         return REFUSED, "What is there without it is usual for these logs: there is nothing to explain."

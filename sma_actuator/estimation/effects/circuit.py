@@ -25,7 +25,10 @@ class LeadResistance(Effect):
 
     PART = "circuit"
     WORDS = "the leads have another resistance than circuit.lead_resistance says"
-    REMEDY = "Measure the leads again with the wire short-circuited, or tighten what was changed in the wiring; until then the extended model takes it off."
+    REMEDY = (
+        "Measure the leads again with the wire short-circuited, or tighten what was changed in the wiring; until "
+        "then the extended model takes it off."
+    )
     TELL_TALE = "resistance_Ohm"
     resistance: float = parameter(0.0, "lead resistance beyond circuit.lead_resistance", "Ω", -100.0, 100.0)
 
@@ -81,7 +84,10 @@ class VoltageOffset(Effect):
 
     PART = "circuit"
     WORDS = "a voltage channel has a zero error"
-    REMEDY = "Measure the channel with its input shorted and let the DAQ calibrate its zero; until then the extended model takes it off."
+    REMEDY = (
+        "Measure the channel with its input shorted and let the DAQ calibrate its zero; until then the extended "
+        "model takes it off."
+    )
     TELL_TALE = "inverse_current_1_A"
     offset: float = parameter(0.0, "zero error of the supply-voltage channel", "V", -10.0, 10.0)
 
@@ -122,7 +128,8 @@ class ReferenceSelfHeating(Effect):
         """What a fit may vary."""
         dissipated_W = scales.current_A**2 * scales.sense_Ohm
         return [
-            # A metal's resistance rises as it warms; that of the alloys for which it falls does so by too little to show.
+            # A metal's resistance rises as it warms; that of the alloys for which it falls does so by too little to
+            # show.
             size("coefficient", 0.3 / dissipated_W, 0.02 / dissipated_W, 0.0),
             # A resistor has more mass than a wire.
             shape("time_constant", max(3.0, 2.0 * scales.thermal_s), 100.0, 5.0, 20.0, 60.0, other_at=("low", "high")),
@@ -145,7 +152,10 @@ class Shunt(Effect):
 
     PART = "circuit"
     WORDS = "something conducts beside the wire"
-    REMEDY = "Look for what conducts beside the wire: a crimp that touches the frame, moisture, a second path through the load; take it away."
+    REMEDY = (
+        "Look for what conducts beside the wire: a crimp that touches the frame, moisture, a second path through "
+        "the load; take it away."
+    )
     TELL_TALE = "resistance_Ohm"
     conductance: float = parameter(0.0, "conductance of the leak", "S", 0.0, 100.0)
 

@@ -24,7 +24,8 @@ PARTS = ("circuit", "load cell", "wire", "mechanism", "reference")
 NOT_THE_MODEL = ("mechanism", "reference")
 #: Methods of an effect, each called with a frame, the effect's memory and the place, in this order.
 STAGES = ("measured", "at_resistance", "at_displacement", "shown")
-#: Quantities against which a residual is looked at, with the words for a picture; an effect names the one that gives it away.
+#: Quantities against which a residual is looked at, with the words for a picture; an effect names the one that gives it
+#: away.
 QUANTITIES = {
     "time_s": "time [s]",
     "resistance_Ohm": "resistance [Ω]",
@@ -53,8 +54,8 @@ class Effect:
     TELL_TALE: ClassVar[str]  #: the quantity that gives it away, one of QUANTITIES
     STATES: ClassVar[int] = 0  #: numbers it remembers; NaN before the first sample
     ESSENTIAL: ClassVar[tuple[str, ...]] = ()  #: names of size parameters without any of which it is not this effect
-    #: Whether it acts at the displacement between what the load pulls at and the reference sensor, so that a spring's load
-    #: knows nothing of it.
+    #: Whether it acts at the displacement between what the load pulls at and the reference sensor, so that a spring's
+    #: load knows nothing of it.
     BEHIND_THE_LOAD: ClassVar[bool] = False
     SCANNED: ClassVar[str] = ""  #: name of a parameter in which the loss is not smooth: a time that is searched for
     #: Whether what is found of it in the logs that a model is fitted on holds for other logs of that wire.

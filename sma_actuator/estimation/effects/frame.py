@@ -37,7 +37,8 @@ class Place:
         return (frame.displacement_m - hot_m) / (cold_m - hot_m)
 
     def share_by_resistance(self, frame: Frame) -> np.ndarray:
-        """The same, roughly, by its resistance: where the displacement is not estimated yet; 0 where the ends are not known."""
+        """The same, roughly, by its resistance: where the displacement is not estimated yet; 0 where the ends are not
+        known."""
         known = self.stroke
         if known is None or not (known.contracted_resistance and known.cold_resistance):
             return np.zeros(len(frame.resistance_Ohm))
@@ -118,7 +119,8 @@ def count_cycles(power: np.ndarray, state: np.ndarray, threshold: float, out: np
         out[i] = state[1]
 
 
-TURNED = 0.01  #: share of its range that the resistance moves back before a wire has turned, and again until its branch has begun
+#: Share of its range that the resistance moves back before a wire has turned, and again until its branch has begun.
+TURNED = 0.01
 
 
 @jit
@@ -130,12 +132,13 @@ def incompleteness(
     missing: np.ndarray,
     begun: np.ndarray,
 ) -> None:
-    """How far from its end the last transformation turned back (0 at the end, 1 where it did not begin), and whether the next has begun.
+    """How far from its end the last transformation turned back (0 at the end, 1 where it did not begin), and whether
+    the next has begun.
 
-    ``share`` of the stroke and ``resistance`` over its range fall on heating.  The current turns first; the wire has where
-    the resistance goes back.  ``missing`` is positive on cooling (heating was incomplete), negative on heating (cooling was);
-    ``begun`` goes from 0 to 1 where the wire leaves the turn.  ``state`` (5,) = [branch, missing, resistance farthest along
-    it, share there, resistance at its turn].
+    ``share`` of the stroke and ``resistance`` over its range fall on heating.  The current turns first; the wire has
+    where the resistance goes back.  ``missing`` is positive on cooling (heating was incomplete), negative on heating
+    (cooling was); ``begun`` goes from 0 to 1 where the wire leaves the turn.  ``state`` (5,) = [branch, missing,
+    resistance farthest along it, share there, resistance at its turn].
     """
     for i in range(len(share)):
         s, r = share[i], resistance[i]

@@ -73,7 +73,8 @@ class ReferenceGain(Effect):
     @classmethod
     def free(cls, scales: Scales) -> list[Free]:
         """What a fit may vary."""
-        # A gain of the electronics turns about the sensor's electrical zero, one of the mechanics about the calibration's.
+        # A gain of the electronics turns about the sensor's electrical zero, one of the mechanics about the
+        # calibration's.
         zero_m = scales.reference_zero_m
         low_m, high_m = min(zero_m, 0.0) - 1e-9, max(zero_m, 0.0) + 1e-9
         return [size("gain", 0.5, 0.03), Free("pivot", low_m, high_m, scales.stroke_m, (0.0, zero_m), False)]
@@ -153,7 +154,10 @@ class CurrentFeedthrough(Effect):
 
     PART = "reference"
     WORDS = "the reference sensor moves in step with the drive current"
-    REMEDY = "Lead the sensor's cable away from the current's, shield and ground it at one end, and give it a supply of its own; the model is not at fault."
+    REMEDY = (
+        "Lead the sensor's cable away from the current's, shield and ground it at one end, and give it a supply "
+        "of its own; the model is not at fault."
+    )
     TELL_TALE = "power_W"
     coupling: float = parameter(0.0, "displacement shown too much per ampere", "m/A", -10.0, 10.0)
 

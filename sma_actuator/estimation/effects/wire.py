@@ -48,13 +48,16 @@ class HeatLoss(Effect):
     """The wire loses its heat more easily, or less, than at the calibration: ``h (1 + s)``.
 
     To the heat balance of the calibration that is heat that goes beside it: ``s h (T − T_amb)``, with the temperature
-    of the balance as it is now.  Resistance and displacement follow from that alone; in the middle of the transformation
-    the wire has the temperature of the transformation, and what changes is the power to be there.
+    of the balance as it is now.  Resistance and displacement follow from that alone; in the middle of the
+    transformation the wire has the temperature of the transformation, and what changes is the power to be there.
     """
 
     PART = "wire"
     WORDS = "the wire loses its heat more easily, or less, than at the calibration"
-    REMEDY = "Keep draughts away, give the wire the surroundings and the orientation that it was calibrated in, or calibrate it where it is; until then the extended model allows for it."
+    REMEDY = (
+        "Keep draughts away, give the wire the surroundings and the orientation that it was calibrated in, or "
+        "calibrate it where it is; until then the extended model allows for it."
+    )
     TELL_TALE = "power_lagged_10_s_W"
     STATES = 4
     change: float = parameter(0.0, "heat loss over the calibrated one, less one", "1", -0.9, 9.0)
@@ -95,8 +98,9 @@ class SelfHeating(Effect):
     """R moves with temperature where the phase no longer changes: at the hot end ``R (1 + α (T − T_amb − T_on))`` above
     the onset, at the cold end ``R (1 + α_c (T − T_amb − T_c))`` below the cold onset.
 
-    The temperature comes from a heat balance on the measured power and the ``latent_heat`` that transforming takes.  The calibrated relation of R and δ
-    holds the temperatures of the transformation itself; the onsets are where it ends.
+    The temperature comes from a heat balance on the measured power and the ``latent_heat`` that transforming takes.
+    The calibrated relation of R and δ holds the temperatures of the transformation itself; the onsets are where it
+    ends.
     """
 
     PART = "wire"
@@ -149,9 +153,9 @@ class SelfHeating(Effect):
 class AmbientTemperature(Effect):
     """The surroundings are warmer or colder than at the calibration: ``R (1 + α (T_amb − T_cal) e^(−rise/κ))``.
 
-    In the middle of the transformation the wire has the temperature of the transformation whatever
-    the surroundings; so the change fades as the wire is heated, over ``fading`` kelvin.  Where nobody logs the
-    surroundings, a ``difference`` counts: to the heat balance of the calibration it is heat that comes beside the current's.
+    In the middle of the transformation the wire has the temperature of the transformation whatever the surroundings; so
+    the change fades as the wire is heated, over ``fading`` kelvin.  Where nobody logs the surroundings, a
+    ``difference`` counts: to the heat balance of the calibration it is heat that comes beside the current's.
     """
 
     PART = "wire"
@@ -184,8 +188,9 @@ class AmbientTemperature(Effect):
         rise_K = scales.rise_K
         how_warm = [size("temperature_coefficient", 5e-3, 5e-4)]
         if not scales.ambient_logged:
-            # The power says how warm it is.  A metal's resistance rises with that, but not by any amount; of a wire that the
-            # surroundings keep from transforming to its cold end it falls.  Held to rise, it takes the sign of the power along.
+            # The power says how warm it is.  A metal's resistance rises with that, but not by any amount; of a wire
+            # that the surroundings keep from transforming to its cold end it falls.  Held to rise, it takes the sign of
+            # the power along.
             starts, ends = (6e-4, -3e-4), (-1e-3, 2.5e-3)
             coefficient = Free("temperature_coefficient", *ends, 5e-4, starts, logarithmic=False, other_at=("high",))
             how_warm = [size("difference", 40.0, 2.0), coefficient]
@@ -222,8 +227,8 @@ class AmbientTemperature(Effect):
 class ThermalExpansion(Effect):
     """δ moves with temperature: ``L α (T − T_amb)``, of the wire or of what is heated by it.
 
-    The temperature is that of the heat balance ``C dT/dt = P − h (T − T_amb) + Q dX/dt`` with the share X of the stroke (0
-    contracted, 1 cold): a wire that contracts takes heat up for that.
+    The temperature is that of the heat balance ``C dT/dt = P − h (T − T_amb) + Q dX/dt`` with the share X of the stroke
+    (0 contracted, 1 cold): a wire that contracts takes heat up for that.
     """
 
     PART = "wire"
@@ -331,13 +336,14 @@ class Fatigue(Effect):
     @classmethod
     def free(cls, scales: Scales) -> list[Free]:
         """What a fit may vary."""
-        # A wire that wears grows longer, and its resistivity with it; beside what the calibration holds it may seem otherwise.
+        # A wire that wears grows longer, and its resistivity with it; beside what the calibration holds it may seem
+        # otherwise.
         least = None if scales.calibration_counts else 0.0
         return [
             size("displacement", 0.1 * scales.stroke_m, 0.005 * scales.stroke_m, least),
             size("resistance", 0.1, 0.001, least),
-            # How far from a logarithm, and how much the stroke shrinks: between what was seen of wires.  Where it does not
-            # shrink at all, the whole wire has grown longer: it creeps, or slips.
+            # How far from a logarithm, and how much the stroke shrinks: between what was seen of wires.  Where it does
+            # not shrink at all, the whole wire has grown longer: it creeps, or slips.
             Free("exponent", 0.05, 1.0, 1.0, (0.5, 0.1), False),
             Free("cold_share", 0.0, 1.0, 1.0, (0.4, 0.8), False, other_at=("high",)),
         ]
@@ -388,7 +394,8 @@ class Creep(Effect):
 @EFFECTS.register("minor_loop_memory")
 @dataclass(frozen=True, slots=True)
 class MinorLoopMemory(Effect):
-    """After a transformation that turned back early the next branch is shifted in proportion, until it nears its own end.
+    """After a transformation that turned back early the next branch is shifted in proportion, until it nears its own
+    end.
 
     A branch that is completed wipes out what was before it: the wiping-out property of hysteresis (I. D. Mayergoyz,
     Mathematical Models of Hysteresis, 1991).  Where ``fading`` is 0 the shift stays to the end.
@@ -396,7 +403,10 @@ class MinorLoopMemory(Effect):
 
     PART = "wire"
     WORDS = "a branch that turned back early shifts the next"
-    REMEDY = "Nothing to repair: it is how the alloy behaves in partial cycles; let the extended model take it off, or calibrate with more partial cycles."
+    REMEDY = (
+        "Nothing to repair: it is how the alloy behaves in partial cycles; let the extended model take it off, "
+        "or calibrate with more partial cycles."
+    )
     TELL_TALE = "distance_from_reversal_m"
     ROUGH = True  # what any model leaves in partial cycles has its form, and no alloy has quite that
     STATES = 7

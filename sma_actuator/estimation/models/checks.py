@@ -12,7 +12,8 @@ SIZE_TOLERANCE = 0.02
 #: Of wires of either alloy, hot or cold, and more: 0.5 to 1.15 µΩ·m stand in the literature.
 _RESISTIVITIES_Ohm_m = np.linspace(0.4e-6, 1.3e-6, 91)
 COUNTS_CONTRACTION = (
-    "so it counts contraction, and with it a controller would heat where it should cool; turn the sign of the displacement in "
+    "so it counts contraction, and with it a controller would heat where it should cool; turn the sign of the "
+    "displacement in "
     "its logs (--unit displacement_m=-mm) and identify the wire again"
 )
 
@@ -50,9 +51,11 @@ def as_range(values: tuple[float, ...], scale: float = 1.0) -> tuple[float, floa
 
 
 def wrong_sense(model: Any, wire: Wire) -> list[str]:
-    """A sentence where a model says that the wire grows shorter as its resistance rises; a wire is long where it is cold.
+    """A sentence where a model says that the wire grows shorter as its resistance rises; a wire is long where it is
+    cold.
 
-    ``model`` is a StrainModel; where no resistance that such a wire may have lies in its working range, nothing is said.
+    ``model`` is a StrainModel; where no resistance that such a wire may have lies in its working range, nothing is
+    said.
     """
     resistance_Ohm = wire.resistance_Ohm(_RESISTIVITIES_Ohm_m)
     stress_Pa = np.full(len(resistance_Ohm), np.mean(model.stress_range_Pa))

@@ -1,4 +1,5 @@
-"""What the thesis's two models have in common: the coefficients of one wire (exclusive) or of any of an alloy (normalised)."""
+"""What the thesis's two models have in common: the coefficients of one wire (exclusive) or of any of an alloy
+(normalised)."""
 
 from __future__ import annotations
 
@@ -13,7 +14,8 @@ from .model import COEFFICIENTS
 
 
 def wrong_form(model_type: str, wire: Wire) -> list[str]:
-    """A sentence where a model that holds for any size is used for a coil: its resistance does not follow its stretch."""
+    """A sentence where a model that holds for any size is used for a coil: its resistance does not follow its
+    stretch."""
     if wire.form != "coil":
         return []
     return [f"model.type: {model_type} is a model of straight wires, but wire.form is coil; identify it as whole_range"]

@@ -53,8 +53,8 @@ THERMAL = 8  #: numbers of the heat balance, in this order
 NARROW = 2  #: so many of the plays in temperature, the first, are shifted by stress as the narrow loop is
 PLAYS_K = (1.5, 3.0, 5.0, 8.0, 12.0)  #: half-widths; loops of Ni-Ti and Ni-Ti-Cu are 4 to 25 K wide
 PLAYS_OF_RANGE = (0.03, 0.10, 0.25)  #: half-widths of the plays in resistance, as shares of its range
-#: What is known of wires before a log is seen: time constant (share of C/h), growth of the loss, λ_R (K per range of R), λ_X (latent
-#: over specific heat, 20 to 35 K), λ_θ, 1/slopes (K/MPa).
+#: What is known of wires before a log is seen: time constant (share of C/h), growth of the loss, λ_R (K per range of
+#: R), λ_X (latent over specific heat, 20 to 35 K), λ_θ, 1/slopes (K/MPa).
 KNOWN = np.array([1.0, 0.002, 3.0, 26.0, 24.0, 0.125, 0.07])
 # What is remembered: time, heat content, resistance and X of the sample before, then the plays.
 _TIME, _HEAT, _RESISTANCE, _SHARE, _PLAYS = range(5)
@@ -101,7 +101,8 @@ def heat_rise(power: float, thermal: np.ndarray) -> float:
 
 @jit
 def share_of_stroke(displacement: float, stress: float, ends: np.ndarray) -> float:
-    """How far δ lies between the hot end (0) and the cold end (1) at a stress; ``ends`` (2, 3), quadratics in stress."""
+    """How far δ lies between the hot end (0) and the cold end (1) at a stress; ``ends`` (2, 3), quadratics in
+    stress."""
     hot = ends[0, 0] + stress * (ends[0, 1] + stress * ends[0, 2])
     cold = ends[1, 0] + stress * (ends[1, 1] + stress * ends[1, 2])
     return min(max((displacement - hot) / (cold - hot), 0.0), 1.0)
@@ -429,7 +430,8 @@ class WholeRangeModel:
     def observe(
         self, time_s: float, resistance_Ohm: float, stress_Pa: float, heating: bool, power_W: float, ambient_C: float
     ) -> tuple[float, float, bool]:
-        """Advance by one sample: δ [m], half of its 95 % interval [m], and whether the calibration has seen the like."""
+        """Advance by one sample: δ [m], half of its 95 % interval [m], and whether the calibration has seen the
+        like."""
         ambient_C = ambient_C if isfinite(ambient_C) else self._ambient_C
         out = self._out
         advance(
@@ -585,7 +587,8 @@ class WholeRangeCoefficients:
 
 
 def thermal_numbers(known: np.ndarray, thermal: ThermalParameters, span_Ohm: float) -> np.ndarray:
-    """The heat balance for the kernels, from numbers in units of what is known; ``span_Ohm``: range of the resistance."""
+    """The heat balance for the kernels, from numbers in units of what is known; ``span_Ohm``: range of the
+    resistance."""
     out = np.empty(THERMAL)
     out[:] = (
         known[0] * thermal.heat_capacity / thermal.heat_loss,

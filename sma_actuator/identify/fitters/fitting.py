@@ -18,7 +18,8 @@ LOSS_SCALE = 0.01  #: residual, as a share of the full stroke, above which it co
 FOLDS = 3
 #: Of a transition rate [1/Ω]; a transition narrower than a milliohm drowns in noise.
 LOG_RATE = (np.log(0.1), np.log(1000.0))
-#: Samples of all experiments together that a fit sees at the most; of more, those between two changes of the branch are thinned.
+#: Samples of all experiments together that a fit sees at the most; of more, those between two changes of the branch are
+#: thinned.
 MOST_SAMPLES = 20_000
 BOOTSTRAP_SAMPLES = 300
 
@@ -38,7 +39,8 @@ class Data:
 
 
 def make_data(experiments: Sequence[Experiment], full_stroke_m: float) -> Data:
-    """Concatenate experiments; the indeterminate ends, found per load, and the rest before the first cycle do not count.
+    """Concatenate experiments; the indeterminate ends, found per load, and the rest before the first cycle do not
+    count.
 
     A log that is not of full cycles takes the ends of the full cycles nearest in stress.  Many samples are thinned:
     the models' steps are exact, so what lies between two changes of the branch says the same again.
@@ -125,7 +127,8 @@ def fit(
 
 
 def held_out_errors(build: Model, start: np.ndarray, data: Data) -> tuple[np.ndarray, np.ndarray]:
-    """Mean absolute error of every cycle, as a share of the full stroke, by fits that did not see it; and the fit to all."""
+    """Mean absolute error of every cycle, as a share of the full stroke, by fits that did not see it; and the fit to
+    all."""
     theta = fit(build, start, data, max_evaluations=25).x
     unit = data.unit[data.counts]
     error = np.empty(len(unit))
@@ -178,7 +181,8 @@ def at_bound(name: str, value: float, low: float, high: float, unit: str, means:
         return []
     return [
         (
-            f"{name} stands at the end of what the fit may take ({value:.4g}, of {low:.4g} to {high:.4g} {unit}): {means}; its "
+            f"{name} stands at the end of what the fit may take ({value:.4g}, of {low:.4g} to {high:.4g} {unit}): "
+            f"{means}; its "
             "interval says nothing"
         )
     ]
@@ -252,7 +256,8 @@ def bootstrap(build: Model, theta: np.ndarray, data: Data, seed: int = 0) -> np.
 
 
 def require_loads(experiments: Sequence[Experiment], order: int, what: str) -> None:
-    """Raise IdentificationError where a polynomial of ``order`` in stress has more coefficients than there are loads."""
+    """Raise IdentificationError where a polynomial of ``order`` in stress has more coefficients than there are
+    loads."""
     full = full_cycles(experiments)
     loads = distinct_stresses(full)
     if loads < order + 1:
@@ -260,7 +265,8 @@ def require_loads(experiments: Sequence[Experiment], order: int, what: str) -> N
             t for t in experiments if t.kind == PARTIAL and t.log.metadata.get("kind") == FULL and t.constant_load
         ]
         why = (
-            f"; at {_loads_N(hurried)} the wire still moved where a pulse or the pause after it ended, make these longer "
+            f"; at {_loads_N(hurried)} the wire still moved where a pulse or the pause after it ended, make these "
+            f"longer "
             "(characterise --heat-time, --cool-time)"
             if hurried
             else ""

@@ -47,7 +47,8 @@ class Corner:
 
 
 def corners(alloy: RPhaseAlloy, length_m: float, unit_Ohm: float, stress_Pa: float) -> dict[str, Corner]:
-    """Start and finish of heating (``Hs``, ``Hf``) and of cooling (``Cs``, ``Cf``); ``unit_Ohm``: resistance over resistivity [1/m]."""
+    """Start and finish of heating (``Hs``, ``Hf``) and of cooling (``Cs``, ``Cf``); ``unit_Ohm``: resistance over
+    resistivity [1/m]."""
     p, sigma, g, t0 = alloy, stress_Pa, alloy.geometric_factor, alloy.reference_temperature_C
     shift_a_K, shift_m_K, shift_r_K = (
         sigma / p.stress_slope_a_Pa_K,

@@ -121,7 +121,8 @@ def _about_loads(loads: Sequence[Mapping[str, float]], working: float) -> list[s
     words = ", ".join(f"{one['load_N']:.2f} N ({one['working range']:.1f} %)" for one in bad)
     return [
         (
-            f"not for {words}: the polynomials in stress do not reach there; measure at loads beside it, or leave it out and "
+            f"not for {words}: the polynomials in stress do not reach there; measure at loads beside it, or leave it "
+            f"out and "
             "keep away from it"
         )
     ]
@@ -129,9 +130,12 @@ def _about_loads(loads: Sequence[Mapping[str, float]], working: float) -> list[s
 
 def _about_one_load(unseen: Unseen, foreign_N: tuple[float, float]) -> str:
     return (
-        f"for one load, {float(np.mean(unseen.load_N)):.2f} N: another costs up to some 1.5 % of full stroke for each tenth that it "
-        f"differs (measured on the virtual bench); below {foreign_N[0]:.2f} and above {foreign_N[1]:.2f} N the node calls the "
-        "estimate outside its calibration, and switches off where that lasts (estimator_outside); to use other loads record "
+        f"for one load, {float(np.mean(unseen.load_N)):.2f} N: another costs up to some 1.5 % of full stroke for each "
+        f"tenth that it "
+        f"differs (measured on the virtual bench); below {foreign_N[0]:.2f} and above {foreign_N[1]:.2f} N the node "
+        f"calls the "
+        "estimate outside its calibration, and switches off where that lasts (estimator_outside); to use other loads "
+        "record "
         "pulses at two or three more weights and give identify all the logs"
     )
 
@@ -146,7 +150,8 @@ def _about_ends(unseen: Unseen, regions: Mapping[str, float], range_m: tuple[flo
             continue
         if regions[name] > GOOD_percent:
             out.append(
-                f"not for the {name} ({words}, {share:.0%} of the samples): {regions[name]:.1f} %, since resistance hardly "
+                f"not for the {name} ({words}, {share:.0%} of the samples): {regions[name]:.1f} %, since resistance "
+                f"hardly "
                 f"moves with displacement there; keep setpoints inside{other}"
             )
         else:
@@ -158,7 +163,8 @@ def _about_partial_cycles(regions: Mapping[str, float], other: str) -> list[str]
     if "partial cycles" not in regions:
         return [
             (
-                "partial cycles are not judged: the logs hold none inside the working range; a controller drives little else, "
+                "partial cycles are not judged: the logs hold none inside the working range; a controller drives "
+                "little else, "
                 "so record some (characterise does) and give them to identify"
             )
         ]

@@ -22,7 +22,8 @@ class Unseen:
 
 
 def unseen_of(experiments: Sequence[Experiment], estimate_m: np.ndarray, full_stroke_m: float) -> Unseen:
-    """Of estimates, shape (N,) over all experiments; samples before the first cycle, and without an estimate, do not count."""
+    """Of estimates, shape (N,) over all experiments; samples before the first cycle, and without an estimate, do not
+    count."""
     lengths = [len(t.cycle) for t in experiments]
     measured_m = np.concatenate([t.displacement_m for t in experiments])
     cycle = np.concatenate([t.cycle for t in experiments])

@@ -25,7 +25,8 @@ def estimator_outside(step: Step) -> str:
     if not lasts_s >= step.config.safety.outside_calibration_time:
         return ""
     return (
-        f"{step.estimate.quality.name.lower().replace('_', ' ')} for {lasts_s:.3g} s at {step.config.wire.stress_text(step.signals.stress_Pa)}; "
+        f"{step.estimate.quality.name.lower().replace('_', ' ')} for {lasts_s:.3g} s at "
+        f"{step.config.wire.stress_text(step.signals.stress_Pa)}; "
         f"safety.outside_calibration_time is {step.config.safety.outside_calibration_time:g} s"
     )
 

@@ -90,9 +90,12 @@ def clock_jump(step: Step) -> str:
 
 @guard(
     words="the control loop overruns",
-    remedy="Lower loop.rate, or take other work off this computer; `sma-actuator check` says which rate the instruments allow",
-    detector="deadlines of loop.rate that steps missed, less half of those that were met since: loop.overruns_to_fault of them; a "
-    "single gap counts for half of that at the most. So steps that all come late are seen, and a stutter that misses a third",
+    remedy="Lower loop.rate, or take other work off this computer; `sma-actuator check` says which rate the "
+    "instruments allow",
+    detector="deadlines of loop.rate that steps missed, less half of those that were met since: loop.overruns_to_fault "
+    "of them; a "
+    "single gap counts for half of that at the most. So steps that all come late are seen, and a stutter that misses a "
+    "third",
     within=parameter_value("loop.overruns_to_fault") * READING_TIMEOUT,
     action=Action.OFF,
     latches=True,
@@ -111,4 +114,7 @@ def loop_overrun(step: Step) -> str:
     owed = step.memory.leaks("loop_overrun", change)
     if owed < most - 1e-9:
         return ""
-    return f"{owed:.3g} deadlines of {step.config.loop.rate:g} Hz were missed, less half of those met since; loop.overruns_to_fault is {most}"
+    return (
+        f"{owed:.3g} deadlines of {step.config.loop.rate:g} Hz were missed, less half of those met since; "
+        f"loop.overruns_to_fault is {most}"
+    )

@@ -37,7 +37,8 @@ def silent(step: Step, last_s: float, what: str) -> str:
 @guard(
     words="the DAQ is silent",
     remedy="Check the DAQ's cable, address and mains",
-    detector="no reading for safety.reading_timeout, or waiting for the DAQ took most of a step that long, or the driver "
+    detector="no reading for safety.reading_timeout, or waiting for the DAQ took most of a step that long, or the "
+    "driver "
     "reports the connection lost",
     within=READING_TIMEOUT + ONE_STEP,
     action=Action.OFF,
@@ -104,7 +105,8 @@ def reading_stale(step: Step) -> str:
 @guard(
     words="a reading is implausible",
     remedy="Check the taps, the sense resistor and the load cell",
-    detector="resistance above safety.resistance_max (of a wire that is not open), load below safety.load_min, or current flowing backwards",
+    detector="resistance above safety.resistance_max (of a wire that is not open), load below safety.load_min, or "
+    "current flowing backwards",
     within=TWO_STEPS,
     action=Action.OFF,
     latches=True,
@@ -119,7 +121,10 @@ def reading_implausible(step: Step) -> str:
     if not signals.load_N >= safety.load_min:
         return f"load {signals.load_N:.3g} N; safety.load_min is {safety.load_min:g} N"
     if not signals.current_A >= -MEASURABLE * step.config.supply.bias_current:
-        return f"current {signals.current_A:.3g} A flows backwards; is the sense resistor's channel wired the wrong way round?"
+        return (
+            f"current {signals.current_A:.3g} A flows backwards; is the sense resistor's channel wired the wrong "
+            f"way round?"
+        )
     return ""
 
 
@@ -144,14 +149,18 @@ def sensor_stuck(step: Step) -> str:
             since_s = step.now_s
             step.memory.channels[name] = (value, since_s)
         if step.now_s - since_s > step.config.safety.stuck_time:
-            return f"{name}: {value:g} V for {step.now_s - since_s:.3g} s to the last digit; safety.stuck_time is {step.config.safety.stuck_time:g} s"
+            return (
+                f"{name}: {value:g} V for {step.now_s - since_s:.3g} s to the last digit; safety.stuck_time is "
+                f"{step.config.safety.stuck_time:g} s"
+            )
     return ""
 
 
 @guard(
     words="the readings repeat",
     remedy="Check the DAQ's scan: it gives old values with new times",
-    detector=f"while current flows: no voltage nor the load cell differs by one digit from the reading before, more often than chance "
+    detector=f"while current flows: no voltage nor the load cell differs by one digit from the reading before, more "
+    f"often than chance "
     f"would have it once in {1 / RARE:.0g} readings, by what {SEEN} or more have shown",
     within=10 / RATE,
     action=Action.OFF,
@@ -169,11 +178,16 @@ def readings_repeat(step: Step) -> str:
 
 @guard(
     words="the load cell does not show the load",
-    remedy="Check the load cell, its cable and its amplifier: something stands still. Where all is well (a source of noise was switched "
-    "off; another load hangs on the wire) clear the fault, and what is usual is seen anew; safety.least_noise 0 leaves the noise out",
-    detector=f"of the load cell's channel, once this run has shown what is usual: values repeat far more often (as in readings_repeat); or "
-    f"over {WINDOW} readings less than safety.least_noise of the least noise that it has had; or two motions running, to and fro, by "
-    f"{100 * SWING:g} % of the full stroke or more with less than {100 * FOLLOWS:g} % of the change of load that belonged to such motions "
+    remedy="Check the load cell, its cable and its amplifier: something stands still. Where all is well (a source of "
+    "noise was switched "
+    "off; another load hangs on the wire) clear the fault, and what is usual is seen anew; safety.least_noise 0 leaves "
+    "the noise out",
+    detector=f"of the load cell's channel, once this run has shown what is usual: values repeat far more often (as in "
+    f"readings_repeat); or "
+    f"over {WINDOW} readings less than safety.least_noise of the least noise that it has had; or two motions running, "
+    f"to and fro, by "
+    f"{100 * SWING:g} % of the full stroke or more with less than {100 * FOLLOWS:g} % of the change of load that "
+    f"belonged to such motions "
     "so far (a spring's; a dead weight's does not change)",
     within=(WINDOW + 10) / RATE,
     action=Action.OFF,
@@ -189,7 +203,10 @@ def load_dead(step: Step) -> str:
     if alive.repeats.step(value_V):
         why = f"{value_V:g} V again and again, to the last digit"
     elif noise < config.safety.least_noise:
-        why = f"its noise is {noise:.2g} of the least that it has had; safety.least_noise is {config.safety.least_noise:g}"
+        why = (
+            f"its noise is {noise:.2g} of the least that it has had; safety.least_noise is "
+            f"{config.safety.least_noise:g}"
+        )
     elif step.driven and step.settled and step.estimate.quality <= Quality.INDETERMINATE_HOT:
         wire = config.wire
         swing_m, noise_N = SWING * wire.full_stroke_m, NOISE_SHARE * wire.max_stress * wire.area_m2
@@ -203,7 +220,8 @@ def load_dead(step: Step) -> str:
 
 @guard(
     words="the displacement sensor reads what no wire does",
-    remedy="Check its channel, reference_sensor and instruments.daq.lvdt_channel: it may be swapped with another, as that of the ambient "
+    remedy="Check its channel, reference_sensor and instruments.daq.lvdt_channel: it may be swapped with another, as "
+    "that of the ambient "
     "temperature",
     detector="reference displacement further from zero than wire.length; it is used for identification only",
     within=ONE_STEP,

@@ -18,7 +18,8 @@ FLOOD_BURST_MIN = 10
 @guard(
     words="the setpoint is lost",
     remedy="Send setpoints again, faster than controller.setpoint_timeout, joint commands than joint_command_timeout",
-    detector="no setpoint for controller.setpoint_timeout while tracking (0: never), while joint commands are followed none "
+    detector="no setpoint for controller.setpoint_timeout while tracking (0: never), while joint commands are followed "
+    "none "
     "for controller.joint_command_timeout; action controller.on_setpoint_loss, latched where that is off",
     within=longest(parameter_value("controller.setpoint_timeout"), parameter_value("controller.joint_command_timeout"))
     + ONE_STEP,
@@ -80,7 +81,8 @@ class Bucket:
 @guard(
     words="setpoints flood in",
     remedy="Find the source that publishes so fast; the last setpoint that was taken stands",
-    detector=f"setpoints faster than safety.setpoint_flood_rate, after a burst of {FLOOD_BURST_s:g} s of them (at least "
+    detector=f"setpoints faster than safety.setpoint_flood_rate, after a burst of {FLOOD_BURST_s:g} s of them (at "
+    f"least "
     f"{FLOOD_BURST_MIN}); those above the rate are refused",
     within=longest(FLOOD_BURST_s, FLOOD_BURST_MIN / parameter_value("safety.setpoint_flood_rate")),
     action=Action.HOLD,

@@ -36,7 +36,8 @@ watchdog_not_held: Fault = Fault(
     "watchdog_not_held",
     words="the supply's watchdog does not hold",
     remedy="See whether somebody has reset the supply, or locks its front panel",
-    detector="on opening the supply, on every ~/enable, and in turn with the limits while driving: the watchdog was armed "
+    detector="on opening the supply, on every ~/enable, and in turn with the limits while driving: the watchdog was "
+    "armed "
     "and does not read back so; the supply is opened anew, which arms it again",
     within=SETTINGS_CHECKED + ONE_STEP,
     action=Action.OFF,
@@ -48,7 +49,8 @@ limits_not_held: Fault = Fault(
     words="a limit of the supply does not hold",
     remedy="See who has changed the supply's limits, or reset it; opening it again sets them",
     detector="on opening the supply, on every ~/enable, and in turn while driving: compliance voltage, over-voltage or "
-    "over-current trip does not read back as programmed, or reads back as switched off (by dialects that can ask); the supply is opened anew, which programs it again",
+    "over-current trip does not read back as programmed, or reads back as switched off (by dialects that can ask); the "
+    "supply is opened anew, which programs it again",
     within=SETTINGS_CHECKED + ONE_STEP,
     action=Action.OFF,
     latches=True,
@@ -70,7 +72,8 @@ output_not_confirmed: Fault = Fault(
 
 @guard(
     words="somebody else commands the supply",
-    remedy="Let nobody else touch the supply: no second node, no hand at the front panel. If nobody does, it takes currents in "
+    remedy="Let nobody else touch the supply: no second node, no hand at the front panel. If nobody does, it takes "
+    "currents in "
     "steps coarser than 2 mA, or not all of them: another supply is wanted",
     detector="current setting (by more than 2 mA) or output state reads back as something that was not commanded",
     within=TWO_STEPS,
@@ -95,7 +98,8 @@ def second_commander(step: Step) -> str:
 @guard(
     words="the supply is silent",
     remedy="Check the supply's cable, address and mains",
-    detector="no finite read-back for safety.reading_timeout, or waiting for the supply took most of a step that long, or the "
+    detector="no finite read-back for safety.reading_timeout, or waiting for the supply took most of a step that long, "
+    "or the "
     "driver reports the connection lost",
     within=READING_TIMEOUT + ONE_STEP,
     action=Action.OFF,
@@ -130,13 +134,17 @@ def supply_disagrees(step: Step) -> str:
     lasts_s = step.memory.lasts_s("supply_disagrees", not abs(measured_A - told_A) <= tolerance_A, step.now_s)
     if not lasts_s >= step.config.safety.disagreement_time:
         return ""
-    return f"{measured_A:.3g} A flow, {told_A:.3g} A were commanded, for {lasts_s:.3g} s; safety.current_disagreement is {tolerance_A:g} A"
+    return (
+        f"{measured_A:.3g} A flow, {told_A:.3g} A were commanded, for {lasts_s:.3g} s; safety.current_disagreement "
+        f"is {tolerance_A:g} A"
+    )
 
 
 @guard(
     words="supply and DAQ measure different things",
     remedy="Compare what the supply displays with the DAQ's channels: one of them is wired wrongly or answers late",
-    detector="while current flows: the supply's own measurement off the DAQ's by more than safety.current_disagreement, or "
+    detector="while current flows: the supply's own measurement off the DAQ's by more than "
+    "safety.current_disagreement, or "
     "safety.voltage_disagreement, for safety.disagreement_time",
     within=parameter_value("safety.disagreement_time") + THREE_STEPS,
     action=Action.OFF,
@@ -165,11 +173,14 @@ def measurements_disagree(step: Step) -> str:
 @guard(
     words="the measured current drifts from what the supply delivers",
     remedy="Where the supply's display agrees with what it was told, look at the sense resistor: its value "
-    "(circuit.reference_resistance), its contacts, what it warms to; else at the supply. Whoever clears this fault takes the "
+    "(circuit.reference_resistance), its contacts, what it warms to; else at the supply. Whoever clears this fault "
+    "takes the "
     "difference as it is then for right",
     detector="while the supply holds its current: the DAQ's current, averaged over "
-    f"{WINDOW_s:g} s, off the one that was set by more than safety.current_drift of it and {FLOOR_A * 1e3:g} mA beyond what it was off "
-    f"when such a current first flowed (by {SCALE * 100:g} % more of what it lies beyond the currents that have), and by more than the current "
+    f"{WINDOW_s:g} s, off the one that was set by more than safety.current_drift of it and {FLOOR_A * 1e3:g} mA beyond "
+    f"what it was off "
+    f"when such a current first flowed (by {SCALE * 100:g} % more of what it lies beyond the currents that have), and "
+    f"by more than the current "
     f"that was set has moved, so averaged, in {LAG_s:g} s",
     within=seconds(WINDOW_s + LAG_s) + TWO_STEPS,
     action=Action.OFF,
@@ -199,6 +210,7 @@ def current_drifts(step: Step) -> str:
         return ""
     currents.forget()
     return (
-        f"at {told.current_A:.3g} A the DAQ measures {change_A * 1e3:+.3g} mA more than when such a current first flowed, the supply "
+        f"at {told.current_A:.3g} A the DAQ measures {change_A * 1e3:+.3g} mA more than when such a current first "
+        f"flowed, the supply "
         f"{(supply.current_A - told.current_A) * 1e3:+.3g} mA more than it was told; safety.current_drift is {share:g}"
     )

@@ -12,7 +12,8 @@ from sma_actuator.safety.timing import ONE_STEP, RATE, SETTLING_READINGS, THREE_
 COMPLIANCE = 0.95
 #: Time constants of the wire that it must have been contracted for although the balance calls it cold.
 COOLING_TIMES = 1.5
-#: Share of the calibration's rise above ambient below which a wire that is still contracted is hotter than the balance says.
+#: Share of the calibration's rise above ambient below which a wire that is still contracted is hotter than the balance
+#: says.
 LEAST_RISE = 0.5
 
 
@@ -29,7 +30,8 @@ def seems_open(step: Step) -> bool:
 @guard(
     words="the wire is open",
     remedy="Check the crimps and clamps of the wire, and supply.max_voltage against its resistance",
-    detector="voltage at the compliance voltage, supply.max_voltage, with less than safety.open_wire_current_fraction of "
+    detector="voltage at the compliance voltage, supply.max_voltage, with less than safety.open_wire_current_fraction "
+    "of "
     "the commanded current",
     within=THREE_STEPS,
     action=Action.OFF,
@@ -98,7 +100,8 @@ def load_spike(step: Step) -> str:
 @guard(
     words="the wire is too hot",
     remedy="Let the wire cool, and ask less of it; see thermal.max_temperature",
-    detector="heat balance on measured power, with heat_loss / heat_loss_margin and no more than the resistance says, above "
+    detector="heat balance on measured power, with heat_loss / heat_loss_margin and no more than the resistance says, "
+    "above "
     "thermal.max_temperature",
     within=TWO_STEPS,
     action=Action.OFF,
@@ -119,7 +122,8 @@ def too_hot(step: Step) -> str:
 @guard(
     words="the heat loss is not that of the parameters",
     remedy="Let air to the wire, or correct thermal.heat_loss and ambient_temperature",
-    detector=f"the heat balance says that the wire has cooled, and it stays contracted for {COOLING_TIMES:g} of its time "
+    detector=f"the heat balance says that the wire has cooled, and it stays contracted for {COOLING_TIMES:g} of its "
+    f"time "
     "constants, heat_capacity / heat_loss, or longer: it is enclosed, or the surroundings are warmer than believed "
     "(what a cooling wire shows is in the calibration; without one: never)",
     within=COOLING_TIMES * parameter_value("thermal.heat_capacity") / parameter_value("thermal.heat_loss") + TWO_STEPS,
@@ -127,7 +131,8 @@ def too_hot(step: Step) -> str:
     latches=True,
 )
 def heat_loss_wrong(step: Step) -> str:
-    """The cooling wire stays contracted for longer than the heat balance allows: it loses less heat than ``thermal.heat_loss`` says."""
+    """The cooling wire stays contracted for longer than the heat balance allows: it loses less heat than
+    ``thermal.heat_loss`` says."""
     calibration, thermal, heat = step.config.calibration, step.config.thermal, step.heat
     contracted = (
         step.settled
@@ -140,8 +145,10 @@ def heat_loss_wrong(step: Step) -> str:
     if not lasts_s >= COOLING_TIMES * thermal.heat_capacity / thermal.heat_loss:
         return ""
     return (
-        f"for {lasts_s:.3g} s the wire is contracted to {step.estimate.displacement_m * 1e3:.3g} mm and the balance says "
-        f"{heat.temperature_C:.0f} °C; it cools more slowly than thermal.heat_loss, {thermal.heat_loss:g} W/K, has it, or the "
+        f"for {lasts_s:.3g} s the wire is contracted to {step.estimate.displacement_m * 1e3:.3g} mm and the balance "
+        f"says "
+        f"{heat.temperature_C:.0f} °C; it cools more slowly than thermal.heat_loss, {thermal.heat_loss:g} W/K, has it, "
+        f"or the "
         f"surroundings are warmer than {heat.ambient.temperature_C:.0f} °C"
     )
 
@@ -150,7 +157,8 @@ def heat_loss_wrong(step: Step) -> str:
     words="the ambient sensor is not believed",
     remedy="Check the ambient sensor; thermal.ambient_temperature is taken instead",
     detector="ambient temperature below ambient_temperature − ambient_tolerance, above 100 °C, or below "
-    "ambient_temperature without one changed digit for thermal.ambient_stuck_time; ambient_temperature is taken instead. "
+    "ambient_temperature without one changed digit for thermal.ambient_stuck_time; ambient_temperature is taken "
+    "instead. "
     f"Below that, a sensor that falls is followed at {AMBIENT_FALL_K_s:g} K/s",
     within=ONE_STEP,
     action=Action.NOTE,

@@ -1,4 +1,5 @@
-"""A known wire is found again, an effect that was switched on is named, none where there is none, and none that a run alone asks for."""
+"""A known wire is found again, an effect that was switched on is named, none where there is none, and none that a run
+alone asks for."""
 
 import numpy as np
 import pytest

@@ -49,7 +49,8 @@ def calibrated():
 
 
 def session(bench_mapping, hidden=None, load=STEPS, seed=5, logs=2, heat=1.0):
-    """Bench logs of one session: pulses that settle at both ends, then partial ones; heated with ``heat`` of the usual current."""
+    """Bench logs of one session: pulses that settle at both ends, then partial ones; heated with ``heat`` of the usual
+    current."""
     config = bench_from_mapping(bench_mapping)
     whole_s = logs * LOG_s + (logs - 1) * PAUSE_s
     bench = HiddenBench.from_name(WIRE, seed=seed, load=load, hidden=hidden or {}, session_s=whole_s)

@@ -1,4 +1,5 @@
-"""Tracing: what is hidden in a session is found, nothing is found where nothing is, and what has no name stays without."""
+"""Tracing: what is hidden in a session is found, nothing is found where nothing is, and what has no name stays
+without."""
 
 import dataclasses
 import math
@@ -50,7 +51,8 @@ def traced(wire, config, hidden, **options):
 
 
 def test_an_expectation_that_does_not_hold_where_it_was_not_fitted_is_none(config):
-    """Three loads do not say what the model leaves at a fourth; what is then expected would raise the floor by two thirds."""
+    """Three loads do not say what the model leaves at a fourth; what is then expected would raise the floor by two
+    thirds."""
     assert not any(config.calibration.expected_weights)
     assert config.calibration.floor < 1.1 * config.calibration.error
 
@@ -84,7 +86,8 @@ def test_what_is_hidden_is_named_first_and_its_size_found(wire, config, hidden, 
 def test_what_might_as_well_be_nothing_is_named_only_where_the_name_explains_all_of_it(
     wire, config, clean, monkeypatch
 ):
-    """Below the gate an error is real where a name takes all the news away, and has its signature; else nothing is missing."""
+    """Below the gate an error is real where a name takes all the news away, and has its signature; else nothing is
+    missing."""
     limited_by(monkeypatch, gate=1000.0)
     found = traced(wire, config, {"backlash": 2.5e-4})
     assert found.verdict == "traced" and found.fit.names == ("backlash",)
@@ -127,7 +130,8 @@ def test_what_has_no_name_stays_without(wire, config, hidden):
 
 
 def test_a_name_needs_its_signature_however_well_it_fits(wire, config, monkeypatch):
-    """A lead moves R at rest, cold and hot, and not δ; a slip does the opposite, so it is not the name, whatever it mends."""
+    """A lead moves R at rest, cold and hot, and not δ; a slip does the opposite, so it is not the name, whatever it
+    mends."""
     evidence = Evidence(session(wire[0], {"lead_resistance": 0.03}), config)
     limited_by(monkeypatch, most_loss=100.0)  # any residual will do
     right, wrong = (trace(evidence, only=[name], jobs=1) for name in ("lead_resistance", "slip"))
@@ -143,7 +147,8 @@ def test_a_name_needs_its_signature_however_well_it_fits(wire, config, monkeypat
 
 
 def test_a_hot_rest_counts_though_the_wire_is_not_quite_as_hot_as_at_the_calibration(wire, config):
-    """Its resistance is lower then, by what the calibration knows of a contracted wire; that is no news, and a lead is."""
+    """Its resistance is lower then, by what the calibration knows of a contracted wire; that is no news, and a lead
+    is."""
     off = {}
     for hidden in ({}, {"lead_resistance": 0.03}):
         evidence = Evidence(session(wire[0], hidden, heat=0.85), config)
@@ -349,7 +354,8 @@ def test_large_residuals_count_linearly():
 
 @pytest.mark.parametrize("change", [-0.35, -0.5])
 def test_a_large_effect_is_fitted_though_a_small_one_is_worse_than_none(wire, config, change):
-    """A hot rest counts where the wire takes about the power that it took: a heat loss a tenth less brings these there."""
+    """A hot rest counts where the wire takes about the power that it took: a heat loss a tenth less brings these
+    there."""
     evidence = Evidence(session(wire[0], {"heat_loss": change}), config)
     found = fit(evidence, [candidate("heat_loss", scales_of(evidence))], np.ones(evidence.units, dtype=bool))
     assert found.values["heat_loss"]["change"] == pytest.approx(change, abs=0.03)
@@ -426,7 +432,8 @@ def _period_s(found):
 def test_a_wire_that_changed_while_it_was_calibrated_is_said_to_have(wire, config, clean):
     calibration = dataclasses.replace(config.calibration, changed=0.02 * config.wire.full_stroke_m)
     evidence = Evidence(session(wire[0]), dataclasses.replace(config, calibration=calibration))
-    # A quarter of that, less at the cold end, is what its training alone has brought since the mean of the calibration …
+    # A quarter of that, less at the cold end, is what its training alone has brought since the mean of the calibration
+    # …
     longer = [(a.expected_m - b.expected_m) for a, b in zip(evidence.predict({}), clean.predict({}), strict=True)]
     longer_percent = np.concatenate(longer) / config.wire.full_stroke_m * 100
     assert 0.15 < longer_percent.min() < 0.25 and 0.45 < longer_percent.max() <= 0.5

@@ -200,7 +200,8 @@ def test_circuit_effects_undo_what_the_circuit_does():
 
 
 def test_the_sense_resistor_warms_with_a_lag():
-    """V_net/V_ref shows (R + R_lead)/(R_ref(1 + kP)): at a current that stands, the correction is the whole of it at once."""
+    """V_net/V_ref shows (R + R_lead)/(R_ref(1 + kP)): at a current that stands, the correction is the whole of it at
+    once."""
     n = 100
     arrays = Signals(
         np.arange(n) * 0.1,
@@ -375,7 +376,8 @@ def turned_half_way(**changes):
 
 
 def test_what_turned_back_early_shifts_the_next_branch():
-    """A heating that stopped half-way shifts the cooling by half of ``after_heating``, once it has begun; a complete one by nothing."""
+    """A heating that stopped half-way shifts the cooling by half of ``after_heating``, once it has begun; a complete
+    one by nothing."""
     half, shift = turned_half_way()
     assert np.all(shift[:101] == 0.0) and np.all(np.diff(shift[100:]) > -1e-15)
     begun = np.flatnonzero(half[100:] - half[100] > 2.0 * TURNED * 4e-3)[0]  # of a stroke of 4 mm
@@ -383,7 +385,8 @@ def test_what_turned_back_early_shifts_the_next_branch():
 
 
 def test_a_wire_has_turned_where_its_resistance_goes_back_and_not_where_the_current_is_switched():
-    """Between the two it crosses its hysteresis: the model's displacement may stand longer than that, the flag turns too soon."""
+    """Between the two it crosses its hysteresis: the model's displacement may stand longer than that, the flag turns
+    too soon."""
     place = dataclasses.replace(PLACE, resistance_range_Ohm=0.5)
     heating = np.arange(60) < 20
     resistance = np.interp(np.arange(60), (0, 20, 40, 59), (5.0, 4.75, 4.75, 4.9))

@@ -1,4 +1,5 @@
-"""The displacement all along, against what the calibration lets expect of the model's error there and with that history."""
+"""The displacement all along, against what the calibration lets expect of the model's error there and with that
+history."""
 
 from __future__ import annotations
 
@@ -31,14 +32,16 @@ class Residual:
         self.logs, self.calibration, self._place = logs, calibration, place
         self._full_stroke_m = config.wire.full_stroke_m
         self.expectation = Expectation(config) if calibration.expects else None
-        #: Of every log, for the model as it is: how far it is from half the way to one whose load was always what it is.
+        #: Of every log, for the model as it is: how far it is from half the way to one whose load was always what it
+        #: is.
         self._always_so_m: list[np.ndarray] = []
         self.floor_m: list[np.ndarray] = []
         self.row_units = np.concatenate([each[rows] for each, rows in zip(unit, logs.compared, strict=True)])
         self.row_names = np.zeros(len(self.row_units), dtype=int)
 
     def learn_the_load(self, chain: Chain) -> None:
-        """What the model, as it is, would say if the load had always been so, where the calibration expects anything."""
+        """What the model, as it is, would say if the load had always been so, where the calibration expects
+        anything."""
         if self.expectation is not None:
             self._always_so_m = [always_so_m(signals, chain) for signals, _ in self.logs.seen]
 
@@ -64,7 +67,8 @@ class Residual:
         self.floor_m = [np.full(len(rows), typical_m) for rows in self.logs.compared]
 
     def expected_m(self, number: int, found: Judged, here: np.ndarray, ambient_counts: bool) -> np.ndarray:
-        """Residual that is no news, of n samples of a log; known at the samples ``here``, with straight lines between them."""
+        """Residual that is no news, of n samples of a log; known at the samples ``here``, with straight lines between
+        them."""
         if self.expectation is None:
             return np.zeros(len(found.time_s))
         usual_m = self.expectation.residual_m(found, here, ambient_counts)
@@ -81,14 +85,16 @@ class Residual:
         return self.calibration.changed * np.nan_to_num(left_in_place(share), nan=1.0)
 
     def news_m(self, predictions: Sequence[Prediction]) -> list[np.ndarray]:
-        """Measured less shown displacement beyond what the calibration lets expect, of the samples compared, log by log."""
+        """Measured less shown displacement beyond what the calibration lets expect, of the samples compared, log by
+        log."""
         return [
             (measured_m - p.shown_m)[rows] - p.expected_m
             for measured_m, p, rows in zip(self.logs.measured_m, predictions, self.logs.compared, strict=True)
         ]
 
     def off(self, predictions: Sequence[Prediction]) -> np.ndarray:
-        """How far off each sample is, in standard deviations of what is left at such a place, shape (samples compared,)."""
+        """How far off each sample is, in standard deviations of what is left at such a place, shape (samples
+        compared,)."""
         return np.concatenate(
             [
                 news_m / (SPREAD * floor_m)

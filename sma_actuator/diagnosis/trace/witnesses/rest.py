@@ -68,7 +68,8 @@ class Rests:
         )
 
     def _on_its_way(self, number: int, rest: Rest) -> int:
-        """The last sample before a rest at which the wire was still a good way from it; the rest's first, where it never was."""
+        """The last sample before a rest at which the wire was still a good way from it; the rest's first, where it
+        never was."""
         measured_m = self.logs.measured_m[number]
         away_m = np.abs(measured_m[: rest.start] - measured_m[rest.start])
         moving = np.flatnonzero(away_m > ON_ITS_WAY * self._full_stroke_m)

@@ -4,8 +4,8 @@ The fit is a damped Gauss-Newton (Levenberg-Marquardt) with a robust loss, from 
 same logs give the same numbers.  The heat balance's numbers are fitted with the weights, each drawn to what is known
 of such wires.  While they are fitted the displacement that the heat balance sees is the measured one.
 
-It is judged three times over by logs left out, by loads and by cycles left out, the weights learned afresh
-each time.  The intervals are the errors of logs and loads left out over the spread of the learners (normalised conformal
+It is judged three times over by logs left out, by loads and by cycles left out, the weights learned afresh each time.
+The intervals are the errors of logs and loads left out over the spread of the learners (normalised conformal
 prediction, for every place and branch).
 """
 
@@ -116,7 +116,8 @@ def _coefficients(
     low, high = seen.min(axis=0), seen.max(axis=0)
     tenth = 0.1 * (high - low)
     floor = float(np.median(left.spread))
-    # Of a wire that changed meanwhile the logs say nothing to be sure of: before and after them it was off by half of it.
+    # Of a wire that changed meanwhile the logs say nothing to be sure of: before and after them it was off by half of
+    # it.
     score = (np.abs(left.error) + 0.5 * data.change) / (floor + left.spread)
     heating = data.heating[data.rows].astype(bool)
     intervals = intervals_of(target + left.error, heating, score, np.linspace(lowest, highest, PLACES))

@@ -1,4 +1,5 @@
-"""The logs as the whole-range model learns from them: thinned, with copies in which something is off, and cut into folds."""
+"""The logs as the whole-range model learns from them: thinned, with copies in which something is off, and cut into
+folds."""
 
 from __future__ import annotations
 
@@ -15,12 +16,13 @@ FOLDS = 3
 NEVER = -1  #: left out
 MOST_ROWS = 9000  #: that a fit sees; logs of more are thinned
 SHORTEST_STEP_s = 0.045  #: readings closer together are averaged: they say the same
-#: Logs have a handful of loads, and between them nothing tells a learner how to bend: bends along stress are shrunk so much more,
-#: with fewer than USUAL_LOADS by the square of how much further these are apart, as what is between two of them goes with it.
+#: Logs have a handful of loads, and between them nothing tells a learner how to bend: bends along stress are shrunk so
+#: much more, with fewer than USUAL_LOADS by the square of how much further these are apart, as what is between two of
+#: them goes with it.
 SMOOTH_IN_STRESS, USUAL_LOADS = 3.0, 5
-#: A heat balance fitted to pulses is off by some tenths of a kelvin or more when the wire is driven otherwise.  Copies of
-#: the logs with such an error [K] teach the learners not to lean on it where the resistance says more; copies with the
-#: other one are for the intervals alone.
+#: A heat balance fitted to pulses is off by some tenths of a kelvin or more when the wire is driven otherwise.  Copies
+#: of the logs with such an error [K] teach the learners not to lean on it where the resistance says more; copies with
+#: the other one are for the intervals alone.
 LEARNED_ERROR_K, JUDGED_ERROR_K = 0.5, 1.5
 
 
@@ -61,7 +63,8 @@ class Data:
         cycles = sum(int(t.cycle[-1]) for t in experiments)
         if len(experiments) < FOLDS and cycles < FOLDS:
             raise IdentificationError(
-                f"whole_range: {FOLDS} logs or cycles at least are needed, some to be left out while the others are fitted; "
+                f"whole_range: {FOLDS} logs or cycles at least are needed, some to be left out while the others are "
+                f"fitted; "
                 f"there {'is' if cycles == 1 else 'are'} {cycles}: heat and cool the wire more often"
             )
         stride = max(1, -(-len(self.time) // MOST_ROWS))
@@ -160,7 +163,8 @@ def _with_other_surroundings(
 
 
 def _with_another_load(part: tuple[np.ndarray, ...], rng: np.random.Generator) -> tuple[np.ndarray, ...]:
-    """The same log as if the load slowly wandered about, within ONE_LOAD: of how the loop goes with it one load says nothing."""
+    """The same log as if the load slowly wandered about, within ONE_LOAD: of how the loop goes with it one load says
+    nothing."""
     phase = 2.0 * np.pi * (part[0] / 23.0 + rng.uniform())
     return *part[:4], part[4] * (1.0 + ONE_LOAD * np.sin(phase)), *part[5:]
 

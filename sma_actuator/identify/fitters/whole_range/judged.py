@@ -1,4 +1,5 @@
-"""How good the whole-range model is where it was not fitted: logs, loads and cycles left out; and beside the thesis's model."""
+"""How good the whole-range model is where it was not fitted: logs, loads and cycles left out; and beside the thesis's
+model."""
 
 from __future__ import annotations
 
@@ -18,8 +19,8 @@ from .learner import LEARNERS, Team, physical_curve, terms_of
 PLACES = 6  #: at which the interval is stated, on either branch
 COVERAGE = 0.95
 _PLACE_WIDTH = 0.8  #: of the window around a place, in distances of places
-#: A load left out leaves a gap twice as wide as the one that a load between its neighbours finds, and what is between is off
-#: by the square of it.
+#: A load left out leaves a gap twice as wide as the one that a load between its neighbours finds, and what is between
+#: is off by the square of it.
 LOAD_LEFT_OUT = 0.25
 LEARNERS_OF_LOADS = 2  #: at such a load
 HELD_OUT_ITERATIONS = 40
@@ -77,7 +78,10 @@ def beside_the_thesis(
     if found.held_out.cycles_percent < float(size[good].mean()):
         return (
             False,
-            f"take whole_range, but not for its sake at {' and '.join(worse)}, where the thesis's model is better ({words})",
+            (
+                f"take whole_range, but not for its sake at {' and '.join(worse)}, where the thesis's model is better "
+                f"({words})"
+            ),
         )
     return True, f"take the thesis's model: on cycles left out whole_range is worse ({words}); it may want more logs"
 

@@ -1,4 +1,5 @@
-"""What is learned: a quadratic and the plays, and one layer of tanh units beside them; by damped Gauss-Newton with a robust loss."""
+"""What is learned: a quadratic and the plays, and one layer of tanh units beside them; by damped Gauss-Newton with a
+robust loss."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A TDK-Lambda Genesys on its serial line, after chapter 7 of its technical manual (83-507-013): it hears nothing before its address, every command is answered by OK or by an error, lines end with CR."""
+"""A TDK-Lambda Genesys on its serial line, after chapter 7 of its technical manual (83-507-013): it hears nothing
+before its address, every command is answered by OK or by an error, lines end with CR."""
 
 from typing import ClassVar
 
