@@ -477,15 +477,15 @@ class TestEnd:
         now = tmp_path / "now"
         program = f"""
 import os, sys
-from sma_actuator import driver
+from sma_actuator.driver.loop import Loop
 from sma_actuator.ros import node
-steps = driver.Driver._tick
-def tick(self):
+steps = Loop.step
+def step(self):
     output = steps(self)
     if os.path.exists({str(now)!r}):
         raise ZeroDivisionError("provoked")
     return output
-driver.Driver._tick = tick
+Loop.step = step
 sys.exit(node.main())
 """
         node = start_node(parameters(), program=("-c", program))
