@@ -41,8 +41,8 @@ micropython:
 VIEWERS := tests/viewers/node_modules/.package-lock.json
 viewers: $(VIEWERS)
 $(VIEWERS): tests/viewers/package-lock.json
-	@if command -v npm >/dev/null; then npm ci --prefix tests/viewers --no-audit --no-fund --ignore-scripts && touch $@; \
-	else echo "no npm: what others' viewers make of recordings is not tried"; fi
+	@if command -v npm >/dev/null && npm ci --prefix tests/viewers --no-audit --no-fund --ignore-scripts; then touch $@; \
+	else echo "npm has not brought them: what others' viewers make of recordings is not tried"; fi
 
 FOREIGN_PYTHON ?= $(PYTHON)
 .counterparts/ready: tests/counterparts/requirements.txt
