@@ -45,6 +45,7 @@ READY_TIMEOUT_s = 600.0
 STOP_TIMEOUT_s = 5.0
 ANSWER_TIMEOUT_s = 5.0
 SILENT_s = 2.0  #: after which what was told last is not shown as what is so
+_STEPS_WAITING = 10  #: of which one of two messages has come
 SETPOINT_PERIOD_s = 0.05
 SETTLING_s = 2.0  #: after this the first setpoint counts in the errors
 PICTURES_Hz = 5
@@ -213,7 +214,7 @@ class _Client:
         self._float64 = Float64
         self._request = SetBool.Request(data=True)
         self._latest = dict.fromkeys(("setpoint", "estimate", "measured", "load", "current"), math.nan)
-        self._estimate_at: dict[tuple[int, int], float] = {}
+        self._waiting: dict[tuple[int, int], dict[str, float]] = {}  #: of a time, what came of it
         self._counts = False
         self._told = "no status yet"
         self._heard_s = time.monotonic()
@@ -233,13 +234,20 @@ class _Client:
 
     def _on_estimate(self, message) -> None:
         self._latest["estimate"] = message.position[0]
-        self._estimate_at = {(message.header.stamp.sec, message.header.stamp.nanosec): message.position[0]}
+        self._judge(message, estimate_m=message.position[0])
 
     def _on_reference(self, message) -> None:
-        measured = self._latest["measured"] = message.position[0]
-        estimate = self._estimate_at.get((message.header.stamp.sec, message.header.stamp.nanosec))
-        if self._counts and estimate is not None:
-            self._errors.add(self._latest["setpoint"], estimate, measured)
+        self._latest["measured"] = message.position[0]
+        self._judge(message, measured_m=message.position[0])
+
+    def _judge(self, message, **position_m: float) -> None:
+        """Estimate and truth of the same time belong together, whichever is handled first."""
+        time = message.header.stamp.sec, message.header.stamp.nanosec
+        both = self._waiting.pop(time, {}) | position_m
+        if len(both) < 2:
+            self._waiting = {**dict(list(self._waiting.items())[-_STEPS_WAITING:]), time: both}
+        elif self._counts:
+            self._errors.add(self._latest["setpoint"], **both)
 
     def _on_load(self, message) -> None:  # comes with every step, whatever the wire does
         self._heard_s = time.monotonic()

@@ -10,6 +10,7 @@ import enum
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import isfinite
 from typing import Any
 
@@ -42,9 +43,11 @@ DEPTH = 10
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
+@lru_cache(maxsize=64)  # steps of all wires of a process that are being published
 def stamp(time_s: float) -> Time:
     """ROS time at which the monotonic clock of the loops was at ``time_s``.
 
+    One, to the nanosecond, for all that is said of a step: so messages that belong together can be told.
     ROS time is the system's, since a simulated one is refused; rclpy's own clock takes ten times as long to ask.
     """
     return time_message(time.time_ns() - round(1e9 * (time.monotonic() - time_s)))

@@ -17,7 +17,7 @@ from sma_actuator.pair import JointOutput
 from sma_actuator.ros.commands import Commands
 from sma_actuator.ros.services import services_of
 from sma_actuator.ros.telling import Telling
-from sma_actuator.ros.topics import JOINT, WIRE, Of
+from sma_actuator.ros.topics import JOINT, WIRE, Of, Step
 from sma_msgs_py import diagnostic_status_from
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "ros.md").read_text(encoding="utf-8")
@@ -93,6 +93,14 @@ def test_a_row_is_all_that_a_topic_needs(row, wire):
     assert isinstance(said[0], row.kind)
     telling.close()
     assert not any(node.made[each.name].messages for each in rows if each.of is not Of.STATUS and each is not row)
+
+
+def test_all_that_is_said_of_a_step_has_the_same_time_to_the_nanosecond(wire):
+    config, output = wire
+    step = Step(output, config, output.signals.time_s)
+    messages = [row.message(step) for row in WIRE if row.of is not Of.STATUS]
+    stamps = {str(message.header.stamp) for message in messages if hasattr(message, "header")}
+    assert len(messages) == 5 and len(stamps) == 1
 
 
 def test_what_is_published_taken_and_answered_stands_on_the_page():
