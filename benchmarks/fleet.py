@@ -1,7 +1,7 @@
 """A fleet judged over a Dask cluster that shares no folder with its client, one worker killed on the way.
 
-    python benchmarks/fleet.py [--wires N] [--logs N] [--workers N] [--command replay trace] [--json FILE]     (make
-    fleet)
+    python benchmarks/fleet.py [--wires N] [--logs N] [--workers N] [--command replay trace] [--json FILE]
+    (make fleet)
 
 Logs of so many wires on so many days are made on the virtual bench and put into an S3-compatible server (moto), and
 nowhere else; some wires have an effect that grows.  ``replay --table`` judges all of them, ``trace --table`` those of

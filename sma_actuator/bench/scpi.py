@@ -21,16 +21,16 @@ Both instruments
     ======================================== ================================================================
 
 Supply (one output, 0–1 A, 0–20 V)
-    ========================================================
-    ============================================================== ``[SOURce:]CURRent[:LEVel][:IMMediate][:AMPLitude]
-    <A>`` current setting; ``?`` reads it back ``[SOURce:]VOLTage[:LEVel][:IMMediate][:AMPLitude] <V>`` compliance
-    voltage; ``?`` ``[SOURce:]CURRent:PROTection[:LEVel] <A>``              over-current trip, 0.01–1.2 A; ``?``
+    ======================================================== ==============================================================
+    ``[SOURce:]CURRent[:LEVel][:IMMediate][:AMPLitude] <A>`` current setting; ``?`` reads it back
+    ``[SOURce:]VOLTage[:LEVel][:IMMediate][:AMPLitude] <V>`` compliance voltage; ``?``
+    ``[SOURce:]CURRent:PROTection[:LEVel] <A>``              over-current trip, 0.01–1.2 A; ``?``
     ``[SOURce:]CURRent:PROTection:STATe <bool>``             ``?`` ``1``/``0`` (power-on: on)
     ``[SOURce:]CURRent:PROTection:TRIPped?``                 ``1`` when it has tripped
     ``[SOURce:]VOLTage:PROTection[:LEVel] <V>``              over-voltage trip, 0.1–22 V; ``?``
     ``[SOURce:]VOLTage:PROTection:STATe <bool>``             ``?`` (power-on: on)
-    ``[SOURce:]VOLTage:PROTection:TRIPped?`` ``OUTPut[:STATe] <bool>``                                output; ``?``
-    ``1``/``0``.  Refused with
+    ``[SOURce:]VOLTage:PROTection:TRIPped?``
+    ``OUTPut[:STATe] <bool>``                                output; ``?`` ``1``/``0``.  Refused with
                                                              ``-221,"Settings conflict"`` while a trip is latched
     ``OUTPut:PROTection:TRIPped?``                           ``NONE``, or of ``OVP,OCP,OTP,WDOG``, comma-joined
     ``OUTPut:PROTection:CLEar``                              clears latched trips; the output stays off
@@ -39,19 +39,18 @@ Supply (one output, 0–1 A, 0–20 V)
                                                              WDOG and cuts the output
     ``OUTPut:PROTection:WDOG:DELay <s>``                     0.05–3600 s; ``?``
     ``OUTPut:PROTection:WDOG:SESSion <bool>``                on: it counts from the last command of the connection
-                                                             that switched this, or the watchdog, on; ``?`` (power-on:
-                                                             off)
+                                                             that switched this, or the watchdog, on; ``?`` (power-on: off)
     ``MEASure[:SCALar]:VOLTage[:DC]?``                       at the output terminals [V]
-    ``MEASure[:SCALar]:CURRent[:DC]?``                       [A] ``MEASure[:SCALar]:POWer[:DC]?``
-    [W] ``STATus:OPERation:CONDition?``                          bit 8 (256) constant voltage, bit 10 (1024) constant
-    current ``STATus:QUEStionable:CONDition?``                       bit 0 OVP, 1 OCP, 4 OTP, 11 WDOG ``SYSTem:REMote``
-    ``SYSTem:LOCal``                       remote, or front panel as well ``SYSTem:RWLock``
-    exclusive: settings from any other connection are refused with
-                                                             ``-203,"Command protected"`` until ``SYST:LOC`` or the
-                                                             owner's connection closes
+    ``MEASure[:SCALar]:CURRent[:DC]?``                       [A]
+    ``MEASure[:SCALar]:POWer[:DC]?``                         [W]
+    ``STATus:OPERation:CONDition?``                          bit 8 (256) constant voltage, bit 10 (1024) constant current
+    ``STATus:QUEStionable:CONDition?``                       bit 0 OVP, 1 OCP, 4 OTP, 11 WDOG
+    ``SYSTem:REMote`` ``SYSTem:LOCal``                       remote, or front panel as well
+    ``SYSTem:RWLock``                                        exclusive: settings from any other connection are refused with
+                                                             ``-203,"Command protected"`` until ``SYST:LOC`` or the owner's
+                                                             connection closes
     ``SYSTem:LOCK:OWNer?``                                   ``NONE``, ``SELF`` or ``OTHER``
-    ========================================================
-    ==============================================================
+    ======================================================== ==============================================================
 
 DAQ (1 kHz simultaneous sampling, 16 bit, ±10 V)
     ================================= ======================================================================
@@ -73,13 +72,16 @@ DAQ (1 kHz simultaneous sampling, 16 bit, ±10 V)
 The test stand itself (either port; no real instrument has these)
     ========================================= ===================================================================
     ``BENCh:FAULt <name>[,<value>]``          misbehave (``sma_actuator.bench.faults.FAULTS``); ``?`` lists them
-    ``BENCh:FAULt:CLEar [<name>]``            one of them, or all ``BENCh:FAULt:CATalog?``                  the names
-    ``BENCh:LOAD:WEIGht <N>``                 hang a weight ``BENCh:LOAD:SPRing <N/m>,<N>[,<m>]``     a spring:
-    stiffness, tension, and the displacement where it has it ``BENCh:LOAD:SCHedule <s>,<N>{,<s>,<N>}`` weights from
-    bench times on ``BENCh:LOAD?``                           the load in words ``BENCh:JOINt:ANGLe?``
-    of a joint that two wires turn [rad]; a wire without one has a settings conflict ``BENCh:JOINt:TORQue <Nm>``
-    from outside, on that joint; ``?`` ``BENCh:AMBient <°C>``                    ``?`` ``BENCh:TRUTh?``
-    time_s, displacement_m, strain, temperature_C, martensite, r_phase,
+    ``BENCh:FAULt:CLEar [<name>]``            one of them, or all
+    ``BENCh:FAULt:CATalog?``                  the names
+    ``BENCh:LOAD:WEIGht <N>``                 hang a weight
+    ``BENCh:LOAD:SPRing <N/m>,<N>[,<m>]``     a spring: stiffness, tension, and the displacement where it has it
+    ``BENCh:LOAD:SCHedule <s>,<N>{,<s>,<N>}`` weights from bench times on
+    ``BENCh:LOAD?``                           the load in words
+    ``BENCh:JOINt:ANGLe?``                    of a joint that two wires turn [rad]; a wire without one has a settings conflict
+    ``BENCh:JOINt:TORQue <Nm>``               from outside, on that joint; ``?``
+    ``BENCh:AMBient <°C>``                    ``?``
+    ``BENCh:TRUTh?``                          time_s, displacement_m, strain, temperature_C, martensite, r_phase,
                                               resistance_Ohm, load_N, stress_Pa, current_A, power_W
     ========================================= ===================================================================
 """

@@ -1,7 +1,7 @@
 """A position without the noise of its measurement: as much of it as a law can do with, and no later than that costs.
 
 An alpha-beta filter, which follows a steady motion without lag (critically damped: R. J. Kalata, "The tracking index: a
-generalized parameter for α-β and α-β-γ target trackers", IEEE Trans.  AES-20 (1984) 174).  How noisy the position is,
+generalized parameter for α-β and α-β-γ target trackers", IEEE Trans. AES-20 (1984) 174).  How noisy the position is,
 its own second differences tell: a wire moves evenly from one reading to the next, noise does not.
 """
 

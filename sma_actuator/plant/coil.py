@@ -15,9 +15,9 @@ here.
 
 Sources
     A. M. Wahl, *Mechanical Springs*, 2nd ed., McGraw-Hill 1963. C. Liang, C. A. Rogers, "Design of shape memory alloy
-    springs with applications in vibration control", J. Intell.  Mater.  Syst.  Struct.  8 (1997) 314: transformation
+    springs with applications in vibration control", J. Intell. Mater. Syst. Struct. 8 (1997) 314: transformation
     and plasticity over the section of a spring.  S.-M. An, J. Ryu, M. Cho, K.-J. Cho, "Engineering design framework for
-    a shape memory alloy coil spring actuator using a static two-state model", Smart Mater.  Struct.  21 (2012) 055009.
+    a shape memory alloy coil spring actuator using a static two-state model", Smart Mater. Struct. 21 (2012) 055009.
 """
 
 from __future__ import annotations

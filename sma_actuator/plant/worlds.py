@@ -4,10 +4,9 @@ Home has the kinetics of a measured wire.  A world is a kinetics, and what real 
 has not.  Each serves both alloys.  What is developed against one of them is judged in the others.
 
 Sources beside those of :mod:`.materials`
-    [C]  V. T. Morgan, "The overall convective heat transfer from smooth circular cylinders", Adv.  Heat Transf.  11
-    (1975)
-         199: Nu = 0.675 Ra^0.058 below Ra = 0.01 and 1.02 Ra^0.148 above, where a horizontal wire of 0.15 to 0.2 mm
-         stands between 20 and 100 K above the air (90 to 110 W/(m²·K) at 60 K).
+    [C]  V. T. Morgan, "The overall convective heat transfer from smooth circular cylinders", Adv. Heat Transf. 11
+         (1975) 199: Nu = 0.675 Ra^0.058 below Ra = 0.01 and 1.02 Ra^0.148 above, where a horizontal wire of 0.15 to 0.2
+         mm stands between 20 and 100 K above the air (90 to 110 W/(m²·K) at 60 K).
     [O]  A. Pathak, D. Brei, J. Luntz, "Transformation strain based method for characterization of convective heat
          transfer from shape memory alloy wires", Smart Mater. Struct. 19 (2010) 035005: orientation matters, and a
          vertical wire loses less than a horizontal one.  The factor is chosen [F].
