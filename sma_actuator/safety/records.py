@@ -127,7 +127,8 @@ class Memory:
     daq_s: float = nan  #: of the last answer of the DAQ
     supply_s: float = nan  #: of the last usable read-back
     load_N: float = nan
-    channels: dict[str, tuple[float, float]] = field(default_factory=dict)  #: value, and since when it stands
+    #: Value, for how long it has stood [s], and when that was.
+    channels: dict[str, tuple[float, float, float]] = field(default_factory=dict)
     repeats: Repeats = field(default_factory=Repeats)  #: of whole readings
     load_alive: LoadAlive = field(default_factory=LoadAlive)
     currents: CurrentsApart = field(default_factory=CurrentsApart)

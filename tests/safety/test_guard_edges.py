@@ -243,38 +243,56 @@ class TestSilence:
         assert said(guard, step(memory=Memory(), **missing))
 
 
+def stuck_at(step, memory, begun_s, seconds, **changes):
+    """What is said of a channel in steps of the loop, and at which time after the first [s]."""
+    period_s = 1.0 / step().config.loop.rate
+    for number in range(round(seconds / period_s) + 1):
+        if words := said(sensor_stuck, step(memory=memory, now_s=begun_s + number * period_s, **changes)):
+            return words, number * period_s
+    return "", seconds
+
+
 def test_a_channel_is_stuck_after_its_time_and_not_before(step, config):
     memory = Memory(**MEMORY)
-    stuck_s = config.safety.stuck_time
-    assert said(sensor_stuck, step(memory=memory)) == ""
-    for waited_s in (0.5 * stuck_s, stuck_s):
-        assert said(sensor_stuck, step(memory=memory, now_s=NOW_s + waited_s)) == ""
-    words = said(sensor_stuck, step(memory=memory, now_s=NOW_s + stuck_s + 0.1))
-    assert words.startswith("supply voltage: 1.3 V for 2.1 s to the last digit")
+    stuck_s, period_s = config.safety.stuck_time, 1.0 / config.loop.rate
+    words, after_s = stuck_at(step, memory, NOW_s, 2.0 * stuck_s)
+    assert stuck_s - 1e-9 <= after_s <= stuck_s + period_s + 1e-9
+    assert words.startswith("supply voltage: 1.3 V for 2")
+    assert words.endswith("s to the last digit; safety.stuck_time is 2 s")
+
+
+def test_two_readings_that_are_alike_by_chance_say_little_where_they_come_late(step, config):
+    memory = Memory(**MEMORY)
+    for number in range(5):
+        late = step(memory=memory, now_s=NOW_s + number * config.safety.stuck_time)
+        assert said(sensor_stuck, late) == ""
 
 
 @pytest.mark.parametrize("name", ["supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V"])
 def test_each_channel_is_watched_for_itself(name, step, config):
     """The other two move on; the memory of one channel is not that of another."""
     memory = Memory(**MEMORY)
-    late_s = config.safety.stuck_time + 0.1
+    stuck_s = config.safety.stuck_time
     others = [each for each in ("supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V") if each != name]
-    said(sensor_stuck, step(memory=memory))
+    assert stuck_at(step, memory, NOW_s, 0.9 * stuck_s) == ("", 0.9 * stuck_s)
     moved = replace(READING, **{each: getattr(READING, each) + 1e-6 for each in others})
-    assert said(sensor_stuck, step(memory=memory, now_s=NOW_s + late_s, reading=moved))
+    begun_s = NOW_s + 0.9 * stuck_s
+    assert 0.0 < stuck_at(step, memory, begun_s, stuck_s, reading=moved)[1] < 0.3 * stuck_s
     moved = replace(moved, **{name: getattr(READING, name) + 1e-6})
-    assert said(sensor_stuck, step(memory=memory, now_s=NOW_s + late_s + 0.1, reading=moved)) == ""
+    begun_s += 0.3 * stuck_s
+    assert said(sensor_stuck, step(memory=memory, now_s=begun_s, reading=moved)) == ""
     # Only since then the moved channel stands where it is.
     again = replace(moved, **{each: getattr(moved, each) + 1e-6 for each in others})
-    assert said(sensor_stuck, step(memory=memory, now_s=NOW_s + late_s + 1.0, reading=again)) == ""
+    assert stuck_at(step, memory, begun_s, 0.5 * stuck_s, reading=again)[0] == ""
 
 
 def test_what_a_channel_did_without_current_does_not_count(step, config):
     memory = Memory(**MEMORY)
-    said(sensor_stuck, step(memory=memory))
-    assert said(sensor_stuck, step(memory=memory, told=OFF, now_s=NOW_s + 1.0)) == ""
+    stuck_s = config.safety.stuck_time
+    assert stuck_at(step, memory, NOW_s, 0.9 * stuck_s)[0] == ""
+    assert said(sensor_stuck, step(memory=memory, told=OFF, now_s=NOW_s + 0.9 * stuck_s)) == ""
     assert memory.channels == {}
-    assert said(sensor_stuck, step(memory=memory, now_s=NOW_s + config.safety.stuck_time + 0.5)) == ""
+    assert stuck_at(step, memory, NOW_s + stuck_s, 0.9 * stuck_s)[0] == ""
 
 
 def test_current_off_the_command_is_a_fault_once_it_lasts(step, config):

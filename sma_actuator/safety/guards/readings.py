@@ -143,14 +143,14 @@ def sensor_stuck(step: Step) -> str:
     if not step.told.output_on:
         step.memory.channels.clear()
         return ""
+    longest_s = 2.0 / step.config.loop.rate  # where readings come late, two that are alike by chance say no more
     for name, value in voltages(step.reading).items():
-        stands, since_s = step.memory.channels.get(name, (nan, step.now_s))
-        if value != stands:
-            since_s = step.now_s
-            step.memory.channels[name] = (value, since_s)
-        if step.now_s - since_s > step.config.safety.stuck_time:
+        before, stands_s, at_s = step.memory.channels.get(name, (nan, 0.0, step.now_s))
+        stands_s = stands_s + min(step.now_s - at_s, longest_s) if value == before else 0.0
+        step.memory.channels[name] = (value, stands_s, step.now_s)
+        if stands_s > step.config.safety.stuck_time:
             return (
-                f"{name}: {value:g} V for {step.now_s - since_s:.3g} s to the last digit; safety.stuck_time is "
+                f"{name}: {value:g} V for {stands_s:.3g} s to the last digit; safety.stuck_time is "
                 f"{step.config.safety.stuck_time:g} s"
             )
     return ""
