@@ -1,6 +1,11 @@
 """Instruments that answer are given the time that a busy machine takes; what must not answer is asked by shorter
 ones."""
 
+import contextlib
+import os
+import signal
+from pathlib import Path
+
 import pytest
 
 from sma_actuator.config import Config
@@ -43,3 +48,14 @@ def supply_of(make_config):
 def asked_once(monkeypatch):
     """Who finds a supply taken by another is refused at once, and not after the time that its last word may take."""
     monkeypatch.setattr("sma_actuator.instruments.supply.OFF_ANSWERS", 0)
+
+
+@pytest.fixture(autouse=True)
+def _nobody_speaks_after_a_test():
+    """Who says off for a supply that was given up tries for half a minute: the next pty may have the same name."""
+    yield
+    for process in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            words = (process / "cmdline").read_bytes().split(b"\0")
+            if b"sma_actuator.instruments.last_word" in words and str(os.getpid()).encode() in words:
+                os.kill(int(process.name), signal.SIGKILL)

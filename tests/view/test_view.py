@@ -568,7 +568,7 @@ def test_in_the_browser_the_space_bar_stops_wherever_the_cursor_stands(browser, 
         )
     assert _seconds_to_no_current(stand) < SOON_s
     browser.wait_for("document.querySelector('#mode').textContent === 'off'")
-    assert "the output is off" in browser.text("#said li")
+    browser.wait_for("document.querySelector('#said li').textContent.includes('the output is off')")
 
 
 def test_in_the_browser_gains_are_saved_to_the_parameter_file(browser, stand):
