@@ -59,9 +59,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 continue
             kept = add_to(into, name, part, unit[0] + (unit[1] if name == "hours" else 1))
             results = kept.results()
-            PAGE.write_text(
-                page(kept), encoding="utf-8"
-            )  # after every part: an attack that is interrupted has its page
+            # after every part: an attack that is interrupted has its page
+            PAGE.write_text(page(kept), encoding="utf-8")
     whole = Result()
     for name, result in results.items():
         print(f"{TITLES[name]}: {dict(result.counts)}\n  worst: {result.worst}\n{result.verdict()}", flush=True)
@@ -139,8 +138,7 @@ def page(kept: Kept) -> str:
         "",
         (
             "Written by `make attack`, which runs it in pieces that are kept with their commit (`attack/kept.json`), "
-            "each "
-            "with the seeds after"
+            "each with the seeds after"
         ),
         "the last; `python -m attack --show` says what of it is older than the code that it tried.",
         "",
@@ -158,14 +156,12 @@ def page(kept: Kept) -> str:
         ),
         (
             "stress and current. It asks nothing of the code under test. Every attack is seeded; what is broken is "
-            "listed "
-            "with the"
+            "listed with the"
         ),
         "command that shows it again. `tests/attack` runs a short attack with every test run.",
         (
-            "Lines, kills and fuzz run in real time: the longest that the machine stood still is taken off once, so on "
-            "a "
-            "busy one its"
+            "Lines, kills and fuzz run in real time: the longest that the machine stood still is taken off once, so "
+            "on a busy one its"
         ),
         "other stalls are among what is listed here.",
         "",
@@ -179,8 +175,7 @@ def page(kept: Kept) -> str:
         ),
         (
             "again. *Grown* is what has come since everything was there that is there once. *Objects* are the blocks "
-            "that "
-            "Python has"
+            "that Python has"
         ),
         (
             "given out, with all garbage collected: what is kept of each step would be millions. *Memory* is what the "
@@ -192,18 +187,15 @@ def page(kept: Kept) -> str:
         ),
         (
             "goes on growing in the second half would be a leak. Pages of programs on disk are left out, for the "
-            "machine "
-            "takes and drops"
+            "machine takes and drops"
         ),
         (
             "them as it likes: the first time that the model's health fits a plane it reads 1.6 MB of linear algebra. "
-            "What "
-            "a node"
+            "What a node"
         ),
         (
             "takes each time that it is configured does not level off and is no object of Python's; where it goes is "
-            "not "
-            "known."
+            "not known."
         ),
         "",
         "| attack | what was done | how often |",
@@ -226,8 +218,7 @@ def page(kept: Kept) -> str:
         lines += [
             (
                 "Limits as `sma-actuator init` writes them; shares are of the stroke from the cold to where the wire "
-                "is "
-                "shortest,"
+                "is shortest,"
             )
         ]
         lines += [

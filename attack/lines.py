@@ -197,9 +197,8 @@ class Line:
         last_s = max(at_s for at_s in self.proxies["supply"].heard_s if at_s < off_s)
         self.result.see("supply forgets, current off [s]", took_s)
         timeout_s = self.config.instruments.supply.timeout
-        noticed_s = (
-            self.promises.within_s("second_commander") + 2.0 * timeout_s
-        )  # a read-back, and what asks whether it is off
+        # a read-back, and what asks whether it is off
+        noticed_s = self.promises.within_s("second_commander") + 2.0 * timeout_s
         for what, from_s, to_s, within_s in (
             ("the driver does not fall silent in time", began_s, last_s, noticed_s),
             ("the watchdog does not cut in time", last_s, off_s, self.config.supply.watchdog_timeout),

@@ -106,8 +106,7 @@ def main() -> None:
         stroke, model, control, output, held, covered, hottest_C = drive(options.wire, config, load)
         print(
             f"| {name} | {stroke * 1e3:.1f} | {model:.2f} | {control:.2f} | {output:.2f} | {held:.2f} | {covered:.0f} "
-            f"% "
-            f"| {hottest_C:.0f} °C |",
+            f"% | {hottest_C:.0f} °C |",
             flush=True,
         )
 

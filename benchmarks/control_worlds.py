@@ -213,8 +213,7 @@ def summary(rows: Sequence[Judged]) -> list[str]:
         (
             f"positions reached and held: {np.nanmean([f.there for f in steps]):.1%}, the worst run "
             f"{np.nanmin([f.there for f in steps]):.0%}; followed for {np.nanmean([f.there for f in moving]):.1%} of "
-            f"the time, "
-            f"the worst run {np.nanmin([f.there for f in moving]):.0%}"
+            f"the time, the worst run {np.nanmin([f.there for f in moving]):.0%}"
         ),
         (
             f"runs with a false limit: {share(lambda f: f.false_s > 0.0, found)}; ended by a fault: "
@@ -232,9 +231,8 @@ def summary(rows: Sequence[Judged]) -> list[str]:
         ),
         (
             f"model in the loop {np.mean([f.model for f in found]):.2f} %, {np.median(ratios):.2f} times replay's in "
-            f"the median, "
-            f"at most {max(ratios):.1f} times; held positions off by {np.nanmean([f.held for f in steps]):.2f} %, "
-            f"{share(lambda f: f.held <= 0.7, steps)} within 0.7 %"
+            f"the median, at most {max(ratios):.1f} times; held positions off by "
+            f"{np.nanmean([f.held for f in steps]):.2f} %, {share(lambda f: f.held <= 0.7, steps)} within 0.7 %"
         ),
     ]
 

@@ -427,9 +427,8 @@ def cpu_per_wire(args: argparse.Namespace) -> list[dict]:
             rows.append({"wires": count, "rate_Hz": rate_Hz, "of": name, **row})
             print(
                 f"{count:3d} × {rate_Hz:3g} Hz  {name:22s} {row['alone_us']:5.0f} µs a step, {row['alone_ratio']:.2f} "
-                f"× "
-                f"bare   with listeners {row['heard_us']:5.0f} µs, {row['heard_ratio']:.2f} × bare   "
-                f"(bare {row['bare_us']:.0f} µs; period p99 {1e3 * row['p99_s']:.1f} ms)",
+                f"× bare   with listeners {row['heard_us']:5.0f} µs, {row['heard_ratio']:.2f} × bare   (bare "
+                f"{row['bare_us']:.0f} µs; period p99 {1e3 * row['p99_s']:.1f} ms)",
                 flush=True,
             )
     return rows

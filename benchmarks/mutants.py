@@ -602,14 +602,12 @@ def _page(findings: Findings) -> str:
         "",
         (
             "Written by `make mutants` (`python benchmarks/mutants.py`), which changes one place of what guards the "
-            "wire "
-            "and runs the"
+            "wire and runs the"
         ),
         "tests of that line on it. A mutant that no test notices is listed, or stands with its reason in",
         (
             "`benchmarks/mutants_equivalent.yaml` because it changes nothing that anybody could see. Those that were "
-            "tried "
-            "were drawn at"
+            "tried were drawn at"
         ),
         "random from the whole file, and count until the function changes in which they stand.",
         "",

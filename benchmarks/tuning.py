@@ -203,8 +203,7 @@ def main() -> int:
     worst = max(found, key=lambda f: max(f.steps, f.sine))
     print(
         f"worst: {max(worst.steps, worst.sine):.2f} ({worst.case.physics}, {worst.case.wire}, {worst.case.load}); at "
-        f"most "
-        f"{max(f.time_s for f in found):.0f} s and {max(f.current for f in found):.0%} of the bound; "
+        f"most {max(f.time_s for f in found):.0f} s and {max(f.current for f in found):.0%} of the bound; "
         f"{sum(bool(f.trouble) for f in found)} of {len(found)} given up or with a fault; "
         f"{sum(f.hot_s == f.hot_s for f in found)} of {len(found)} given up, and off, when too hot"
     )

@@ -247,14 +247,12 @@ def _cross_checks(common: BenchConfig) -> list[str]:
     if not supply.max_current <= supply.over_current_trip:
         problems.append(
             f"supply.over_current_trip: {supply.over_current_trip:g} A is below supply.max_current, "
-            f"{supply.max_current:g} A: "
-            "the supply would trip in normal use"
+            f"{supply.max_current:g} A: the supply would trip in normal use"
         )
     if not supply.max_voltage < supply.over_voltage_V:
         problems.append(
             f"supply.over_voltage_trip: {supply.over_voltage_trip:g} V is not above supply.max_voltage, "
-            f"{supply.max_voltage:g} V: "
-            "the supply would trip in normal use; 0 puts it a tenth above"
+            f"{supply.max_voltage:g} V: the supply would trip in normal use; 0 puts it a tenth above"
         )
     if not safety.resistance_min < safety.resistance_max:
         problems.append("safety.resistance_min: is not below safety.resistance_max")
@@ -263,34 +261,29 @@ def _cross_checks(common: BenchConfig) -> list[str]:
     if loop.samples_per_block / loop.sample_rate > 1.0 / loop.rate * (1 + 1e-9):
         problems.append(
             f"loop.samples_per_block: {loop.samples_per_block} samples at {loop.sample_rate:g} Hz take longer than one "
-            f"period "
-            f"of loop.rate, {loop.rate:g} Hz; at most {int(loop.sample_rate / loop.rate)} fit"
+            f"period of loop.rate, {loop.rate:g} Hz; at most {int(loop.sample_rate / loop.rate)} fit"
         )
     if supply.watchdog_timeout == 0.0 and not supply.allow_no_watchdog:
         problems.append(
             "supply.watchdog_timeout: 0 means that a killed computer leaves the current on; set "
-            "supply.allow_no_watchdog: true "
-            "if the supply has no watchdog and you accept that"
+            "supply.allow_no_watchdog: true if the supply has no watchdog and you accept that"
         )
     if not safety.reading_timeout >= 2.0 / loop.rate:
         problems.append(
             f"safety.reading_timeout: {safety.reading_timeout:g} s is less than two periods of loop.rate, "
-            f"{loop.rate:g} Hz: "
-            "readings would count as stale in normal use"
+            f"{loop.rate:g} Hz: readings would count as stale in normal use"
         )
     supply_s, daq_s = common.instruments.supply.timeout, common.instruments.daq.timeout
     if not safety.reading_timeout >= daq_s + supply_s + 1.0 / loop.rate:
         problems.append(
             f"safety.reading_timeout: {safety.reading_timeout:g} s is less than instruments.daq.timeout, {daq_s:g} s, "
             f"instruments.supply.timeout, {supply_s:g} s, and a period of loop.rate together: a silent instrument "
-            f"would be "
-            "found later than docs/faults.md says"
+            "would be found later than docs/faults.md says"
         )
     if 0.0 < supply.watchdog_timeout < 2.0 / loop.rate:
         problems.append(
             f"supply.watchdog_timeout: {supply.watchdog_timeout:g} s is less than two periods of loop.rate, "
-            f"{loop.rate:g} Hz: "
-            "the watchdog would trip in normal use"
+            f"{loop.rate:g} Hz: the watchdog would trip in normal use"
         )
     return problems
 
@@ -311,9 +304,8 @@ def markdown() -> str:
             "set`):"
         ),
         (
-            "those with *lower* or *higher* guard the wire, and while current may flow they can only be made so, which "
-            "is "
-            "stricter. What is looser"
+            "those with *lower* or *higher* guard the wire, and while current may flow they can only be made so, "
+            "which is stricter. What is looser"
         ),
         "than the node began with stands in the log and, as `loosened`, in `~/status` and `/diagnostics`.",
         (
@@ -322,8 +314,7 @@ def markdown() -> str:
         ),
         (
             "section `tables` names with its SHA-256: copy both together. One that stands in the YAML by its name "
-            "counts "
-            "before it."
+            "counts before it."
         ),
     ]
     sections: list[tuple[str, type]] = [("", Config)]

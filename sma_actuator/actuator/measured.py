@@ -47,14 +47,11 @@ class Measured:
         load_N = sum(self._loads_N) / len(self._loads_N)
         bound_N = MOST_TARE * wire.max_stress * wire.area_m2
         if not abs(load_N) <= bound_N:
-            return (
-                False,
-                (
-                    f"not tared: {load_N:.3g} N is more than the drift of a load cell (up to {bound_N:.3g} N); take "
-                    f"the "
-                    f"load off"
-                ),
+            why = (
+                f"not tared: {load_N:.3g} N is more than the drift of a load cell (up to {bound_N:.3g} N); take "
+                "the load off"
             )
+            return False, why
         self.tare_N = load_N
         return True, f"tared: {load_N:.4f} N count as zero from now on"
 
@@ -62,27 +59,20 @@ class Measured:
         """Whether it could be measured with a short in place of the wire, a sentence, and the resistance [Ω]."""
         readings = self._with_current
         if len(readings) < FEWEST_READINGS:
-            return (
-                False,
-                (
-                    f"not measured: {len(readings)} readings with current since the output went on, {FEWEST_READINGS} "
-                    f"are wanted; "
-                    "put a short in place of the wire and call ~/enable"
-                ),
-                nan,
+            why = (
+                f"not measured: {len(readings)} readings with current since the output went on, {FEWEST_READINGS} "
+                "are wanted; put a short in place of the wire and call ~/enable"
             )
+            return False, why, nan
         ratio = _mean(readings, "supply_voltage_V") / _mean(readings, "reference_voltage_V")
         total_Ohm = config.circuit.reference_resistance * (ratio - 1.0)
         most_Ohm = config.safety.resistance_min + config.circuit.lead_resistance
         if not 0.0 <= total_Ohm < most_Ohm:
-            return (
-                False,
-                (
-                    f"not measured: {total_Ohm:.4g} Ω is not that of leads (0 to {most_Ohm:.4g} Ω); "
-                    "is there a short in place of the wire?"
-                ),
-                nan,
+            why = (
+                f"not measured: {total_Ohm:.4g} Ω is not that of leads (0 to {most_Ohm:.4g} Ω); "
+                "is there a short in place of the wire?"
             )
+            return False, why, nan
         return True, f"the leads have {total_Ohm:.4f} Ω; write it to circuit.lead_resistance", total_Ohm
 
 

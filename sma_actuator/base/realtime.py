@@ -40,10 +40,8 @@ def begin(wanted: Realtime) -> None:
         except OSError as error:
             raise RealtimeRefused(
                 f"loop.realtime.priority: the system does not let this process run with priority {wanted.priority} "
-                f"({error.strerror}); "
-                f"give its user 'rtprio {wanted.priority}' in /etc/security/limits.conf, LimitRTPRIO={wanted.priority} "
-                f"in systemd, "
-                "or --cap-add SYS_NICE to a container"
+                f"({error.strerror}); give its user 'rtprio {wanted.priority}' in /etc/security/limits.conf, "
+                f"LimitRTPRIO={wanted.priority} in systemd, or --cap-add SYS_NICE to a container"
             ) from None
     if wanted.cpus:
         os.sched_setaffinity(0, wanted.cpus)

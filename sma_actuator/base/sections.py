@@ -80,14 +80,13 @@ class Wire:
         if coil and not LEAST_INDEX <= self.index <= LARGEST_INDEX:
             problems.append(
                 f"coil_diameter: {self.coil_diameter:g} m; of a coil {LEAST_INDEX:g} to {LARGEST_INDEX:g} times the "
-                f"diameter of "
-                f"its wire is wanted, {LEAST_INDEX * self.diameter:g} to {LARGEST_INDEX * self.diameter:g} m"
+                f"diameter of its wire is wanted, {LEAST_INDEX * self.diameter:g} to {LARGEST_INDEX * self.diameter:g} "
+                "m"
             )
         if bundle and (self.wires < 2 or not self.connection):
             problems.append(
                 "wires, connection: of a bundle two wires or more are wanted, and whether the current goes through "
-                "them in series "
-                "or in parallel"
+                "them in series or in parallel"
             )
         if not coil and math.isfinite(self.coil_diameter):
             problems.append(f"coil_diameter: is of a coil, and form is {self.form}")
@@ -262,8 +261,7 @@ class SupplyParameters:
     allow_no_trips: bool = parameter(
         False,
         "drive a supply without an over-voltage or an over-current trip of its own: nothing in it then stands against "
-        "a wrong "
-        "setting",
+        "a wrong setting",
     )
 
     @property

@@ -67,8 +67,7 @@ class _Loader(yaml.SafeLoader):
         ):
             raise _Refusal(
                 f"{_brief(node.value)} is read as different numbers by different readers of YAML; write it plainly, as "
-                f"10 or "
-                "1.0e-3, or in quotes where it is a text",
+                "10 or 1.0e-3, or in quotes where it is a text",
                 node.start_mark,
             )
         try:

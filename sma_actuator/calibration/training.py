@@ -31,10 +31,9 @@ _HOT_PART = 0.25  #: of the time driven, at its end
 def words_of(change_m: float, full_stroke_m: float) -> str:
     """What to say of such a wire."""
     return (
-        f"the wire changed while it was measured: its hot end moves with every pulse, always the same way, "
+        "the wire changed while it was measured: its hot end moves with every pulse, always the same way, "
         f"{change_m / full_stroke_m:.1%} of the full stroke in all of these logs together; train it first "
-        f"(`characterise` does, "
-        "with --training-cycles), or measure again: these logs are of a wire that is no more"
+        "(`characterise` does, with --training-cycles), or measure again: these logs are of a wire that is no more"
     )
 
 

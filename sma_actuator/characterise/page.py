@@ -21,8 +21,7 @@ def write_page(folder: Path, manifest: Manifest) -> None:
     page = Page(
         "Characterisation of a wire",
         f"{len(parts)} part{'s' * (len(parts) != 1)} measured on a {wire['alloy']} wire of {wire['length_m'] * 1e3:g} "
-        f"mm × "
-        f"{wire['diameter_m'] * 1e3:g} mm{form}{_correlations(parts)}.",
+        f"mm × {wire['diameter_m'] * 1e3:g} mm{form}{_correlations(parts)}.",
     )
     for name, (title, x_label, y_label) in _LINES.items():
         if name not in manifest.data["parts"]:
@@ -38,8 +37,7 @@ def write_page(folder: Path, manifest: Manifest) -> None:
         page.figure(
             drawing,
             f"{title}: points, fitted line and residuals; slope {line['slope']:.6g} {y_unit}/{x_unit}, offset "
-            f"{line['offset']:.6g} {y_unit}, "
-            f"correlation {line['correlation']:.7f}.",
+            f"{line['offset']:.6g} {y_unit}, correlation {line['correlation']:.7f}.",
         )
     page.heading("Parts")
     rows = [

@@ -58,8 +58,7 @@ def look_first(config: BenchConfig, supply: PowerSupply, daq: Daq, clock: Clock,
         wrong = "; ".join(f"{each.part}: {each.sentence}" for each in found if each.level is Level.WRONG)
         raise UserError(
             f"nothing was heated, since the wiring is not what the bench file says: {wrong}. Mend that and start "
-            f"again; "
-            "`--skip check` goes on regardless"
+            "again; `--skip check` goes on regardless"
         )
 
 

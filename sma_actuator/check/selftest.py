@@ -202,8 +202,7 @@ class SelfTest:
                 self._wrong(
                     "noise",
                     f"the channel of the {_WORDS[name]} has {noise_V * 1e3:.3g} mV of noise; "
-                    f"{NOISE_SHARE * full_V * 1e3:.3g} mV "
-                    "is the most that can be used: screen and ground it",
+                    f"{NOISE_SHARE * full_V * 1e3:.3g} mV is the most that can be used: screen and ground it",
                 )
         for name in ("reference_voltage_V", "supply_voltage_V"):
             zero_V = float(np.mean(values[name]))
@@ -270,8 +269,7 @@ class SelfTest:
             self._end(
                 "load cell",
                 f"the load is {load_N:.3g} N, more than wire.max_stress allows, {most_N:.3g} N: take load off, or "
-                f"correct "
-                "load_cell.slope and offset",
+                "correct load_cell.slope and offset",
             )
         elif load_N < LEAST_LOAD_SHARE * most_N:
             self._say(
@@ -299,8 +297,7 @@ class SelfTest:
                 self._end(
                     "channels",
                     f"the channel of the {_WORDS[name]} reads {values[name][0]:g} V to the last digit: nothing is "
-                    f"connected to "
-                    "it, or it is stuck",
+                    "connected to it, or it is stuck",
                 )
         supply_V, reference_V = (float(np.mean(values[n])) for n in ("supply_voltage_V", "reference_voltage_V"))
         self._current(supply_V, reference_V, state.current_A, state.voltage_V)
@@ -316,8 +313,7 @@ class SelfTest:
                 self._end(
                     "bias",
                     f"the circuit is open: the supply is at its compliance voltage, {voltage_V:.3g} V, and "
-                    f"{by_supply_A * 1e3:.3g} "
-                    "mA flow; look at the crimps and the leads",
+                    f"{by_supply_A * 1e3:.3g} mA flow; look at the crimps and the leads",
                 )
             self._end(
                 "bias",
@@ -333,9 +329,8 @@ class SelfTest:
         elif abs(supply_V / sense_Ohm - bias_A) <= near_A:
             self._end(
                 "sense resistor",
-                "the channels of supply voltage and sense resistor are swapped: what should be the whole circuit shows "
-                "the "
-                "sense resistor alone",
+                "the channels of supply voltage and sense resistor are swapped: what should be the whole circuit "
+                "shows the sense resistor alone",
             )
         elif abs(by_daq_A) <= near_A:
             self._end(
@@ -355,8 +350,7 @@ class SelfTest:
             self._wrong(
                 "supply voltage",
                 f"the DAQ reads {supply_V:.4g} V where the supply delivers {by_supply_V:.4g} V: are the taps across "
-                f"wire, leads "
-                "and sense resistor?",
+                "wire, leads and sense resistor?",
             )
 
     def _expected_Ohm(self) -> tuple[float, float]:
@@ -380,8 +374,7 @@ class SelfTest:
             self._wrong(
                 "resistance",
                 f"{resistance_Ohm:.4g} Ω, and {of_wire}: is wire.length that between the crimps, wire.diameter that of "
-                f"the wire, "
-                "circuit.lead_resistance that of the leads?",
+                "the wire, circuit.lead_resistance that of the leads?",
             )
         else:
             self._say("resistance", f"{resistance_Ohm:.4g} Ω; {of_wire}")
@@ -403,10 +396,8 @@ class SelfTest:
         self._wrong(
             "leads",
             f"{abs(more_Ohm):.3g} Ω {side} than the calibration has at cold rest ({cold_Ohm:.4g} Ω): the leads have "
-            f"other than "
-            f"circuit.lead_resistance, {config.circuit.lead_resistance:g} Ω (~/measure_lead_resistance), the wire is "
-            f"not cold "
-            "yet, or it is another",
+            f"other than circuit.lead_resistance, {config.circuit.lead_resistance:g} Ω (~/measure_lead_resistance), "
+            "the wire is not cold yet, or it is another",
         )
 
     def _at_more(self) -> None:
@@ -426,9 +417,8 @@ class SelfTest:
             self._wrong(
                 "linearity",
                 f"{self._resistance_Ohm:.4g} Ω at {config.supply.bias_current * 1e3:.3g} mA and "
-                f"{signals.resistance_Ohm:.4g} Ω at "
-                f"{more_A * 1e3:.3g} mA: a voltage channel has a zero error of about {offset_V * 1e3:.3g} mV, or a "
-                f"contact is bad",
+                f"{signals.resistance_Ohm:.4g} Ω at {more_A * 1e3:.3g} mA: a voltage channel has a zero error of about "
+                f"{offset_V * 1e3:.3g} mV, or a contact is bad",
             )
         else:
             self._say("linearity", f"the same resistance at {more_A * 1e3:.3g} mA, within {abs(away_Ohm):.2g} Ω")
@@ -448,8 +438,7 @@ class SelfTest:
                 self._end(
                     "watchdog",
                     f"the watchdog did not cut within {WATCHDOG_TIMES * delay_s + 0.5:.3g} s of silence; it was armed "
-                    f"with "
-                    f"{delay_s:g} s. Nothing would switch this wire off after a kill -9",
+                    f"with {delay_s:g} s. Nothing would switch this wire off after a kill -9",
                 )
             self._wait(1.0 / config.loop.rate)
         took_s = reading.time_s - silent_s

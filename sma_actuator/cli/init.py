@@ -74,8 +74,7 @@ QUESTIONS = (
         "wire.alloy",
         "Alloy of the wire: ni-ti or ni-ti-cu?",
         "Flexinol and most wires that are sold for actuators are ni-ti. Ni-Ti-Cu (as Furukawa NT-H7) has some 10 % "
-        "copper; the "
-        "packet says so.",
+        "copper; the packet says so.",
     ),
     Question(
         "wire.form",
@@ -89,16 +88,14 @@ QUESTIONS = (
         "wire.coil_diameter",
         "Mean diameter of the coil, as 1.5mm?",
         "From the middle of the wire to the middle of the wire across: the outer diameter less that of the wire. Load "
-        "over "
-        "stress goes with 1/D, the stroke with D. A bare number is metres.",
+        "over stress goes with 1/D, the stroke with D. A bare number is metres.",
         when=lambda mapping: _get(mapping, "wire.form") == "coil",
     ),
     Question(
         "wire.length",
         "Length of the coil's wire, 3.14 × mean diameter × active turns, as 115mm?",
-        "Resistance, stroke and the current it bears follow from it. Straight ends that carry current but do not twist "
-        "belong "
-        "to circuit.lead_resistance. A bare number is metres.",
+        "Resistance, stroke and the current it bears follow from it. Straight ends that carry current but do not "
+        "twist belong to circuit.lead_resistance. A bare number is metres.",
         when=lambda mapping: _get(mapping, "wire.form") == "coil",
     ),
     Question(
@@ -111,16 +108,14 @@ QUESTIONS = (
         "wire.connection",
         "Does the current go through them one after the other or through all at once: series or parallel?",
         "In series each has all of the current, and one that breaks stops it. In parallel they share it, and when one "
-        "breaks the "
-        "others have its share too.",
+        "breaks the others have its share too.",
         when=lambda mapping: _get(mapping, "wire.form") == "bundle",
     ),
     Question(
         "wire.length",
         "Length of the wire between its crimps, as 100mm?",
         "From crimp to crimp, pulled straight and cold. Resistance, stroke and the current it bears follow from it. A "
-        "bare "
-        "number is metres.",
+        "bare number is metres.",
     ),
     Question(
         "wire.diameter",
@@ -131,16 +126,14 @@ QUESTIONS = (
         "circuit.reference_resistance",
         "Sense resistor in series with the wire, as 1ohm?",
         "The current is measured as the voltage across it, so it must be known well: a four-wire resistor of 0.1 to 1 "
-        "Ω, 0.1 % "
-        "or better, that bears the power (1 Ω at 400 mA: 0.16 W, so take 1 W) and hardly warms.",
+        "Ω, 0.1 % or better, that bears the power (1 Ω at 400 mA: 0.16 W, so take 1 W) and hardly warms.",
     ),
     Question(
         "instruments.supply.resource",
         "Power supply, as TCPIP::192.168.0.5::5025::SOCKET?",
         "Its VISA address. Over the network: the address that its menu shows, with port 5025 for most makes (see its "
-        "manual). "
-        "USB: USB0::…::INSTR, a serial line: ASRL/dev/ttyUSB0::INSTR; `pyvisa-shell`, then `list`, shows what is "
-        "found.",
+        "manual). USB: USB0::…::INSTR, a serial line: ASRL/dev/ttyUSB0::INSTR; `pyvisa-shell`, then `list`, shows "
+        "what is found.",
     ),
     Question(
         "instruments.supply.dialect",
@@ -159,36 +152,31 @@ QUESTIONS = (
         "This supply has no watchdog, so a killed computer leaves the current on; true accepts that, wired against "
         "(docs/safety.md); true or false?",
         "A watchdog is the supply's own timer: it cuts the output when the computer falls silent. Without one "
-        "max_current must "
-        "be what the wire survives for ever (it is, as derived here), and something else has to cut when nobody is "
-        "there.",
+        "max_current must be what the wire survives for ever (it is, as derived here), and something else has to cut "
+        "when nobody is there.",
         when=_wants("allow_no_watchdog"),
     ),
     Question(
         "supply.allow_shared_watchdog",
         "The watchdog of this supply is fed by anybody's words; true accepts that, on a network of its own "
-        "(docs/safety.md); "
-        "true or false?",
+        "(docs/safety.md); true or false?",
         "Whoever else speaks to it, as a web page of the supply left open, keeps the current of a dead computer on.",
         when=_wants("allow_shared_watchdog"),
     ),
     Question(
         "supply.allow_single_session",
         "This supply is not known to take a second session, so where the first hangs nobody can switch it off; true "
-        "accepts "
-        "that, with a switch in reach (docs/safety.md); true or false?",
+        "accepts that, with a switch in reach (docs/safety.md); true or false?",
         "Where the connection hangs, off is said over another one. This supply may not hear it: wire a switch into its "
         "output.",
         when=_wants("allow_single_session"),
     ),
     Question(
         "supply.allow_no_trips",
-        "Not every trip of this supply can be read back, so nothing in it stands against a wrong setting; true accepts "
-        "that, "
-        "with a fuse in series (docs/safety.md); true or false?",
-        "Over-voltage and over-current trip, and the compliance voltage, are programmed on opening and read back where "
-        "the "
-        "supply tells them. Take a fuse that the wire survives for ever.",
+        "Not every trip of this supply can be read back, so nothing in it stands against a wrong setting; true "
+        "accepts that, with a fuse in series (docs/safety.md); true or false?",
+        "Over-voltage and over-current trip, and the compliance voltage, are programmed on opening and read back "
+        "where the supply tells them. Take a fuse that the wire survives for ever.",
         when=_wants("allow_no_trips"),
     ),
     Question(
@@ -204,10 +192,9 @@ QUESTIONS = (
     Question(
         "instruments.daq.supply_voltage_channel",
         "Channel across wire, leads and sense resistor together (Enter: 101)?",
-        "Its taps sit at the supply's end of the wire's lead and at the far end of the sense resistor, so that it sees "
-        "the whole "
-        "circuit: U1 in the drawing of docs/first_wire.md. 101 is slot 1, channel 01 of a Keysight or Keithley "
-        "mainframe.",
+        "Its taps sit at the supply's end of the wire's lead and at the far end of the sense resistor, so that it "
+        "sees the whole circuit: U1 in the drawing of docs/first_wire.md. 101 is slot 1, channel 01 of a Keysight or "
+        "Keithley mainframe.",
         "101",
         of="instruments.daq.resource",
     ),
@@ -229,8 +216,8 @@ QUESTIONS = (
         "load_cell.slope",
         "Load cell, newtons per volt (Enter: `characterise` will measure it)?",
         "From its data sheet and the amplifier's gain: 78.6 mV per N are 1 / 0.0786 = 12.7 N/V. Negative where the "
-        "voltage falls "
-        "when the wire pulls. With a few known masses `characterise` measures it better than any data sheet.",
+        "voltage falls when the wire pulls. With a few known masses `characterise` measures it better than any data "
+        "sheet.",
         "",
     ),
     Question(
@@ -243,9 +230,8 @@ QUESTIONS = (
     Question(
         "instruments.daq.lvdt_channel",
         "Channel of a displacement sensor beside the wire (Enter: none)?",
-        "An LVDT or laser that measures the end of the wire, for `characterise` and `identify` only; afterwards it may "
-        "go. "
-        "Without one bring logs with a displacement from elsewhere.",
+        "An LVDT or laser that measures the end of the wire, for `characterise` and `identify` only; afterwards it "
+        "may go. Without one bring logs with a displacement from elsewhere.",
         "0",
     ),
     Question(

@@ -64,9 +64,8 @@ def run(args: argparse.Namespace) -> int:
         raise UserError("--running: the node has its instruments and its bound (controller.tuning_current) already")
     out = args.out or args.config
     gains_of_before = {name: getattr(config.controller, name, 0.0) for name in GAINS}
-    _with_gains(
-        args.config, gains_of_before, gains_of_before
-    )  # else a file that cannot take them is found out too late
+    # else a file that cannot take them is found out too late
+    _with_gains(args.config, gains_of_before, gains_of_before)
     found = by_node(args) if args.running else _by_instruments(config, args)
     text = _with_gains(args.config, found.gains, found.before)
     try:

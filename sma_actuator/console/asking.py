@@ -124,8 +124,7 @@ class Asking:
     def _nobody(self, name: str) -> UserError:
         return UserError(
             f"'{name}' was asked, and standard input is closed, so nobody can answer; run it in a terminal, or give "
-            f"the "
-            f"answers in a file (--answers FILE with a line '{name}: …')"
+            f"the answers in a file (--answers FILE with a line '{name}: …')"
         )
 
 

@@ -82,8 +82,7 @@ class FeedForwardPidParameters(PidParameters):
             return []
         sentence = (
             "controller.type: feed_forward_pid wants calibration.transformation_heating and _cooling; identify the "
-            "model "
-            "anew from logs of full pulses, or take controller.type pid"
+            "model anew from logs of full pulses, or take controller.type pid"
         )
         return [sentence]
 

@@ -40,7 +40,6 @@ class TrackingErrors:
         values = self.as_dict()
         return (
             f"model error {values['model_error_pct_stroke']:.2f} %, control error "
-            f"{values['control_error_pct_stroke']:.2f} %, "
-            f"output error {values['output_error_pct_stroke']:.2f} % of full stroke "
-            f"({self.samples} samples, {100 * values['judged_share']:.0f} % judged)"
+            f"{values['control_error_pct_stroke']:.2f} %, output error {values['output_error_pct_stroke']:.2f} % of "
+            f"full stroke ({self.samples} samples, {100 * values['judged_share']:.0f} % judged)"
         )

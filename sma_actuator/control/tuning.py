@@ -110,8 +110,7 @@ def swings_of(time_s: np.ndarray, place_m: np.ndarray, current_A: np.ndarray) ->
     if fewest < LEFT_OUT + WANTED:
         raise GivenUp(
             f"the wire swung {fewest} times about the middle of its working range, {LEFT_OUT + WANTED} are wanted: is "
-            f"the "
-            "load one that it lifts with this current?"
+            "the load one that it lifts with this current?"
         )
     rows = {heated: np.array(values[LEFT_OUT:]) for heated, values in halves.items()}
     everything = np.concatenate(list(rows.values()))
@@ -244,8 +243,7 @@ class Tuning:
             if self._relay and setpoint_m != self.setpoint_m:
                 raise GivenUp(
                     f"the wire is kept from the middle of its working range, {self.setpoint_m * 1e3:.3g} mm (what "
-                    f"keeps it "
-                    "is among the limits): take load off, or identify the model anew"
+                    "keeps it is among the limits): take load off, or identify the model anew"
                 )
             if not sample.temperature_C <= self._around.hottest_C:
                 raise GivenUp(

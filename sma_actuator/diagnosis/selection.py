@@ -213,9 +213,8 @@ def select(
                 order = np.argsort([sketch.losses.mean() for sketch in sketches], kind="stable")
                 pairs = [pairs[i] for i in order[: rules.sketched]]
             more = yield pairs
-            stuck = not _take_a_pair(
-                round_, round_.winner, more, held, rules, clean
-            )  # then no other pair holds the winner either
+            # then no other pair holds the winner either
+            stuck = not _take_a_pair(round_, round_.winner, more, held, rules, clean)
             if not stuck:
                 unsettled = yield from _unsettled(round_.winner, field_, rules, clean, together)
         current, held = round_.winner, round_.winner.losses

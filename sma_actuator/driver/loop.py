@@ -227,8 +227,8 @@ class Loop:
             return ""
         return (
             f"a step takes the instruments {daq_s + supply_s:.3g} s (supply {supply_s:.3g} s, DAQ {daq_s:.3g} s), so "
-            f"loop.rate can "
-            f"be {highest_rate_Hz(daq_s + supply_s):.2g} Hz at the most; it is {self._config.loop.rate:g} Hz"
+            f"loop.rate can be {highest_rate_Hz(daq_s + supply_s):.2g} Hz at the most; it is "
+            f"{self._config.loop.rate:g} Hz"
         )
 
     # --- from any thread --------------------------------------------------------------------------

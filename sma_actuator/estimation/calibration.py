@@ -178,8 +178,7 @@ class Calibration:
                 out.append(f"calibration.{name}: does not rise from value to value; identify the model again")
             out += [
                 f"calibration.{table}: has {len(getattr(self, table))} values for the {len(stresses)} of "
-                f"calibration.{name}; "
-                "identify the model again"
+                f"calibration.{name}; identify the model again"
                 for table in tables
                 if getattr(self, table) and len(getattr(self, table)) != len(stresses)
             ]
@@ -188,8 +187,7 @@ class Calibration:
             if np.mean(hot_m) > np.mean(self.cold_displacement):
                 out.append(
                     "calibration.hot_displacement: the wire is longer hot than cold, so displacement counts "
-                    "contraction; turn "
-                    "its sign in the logs (--unit displacement_m=-mm) and identify the wire again"
+                    "contraction; turn its sign in the logs (--unit displacement_m=-mm) and identify the wire again"
                 )
         return out
 

@@ -78,9 +78,9 @@ EFFECTS: dict[str, tuple[str, tuple[tuple[int, ...] | None, ...]]] = {
 }
 #: What moves the joint and leaves no trace in resistance and heat.
 BLIND = (
-    "a slip or creep in crimps and mount, play, a mechanism that yields, thermal expansion of the mount, a resistivity "
-    "that "
-    "rises more with temperature where the wire is never held contracted, and anything smaller than the bounds"
+    "a slip or creep in crimps and mount, play, a mechanism that yields, thermal expansion of the mount, a "
+    "resistivity that rises more with temperature where the wire is never held contracted, and anything smaller than "
+    "the bounds"
 )
 
 
@@ -250,9 +250,8 @@ class ModelHealth:
 
     def _keep_heat(self, settled_K: float, step_s: float) -> None:
         """Heat balance: the rise above ambient, and what it lags to."""
-        if (
-            not step_s >= 0.0
-        ):  # the first sample, or a clock that was set back: nothing is known of the wire, so it is hot
+        # the first sample, or a clock that was set back: nothing is known of the wire, so it is hot
+        if not step_s >= 0.0:
             self._rise_K = self._lagging_K = max(settled_K, UNKNOWN_K)
             return
         self._rise_K = settled_K + (self._rise_K - settled_K) * exp(-step_s / self._time_constant_s)

@@ -204,10 +204,11 @@ def _appending(path: Path) -> Iterator[Callable[[list[dict[str, Any]]], None]]:
 def _do(job: _Job) -> _Outcome:
     """On the worker: read, work, and say what was found."""
     begun_s = time.perf_counter()
+    # the same bits on any machine
     with (
         tempfile.TemporaryDirectory(prefix="sma_fleet_") as folder,
         one_thread(),
-    ):  # the same bits on any machine
+    ):
         names = {}
         try:
             logs = []

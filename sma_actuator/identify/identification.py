@@ -206,8 +206,7 @@ def _refuse_contraction(experiments: Sequence[Experiment]) -> None:
     names = ", ".join(sources) if len(turned) < len(experiments) or len(sources) == 1 else f"all {len(sources)} logs"
     raise IdentificationError(
         f"{names}: the displacement grows while the wire is heated and its resistance falls, so it counts contraction, "
-        f"and "
-        f"extension is positive here; a node with a model of it would go to full current. {how[0].upper()}{how[1:]}"
+        f"and extension is positive here; a node with a model of it would go to full current. {how[0].upper()}{how[1:]}"
     )
 
 
@@ -251,8 +250,7 @@ def _add_measured(mapping: dict[str, Any], found: Mapping[str, Derived]) -> tupl
         elif name in _COMPARED and abs(math.log(inside[key] / each.value)) > math.log(_FAR):
             at_odds.append(
                 f"{name} is given as {inside[key]:g}, where these logs say {each.value:g} ({each.why}); leave it out "
-                f"of the "
-                "bench file, and the measured one is used"
+                "of the bench file, and the measured one is used"
             )
     return reasons, at_odds
 

@@ -100,9 +100,8 @@ def full_cycles(experiments: Sequence[Experiment]) -> list[Experiment]:
     found = [t for t in experiments if t.kind == FULL and t.constant_load]
     if not found:
         raise IdentificationError(
-            "no log of full cycles at a constant load (open-loop pulses, from rest in the cold to rest in the heat and "
-            "back); "
-            "they are needed to find the branches and the ends of the stroke"
+            "no log of full cycles at a constant load (open-loop pulses, from rest in the cold to rest in the heat "
+            "and back); they are needed to find the branches and the ends of the stroke"
         )
     return found
 

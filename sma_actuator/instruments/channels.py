@@ -49,8 +49,7 @@ class Channels:
             # 0.02 V would pass for a room of 0.02 °C, and the heat balance would take the wire for colder than it is.
             raise InstrumentRefused(
                 f"instruments.daq.ambient_temperature_channel: is {ambient_channel}, but {who} reads every channel in "
-                f"volts; "
-                "0 is wanted, and the room's temperature in thermal.ambient_temperature"
+                "volts; 0 is wanted, and the room's temperature in thermal.ambient_temperature"
             )
 
     def reading(self, time_s: float, means: Sequence[float]) -> Reading:

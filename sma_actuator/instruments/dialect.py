@@ -196,8 +196,7 @@ class Dialect:
             if acknowledgement is None:
                 problems.append(
                     f"acknowledgement: {document['acknowledgement']!r}; a regular expression for the whole line that "
-                    f"answers a "
-                    "command is wanted, in quotes"
+                    "answers a command is wanted, in quotes"
                 )
         identity = _identity(document, queries, problems)
         if problems:

@@ -120,8 +120,7 @@ class NationalInstruments(MakersDaq):
     package = "nidaqmx"
     install = (
         "NI-DAQmx and the extra 'nidaqmx' are wanted (`nidaqmx installdriver` fetches the driver), and the name that "
-        "NI MAX "
-        "gives the device, as Dev1"
+        "NI MAX gives the device, as Dev1"
     )
 
     def _connect(self) -> None:

@@ -83,8 +83,7 @@ class DaqInstrument(Connection):
     package: str = parameter(
         "",
         "Python package of the DAQ's maker, instead of a dialect; resource is then the device's name there, and "
-        "channel n its "
-        "input n (0 stays free)",
+        "channel n its input n (0 stays free)",
         choices=("nidaqmx", "labjack"),
         optional=True,
     )

@@ -222,8 +222,7 @@ def _find_class(dotted: str) -> type:
     except (ImportError, ValueError, AttributeError) as error:
         raise ConfigError(
             f"instruments.supply.pymeasure_class: '{dotted}' cannot be imported ({error}); the dotted name of a class "
-            f"is wanted, as "
-            "pymeasure.instruments.keysight.KeysightE36312A, and the extra 'pymeasure' installed"
+            "is wanted, as pymeasure.instruments.keysight.KeysightE36312A, and the extra 'pymeasure' installed"
         ) from error
 
 

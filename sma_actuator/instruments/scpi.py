@@ -156,9 +156,8 @@ class ScpiSupply(SessionSupply):
         holds = all(armed) and 0.0 < delay_s <= wanted_s + dialect.watchdog_step_s + 1e-3
         if not holds:
             raise WatchdogNotHeld(
-                f"{self._session.name}: its watchdog was armed with {wanted_s:g} s and does not read back so: "
-                "a killed computer would leave the current on (supply.watchdog_timeout: 0 with "
-                "supply.allow_no_watchdog: true "
+                f"{self._session.name}: its watchdog was armed with {wanted_s:g} s and does not read back so: a killed "
+                "computer would leave the current on (supply.watchdog_timeout: 0 with supply.allow_no_watchdog: true "
                 "does without it)"
             )
 

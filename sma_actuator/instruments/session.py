@@ -338,8 +338,7 @@ class Session:
         if manner != self._manner:
             raise ConfigError(
                 "instruments.daq: has the same resource as instruments.supply, so both speak over one line; the same "
-                "serial, "
-                "backend, write_termination, read_termination and command_pause are wanted"
+                "serial, backend, write_termination, read_termination and command_pause are wanted"
             )
 
     def claim(self, why: str) -> Claim:
@@ -349,8 +348,7 @@ class Session:
         except OSError as error:
             raise InstrumentRefused(
                 f"{self.name}: another program on this computer, or another part of this one, speaks to it; only one "
-                f"may "
-                f"({why})"
+                f"may ({why})"
             ) from error
 
     @property
@@ -517,8 +515,7 @@ class Session:
                 self.give_up("")
                 raise InstrumentRefused(
                     f"{self.name}: it answers commands ('{_shown(lines[0])}' to '{self._told[0]}'): put "
-                    f"acknowledgement: "
-                    f"'{_shown(lines[0])}' into its dialect (docs/dialects.md)"
+                    f"acknowledgement: '{_shown(lines[0])}' into its dialect (docs/dialects.md)"
                 )
             self._answered = True
             self._told.clear()
@@ -594,8 +591,8 @@ class Session:
         except Exception as error:  # each backend raises its own
             raise InstrumentRefused(
                 f"instruments.{self.role}.backend: '{backend}' cannot be loaded ({_shown(str(error))}); py needs "
-                f"nothing more, ivi "
-                "wants the VISA library of NI, Keysight or R&S, and file.yaml@sim pyvisa-sim and that file"
+                "nothing more, ivi wants the VISA library of NI, Keysight or R&S, and file.yaml@sim pyvisa-sim and "
+                "that file"
             ) from error
 
     def _send(self, line: str, by_s: float) -> None:
@@ -669,8 +666,7 @@ class Session:
             self.give_up("")
             raise InstrumentRefused(
                 f"{self.name}: answered '{_shown(said)}' to '{line}', where acknowledgement '{self._wanted}' of its "
-                f"dialect was "
-                "wanted: it refuses that, or the dialect is not its own"
+                "dialect was wanted: it refuses that, or the dialect is not its own"
             )
 
     @property
@@ -717,8 +713,7 @@ class Session:
                 took_s = time.monotonic() - self._began_s
                 begun += (
                     f"; with the {self._answers} answers before it that took {took_s:.2g} s, and "
-                    f"instruments.{self.role}.timeout is "
-                    "the time for all of them together"
+                    f"instruments.{self.role}.timeout is the time for all of them together"
                 )
             if not self._answered and self.resource.upper().startswith("ASRL"):
                 begun += f"; is instruments.{self.role}.serial.baud_rate, {self._manner.serial.baud_rate}, right?"

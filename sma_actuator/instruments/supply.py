@@ -41,22 +41,19 @@ class Abilities:
             states["allow_no_watchdog"] = (
                 f"{self.what} has no communication watchdog, so a killed computer or a pulled network cable leaves the "
                 "current on; wire a relay into its output that drops out when the computer is silent, and a fuse that "
-                "the wire "
-                "survives"
+                "the wire survives"
             )
         elif not self.watchdog_of_session:
             states["allow_shared_watchdog"] = (
                 f"{self.what} has a communication watchdog that anybody's words feed, so whoever else speaks to it "
-                f"keeps the "
-                "current of a dead computer on; give it a network of its own, or wire a relay into its output that "
-                "drops out when "
-                "the computer is silent"
+                "keeps the current of a dead computer on; give it a network of its own, or wire a relay into its "
+                "output that drops out when the computer is silent"
             )
         if not self.watchdog and not self.second_session:  # else its silence cuts the output, whatever hangs
             states["allow_single_session"] = (
                 f"{self.what} is not known to take a second session and has no communication watchdog, so where its "
-                f"session "
-                "hangs the current stays on until that is closed; wire a switch into its output that a hand can reach"
+                "session hangs the current stays on until that is closed; wire a switch into its output that a hand "
+                "can reach"
             )
         lacking = [
             f"no {name} trip that can be read back"
@@ -68,8 +65,7 @@ class Abilities:
         if lacking:
             states["allow_no_trips"] = (
                 f"{self.what} has {' and '.join(lacking)}, so nothing in it stands against a setting that is wrong or "
-                f"that "
-                "somebody else has made; wire a fuse in series with the wire that it survives for ever"
+                "that somebody else has made; wire a fuse in series with the wire that it survives for ever"
             )
         return states
 
@@ -264,10 +260,8 @@ class SessionSupply(ABC):
         if not self._session.lock.acquire(timeout=_LOCK_TIMEOUT_s):
             self._session.cut()
             return False
-        patience_s, self._session.patience_s = (
-            self._session.patience_s,
-            0.0,
-        )  # where it takes one session only, this one is in the way
+        # where it takes one session only, this one is in the way
+        patience_s, self._session.patience_s = self._session.patience_s, 0.0
         try:
             with self._session.within():
                 self._off(self._session)

@@ -41,8 +41,7 @@ def _verdict(found: Sequence[Temperatures], best: Comparison) -> str:
     span = f"between {low:.0f} and {high:.0f} MPa" if high > low else f"at {low:.0f} MPa"
     return (
         f"{_span(strokes, '.2f')} % of strain and {_span(lags, '.1f')} K of hysteresis {span}; the {best.all.family} "
-        f"kinetics fit "
-        f"to {100 * float(np.mean([both(e) for e in best.seen])):.2f} % of the stroke."
+        f"kinetics fit to {100 * float(np.mean([both(e) for e in best.seen])):.2f} % of the stroke."
     )
 
 

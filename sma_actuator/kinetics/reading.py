@@ -81,8 +81,7 @@ def read_loop(path: str | Path, columns: ColumnMap = ColumnMap(known=COLUMNS)) -
         if missing:
             raise UserError(
                 f"{path}: line 1: no column {missing[0]}; {', '.join(COLUMNS)} are wanted, in any unit that the name "
-                f"says "
-                f"(strain_%, stress_MPa), or say which it is: --map {missing[0]}=THEIRS --unit {missing[0]}=UNIT"
+                f"says (strain_%, stress_MPa), or say which it is: --map {missing[0]}=THEIRS --unit {missing[0]}=UNIT"
             )
         temperature_C, strain, stress_Pa = (table.columns[name] for name in COLUMNS)
         bad = ~np.isfinite(temperature_C + strain + stress_Pa)
@@ -99,8 +98,7 @@ def _without_a_header(path: Path, rows: list[tuple[int, list[str]]]) -> tuple[np
     if len(rows[0][1]) != len(COLUMNS):
         raise UserError(
             f"{path}: line {rows[0][0]}: {len(rows[0][1])} columns and no header; a header that names "
-            f"{', '.join(COLUMNS)} is "
-            "wanted, or these three and no more"
+            f"{', '.join(COLUMNS)} is wanted, or these three and no more"
         )
     values = np.array([_numbers(path, number, words) for number, words in rows])
     return values[:, 0].copy(), values[:, 1].copy(), 1e6 * values[:, 2]
@@ -112,20 +110,17 @@ def _possible(path: Path, temperature_C: np.ndarray, strain: np.ndarray, stress_
     if stroke > MOST_STROKE:
         raise UserError(
             f"{path}: a strain of {stroke:.0%} from end to end is more than any wire has (at most {MOST_STROKE:.0%}); "
-            f"is it in "
-            "percent? Name the column strain_%, or say --unit strain=%"
+            "is it in percent? Name the column strain_%, or say --unit strain=%"
         )
     if (hottest_C := float(temperature_C.max())) > HOTTEST_C:
         raise UserError(
             f"{path}: {hottest_C:.0f} °C is hotter than any loop of a wire; is it in kelvin or fahrenheit? Name the "
-            f"column "
-            "temperature_K, or say --unit temperature_C=K"
+            "column temperature_K, or say --unit temperature_C=K"
         )
     if (largest_Pa := float(np.abs(stress_Pa).max())) > MOST_STRESS_Pa:
         raise UserError(
             f"{path}: {largest_Pa / 1e6:.0f} MPa is more than a wire bears; is the stress in another unit? Name the "
-            f"column "
-            "stress_Pa, or say --unit stress_Pa=kPa"
+            "column stress_Pa, or say --unit stress_Pa=kPa"
         )
 
 

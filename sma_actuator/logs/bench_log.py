@@ -189,8 +189,7 @@ def signals_from_log(log: BenchLog, config: LogSections) -> Signals:
     if "reference_voltage_V" in pair and not math.isfinite(config.circuit.reference_resistance):
         raise BenchLogError(
             f"{log.source}: line 1, column reference_voltage_V: is the voltage over a sense resistor that is not "
-            f"known; "
-            "circuit.reference_resistance in ohms is wanted (in the bench file, or --set "
+            "known; circuit.reference_resistance in ohms is wanted (in the bench file, or --set "
             "circuit.reference_resistance=OHM)"
         )
     if pair != ELECTRICAL[0]:
@@ -201,9 +200,8 @@ def signals_from_log(log: BenchLog, config: LogSections) -> Signals:
         if "load_N" not in log:
             raise BenchLogError(
                 f"{log.source}: line 1, column load_cell_voltage_V: is the voltage of a load cell that is not "
-                f"calibrated; "
-                "load_cell.slope in N/V and load_cell.offset in N are wanted (in the bench file, or "
-                "--set load_cell.slope=… --set load_cell.offset=…), or a column load_N"
+                "calibrated; load_cell.slope in N/V and load_cell.offset in N are wanted (in the bench file, or --set "
+                "load_cell.slope=… --set load_cell.offset=…), or a column load_N"
             )
         signals = dataclasses.replace(signals, load_N=log["load_N"], stress_Pa=log["load_N"] / config.wire.area_m2)
     if "displacement_m" in log and not ("lvdt_current_A" in log and config.reference_sensor.fitted):
@@ -299,8 +297,7 @@ def with_rising_stamps(log: BenchLog, say: Callable[[str], None] = lambda senten
     spread_s = np.repeat(stamps, count) + place * np.repeat(within, count)
     say(
         f"{log.name}: {len(time_s) - len(stamps)} readings have the stamp of the one before, as of a clock with steps "
-        f"of "
-        f"{step_s:.3g} s; they are spread evenly until the next stamp"
+        f"of {step_s:.3g} s; they are spread evenly until the next stamp"
     )
     return dataclasses.replace(log, columns={**log.columns, "time_s": spread_s})
 
@@ -408,8 +405,7 @@ def _missing_electrical(log: BenchLog) -> str:
     pairs = "; ".join(" and ".join(pair) for pair in ELECTRICAL)
     return (
         f"{_missing_column(('supply_voltage_V', 'reference_voltage_V'), log)}; resistance and current come from one of "
-        f"these "
-        f"pairs: {pairs}"
+        f"these pairs: {pairs}"
     )
 
 

@@ -120,10 +120,9 @@ def make_experiment(log: BenchLog, config, with_reference: bool = True) -> Exper
         largest_A = float(np.nan_to_num(signals.current_A, nan=0.0).max())
         raise BenchLogError(
             f"{log.source}: line 2: no reading has a resistance and a load: the current never exceeds {largest_A:.3g} "
-            f"A, where "
-            f"half of supply.bias_current ({config.supply.bias_current:g} A) is the least to measure resistance with, "
-            f"or the "
-            "load is missing; was the wire never driven, or is circuit.reference_resistance of another circuit?"
+            f"A, where half of supply.bias_current ({config.supply.bias_current:g} A) is the least to measure "
+            "resistance with, or the load is missing; was the wire never driven, or is circuit.reference_resistance "
+            "of another circuit?"
         )
     resistance_Ohm = np.median(signals.resistance_Ohm[good])
     safety = config.safety

@@ -355,8 +355,7 @@ def _no_tone(logs: Sequence[BenchLog], cycles: Sequence[Seen]) -> Finding:
         max(found)[1] if found else "none",
         not found,
         "look for what hums or shakes at that frequency (or faster: what is above half the rate of readings shows "
-        "below it), and average "
-        "over its whole periods",
+        "below it), and average over its whole periods",
         needed=False,
     )
 

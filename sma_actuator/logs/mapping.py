@@ -154,8 +154,8 @@ class ColumnMap:
         if unit is None:
             raise BenchLogError(
                 f"{table.source}: line 1: '{theirs}' is in {text}, which is no unit of {ours}; known are "
-                f"{', '.join(UNITS[own])}, "
-                f"or say what one of it is{_ONE_OF_IT.get((text, own), f', as --unit {ours}=1{own}')}"
+                f"{', '.join(UNITS[own])}, or say what one of it "
+                f"is{_ONE_OF_IT.get((text, own), f', as --unit {ours}=1{own}')}"
             )
         return unit, "" if text == own else f"in {text}"
 

@@ -268,8 +268,7 @@ def _extension_positive(
     names = ", ".join(log.name for log in turned) if len(turned) < len(asked) else "displacement_m"
     say(
         f"{names}: grows while the wire is heated, so it counts contraction; turned round, extension = {zero_m:.6g} m "
-        f"less it "
-        f"(to keep this zero for other logs: --unit displacement_m=-UNIT --offset displacement_m={zero_m:.6g})"
+        f"less it (to keep this zero for other logs: --unit displacement_m=-UNIT --offset displacement_m={zero_m:.6g})"
     )
     for i, each in enumerate(found):
         unit = each.units.get("displacement_m", "m")

@@ -41,8 +41,7 @@ def log_of_points(
     if np.count_nonzero(told) < _FEWEST:
         raise BenchLogError(
             f"{table.source}: {np.count_nonzero(told)} points with a resistance are no loop; at least {_FEWEST} are "
-            f"wanted, up and "
-            "down in current, one a row in the order in which they were measured"
+            "wanted, up and down in current, one a row in the order in which they were measured"
         )
     at_s = np.arange(ROUNDS * count) * seconds
     time_s = np.arange(0.0, at_s[-1] + 0.5 * PERIOD_s, PERIOD_s)
@@ -60,10 +59,8 @@ def log_of_points(
             columns[name] = np.interp(time_s, at_s, np.tile(points[name], ROUNDS))
     say(
         f"{points.name}: {count} steady points, gone through {ROUNDS} times with {seconds:g} s from each to the next "
-        f"along a "
-        f"smooth curve; below {LEAST_CURRENT:.0%} of the largest current ({count - np.count_nonzero(told)} points) the "
-        f"resistance "
-        "is that of its neighbours"
+        f"along a smooth curve; below {LEAST_CURRENT:.0%} of the largest current ({count - np.count_nonzero(told)} "
+        "points) the resistance is that of its neighbours"
     )
     return BenchLog(columns, {**metadata, STATIC: True}, table.source)
 
@@ -72,9 +69,8 @@ def _along(points: np.ndarray, place: np.ndarray) -> np.ndarray:
     """A smooth curve through points (n, dimensions) at ``place`` (m,), which is k at the k-th: shape (m,
     dimensions)."""
     size = np.maximum(np.nanmax(points, axis=0) - np.nanmin(points, axis=0), 1e-300)
-    apart = np.sqrt(np.linalg.norm(np.diff(points, axis=0) / size, axis=1))[
-        :, np.newaxis
-    ]  # the parameter of each stretch
+    # the parameter of each stretch
+    apart = np.sqrt(np.linalg.norm(np.diff(points, axis=0) / size, axis=1))[:, np.newaxis]
     apart = np.maximum(apart, 1e-9)
     slope = np.diff(points, axis=0) / apart
     bent = (points[2:] - points[:-2]) / (apart[:-1] + apart[1:])

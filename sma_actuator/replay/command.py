@@ -149,8 +149,7 @@ def error_rows(replays: list[Replay]) -> list[dict[str, Any]]:
 def _beside_live(replays: list[Replay]) -> list[str]:
     return [
         f"{r.experiment.name}: {next(iter(r.errors))} differs by at most {r.from_live_m * 1e3:.3g} mm from what the "
-        f"node had "
-        f"estimated, over {r.live_readings} readings with current"
+        f"node had estimated, over {r.live_readings} readings with current"
         for r in replays
         if r.live_readings
     ]

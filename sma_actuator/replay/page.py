@@ -29,8 +29,7 @@ def write_page(path: Path, replays: Sequence[Replay], config: Config) -> None:
     page.heading("Errors")
     page.text(
         f"Mean absolute errors in % of the full stroke of {config.wire.full_stroke_m * 1e3:.2f} mm; the working range "
-        f"goes from "
-        f"{low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm."
+        f"goes from {low_m * 1e3:.2f} to {high_m * 1e3:.2f} mm."
     )
     if len(names) == 1:
         page.table(

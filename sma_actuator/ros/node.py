@@ -140,8 +140,7 @@ def named(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str], 
         except InvalidNodeNameException:
             raise ConfigError(
                 f"--nodes, --joints: {name[:60]!r} is no name of a node: letters, digits and _ are wanted, no digit "
-                f"first, "
-                "255 characters at the most"
+                "first, 255 characters at the most"
             ) from None
     if len(set(names)) != len(names):
         raise ConfigError(f"--nodes, --joints: a name stands twice in {', '.join(names)}")

@@ -92,8 +92,7 @@ class NodeParameters(Generic[Parameters]):
             if self._flows():
                 problems += [
                     f"{name}: {change} guards the wire less; while the output is on it can only be made "
-                    f"{declaration.stricter}: "
-                    "switch it off first, ~/enable false"
+                    f"{declaration.stricter}: switch it off first, ~/enable false"
                     for name, change, declaration in loosened(self.config, changed)
                 ]
         return SetParametersResult(successful=not problems, reason="; ".join(problems))

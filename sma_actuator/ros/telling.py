@@ -156,9 +156,8 @@ class Telling(Generic[Output]):
             self._heard = [each for each in self._made if each[0].of is not Of.STATUS and is_heard(each[1])]
         if now_s >= self._status_due_s - 0.5 * TURN_PERIOD_s:  # the next turn may be further from it
             self._status_due_s = max(self._status_due_s + STATUS_PERIOD_s, now_s)
-            self._speaker.say(
-                self.latest
-            )  # what goes on without being new is noted as well, so that it is not said again
+            # what goes on without being new is noted as well, so that it is not said again
+            self._speaker.say(self.latest)
             self.publish_status()
 
     def moves(self) -> bool:

@@ -138,9 +138,8 @@ WIRE = (
     Published("~/load", WrenchStamped, _load),
     Published("~/reference", JointState, _reference, is_made=_has_reference),
     Published("~/command_current", Float64, _command_current),
-    Published(
-        "~/signals", JointState, _signals, Of.EVERY, OUTPUTS_WAITING
-    ),  # some seconds' worth, for who records them
+    # some seconds' worth, for who records them
+    Published("~/signals", JointState, _signals, Of.EVERY, OUTPUTS_WAITING),
     *STATUS,
 )
 

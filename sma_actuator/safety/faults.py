@@ -48,8 +48,7 @@ def markdown() -> str:
         ),
         (
             "wire where it is, or at the last good setpoint; **bias** lowers the current to `supply.bias_current`; "
-            "**off** "
-            "is"
+            "**off** is"
         ),
         "current zero and output off.",
         "",

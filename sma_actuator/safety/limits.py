@@ -22,10 +22,9 @@ SETPOINT_RANGE = Limit(
     "setpoint held at the end of what can be reached now",
     "Ask for positions between shortest_m and longest_m of the status, or change the load",
     "setpoint shorter or longer than the wire can be held at its present load: the ends of the calibration at this "
-    "stress, inside "
-    "model.displacement_range for the thesis's models; no shorter than the heat reaches that supply.max_current holds "
-    "(without a "
-    "watchdog: thermal.heat_loss_margin). Without a calibration: model.displacement_range",
+    "stress, inside model.displacement_range for the thesis's models; no shorter than the heat reaches that "
+    "supply.max_current holds (without a watchdog: thermal.heat_loss_margin). Without a calibration: "
+    "model.displacement_range",
     ONE_STEP,
 )
 SETPOINT_RATE = Limit(
@@ -70,17 +69,13 @@ TEMPERATURE_DERATING = Limit(
     "current limit lowered by temperature",
     "Give the wire time to cool",
     "the largest current that could flow on until supply.watchdog_timeout cuts it (for ever, where there is no "
-    "watchdog) "
-    "and leave the wire below thermal.max_temperature even if it lost only heat_loss / heat_loss_margin, or "
+    "watchdog) and leave the wire below thermal.max_temperature even if it lost only heat_loss / heat_loss_margin, or "
     f"{SUDDENLY:g} of what it has shown to lose in the last {LOSING_TIMES:g} of its time constants, from what the "
-    f"first "
-    "heat balance says, but no more than its resistance: thermal.transformed_temperature at the least resistance since "
-    "the "
-    f"wire was certainly below it, and 1 K for each {LEAST_SLOPE_1_K:g} more of it; and above "
+    "first heat balance says, but no more than its resistance: thermal.transformed_temperature at the least "
+    f"resistance since the wire was certainly below it, and 1 K for each {LEAST_SLOPE_1_K:g} more of it; and above "
     "thermal.derate_temperature, by the parameters' heat_loss, from supply.max_current linearly down to "
     "supply.bias_current at max_temperature. A wire of which nothing is known yet counts as that hot; it, and one "
-    "whose "
-    "resistance does not tell when the balance comes to its end, gets the bias until it is certainly below "
+    "whose resistance does not tell when the balance comes to its end, gets the bias until it is certainly below "
     "transformed_temperature",
     ONE_STEP,
 )
@@ -91,25 +86,20 @@ ANSWER_LATE = Limit(
     "Take other work off this computer, or off the instruments' network; where they are always so slow, raise "
     "instruments.supply.timeout or instruments.daq.timeout",
     "no complete answer within instruments.supply.timeout or instruments.daq.timeout, which may still come; the "
-    "setpoint stands, "
-    "and what does not come is supply_lost or daq_lost",
+    "setpoint stands, and what does not come is supply_lost or daq_lost",
     longest(parameter_value("instruments.supply.timeout"), parameter_value("instruments.daq.timeout")) + ONE_STEP,
 )
 SETPOINT_REACH = Limit(
     "setpoint_reach",
     "no further contraction: no more heat moves the wire",
     "Ask for positions that the wire can hold under this load, where its resistance tells where it is",
-    "all of supply.max_current in a wire that is warm from it "
-    f"({100 * WARM:g} % of what it will be), or all that the limits leave in one that is {BEYOND_K:g} K hotter than it "
-    f"has "
-    "contracted at this stress (by the calibration and the heat balance), and for the longer of "
-    f"{PATIENCE_s:g} s and {PATIENCE_TIMES:g} of its time constants not {100 * MOTION:g} % of the full stroke of "
-    f"motion towards "
-    f"the setpoint; the shortest setpoint is then {100 * BACK_OFF:g} % longer than the wire seems to be, until another "
-    f"is "
-    f"asked for, the load changes, or it is tried again: after {FIRST_AGAIN_TIMES:g} of the wire's time constants, in "
-    f"vain "
-    f"twice as long, at most {LAST_AGAIN_TIMES:g}",
+    f"all of supply.max_current in a wire that is warm from it ({100 * WARM:g} % of what it will be), or all that the "
+    f"limits leave in one that is {BEYOND_K:g} K hotter than it has contracted at this stress (by the calibration and "
+    f"the heat balance), and for the longer of {PATIENCE_s:g} s and {PATIENCE_TIMES:g} of its time constants not "
+    f"{100 * MOTION:g} % of the full stroke of motion towards the setpoint; the shortest setpoint is then "
+    f"{100 * BACK_OFF:g} % longer than the wire seems to be, until another is asked for, the load changes, or it is "
+    f"tried again: after {FIRST_AGAIN_TIMES:g} of the wire's time constants, in vain twice as long, at most "
+    f"{LAST_AGAIN_TIMES:g}",
     longest(
         PATIENCE_s, PATIENCE_TIMES * parameter_value("thermal.heat_capacity") / parameter_value("thermal.heat_loss")
     )

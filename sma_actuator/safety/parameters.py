@@ -85,8 +85,7 @@ class SafetyParameters:
     current_drift: float = parameter(
         0.015,
         "share by which the DAQ's current may drift from the supply's; sense resistors that warm with their own "
-        "current do "
-        "by a per cent",
+        "current do by a per cent",
         "1",
         1e-3,
         1.0,

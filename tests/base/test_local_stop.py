@@ -11,9 +11,8 @@ from sma_actuator.base import local_stop
 from sma_actuator.base.local_stop import StopListener, ask_here
 
 PATIENCE_s = 60.0  #: of a stalled machine
-SERVICES = [
-    f"/arm_{os.getpid()}/{name}/stop" for name in ("left", "right")
-]  # other runs of the tests have the same names
+# other runs of the tests have the same names
+SERVICES = [f"/arm_{os.getpid()}/{name}/stop" for name in ("left", "right")]
 
 
 @pytest.fixture

@@ -101,9 +101,8 @@ def test_two_light_weights_are_two_stresses():
     are."""
     stress_Pa = np.array([15.0, 15.1, 22.0, 22.1, 32.0, 45.0, 62.0, 85.0, 118.0, 120.0]) * 1e6
     np.testing.assert_allclose(clusters(stress_Pa), np.array([15.05, 22.05, 32.0, 45.0, 62.0, 85.0, 119.0]) * 1e6)
-    np.testing.assert_allclose(
-        clusters([-0.2e6, 0.1e6, 0.3e6, 30e6]), [0.2e6 / 3, 30e6]
-    )  # what a load cell's zero is off
+    # what a load cell's zero is off
+    np.testing.assert_allclose(clusters([-0.2e6, 0.1e6, 0.3e6, 30e6]), [0.2e6 / 3, 30e6])
 
 
 def test_the_hot_end_is_known_under_every_load(identified):

@@ -30,11 +30,12 @@ def family(request, make_config):
             (f"supply.allow_{what}" for what in ("no_watchdog", "single_session", "no_trips")), True
         )
         changes |= {"instruments.supply.resource": line.resource, "instruments.supply.dialect": name}
+        # a rate that a busy machine keeps
         changes |= {
             "supply.watchdog_timeout": 0.0,
             "loop.rate": 20.0,
             "loop.samples_per_block": 20,
-        }  # a rate that a busy machine keeps
+        }
         changes |= {"instruments.supply.channel": 6 if name == "tdk_genesys" else 1}
         yield emulator, line, Config.from_mapping(make_config(**changes))
         assert emulator.refused == [], "its manual has no such command"

@@ -99,9 +99,8 @@ def test_what_takes_more_memory_than_a_log_may_is_refused_before_it_is_unpacked(
             BenchLogError, match=r"bomb\.\w+: takes more than 0\.004 GB where it is unpacked; cut the log"
         ):
             read_table(path)
-        assert (
-            tracemalloc.get_traced_memory()[1] < 4 * NUMBERS
-        )  # half of what it would take, with what a library imports
+        # half of what it would take, with what a library imports
+        assert tracemalloc.get_traced_memory()[1] < 4 * NUMBERS
     finally:
         tracemalloc.stop()
 

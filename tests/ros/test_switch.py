@@ -75,9 +75,8 @@ def later(client):
     """Asks for on, and does not wait for the answer."""
 
     def ask(name):
-        client.call(
-            name, SetBool, SetBool.Request(data=False)
-        )  # what is asked before both sides know each other is lost
+        # what is asked before both sides know each other is lost
+        client.call(name, SetBool, SetBool.Request(data=False))
         return client.services[name].call_async(SetBool.Request(data=True))
 
     return ask

@@ -347,9 +347,8 @@ def test_what_was_just_seen_is_downloaded_as_a_bench_log(stand, tmp_path):
 
     rows, setpoint_m = with_page(stand, work)
     log = read_bench_log(tmp_path / "seen.csv", allow_gaps=True)
-    assert (
-        len(log) >= len(rows) - 5
-    )  # the page draws a part of them; the last may still be on their way to one of the two
+    # the page draws a part of them; the last may still be on their way to one of the two
+    assert len(log) >= len(rows) - 5
     assert log["setpoint_m"][-1] == setpoint_m
     assert np.nanmin(np.abs(log["displacement_estimate_m"] - 0.0024)) < 2e-4
 

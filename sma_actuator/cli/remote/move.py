@@ -125,8 +125,7 @@ def beyond_words(asked_m: float, status: Status) -> str:
     which, end_m = ("short", short_m) if asked_m < short_m else ("long", long_m)
     return (
         f"{asked_m * 1e3:.3f} mm is beyond what the wire reaches at this load, {short_m * 1e3:.3f} to "
-        f"{long_m * 1e3:.3f} mm; it "
-        f"is held at its {which} end, {end_m * 1e3:.3f} mm"
+        f"{long_m * 1e3:.3f} mm; it is held at its {which} end, {end_m * 1e3:.3f} mm"
     )
 
 

@@ -105,9 +105,8 @@ def run(args: argparse.Namespace) -> int:
     console.print(f"wrote {args.out / 'forward.yaml'}, report.json and report.html")
     say_next(
         args,
-        f"look at {args.out / 'report.html'}; to judge new runs by this wire: "
-        f"sma-actuator forward {' '.join(str(run) for run in args.runs)} --wire {args.out / 'forward.yaml'} --judge "
-        f"NEW.csv --out DIR",
+        f"look at {args.out / 'report.html'}; to judge new runs by this wire: sma-actuator forward "
+        f"{' '.join(str(run) for run in args.runs)} --wire {args.out / 'forward.yaml'} --judge NEW.csv --out DIR",
     )
     return 0
 
@@ -155,8 +154,7 @@ def _check(
     if not judge and len(runs) < 3:
         raise UserError(
             f"{run_paths[0]}: {len(runs)} run{'s' * (len(runs) > 1)} cannot choose effects and judge them; give at "
-            f"least 3, "
-            "or 2 and another for --judge"
+            "least 3, or 2 and another for --judge"
         )
     for r, path in zip((*runs, *judge), (*run_paths, *judge_paths), strict=True):
         if not (r.duty > 1e-3).any():

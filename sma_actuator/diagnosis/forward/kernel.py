@@ -141,9 +141,8 @@ def _advance(c, stand, bands, parts, memory_m, memory_r, duty, step_s, out):
     """Fill ``out`` (n, 6), row i at the end of step i; ``parts`` hold a wire that is to be cooled from the hot end."""
     x = c.transformation
     ambient = stand.ambient_C
-    load = max(
-        stand.preload_N - stand.friction_N, 0.0
-    )  # the last thing it did was to cool: the slider followed the spring
+    # the last thing it did was to cool: the slider followed the spring
+    load = max(stand.preload_N - stand.friction_N, 0.0)
     mean_m = 0.0
     mean_r = 0.0
     for j in range(parts.shape[0]):

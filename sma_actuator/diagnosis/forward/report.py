@@ -194,8 +194,7 @@ def _shows(found: ForwardTracing) -> list[str]:
         if abs(measured - modelled) > 2.0 * run.stroke_m:
             out.append(
                 f"a movement the way of contraction after power off of {measured:.2f} mm, in the model "
-                f"{max(modelled, 0.0):.2f} mm "
-                f"({run.name})"
+                f"{max(modelled, 0.0):.2f} mm ({run.name})"
             )
         stands, model_stands = (standstill_s(run, x, off) for x in (run.coarse_position_m, predict(wire, run)))
         if stands - model_stands > 0.25:
@@ -234,8 +233,7 @@ def _power_off(found: ForwardTracing) -> list[str]:
         if stands - modelled > 0.25:
             out.append(
                 f"{run.name}: before that it stands for {stands:.1f} s, in the model for {modelled:.1f} s: like a dead "
-                f"band (play or "
-                "friction), but the runs do not give it one size."
+                "band (play or friction), but the runs do not give it one size."
             )
     return out
 

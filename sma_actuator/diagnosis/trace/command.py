@@ -217,8 +217,7 @@ def _isolability(args: argparse.Namespace) -> int:
     best = report["experiments"][0]
     shown.print(
         f"the experiment that would tell most: {best['what']} ({best['duration_s']:.0f} s), {best['adds_bits']:.2f} "
-        f"bits more of "
-        f"{report['most_bits']:.1f} (these logs: {report['known_bits']:.2f}); {tells_in_words(best)}"
+        f"bits more of {report['most_bits']:.1f} (these logs: {report['known_bits']:.2f}); {tells_in_words(best)}"
     )
     console.print(f"wrote {written[0]}, {written[1].name}", markup=False)
     return 0
@@ -290,9 +289,8 @@ def _print(console: Console, report: dict) -> None:
         x = a["experiment"]
         console.print(
             f"instead of {a['instead_of']} it could be {a['name']} (better in {a['confidence']:.0%} of redrawn "
-            f"cycles); to tell them apart "
-            f"{x['what']} ({x['duration_s']:.0f} s): what the two expect of the reference sensor then moves "
-            f"{x['predicted_difference_m'] * 1e3:.2f} mm apart"
+            f"cycles); to tell them apart {x['what']} ({x['duration_s']:.0f} s): what the two expect of the reference "
+            f"sensor then moves {x['predicted_difference_m'] * 1e3:.2f} mm apart"
         )
     for note in report["notes"]:
         console.print(f"note: {note}")

@@ -55,8 +55,7 @@ class Evidence:
         if error > LIMITS.hopeless:
             raise BenchLogError(
                 f"{self.logs.experiments[0].log.source}: the model errs by {error:.0f} % of full stroke on these logs; "
-                f"it is not of this wire, or "
-                "circuit, load_cell or reference_sensor are those of another bench"
+                "it is not of this wire, or circuit, load_cell or reference_sensor are those of another bench"
             )
 
     def _residual(self, config: Config) -> Residual:

@@ -62,8 +62,7 @@ class Limits:
     other_speed: float = parameter(
         1.0,
         "the same, per share of the stroke that a passage is more or less ahead of its lag than the calibration's: "
-        "latent heat and "
-        "heat capacity were learned at one speed",
+        "latent heat and heat capacity were learned at one speed",
         "of the rise",
         0.0,
     )
@@ -88,8 +87,7 @@ class Limits:
     least_beside: float = parameter(
         0.13,
         "share of what two effects explain that is each one's own: a second name for a small rest, chosen among all "
-        "there are, makes "
-        "a first name look clean that is wrong",
+        "there are, makes a first name look clean that is wrong",
         "1",
         0.0,
         1.0,
@@ -97,8 +95,7 @@ class Limits:
     most_beside: float = parameter(
         0.04,
         "what a second name may take off beside a first that leaves nothing unusual, of what the first does: a "
-        "relative of the true "
-        "effect leaves what the two differ by",
+        "relative of the true effect leaves what the two differ by",
         "1",
         0.0,
     )
@@ -154,8 +151,7 @@ def markdown() -> str:
         "",
         (
             "Printed by `python -m sma_actuator.diagnosis.trace.limits > docs/tracing_limits.md`. News, floor, excess "
-            "and "
-            "witness are in the"
+            "and witness are in the"
         ),
         (
             "[glossary](glossary.md); σ is a standard deviation of the calibration. They were chosen on the designed "

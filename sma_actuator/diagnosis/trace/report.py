@@ -92,8 +92,8 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
         else [
             (
                 "the logs do not follow each other on one clock: each counts as a session, and what changes from one "
-                "to the next (a slip, a "
-                "drift) cannot show; where they are one session, let time_s go on from log to log"
+                "to the next (a slip, a drift) cannot show; where they are one session, let time_s go on from log to "
+                "log"
             )
         ],
         "model_file": str(model_file) if model_file else None,
@@ -141,8 +141,7 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
     if tracing.verdict == "none":
         return (
             f"Nothing is missing: of the error {tracing.news_percent['before'].mean():.2f} % of full stroke is not "
-            f"what the "
-            f"calibration lets expect, and up to {tracing.gate_percent:.2f} % is usual for these logs."
+            f"what the calibration lets expect, and up to {tracing.gate_percent:.2f} % is usual for these logs."
         )
     names = list(tracing.fit.names) if tracing.fit else []
     if tracing.verdict == "traced":
@@ -158,8 +157,7 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
         further, share = tracing.beside
         text += (
             f" {' and '.join(names)} would leave nothing unusual, but {further} beside that would take off {share:.0%} "
-            f"more: a relative "
-            "of what is there leaves such a rest, so it may be the wrong name."
+            "more: a relative of what is there leaves such a rest, so it may be the wrong name."
         )
     elif names:
         text += f" {' and '.join(names)} would take off part of it (that is the error after), and may be the wrong name"
@@ -179,10 +177,8 @@ def _trained_first(changed_percent: float) -> str:
         return ""
     return (
         f" The wire changed while it was calibrated: its hot end moved by {changed_percent:.1f} % of full stroke, and "
-        f"what the "
-        "model lacks of these logs may be no more than that. Train it first (characterise does, with "
-        "--training-cycles), "
-        "and identify it again."
+        "what the model lacks of these logs may be no more than that. Train it first (characterise does, with "
+        "--training-cycles), and identify it again."
     )
 
 

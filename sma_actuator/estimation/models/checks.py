@@ -13,8 +13,7 @@ SIZE_TOLERANCE = 0.02
 _RESISTIVITIES_Ohm_m = np.linspace(0.4e-6, 1.3e-6, 91)
 COUNTS_CONTRACTION = (
     "so it counts contraction, and with it a controller would heat where it should cool; turn the sign of the "
-    "displacement in "
-    "its logs (--unit displacement_m=-mm) and identify the wire again"
+    "displacement in its logs (--unit displacement_m=-mm) and identify the wire again"
 )
 
 

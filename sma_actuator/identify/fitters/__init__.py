@@ -117,8 +117,7 @@ def _one_size(experiments: Sequence[Experiment]) -> list[str]:
     return [
         (
             "every log is of a wire of the same size, so nothing says that this model holds for another; logs of at "
-            "least "
-            "two lengths or diameters would (each with its wire in the JSON file beside it)"
+            "least two lengths or diameters would (each with its wire in the JSON file beside it)"
         )
     ]
 

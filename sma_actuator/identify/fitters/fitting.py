@@ -182,8 +182,7 @@ def at_bound(name: str, value: float, low: float, high: float, unit: str, means:
     return [
         (
             f"{name} stands at the end of what the fit may take ({value:.4g}, of {low:.4g} to {high:.4g} {unit}): "
-            f"{means}; its "
-            "interval says nothing"
+            f"{means}; its interval says nothing"
         )
     ]
 
@@ -266,8 +265,7 @@ def require_loads(experiments: Sequence[Experiment], order: int, what: str) -> N
         ]
         why = (
             f"; at {_loads_N(hurried)} the wire still moved where a pulse or the pause after it ended, make these "
-            f"longer "
-            "(characterise --heat-time, --cool-time)"
+            "longer (characterise --heat-time, --cool-time)"
             if hurried
             else ""
         )

@@ -122,8 +122,7 @@ def _about_loads(loads: Sequence[Mapping[str, float]], working: float) -> list[s
     return [
         (
             f"not for {words}: the polynomials in stress do not reach there; measure at loads beside it, or leave it "
-            f"out and "
-            "keep away from it"
+            "out and keep away from it"
         )
     ]
 
@@ -131,12 +130,10 @@ def _about_loads(loads: Sequence[Mapping[str, float]], working: float) -> list[s
 def _about_one_load(unseen: Unseen, foreign_N: tuple[float, float]) -> str:
     return (
         f"for one load, {float(np.mean(unseen.load_N)):.2f} N: another costs up to some 1.5 % of full stroke for each "
-        f"tenth that it "
-        f"differs (measured on the virtual bench); below {foreign_N[0]:.2f} and above {foreign_N[1]:.2f} N the node "
-        f"calls the "
-        "estimate outside its calibration, and switches off where that lasts (estimator_outside); to use other loads "
-        "record "
-        "pulses at two or three more weights and give identify all the logs"
+        f"tenth that it differs (measured on the virtual bench); below {foreign_N[0]:.2f} and above {foreign_N[1]:.2f} "
+        "N the node calls the estimate outside its calibration, and switches off where that lasts "
+        "(estimator_outside); to use other loads record pulses at two or three more weights and give identify all the "
+        "logs"
     )
 
 
@@ -151,8 +148,7 @@ def _about_ends(unseen: Unseen, regions: Mapping[str, float], range_m: tuple[flo
         if regions[name] > GOOD_percent:
             out.append(
                 f"not for the {name} ({words}, {share:.0%} of the samples): {regions[name]:.1f} %, since resistance "
-                f"hardly "
-                f"moves with displacement there; keep setpoints inside{other}"
+                f"hardly moves with displacement there; keep setpoints inside{other}"
             )
         else:
             good.append(f"the {name} too ({regions[name]:.1f} %)")
@@ -164,8 +160,7 @@ def _about_partial_cycles(regions: Mapping[str, float], other: str) -> list[str]
         return [
             (
                 "partial cycles are not judged: the logs hold none inside the working range; a controller drives "
-                "little else, "
-                "so record some (characterise does) and give them to identify"
+                "little else, so record some (characterise does) and give them to identify"
             )
         ]
     error = regions["partial cycles"]

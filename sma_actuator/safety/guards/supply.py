@@ -203,14 +203,13 @@ def current_drifts(step: Step) -> str:
         max(told.current_A, setting_A),
         share,
     )
-    jumped = (
-        abs(step.signals.current_A - told.current_A) > step.config.safety.current_disagreement
-    )  # supply_disagrees, if it lasts
+    # supply_disagrees, if it lasts
+    jumped = abs(step.signals.current_A - told.current_A) > step.config.safety.current_disagreement
     if jumped or not abs(change_A) > allowed_A:
         return ""
     currents.forget()
     return (
         f"at {told.current_A:.3g} A the DAQ measures {change_A * 1e3:+.3g} mA more than when such a current first "
-        f"flowed, the supply "
-        f"{(supply.current_A - told.current_A) * 1e3:+.3g} mA more than it was told; safety.current_drift is {share:g}"
+        f"flowed, the supply {(supply.current_A - told.current_A) * 1e3:+.3g} mA more than it was told; "
+        f"safety.current_drift is {share:g}"
     )

@@ -146,10 +146,8 @@ def heat_loss_wrong(step: Step) -> str:
         return ""
     return (
         f"for {lasts_s:.3g} s the wire is contracted to {step.estimate.displacement_m * 1e3:.3g} mm and the balance "
-        f"says "
-        f"{heat.temperature_C:.0f} °C; it cools more slowly than thermal.heat_loss, {thermal.heat_loss:g} W/K, has it, "
-        f"or the "
-        f"surroundings are warmer than {heat.ambient.temperature_C:.0f} °C"
+        f"says {heat.temperature_C:.0f} °C; it cools more slowly than thermal.heat_loss, {thermal.heat_loss:g} W/K, "
+        f"has it, or the surroundings are warmer than {heat.ambient.temperature_C:.0f} °C"
     )
 
 

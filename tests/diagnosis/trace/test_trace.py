@@ -190,9 +190,8 @@ def test_the_power_to_transform_tells_it_from_surroundings_of_another_temperatur
     found, wrong = (trace(evidence, only=[name], jobs=1) for name in ("ambient_temperature", "heat_loss"))
     assert found.fit.values["ambient_temperature"]["difference"] == pytest.approx(warmer_K, abs=3.0)
     assert not found.unusual and wrong.unusual
-    if (
-        warmer_K > 0.0
-    ):  # colder ones take more power too: then only what is left over it speaks against another heat loss
+    # colder ones take more power too: then only what is left over it speaks against another heat loss
+    if warmer_K > 0.0:
         assert {power, "resistance at cold rest"} <= set(wrong.unusual)
 
 

@@ -24,9 +24,8 @@ class Power:
 
     def __init__(self, logs: Prepared, unit: Sequence[np.ndarray], config: Config, calibration: Calibration):
         self.logs, self.calibration, self._thermal = logs, calibration, config.thermal
-        if math.isfinite(
-            calibration.ambient_temperature
-        ):  # where none is logged, it is that until an effect says otherwise
+        # where none is logged, it is that until an effect says otherwise
+        if math.isfinite(calibration.ambient_temperature):
             self._thermal = dataclasses.replace(self._thermal, ambient_temperature=calibration.ambient_temperature)
         self._passages = [self._found(number) for number in range(len(logs.experiments))]
         units = [int(unit[i][rows[0]]) for i, found in enumerate(self._passages) for _, rows in found]

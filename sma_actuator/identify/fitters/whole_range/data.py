@@ -51,9 +51,8 @@ class Data:
         self.lengths = lengths[: len(experiments)]
         self.first = np.zeros(len(self.time), dtype=np.bool_)
         self.first[np.cumsum([0, *lengths[:-1]])] = begins_anew(experiments) * copies
-        if (
-            len(experiments) < FOLDS
-        ):  # of a few long logs a third of the cycles is held out in turn, one beside the other
+        # of a few long logs a third of the cycles is held out in turn, one beside the other
+        if len(experiments) < FOLDS:
             thirds = [_thirds(p[7]) for p in parts[: len(experiments)]]
             self.log_fold = np.concatenate(thirds * copies)
         else:
@@ -64,8 +63,7 @@ class Data:
         if len(experiments) < FOLDS and cycles < FOLDS:
             raise IdentificationError(
                 f"whole_range: {FOLDS} logs or cycles at least are needed, some to be left out while the others are "
-                f"fitted; "
-                f"there {'is' if cycles == 1 else 'are'} {cycles}: heat and cool the wire more often"
+                f"fitted; there {'is' if cycles == 1 else 'are'} {cycles}: heat and cool the wire more often"
             )
         stride = max(1, -(-len(self.time) // MOST_ROWS))
         self.rows = np.arange(0, len(self.time), stride)
