@@ -301,7 +301,7 @@ def _unlinked(part):
 
 
 def _folder_removed(part):
-    shutil.rmtree(part.parent)
+    shutil.rmtree(part.parent, ignore_errors=True)  # it stays where the recorder has gone on in it meanwhile
 
 
 def _folder_moved(part):
