@@ -1,8 +1,10 @@
 """Sensors that lie slowly or plausibly, while the wire is driven: nothing jumps, nothing stands still to the last
 digit.
 
-The judge knows the bench's truth: by how much more the position is wrong than before the lie, until a fault says that
-something is wrong; and that an honest stand is never accused, in any physics, whatever it is asked for.
+At home with the parameters that ship, elsewhere the user's way, as in `ends`: a model from the wire's own logs, limits
+by `init`; with another wire's parameters guards accuse these, rightly, before anything lies.  The judge knows the
+bench's truth: by how much more the position is wrong than before the lie, until a fault says that something is wrong;
+and that an honest stand is never accused, in any physics, whatever it is asked for.
 """
 
 from __future__ import annotations
@@ -10,19 +12,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
+from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Output
 from sma_actuator.bench.bench import VirtualBench
 from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply, VirtualClock
 from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.driver import Driver
 from sma_actuator.plant.loads import Load, Spring, Weight
+from sma_actuator.plant.worlds import HOME
 
+from .ends import TRAINED, identified
 from .heat import UNITS
 from .result import Result, Violation
 
-CONFIG = Path(__file__).resolve().parents[1] / "config"
 LOADS: tuple[Load, ...] = (Weight(0.49), Weight(0.98), Spring(400.0, 0.6), Weight(1.96))
 BEGINS_s, LASTS_s = 25.0, 60.0
 PERIOD_s = 9.0
@@ -63,13 +66,19 @@ def _steps(time_s: float) -> float:
 MOTIONS: dict[str, Callable[[float], float]] = {"held": _held, "sine": _sine, "steps": _steps}
 
 
+def shipped(wire: str) -> Config:
+    """The parameters of a wire that ship."""
+    return Config.from_mapping(read_parameter_file(shared_file(f"config/{wire}.yaml")))
+
+
 class Lying:
     """One wire in one physics."""
 
     def __init__(self, unit: int):
         self.unit = unit
         self.wire, self.physics = UNITS[unit]
-        self.config = Config.from_mapping(read_parameter_file(CONFIG / f"{self.wire}.yaml"))
+        self.cycles = 0.0 if self.physics == HOME else TRAINED
+        self.config = shipped(self.wire) if self.physics == HOME else identified(self.wire, self.physics)
         self.result = Result()
 
     def run(self) -> Result:
@@ -114,7 +123,7 @@ class Lying:
         """The largest error of the position before the lie and after it, in full strokes; the last output, and how long
         after the lie began it came [s]."""
         config = self.config
-        bench = VirtualBench.from_name(self.wire, seed=self.unit, load=load, physics=self.physics)
+        bench = VirtualBench.from_name(self.wire, seed=self.unit, load=load, physics=self.physics, cycles=self.cycles)
         worst, outputs = [0.0, 0.0], []
 
         def look(output: Output) -> None:

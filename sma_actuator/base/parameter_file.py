@@ -33,7 +33,10 @@ def parameters_in(path: str | Path, node: str = NODE_NAME) -> dict[str, Any]:
     document = read_sections(path)
     for name in (node, f"/{node}", "/**"):
         if isinstance(document.get(name), Mapping) and "ros__parameters" in document[name]:
-            return dict(document[name]["ros__parameters"] or {})
+            held = document[name]["ros__parameters"]
+            if held is not None and not isinstance(held, Mapping):
+                raise ConfigError(f"{path}: '{name}: ros__parameters:' holds no parameters; 'name: value' is wanted")
+            return dict(held or {})
     found = ", ".join(map(str, document))
     found = found if len(found) <= 200 else f"{found[:180]}… ({len(document)} in all)"
     raise ConfigError(f"{path}: has no section '{node}: ros__parameters:'; found {found}")

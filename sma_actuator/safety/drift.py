@@ -59,10 +59,10 @@ class CurrentsApart:
             return nan, nan
         supply_A, above_A, vague_A = seen
         drift_A = share * supply_A + FLOOR_A
-        change_A, allowed_A = self._change(supply_A, above_A)
-        allowed_A += drift_A + vague_A
+        change_A, known_A = self._change(supply_A, above_A)
+        allowed_A = known_A + drift_A + vague_A
         if vague_A <= drift_A and not abs(change_A) > allowed_A:
-            self._note(supply_A, above_A, vague_A)
+            self._note(supply_A, above_A, vague_A, change_A, known_A)
         return change_A, allowed_A
 
     def _means_now(self) -> tuple[float, float, float]:
@@ -90,22 +90,19 @@ class CurrentsApart:
         after = bisect.bisect(noted, (supply_A,))
         if 0 < after < len(noted):
             (low_A, low, low_vague), (high_A, high, high_vague) = noted[after - 1], noted[after]
-            expected_A = low + (supply_A - low_A) / (high_A - low_A) * (high - low)
-            return above_A - expected_A, max(low_vague, high_vague)
+            way = (supply_A - low_A) / (high_A - low_A)
+            return above_A - (low + way * (high - low)), low_vague + way * (high_vague - low_vague)
         found = [(above_A - noted_A, vague_A + SCALE * abs(supply_A - at_A)) for at_A, noted_A, vague_A in noted]
         return max(found, key=lambda each: abs(each[0]) - each[1], default=(nan, nan))
 
-    def _note(self, supply_A: float, above_A: float, vague_A: float) -> None:
-        """Note a current that is new, or a difference that is known more exactly than it was."""
+    def _note(self, supply_A: float, above_A: float, vague_A: float, change_A: float, known_A: float) -> None:
+        """Note a current that is new, or a difference that is known more exactly than from those that were noted."""
         noted = self._noted
         near = [each for each in noted if each[0] / WIDER <= supply_A <= each[0] * WIDER]
-        for each in near:
-            if vague_A < 0.5 * each[2] and abs(above_A - each[1]) <= vague_A + each[2]:
-                noted.remove(each)
-                near.remove(each)
-                break
-        if not near and not (noted and noted[0][0] < supply_A < noted[-1][0]):
-            bisect.insort(noted, (supply_A, above_A, vague_A))
+        is_new = not near and not (noted and noted[0][0] < supply_A < noted[-1][0])
+        exact = vague_A < 0.5 * min((known_A, *(each[2] for each in near))) and abs(change_A) <= vague_A + known_A
+        if is_new or exact:
+            self._noted = sorted([*(each for each in noted if each not in near), (supply_A, above_A, vague_A)])
 
     def _take(self, now_s: float, values: tuple[float, float, float]) -> None:
         apart_s = now_s - self._samples[-1][0] if self._samples else 0.0

@@ -177,6 +177,52 @@ def test_currents_on_the_way_from_one_to_another_are_not_noted():
     assert seen(currents, 100.0, 0.2, 2e-3)[0] == pytest.approx(2e-3), "the line between the two that stood"
 
 
+class TestBetweenAnExactCurrentAndOneKnownAbout:
+    """50 mA, where both were alike, and 0.4 A, where the DAQ's was 2 mA above the supply's, give or take 3 mA."""
+
+    @pytest.fixture
+    def currents(self):
+        currents = noted((0.05, 0.0))
+        seen(currents, 10.0, 0.4, 2e-3, vague_A=3e-3)
+        currents.pause()
+        return currents
+
+    @pytest.mark.parametrize("way", [0.2, 0.5, 0.8])
+    def test_so_much_is_known_as_lies_between(self, currents, way):
+        supply_A = 0.05 + way * 0.35
+        change_A, may_A = seen(currents, 20.0, supply_A, way * 2e-3 + 1e-3, vague_A=2e-3)
+        assert (change_A, may_A) == pytest.approx((1e-3, allowed_A(supply_A) + way * 3e-3 + 2e-3))
+
+    @pytest.mark.parametrize("changed_A", [1.2e-3, -1.2e-3])
+    def test_what_is_seen_more_exactly_is_noted(self, currents, changed_A):
+        above_A = 2e-3 * 0.15 / 0.35 + changed_A
+        seen(currents, 20.0, 0.2, above_A)
+        assert seen(currents, 30.0, 0.2, above_A) == pytest.approx((0.0, allowed_A(0.2)), abs=1e-12)
+
+    @pytest.mark.parametrize("changed_A", [1.6e-3, -1.6e-3])
+    def test_what_contradicts_both_is_not(self, currents, changed_A):
+        seen(currents, 20.0, 0.2, 2e-3 * 0.15 / 0.35 + changed_A)
+        said = seen(currents, 30.0, 0.2, 2e-3 * 0.15 / 0.35 + changed_A)
+        assert said == pytest.approx((changed_A, allowed_A(0.2) + 3e-3 * 0.15 / 0.35))
+
+    def test_nor_what_is_hardly_more_exact(self, currents):
+        """So a drift is not followed in small steps."""
+        seen(currents, 20.0, 0.2, 0.0, vague_A=0.7e-3)
+        change_A, _ = seen(currents, 30.0, 0.2, 0.0, vague_A=0.7e-3)
+        assert change_A == pytest.approx(-2e-3 * 0.15 / 0.35)
+
+
+@pytest.mark.parametrize("rate", [4e-3, -4e-3])
+def test_a_drift_of_a_wire_that_wandered_is_found_soon(rate):
+    """Held at a current between those that it was begun and driven with, all of them in passing but the first."""
+
+    def set_A(time_s):
+        return 0.05 if time_s < 2.0 else 0.25 + 0.05 * math.sin(1.5 * time_s) if time_s < 30.0 else 0.14
+
+    found_s = apart(set_A, lambda t: set_A(t - 0.05) * (1.0 + rate * max(0.0, t - 31.5)), 100.0)
+    assert abs(rate) * (found_s - 31.5) < SHARE + 1.1 * FLOOR_A / 0.14 + abs(rate) * WINDOW_s
+
+
 class TestAMomentOfCurrent:
     """It is noted after two tenths of a second and three readings in which nothing moves."""
 
