@@ -118,7 +118,7 @@ class Heating:
         self.parameters = written_by_init(self.wire)
         identified = read_parameter_file(shared_file(f"config/{self.wire}.yaml"))  # at home
         of_home = {name: identified[name] for name in ("model", "calibration")}
-        of_home["calibration"].pop("cooling_rise", None)  # what the guard would know
+        of_home["calibration"]["hot_end"].pop("cooling_rise", None)  # what the guard would know
         safety = {**self.parameters["safety"], "outside_calibration_time": 3600.0}
         self.config = Config.from_mapping({**self.parameters, **of_home, "safety": safety})
 

@@ -44,7 +44,7 @@ class HeldHeat(PidController):
 
     def sense(self, signals: Signals, estimate: Estimate) -> None:
         """Keep the heat balance."""
-        thermal, latent_K = self._thermal, self._calibration.latent_rise
+        thermal, latent_K = self._thermal, self._calibration.power.latent_rise
         if isfinite(signals.stress_Pa):
             self._stress_Pa = signals.stress_Pa
         if signals.resistance_Ohm > 0.0:

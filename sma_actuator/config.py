@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from sma_actuator.base import sidecar
+from sma_actuator.base.calibration import Calibration, in_sections
 from sma_actuator.base.commands import NODE_NAME
 from sma_actuator.base.packed import unpacked
 from sma_actuator.base.parameter_file import files_beside, read_parameter_file, read_sections
@@ -35,7 +36,6 @@ from sma_actuator.control.law import ControllerParameters
 from sma_actuator.control.pair import PairParameters
 from sma_actuator.derived import with_derived
 from sma_actuator.estimation.branch import EstimatorParameters
-from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.circuit import Circuit, LoadCell, ReferenceSensor
 from sma_actuator.estimation.effects import EFFECTS, Effects, effects_from_mapping
 from sma_actuator.estimation.models import COEFFICIENTS, Coefficients
@@ -181,13 +181,13 @@ def require_calibrated(config: BenchConfig) -> None:
 
 
 def _with_tables(mapping: Mapping[str, Any], source: str) -> dict[str, Any]:
-    """A copy in which the calibration's tables, one word in files that were written before, are lists."""
+    """A copy in which the calibration's tables are lists, each in its section: files of before had one word of them."""
     out = dict(mapping)
     if sidecar.SECTION in out:
         refuse([f"{sidecar.SECTION}: the file that it names was not read; read_parameter_file reads both"], source)
     if isinstance(out.get("calibration"), Mapping):
         try:
-            out["calibration"] = unpacked(out["calibration"], "calibration")
+            out["calibration"] = in_sections(unpacked(out["calibration"], "calibration"))
         except ConfigError as error:
             refuse(error.problems, source)
     return out

@@ -50,14 +50,14 @@ def live_values(section):
 
 #: What feed-forward wants to know of a wire.
 CALIBRATION = {
-    "contracted_stress": [20e6, 120e6],
-    "contracted_displacement": [0.1e-3, 0.2e-3],
-    "cold_stress": [20e6, 120e6],
-    "cold_displacement": [3.6e-3, 4.8e-3],
-    "transformation_heating": [64.0, 54.0],
-    "transformation_cooling": [39.0, 29.0],
-    "transformation_shift": [1.2e-7, 1.2e-7],
-    "latent_rise": 25.0,
+    "hot_end": {"contracted_stress": [20e6, 120e6], "contracted_displacement": [0.1e-3, 0.2e-3]},
+    "rest": {"cold_stress": [20e6, 120e6], "cold_displacement": [3.6e-3, 4.8e-3]},
+    "power": {
+        "transformation_heating": [64.0, 54.0],
+        "transformation_cooling": [39.0, 29.0],
+        "transformation_shift": [1.2e-7, 1.2e-7],
+        "latent_rise": 25.0,
+    },
 }
 
 

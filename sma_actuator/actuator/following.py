@@ -169,9 +169,9 @@ class Following:
         if not calibration.transformation_known:
             return None
         share = calibration.share_of_stroke(seen.estimate.displacement_m, stress_Pa)
-        rise_K = calibration.heating_C(share, stress_Pa) - self._supervisor.heat.ambient.temperature_C
+        rise_K = calibration.power.heating_C(share, stress_Pa) - self._supervisor.heat.ambient.temperature_C
         loss_W_K = thermal.heat_loss
-        return Needed(share, loss_W_K * rise_K, loss_W_K * BEYOND_K, loss_W_K * calibration.latent_rise)
+        return Needed(share, loss_W_K * rise_K, loss_W_K * BEYOND_K, loss_W_K * calibration.power.latent_rise)
 
     def _current_A(self, seen: Seen, setpoint_m: float, is_new: bool, limits: set[Limit]) -> float:
         controller, tuning = self.controller, self._tuner.running

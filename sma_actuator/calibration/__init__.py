@@ -1,8 +1,8 @@
 """What a wire and its model looked like on the logs they were identified from, and how later logs are held against
 that.
 
-A file for each thing that is known: how it is learned, as fields of the section ``calibration``
-(:class:`sma_actuator.estimation.calibration.Calibration`), and how it is looked up.
+A file for each thing that is known, with a section of its name in ``calibration``
+(:class:`sma_actuator.base.calibration.Calibration`): how it is learned, and how it is looked up.
 
 * :mod:`.rest`: R and δ where the wire stands still;
 * :mod:`.power`: the temperatures, by the heat balance, at which it transforms;

@@ -23,6 +23,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sma_actuator.base.calibration import ExpectationSection
 from sma_actuator.base.jit import jit
 from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
@@ -56,19 +57,19 @@ class Expectation:
     """What the calibration of a model expects of the residual.  Raises ValueError where it has learned nothing."""
 
     def __init__(self, config: Config):
-        c = config.calibration
-        if not c.expects:
+        known, range_Ohm = config.calibration.expectation, config.calibration.resistance_range
+        if not known.known:
             raise ValueError("the calibration says nothing of its residual")
-        self._low_m, self._high_m = c.expected_stroke
+        self._low_m, self._high_m = known.expected_stroke
         self._ambient_C = _usual_C(config)
-        self._thermal = usual_heat_balance(config.thermal, c.resistance_range)
-        self._widths_Ohm = np.array(PLAYS_OF_RANGE) * c.resistance_range
-        self._centre, self._scale = np.array(c.expected_centre), np.array(c.expected_scale)
-        self._least, self._most = np.array(c.expected_least), np.array(c.expected_most)
-        self._weights_m, self._size = np.array(c.expected_weights), np.array(c.expected_size)
+        self._thermal = usual_heat_balance(config.thermal, range_Ohm)
+        self._widths_Ohm = np.array(PLAYS_OF_RANGE) * range_Ohm
+        self._centre, self._scale = np.array(known.expected_centre), np.array(known.expected_scale)
+        self._least, self._most = np.array(known.expected_least), np.array(known.expected_most)
+        self._weights_m, self._size = np.array(known.expected_weights), np.array(known.expected_size)
         self._white = np.zeros((FEATURES, FEATURES))
-        self._white[np.tril_indices(FEATURES)] = c.expected_white
-        self._floor_m = c.floor / 100 * config.wire.full_stroke_m
+        self._white[np.tril_indices(FEATURES)] = known.expected_white
+        self._floor_m = known.floor / 100 * config.wire.full_stroke_m
 
     def residual_m(self, found: Estimates, rows: np.ndarray | slice, ambient_counts: bool = False) -> np.ndarray:
         """Measured less estimated displacement that is no news, of some of n samples.
@@ -117,8 +118,8 @@ def always_so_m(signals: Signals, chain: Chain) -> np.ndarray:
     return np.nan_to_num(0.5 * (always_m - copy.deepcopy(chain).run(signals).model_m))
 
 
-def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config: Config) -> dict:
-    """Learn what to expect; fields of a calibration.
+def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config: Config) -> ExpectationSection:
+    """Learn what to expect.
 
     ``found``: what the model's chain makes of each log; ``config`` knows the range of the resistance at the
     calibration.
@@ -151,18 +152,18 @@ def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config:
         weights_m, news_m = np.zeros_like(weights_m), residual_m
     size = _ridge(basis, np.abs(news_m) / max(np.abs(news_m).mean(), 1e-300))
     white = np.linalg.inv(np.linalg.cholesky(z.T @ z / len(z) + RIDGE * np.eye(FEATURES)))
-    return {
-        "expected_stroke": (low_m, high_m),
-        "expected_centre": _rounded(centre),
-        "expected_scale": _rounded(scale),
-        "expected_least": _rounded(z.min(axis=0)),
-        "expected_most": _rounded(z.max(axis=0)),
-        "expected_weights": _rounded(weights_m),
-        "expected_size": _rounded(size),
-        "expected_white": _rounded(white[np.tril_indices(FEATURES)]),
-        "floor": float(np.abs(news_m).mean()) / full_m * 100,
-        "independent_time": correlation_time_s(time_s, news_m, log),
-    }
+    return ExpectationSection(
+        expected_stroke=(low_m, high_m),
+        expected_centre=_rounded(centre),
+        expected_scale=_rounded(scale),
+        expected_least=_rounded(z.min(axis=0)),
+        expected_most=_rounded(z.max(axis=0)),
+        expected_weights=_rounded(weights_m),
+        expected_size=_rounded(size),
+        expected_white=_rounded(white[np.tril_indices(FEATURES)]),
+        floor=float(np.abs(news_m).mean()) / full_m * 100,
+        independent_time=correlation_time_s(time_s, news_m, log),
+    )
 
 
 def _usual_C(config: Config) -> float:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sma_actuator.base.calibration import HotEndSection
 from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.config import Config
 from sma_actuator.logs.experiments import Experiment
@@ -22,9 +23,9 @@ STILL_SHARE = (
 )
 
 
-def learn(experiments: Sequence[Experiment], config: Config) -> dict:
-    """Fields of a calibration."""
-    return {**_cooling(experiments, config), **_contracted(experiments, config)}
+def learn(experiments: Sequence[Experiment], config: Config) -> HotEndSection:
+    """What the contracted wire showed, and on the way back."""
+    return HotEndSection(**_cooling(experiments, config), **_contracted(experiments, config))
 
 
 def _cooling(experiments: Sequence[Experiment], config: Config) -> dict:

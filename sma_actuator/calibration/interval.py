@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sma_actuator.base.calibration import IntervalSection
 from sma_actuator.base.jit import jit
 from sma_actuator.logs.experiments import Experiment
 
@@ -24,8 +25,8 @@ def learn(
     estimates: Sequence[np.ndarray],
     range_m: tuple[float, float],
     full_stroke_m: float,
-) -> dict:
-    """Fields of a calibration: the mean residual by position, stress and branch, and the scatter about it.
+) -> IntervalSection:
+    """The mean residual by position, stress and branch, and the scatter about it.
 
     ``experiments`` as the model's chain sees them, ``estimates``: its displacements; ``range_m``: where the model
     works.
@@ -53,15 +54,15 @@ def learn(
     )
     scatter_heating, scatter_cooling = (np.sqrt(m[0]) for m in _means(squares))
     heating, cooling = _means(total)
-    return {
-        "scatter": float(np.mean(scatter)),
-        "residual_stress": rounded(stress_Pa, 0),
-        "residual_position": rounded(position_m, 8),
-        "residual_heating": rounded(heating.ravel(), 8),
-        "residual_cooling": rounded(cooling.ravel(), 8),
-        "scatter_heating": rounded(scatter_heating, 8),
-        "scatter_cooling": rounded(scatter_cooling, 8),
-    }
+    return IntervalSection(
+        scatter=float(np.mean(scatter)),
+        residual_stress=rounded(stress_Pa, 0),
+        residual_position=rounded(position_m, 8),
+        residual_heating=rounded(heating.ravel(), 8),
+        residual_cooling=rounded(cooling.ravel(), 8),
+        scatter_heating=rounded(scatter_heating, 8),
+        scatter_cooling=rounded(scatter_cooling, 8),
+    )
 
 
 def _widened(range_m: tuple[float, float], estimates: Sequence[np.ndarray]) -> tuple[float, float]:

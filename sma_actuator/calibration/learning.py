@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sma_actuator.base.calibration import Calibration, TrainingSection
 from sma_actuator.config import Config
-from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain, Estimates
 from sma_actuator.logs.experiments import Experiment, begins_anew
 
@@ -38,14 +38,16 @@ def calibration_of(
         float(np.nanmean(np.abs(d - t.displacement_m))) / full_m * 100
         for d, t in zip(estimates, experiments, strict=True)
     ]
-    size: dict = {"error": float(np.mean(errors)), "largest_error": max(errors)}
+    known = dataclasses.replace(known, error=float(np.mean(errors)), largest_error=max(errors))
     if not at_rest:
-        return Calibration(**size)
+        return known
     range_m = config.model.build(config.wire).displacement_range_m
-    at_places = interval.learn(experiments, estimates, range_m, full_m)
     expected = expectation.learn(experiments, found, config)
-    expected["floor"] = max(expected["floor"], fresh_percent)
-    return dataclasses.replace(known, **size, **at_places, **expected)
+    return dataclasses.replace(
+        known,
+        interval=interval.learn(experiments, estimates, range_m, full_m),
+        expectation=dataclasses.replace(expected, floor=max(expected.floor, fresh_percent)),
+    )
 
 
 def _through(config: Config, experiments: Sequence[Experiment]) -> list[Estimates]:
@@ -65,11 +67,12 @@ def _of_the_wire(experiments: Sequence[Experiment], config: Config) -> Calibrati
     measured_C = [np.atleast_1d(t.signals.ambient_temperature_C) for t in experiments]
     ambient = np.concatenate([a[np.isfinite(a)] for a in measured_C])
     resistance_Ohm = np.concatenate([t.resistance_Ohm for t in experiments])
+    change_m = change_while_measured_m([t.log for t in experiments], config)
     known = Calibration(
-        changed=change_while_measured_m([t.log for t in experiments], config),
         resistance_range=float(np.subtract(*np.nanpercentile(resistance_Ohm, (99.5, 0.5)))),
         ambient_temperature=float(ambient.mean()) if len(ambient) else np.nan,
-        **hot_end.learn(experiments, config),
-        **rest.learn(experiments, config.thermal.heat_capacity / config.thermal.heat_loss),
+        rest=rest.learn(experiments, config.thermal.heat_capacity / config.thermal.heat_loss),
+        hot_end=hot_end.learn(experiments, config),
+        training=TrainingSection(changed=change_m),
     )
-    return dataclasses.replace(known, **power.learn(experiments, config, known))
+    return dataclasses.replace(known, power=power.learn(experiments, config, known))

@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from sma_actuator.base.calibration import Calibration, PowerSection
 from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
-from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.lag import lagged
 from sma_actuator.logs.experiments import Experiment
 
@@ -35,10 +35,11 @@ _BACK = 0.05  #: share by which a wire that goes through may go back
 _BEYOND = 0.1  #: share of the stroke by which a wire may be beyond its ends, and be taken for what it is
 
 
-def learn(experiments: Sequence[Experiment], config: Config, calibration: Calibration) -> dict:
-    """What ``calibration`` says of the transformation's temperatures; nothing where the logs do not."""
-    if not (calibration.contracted_stress and calibration.cold_stress):
-        return {}
+def learn(experiments: Sequence[Experiment], config: Config, calibration: Calibration) -> PowerSection:
+    """At which temperatures the wire transforms between the ends that ``calibration`` knows; nothing where the logs do
+    not say."""
+    if not calibration.ends_known:
+        return PowerSection()
     thermal = config.thermal
     rows, wanted = [], []
     for experiment in experiments:
@@ -56,11 +57,11 @@ def learn(experiments: Sequence[Experiment], config: Config, calibration: Calibr
             rows.append(_rows(branch, share[here], experiment.stress_Pa[here], (share - slow)[here]))
             wanted.append(warm_C[here])
     if not rows:
-        return {}
+        return PowerSection()
     matrix, value_C = np.concatenate(rows), np.concatenate(wanted)
     n = len(SHARES)
     if min(np.count_nonzero(matrix[:, :n].any(axis=1)), np.count_nonzero(matrix[:, n : 2 * n].any(axis=1))) < _FEWEST:
-        return {}
+        return PowerSection()
     before, expected_K = _known_before(n)
     weight = 1.0 / (_SCATTER_K * np.sqrt(len(value_C) / (4 * n)))  # samples of one passage repeat each other
     found = np.linalg.lstsq(
@@ -72,7 +73,7 @@ def learn(experiments: Sequence[Experiment], config: Config, calibration: Calibr
         "transformation_shift": (float(found[2 * n] * 1e-6), float(found[2 * n + 1] * 1e-6)),
         "latent_rise": round(float(found[-1]), 2),
     }
-    return {**values, **_scatter(experiments, thermal, replace(calibration, **values))}
+    return _with_scatter(PowerSection(**values), experiments, thermal, calibration)
 
 
 def _share(experiment: Experiment, calibration: Calibration) -> np.ndarray:
@@ -84,25 +85,25 @@ def _share(experiment: Experiment, calibration: Calibration) -> np.ndarray:
     return np.clip(share, -_BEYOND, 1.0 + _BEYOND)
 
 
-def _scatter(experiments: Sequence[Experiment], thermal: ThermalParameters, calibration: Calibration) -> dict:
-    """How far off passages are, of all logs, and how fast they were."""
+def _with_scatter(
+    curves: PowerSection, experiments: Sequence[Experiment], thermal: ThermalParameters, calibration: Calibration
+) -> PowerSection:
+    """With how far off passages are, of all logs, and how fast they were."""
     off_K: list[float] = []
     ahead: tuple[list[float], list[float]] = [], []
     for experiment in experiments:
         share = _share(experiment, calibration)
         found = passages(share)
-        warm_K, before = warmer_K(experiment.signals, experiment.signals.power_W, share, calibration, thermal, found)
+        warm_K, before = warmer_K(experiment.signals, experiment.signals.power_W, share, curves, thermal, found)
         for (heating, _), warm, far in zip(found, warm_K, before, strict=True):
             if np.isfinite(warm):
                 off_K.append(float(warm))
                 ahead[heating].append(float(far))
     if not all(ahead):
-        return {}
+        return curves
     speeds = tuple(round(f(values), 3) for values in ahead for f in (min, max))
-    return {
-        "transformation_scatter": round(float(np.sqrt(np.mean(np.square(off_K)))), 2),
-        "transformation_speed": speeds,
-    }
+    scatter_K = round(float(np.sqrt(np.mean(np.square(off_K)))), 2)
+    return replace(curves, transformation_scatter=scatter_K, transformation_speed=speeds)
 
 
 def passages(share: np.ndarray) -> list[tuple[bool, np.ndarray]]:
@@ -128,7 +129,7 @@ def warmer_K(
     signals: Signals,
     heat_W: np.ndarray,
     share: np.ndarray,
-    calibration: Calibration,
+    curves: PowerSection,
     thermal: ThermalParameters,
     found: Sequence[tuple[bool, np.ndarray]],
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -140,14 +141,14 @@ def warmer_K(
     lag_s = thermal.heat_capacity / thermal.heat_loss
     settled_C = _settled_C(signals, heat_W, thermal)
     warm_C, slow = (lagged(signals.time_s, v, lag_s) for v in (settled_C, share))
-    places = np.linspace(0.0, 1.0, len(calibration.transformation_heating))
+    places = np.linspace(0.0, 1.0, len(curves.transformation_heating))
     warmer, ahead = np.empty(len(found)), np.empty(len(found))
     for i, (heating, rows) in enumerate(found):
-        curve_C = calibration.transformation_heating if heating else calibration.transformation_cooling
+        curve_C = curves.transformation_heating if heating else curves.transformation_cooling
         there_C = np.interp(share[rows], places, curve_C)
-        there_C = there_C + calibration.transformation_shift[heating] * signals.stress_Pa[rows]
+        there_C = there_C + curves.transformation_shift[heating] * signals.stress_Pa[rows]
         ahead[i] = np.mean((share - slow)[rows])
-        warmer[i] = np.mean(warm_C[rows] - there_C) + calibration.latent_rise * ahead[i]
+        warmer[i] = np.mean(warm_C[rows] - there_C) + curves.latent_rise * ahead[i]
     return warmer, ahead
 
 

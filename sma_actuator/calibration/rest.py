@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from sma_actuator.estimation.calibration import COLD_SHARE, Calibration, through
+from sma_actuator.base.calibration import COLD_SHARE, Calibration, RestSection, through
 from sma_actuator.logs.experiments import Experiment
 
 from .stresses import clusters, rounded
@@ -118,8 +118,8 @@ def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[R
     return rests
 
 
-def learn(experiments: Sequence[Experiment], thermal_time_constant_s: float) -> dict:
-    """Fields of a calibration."""
+def learn(experiments: Sequence[Experiment], thermal_time_constant_s: float) -> RestSection:
+    """What the wire showed at rest."""
     found = [(t, rest) for t in experiments for rest in find_rests(t, thermal_time_constant_s)]
     # A cold wire that creeps is not at rest yet, a hot one is contracted whether or not it grows warmer.
     settled = [x for x in found if x[1].hot or x[1].settled]
@@ -152,7 +152,7 @@ def learn(experiments: Sequence[Experiment], thermal_time_constant_s: float) -> 
     if "hot_stress" in out:
         out["hot_power"] = float(power_W)
         out["hot_to_go"] = round(float(np.sqrt(np.mean(np.square([row[4] for row in points[True]])))), 8)
-    return out
+    return RestSection(**out)
 
 
 def _means_at(found: Sequence[tuple[Experiment, Rest]], thermal_time_constant_s: float) -> list[list[float]]:
@@ -209,27 +209,28 @@ class Usual:
         return out
 
     def _off(self, hot: bool, is_: dict[str, np.ndarray]) -> np.ndarray:
-        c = self.calibration
+        rest, hot_end = self.calibration.rest, self.calibration.hot_end
         ranges = np.array([self.resistance_Ohm, self.stroke_m])
-        scatter = np.nan_to_num([c.resistance_scatter, c.displacement_scatter])
+        scatter = np.nan_to_num([rest.resistance_scatter, rest.displacement_scatter])
         expected, away, bent = self._expected(hot, is_)
         to_go_m = np.abs(is_["further_m"])
         known = np.ones(len(away), dtype=bool)
         warms = np.zeros(len(away))
         if not hot:
             away = away + PER_KELVIN * np.abs(is_["warmer_K"] + is_["beside_W"] / self.heat_loss_W_K)
-        elif math.isfinite(c.hot_power):
-            known = np.abs(is_["heat_W"] / c.hot_power - 1.0) <= AS_HOT
-            warmer_K = is_["warmer_K"] + (is_["heat_W"] - c.hot_power) / self.heat_loss_W_K
+        elif math.isfinite(rest.hot_power):
+            known = np.abs(is_["heat_W"] / rest.hot_power - 1.0) <= AS_HOT
+            warmer_K = is_["warmer_K"] + (is_["heat_W"] - rest.hot_power) / self.heat_loss_W_K
             warms = WARMS_AT_MOST * expected[:, 0] * np.abs(warmer_K)
-            if math.isfinite(c.contracted_slope):
-                expected[:, 0] += c.contracted_slope * warmer_K
-                warms = WARMS_WITHIN * np.abs(c.contracted_slope * warmer_K)
-            to_go_m = to_go_m + c.hot_to_go * np.maximum(1.0, np.abs(warmer_K) / TAIL_K)
+            if math.isfinite(hot_end.contracted_slope):
+                expected[:, 0] += hot_end.contracted_slope * warmer_K
+                warms = WARMS_WITHIN * np.abs(hot_end.contracted_slope * warmer_K)
+            to_go_m = to_go_m + rest.hot_to_go * np.maximum(1.0, np.abs(warmer_K) / TAIL_K)
         away = np.hypot(away, to_go_m / self.stroke_m)
         squares = scatter**2 + (ranges * REPEATS) ** 2 + np.outer(away, ranges) ** 2 + bent**2
         # What training does to the length of a cold wire is known, but not what to its resistance.
-        changed = np.array([c.changed / self.stroke_m * self.resistance_Ohm, self._changed_m(hot)])
+        changed_m = self.calibration.training.changed
+        changed = np.array([changed_m / self.stroke_m * self.resistance_Ohm, self._changed_m(hot)])
         squares += (SPREAD * SINCE_THEN_WITHIN * changed) ** 2
         squares[:, 0] += warms**2
         shown = np.column_stack((is_["resistance_Ohm"], is_["displacement_m"]))
@@ -240,11 +241,11 @@ class Usual:
 
         And how far off they may be: of the ranges, (n,), and because they bend between the calibration's loads, (n, 2).
         """
-        c, stress_Pa = self.calibration, is_["stress_Pa"]
-        nodes_Pa = np.asarray(c.hot_stress if hot else c.cold_stress)
+        rest, stress_Pa = self.calibration.rest, is_["stress_Pa"]
+        nodes_Pa = np.asarray(rest.hot_stress if hot else rest.cold_stress)
         if not len(nodes_Pa):
             return self._of_the_others(hot, is_), np.zeros(len(stress_Pa)), np.zeros((len(stress_Pa), 2))
-        tables = (c.hot_resistance, c.hot_displacement) if hot else (c.cold_resistance, c.cold_displacement)
+        tables = (rest.hot_resistance, rest.hot_displacement) if hot else (rest.cold_resistance, rest.cold_displacement)
         expected = np.column_stack([through(nodes_Pa, values, stress_Pa) for values in tables])
         straight = np.column_stack([np.interp(stress_Pa, nodes_Pa, values) for values in tables])
         bent = BENDS_WITHIN * np.abs(expected - straight)
@@ -265,4 +266,4 @@ class Usual:
 
     def _changed_m(self, hot: bool) -> float:
         """How far that end moved while the wire was calibrated."""
-        return self.calibration.changed * (1.0 if hot else COLD_SHARE)
+        return self.calibration.training.changed * (1.0 if hot else COLD_SHARE)

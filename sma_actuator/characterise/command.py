@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
@@ -16,7 +17,6 @@ from sma_actuator.check import look_first
 from sma_actuator.config import bench_from_mapping
 from sma_actuator.console import add_output_arguments, notes, questions, refuse_to_overwrite, results, write_json
 from sma_actuator.console.asking import Asking, paused, read_answers
-from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.plant.worlds import HOME
 
 from .operators import BenchOperator, Operator, ScpiBenchOperator, TerminalOperator

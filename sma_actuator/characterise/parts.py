@@ -167,7 +167,7 @@ def followed(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchL
     p = part.parameters
     config = Config.load(p["model"])
     require_calibrated(config)
-    if not (config.calibration.cold_stress and config.calibration.contracted_stress):
+    if not config.calibration.ends_known:
         raise ConfigError(
             f"--follow: {p['model']} does not say where the wire ends; identify it from logs of full pulses"
         )
@@ -182,12 +182,12 @@ def followed(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchL
 def _ends_m(config: Config, load_N: float, stiffness_N_m: float) -> tuple[float, float]:
     """Where the wire is contracted and cold at a load, by the calibration; against a spring it contracts to more
     load."""
-    known, area_m2 = config.calibration, config.wire.area_m2
-    high_m = float(np.interp(load_N / area_m2, known.cold_stress, known.cold_displacement))
-    low_m = float(np.interp(load_N / area_m2, known.contracted_stress, known.contracted_displacement))
+    rest, hot_end, area_m2 = config.calibration.rest, config.calibration.hot_end, config.wire.area_m2
+    high_m = float(np.interp(load_N / area_m2, rest.cold_stress, rest.cold_displacement))
+    low_m = float(np.interp(load_N / area_m2, hot_end.contracted_stress, hot_end.contracted_displacement))
     if stiffness_N_m:
         hot_Pa = (load_N + stiffness_N_m * (high_m - low_m)) / area_m2
-        low_m = float(np.interp(hot_Pa, known.contracted_stress, known.contracted_displacement))
+        low_m = float(np.interp(hot_Pa, hot_end.contracted_stress, hot_end.contracted_displacement))
     return low_m, high_m
 
 

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_actuator.base.calibration import through
 from sma_actuator.base.signals import Reading
 from sma_actuator.config import BenchConfig
-from sma_actuator.estimation.calibration import through
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply, highest_rate_Hz
 
@@ -383,11 +383,11 @@ class SelfTest:
 
     def _leads(self, resistance_Ohm: float) -> None:
         calibration, config = self._config.calibration, self._config
-        if not (calibration.cold_resistance and math.isfinite(self._load_N)):
+        if not (calibration.rest.cold_resistance and math.isfinite(self._load_N)):
             self._say("leads", "not told: no calibration says what the cold wire has", Level.WARNING)
             return
         stress_Pa = self._load_N / config.wire.area_m2
-        cold_Ohm = float(through(calibration.cold_stress, calibration.cold_resistance, stress_Pa))
+        cold_Ohm = float(through(calibration.rest.cold_stress, calibration.rest.cold_resistance, stress_Pa))
         more_Ohm = resistance_Ohm - cold_Ohm
         if abs(more_Ohm) <= CALIBRATION_SHARE * cold_Ohm:
             self._say("leads", f"{more_Ohm:+.3f} Ω beside the calibration at cold rest ({cold_Ohm:.4g} Ω)")

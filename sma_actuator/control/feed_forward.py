@@ -81,8 +81,8 @@ class FeedForwardPidParameters(PidParameters):
         if sections.calibration.transformation_known:
             return []
         sentence = (
-            "controller.type: feed_forward_pid wants calibration.transformation_heating and _cooling; identify the "
-            "model anew from logs of full pulses, or take controller.type pid"
+            "controller.type: feed_forward_pid wants calibration.power.transformation_heating and "
+            "_cooling; identify the model anew from logs of full pulses, or take controller.type pid"
         )
         return [sentence]
 
@@ -99,10 +99,10 @@ class Wanted:
     """
 
     def __init__(self, sections: LawSections):
-        calibration = sections.calibration
-        self._cooling_C = np.array(calibration.transformation_cooling)
-        self._heating_C = np.array(calibration.transformation_heating)
-        self._shift_K_Pa = calibration.transformation_shift
+        power = sections.calibration.power
+        self._cooling_C = np.array(power.transformation_cooling)
+        self._heating_C = np.array(power.transformation_heating)
+        self._shift_K_Pa = power.transformation_shift
         self.slope_K = float(max(-np.ptp(self._cooling_C), -np.ptp(self._heating_C)))  #: per share, the flatter branch
         self.forget(1.0)
 
@@ -161,13 +161,13 @@ class FeedForwardPid(PidController):
         self._calibration = sections.calibration
         self._loss_W_K, self._capacity_J_K = thermal.heat_loss, thermal.heat_capacity
         self._usual_C, self._tolerance_K = thermal.ambient_temperature, thermal.ambient_tolerance
-        self._latent_K = sections.calibration.latent_rise
+        self._latent_K = sections.calibration.power.latent_rise
         self._highest_A = supply.max_current
         self._full_m = sections.wire.full_stroke_m
         #: Between these a setpoint turns, whatever the load: one that stands still must not turn with its noise.
         self._ends_m = (
-            float(np.mean(sections.calibration.contracted_displacement)),
-            float(np.mean(sections.calibration.cold_displacement)),
+            float(np.mean(sections.calibration.hot_end.contracted_displacement)),
+            float(np.mean(sections.calibration.rest.cold_displacement)),
         )
         self.wanted = Wanted(sections)
         self._way = 0  #: 1: heating towards the temperature wanted, -1: cooling, 0: there, or about there

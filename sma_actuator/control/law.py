@@ -5,45 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
+from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.parameters import parameter
 from sma_actuator.base.registry import Registry
 from sma_actuator.base.sections import SupplyParameters, ThermalParameters, Wire
 from sma_actuator.base.signals import Estimate, Signals
-
-
-class Transformation(Protocol):
-    """What the model's calibration says of how the wire transforms (``estimation.calibration`` describes each)."""
-
-    @property
-    def transformation_known(self) -> bool:
-        """Whether it says anything."""
-
-    @property
-    def transformation_heating(self) -> tuple[float, ...]:
-        """Temperatures of the heating wire [°C]."""
-
-    @property
-    def transformation_cooling(self) -> tuple[float, ...]:
-        """Temperatures of the cooling wire [°C]."""
-
-    @property
-    def transformation_shift(self) -> tuple[float, ...]:
-        """How much higher they are per stress, cooling and heating [K/Pa]."""
-
-    @property
-    def latent_rise(self) -> float:
-        """Latent heat of the whole stroke over the heat capacity [K]."""
-
-    @property
-    def contracted_displacement(self) -> tuple[float, ...]:
-        """Where the contracted wire is [m]."""
-
-    @property
-    def cold_displacement(self) -> tuple[float, ...]:
-        """Where the cold wire is [m]."""
-
-    def share_of_stroke(self, displacement_m: float, stress_Pa: float) -> float:
-        """How far between the two a displacement lies at a stress."""
 
 
 class LawSections(Protocol):
@@ -62,7 +28,7 @@ class LawSections(Protocol):
         """The heat balance."""
 
     @property
-    def calibration(self) -> Transformation:
+    def calibration(self) -> Calibration:
         """What the model's own logs looked like."""
 
 

@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from .calibration import Calibration, through
+from sma_actuator.base.calibration import Calibration, through
 
 #: Time over which the stress is averaged: a load cell's noise does not move an end.
 SMOOTH_s = 0.5
@@ -35,12 +35,12 @@ class Ends:
     """
 
     def __init__(self, sections: EndsSections, range_m: tuple[float, float], whole: bool):
-        calibration = sections.calibration
-        self._calibration, self._range_m, self._whole = calibration, range_m, whole
-        self.known = bool(calibration.contracted_stress and calibration.cold_stress)
+        calibration, hot_end, rest = sections.calibration, sections.calibration.hot_end, sections.calibration.rest
+        self._power, self._range_m, self._whole = calibration.power, range_m, whole
+        self.known = calibration.ends_known
         self._stress_Pa = nan
         if self.known:
-            stresses_Pa = (*calibration.contracted_stress, *calibration.cold_stress)
+            stresses_Pa = (*hot_end.contracted_stress, *rest.cold_stress)
             low_Pa, high_Pa = min(stresses_Pa), max(stresses_Pa)
             beyond_Pa = _BEYOND * (high_Pa - low_Pa)
             at_Pa = np.unique((*np.linspace(low_Pa - beyond_Pa, high_Pa + beyond_Pa, _PLACES), *stresses_Pa))
@@ -48,8 +48,8 @@ class Ends:
             self._short_m, self._long_m = (
                 through(nodes, values, at_Pa).tolist()
                 for nodes, values in (
-                    (calibration.contracted_stress, calibration.contracted_displacement),
-                    (calibration.cold_stress, calibration.cold_displacement),
+                    (hot_end.contracted_stress, hot_end.contracted_displacement),
+                    (rest.cold_stress, rest.cold_displacement),
                 )
             )
 
@@ -80,10 +80,10 @@ class Ends:
 
     def _share_held(self, most_rise_K: float, ambient_C: float) -> float:
         """The least share of the stroke that so much heat holds, 0 where it is enough, or where nobody knows."""
-        heating_C = self._calibration.transformation_heating
-        if not (heating_C and self._calibration.transformation_shift):
+        heating_C = self._power.transformation_heating
+        if not (heating_C and self._power.transformation_shift):
             return 0.0
-        shifted_K = self._calibration.transformation_shift[1] * self._stress_Pa
+        shifted_K = self._power.transformation_shift[1] * self._stress_Pa
         before_K = inf
         for place, at_K in enumerate(heating_C):
             away_K = at_K + shifted_K - ambient_C - most_rise_K

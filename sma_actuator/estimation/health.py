@@ -22,10 +22,10 @@ from typing import Protocol
 
 import numpy as np
 
+from sma_actuator.base.calibration import through
 from sma_actuator.base.sections import Wire
 from sma_actuator.base.signals import Branch, Estimate, Health, Quality, Sign, Signals, Verdict
 
-from .calibration import through
 from .chain import Estimates
 from .hot_end import HotEndSections
 from .models import Coefficients
@@ -193,18 +193,19 @@ class ModelHealth:
         self._time_constant_s = thermal.heat_capacity / thermal.heat_loss
         self._usual_C, self._tolerance_K = thermal.ambient_temperature, thermal.ambient_tolerance
         self._range_m = config.model.build(config.wire).displacement_range_m
-        hot = calibration.hot_resistance, calibration.hot_displacement
-        if not calibration.hot_resistance:  # logs that nowhere rest at the hot end: what was contracted is near it
-            hot = calibration.contracted_resistance, calibration.contracted_displacement
+        rest, hot_end = calibration.rest, calibration.hot_end
+        hot = rest.hot_resistance, rest.hot_displacement
+        if not rest.hot_resistance:  # logs that nowhere rest at the hot end: what was contracted is near it
+            hot = hot_end.contracted_resistance, hot_end.contracted_displacement
         ends = [
             float(np.mean(values)) if values else nan
-            for values in (calibration.cold_resistance, hot[0], calibration.cold_displacement, hot[1])
+            for values in (rest.cold_resistance, hot[0], rest.cold_displacement, hot[1])
         ]
         self._bias_rise_K = self._bias_current_A**2 * ends[0] / thermal.heat_loss
         #: What a resistance that is wrong makes of the position.
         self._m_per_Ohm = abs(float((ends[2] - ends[3]) / (ends[0] - ends[1]))) if ends[0] != ends[1] else nan
         self._bound_Ohm = float(
-            max(STROKE_SHARE * config.wire.full_stroke_m / self._m_per_Ohm, SCATTERS * calibration.resistance_scatter)
+            max(STROKE_SHARE * config.wire.full_stroke_m / self._m_per_Ohm, SCATTERS * rest.resistance_scatter)
         )
 
     @property
@@ -276,7 +277,7 @@ class ModelHealth:
             return "cold"
         if not abs(self._lagging_K - self._rise_K) <= BALANCE_SHARE * self._rise_K + BALANCE_K:
             return ""
-        if self._ambient_C(signals) + self._rise_K >= self._calibration.contracted_temperature + HOTTER_K:
+        if self._ambient_C(signals) + self._rise_K >= self._calibration.hot_end.contracted_temperature + HOTTER_K:
             return "hot"
         return "hold" if estimate.quality is Quality.DETERMINATE else ""
 
@@ -317,19 +318,19 @@ class ModelHealth:
         return self.verdict.state is not before.state
 
     def _compare_resistance(self, kind: str, resistance_Ohm: float, stress_Pa: float, signals: Signals) -> None:
-        calibration = self._calibration
+        calibration, rest, hot_end = self._calibration, self._calibration.rest, self._calibration.hot_end
         stresses, resistances = (
-            (calibration.cold_stress, calibration.cold_resistance)
+            (rest.cold_stress, rest.cold_resistance)
             if kind == "cold"
-            else (calibration.contracted_stress, calibration.contracted_resistance)
+            else (hot_end.contracted_stress, hot_end.contracted_resistance)
         )
         if not stresses or not min(stresses) * 0.95 <= stress_Pa <= max(stresses) * 1.05:
             return
         expected_Ohm = float(through(stresses, resistances, stress_Pa))
-        slope_Ohm_K = calibration.contracted_slope if isfinite(calibration.contracted_slope) else 0.0
+        slope_Ohm_K = hot_end.contracted_slope if isfinite(hot_end.contracted_slope) else 0.0
         ambient_C = self._ambient_C(signals)
         if kind == "hot":
-            expected_Ohm += slope_Ohm_K * (ambient_C + self._rise_K - calibration.contracted_temperature)
+            expected_Ohm += slope_Ohm_K * (ambient_C + self._rise_K - hot_end.contracted_temperature)
         elif isfinite(calibration.ambient_temperature):
             # The martensite warms as the austenite does, by half as much or by half as much again.
             expected_Ohm += slope_Ohm_K * (ambient_C - calibration.ambient_temperature)

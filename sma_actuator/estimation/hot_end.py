@@ -15,10 +15,9 @@ from typing import Protocol
 
 import numpy as np
 
+from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.jit import jit
 from sma_actuator.base.sections import ThermalParameters
-
-from .calibration import Calibration
 
 #: Shares of the calibration's range of resistance above that of the contracted wire, within which the wire counts as
 #: contracted from now on, and beyond which it does no more.
@@ -88,11 +87,11 @@ class HotEnd:
     """
 
     def __init__(self, config: HotEndSections):
-        calibration = config.calibration
-        self.known = calibration.hot_end_known
-        self._stress_Pa = np.array(calibration.contracted_stress)
-        self._resistance_Ohm = np.array(calibration.contracted_resistance)
-        self._displacement_m = np.array(calibration.contracted_displacement)
+        hot_end = config.calibration.hot_end
+        self.known = config.calibration.hot_end_known
+        self._stress_Pa = np.array(hot_end.contracted_stress)
+        self._resistance_Ohm = np.array(hot_end.contracted_resistance)
+        self._displacement_m = np.array(hot_end.contracted_displacement)
         self._state = np.zeros(3)
         self.update(config)
         self.reset()
@@ -105,8 +104,8 @@ class HotEnd:
             [
                 thermal.heat_loss,
                 thermal.heat_capacity / thermal.heat_loss,
-                max(calibration.contracted_slope, 0.0),
-                calibration.contracted_temperature,
+                max(calibration.hot_end.contracted_slope, 0.0),
+                calibration.hot_end.contracted_temperature,
                 ENTER * calibration.resistance_range,
                 LEAVE * calibration.resistance_range,
             ]

@@ -14,9 +14,9 @@ from math import exp, hypot, isfinite, nan
 
 import numpy as np
 
+from sma_actuator.base.calibration import IntervalSection
 from sma_actuator.base.signals import Branch, Estimate, Quality, Signals
 
-from .calibration import Calibration
 from .models import StrainModel, ThermalStrainModel
 
 #: Motion, as a share of the working range, after which a third is left of what was not known at the beginning.
@@ -26,25 +26,25 @@ FORGOTTEN_SHARE = 0.15
 class Uncertainty:
     """Of one wire's estimate; remembers how much is left of what was not known when it began."""
 
-    def __init__(self, model: StrainModel | ThermalStrainModel, calibration: Calibration):
+    def __init__(self, model: StrainModel | ThermalStrainModel, left: IntervalSection):
         #: None where the model says it by itself.
         self._model = None if isinstance(model, ThermalStrainModel) else model
         low_m, high_m = model.displacement_range_m
         self._forgotten_m = FORGOTTEN_SHARE * (high_m - low_m)
         self._unknown_share = 1.0  #: of the loop's width
         self._before_m = nan  #: the displacement of the sample before, NaN after a gap
-        self._position_m = tuple(calibration.residual_position)
-        stresses = len(calibration.residual_stress)
-        self._stress_Pa = tuple(calibration.residual_stress)
+        self._position_m = tuple(left.residual_position)
+        stresses = len(left.residual_stress)
+        self._stress_Pa = tuple(left.residual_stress)
         self._tables_m = (
             {
                 Branch.HEATING: (
-                    np.reshape(calibration.residual_heating, (stresses, -1)).tolist(),
-                    tuple(calibration.scatter_heating),
+                    np.reshape(left.residual_heating, (stresses, -1)).tolist(),
+                    tuple(left.scatter_heating),
                 ),
                 Branch.COOLING: (
-                    np.reshape(calibration.residual_cooling, (stresses, -1)).tolist(),
-                    tuple(calibration.scatter_cooling),
+                    np.reshape(left.residual_cooling, (stresses, -1)).tolist(),
+                    tuple(left.scatter_cooling),
                 ),
             }
             if len(self._position_m)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.parameters import parameter
 from sma_actuator.base.sections import Loop, SupplyParameters, ThermalParameters, Wire
-
-from .thermal import Contracted
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,17 +129,6 @@ class SetpointTimeout(Protocol):
         """Longest silence of a stream of joint commands [s]."""
 
 
-class ShownHeat(Contracted, Protocol):
-    """What a wire shows of its heat, which the calibration says."""
-
-    @property
-    def cooling_position(self) -> float:
-        """The displacement at which the rises were noted [m]."""
-
-    def cooling_rise_K(self, stress_Pa: float) -> float:
-        """Temperature above ambient when the cooling wire passes there."""
-
-
 class SafetySections(Protocol):
     """The parameters that the guards read; a ``Config`` has them."""
 
@@ -169,5 +157,5 @@ class SafetySections(Protocol):
         """How long a setpoint may be awaited."""
 
     @property
-    def calibration(self) -> ShownHeat:
-        """What a wire shows of its heat."""
+    def calibration(self) -> Calibration:
+        """What the model's own logs looked like."""

@@ -82,7 +82,7 @@ class Supervisor:
         if power_W > 0.0 and current_A > 0.0:
             self._resistance_Ohm = power_W / current_A**2
         thermal = self.config.thermal
-        most_Ohm = most_contracted_Ohm(self.config.calibration, thermal)
+        most_Ohm = most_contracted_Ohm(self.config.calibration.hot_end, thermal)
         wire_W = current_A**2 * resistance_Ohm
         self.heat.step(power_W, dt_s, ambient_C, thermal, resistance_Ohm, load_N, most_Ohm, wire_W)
 

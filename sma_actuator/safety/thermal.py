@@ -18,8 +18,8 @@ of the wire's time constants; meanwhile it may be driven with less current.
 from __future__ import annotations
 
 import math
-from typing import Protocol
 
+from sma_actuator.base.calibration import HotEndSection
 from sma_actuator.base.sections import ThermalParameters
 
 #: The hottest that a wire may be is aimed at with this distance, for noise and a resistance that rises.
@@ -44,18 +44,6 @@ SUDDENLY = 0.75
 HOTTEST_AMBIENT_C = 100.0
 #: A sensor that falls below the usual temperature is followed at this rate: surroundings cool no faster.
 AMBIENT_FALL_K_s = 0.1
-
-
-class Contracted(Protocol):
-    """What the calibration says of a wire that has contracted as far as it goes."""
-
-    @property
-    def contracted_resistance(self) -> tuple[float, ...]:
-        """Its resistance at several stresses [Ω]."""
-
-    @property
-    def contracted_temperature(self) -> float:
-        """The temperature that it has them at [°C]."""
 
 
 class HeatBalance:
@@ -173,13 +161,13 @@ class Thermometer:
         return transformed_C + (self._shown_Ohm - self._least_Ohm) / (LEAST_SLOPE_1_K * self._least_Ohm)
 
 
-def most_contracted_Ohm(calibration: Contracted, parameters: ThermalParameters) -> float:
+def most_contracted_Ohm(hot_end: HotEndSection, parameters: ThermalParameters) -> float:
     """The most resistance that a contracted wire shows below max_temperature, whatever its load; ∞ where nobody
     knows."""
-    if not calibration.contracted_resistance or not math.isfinite(calibration.contracted_temperature):
+    if not hot_end.contracted_resistance or not math.isfinite(hot_end.contracted_temperature):
         return math.inf
-    hotter_K = max(parameters.max_temperature - calibration.contracted_temperature, 0.0)
-    return max(calibration.contracted_resistance) * (1.0 + MOST_SLOPE_1_K * hotter_K)
+    hotter_K = max(parameters.max_temperature - hot_end.contracted_temperature, 0.0)
+    return max(hot_end.contracted_resistance) * (1.0 + MOST_SLOPE_1_K * hotter_K)
 
 
 class ShownLoss:

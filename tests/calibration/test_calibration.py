@@ -39,24 +39,26 @@ def test_the_model_file_says_how_good_the_model_was(identified):
     errors = [np.nanmean(np.abs(e)) / config.wire.full_stroke_m * 100 for e in as_the_node]
     assert calibration.error == pytest.approx(np.mean(errors), rel=1e-6)
     assert calibration.error < np.mean([e.full_percent for e in result.errors])  # there without the known hot end
-    assert calibration.largest_error >= calibration.error >= calibration.floor > 0.0
-    assert calibration.independent_time > 0.0
+    assert calibration.largest_error >= calibration.error >= calibration.expectation.floor > 0.0
+    assert calibration.expectation.independent_time > 0.0
     loads = (
         len({round(log.metadata["load"]["force_N"], 2) for log in logs if "force_N" in log.metadata.get("load", {})})
         or 4
     )
-    assert len(calibration.residual_stress) == loads
-    assert len(calibration.residual_heating) == len(calibration.residual_stress) * len(calibration.residual_position)
+    assert len(calibration.interval.residual_stress) == loads
+    assert len(calibration.interval.residual_heating) == len(calibration.interval.residual_stress) * len(
+        calibration.interval.residual_position
+    )
 
 
 def test_a_resting_wire_is_longer_and_more_resistive_cold_than_hot(identified):
     calibration = Config.from_mapping(identified[1].mapping).calibration
-    assert len(calibration.cold_stress) >= 3 and len(calibration.hot_stress) >= 3
-    assert min(calibration.cold_displacement) > max(calibration.hot_displacement)
-    assert min(calibration.cold_resistance) > max(calibration.hot_resistance)
-    assert np.all(np.diff(calibration.cold_stress) > 0)
+    assert len(calibration.rest.cold_stress) >= 3 and len(calibration.rest.hot_stress) >= 3
+    assert min(calibration.rest.cold_displacement) > max(calibration.rest.hot_displacement)
+    assert min(calibration.rest.cold_resistance) > max(calibration.rest.hot_resistance)
+    assert np.all(np.diff(calibration.rest.cold_stress) > 0)
     assert calibration.ambient_temperature == pytest.approx(22.0, abs=0.1)
-    assert calibration.hot_power > 0.1
+    assert calibration.rest.hot_power > 0.1
 
 
 def test_a_wire_that_creeps_on_is_not_at_rest():
@@ -109,8 +111,8 @@ def test_the_hot_end_is_known_under_every_load(identified):
     """Also where a contracted wire still creeps when its pulses end, as Ni-Ti does: so far it had yet to go."""
     config = identified[1].config
     known = config.calibration
-    assert len(known.hot_stress) == len(known.contracted_stress) > 1
-    assert 0.0 < known.hot_to_go < 0.03 * config.wire.full_stroke_m
+    assert len(known.rest.hot_stress) == len(known.hot_end.contracted_stress) > 1
+    assert 0.0 < known.rest.hot_to_go < 0.03 * config.wire.full_stroke_m
 
 
 def test_a_model_of_any_size_keeps_its_errors_alone(identified, flexinol):
@@ -199,7 +201,7 @@ class TestExpectation:
         residual."""
         logs, result = identified
         calibration = result.config.calibration
-        assert calibration.floor < 0.7 * calibration.error
+        assert calibration.expectation.floor < 0.7 * calibration.error
         expectation = Expectation(result.config)
         traces, found = self.found(logs, result.config)
         news_m = [
@@ -207,9 +209,11 @@ class TestExpectation:
             for t, e in zip(traces, found, strict=True)
         ]
         news = np.nanmean(np.abs(np.concatenate(news_m))) / result.config.wire.full_stroke_m * 100
-        assert news < 1.1 * calibration.floor
+        assert news < 1.1 * calibration.expectation.floor
         floor_m = np.concatenate([expectation.floor_m(e, slice(None)) for e in found])
-        assert np.nanmean(floor_m) == pytest.approx(calibration.floor / 100 * result.config.wire.full_stroke_m, rel=0.2)
+        assert np.nanmean(floor_m) == pytest.approx(
+            calibration.expectation.floor / 100 * result.config.wire.full_stroke_m, rel=0.2
+        )
         assert np.nanmin(floor_m) < 0.9 * np.nanmean(floor_m)  # some places and histories are surer than others
 
     def test_a_wire_with_two_logs_is_judged_too(self, identified):
@@ -217,7 +221,7 @@ class TestExpectation:
         logs, result = identified
         traces, found = self.found(logs[:2], result.config)
         few = learn(traces, found, result.config)
-        assert 0.0 < few["floor"] < result.config.calibration.error
+        assert 0.0 < few.floor < result.config.calibration.error
 
     def test_a_colder_room_is_less_heat_if_it_is_held_against_it(self, identified):
         """Else what it does is news: the wire is then asked for where it would be in the calibration's room."""

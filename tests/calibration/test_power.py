@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sma_actuator.base.calibration import PowerSection
 from sma_actuator.base.share import shared_file
 from sma_actuator.calibration.power import learn, passages
 from sma_actuator.config import Config
@@ -12,7 +13,7 @@ from sma_actuator.logs.kinds import make_experiments
 
 def test_without_full_pulses_nothing_is_said_of_the_transformation():
     config = Config.load(shared_file("config/flexinol.yaml"))
-    assert learn([], config, config.calibration) == {}
+    assert learn([], config, config.calibration) == PowerSection()
 
 
 def test_a_passage_goes_from_end_to_end_without_turning_back():
@@ -31,9 +32,13 @@ def test_a_wire_that_does_not_come_back_under_a_light_load_counts_as_little(flex
     then."""
     config = Config.load(shared_file("config/flexinol.yaml"))
     calibration = config.calibration
-    hot_m = np.interp(calibration.cold_stress[0], calibration.contracted_stress, calibration.contracted_displacement)
-    stays = (float(hot_m) + 0.3e-3, *calibration.cold_displacement[1:])
+    hot_m = np.interp(
+        calibration.rest.cold_stress[0],
+        calibration.hot_end.contracted_stress,
+        calibration.hot_end.contracted_displacement,
+    )
+    stays = (float(hot_m) + 0.3e-3, *calibration.rest.cold_displacement[1:])
     experiments = make_experiments(flexinol.only("pulses", "partial"), config, False)
-    found = learn(experiments, config, replace(calibration, cold_displacement=stays))
-    assert np.all(np.abs(found["transformation_speed"]) < 1.0)
-    assert found["latent_rise"] > 10.0
+    found = learn(experiments, config, replace(calibration, rest=replace(calibration.rest, cold_displacement=stays)))
+    assert np.all(np.abs(found.transformation_speed) < 1.0)
+    assert found.latent_rise > 10.0

@@ -6,18 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sma_actuator.base.calibration import Calibration, HotEndSection, RestSection, TrainingSection
 from sma_actuator.calibration.rest import AS_HOT, REPEATS, AtRest, Usual
-from sma_actuator.estimation.calibration import Calibration
 
 CALIBRATION = Calibration(
-    cold_stress=(2e7, 4e7, 8e7),
-    cold_resistance=(2.0, 2.1, 2.2),
-    cold_displacement=(1e-3, 2e-3, 2.5e-3),
-    hot_stress=(2e7, 4e7, 8e7),
-    hot_resistance=(1.5, 1.51, 1.53),
-    hot_displacement=(1e-4, 1.2e-4, 1.6e-4),
-    hot_power=0.3,
-    contracted_slope=5e-4,
+    rest=RestSection(
+        cold_stress=(2e7, 4e7, 8e7),
+        cold_resistance=(2.0, 2.1, 2.2),
+        cold_displacement=(1e-3, 2e-3, 2.5e-3),
+        hot_stress=(2e7, 4e7, 8e7),
+        hot_resistance=(1.5, 1.51, 1.53),
+        hot_displacement=(1e-4, 1.2e-4, 1.6e-4),
+        hot_power=0.3,
+    ),
+    hot_end=HotEndSection(contracted_slope=5e-4),
 )
 USUAL = Usual(CALIBRATION, heat_loss_W_K=0.005, resistance_Ohm=0.7, stroke_m=4e-3)
 COLD = AtRest(False, 2.1, 2e-3, 0.0, 4e7, 0.0, 0.005, 0.0, 0.0)
@@ -77,7 +79,7 @@ def test_a_contracted_wire_is_held_against_what_it_has_at_its_temperature():
 
 
 def test_where_pulses_ended_too_soon_a_contracted_wire_is_trusted_less_and_the_less_the_colder_it_is():
-    hasty = replace(USUAL, calibration=replace(CALIBRATION, hot_to_go=5e-5))
+    hasty = replace(USUAL, calibration=replace(CALIBRATION, rest=replace(CALIBRATION.rest, hot_to_go=5e-5)))
     longer = replace(HOT, displacement_m=2e-4)
     as_hot, colder = off(longer, hasty)[1], off(replace(longer, heat_W=0.25), hasty)[1]
     assert off(longer)[1] > as_hot > colder > 0.0
@@ -85,7 +87,7 @@ def test_where_pulses_ended_too_soon_a_contracted_wire_is_trusted_less_and_the_l
 
 def test_a_wire_that_changed_while_it_was_calibrated_is_longer_since_and_less_sure():
     """A quarter of what the hot end moved, two fifths of that at the cold one."""
-    changed = replace(USUAL, calibration=replace(CALIBRATION, changed=4e-4))
+    changed = replace(USUAL, calibration=replace(CALIBRATION, training=TrainingSection(changed=4e-4)))
     np.testing.assert_allclose(off(replace(HOT, displacement_m=1.2e-4 + 1e-4), changed), 0.0, atol=1e-9)
     np.testing.assert_allclose(off(replace(COLD, displacement_m=2e-3 + 0.4e-4), changed), 0.0, atol=1e-9)
     shown = replace(HOT, resistance_Ohm=1.52)

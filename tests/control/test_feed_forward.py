@@ -29,7 +29,7 @@ TRANSFORMATION = {
 def mapping(**controller):
     found = read_parameter_file(shared_file("config/flexinol.yaml"))
     law = {**found["controller"], "type": "feed_forward_pid", **controller}
-    return {**found, "controller": law, "calibration": {**found["calibration"], **TRANSFORMATION}}
+    return {**found, "controller": law, "calibration": {**found["calibration"], "power": TRANSFORMATION}}
 
 
 @pytest.fixture(scope="module")

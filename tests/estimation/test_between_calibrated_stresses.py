@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sma_actuator.estimation.calibration import Calibration, through
+from sma_actuator.base.calibration import Calibration, HotEndSection, RestSection, through
 
 
 def test_between_the_loads_of_a_calibration_the_cold_end_is_a_curve_and_beyond_them_it_goes_on():
@@ -28,10 +28,8 @@ def test_between_the_loads_of_a_calibration_the_cold_end_is_a_curve_and_beyond_t
 def test_the_resistance_tells_roughly_how_far_along_its_stroke_the_wire_is():
     """Contracted 0, cold 1, at either load; between them a straight line."""
     known = Calibration(
-        contracted_stress=(2e7, 6e7),
-        contracted_resistance=(4.0, 4.2),
-        cold_stress=(2e7, 6e7),
-        cold_resistance=(5.0, 5.6),
+        hot_end=HotEndSection(contracted_stress=(2e7, 6e7), contracted_resistance=(4.0, 4.2)),
+        rest=RestSection(cold_stress=(2e7, 6e7), cold_resistance=(5.0, 5.6)),
     )
     at_Ohm, stress_Pa = np.array([4.0, 5.0, 4.2, 5.6, 4.7]), np.array([2e7, 2e7, 6e7, 6e7, 4e7])
     np.testing.assert_allclose(known.share_by_resistance(at_Ohm, stress_Pa), [0.0, 1.0, 0.0, 1.0, 0.5])
@@ -39,10 +37,10 @@ def test_the_resistance_tells_roughly_how_far_along_its_stroke_the_wire_is():
 
 
 def test_a_table_that_somebody_edited_is_refused_in_a_sentence():
-    whole = Calibration(cold_stress=(2e7, 6e7), cold_resistance=(5.0, 5.6), cold_displacement=(1e-3, 2e-3))
+    whole = RestSection(cold_stress=(2e7, 6e7), cold_resistance=(5.0, 5.6), cold_displacement=(1e-3, 2e-3))
     assert whole.mismatches() == []
     (falls,) = dataclasses.replace(whole, cold_stress=(6e7, 2e7)).mismatches()
-    assert falls.startswith("calibration.cold_stress: does not rise")
+    assert falls.startswith("calibration.rest.cold_stress: does not rise")
     (short,) = dataclasses.replace(whole, cold_resistance=(5.0,)).mismatches()
-    assert short.startswith("calibration.cold_resistance: has 1 values for the 2 of calibration.cold_stress")
+    assert short.startswith("calibration.rest.cold_resistance: has 1 values for the 2 of calibration.rest.cold_stress")
     assert dataclasses.replace(whole, cold_resistance=()).mismatches() == []  # nobody measured it

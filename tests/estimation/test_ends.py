@@ -4,22 +4,28 @@ from types import SimpleNamespace
 
 import pytest
 
-from sma_actuator.estimation.calibration import Calibration
+from sma_actuator.base.calibration import Calibration, HotEndSection, PowerSection, RestSection
 from sma_actuator.estimation.ends import Ends
 
 MPa = 1e6
 #: Contracted at 0.3 to 0.5 mm, cold at 2 to 4 mm; half contracted at 70 °C, wholly at 90 °C, 10 K higher for 100 MPa.
 CALIBRATION = Calibration(
-    contracted_stress=(20e6, 120e6),
-    contracted_resistance=(4.4, 4.5),
-    contracted_displacement=(0.3e-3, 0.5e-3),
-    cold_stress=(20e6, 120e6),
-    cold_resistance=(5.0, 5.2),
-    cold_displacement=(2.0e-3, 4.0e-3),
-    transformation_heating=(90.0, 70.0, 50.0),
-    transformation_cooling=(60.0, 50.0, 40.0),
-    transformation_shift=(1e-7, 1e-7),
-    latent_rise=20.0,
+    hot_end=HotEndSection(
+        contracted_stress=(20e6, 120e6),
+        contracted_resistance=(4.4, 4.5),
+        contracted_displacement=(0.3e-3, 0.5e-3),
+    ),
+    rest=RestSection(
+        cold_stress=(20e6, 120e6),
+        cold_resistance=(5.0, 5.2),
+        cold_displacement=(2.0e-3, 4.0e-3),
+    ),
+    power=PowerSection(
+        transformation_heating=(90.0, 70.0, 50.0),
+        transformation_cooling=(60.0, 50.0, 40.0),
+        transformation_shift=(1e-7, 1e-7),
+        latent_rise=20.0,
+    ),
 )
 MODEL_m = (0.6e-3, 3.8e-3)
 

@@ -127,7 +127,8 @@ def test_without_a_calibration_it_says_that_it_does_not_know(make_config):
 def test_a_calibration_that_nowhere_rests_at_the_hot_end_is_enough():
     config = Config.load(shared_file("config/flexinol.yaml"))
     mapping = config.to_mapping()
-    without = {name: value for name, value in mapping["calibration"].items() if not name.startswith("hot_")}
+    rest = {name: value for name, value in mapping["calibration"]["rest"].items() if not name.startswith("hot_")}
+    without = {**mapping["calibration"], "rest": rest}
     bounds_Ohm = []
     for calibration in (mapping["calibration"], without):
         judge = ModelHealth(Config.from_mapping({**mapping, "calibration": calibration}), config.supply.bias_current)
@@ -182,7 +183,7 @@ class TestSigns:
     def test_the_contracted_wire_tells_a_warmer_resistivity_from_longer_leads(self):
         judge = ModelHealth(self.config, self.config.supply.bias_current)
         calibration = self.config.calibration
-        cold_Ohm = float(np.interp(54e6, calibration.cold_stress, calibration.cold_resistance))
+        cold_Ohm = float(np.interp(54e6, calibration.rest.cold_stress, calibration.rest.cold_resistance))
         time_s, rest_W = 0.0, 0.0132
         for _ in range(4):
             time_s = self.hold(judge, 0.0003, 0.45, time_s, Branch.HEATING, resistance_Ohm=4.46)

@@ -17,12 +17,20 @@ def config():
     return Config.load(shared_file("config/flexinol.yaml"))
 
 
+def sloping(config, slope_Ohm_K):
+    """The wire, with another rise of the contracted one's resistance with its temperature."""
+    hot_end = replace(config.calibration.hot_end, contracted_slope=slope_Ohm_K)
+    return replace(config, calibration=replace(config.calibration, hot_end=hot_end))
+
+
 def austenite_Ohm(config, ambient_C, power_W=POWER_W):
     """The resistance of a wire that has become austenite all through, in thermal balance."""
     calibration, thermal = config.calibration, config.thermal
-    at_hot_end_Ohm = np.interp(STRESS_Pa, calibration.contracted_stress, calibration.contracted_resistance)
-    hotter_K = ambient_C + power_W / thermal.heat_loss - calibration.contracted_temperature
-    return at_hot_end_Ohm + max(calibration.contracted_slope, 0.0) * hotter_K
+    at_hot_end_Ohm = np.interp(
+        STRESS_Pa, calibration.hot_end.contracted_stress, calibration.hot_end.contracted_resistance
+    )
+    hotter_K = ambient_C + power_W / thermal.heat_loss - calibration.hot_end.contracted_temperature
+    return at_hot_end_Ohm + max(calibration.hot_end.contracted_slope, 0.0) * hotter_K
 
 
 def seen(config, resistance_Ohm, ambient_C, hot_end=None, time_s=0.0):
@@ -42,7 +50,7 @@ def test_it_is_seen_below_one_bound_and_left_above_a_second(config):
 @pytest.mark.parametrize("off_K", [-0.99, -1.01, 0.99, 1.01, np.nan])
 def test_an_ambient_temperature_that_is_too_far_from_the_usual_either_way_is_not_believed(config, off_K):
     """A sensor that fell off says anything; the steep slope shows which temperature was taken."""
-    steep = replace(config, calibration=replace(config.calibration, contracted_slope=1.0))
+    steep = sloping(config, 1.0)
     usual_C, tolerance_K = steep.thermal.ambient_temperature, steep.thermal.ambient_tolerance
     said_C = usual_C + off_K * tolerance_K
     believed_C = said_C if abs(off_K) < 1.0 else usual_C
@@ -57,7 +65,7 @@ def test_an_ambient_temperature_that_is_too_far_from_the_usual_either_way_is_not
 
 
 def test_the_temperature_follows_the_power_with_the_wires_time_constant(config):
-    steep = replace(config, calibration=replace(config.calibration, contracted_slope=1.0))
+    steep = sloping(config, 1.0)
     thermal, usual_C = steep.thermal, steep.thermal.ambient_temperature
     hot_end = HotEnd(steep)
     hot_end.step(100.0, 100.0, STRESS_Pa, 0.0, usual_C)
@@ -71,7 +79,7 @@ def test_the_temperature_follows_the_power_with_the_wires_time_constant(config):
 
 
 def test_a_clock_that_is_set_back_cools_nothing(config):
-    steep = replace(config, calibration=replace(config.calibration, contracted_slope=1.0))
+    steep = sloping(config, 1.0)
     usual_C = steep.thermal.ambient_temperature
     hot_Ohm, hot_end = austenite_Ohm(steep, usual_C), HotEnd(steep)
     assert seen(steep, hot_Ohm, usual_C, hot_end, 100.0)
@@ -82,7 +90,7 @@ def test_a_clock_that_is_set_back_cools_nothing(config):
 
 def test_resistance_that_seems_to_fall_with_temperature_is_not_believed(config):
     """A calibration of a few logs may say so; a metal does not."""
-    falling = replace(config, calibration=replace(config.calibration, contracted_slope=-1.0))
+    falling = sloping(config, -1.0)
     usual_C, range_Ohm = falling.thermal.ambient_temperature, falling.calibration.resistance_range
     assert seen(falling, austenite_Ohm(falling, usual_C) + 0.9 * ENTER * range_Ohm, usual_C)
     assert not seen(falling, austenite_Ohm(falling, usual_C) + 1.1 * ENTER * range_Ohm, usual_C)
@@ -94,7 +102,7 @@ def test_without_a_calibration_of_the_hot_end_it_is_not_known(make_config):
 
 def test_live_parameters_arrive(config):
     hot_end, usual_C = HotEnd(config), config.thermal.ambient_temperature
-    steep = replace(config, calibration=replace(config.calibration, contracted_slope=1.0))
+    steep = sloping(config, 1.0)
     hot_end.update(steep)
     assert not seen(
         steep, austenite_Ohm(steep, usual_C) + 1.1 * ENTER * config.calibration.resistance_range, usual_C, hot_end
@@ -107,5 +115,5 @@ def test_live_parameters_arrive(config):
 def test_the_displacement_there_is_that_of_the_calibration_at_the_stress(config):
     c = config.calibration
     assert HotEnd(config).displacement_m(STRESS_Pa) == np.interp(
-        STRESS_Pa, c.contracted_stress, c.contracted_displacement
+        STRESS_Pa, c.hot_end.contracted_stress, c.hot_end.contracted_displacement
     )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from characterised import bench_mapping, identified, virtual_rig
 
+from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
 from sma_actuator.bench.bench import Setup
@@ -15,7 +16,6 @@ from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import partial_cycles, square_pulses
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config, bench_from_mapping
-from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.identify.fatigue import fit_fatigue

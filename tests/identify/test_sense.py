@@ -99,10 +99,13 @@ def test_a_calibration_with_the_hot_wire_longer_than_the_cold_one_is_not_loaded(
     known = Config.from_mapping(mapping).calibration
     mapping["calibration"] = {
         **mapping["calibration"],
-        "hot_displacement": list(known.cold_displacement),
-        "cold_displacement": list(known.hot_displacement),
+        "rest": {
+            **mapping["calibration"]["rest"],
+            "hot_displacement": list(known.rest.cold_displacement),
+            "cold_displacement": list(known.rest.hot_displacement),
+        },
     }
-    with pytest.raises(ConfigError, match=r"calibration.hot_displacement: the wire is longer hot than cold"):
+    with pytest.raises(ConfigError, match=r"calibration.rest.hot_displacement: the wire is longer hot than cold"):
         Config.from_mapping(mapping)
 
 

@@ -191,7 +191,7 @@ SCENARIOS = {
     "heat_loss_wrong": Scenario(
         cold_but_contracted,
         lambda rig: setattr(rig, "reading_of", lambda reading: reading),
-        changes={"calibration": {"cooling_position": 2.2e-3, "cooling_stress": [2e7], "cooling_rise": [15.0]}},
+        changes={"calibration.hot_end": {"cooling_position": 2.2e-3, "cooling_stress": [2e7], "cooling_rise": [15.0]}},
         tracking=False,
     ),
     "ambient_doubted": lie_about_readings(lambda r: replace(r, ambient_temperature_C=-59.0)),

@@ -466,8 +466,8 @@ class TestHeatLossWrong:
     @pytest.fixture
     def look(self, step, make_config):
         """``look(memory, later_s, rise_K, position_m, **changes)``: what the guard says."""
-        calibration = {"cooling_position": self.POSITION_m, "cooling_stress": [54e6], "cooling_rise": [self.RISE_K]}
-        config = Config.from_mapping(make_config(calibration=calibration))
+        hot_end = {"cooling_position": self.POSITION_m, "cooling_stress": [54e6], "cooling_rise": [self.RISE_K]}
+        config = Config.from_mapping(make_config(calibration={"hot_end": hot_end}))
 
         def look(memory, later_s=0.0, rise_K=10.0, position_m=0.5e-3, **changes):
             heat = WireHeat(config.thermal)

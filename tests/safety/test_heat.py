@@ -35,7 +35,7 @@ def begin_anew(rig):
 
 def greedy(name, heat_loss_factor=1.0, changes=(), **setup):
     mapping = read_parameter_file(shared_file(f"config/{name}.yaml"))
-    mapping.setdefault("calibration", {}).pop("cooling_rise", None)  # what the limit of current does, it does alone
+    mapping["calibration"].get("hot_end", {}).pop("cooling_rise", None)  # what the limit of current does, it does alone
     config = Config.from_mapping(mapping).replace(dict(changes))
     rig = Rig(config.to_mapping(), name.split("_")[0], Weight(0.98), **setup)
     rig.bench.inject("draught", heat_loss_factor)
@@ -155,7 +155,7 @@ def test_an_enclosed_wire_that_is_moved_to_and_fro_is_seen_and_named(wire):
         assert (rig.status.fault == "heat_loss_wrong") == seen, (divisor, rig.status)
         if seen:
             shown_mm = float(re.search(r"contracted to (\S+) mm", rig.status.message)[1])
-            assert shown_mm < 1e3 * rig.config.calibration.cooling_position < 50.0 * shown_mm
+            assert shown_mm < 1e3 * rig.config.calibration.hot_end.cooling_position < 50.0 * shown_mm
 
 
 def still_air_C(wire, current_A):

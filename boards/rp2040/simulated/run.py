@@ -21,6 +21,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from world import Reset, World
 
 from sma_actuator.bench import VirtualBench
+from sma_actuator.config import copy_tables
 from sma_actuator.plant.loads import Weight
 
 LOOK_s = 0.02
@@ -128,9 +129,11 @@ def main() -> None:
         parser.error("MicroPython is not there: `make micropython` installs it")
     with SimulatedBoard(VirtualBench.from_name("flexinol", load=Weight(args.load)), args.micropython) as board:
         if args.config_out:
-            text = (ROOT / "config" / "board.yaml").read_text(encoding="utf-8")
+            shipped = ROOT / "config" / "board.yaml"
+            text = shipped.read_text(encoding="utf-8").replace("ASRL/dev/ttyACM0::INSTR", board.resource)
             args.config_out.parent.mkdir(parents=True, exist_ok=True)
-            args.config_out.write_text(text.replace("ASRL/dev/ttyACM0::INSTR", board.resource), encoding="utf-8")
+            args.config_out.write_text(text, encoding="utf-8")
+            copy_tables(shipped, args.config_out)
         print(f"the board is at {board.resource}; Ctrl-C ends it", flush=True)
         with contextlib.suppress(KeyboardInterrupt):
             signal.pause()

@@ -66,7 +66,7 @@ def scales_of(evidence: Evidence) -> Scales:
 
 
 def _latent_heat_J(config: Config) -> float:
-    rise_K = config.calibration.latent_rise
+    rise_K = config.calibration.power.latent_rise
     return max(rise_K, 0.0) * config.thermal.heat_capacity if math.isfinite(rise_K) else 0.0
 
 

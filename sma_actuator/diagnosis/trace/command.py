@@ -133,7 +133,7 @@ def run(args: argparse.Namespace) -> int:
             experiments = make_experiments(read_logs(args.calibration, reading, console.print), config, remembers)
             # What such a model leaves on logs that it has learned is no measure of others; what identify found on
             # others is.
-            known_percent = config.calibration.floor
+            known_percent = config.calibration.expectation.floor
             fresh_percent = known_percent if remembers and math.isfinite(known_percent) else 0.0
             mapping["calibration"] = to_mapping(calibration_of(experiments, config, fresh_percent=fresh_percent))
             config = Config.for_tools(mapping, str(args.config))

@@ -14,8 +14,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from sma_actuator.base.calibration import Calibration
 from sma_actuator.config import Config
-from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain, Judged, place_of
 from sma_actuator.estimation.effects import Effect, Effects
 from sma_actuator.logs.bench_log import BenchLog
@@ -99,14 +99,14 @@ class Evidence:
     def independent_s(self) -> float:
         """How far apart two samples are whose errors are independent, as the calibration has it; 0 where it is not
         known."""
-        known = self.calibration.independent_time
+        known = self.calibration.expectation.independent_time
         return known if math.isfinite(known) else 0.0
 
     @property
     def expects_what_repeats(self) -> bool:
         """Whether what the model always leaves is expected; where it is not, that goes with all kinds of quantities
         itself."""
-        return self.knows_its_scatter and any(self.calibration.expected_weights)
+        return self.knows_its_scatter and any(self.calibration.expectation.expected_weights)
 
     @property
     def knows_its_scatter(self) -> bool:
@@ -116,7 +116,7 @@ class Evidence:
     @property
     def changed_percent(self) -> float:
         """How far the wire's hot end moved while it was calibrated, % of full stroke."""
-        return self.calibration.changed / self.full_stroke_m * 100
+        return self.calibration.training.changed / self.full_stroke_m * 100
 
     def predict(self, effects: Mapping[str, Effect]) -> list[Prediction]:
         """Every log through the chain with ``effects`` beside those that the model has."""

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from sma_actuator.base.parameters import declaration_of
+from sma_actuator.base.calibration import Calibration
+from sma_actuator.base.parameters import declaration_of, to_mapping
 from sma_actuator.calibration.expectation import learn
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain
@@ -432,12 +433,12 @@ def extended(
     ]
     out["effects"] = effects
     if "calibration" in out:
-        out["calibration"] = {**out["calibration"], **_anew(out, evidence, tracing)}
+        out["calibration"] = to_mapping(_anew(out, evidence, tracing))
     return out
 
 
-def _anew(mapping: dict[str, Any], evidence: Evidence, tracing: Tracing) -> dict[str, Any]:
-    """What a model with new effects leaves, for its calibration.
+def _anew(mapping: dict[str, Any], evidence: Evidence, tracing: Tracing) -> Calibration:
+    """The calibration with what a model with new effects leaves.
 
     An effect that has come since the calibration changes how large the errors are, and not what residual to expect
     beside it; one that was there already was part of that, which is learned anew from these logs.
@@ -447,9 +448,9 @@ def _anew(mapping: dict[str, Any], evidence: Evidence, tracing: Tracing) -> dict
         float(np.mean(np.abs(measured_m - p.shown_m))) / full_m * 100
         for measured_m, p in zip(evidence.logs.measured_m, tracing.predictions["after"], strict=True)
     ]
-    fields: dict[str, Any] = {"error": float(np.mean(errors)), "largest_error": max(errors)}
     config = Config.for_tools(mapping)
-    if evidence.beyond_floor and config.calibration.expects:
+    known = dataclasses.replace(config.calibration, error=float(np.mean(errors)), largest_error=max(errors))
+    if evidence.beyond_floor and known.expectation.known:
         found = [Chain(config).run(t.signals) for t in evidence.logs.experiments]
-        fields |= learn(evidence.logs.experiments, found, config)
-    return {name: list(v) if isinstance(v, tuple) else v for name, v in fields.items()}
+        known = dataclasses.replace(known, expectation=learn(evidence.logs.experiments, found, config))
+    return known

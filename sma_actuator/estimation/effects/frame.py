@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.jit import jit
 from sma_actuator.base.signals import Signals
-from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.lag import lag
 
 
@@ -40,7 +40,7 @@ class Place:
         """The same, roughly, by its resistance: where the displacement is not estimated yet; 0 where the ends are not
         known."""
         known = self.stroke
-        if known is None or not (known.contracted_resistance and known.cold_resistance):
+        if known is None or not (known.hot_end.contracted_resistance and known.rest.cold_resistance):
             return np.zeros(len(frame.resistance_Ohm))
         return known.share_by_resistance(frame.resistance_Ohm, frame.load_N / self.area_m2)
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_actuator.base.calibration import COLD_SHARE, left_in_place
 from sma_actuator.base.parameters import parameter
-from sma_actuator.estimation.calibration import COLD_SHARE, left_in_place
 
 from .effect import EFFECTS, Effect
 from .frame import Frame, Place, count_cycles, incompleteness

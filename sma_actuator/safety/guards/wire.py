@@ -137,10 +137,10 @@ def heat_loss_wrong(step: Step) -> str:
     contracted = (
         step.settled
         and step.estimate.quality <= Quality.INDETERMINATE_HOT
-        and step.estimate.displacement_m < calibration.cooling_position
+        and step.estimate.displacement_m < calibration.hot_end.cooling_position
     )
     rise_K = heat.temperature_C - heat.ambient.temperature_C
-    still_hot = contracted and rise_K < LEAST_RISE * calibration.cooling_rise_K(step.signals.stress_Pa)
+    still_hot = contracted and rise_K < LEAST_RISE * calibration.hot_end.cooling_rise_K(step.signals.stress_Pa)
     lasts_s = step.memory.lasts_s("heat_loss_wrong", still_hot, step.now_s)
     if not lasts_s >= COOLING_TIMES * thermal.heat_capacity / thermal.heat_loss:
         return ""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from sessions import session
 
+from sma_actuator.base.calibration import TrainingSection
 from sma_actuator.base.parameters import parameter
 from sma_actuator.base.signals import Signals
 from sma_actuator.bench import TWINS, Spring, Weight
@@ -53,8 +54,8 @@ def traced(wire, config, hidden, **options):
 def test_an_expectation_that_does_not_hold_where_it_was_not_fitted_is_none(config):
     """Three loads do not say what the model leaves at a fourth; what is then expected would raise the floor by two
     thirds."""
-    assert not any(config.calibration.expected_weights)
-    assert config.calibration.floor < 1.1 * config.calibration.error
+    assert not any(config.calibration.expectation.expected_weights)
+    assert config.calibration.expectation.floor < 1.1 * config.calibration.error
 
 
 def test_where_nothing_is_hidden_nothing_is_found(clean):
@@ -429,7 +430,9 @@ def _period_s(found):
 
 
 def test_a_wire_that_changed_while_it_was_calibrated_is_said_to_have(wire, config, clean):
-    calibration = dataclasses.replace(config.calibration, changed=0.02 * config.wire.full_stroke_m)
+    calibration = dataclasses.replace(
+        config.calibration, training=TrainingSection(changed=0.02 * config.wire.full_stroke_m)
+    )
     evidence = Evidence(session(wire[0]), dataclasses.replace(config, calibration=calibration))
     # A quarter of that, less at the cold end, is what its training alone has brought since the mean of the calibration
     # …

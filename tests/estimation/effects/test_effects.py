@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from sma_actuator.base.calibration import Calibration, HotEndSection, PowerSection, RestSection
 from sma_actuator.base.parameters import ConfigError, to_mapping
 from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
-from sma_actuator.estimation.calibration import Calibration
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL, PARTS
 from sma_actuator.estimation.effects.frame import TURNED, Frame, Place
@@ -267,13 +267,11 @@ def test_a_wire_that_contracts_takes_heat_up_for_that():
     np.testing.assert_allclose(found_K, rise_K[::fine], atol=0.2)  # a lag over steps of 20 ms
 
     # Its resistance moves with the same temperature; how far the wire is, it says itself.
-    ends = {
-        "contracted_stress": (1e6,),
-        "contracted_resistance": (4.0,),
-        "cold_stress": (1e6,),
-        "cold_resistance": (5.0,),
-    }
-    place = dataclasses.replace(PLACE, stroke=Calibration(**ends))
+    ends = Calibration(
+        hot_end=HotEndSection(contracted_stress=(1e6,), contracted_resistance=(4.0,)),
+        rest=RestSection(cold_stress=(1e6,), cold_resistance=(5.0,)),
+    )
+    place = dataclasses.replace(PLACE, stroke=ends)
     frame = Frame.of(dataclasses.replace(arrays, resistance_Ohm=4.0 + share(time_s)), 0.0)
     rises = {"onset": 0.0, "heat_loss": loss_W_K, "time_constant": tau_s, "latent_heat": latent_J}
     warms = build("self_heating", **rises)
@@ -428,14 +426,14 @@ def test_the_shift_of_a_turn_comes_slowly():
 def test_how_far_a_branch_went_is_measured_on_the_stroke_of_its_own_load():
     """Where the calibration knows the ends of the stroke by stress, a light load's short stroke is a whole one."""
     known = Calibration(
-        cold_stress=(2e7, 6e7),
-        cold_displacement=(2.2e-3, 4.2e-3),
-        contracted_stress=(2e7, 6e7),
-        contracted_displacement=(0.2e-3, 0.2e-3),
-        transformation_heating=(60.0, 70.0),
-        transformation_cooling=(40.0, 50.0),
-        transformation_shift=(1e-7, 1e-7),
-        latent_rise=30.0,
+        rest=RestSection(cold_stress=(2e7, 6e7), cold_displacement=(2.2e-3, 4.2e-3)),
+        hot_end=HotEndSection(contracted_stress=(2e7, 6e7), contracted_displacement=(0.2e-3, 0.2e-3)),
+        power=PowerSection(
+            transformation_heating=(60.0, 70.0),
+            transformation_cooling=(40.0, 50.0),
+            transformation_shift=(1e-7, 1e-7),
+            latent_rise=30.0,
+        ),
     )
     assert known.transformation_known
     place = dataclasses.replace(PLACE, stroke=known)

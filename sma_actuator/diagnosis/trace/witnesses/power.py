@@ -8,11 +8,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sma_actuator.base.calibration import Calibration
 from sma_actuator.calibration.power import passages, warmer_K
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace.limits import LIMITS
 from sma_actuator.diagnosis.trace.prepared import Prepared
-from sma_actuator.estimation.calibration import Calibration
 
 from .witness import Prediction
 
@@ -35,9 +35,9 @@ class Power:
     @property
     def known(self) -> bool:
         """Whether the calibration says what it takes to transform the wire, and how surely."""
-        c = self.calibration
-        sure = math.isfinite(c.transformation_scatter) and len(c.transformation_speed) == 4
-        return c.transformation_known and sure
+        usual = self.calibration.power
+        sure = math.isfinite(usual.transformation_scatter) and len(usual.transformation_speed) == 4
+        return self.calibration.transformation_known and sure
 
     def _found(self, number: int) -> list[tuple[bool, np.ndarray]]:
         """Where a log's power is held against the calibration's: see :func:`passages`."""
@@ -48,15 +48,18 @@ class Power:
 
     def off(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """How much warmer, in standard deviations, shape (passages,)."""
-        out, c = [np.empty(0)], self.calibration
+        out, c, curves = [np.empty(0)], self.calibration, self.calibration.power
         for i, (found, p) in enumerate(zip(self._passages, predictions, strict=True)):
             if not found:
                 continue
             signals = dataclasses.replace(self.logs.experiments[i].signals, stress_Pa=p.stress_Pa)
             share = c.share_of_stroke(self.logs.measured_m[i] - p.beside_m, p.stress_Pa)
-            off_K, ahead = warmer_K(signals, p.heat_W, share, c, self._thermal, found)
-            usual = np.mean(np.reshape(c.transformation_speed, (2, 2)), axis=1)[[int(heating) for heating, _ in found]]
-            rise_K = np.mean([*c.transformation_heating, *c.transformation_cooling]) - self._thermal.ambient_temperature
-            known_K = math.hypot(c.transformation_scatter, LIMITS.heat_balance * rise_K)
+            off_K, ahead = warmer_K(signals, p.heat_W, share, curves, self._thermal, found)
+            usual = np.mean(np.reshape(curves.transformation_speed, (2, 2)), axis=1)[
+                [int(heating) for heating, _ in found]
+            ]
+            rise_K = np.mean([*curves.transformation_heating, *curves.transformation_cooling])
+            rise_K -= self._thermal.ambient_temperature
+            known_K = math.hypot(curves.transformation_scatter, LIMITS.heat_balance * rise_K)
             out.append(off_K / np.hypot(known_K, LIMITS.other_speed * rise_K * (ahead - usual)))
         return np.concatenate(out)

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sma_actuator.base.calibration import Calibration, left_in_place
 from sma_actuator.calibration.expectation import Expectation, always_so_m
 from sma_actuator.calibration.rest import SPREAD
 from sma_actuator.calibration.training import SINCE_THEN, SINCE_THEN_WITHIN
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace.limits import LIMITS
 from sma_actuator.diagnosis.trace.prepared import Prepared
-from sma_actuator.estimation.calibration import Calibration, left_in_place
 from sma_actuator.estimation.chain import Chain, Judged
 from sma_actuator.estimation.effects.frame import Frame, Place
 
@@ -31,7 +31,7 @@ class Residual:
         """It knows no floor until :meth:`take_floor` or :meth:`take_typical`."""
         self.logs, self.calibration, self._place = logs, calibration, place
         self._full_stroke_m = config.wire.full_stroke_m
-        self.expectation = Expectation(config) if calibration.expects else None
+        self.expectation = Expectation(config) if calibration.expectation.known else None
         #: Of every log, for the model as it is: how far it is from half the way to one whose load was always what it
         #: is.
         self._always_so_m: list[np.ndarray] = []
@@ -77,12 +77,12 @@ class Residual:
 
     def _changed_m(self, found: Judged) -> np.ndarray:
         """How far the wire moved while it was calibrated, where it is now, of n samples: the hot end most."""
-        if not self.calibration.changed:  # of most wires, and every step of every fit asks
+        if not self.calibration.training.changed:  # of most wires, and every step of every fit asks
             return np.zeros(len(found.time_s))
         frame = Frame.of(found.signals, float(found.time_s[0]))
         frame.displacement_m = found.model_m
         share = self._place.share_of_stroke(frame)
-        return self.calibration.changed * np.nan_to_num(left_in_place(share), nan=1.0)
+        return self.calibration.training.changed * np.nan_to_num(left_in_place(share), nan=1.0)
 
     def news_m(self, predictions: Sequence[Prediction]) -> list[np.ndarray]:
         """Measured less shown displacement beyond what the calibration lets expect, of the samples compared, log by

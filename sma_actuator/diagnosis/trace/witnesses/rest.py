@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sma_actuator.base.calibration import Calibration
 from sma_actuator.calibration.rest import AtRest, Rest, Usual
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace.prepared import Prepared
-from sma_actuator.estimation.calibration import Calibration
 
 from .witness import Prediction
 

@@ -1,0 +1,339 @@
+"""What a model's own logs looked like: the section ``calibration`` that `identify` writes.
+
+One section below it for each file of the room :mod:`sma_actuator.calibration`, of its name: there stands how it is
+learned, and how a later log is held against it.  What a node looks up in it at every sample stands here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from math import nan
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from .parameters import parameter, section
+
+#: Where the hot end of a wire that wears or trains has moved, the cold one has moved by this share of that: what is
+#: left in place is less while it is martensite.
+COLD_SHARE = 0.4
+
+
+def left_in_place(share_of_stroke: np.ndarray, cold_share: float = COLD_SHARE) -> np.ndarray:
+    """How much of what the hot end has moved is there, shape (n,): all of it contracted, ``cold_share`` cold."""
+    return 1.0 - (1.0 - cold_share) * np.clip(share_of_stroke, 0.0, 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class RestSection:
+    """Where the wire stood still; a value for each of its stresses."""
+
+    cold_stress: tuple[float, ...] = parameter((), "stresses at cold rest", "Pa", -1e9, 1e9, optional=True)
+    cold_resistance: tuple[float, ...] = parameter((), "resistance at cold rest", "Ω", 0.0, 1e6, optional=True)
+    cold_displacement: tuple[float, ...] = parameter((), "displacement at cold rest", "m", -10.0, 10.0, optional=True)
+    hot_stress: tuple[float, ...] = parameter((), "stresses at the hot end", "Pa", -1e9, 1e9, optional=True)
+    hot_resistance: tuple[float, ...] = parameter((), "resistance at the hot end", "Ω", 0.0, 1e6, optional=True)
+    hot_displacement: tuple[float, ...] = parameter((), "displacement at the hot end", "m", -10.0, 10.0, optional=True)
+    hot_power: float = parameter(nan, "power at the hot end", "W", 0.0, 1e6, optional=True)
+    hot_to_go: float = parameter(
+        0.0, "how far a contracted wire had yet to shrink when its pulses ended, rms", "m", 0.0, 10.0, optional=True
+    )
+    resistance_scatter: float = parameter(nan, "rms scatter of the resistance at rest", "Ω", 0.0, 1e6, optional=True)
+    displacement_scatter: float = parameter(
+        nan, "rms scatter of the displacement at rest", "m", 0.0, 10.0, optional=True
+    )
+
+    def mismatches(self) -> list[str]:
+        """What of it does not fit together: a sentence for each field that must be measured again."""
+        return _mismatches(
+            self,
+            "rest",
+            cold_stress=("cold_resistance", "cold_displacement"),
+            hot_stress=("hot_resistance", "hot_displacement"),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class PowerSection:
+    """At which temperatures, by the heat balance, the wire transformed."""
+
+    transformation_heating: tuple[float, ...] = parameter(
+        (),
+        "temperatures of the heating wire, at no stress, at equally spaced shares of its stroke, contracted first",
+        "°C",
+        -1e3,
+        1e3,
+        optional=True,
+    )
+    transformation_cooling: tuple[float, ...] = parameter((), "the same, cooling", "°C", -1e3, 1e3, optional=True)
+    transformation_shift: tuple[float, ...] = parameter(
+        (), "how much higher they are per stress, cooling and heating", "K/Pa", -1e-3, 1e-3, optional=True
+    )
+    latent_rise: float = parameter(
+        nan, "latent heat of the whole stroke over thermal.heat_capacity", "K", -1e3, 1e3, optional=True
+    )
+    transformation_scatter: float = parameter(
+        nan, "how far off a passage through the middle of the stroke is from these, rms", "K", 0.0, 1e3, optional=True
+    )
+    transformation_speed: tuple[float, ...] = parameter(
+        (),
+        "least and most share of the stroke that passages were ahead of their thermal lag, cooling, then heating",
+        "1",
+        -1.0,
+        1.0,
+        optional=True,
+    )
+
+    def heating_C(self, share: float, stress_Pa: float) -> float:
+        """Temperature, by the heat balance, of a heating wire at a share of its stroke and a stress; NaN where not
+        known."""
+        if not (self.transformation_heating and self.transformation_shift):
+            return nan
+        places = np.linspace(0.0, 1.0, len(self.transformation_heating))
+        shifted_K = self.transformation_shift[1] * stress_Pa
+        return float(np.interp(share, places, self.transformation_heating)) + shifted_K
+
+
+@dataclass(frozen=True, slots=True)
+class HotEndSection:
+    """What the wire showed contracted as far as it goes, and on the way back; a value for each of its stresses."""
+
+    contracted_stress: tuple[float, ...] = parameter(
+        (), "stresses of a wire that is contracted as far as it goes", "Pa", -1e9, 1e9, optional=True
+    )
+    contracted_resistance: tuple[float, ...] = parameter((), "its resistance", "Ω", 0.0, 1e6, optional=True)
+    contracted_displacement: tuple[float, ...] = parameter((), "its displacement", "m", -10.0, 10.0, optional=True)
+    contracted_temperature: float = parameter(
+        nan, "temperature, by the heat balance, that it has the resistance at", "°C", -60.0, 1000.0, optional=True
+    )
+    contracted_slope: float = parameter(
+        nan, "rise of its resistance with its temperature", "Ω/K", -1e3, 1e3, optional=True
+    )
+    cooling_position: float = parameter(
+        nan, "displacement at which the rises below were noted", "m", -10.0, 10.0, optional=True
+    )
+    cooling_stress: tuple[float, ...] = parameter((), "stresses of the rises below", "Pa", -1e9, 1e9, optional=True)
+    cooling_rise: tuple[float, ...] = parameter(
+        (),
+        "temperature above ambient by the heat balance when the cooling wire passed that displacement",
+        "K",
+        0.0,
+        1e3,
+        optional=True,
+    )
+
+    def mismatches(self) -> list[str]:
+        """What of it does not fit together: a sentence for each field that must be measured again."""
+        return _mismatches(
+            self,
+            "hot_end",
+            contracted_stress=("contracted_resistance", "contracted_displacement"),
+            cooling_stress=("cooling_rise",),
+        )
+
+    def cooling_rise_K(self, stress_Pa: float) -> float:
+        """The rise above ambient at which a cooling wire passes ``cooling_position``; NaN where that is not known."""
+        return float(np.interp(stress_Pa, self.cooling_stress, self.cooling_rise)) if self.cooling_rise else nan
+
+
+@dataclass(frozen=True, slots=True)
+class TrainingSection:
+    """Whether the wire changed while it was measured."""
+
+    changed: float = parameter(
+        0.0, "how far the hot end moved while the wire was measured, where it was still in training", "m", 0.0, 10.0
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class IntervalSection:
+    """What the model left at a place, for the live interval of an estimate.
+
+    ``residual_…`` have a value for each position, stress after stress.
+    """
+
+    scatter: float = parameter(
+        nan,
+        "mean absolute size of what is left beside the residuals below, of a log that they do not come from",
+        "% of full stroke",
+        0.0,
+        1e3,
+        optional=True,
+    )
+    residual_stress: tuple[float, ...] = parameter((), "stresses of the residuals", "Pa", -1e9, 1e9, optional=True)
+    residual_position: tuple[float, ...] = parameter(
+        (), "estimated displacements of the residuals", "m", -10.0, 10.0, optional=True
+    )
+    residual_heating: tuple[float, ...] = parameter(
+        (), "mean measured less estimated displacement, heating", "m", -10.0, 10.0, optional=True
+    )
+    residual_cooling: tuple[float, ...] = parameter((), "the same, cooling", "m", -10.0, 10.0, optional=True)
+    scatter_heating: tuple[float, ...] = parameter(
+        (), "rms about them at each position, heating", "m", 0.0, 10.0, optional=True
+    )
+    scatter_cooling: tuple[float, ...] = parameter((), "the same, cooling", "m", 0.0, 10.0, optional=True)
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectationSection:
+    """What the model leaves at a place with a history, for a trace."""
+
+    expected_stroke: tuple[float, ...] = parameter(
+        (), "the stroke that what is expected was learned on", "m", -10.0, 10.0, optional=True
+    )
+    expected_centre: tuple[float, ...] = parameter(
+        (), "mean of each feature that an error may depend on", optional=True
+    )
+    expected_scale: tuple[float, ...] = parameter((), "its standard deviation", lo=0.0, optional=True)
+    expected_least: tuple[float, ...] = parameter((), "the least of it that was seen, in that unit", optional=True)
+    expected_most: tuple[float, ...] = parameter((), "and the most", optional=True)
+    expected_weights: tuple[float, ...] = parameter(
+        (), "of the regression that says what residual to expect", "m", optional=True
+    )
+    expected_size: tuple[float, ...] = parameter(
+        (), "of the one that says how far off that is, in the floor below, where it was not fitted", optional=True
+    )
+    expected_white: tuple[float, ...] = parameter(
+        (),
+        "lower triangle, row by row, that makes those features white: the floor rises with how strange they are",
+        optional=True,
+    )
+    floor: float = parameter(
+        nan,
+        "mean absolute size of what is left beside what is expected, where that was not fitted",
+        "% of full stroke",
+        0.0,
+        1e3,
+        optional=True,
+    )
+    independent_time: float = parameter(
+        nan, "how far apart two readings are whose errors are independent", "s", 0.0, 1e6, optional=True
+    )
+
+    @property
+    def known(self) -> bool:
+        """Whether it says what residual to expect at a place with its history, and how surely."""
+        return bool(self.expected_weights and self.expected_size)
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """What the logs looked like that the model was fitted on."""
+
+    error: float = parameter(
+        nan, "mean absolute error of the model on its own logs, full range", "% of full stroke", 0.0, 1e3, optional=True
+    )
+    largest_error: float = parameter(
+        nan, "largest such error of a single log", "% of full stroke", 0.0, 1e3, optional=True
+    )
+    ambient_temperature: float = parameter(nan, "mean ambient temperature", "°C", -60.0, 100.0, optional=True)
+    resistance_range: float = parameter(nan, "largest less smallest resistance", "Ω", 0.0, 1e6, optional=True)
+    rest: RestSection = section(RestSection, "the wire at rest")
+    power: PowerSection = section(PowerSection, "the temperatures of its transformation")
+    hot_end: HotEndSection = section(HotEndSection, "the contracted wire")
+    training: TrainingSection = section(TrainingSection, "whether it changed")
+    interval: IntervalSection = section(IntervalSection, "what the model left, for the live interval")
+    expectation: ExpectationSection = section(ExpectationSection, "what the model leaves, for a trace")
+
+    def mismatches(self) -> list[str]:
+        """What of it does not fit together: a sentence for each field that must be measured again."""
+        out = self.rest.mismatches() + self.hot_end.mismatches()
+        rest = self.rest
+        if rest.hot_displacement and rest.cold_displacement and not out:
+            hot_m = np.interp(rest.cold_stress, rest.hot_stress, rest.hot_displacement)
+            if np.mean(hot_m) > np.mean(rest.cold_displacement):
+                out.append(
+                    "calibration.rest.hot_displacement: the wire is longer hot than cold, so displacement counts "
+                    "contraction; turn its sign in the logs (--unit displacement_m=-mm) and identify the wire again"
+                )
+        return out
+
+    def share_of_stroke(self, displacement_m: Any, stress_Pa: Any) -> Any:
+        """How far a displacement lies between the contracted (0) and the cold wire (1) at a stress; of numbers or
+        arrays."""
+        hot_m = np.interp(stress_Pa, self.hot_end.contracted_stress, self.hot_end.contracted_displacement)
+        cold_m = np.interp(stress_Pa, self.rest.cold_stress, self.rest.cold_displacement)
+        return (displacement_m - hot_m) / (cold_m - hot_m)
+
+    def share_by_resistance(self, resistance_Ohm: Any, stress_Pa: Any) -> Any:
+        """The same by the resistance, which is that share's measure but for hysteresis and a third phase."""
+        hot_Ohm = np.interp(stress_Pa, self.hot_end.contracted_stress, self.hot_end.contracted_resistance)
+        cold_Ohm = np.interp(stress_Pa, self.rest.cold_stress, self.rest.cold_resistance)
+        return (resistance_Ohm - hot_Ohm) / (cold_Ohm - hot_Ohm)
+
+    @property
+    def ends_known(self) -> bool:
+        """Whether it says where the wire ends, contracted and cold."""
+        return bool(self.hot_end.contracted_stress and self.rest.cold_stress)
+
+    @property
+    def transformation_known(self) -> bool:
+        """Whether it says at which temperatures the wire transforms, and between which displacements."""
+        power = self.power
+        complete = min(len(power.transformation_heating), len(power.transformation_cooling)) > 1
+        complete = complete and len(power.transformation_shift) == 2 and math.isfinite(power.latent_rise)
+        if not (complete and self.ends_known):
+            return False
+        hot_m = np.interp(self.rest.cold_stress, self.hot_end.contracted_stress, self.hot_end.contracted_displacement)
+        return bool(np.all(np.array(self.rest.cold_displacement) > hot_m))
+
+    @property
+    def hot_end_known(self) -> bool:
+        """Whether it says what a wire shows that is contracted as far as it goes."""
+        line = self.hot_end.contracted_temperature + self.hot_end.contracted_slope + self.resistance_range
+        return bool(self.hot_end.contracted_stress) and math.isfinite(line)
+
+    @property
+    def known(self) -> bool:
+        """Whether the model says how good it was."""
+        return math.isfinite(self.error)
+
+
+def in_sections(mapping: Mapping[str, Any]) -> dict[str, Any]:
+    """The section ``calibration`` of a file with its fields in sections: before 0.2 they stood side by side.
+
+    What stands in its section already counts first.
+    """
+    sections = {s.name: getattr(Calibration(), s.name) for s in fields(Calibration) if "section" in s.metadata}
+    of = {field.name: name for name, inside in sections.items() for field in fields(inside)}
+    out = {name: value for name, value in mapping.items() if name not in of}
+    for name in mapping:
+        inside = out.get(of[name], {}) if name in of else None
+        if isinstance(inside, Mapping):
+            out[of[name]] = {name: mapping[name], **inside}
+    return out
+
+
+def _mismatches(of: Any, name: str, **tables_by_stress: tuple[str, ...]) -> list[str]:
+    """Of stresses that do not rise, and of tables that do not hold a value for each of them."""
+    out = []
+    for stress, tables in tables_by_stress.items():
+        stresses = getattr(of, stress)
+        if any(b <= a for a, b in pairwise(stresses)):
+            out.append(f"calibration.{name}.{stress}: does not rise from value to value; identify the model again")
+        out += [
+            f"calibration.{name}.{table}: has {len(getattr(of, table))} values for the {len(stresses)} of "
+            f"calibration.{name}.{stress}; identify the model again"
+            for table in tables
+            if getattr(of, table) and len(getattr(of, table)) != len(stresses)
+        ]
+    return out
+
+
+def through(nodes: Sequence[float] | np.ndarray, values: Sequence[float] | np.ndarray, at: Any) -> Any:
+    """A smooth curve through the values at ascending nodes, without a wave between them, ``at`` other places (n,).
+
+    Beyond its ends it goes on straight, by as much as the next node lies within.  The cold end bends strongly with
+    stress: straight lines between the loads of a calibration lie up to 1.6 % of the stroke below it, and its last value
+    5 % above it at the lightest load.
+    """
+    if len(nodes) < 3:
+        return np.interp(at, nodes, values)
+    curve = PchipInterpolator(nodes, values)
+    inside = np.clip(at, nodes[0], nodes[-1])
+    further = np.clip(at - inside, nodes[0] - nodes[1], nodes[-1] - nodes[-2])
+    return curve(inside) + curve(inside, 1) * further
