@@ -118,7 +118,7 @@ def test_the_hot_end_is_known_under_every_load(identified):
 def test_a_model_of_any_size_keeps_its_errors_alone(identified, flexinol):
     config = identified[1].config
     bare = calibration_of(make_experiments(identified[0], bench_from_mapping(flexinol.mapping)), config, at_rest=False)
-    assert bare.known and not bare.cold_stress and not bare.residual_position
+    assert bare.known and not bare.ends_known and not bare.interval.residual_position
 
 
 class TestRests:
