@@ -21,6 +21,7 @@ ALIKE = 2.0  #: motions are alike whose stiffness differs by less than this fact
 SWINGS = 3  #: so many that are alike say what a load does
 FOLLOWS = 0.1  #: share of the change of load that belongs to a motion below which the load stands
 STOOD = 2  #: motions, to and fro, that it has not followed
+LATELY = 20  #: readings within which a hand hangs another load on a wire
 
 
 @dataclass(slots=True)
@@ -85,19 +86,29 @@ def _range_of_quarters(values: list[float]) -> float:
 
 @dataclass(slots=True)
 class Following:
-    """What the load does when the wire moves, from one turn of the motion to the next."""
+    """What the load does when the wire moves, from one turn of the motion to the next.
+
+    A load that changes by more than the wire's motion can make it is another load: what a load does is seen anew.  One
+    whose cell has died does not change any more.
+    """
 
     _from: tuple[float, float] = (nan, nan)  #: place and load where this motion began
     _to: tuple[float, float] = (nan, nan)  #: and the farthest that it has come
     _stiffness: list[float] = field(default_factory=list)  #: of the last motions
     #: Motions running that the load has not followed: way, change of load expected, and seen.
     _stood: list[tuple[float, float, float]] = field(default_factory=list)
+    _lately: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=LATELY))  #: places and loads
 
     def step(self, place_m: float, load_N: float, swing_m: float, noise_N: float) -> str:
         """At the end of a motion, how the load has not followed it and the one before; else ""."""
         if not isfinite(place_m):
             self.pause()
             return ""
+        self._lately.append((place_m, load_N))
+        if self._is_another(noise_N):
+            self._stiffness, self._stood = [], []
+            self._lately.clear()
+            self.pause()
         if not isfinite(self._from[0]):
             self._from = self._to = (place_m, load_N)
         way_m = self._to[0] - self._from[0]
@@ -131,6 +142,15 @@ class Following:
         if len(shown) < SWINGS or min(shown) < ALIKE * max(shown):
             return nan
         return max(shown)
+
+    def _is_another(self, noise_N: float) -> bool:
+        """Whether the load has lately changed by more than it does, of this spring, over the way that the wire
+        went."""
+        change_N = abs(self._lately[-1][1] - self._lately[0][1])
+        if not change_N > noise_N:
+            return False
+        places_m = [place_m for place_m, _ in self._lately]
+        return change_N > noise_N + ALIKE * abs(self.stiffness_N_m) * (max(places_m) - min(places_m))
 
     def pause(self) -> None:
         """The wire has no place now."""

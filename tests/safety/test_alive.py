@@ -274,6 +274,32 @@ class TestWhatALoadDoes:
         wire.swing(-300.0, -300.0, -300.0, -200.0)
         assert wire.following.stiffness_N_m == pytest.approx(-200.0)
 
+    @pytest.mark.parametrize("pieces", [1, 15])
+    def test_a_load_that_changes_by_itself_is_another(self, pieces):
+        wire = Swung()
+        wire.swing(-300.0, -300.0, -300.0)
+        wire.to(wire.at_m + 0.5 * wire.way_m, -300.0)
+        for _ in range(pieces):
+            wire.load_N += 0.5 / pieces
+            wire.step()
+        assert math.isnan(wire.following.stiffness_N_m)
+        assert wire.swing(0.0, 0.0, 0.0, 0.0) == ""
+
+    def test_it_is_another_too_where_the_wire_had_no_place_meanwhile(self):
+        wire = Swung()
+        wire.swing(-300.0, -300.0, -300.0)
+        wire.step()
+        wire.load_N += 0.5
+        wire.following.step(math.nan, wire.load_N, 1e-3, 0.03)
+        assert wire.swing(0.0, 0.0, 0.0, 0.0) == ""
+
+    @pytest.mark.parametrize("share", [0.1, 0.5, 0.99])
+    def test_one_that_dies_on_the_way_is_found(self, share):
+        wire = Swung()
+        wire.swing(-300.0, -300.0, -300.0)
+        wire.to(wire.at_m + share * wire.way_m, -300.0)
+        assert any(wire.swing(0.0) for _ in range(4))
+
     def test_what_happened_while_the_wire_had_no_place_is_no_motion(self):
         wire = Swung()
         wire.swing(-300.0, -300.0)
@@ -303,6 +329,19 @@ def test_a_load_cell_that_stands_with_its_converter_s_dither_is_not_believed(mak
     )
     _move(rig, 20.0)
     assert rig.status.fault == "load_dead", rig.status
+
+
+@pytest.mark.parametrize("hang_s", [0.0, 0.6], ids=["at once", "by hand"])
+def test_a_weight_that_takes_a_spring_s_place_is_another_load(make_rig, hang_s):
+    rig = make_rig(**{"safety.load_spike": 10.0})
+    rig.bench.load = Spring(150.0, 0.7)
+    rig.enable()
+    _move(rig, 40.0)
+    for share in np.linspace(1.0, 0.0, 7):
+        rig.bench.load = Spring(share * 150.0, 1.2 - share * 0.5) if share else Weight(1.2)
+        rig.run(hang_s / 6.0)
+    _move(rig, 25.0)
+    assert rig.status.fault == "", rig.status
 
 
 def test_a_motion_is_three_tenths_of_the_stroke_as_the_page_says():

@@ -179,16 +179,15 @@ def readings_repeat(step: Step) -> str:
 @guard(
     words="the load cell does not show the load",
     remedy="Check the load cell, its cable and its amplifier: something stands still. Where all is well (a source of "
-    "noise was switched "
-    "off; another load hangs on the wire) clear the fault, and what is usual is seen anew; safety.least_noise 0 leaves "
-    "the noise out",
+    "noise was switched off) clear the fault, and what is usual is seen anew; safety.least_noise 0 leaves the noise "
+    "out",
     detector=f"of the load cell's channel, once this run has shown what is usual: values repeat far more often (as in "
     f"readings_repeat); or "
     f"over {WINDOW} readings less than safety.least_noise of the least noise that it has had; or two motions running, "
     f"to and fro, by "
     f"{100 * SWING:g} % of the full stroke or more with less than {100 * FOLLOWS:g} % of the change of load that "
     f"belonged to such motions "
-    "so far (a spring's; a dead weight's does not change)",
+    "so far (a spring's; a dead weight's does not change; of a load that changes by itself it is seen anew)",
     within=(WINDOW + 10) / RATE,
     action=Action.OFF,
     latches=True,
