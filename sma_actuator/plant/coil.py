@@ -28,7 +28,6 @@ import numpy as np
 
 from sma_actuator.base.jit import inlined, jit
 
-from .kinetics import new_memory
 from .materials import Wire
 from .physics import (
     AMBIENT,
@@ -38,7 +37,6 @@ from .physics import (
     CELL_R_SHARE,
     CELL_SLOPE_J_K,
     CELL_TEMPERATURE,
-    CURRENT,
     CYCLES,
     DISPLACEMENT,
     ENTHALPY,
@@ -53,27 +51,27 @@ from .physics import (
     R_SHARE,
     RESISTANCE,
     SPRING_AT,
-    STATES,
     STIFFNESS,
     STRAIN,
     TEMPERATURE,
     TIME,
     TOLERANCE_K,
     TRIP,
-    VOLTAGE,
     Constants,
     SUPPLY_TIME_CONSTANT_s,
     WireState,
     convection,
     count_cycles,
     electric,
+    empty_state,
     enthalpy_of,
     martensite_at,
     r_share_at,
     resistance_of,
     shift_of,
     strain_parts,
-    untrained_after,
+    untrained_strain_at,
+    write_sample,
 )
 
 RINGS = 5  #: of equal area: displacement and resistance lie within 0.5 % of their range of those with forty
@@ -96,7 +94,8 @@ def _excess(x, bands, rings, memory_m, memory_r, temperature_C, shift, enthalpy_
 
 @jit
 def _temperature(x, bands, rings, memory_m, memory_r, start_C, shift, enthalpy_J, slope_J_K):
-    """Temperature of a section that holds ``enthalpy_J``: walk until the sign changes, then close in (Illinois)."""
+    """Temperature of a section that holds ``enthalpy_J``: walk until the sign changes, then close in (Illinois), as
+    :func:`.physics.temperature_for` does of a wire."""
     capacity = x.heat_capacity_J_K
     t1 = start_C
     f1 = _excess(x, bands, rings, memory_m, memory_r, t1, shift, enthalpy_J)
@@ -200,10 +199,7 @@ def _mechanics(c, whole, rings, force_N, stiffness_N_m, spring_at_m):
         parts = strain_parts(c, m, ring[CELL_R_SHARE], temperature)
         ring[RING_TRANSFORMATION] = parts.transformation
         ring[RING_COMPLIANCE] = parts.compliance_1_Pa
-        ring[RING_OTHER] = 0.0
-        if c.untrained_strain > 0.0:
-            grown = 1.0 - (1.0 - c.untrained_cold_share) * m
-            ring[RING_OTHER] = -c.untrained_strain * untrained_after(c, whole[CYCLES]) * grown * ring[RING_RADIUS]
+        ring[RING_OTHER] = 0.0 - untrained_strain_at(c, whole[CYCLES], m) * ring[RING_RADIUS]
         martensite += ring[CELL_LENGTH_SHARE] * m
         r_phase += ring[CELL_LENGTH_SHARE] * ring[CELL_R_SHARE] * (1.0 - m)
     strain = whole[STRAIN]
@@ -261,14 +257,7 @@ def simulate(steps, step_s, c, wire, inputs, ring, first):
         _transform(c.transformation, bands, state, rings, memory_m, memory_r, shift_of(c, state[CYCLES]))
         _mechanics(c, state, rings, inputs[FORCE], inputs[STIFFNESS], inputs[SPRING_AT])
         state[TIME] += step_s
-        ring[row, 0] = state[CURRENT]
-        ring[row, 1] = state[VOLTAGE]
-        ring[row, 2] = state[LOAD]
-        ring[row, 3] = state[DISPLACEMENT]
-        ring[row, 4] = ambient
-        row += 1
-        if row == ring.shape[0]:
-            row = 0
+        row = write_sample(state, ambient, ring, row)
     return row
 
 
@@ -305,13 +294,7 @@ def cold_state(
     """A coil that has cooled to ``ambient_C`` under ``force_N``, and then hangs on its load; ``count`` rings of equal
     area."""
     edges = np.arange(count + 1) / count  # squares of the radii
-    state = WireState(
-        whole=np.zeros(STATES),
-        cells=np.zeros((count, RING_COLUMNS)),
-        memory_m=np.array([new_memory(0.0) for _ in range(count)]),
-        memory_r=np.array([new_memory(0.0) for _ in range(count)]),
-        bands=wire.kinetics.bands(),
-    )
+    state = empty_state(wire, count, RING_COLUMNS)
     state.cells[:, CELL_LENGTH_SHARE] = 1.0 / count
     state.cells[:, RING_RADIUS] = np.sqrt(0.5 * (edges[:-1] + edges[1:]))  # as stiff in torsion as the ring
     _cool_on_its_load(c, state, float(ambient_C), float(force_N), float(stiffness_N_m), float(spring_at_m))

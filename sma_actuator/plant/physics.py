@@ -362,7 +362,8 @@ def temperature_for(
         return t1
     t0 = t1 - f1 / slope_J_K
     f0 = _excess(x, bands, memory_m, memory_r, martensite, r_share, t0, stress_Pa, shift, enthalpy_J)
-    # Walk until the sign changes, then close in (Illinois).
+    # Walk until the sign changes, then close in (Illinois).  Stands in :mod:`.coil` once more, with the excess of a
+    # section: a kernel that is handed a function cannot be kept on disk, and would be compiled at every start.
     for _ in range(40):
         if f0 * f1 <= 0.0 or abs(f0) <= TOLERANCE_K * capacity:
             break
@@ -480,6 +481,15 @@ def untrained_after(c, cycles):
 
 
 @inlined
+def untrained_strain_at(c, cycles, martensite):
+    """By how much strain a wire that is still in training is shorter than it will be: contracted most."""
+    if c.untrained_strain <= 0.0:
+        return 0.0
+    grown = 1.0 - (1.0 - c.untrained_cold_share) * martensite
+    return c.untrained_strain * untrained_after(c, cycles) * grown
+
+
+@inlined
 def shift_of(c, cycles):
     """Where the bands of a wire lie that is still in training."""
     if c.untrained_heating_K == 0.0 and c.untrained_cooling_K == 0.0:
@@ -520,9 +530,7 @@ def _mechanics(c, whole, cells, force_N, stiffness_N_m, spring_at_m):
         other += share * parts.other
     if n > 1 and martensite < 1.0:
         r_share = r_phase / (1.0 - martensite)
-    if c.untrained_strain > 0.0:
-        grown = 1.0 - (1.0 - c.untrained_cold_share) * martensite
-        other -= c.untrained_strain * untrained_after(c, whole[CYCLES]) * grown
+    other -= untrained_strain_at(c, whole[CYCLES], martensite)
     parts = Strain(transformation, compliance, other)
     load = load_at(c, parts, whole[LOAD], force_N, stiffness_N_m, spring_at_m)
     stress = load / c.area_m2
@@ -548,6 +556,18 @@ def _mechanics(c, whole, cells, force_N, stiffness_N_m, spring_at_m):
     whole[RESISTANCE] = resistance
 
 
+@inlined
+def write_sample(whole, ambient_C, ring, row):
+    """Write a row of ``ring``; the one that comes next."""
+    ring[row, 0] = whole[CURRENT]
+    ring[row, 1] = whole[VOLTAGE]
+    ring[row, 2] = whole[LOAD]
+    ring[row, 3] = whole[DISPLACEMENT]
+    ring[row, 4] = ambient_C
+    row += 1
+    return 0 if row == ring.shape[0] else row
+
+
 @jit
 def simulate(steps, step_s, c, wire, inputs, ring, first):
     """Advance ``steps`` steps of ``step_s`` [s], writing each sample into ``ring`` (n, 5) from row ``first``.
@@ -561,7 +581,6 @@ def simulate(steps, step_s, c, wire, inputs, ring, first):
     ambient = float(inputs[AMBIENT])
     loss = c.heat_loss_W_K * float(inputs[LOSS_FACTOR])
     response = 1.0 - exp(-step_s / SUPPLY_TIME_CONSTANT_s)
-    rows = ring.shape[0]
     row = first
     for _ in range(steps):
         through = electric(c, state, inputs, on and state[TRIP] == 0.0, response)
@@ -571,14 +590,7 @@ def simulate(steps, step_s, c, wire, inputs, ring, first):
         _transform(c.transformation, bands, cells, memory_m, memory_r, stress, shift_of(c, state[CYCLES]))
         _mechanics(c, state, cells, inputs[FORCE], inputs[STIFFNESS], inputs[SPRING_AT])
         state[TIME] += step_s
-        ring[row, 0] = state[CURRENT]
-        ring[row, 1] = state[VOLTAGE]
-        ring[row, 2] = state[LOAD]
-        ring[row, 3] = state[DISPLACEMENT]
-        ring[row, 4] = ambient
-        row += 1
-        if row == rows:
-            row = 0
+        row = write_sample(state, ambient, ring, row)
     return row
 
 
@@ -600,19 +612,23 @@ def _cool_on_its_load(c, wire, ambient_C, force_N, stiffness_N_m, spring_at_m):
     _mechanics(c, whole, cells, force_N, stiffness_N_m, spring_at_m)
 
 
+def empty_state(wire: Wire, cells: int, columns: int) -> WireState:
+    """The state of a wire of so many cells, all zero and as if it had been heated through."""
+    return WireState(
+        whole=np.zeros(STATES),
+        cells=np.zeros((cells, columns)),
+        memory_m=np.array([new_memory(0.0) for _ in range(cells)]),
+        memory_r=np.array([new_memory(0.0) for _ in range(cells)]),
+        bands=wire.kinetics.bands(),
+    )
+
+
 def cold_state(
     wire: Wire, c: Constants, ambient_C: float, force_N: float, stiffness_N_m: float = 0.0, spring_at_m: float = 0.0
 ) -> WireState:
     """A wire that has cooled to ``ambient_C`` under ``force_N``, and then hangs on its load."""
     shares, conductances_W_K = _cells(wire)
-    n = len(shares)
-    state = WireState(
-        whole=np.zeros(STATES),
-        cells=np.zeros((n, CELL_COLUMNS)),
-        memory_m=np.array([new_memory(0.0) for _ in range(n)]),
-        memory_r=np.array([new_memory(0.0) for _ in range(n)]),
-        bands=wire.kinetics.bands(),
-    )
+    state = empty_state(wire, len(shares), CELL_COLUMNS)
     state.cells[:, CELL_LENGTH_SHARE], state.cells[:, CELL_CONDUCTANCE_W_K] = shares, conductances_W_K
     _cool_on_its_load(c, state, float(ambient_C), float(force_N), float(stiffness_N_m), float(spring_at_m))
     return state
