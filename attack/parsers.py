@@ -144,7 +144,7 @@ def _joint_command(message: Any) -> None:
 
 
 def _status(message: Any) -> None:
-    from sma_actuator.view.wire import status_of
+    from sma_actuator.view.watched import status_of
 
     json.dumps(status_of(message), allow_nan=False)
 

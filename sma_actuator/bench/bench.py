@@ -9,10 +9,10 @@ from typing import Protocol
 
 import numpy as np
 
-from sma_actuator.base.sections import Wire as WireParameters
+from sma_actuator.base.sections import Wire
 from sma_actuator.plant import coil, physics
 from sma_actuator.plant.loads import Load, Schedule, Weight
-from sma_actuator.plant.materials import Wire
+from sma_actuator.plant.materials import Specimen
 from sma_actuator.plant.physics import constants
 from sma_actuator.plant.worlds import HOME
 
@@ -30,7 +30,7 @@ USUAL_Pa = 54e6  #: on a coil or a bundle on which nothing else is hung, as 0.98
 class Setup:
     """What stands on the bench."""
 
-    wire: Wire
+    wire: Specimen
     chain: Chain = field(default_factory=Chain)
     load: Load = field(default_factory=lambda: Weight(0.98))
     ambient_C: float = 22.0
@@ -99,7 +99,7 @@ class VirtualBench:
         name: str,
         seed: int = 0,
         load: Load | None = None,
-        like: WireParameters | None = None,
+        like: Wire | None = None,
         physics: str = HOME,
         cycles: float = 0.0,
         **setup,

@@ -21,7 +21,7 @@ import numpy as np
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.plant.kinetics import Logistic, Measured
-from sma_actuator.plant.materials import NI_TI, Material, Wire
+from sma_actuator.plant.materials import NI_TI, Material, Specimen
 from sma_actuator.plant.measured import FLEXINOL_381UM, measured_for
 from sma_actuator.plant.physics import LOGISTIC_OF_BAND
 from sma_actuator.plant.worlds import WORLDS, World, wire_in_world
@@ -72,7 +72,7 @@ class Points:
     resistance_Ohm: np.ndarray  #: NaN where too little current flows
 
 
-def wire_of(name: str, physics: str) -> Wire:
+def wire_of(name: str, physics: str) -> Specimen:
     """A wire of the bench in a physics, by their names.  Raises ValueError for a name that does not exist, UserError
     where the record is not here."""
     return real_world(RECORD).wire(wire_in_world(name)) if physics == REAL else wire_in_world(name, physics)

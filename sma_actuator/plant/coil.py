@@ -28,7 +28,7 @@ import numpy as np
 
 from sma_actuator.base.jit import inlined, jit
 
-from .materials import Wire
+from .materials import Specimen
 from .physics import (
     AMBIENT,
     CELL_COLUMNS,
@@ -283,7 +283,7 @@ def _cool_on_its_load(c, wire, ambient_C, force_N, stiffness_N_m, spring_at_m):
 
 
 def cold_state(
-    wire: Wire,
+    wire: Specimen,
     c: Constants,
     ambient_C: float,
     force_N: float,

@@ -105,8 +105,8 @@ class Untrained:
 
 
 @dataclass(frozen=True, slots=True)
-class Wire:
-    """One wire between two crimps; the defaults are those of the simplest physics."""
+class Specimen:
+    """One wire between two crimps, as it is; the defaults are those of the simplest physics."""
 
     name: str
     material: Material
@@ -126,7 +126,7 @@ class Wire:
         """How it transforms: Liang & Rogers with the material's temperatures, unless it has another."""
         return self.other_kinetics or self.material.liang_rogers
 
-    def after(self, cycles: float) -> Wire:
+    def after(self, cycles: float) -> Specimen:
         """The same wire when it has done so many cycles, whatever it did meanwhile."""
         return self if self.untrained is None else replace(self, untrained=self.untrained.after(cycles))
 
@@ -190,11 +190,11 @@ NI_TI_CU = Material(
 )
 
 WIRES = {
-    "flexinol": Wire("flexinol", NI_TI, 0.100, 0.1524e-3, 125.0),
-    "furukawa": Wire("furukawa", NI_TI_CU, 0.060, 0.20e-3, 110.0),
+    "flexinol": Specimen("flexinol", NI_TI, 0.100, 0.1524e-3, 125.0),
+    "furukawa": Specimen("furukawa", NI_TI_CU, 0.060, 0.20e-3, 110.0),
     # [F] 24 turns, spring index 6; less heat transfer than of a straight wire of 0.254 mm, since the turns shade one
     # another
-    "coil": Wire("coil", NI_TI, 0.115, 0.254e-3, 80.0, coil_diameter_m=1.524e-3),
+    "coil": Specimen("coil", NI_TI, 0.115, 0.254e-3, 80.0, coil_diameter_m=1.524e-3),
     # [D] the 0.004 in wire; [F] heat transfer, which grows as the diameter shrinks
-    "bundle": Wire("bundle", NI_TI, 0.100, 0.1016e-3, 160.0, wires=4),
+    "bundle": Specimen("bundle", NI_TI, 0.100, 0.1016e-3, 160.0, wires=4),
 }

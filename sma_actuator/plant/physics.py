@@ -27,7 +27,7 @@ from .kinetics import (
     new_memory,
     transform,
 )
-from .materials import Wire
+from .materials import Specimen
 
 # Indices of the state array.
 (
@@ -169,7 +169,7 @@ class Strain(NamedTuple):
     other: float  #: thermal expansion, and what is permanent
 
 
-def constants(wire: Wire, series_Ohm: float) -> Constants:
+def constants(wire: Specimen, series_Ohm: float) -> Constants:
     """Lump a wire, and the resistances in series with it, into numbers for the kernels."""
     m = wire.material
     section_m2 = pi * wire.diameter_m**2 / 4.0
@@ -225,7 +225,7 @@ def constants(wire: Wire, series_Ohm: float) -> Constants:
     )
 
 
-def _cells(wire: Wire) -> tuple[np.ndarray, np.ndarray]:
+def _cells(wire: Specimen) -> tuple[np.ndarray, np.ndarray]:
     """Shares of the length and conductances, from the clamps inwards; both ends lie in the same cells.
 
     Towards the middle the temperature's distance from that of an endless wire decays as exp(−x/ℓ),
@@ -612,7 +612,7 @@ def _cool_on_its_load(c, wire, ambient_C, force_N, stiffness_N_m, spring_at_m):
     _mechanics(c, whole, cells, force_N, stiffness_N_m, spring_at_m)
 
 
-def empty_state(wire: Wire, cells: int, columns: int) -> WireState:
+def empty_state(wire: Specimen, cells: int, columns: int) -> WireState:
     """The state of a wire of so many cells, all zero and as if it had been heated through."""
     return WireState(
         whole=np.zeros(STATES),
@@ -624,7 +624,7 @@ def empty_state(wire: Wire, cells: int, columns: int) -> WireState:
 
 
 def cold_state(
-    wire: Wire, c: Constants, ambient_C: float, force_N: float, stiffness_N_m: float = 0.0, spring_at_m: float = 0.0
+    wire: Specimen, c: Constants, ambient_C: float, force_N: float, stiffness_N_m: float = 0.0, spring_at_m: float = 0.0
 ) -> WireState:
     """A wire that has cooled to ``ambient_C`` under ``force_N``, and then hangs on its load."""
     shares, conductances_W_K = _cells(wire)

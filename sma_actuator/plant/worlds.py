@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from .kinetics import Kinetics
-from .materials import NI_TI, NI_TI_CU, WIRES, Material, Phase, Untrained, Wire
+from .materials import NI_TI, NI_TI_CU, WIRES, Material, Phase, Specimen, Untrained
 from .measured import hot_for, lagoudas_for, measured_between, measured_for
 
 HOME = "measured"
@@ -76,7 +76,7 @@ class World:
     material: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  #: of each alloy, what is otherwise
     austenite_warms_1_K: float = 0.0  #: more temperature coefficient of the austenite's resistivity
 
-    def wire(self, wire: Wire) -> Wire:
+    def wire(self, wire: Specimen) -> Specimen:
         """A wire of the bench as it is in this world."""
         material = replace(wire.material, **self.material.get(wire.material.name, {}))
         austenite = replace(
@@ -152,7 +152,7 @@ def world_of(name: str) -> World:
     return WORLDS[name]
 
 
-def wire_in_world(name: str, world: str = HOME) -> Wire:
+def wire_in_world(name: str, world: str = HOME) -> Specimen:
     """A wire of the bench in a world, both by name.  Raises ValueError for a name that does not exist."""
     if name not in WIRES:
         raise ValueError(f"'{name}' is no wire of the bench; one of {', '.join(WIRES)} is wanted")

@@ -68,13 +68,13 @@ def run(args: argparse.Namespace) -> int:
 
 def _run_page(nodes: list[str], host: str, args: argparse.Namespace) -> None:
     from .server import Desk, ViewServer
-    from .wire import Wire
+    from .watched import WatchedNode
 
     configs = [_config(args.config, node.rpartition("/")[2]) for node in nodes]
     with noted_signals() as interrupts, contextlib.ExitStack() as stack:
         desks = []
         for node, config in zip(nodes, configs, strict=True):
-            wire = Wire(node)
+            wire = WatchedNode(node)
             stack.callback(wire.close)
             desks.append(Desk(wire, config, args.config))
         asyncio.run(_serve(ViewServer(desks, host), host, args, interrupts))

@@ -31,7 +31,7 @@ from sma_actuator.logs.files import write_atomically
 
 from .asymptotes import Asymptotes, asymptotes_of
 from .logs import LogDesk, bench_log_of
-from .wire import COLUMNS, Refused, Wire
+from .watched import COLUMNS, Refused, WatchedNode
 
 _log = logging.getLogger(__name__)
 
@@ -93,7 +93,7 @@ class Desk:
     ``config``: the model for dropped logs where the node tells none; ``file``: where gains are saved to.
     """
 
-    def __init__(self, wire: Wire, config: Config | None = None, file: Path | None = None):
+    def __init__(self, wire: WatchedNode, config: Config | None = None, file: Path | None = None):
         self.wire = wire
         self.pages: set[_Page] = set()
         self.desks: Sequence[Desk] = (self,)  #: of all nodes of this server

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sma_actuator.base.errors import UserError
-from sma_actuator.base.sections import Wire as WireParameters
+from sma_actuator.base.sections import Wire
 from sma_actuator.bench import VirtualBench, real
 from sma_actuator.cli.main import main
 from sma_actuator.plant.loads import Weight
@@ -21,7 +21,7 @@ def points():
 
 
 def test_a_bench_with_it_goes_round_the_recorded_loop(points):
-    size = WireParameters(alloy="ni-ti", length=real.LENGTH_m, diameter=real.DIAMETER_m)
+    size = Wire(alloy="ni-ti", length=real.LENGTH_m, diameter=real.DIAMETER_m)
     bench = VirtualBench.from_name("flexinol", load=Weight(real.LOAD_N), like=size, physics=real.REAL, ambient_C=25.0)
     bench.inject("draught", DRAUGHT)
     loss_W_K = DRAUGHT * bench.constants.heat_loss_W_K

@@ -23,7 +23,7 @@ from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.ros.named_signals import named_signals
 from sma_actuator.view import logs
 from sma_actuator.view.server import Desk, ViewServer
-from sma_actuator.view.wire import COLUMNS, Refused
+from sma_actuator.view.watched import COLUMNS, Refused
 
 HOST = "127.0.0.1"
 

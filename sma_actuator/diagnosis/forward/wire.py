@@ -160,7 +160,7 @@ class ForwardWire:
 
     def constants(self) -> Constants:
         """The numbers for the kernels of :mod:`sma_actuator.plant.physics`."""
-        wire = materials.Wire(
+        wire = materials.Specimen(
             name=self.wire.name,
             material=self._material(),
             length_m=self.wire.length_m,

@@ -93,7 +93,7 @@ class Refused(UserError):
     """What was asked of the node was not done; the sentence says why."""
 
 
-class Wire:
+class WatchedNode:
     """One node, as the pages see it.
 
     ``rows`` are taken by whoever shows them; ``version`` counts changes of everything else.
