@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import replace
 from math import inf, isfinite, nan
 
 from sma_actuator.base.parameters import ConfigError, walk
@@ -71,6 +70,7 @@ class Actuator:
         self._estimate = _NO_ESTIMATE
         self._told = Command(0.0, False)
         self._power_W = 0.0
+        self._limit_A = 0.0  #: highest current that heat and stress leave
 
     # --- what others may ask ----------------------------------------------------------------------
 
@@ -249,7 +249,8 @@ class Actuator:
                 self._end_tuning("the parameters of the controller were changed")
             self._following.controller.set_gains(config.controller)
         self._config = config
-        self._supervisor.config = self._offered.config = self._following.config = config
+        self._offered.config = self._following.config = config
+        self._supervisor.update(config)
         self._chain.update(config)
         self._health.update(config)
 
@@ -311,6 +312,8 @@ class Actuator:
         )
         late = self._late(raw, supply)  # the bias current flows, of which the law must not learn
         supervisor.watch_stress(self._signals.stress_Pa, self._estimate.displacement_m, self._told.current_A)
+        self._limit_A = supervisor.limit_A()
+        self._following.find_the_ends()
         limits: set[Limit] = set()
         setpoint_m = nan
         wanted_A = config.supply.bias_current
@@ -320,7 +323,8 @@ class Actuator:
         if self._tuner.running is not None and not self._commanding.is_tuned:
             self._end_tuning("something else was wanted of the wire")
         if settled and supervisor.latched is None and estimate_invalid not in faults:
-            seen = Seen(now_s, self._now_s, self._signals, self._estimate, self._told.current_A, self._power_W)
+            told_A = self._told.current_A
+            seen = Seen(now_s, self._now_s, self._signals, self._estimate, told_A, self._power_W, self._limit_A)
             if self._commanding.anew:
                 self._following.begin(seen)
             if self._commanding.wants_position:
@@ -366,7 +370,15 @@ class Actuator:
             signals_from_reading(reading, config, self._measured.tare_N), config.supply.bias_current
         )
         self._signals, estimate = self._chain.step(calibrated)
-        self._estimate = replace(estimate, uncertainty_m=self._uncertainty.step(self._signals, estimate))
+        self._estimate = Estimate(
+            estimate.time_s,
+            estimate.displacement_m,
+            estimate.strain,
+            estimate.velocity_m_s,
+            estimate.branch,
+            estimate.quality,
+            self._uncertainty.step(self._signals, estimate),
+        )
         self._following.sense(self._signals, self._estimate, reading.time_s - before_s)
         if self._health.step(self._signals, self._estimate):
             self._said.changed(f"model health: {self._health.verdict.words}")
@@ -402,12 +414,12 @@ class Actuator:
         return status_of(
             faults,
             limits,
+            self._limit_A,
             self._supervisor,
             self._commanding,
             self._signals,
             self._estimate,
-            self._following.range,
-            self._following.limited_setpoint_m,
+            self._following,
             self._offered.joint_commands,
             self._tuner,
         )

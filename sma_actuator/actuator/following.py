@@ -3,9 +3,9 @@ wire."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import isnan, nan
 
+from sma_actuator.base.record import record
 from sma_actuator.base.signals import Estimate, Mode, Signals
 from sma_actuator.config import Config
 from sma_actuator.control.commanding import Commanding
@@ -32,22 +32,7 @@ from .tuner import Tuner
 ALL_THERE_IS = 0.95
 
 
-@dataclass(frozen=True, slots=True)
-class Range:
-    """Where the wire can be held at its load and limits."""
-
-    short_m: float
-    long_m: float
-    beyond: str  #: which end the setpoint was last held at, ``short`` or ``long``; "" at none yet
-
-    @property
-    def words(self) -> str:
-        """The end that the setpoint is held at."""
-        end_m = self.short_m if self.beyond == "short" else self.long_m
-        return f"(at its {self.beyond} end, {end_m * 1e3:.3f} mm)"
-
-
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Seen:
     """What the law goes by in a step."""
 
@@ -57,6 +42,7 @@ class Seen:
     estimate: Estimate
     told_A: float  #: what the supply was told in the step before
     power_W: float
+    limit_A: float  #: highest current that heat and stress leave
 
 
 class Following:
@@ -78,7 +64,8 @@ class Following:
         self._supervisor = supervisor
         self._tuner = tuner
         self._ends = Ends(config, chain.displacement_range_m, chain.knows_the_ends)
-        self._beyond = ""  #: which end the setpoint is held at
+        self.short_m, self.long_m = chain.displacement_range_m  #: where it can be held at its load and limits
+        self._beyond = ""  #: at which end the setpoint is held
         self._reach = Reach(config.wire.full_stroke_m, config.thermal.heat_capacity / config.thermal.heat_loss)
         self._controlled_s = nan  #: when the law was last stepped
 
@@ -87,6 +74,12 @@ class Following:
         if self._sensing is not None:
             self._sensing.sense(signals, estimate)
         self._ends.step(signals.stress_Pa, dt_s)
+
+    def find_the_ends(self) -> None:
+        """Where the wire can be held at the present load and limits."""
+        supervisor = self._supervisor
+        rise_K, ambient_C = supervisor.most_rise_K(), supervisor.heat.ambient.temperature_C
+        self.short_m, self.long_m = self._ends.range_m(rise_K, ambient_C)
 
     def begin(self, seen: Seen) -> None:
         """Let the law go on from the present position and current."""
@@ -121,11 +114,10 @@ class Following:
             self._commanding.lose(why, at_bias=action == "bias")
 
     @property
-    def range(self) -> Range:
-        """Shortest and longest displacement that can be held at the present load and limits."""
-        supervisor = self._supervisor
-        short_m, long_m = self._ends.range_m(supervisor.most_rise_K(), supervisor.heat.ambient.temperature_C)
-        return Range(short_m, long_m, self._beyond)
+    def end_in_words(self) -> str:
+        """The end that the setpoint is held at."""
+        end_m = self.short_m if self._beyond == "short" else self.long_m
+        return f"(at its {self._beyond} end, {end_m * 1e3:.3f} mm)"
 
     @property
     def limited_setpoint_m(self) -> float:
@@ -139,19 +131,17 @@ class Following:
         """What the law is to reach [m], inside the working range."""
         tuning, supervisor = self._tuner.running, self._supervisor
         setpoint_m = self._commanding.position_m(seen.now_s) if tuning is None else tuning.setpoint_m
-        if self._commanding.mode is Mode.TRACKING:
-            within = self.range
-            if not within.short_m <= setpoint_m <= within.long_m:
-                limits.add(SETPOINT_RANGE)
-                self._beyond = "short" if setpoint_m < within.short_m else "long"
-                setpoint_m = min(max(setpoint_m, within.short_m), within.long_m)
+        if self._commanding.mode is Mode.TRACKING and not self.short_m <= setpoint_m <= self.long_m:
+            limits.add(SETPOINT_RANGE)
+            self._beyond = "short" if setpoint_m < self.short_m else "long"
+            setpoint_m = min(max(setpoint_m, self.short_m), self.long_m)
         setpoint_m = max(setpoint_m, supervisor.stress_floor_m)
         self._reach.step(
             seen.now_s,
             seen.estimate.displacement_m,
             setpoint_m,
             at_max=seen.told_A >= ALL_THERE_IS * self.config.supply.max_current,
-            at_limit=seen.told_A >= ALL_THERE_IS * supervisor.limit_A(),
+            at_limit=seen.told_A >= ALL_THERE_IS * seen.limit_A,
             power_W=seen.power_W,
             load_N=seen.signals.load_N,
             heat=self._needed_heat(seen),
@@ -180,7 +170,7 @@ class Following:
             # After a gap the integral must not leap.
             dt_s = min(seen.time_s - self._controlled_s, self.config.safety.reading_timeout)
             self._controlled_s = seen.time_s
-            position_m, limit_A = seen.estimate.displacement_m, self._supervisor.limit_A()
+            position_m, limit_A = seen.estimate.displacement_m, seen.limit_A
             if tuning is None:
                 wanted_A = controller.step(position_m, setpoint_m, dt_s, limit_A)
             else:

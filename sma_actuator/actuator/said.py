@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import nan
 
-from sma_actuator.base.signals import Estimate, Mode, Quality, Signals, Status
+from sma_actuator.base.signals import Branch, Estimate, Mode, Quality, Signals, Status
 from sma_actuator.control.commanding import Commanding
 from sma_actuator.safety.faults import gravest
 from sma_actuator.safety.guards.setpoints import setpoint_stale
@@ -12,7 +12,7 @@ from sma_actuator.safety.limits import LIMITS, SETPOINT_RANGE
 from sma_actuator.safety.records import Fault, Limit
 from sma_actuator.safety.supervisor import Supervisor
 
-from .following import Range
+from .following import Following
 from .tuner import Tuner
 
 #: An event without duration (a refused setpoint) stays in the status for this long.
@@ -21,6 +21,7 @@ EVENT_SHOWN_s = 1.0
 AFTER_A_FAULT = "; ~/clear_fault, then ~/enable"
 #: And of one that passes when its instrument answers again.
 AFTER_A_LOSS = "; ~/enable once it answers again"
+_BRANCHES, _QUALITIES = (tuple(each.name.lower() for each in kind) for kind in (Branch, Quality))
 _WORDS_OF_MODE = {Mode.OFF: "off", Mode.HOLD: "holding", Mode.TRACKING: "tracking", Mode.TUNING: "tuning"}
 
 
@@ -58,6 +59,8 @@ class Said:
         """Let faults without duration stay in the status for a while, a ``lost`` setpoint until the next."""
         if lost:
             faults.setdefault(setpoint_stale, lost)
+        if not self._events:
+            return
         for fault, (when_s, detail) in list(self._events.items()):
             if 0.0 <= now_s - when_s <= EVENT_SHOWN_s:
                 faults.setdefault(fault, detail)
@@ -77,12 +80,12 @@ class Said:
 def status_of(
     faults: dict[Fault, str],
     limits: set[Limit],
+    limit_A: float,
     supervisor: Supervisor,
     commanding: Commanding,
     signals: Signals,
     estimate: Estimate,
-    reach: Range,
-    limited_setpoint_m: float,
+    following: Following,
     joint_commands: str,
     tuner: Tuner,
 ) -> Status:
@@ -96,9 +99,11 @@ def status_of(
     elif faults:
         fault = gravest(faults)
         words = f"{words}: {fault.words} ({faults[fault]})"
-    shown = tuple(limit for limit in LIMITS.values() if limit in limits)
+    shown = tuple(limit for limit in LIMITS.values() if limit in limits) if limits else ()
     if fault is None and shown:
-        said = (f"{limit.words} {reach.words}" if limit is SETPOINT_RANGE else limit.words for limit in shown)
+        said = (
+            f"{limit.words} {following.end_in_words}" if limit is SETPOINT_RANGE else limit.words for limit in shown
+        )
         words = f"{words}: {', '.join(said)}"
     # With the mode "off" no position is said, though the last reading may be of before the output went off:
     # this status stands for a while, and the wire moves.
@@ -119,12 +124,12 @@ def status_of(
             "temperature_C": supervisor.heat.temperature_C,
             "temperature_at_most_C": supervisor.heat.at_most_C,
             "temperature_guessed_K": supervisor.heat.guessed_K,
-            "current_limit_A": supervisor.limit_A(),
-            "limited_setpoint_m": limited_setpoint_m,
-            "shortest_m": reach.short_m,
-            "longest_m": reach.long_m,
-            "branch": estimate.branch.name.lower(),
-            "quality": estimate.quality.name.lower(),
+            "current_limit_A": limit_A,
+            "limited_setpoint_m": following.limited_setpoint_m,
+            "shortest_m": following.short_m,
+            "longest_m": following.long_m,
+            "branch": _BRANCHES[estimate.branch],
+            "quality": _QUALITIES[estimate.quality],
             "joint_commands": joint_commands,
             "tuning": tuner.words,
         },

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from math import nan
 from typing import Any
 
@@ -16,7 +17,7 @@ OVER_VOLTAGE_MARGIN = 1.1
 LEAST_INDEX, LARGEST_INDEX = 3.0, 25.0
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Wire:
     """The wire itself: a straight one, a coil of one, or several straight ones side by side.
 
@@ -109,24 +110,24 @@ class Wire:
         """By how much curvature and transverse shear raise the stress at the inner side of a coil (Wahl)."""
         return (4.0 * self.index - 1.0) / (4.0 * self.index - 4.0) + 0.615 / self.index
 
-    @property
+    @cached_property
     def area_m2(self) -> float:
         """Load over stress: the cross-section of all wires; of a coil by its torsion."""
         area_m2 = self.wires * self._section_m2
         return area_m2 / (2.0 * math.sqrt(3.0) * self.index * self.wahl_factor) if self.form == "coil" else area_m2
 
-    @property
+    @cached_property
     def strain_length_m(self) -> float:
         """Displacement over strain: the length; of a coil √3 π D² n/d."""
         return math.sqrt(3.0) * self.index * self.length if self.form == "coil" else self.length
 
-    @property
+    @cached_property
     def full_stroke_m(self) -> float:
         """Displacement that counts as 100 % in every error."""
         by_strain_m = self.full_stroke_strain * self.strain_length_m
         return self.full_stroke if math.isfinite(self.full_stroke) else by_strain_m
 
-    @property
+    @cached_property
     def surface_m2(self) -> float:
         """What loses heat to the air."""
         return self.wires * (math.pi * self.diameter * self.length)

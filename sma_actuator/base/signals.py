@@ -13,6 +13,8 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from .record import record
+
 #: One sample (float), or n of them (array of shape (n,)): what the records of a log hold is what one step holds.
 Value = TypeVar("Value", float, np.ndarray)
 
@@ -20,7 +22,7 @@ Value = TypeVar("Value", float, np.ndarray)
 MEASURABLE = 0.5
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Reading(Generic[Value]):
     """One averaged block of raw channels, as the DAQ gives it.
 
@@ -35,7 +37,7 @@ class Reading(Generic[Value]):
     ambient_temperature_C: Value = nan  # type: ignore[assignment]  # not measured
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class SupplyState:
     """What the supply answers when it is asked; not what we believe we told it."""
 
@@ -47,7 +49,7 @@ class SupplyState:
     tripped: str = ""  #: "" or a comma-joined list of OVP, OCP, OTP, WDOG
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Signals(Generic[Value]):
     """Physical quantities of the wire, after the calibrations of chapter 3 of the thesis."""
 
@@ -79,7 +81,7 @@ class Quality(enum.IntEnum):
     INVALID = 4  #: an input was not finite
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Estimate:
     """What the strain model makes of the signals.  Extension is positive."""
 
@@ -112,7 +114,7 @@ class Mode(enum.Enum):
     TUNING = "tuning"  #: moved about by a tuning of the gains
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Command:
     """What the supply is to be told.  Built by the supervisor alone."""
 
@@ -120,7 +122,7 @@ class Command:
     output_on: bool
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Status:
     """The state of one actuator in a form that can be published."""
 
@@ -173,7 +175,7 @@ class Tuned:
     duration_s: float
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Output:
     """Everything one step has to say."""
 

@@ -151,7 +151,7 @@ class Watch:
 
     def update(self, config) -> None:
         """Go on with other parameters; what is known of the wire's heat stays."""
-        self._supervisor.config = _attended(config)
+        self._supervisor.update(_attended(config))
 
     def let_cool(self, interrupts: Interrupts) -> None:
         """Wait, with the output off, until a wire would be cool whatever it was: of one at the beginning nothing is

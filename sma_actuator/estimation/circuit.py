@@ -112,15 +112,15 @@ def signals_from_reading(reading: Reading, config: CircuitSections, tare_N: floa
     load_N = config.load_cell.slope * reading.load_cell_voltage_V + config.load_cell.offset - tare_N
     reference_m = config.reference_sensor.slope * reading.lvdt_current_A + config.reference_sensor.offset
     return Signals(
-        time_s=reading.time_s,
-        resistance_Ohm=resistance_Ohm,
-        current_A=current_A,
-        power_W=current_A * current_A * resistance_Ohm,
-        load_N=load_N,
-        stress_Pa=load_N / config.wire.area_m2,
-        reference_displacement_m=reference_m,
-        ambient_temperature_C=reading.ambient_temperature_C,
-        tare_N=tare_N,
+        reading.time_s,
+        resistance_Ohm,
+        current_A,
+        current_A * current_A * resistance_Ohm,
+        load_N,
+        load_N / config.wire.area_m2,
+        reference_m,
+        reading.ambient_temperature_C,
+        tare_N,
     )
 
 

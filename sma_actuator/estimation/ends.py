@@ -5,13 +5,12 @@ A model's working range is one for all loads of its calibration; at one of them 
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from math import exp, inf, isfinite, nan
 from typing import Protocol
 
 import numpy as np
 
-from sma_actuator.base.calibration import Calibration, through
+from sma_actuator.base.calibration import Calibration, interpolated, through
 
 #: Time over which the stress is averaged: a load cell's noise does not move an end.
 SMOOTH_s = 0.5
@@ -68,8 +67,8 @@ class Ends:
         low_m, high_m = self._range_m
         if not (self.known and isfinite(self._stress_Pa)):
             return low_m, high_m
-        short_m = _interpolated(self._stress_Pa, self._at_Pa, self._short_m)
-        long_m = _interpolated(self._stress_Pa, self._at_Pa, self._long_m)
+        short_m = interpolated(self._stress_Pa, self._at_Pa, self._short_m)
+        long_m = interpolated(self._stress_Pa, self._at_Pa, self._long_m)
         if not short_m < long_m:
             return low_m, high_m
         share = self._share_held(most_rise_K, ambient_C)
@@ -91,12 +90,3 @@ class Ends:
                 return (place - 1 + before_K / (before_K - away_K)) / (len(heating_C) - 1) if place else 0.0
             before_K = away_K
         return 1.0
-
-
-def _interpolated(x: float, known: list[float], values: list[float]) -> float:
-    """``np.interp``, which takes longer for one number than all else here."""
-    right = bisect_right(known, x)
-    if right == 0 or right == len(known):
-        return values[max(right - 1, 0)]
-    slope = (values[right] - values[right - 1]) / (known[right] - known[right - 1])
-    return slope * (x - known[right - 1]) + values[right - 1]

@@ -8,8 +8,9 @@ as it moves, the loop forgets where it began, and so does this.
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
+from itertools import pairwise
 from math import exp, hypot, isfinite, nan
 
 import numpy as np
@@ -35,7 +36,8 @@ class Uncertainty:
         self._before_m = nan  #: the displacement of the sample before, NaN after a gap
         self._position_m = tuple(left.residual_position)
         stresses = len(left.residual_stress)
-        self._stress_Pa = tuple(left.residual_stress)
+        #: From one stress on, the next is nearer.
+        self._between_Pa = [0.5 * (low + high) for low, high in pairwise(left.residual_stress)]
         self._tables_m = (
             {
                 Branch.HEATING: (
@@ -71,8 +73,7 @@ class Uncertainty:
     def _of_calibration(self, estimate: Estimate, stress_Pa: float) -> float:
         residual_m, scatter_m = self._tables_m[estimate.branch]
         position_m = estimate.displacement_m
-        nearest = min(range(len(residual_m)), key=lambda row: abs(self._stress_Pa[row] - stress_Pa))
-        mean_m = abs(_interpolated(position_m, self._position_m, residual_m[nearest]))
+        mean_m = abs(_interpolated(position_m, self._position_m, residual_m[bisect_left(self._between_Pa, stress_Pa)]))
         return mean_m + 2.0 * _interpolated(position_m, self._position_m, scatter_m)
 
 

@@ -28,8 +28,12 @@ class CurrentsApart:
     """How far the DAQ's current has come from the supply's since both were first seen."""
 
     _samples: deque[tuple[float, float, float, float]] = field(default_factory=deque)  #: time, DAQ's, supply's from, to
-    _sums: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    _means: deque[tuple[float, float, float]] = field(default_factory=deque)  #: time, mean of the supply's from, to
+    _daq_A: float = 0.0  #: the sum of the DAQ's
+    _from_A: float = 0.0
+    _to_A: float = 0.0
+    _means_s: deque[float] = field(default_factory=deque)  #: time of each mean of the supply's from and to
+    _means_from_A: deque[float] = field(default_factory=deque)
+    _means_to_A: deque[float] = field(default_factory=deque)
     _since_s: float = inf
     _usual_s: float = WINDOW_s  #: between the last two readings
     #: Current, by how much the DAQ's was above it, and how exactly that is known, by current.
@@ -38,9 +42,9 @@ class CurrentsApart:
     def pause(self) -> None:
         """Nothing can be compared now; what was noted stays."""
         if self._samples:
-            self._samples.clear()
-            self._means.clear()
-            self._sums = [0.0, 0.0, 0.0]
+            for each in (self._samples, self._means_s, self._means_from_A, self._means_to_A):
+                each.clear()
+            self._daq_A = self._from_A = self._to_A = 0.0
 
     def forget(self) -> None:
         """Begin anew."""
@@ -53,7 +57,7 @@ class CurrentsApart:
 
         NaN until that is known.  ``share`` of the current may be a drift.
         """
-        self._take(now_s, (daq_A, from_A, to_A))
+        self._take(now_s, daq_A, from_A, to_A)
         seen = self._means_now() if now_s - self._since_s >= WINDOW_s + LAG_s else self._steady(now_s)
         if seen is None:
             return nan, nan
@@ -67,10 +71,9 @@ class CurrentsApart:
 
     def _means_now(self) -> tuple[float, float, float]:
         """The supply's current, by how much the DAQ's is above it, and how exactly that is known."""
-        low_A = min(mean[1] for mean in self._means)
-        high_A = max(mean[2] for mean in self._means)
+        low_A, high_A = min(self._means_from_A), max(self._means_to_A)
         supply_A = 0.5 * (low_A + high_A)
-        return supply_A, self._sums[0] / len(self._samples) - supply_A, 0.5 * (high_A - low_A)
+        return supply_A, self._daq_A / len(self._samples) - supply_A, 0.5 * (high_A - low_A)
 
     def _steady(self, now_s: float) -> tuple[float, float, float] | None:
         """The same of the current that is the first to flow, once the DAQ shows that it stands: it may flow for a
@@ -104,20 +107,27 @@ class CurrentsApart:
         if is_new or exact:
             self._noted = sorted([*(each for each in noted if each not in near), (supply_A, above_A, vague_A)])
 
-    def _take(self, now_s: float, values: tuple[float, float, float]) -> None:
-        apart_s = now_s - self._samples[-1][0] if self._samples else 0.0
+    def _take(self, now_s: float, daq_A: float, from_A: float, to_A: float) -> None:
+        samples, means_s = self._samples, self._means_s
+        apart_s = now_s - samples[-1][0] if samples else 0.0
         if not 0.0 <= apart_s <= min(self._usual_s + LAG_s, WINDOW_s):  # who stood still meanwhile is not known
             self.pause()
-        elif self._samples:
+        elif samples:
             self._usual_s = apart_s
-        if not self._samples:
+        if not samples:
             self._since_s = now_s
-        self._samples.append((now_s, *values))
-        self._sums = [total + value for total, value in zip(self._sums, values, strict=True)]
-        while now_s - self._samples[0][0] >= WINDOW_s:
-            gone = self._samples.popleft()[1:]
-            self._sums = [total - value for total, value in zip(self._sums, gone, strict=True)]
-        count = len(self._samples)
-        self._means.append((now_s, self._sums[1] / count, self._sums[2] / count))
-        while now_s - self._means[0][0] > LAG_s + _ROUNDING_s and len(self._means) > _BEHIND:
-            self._means.popleft()
+        samples.append((now_s, daq_A, from_A, to_A))
+        self._daq_A += daq_A
+        self._from_A += from_A
+        self._to_A += to_A
+        while now_s - samples[0][0] >= WINDOW_s:
+            _, gone_A, gone_from_A, gone_to_A = samples.popleft()
+            self._daq_A -= gone_A
+            self._from_A -= gone_from_A
+            self._to_A -= gone_to_A
+        means_s.append(now_s)
+        self._means_from_A.append(self._from_A / len(samples))
+        self._means_to_A.append(self._to_A / len(samples))
+        while now_s - means_s[0] > LAG_s + _ROUNDING_s and len(means_s) > _BEHIND:
+            for each in (means_s, self._means_from_A, self._means_to_A):
+                each.popleft()

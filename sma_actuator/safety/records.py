@@ -8,7 +8,7 @@ that looks for it: that function's name is the fault's.
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import inf, nan
 from typing import Generic, ParamSpec
@@ -119,6 +119,11 @@ def guard(
     return declare
 
 
+#: Channels none of which has stood still; and that without a reading.
+MOVING = (0.0, 0.0, 0.0)
+NEVER_READ = ((nan, nan, nan), MOVING, nan)
+
+
 @dataclass(slots=True)
 class Memory:
     """What the guards remember from one step to the next."""
@@ -127,8 +132,8 @@ class Memory:
     daq_s: float = nan  #: of the last answer of the DAQ
     supply_s: float = nan  #: of the last usable read-back
     load_N: float = nan
-    #: Value, for how long it has stood [s], and when that was.
-    channels: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+    #: Of each channel the value and for how long it has stood [s], and when that was.
+    channels: tuple[Sequence[float], Sequence[float], float] = NEVER_READ
     repeats: Repeats = field(default_factory=Repeats)  #: of whole readings
     load_alive: LoadAlive = field(default_factory=LoadAlive)
     currents: CurrentsApart = field(default_factory=CurrentsApart)

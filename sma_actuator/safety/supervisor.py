@@ -13,7 +13,7 @@ from sma_actuator.base.signals import Command, Reading, SupplyState
 
 from .faults import FAULTS
 from .guards.program import command_invalid
-from .guards.readings import voltages
+from .guards.readings import are_inside
 from .limits import ANSWER_LATE, STRESS_NEAR_LIMIT, TEMPERATURE_DERATING
 from .parameters import SafetySections
 from .records import Action, Fault, Guard, Limit, Memory, Step
@@ -27,16 +27,25 @@ class Supervisor:
     """Watches one wire; latches faults; passes, lowers or cuts the command."""
 
     def __init__(self, config: SafetySections):
-        self.config = config
+        self.update(config)
         self.latched: Fault | None = None
         self.detail = ""  #: of the latched fault
         self.present: dict[Fault, str] = {}  #: of the last step, also those that only prevent enabling
         self.heat = WireHeat(config.thermal)
         self._resistance_Ohm = inf  #: of wire and leads, as measured; so much until it is
         self.memory = Memory()  #: of the guards
-        #: Those that look at every step, the gravest first.
-        self._looking = [fault for fault in FAULTS.values() if isinstance(fault, Guard) and fault.each_step]
+        #: Those that look at every step, the gravest first, and how.
+        self._looking = [(one, one.look) for one in FAULTS.values() if isinstance(one, Guard) and one.each_step]
         self.enabled(nan)  # never yet
+
+    def update(self, config: SafetySections) -> None:
+        """Take over live parameters; the memory stays."""
+        self.config = config
+        self._contracted_Ohm = most_contracted_Ohm(config.calibration.hot_end, config.thermal)
+        #: How long what flows may flow on before anybody looks; for ever, without a watchdog.
+        self._unwatched_s = max(config.supply.watchdog_timeout or inf, config.safety.reading_timeout) + 1.0 / (
+            config.loop.rate
+        )
 
     def enabled(self, now_s: float) -> None:
         """The output is about to go on."""
@@ -63,8 +72,7 @@ class Supervisor:
             return None
         if not abs(now_s - reading.time_s) <= self.config.safety.reading_timeout:
             return None
-        bound_V = self.config.safety.channel_max_voltage
-        return reading if all(-bound_V < value < bound_V for value in voltages(reading).values()) else None
+        return reading if are_inside(reading, self.config.safety.channel_max_voltage) else None
 
     def keep_heat(
         self,
@@ -81,10 +89,8 @@ class Supervisor:
         """
         if power_W > 0.0 and current_A > 0.0:
             self._resistance_Ohm = power_W / current_A**2
-        thermal = self.config.thermal
-        most_Ohm = most_contracted_Ohm(self.config.calibration.hot_end, thermal)
-        wire_W = current_A**2 * resistance_Ohm
-        self.heat.step(power_W, dt_s, ambient_C, thermal, resistance_Ohm, load_N, most_Ohm, wire_W)
+        thermal, wire_W = self.config.thermal, current_A**2 * resistance_Ohm
+        self.heat.step(power_W, dt_s, ambient_C, thermal, resistance_Ohm, load_N, self._contracted_Ohm, wire_W)
 
     def inspect(self, step: Step, but: Collection[str] = ()) -> dict[Fault, str]:
         """The faults of this step and why, but for those of these names; those that latch are latched.
@@ -93,10 +99,10 @@ class Supervisor:
         """
         if step.reading is not None and step.driven:
             self._good_readings += 1
-        self.present = {}
-        for guard in self._looking:
-            if guard.name not in but and (detail := guard.look(step)):
-                self.present[guard] = detail
+        looking = [each for each in self._looking if each[0].name not in but] if but else self._looking
+        self.present = {guard: detail for guard, look in looking if (detail := look(step))}
+        if not self.present:
+            return {}
         found = {f: d for f, d in self.present.items() if step.driven or f.while_off or not f.latches}
         for fault, detail in found.items():  # in the order of FAULTS: the gravest first
             if fault.latches:
@@ -144,8 +150,7 @@ class Supervisor:
         """Highest current that the heat leaves [A]: what may flow on, if nobody looks any more, until the supply's
         watchdog cuts it; for ever, where there is none."""
         supply, thermal = self.config.supply, self.config.thermal
-        unwatched_s = max(supply.watchdog_timeout or inf, self.config.safety.reading_timeout)
-        power_W = self.heat.power_limit_W(unwatched_s + 1.0 / self.config.loop.rate, thermal)
+        power_W = self.heat.power_limit_W(self._unwatched_s, thermal)
         heat_A = sqrt(max(power_W, 0.0) / self._resistance_Ohm)
         derated_A = derated_limit_A(self.heat.temperature_C, supply.max_current, supply.bias_current, thermal)
         return max(supply.bias_current, min(heat_A, derated_A))  # in an order that leaves the bias where heat_A is NaN

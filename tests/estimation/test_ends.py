@@ -1,10 +1,12 @@
 """Where a wire can be held at its load, of a calibration with known ends."""
 
+import math
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
-from sma_actuator.base.calibration import Calibration, HotEndSection, PowerSection, RestSection
+from sma_actuator.base.calibration import Calibration, HotEndSection, PowerSection, RestSection, interpolated
 from sma_actuator.estimation.ends import Ends
 
 MPa = 1e6
@@ -72,3 +74,18 @@ def test_another_load_is_another_range_within_two_seconds():
     for _ in range(40):
         found.step(120e6, 0.05)
     assert found.range_m(500.0, 24.0) == pytest.approx((0.5e-3, 4.0e-3), abs=0.05e-3)
+
+
+def test_a_number_is_interpolated_to_the_digit_that_numpy_gives():
+    rng = np.random.default_rng(3)
+    for count in (1, 2, 5):
+        nodes, values = np.sort(rng.uniform(-1.0, 1.0, count)).tolist(), rng.uniform(-1.0, 1.0, count).tolist()
+        for at in (*rng.uniform(-1.5, 1.5, 200).tolist(), *nodes, -math.inf, math.inf):
+            assert interpolated(at, nodes, values) == np.interp(at, nodes, values)
+        assert math.isnan(interpolated(math.nan, nodes, values))
+
+
+def test_what_one_sample_and_many_give_is_the_same():
+    place_m, stress_Pa = np.linspace(0.0, 4e-3, 9), np.linspace(10e6, 130e6, 9)
+    shares = CALIBRATION.share_of_stroke(place_m, stress_Pa)
+    assert shares.tolist() == [CALIBRATION.share_of_stroke(*pair) for pair in zip(place_m.tolist(), stress_Pa.tolist())]

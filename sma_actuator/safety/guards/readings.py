@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from math import isfinite, nan
+from math import isfinite
+from operator import eq
 
 from sma_actuator.base.signals import MEASURABLE, Quality, Reading
 from sma_actuator.safety.alive import FOLLOWS, RARE, SEEN, SWING, WINDOW, LoadAlive, Repeats
 from sma_actuator.safety.formula import parameter_value
-from sma_actuator.safety.records import Action, Step, guard
+from sma_actuator.safety.records import MOVING, NEVER_READ, Action, Step, guard
 from sma_actuator.safety.timing import ONE_STEP, RATE, READING_TIMEOUT, TWO_STEPS
 
 from .wire import seems_open
@@ -16,13 +17,19 @@ from .wire import seems_open
 NOISE_SHARE = 0.01
 
 
-def voltages(reading: Reading) -> dict[str, float]:
-    """The channels that a reading must have."""
-    return {
-        "supply voltage": reading.supply_voltage_V,
-        "reference voltage": reading.reference_voltage_V,
-        "load cell": reading.load_cell_voltage_V,
-    }
+#: The channels that a reading must have.
+CHANNELS = ("supply voltage", "reference voltage", "load cell")
+
+
+def voltages(reading: Reading) -> tuple[float, float, float]:
+    """What they read, in that order."""
+    return reading.supply_voltage_V, reading.reference_voltage_V, reading.load_cell_voltage_V
+
+
+def are_inside(reading: Reading, bound_V: float) -> bool:
+    """Whether all of them are numbers inside the converter's range."""
+    supply_V, reference_V, load_cell_V = voltages(reading)
+    return -bound_V < supply_V < bound_V and -bound_V < reference_V < bound_V and -bound_V < load_cell_V < bound_V
 
 
 def silent(step: Step, last_s: float, what: str) -> str:
@@ -62,10 +69,10 @@ def daq_lost(step: Step) -> str:
 )
 def reading_saturated(step: Step) -> str:
     """A channel is at the end of the converter's range."""
-    if step.raw is None:
-        return ""
     bound_V = step.config.safety.channel_max_voltage
-    for name, value in voltages(step.raw).items():
+    if step.raw is None or are_inside(step.raw, bound_V):
+        return ""
+    for name, value in zip(CHANNELS, voltages(step.raw), strict=True):
         if value <= -bound_V or value >= bound_V:
             return f"{name}: {value:g} V; the channel ends at ±{bound_V:g} V (safety.channel_max_voltage)"
     return ""
@@ -83,7 +90,10 @@ def reading_not_finite(step: Step) -> str:
     """A channel is NaN or infinite."""
     if step.raw is None:
         return ""
-    bad = [name for name, value in {"time": step.raw.time_s, **voltages(step.raw)}.items() if not isfinite(value)]
+    values = (step.raw.time_s, *voltages(step.raw))
+    if isfinite(sum(values)):
+        return ""
+    bad = [name for name, value in zip(("time", *CHANNELS), values, strict=True) if not isfinite(value)]
     return f"{', '.join(bad)}: not a finite number" if bad else ""
 
 
@@ -141,13 +151,18 @@ def sensor_stuck(step: Step) -> str:
     if step.reading is None:
         return ""
     if not step.told.output_on:
-        step.memory.channels.clear()
+        step.memory.channels = NEVER_READ
         return ""
     longest_s = 2.0 / step.config.loop.rate  # where readings come late, two that are alike by chance say no more
-    for name, value in voltages(step.reading).items():
-        before, stands_s, at_s = step.memory.channels.get(name, (nan, 0.0, step.now_s))
-        stands_s = stands_s + min(step.now_s - at_s, longest_s) if value == before else 0.0
-        step.memory.channels[name] = (value, stands_s, step.now_s)
+    before, stood_s, at_s = step.memory.channels
+    values = voltages(step.reading)
+    if True not in map(eq, values, before):
+        step.memory.channels = (values, MOVING, step.now_s)
+        return ""
+    passed_s = min(step.now_s - at_s, longest_s)
+    stand_s = [s + passed_s if v == b else 0.0 for v, b, s in zip(values, before, stood_s, strict=True)]
+    step.memory.channels = (values, stand_s, step.now_s)
+    for name, value, stands_s in zip(CHANNELS, values, stand_s, strict=True):
         if stands_s > step.config.safety.stuck_time:
             return (
                 f"{name}: {value:g} V for {stands_s:.3g} s to the last digit; safety.stuck_time is "
@@ -170,7 +185,7 @@ def readings_repeat(step: Step) -> str:
     """The DAQ repeats a block."""
     if step.reading is None or not step.told.output_on:
         return ""
-    if not step.memory.repeats.step(*voltages(step.reading).values()):
+    if not step.memory.repeats.step(*voltages(step.reading)):
         return ""
     step.memory.repeats = Repeats()
     return "all channels have the same values again and again, to the last digit; they never had so often"
