@@ -323,8 +323,7 @@ class Actuator:
         if self._tuner.running is not None and not self._commanding.is_tuned:
             self._end_tuning("something else was wanted of the wire")
         if settled and supervisor.latched is None and estimate_invalid not in faults:
-            told_A = self._told.current_A
-            seen = Seen(now_s, self._now_s, self._signals, self._estimate, told_A, self._power_W, self._limit_A)
+            seen = Seen(now_s, self._now_s, self._signals, self._estimate, self._told.current_A, self._limit_A)
             if self._commanding.anew:
                 self._following.begin(seen)
             if self._commanding.wants_position:

@@ -41,7 +41,6 @@ class Seen:
     signals: Signals
     estimate: Estimate
     told_A: float  #: what the supply was told in the step before
-    power_W: float
     limit_A: float  #: highest current that heat and stress leave
 
 
@@ -142,7 +141,7 @@ class Following:
             setpoint_m,
             at_max=seen.told_A >= ALL_THERE_IS * self.config.supply.max_current,
             at_limit=seen.told_A >= ALL_THERE_IS * seen.limit_A,
-            power_W=seen.power_W,
+            power_W=max(0.0, seen.signals.power_W),  # of the wire alone; 0 where too little flows to measure
             load_N=seen.signals.load_N,
             heat=self._needed_heat(seen),
         )

@@ -196,3 +196,17 @@ def test_another_load_or_a_longer_setpoint_is_another_matter():
         wire = at_its_end()
         wire.load_N = load_N
         assert wire.run(STEP_s, wanted_m=wanted_m, **BACKED_OFF) == -math.inf
+
+
+def test_what_heats_the_leads_is_no_heat_of_the_wire(make_rig, monkeypatch):
+    """The calibration says what heat the wire takes, by the power in the wire alone."""
+    seen = []
+    monkeypatch.setattr(Reach, "step", lambda self, *args, power_W, **more: seen.append(power_W))
+    rig = make_rig()
+    rig.enable()
+    for _ in range(40):
+        rig.actuator.offer_setpoint(rig.now_s, 2e-3)
+        rig.step()
+    signals, lead_Ohm = rig.output.signals, rig.config.circuit.lead_resistance
+    assert seen[-1] == pytest.approx(signals.power_W, rel=1e-6)
+    assert seen[-1] < 0.96 * signals.current_A**2 * (signals.resistance_Ohm + lead_Ohm)
