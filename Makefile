@@ -16,6 +16,9 @@ DURATION ?= 60
 WIRE ?= flexinol
 EXTRAS := ros,speed,report,view,foxglove,bags,baselines,pymeasure,fleet,formats,completion,test,check,docs
 
+# A test run starts some hundred interpreters, none of which is to compile the sources again, whatever the environment says.
+export PYTHONDONTWRITEBYTECODE :=
+
 .PHONY: fuzz audit sbom release counterparts page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds feed-forward tuning pair fleet foreign-speed tutorial forward health clean
 
 demo: $(VENV)/ready
