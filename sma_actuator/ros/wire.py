@@ -269,6 +269,8 @@ class SmaActuatorNode(LifecycleNode):
         """Why it takes no commands."""
         if self.state == "active":  # and yet it takes none
             return f"trying to open the instruments again: {self.refusal}" if self.refusal else "the node ends"
+        if self.refusal and self.refusal == self._awaited:
+            return f"waiting for the instruments: {self.refusal}"
         what = {"unconfigured": "configure and activate it first", "inactive": "activate it first"}.get(self.state, "")
         return f"the node is {self.state}" + (f"; {what}" if what else "")
 

@@ -55,9 +55,11 @@ def test_a_node_that_starts_before_its_instruments_waits_for_them_and_is_ready_w
     address = stand._instruments["supply"]["resource"]
     node.says(f"waiting for the instruments: supply at {address}: nothing listens there")
     assert client.call(f"{NAME}/get_state", GetState).current_state.label == "unconfigured"
-    assert not client.call(f"{NAME}/enable", SetBool, SetBool.Request(data=True)).success
+    refused = client.call(f"{NAME}/enable", SetBool, SetBool.Request(data=True))
+    assert not refused.success
+    assert refused.message.startswith(f"waiting for the instruments: supply at {address}: nothing listens there")
     time.sleep(TEMPTED_s)  # it has looked again by then
-    assert node.words.count("waiting for the instruments") == 1
+    assert node.words.count("looking again until they are there") == 1
     stand.switch_on()
     node.says("answer; the output is off until ~/enable")
     _tempt(client, stand)
