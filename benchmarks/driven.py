@@ -82,7 +82,10 @@ class Case:
 
 @dataclass
 class Found:
-    """What came of it; errors are mean absolute, in % of full stroke, every sample from the first setpoint on."""
+    """What came of it; errors are mean absolute, in % of full stroke, every sample from the first setpoint on.
+
+    Setpoint, estimate and truth of a sample are of one time, as in the thesis and in :func:`fastest`.
+    """
 
     case: Case
     model: float  #: estimate and truth
@@ -160,10 +163,11 @@ def run(case: Case, keep: bool = False) -> Found:
         while (elapsed_s := bench.time_s - start_s) < DURATION_s and not fault:
             asked_m = setpoint(elapsed_s)
             driver.offer_setpoint(asked_m)
+            here_m = bench.truth.displacement_m  # now: when the reading ends that the estimate is of
             output = driver.run_for(period_s)
             hottest_C = max(hottest_C, bench.hottest_C)
             estimate = output.estimate
-            values = (asked_m, estimate.displacement_m, bench.truth.displacement_m, output.command.current_A)
+            values = (asked_m, estimate.displacement_m, here_m, output.command.current_A)
             rows.append((elapsed_s, *values, estimate.uncertainty_m))
             for name in output.status.limits:
                 limits_s[name] = limits_s.get(name, 0.0) + period_s
