@@ -46,6 +46,8 @@ LIES = {
     "a sense resistor that rises by 0.4 % a second": Lie("sense_drift", 1.04, 0.25),
     "a sense resistor that falls by 0.4 % a second": Lie("sense_drift", 0.96, 0.25),
     "a sense resistor that rises by 0.04 % a second": Lie("sense_drift", 1.004, 0.25),
+    "a voltage channel that rises by 0.4 % a second": Lie("voltage_drift", 1.04, 0.5),
+    "a voltage channel that falls by 0.4 % a second": Lie("voltage_drift", 0.96, 0.5),
     "a load cell that stands but for its converter's dither": Lie("channel_dithers", 103.0, within_s=2.0 * PERIOD_s),
     "a block that comes again and again": Lie("block_repeats", math.nan, within_s=1.0),
 }

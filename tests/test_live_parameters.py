@@ -126,6 +126,16 @@ def has_another_sense_resistor(rig: Rig) -> None:
     rig.run(2.0)
 
 
+def has_other_voltages(rig: Rig) -> None:
+    rig.run(9.0)
+    lie(
+        rig,
+        supply_voltage_V=lambda reading: 1.05 * reading.supply_voltage_V,
+        reference_voltage_V=lambda reading: 1.05 * reading.reference_voltage_V,
+    )
+    rig.run(3.0)
+
+
 def has_a_load_cell_that_dies(rig: Rig) -> None:
     rig.run(16.0)
     last, dither = rig.output.reading.load_cell_voltage_V, itertools.cycle((1e-7, 3e-7, -4e-7))
@@ -224,6 +234,7 @@ SITUATIONS = [
     Situation("safety.stuck_time", 0.3, has_a_stuck_load_cell),
     Situation("safety.current_disagreement", 0.2, has_more_current_than_was_told),
     Situation("safety.current_drift", 0.2, has_another_sense_resistor),
+    Situation("safety.voltage_drift", 0.2, has_other_voltages, given={"safety.current_drift": 1.0}),
     Situation("safety.least_noise", 0.0, has_a_load_cell_that_dies),
     Situation("safety.voltage_disagreement", 5.0, has_a_supply_that_measures_another_voltage),
     Situation("safety.disagreement_time", 3.0, has_a_supply_that_measures_another_voltage),

@@ -84,7 +84,7 @@ class VirtualBench:
         self._pending: list[tuple[float, str, float]] = []
         self._stuck = np.zeros(len(CHANNELS))  #: sample that a stuck channel repeats
         self._repeated = np.zeros((0, len(CHANNELS)))  #: block that a DAQ repeats
-        self._drifts_since_s = 0.0  #: the sense resistor
+        self._drifts_since_s: dict[str, float] = {}  #: what drifts
         self.joint: SharedJoint | None = None  #: that this wire turns with another
 
     def _rest(self, ambient_C: float) -> None:
@@ -199,8 +199,8 @@ class VirtualBench:
             return
         if name == "block_repeats":
             self._repeated = self._repeated[:0]
-        if name == "sense_drift":
-            self._drifts_since_s = self.time_s
+        if name in ("sense_drift", "voltage_drift"):
+            self._drifts_since_s[name] = self.time_s
         if name in ("channel_stuck", "channel_dithers"):
             self._stuck = self.daq.block(1)[0][0] if self.samples else np.zeros(len(CHANNELS))
         self.faults[name] = value
@@ -212,9 +212,9 @@ class VirtualBench:
         for each in [name] if name is not None else list(self.faults):
             self.faults.pop(each, None)
 
-    def _sense_factor(self, time_s: float | np.ndarray) -> float | np.ndarray:
-        """How many times its nominal value the sense resistor has."""
-        return self.faults.get("sense_drift", 1.0) ** (0.1 * (time_s - self._drifts_since_s))
+    def _drifted(self, name: str, time_s: float | np.ndarray) -> float | np.ndarray:
+        """How many times its nominal value that has which drifts."""
+        return self.faults.get(name, 1.0) ** (0.1 * (time_s - self._drifts_since_s.get(name, 0.0)))
 
     def _fire_pending(self) -> None:
         while self._pending and self._pending[0][0] <= self.time_s + 1e-9:
@@ -245,7 +245,7 @@ class VirtualBench:
         inputs[physics.LOSS_FACTOR] = faults.get("draught", 1.0)
         inputs[physics.CURRENT_FACTOR] = faults.get("current_disagrees", 1.0)
         inputs[physics.MORE_SERIES] = (
-            self._sense_factor(self.time_s) - 1.0
+            self._drifted("sense_drift", self.time_s) - 1.0
         ) * self.setup.chain.reference_resistance_Ohm
         inputs[physics.BRIDGE] = faults.get("short_wire", 0.0)
         inputs[physics.WIRE_CONDITION] = (
@@ -310,8 +310,9 @@ class SimulatedDaq:
         first = bench.samples - n
         read = bench.setup.chain.read(bench._ring, bench._row, bench._noise.of(first, n))
         times_s = np.arange(first + 1, first + n + 1) * STEP_s
-        if "sense_drift" in bench.faults:
-            read[:, CHANNELS.index(102)] *= bench._sense_factor(times_s)
+        for name, channel in (("sense_drift", 102), ("voltage_drift", 101)):
+            if name in bench.faults:
+                read[:, CHANNELS.index(channel)] *= bench._drifted(name, times_s)
         if "channel_dithers" in bench.faults:
             column = CHANNELS.index(int(bench.faults["channel_dithers"]))
             dither = np.mod(bench._noise.of(first, n)[:, column], 1.0) - 0.5

@@ -35,6 +35,9 @@ FAULTS: dict[str, BenchFault] = {
     "daq_hangup": BenchFault("the DAQ closes its connections and refuses new ones"),
     "current_disagrees": BenchFault("the supply delivers its setting times this factor", "factor", 0.5),
     "sense_drift": BenchFault("the sense resistor drifts, by this factor in ten seconds", "factor", 1.04),
+    "voltage_drift": BenchFault(
+        "the DAQ's channel of the supply's voltage drifts, by this factor in ten seconds", "factor", 1.04
+    ),
     "output_welded": BenchFault("the supply says that its output is off, and delivers its setting all the same"),
     "second_commander": BenchFault("someone at the front panel sets another current, once, lock or not", "A", 0.2),
     "watchdog_dead": BenchFault(

@@ -91,6 +91,15 @@ class SafetyParameters:
         live=True,
         stricter="lower",
     )
+    voltage_drift: float = parameter(
+        0.015,
+        "share by which the DAQ's voltage may drift from the supply's; contacts between them that warm do too",
+        "1",
+        1e-3,
+        1.0,
+        live=True,
+        stricter="lower",
+    )
     reading_timeout: float = parameter(
         0.5, "age of the last good reading that is a fault", "s", 0.01, 60.0, live=True, stricter="lower"
     )

@@ -16,7 +16,7 @@ from typing import Generic, ParamSpec
 from sma_actuator.base.signals import Command, Estimate, Reading, Signals, SupplyState
 
 from .alive import LoadAlive, Repeats
-from .drift import CurrentsApart
+from .drift import CurrentsApart, VoltagesApart
 from .formula import Formula
 from .parameters import SafetySections
 from .thermal import WireHeat
@@ -137,6 +137,7 @@ class Memory:
     repeats: Repeats = field(default_factory=Repeats)  #: of whole readings
     load_alive: LoadAlive = field(default_factory=LoadAlive)
     currents: CurrentsApart = field(default_factory=CurrentsApart)
+    voltages: VoltagesApart = field(default_factory=VoltagesApart)
     since_s: dict[str, float] = field(default_factory=dict)  #: since when a condition holds
     count: dict[str, int] = field(default_factory=dict)  #: how many times running
     owed: dict[str, float] = field(default_factory=dict)  #: leaky counts

@@ -141,8 +141,9 @@ class TestLies:
     def lying(self):
         return lies.Lying(heat.UNITS.index(("flexinol", "measured")))
 
-    def test_a_drift_of_the_sense_resistor_is_not_believed(self, lying):
-        words = "a sense resistor that rises by 0.4 % a second"
+    @pytest.mark.parametrize("what", ["sense resistor", "voltage channel"])
+    def test_a_drift_is_not_believed(self, lying, what):
+        words = f"a {what} that rises by 0.4 % a second"
         lying.judge(words, lies.LIES[words], "sine", Weight(0.98))
         assert lying.result.counts["lies found"] == 1
         _unbroken(lying.result)

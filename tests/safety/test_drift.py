@@ -6,7 +6,16 @@ import math
 import numpy as np
 import pytest
 
-from sma_actuator.safety.drift import FLOOR_A, SCALE, CurrentsApart, LAG_s, WINDOW_s
+from sma_actuator.safety.drift import (
+    FLOOR_A,
+    FLOOR_V,
+    SCALE,
+    CurrentsApart,
+    LAG_s,
+    METER_LAG_s,
+    VoltagesApart,
+    WINDOW_s,
+)
 
 PERIOD_s, SHARE = 0.05, 0.015
 
@@ -290,6 +299,83 @@ def test_a_wire_at_the_compliance_voltage_is_not_accused(make_rig):
         **{**_fields(r), "reference_voltage_V": 0.96 * r.reference_voltage_V, "supply_voltage_V": r.supply_voltage_V}
     )
     assert rig.seconds_until("current_drifts", 3.0) is None
+
+
+class TestVoltages:
+    """Of a wire of some 6 Ω that is moved; the supply measures what its leads drop as well."""
+
+    @staticmethod
+    def apart(daq_V, supply_V, seconds, current_A=wander_A, voltages=None, begun_s=0.0):
+        """Time at which the voltages are found apart, or None; what they are is told by time and voltage at the
+        wire."""
+        voltages = voltages if voltages is not None else VoltagesApart()
+        for step in range(round(seconds / PERIOD_s)):
+            time_s = begun_s + step * PERIOD_s
+            set_A = current_A(time_s)
+            wire_V = 6.0 * set_A + 1e-3 * (-1) ** step  # no wire is still to the last digit
+            seen_V = daq_V(time_s, wire_V), supply_V(time_s, wire_V)
+            change_V, allowed_V = voltages.step(time_s, set_A, *seen_V, SHARE)
+            if abs(change_V) > allowed_V:
+                return time_s
+        return None
+
+    @pytest.mark.parametrize("leads_Ohm", [0.0, 0.5, 2.0])
+    @pytest.mark.parametrize("scale", [1.0 - SCALE, 1.0 + SCALE])
+    def test_what_the_leads_drop_and_errors_that_stand_still_are_no_drift(self, leads_Ohm, scale):
+        def supply_V(time_s, wire_V):
+            return scale * wire_V + leads_Ohm * wander_A(time_s) - 0.02
+
+        assert self.apart(lambda _, wire_V: wire_V, supply_V, 200.0) is None
+
+    @pytest.mark.parametrize("late_s", [METER_LAG_s, -METER_LAG_s])
+    def test_nor_is_a_meter_that_is_late_or_a_daq_that_is(self, late_s):
+        assert self.apart(lambda _, wire_V: wire_V, lambda t, _: 6.0 * wander_A(t - late_s), 200.0) is None
+
+    @pytest.mark.parametrize("digit_V", [0.01, 0.1])
+    def test_nor_are_the_digits_of_a_coarse_meter(self, digit_V):
+        def supply_V(_, wire_V):
+            return digit_V * round(wire_V / digit_V)
+
+        assert self.apart(lambda _, wire_V: wire_V, supply_V, 200.0) is None
+
+    @pytest.mark.parametrize("rate", [4e-3, -4e-3, 5e-4, -5e-4])
+    @pytest.mark.parametrize("leads_Ohm", [0.0, 0.5])
+    def test_a_drift_of_a_wire_that_is_held_is_found(self, rate, leads_Ohm):
+        def current_A(time_s):
+            return 0.05 if time_s < 3.0 else 0.2
+
+        def daq_V(time_s, wire_V):
+            return wire_V * (1.0 + rate * max(0.0, time_s - 30.0))
+
+        def supply_V(time_s, wire_V):
+            return wire_V + leads_Ohm * current_A(time_s)
+
+        found_s = self.apart(daq_V, supply_V, 150.0, current_A)
+        slack = (FLOOR_V + 0.01) / (6.0 * 0.2)  # what noise leaves open
+        seen_late = abs(rate) * (0.5 * WINDOW_s + METER_LAG_s)
+        assert SHARE < abs(rate) * (found_s - 30.0) < SHARE + slack + 1.5 * seen_late + 2e-3
+
+    @pytest.mark.parametrize("rate", [4e-3, -4e-3])
+    def test_and_of_one_that_moves_where_it_turns(self, rate):
+        def daq_V(time_s, wire_V):
+            return wire_V * (1.0 + rate * max(0.0, time_s - 60.0))
+
+        found_s = self.apart(daq_V, lambda _, wire_V: wire_V, 200.0)
+        assert abs(rate) * (found_s - 60.0) < 0.08
+
+    def test_what_was_noted_outlives_a_pause_and_is_forgotten_when_asked(self):
+        def supply_V(_, wire_V):
+            return wire_V
+
+        def current_A(time_s):
+            return 0.05 if time_s % 20.0 < 3.0 else 0.2
+
+        voltages = VoltagesApart()
+        assert self.apart(lambda _, wire_V: wire_V, supply_V, 10.0, current_A, voltages) is None
+        voltages.pause()
+        assert self.apart(lambda _, wire_V: 1.05 * wire_V, supply_V, 10.0, current_A, voltages, 20.0) is not None
+        voltages.forget()
+        assert self.apart(lambda _, wire_V: 1.05 * wire_V, supply_V, 10.0, current_A, voltages, 40.0) is None
 
 
 def _fields(record):

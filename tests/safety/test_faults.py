@@ -135,6 +135,16 @@ def only_dither_is_left_of_the_load(rig):
     rig.reading_of = lambda r: replace(r, load_cell_voltage_V=last.load_cell_voltage_V + dither.normal(0.0, 5e-6))
 
 
+def another_scale_of_the_voltages(rig):
+    """Of both by +10 %, after they have been seen for a while, of a wire that is held still: the resistance stays."""
+    rig.run(9.0)
+    rig.reading_of = lambda reading: replace(
+        reading,
+        reference_voltage_V=1.1 * reading.reference_voltage_V,
+        supply_voltage_V=1.1 * reading.supply_voltage_V,
+    )
+
+
 def another_sense_resistor(rig):
     """By −4 %, after it has been seen for a while: the rest of the circuit stays what it is."""
     rig.run(6.0)
@@ -191,7 +201,10 @@ SCENARIOS = {
     "heat_loss_wrong": Scenario(
         cold_but_contracted,
         lambda rig: setattr(rig, "reading_of", lambda reading: reading),
-        changes={"calibration.hot_end": {"cooling_position": 2.2e-3, "cooling_stress": [2e7], "cooling_rise": [15.0]}},
+        changes={
+            "calibration.hot_end": {"cooling_position": 2.2e-3, "cooling_stress": [2e7], "cooling_rise": [15.0]},
+            "safety.voltage_drift": 1.0,
+        },
         tracking=False,
     ),
     "ambient_doubted": lie_about_readings(lambda r: replace(r, ambient_temperature_C=-59.0)),
@@ -205,6 +218,12 @@ SCENARIOS = {
     ),
     "reference_doubted": lie_about_readings(lambda r: replace(r, lvdt_current_A=2.4)),
     "current_drifts": Scenario(another_sense_resistor, lambda rig: setattr(rig, "reading_of", lambda reading: reading)),
+    "voltage_drifts": Scenario(
+        another_scale_of_the_voltages,
+        lambda rig: setattr(rig, "reading_of", lambda reading: reading),
+        changes={"safety.current_drift": 1.0},
+        tracking=False,
+    ),
     "estimator_outside": weight(
         1.5, changes={"model.stress_range": [0.0, 60e6], "safety.outside_calibration_time": 1.0}
     ),
@@ -225,6 +244,7 @@ SCENARIOS = {
             "thermal.derate_temperature": 300.0,
             "thermal.max_temperature": 400.0,
             "safety.voltage_disagreement": 5.0,
+            "safety.voltage_drift": 1.0,
         },
     ),
     "setpoint_flood": Scenario(flood, lambda rig: None),

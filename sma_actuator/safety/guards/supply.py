@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import isfinite
 
-from sma_actuator.safety.drift import FLOOR_A, SCALE, LAG_s, WINDOW_s
+from sma_actuator.safety.drift import FLOOR_A, FLOOR_V, SCALE, LAG_s, METER_LAG_s, WINDOW_s
 from sma_actuator.safety.formula import parameter_value, seconds
 from sma_actuator.safety.records import Action, Fault, Step, guard
 from sma_actuator.safety.timing import ONE_STEP, READING_TIMEOUT, THREE_STEPS, TWO_STEPS
@@ -212,4 +212,39 @@ def current_drifts(step: Step) -> str:
         f"at {told.current_A:.3g} A the DAQ measures {change_A * 1e3:+.3g} mA more than when such a current first "
         f"flowed, the supply {(supply.current_A - told.current_A) * 1e3:+.3g} mA more than it was told; "
         f"safety.current_drift is {share:g}"
+    )
+
+
+@guard(
+    words="the measured voltage drifts from what the supply measures",
+    remedy="Where a voltmeter at the wire agrees with the supply's display, look at the DAQ's channel of the supply's "
+    "voltage and its divider; else at the contacts between supply and wire. Whoever clears this fault takes the "
+    "difference as it is then for right",
+    detector=f"the DAQ's voltage, averaged over {WINDOW_s:g} s, off the supply's own by more than safety.voltage_drift "
+    f"of it and {FLOOR_V * 1e3:g} mV beyond what it was off when such a current first flowed (what its leads drop), "
+    f"by more than both have moved, so averaged, in {METER_LAG_s:g} s, and more than the step of the supply's digits",
+    within=seconds(WINDOW_s + METER_LAG_s) + TWO_STEPS,
+    action=Action.OFF,
+    latches=True,
+)
+def voltage_drifts(step: Step) -> str:
+    """The DAQ's voltage channel has another scale than when the wire was first driven, and the resistance with it."""
+    supply, voltages = step.supply, step.memory.voltages
+    if not step.told.output_on:
+        voltages.pause()
+        return ""
+    if step.reading is None or supply is None or not step.signals.current_A > 0.0:
+        return ""
+    share = step.config.safety.voltage_drift
+    change_V, allowed_V = voltages.step(
+        step.reading.time_s, step.signals.current_A, step.reading.supply_voltage_V, supply.voltage_V, share
+    )
+    # measurements_disagree, if it lasts
+    jumped = abs(step.reading.supply_voltage_V - supply.voltage_V) > step.config.safety.voltage_disagreement
+    if jumped or not abs(change_V) > allowed_V:
+        return ""
+    voltages.forget()
+    return (
+        f"at {supply.voltage_V:.3g} V the DAQ measures {change_V * 1e3:+.3g} mV more than when such a current first "
+        f"flowed; safety.voltage_drift is {share:g}"
     )
