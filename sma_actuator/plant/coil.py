@@ -28,6 +28,7 @@ import numpy as np
 
 from sma_actuator.base.jit import inlined, jit
 
+from .closing import close_in
 from .materials import Specimen
 from .physics import (
     AMBIENT,
@@ -81,8 +82,9 @@ RING_COLUMNS = CELL_COLUMNS + 5
 
 
 @inlined
-def _excess(x, bands, rings, memory_m, memory_r, temperature_C, shift, enthalpy_J):
-    """By how much the section's heat content at a temperature exceeds ``enthalpy_J``, transforming as it must."""
+def _excess(temperature_C, of):
+    """By how much the section's heat content at a temperature exceeds what it is to be, transforming as it must."""
+    x, bands, rings, memory_m, memory_r, shift, enthalpy_J = of
     held_J = 0.0
     for j in range(rings.shape[0]):
         stress = abs(rings[j, RING_STRESS])
@@ -94,42 +96,17 @@ def _excess(x, bands, rings, memory_m, memory_r, temperature_C, shift, enthalpy_
 
 @jit
 def _temperature(x, bands, rings, memory_m, memory_r, start_C, shift, enthalpy_J, slope_J_K):
-    """Temperature of a section that holds ``enthalpy_J``: walk until the sign changes, then close in (Illinois), as
-    :func:`.physics.temperature_for` does of a wire."""
+    """Temperature of a section that holds ``enthalpy_J``, as :func:`.physics.temperature_for` has it of a wire."""
     capacity = x.heat_capacity_J_K
-    t1 = start_C
-    f1 = _excess(x, bands, rings, memory_m, memory_r, t1, shift, enthalpy_J)
-    if abs(f1) <= TOLERANCE_K * capacity:
-        return t1
-    t0 = t1 - f1 / slope_J_K
-    f0 = _excess(x, bands, rings, memory_m, memory_r, t0, shift, enthalpy_J)
-    for _ in range(40):
-        if f0 * f1 <= 0.0 or abs(f0) <= TOLERANCE_K * capacity:
-            break
-        t1 = t0
-        f1 = f0
-        t0 = t1 - f1 / capacity
-        f0 = _excess(x, bands, rings, memory_m, memory_r, t0, shift, enthalpy_J)
-    for _ in range(60):
-        if abs(f0) <= TOLERANCE_K * capacity:
-            return t0
-        t = t0 - f0 * (t0 - t1) / (f0 - f1)
-        f = _excess(x, bands, rings, memory_m, memory_r, t, shift, enthalpy_J)
-        if f * f0 < 0.0:
-            t1 = t0
-            f1 = f0
-        else:
-            f1 *= 0.5
-        t0 = t
-        f0 = f
-    return t0
+    of = (x, bands, rings, memory_m, memory_r, shift, enthalpy_J)
+    return close_in(_excess, of, start_C, slope_J_K, capacity, TOLERANCE_K * capacity)
 
 
 @inlined
 def _transform(x, bands, whole, rings, memory_m, memory_r, shift):
     """Temperature of the section from its heat, and the phases of every ring."""
     before_C = whole[TEMPERATURE]
-    held_J = _excess(x, bands, rings, memory_m, memory_r, before_C, shift, 0.0)
+    held_J = _excess(before_C, (x, bands, rings, memory_m, memory_r, shift, 0.0))
     t = _temperature(x, bands, rings, memory_m, memory_r, before_C, shift, whole[ENTHALPY], rings[0, CELL_SLOPE_J_K])
     if abs(t - before_C) > 1e-9:
         rings[0, CELL_SLOPE_J_K] = max((whole[ENTHALPY] - held_J) / (t - before_C), x.heat_capacity_J_K)

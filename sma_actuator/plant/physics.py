@@ -15,6 +15,7 @@ import numpy as np
 
 from sma_actuator.base.jit import inlined, jit
 
+from .closing import close_in
 from .kinetics import (
     COOLING,
     MEASURED,
@@ -339,8 +340,9 @@ def enthalpy_of(x, martensite, r_share, temperature_C):
 
 
 @inlined
-def _excess(x, bands, memory_m, memory_r, martensite, r_share, temperature_C, stress_Pa, shift, enthalpy_J):
-    """By how much the heat content at a temperature exceeds ``enthalpy_J``, transforming as it must."""
+def _excess(temperature_C, of):
+    """By how much the heat content at a temperature exceeds what it is to be, transforming as it must."""
+    x, bands, memory_m, memory_r, martensite, r_share, stress_Pa, shift, enthalpy_J = of
     m = martensite_at(x, bands, memory_m, martensite, temperature_C, stress_Pa, shift, False)
     r = r_share_at(x, bands, memory_r, r_share, temperature_C, stress_Pa, shift, False)
     return enthalpy_of(x, m, r, temperature_C) - enthalpy_J
@@ -356,34 +358,9 @@ def temperature_for(
     tries, and the heat capacity, which it cannot be less than, is always a sound guess.
     """
     capacity = x.heat_capacity_J_K
-    t1 = temperature_C + (enthalpy_J - enthalpy_of(x, martensite, r_share, temperature_C)) / slope_J_K
-    f1 = _excess(x, bands, memory_m, memory_r, martensite, r_share, t1, stress_Pa, shift, enthalpy_J)
-    if abs(f1) <= TOLERANCE_K * capacity:
-        return t1
-    t0 = t1 - f1 / slope_J_K
-    f0 = _excess(x, bands, memory_m, memory_r, martensite, r_share, t0, stress_Pa, shift, enthalpy_J)
-    # Walk until the sign changes, then close in (Illinois).  Stands in :mod:`.coil` once more, with the excess of a
-    # section: a kernel that is handed a function cannot be kept on disk, and would be compiled at every start.
-    for _ in range(40):
-        if f0 * f1 <= 0.0 or abs(f0) <= TOLERANCE_K * capacity:
-            break
-        t1 = t0
-        f1 = f0
-        t0 = t1 - f1 / capacity
-        f0 = _excess(x, bands, memory_m, memory_r, martensite, r_share, t0, stress_Pa, shift, enthalpy_J)
-    for _ in range(60):
-        if abs(f0) <= TOLERANCE_K * capacity:
-            return t0
-        t = t0 - f0 * (t0 - t1) / (f0 - f1)
-        f = _excess(x, bands, memory_m, memory_r, martensite, r_share, t, stress_Pa, shift, enthalpy_J)
-        if f * f0 < 0.0:
-            t1 = t0
-            f1 = f0
-        else:
-            f1 *= 0.5
-        t0 = t
-        f0 = f
-    return t0
+    start_C = temperature_C + (enthalpy_J - enthalpy_of(x, martensite, r_share, temperature_C)) / slope_J_K
+    of = (x, bands, memory_m, memory_r, martensite, r_share, stress_Pa, shift, enthalpy_J)
+    return close_in(_excess, of, start_C, slope_J_K, capacity, TOLERANCE_K * capacity)
 
 
 @inlined
