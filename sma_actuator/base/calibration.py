@@ -16,7 +16,6 @@ from math import nan
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from .parameters import parameter, section
 
@@ -352,6 +351,8 @@ def through(nodes: Sequence[float] | np.ndarray, values: Sequence[float] | np.nd
     """
     if len(nodes) < 3:
         return np.interp(at, nodes, values)
+    from scipy.interpolate import PchipInterpolator  # half the time that a program takes to start which never asks
+
     curve = PchipInterpolator(nodes, values)
     inside = np.clip(at, nodes[0], nodes[-1])
     further = np.clip(at - inside, nodes[0] - nodes[1], nodes[-1] - nodes[-2])
