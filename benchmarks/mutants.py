@@ -73,7 +73,7 @@ TARGETS = {
     },
     "instruments/scpi": ("tests/instruments",),
     "instruments/supply": ("tests/instruments",),
-    "instruments/session": ("tests/instruments",),
+    **{f"instruments/{name}": ("tests/instruments",) for name in ("session", "byte_streams", "claim")},
     "instruments/dialect": ("tests/instruments",),
     "instruments/pymeasure_adapter": ("tests/instruments",),
     **{

@@ -20,8 +20,8 @@ from sma_actuator.base.signals import Reading
 
 from . import Clock, InstrumentLost, InstrumentRefused
 from .channels import Channels
+from .claim import Claim
 from .parameters import InstrumentSections
-from .session import Claim
 
 RANGE_V = 10.0  #: of a converter of NI's; a LabJack's is this when it is switched on
 

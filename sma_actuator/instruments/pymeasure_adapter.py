@@ -23,8 +23,9 @@ from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import SupplyState
 
 from . import InstrumentLost, InstrumentRefused, LimitsNotHeld, OutputStaysOn
+from .byte_streams import Manner
 from .parameters import InstrumentSections
-from .session import Manner, Session
+from .session import Session
 from .supply import Abilities, SessionSupply
 
 #: What is needed → names it has in pymeasure, in order of preference.

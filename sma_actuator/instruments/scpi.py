@@ -13,11 +13,13 @@ import numpy as np
 from sma_actuator.base.signals import Reading, SupplyState
 
 from . import Clock, InstrumentRefused, LimitsNotHeld, OutputStaysOn, WatchdogNotHeld
+from .byte_streams import Manner
 from .channels import Channels
+from .claim import Claim
 from .dialect import Dialect
 from .parameters import InstrumentSections
 from .phrases import Query
-from .session import OPENING_ANSWERS, Claim, Manner, Session
+from .session import OPENING_ANSWERS, Session
 from .supply import Abilities, SessionSupply
 
 #: Where nothing clears a queue of errors, at most so many are read away.

@@ -11,8 +11,10 @@ from dataclasses import dataclass
 
 from . import InstrumentError, InstrumentLost, InstrumentRefused, InstrumentUnreachable, OutputStaysOn
 from .afterwards import OFF_ANSWERS, Afterwards
+from .byte_streams import Manner
+from .claim import Claim
 from .parameters import InstrumentSections
-from .session import OPENING_ANSWERS, Claim, Manner, Session
+from .session import OPENING_ANSWERS, Session
 
 _log = logging.getLogger(__name__)
 

@@ -12,7 +12,8 @@ from sma_actuator.bench.server import background
 from sma_actuator.config import Config
 from sma_actuator.driver import Driver
 from sma_actuator.instruments import InstrumentLate, InstrumentLost
-from sma_actuator.instruments.session import Manner, Session
+from sma_actuator.instruments.byte_streams import Manner
+from sma_actuator.instruments.session import Session
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.limits import ANSWER_LATE
 

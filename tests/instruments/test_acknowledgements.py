@@ -14,9 +14,10 @@ from tcp_line import TcpInstrument
 
 from sma_actuator.config import Config
 from sma_actuator.instruments import InstrumentError, InstrumentLost, InstrumentRefused, open_daq
+from sma_actuator.instruments.byte_streams import Manner
 from sma_actuator.instruments.clock import MonotonicClock
 from sma_actuator.instruments.dialect import FOLDER
-from sma_actuator.instruments.session import Manner, Session
+from sma_actuator.instruments.session import Session
 
 PATIENT_s = 20.0
 OK = re.compile("OK")

@@ -15,9 +15,10 @@ from sma_actuator.bench.scpi import Client, ScpiDaq, ScpiSupply
 from sma_actuator.config import Config
 from sma_actuator.instruments import InstrumentError, InstrumentLost, InstrumentRefused, open_daq, open_supply
 from sma_actuator.instruments import session as session_module
+from sma_actuator.instruments.byte_streams import Manner, VisaStream
 from sma_actuator.instruments.clock import MonotonicClock
 from sma_actuator.instruments.parameters import SerialLine
-from sma_actuator.instruments.session import Manner, Session, VisaStream
+from sma_actuator.instruments.session import Session
 
 CONSTANTS = pyvisa.constants
 

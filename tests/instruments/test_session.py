@@ -11,9 +11,10 @@ import tty
 import pytest
 import pyvisa
 
-from sma_actuator.instruments import InstrumentLost, InstrumentRefused, InstrumentUnreachable
+from sma_actuator.instruments import InstrumentLost, InstrumentRefused, InstrumentUnreachable, byte_streams
 from sma_actuator.instruments import session as session_module
-from sma_actuator.instruments.session import Manner, Session
+from sma_actuator.instruments.byte_streams import Manner, SocketStream
+from sma_actuator.instruments.session import Session
 
 TIMEOUT_s = 0.4  #: where an answer must not come
 PATIENT_s = 20.0  #: where it must
@@ -348,7 +349,7 @@ def test_of_several_addresses_the_first_that_answers_is_taken(peer):
     session.close()
     session._addresses = []
     with pytest.raises(OSError, match="it has no address"):
-        session_module.SocketStream([], time.monotonic() + 1.0)
+        SocketStream([], time.monotonic() + 1.0)
 
 
 def test_a_deadline_that_has_passed_is_not_waited_for(session):
@@ -369,7 +370,7 @@ def test_what_an_instrument_said_is_shown_short_enough_for_a_sentence(peer, sess
 
 def test_a_connection_is_ended_and_not_broken_though_words_are_unread(peer, session, monkeypatch):
     """A reset could overtake the off that was said last."""
-    monkeypatch.setattr(session_module, "_PIECE", 1000)
+    monkeypatch.setattr(byte_streams, "_PIECE", 1000)
     peer.connection.sendall(b"1" * 10_000)
     assert select.select([session._stream._socket], [], [], 10.0)[0]
     session.give_up("a test")
