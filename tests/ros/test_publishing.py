@@ -1,11 +1,15 @@
 """From the loop to ROS: everything arrives, in order, in a thread of its own."""
 
+import itertools
 import threading
+import time
 
 import pytest
+import rclpy
 from processes import wait_until
+from std_msgs.msg import Float64
 
-from sma_actuator.ros.publishing import OUTPUTS_WAITING, Handoff
+from sma_actuator.ros.publishing import OUTPUTS_WAITING, Handoff, LEAST_PERIOD_s, is_heard
 
 
 @pytest.fixture
@@ -91,3 +95,78 @@ def test_after_the_end_nothing_is_published(handoff):
     handoff.put("late", True)
     handoff.close()
     assert handoff.published == []
+
+
+def test_before_the_first_output_there_is_none(handoff):
+    assert handoff.latest is None
+
+
+def test_the_end_waits_for_what_is_being_published_and_no_process_waits_for_the_thread(handoff):
+    handoff.put("under way", True)
+    wait_until(lambda: not handoff.moves())
+    threading.Timer(0.1, handoff.go.set).start()
+    handoff.close()
+    assert handoff.published == [("under way", ["under way"])]
+    assert handoff._thread.daemon, "one that hangs must not keep a process that ends"
+
+
+def test_a_sign_of_what_was_taken_with_the_one_before_ends_nothing(handoff):
+    handoff.go.set()
+    handoff._fresh.put(True)
+    handoff.put("next", True)
+    wait_until(lambda: handoff.published)
+    handoff._fresh.put(True)
+    handoff.put("and the next", True)
+    wait_until(lambda: len(handoff.published) == 2)
+
+
+def test_one_that_waits_for_an_output_moves_however_often_it_is_asked(handoff):
+    handoff.go.set()
+    handoff.put("only", True)
+    wait_until(lambda: handoff.published)
+    wait_until(lambda: handoff.moves() and handoff.moves() and handoff.moves())
+
+
+def test_one_that_is_slow_moves_once_for_each_time_that_it_has_published():
+    began, may_end = threading.Semaphore(0), threading.Semaphore(0)
+
+    def publish(_, __):
+        began.release()
+        may_end.acquire()
+
+    slow = Handoff("slow", publish, lambda error: None)
+    slow.put(1, True)
+    assert began.acquire(timeout=30.0)
+    slow.moves()
+    assert not slow.moves()
+    slow.put(2, True)
+    may_end.release()
+    assert began.acquire(timeout=30.0)
+    assert [slow.moves(), slow.moves()] == [True, False]
+    may_end.release()
+    slow.close()
+
+
+def test_at_a_thousand_outputs_a_second_it_does_not_take_the_loops_time():
+    at_s = []
+    fast = Handoff("fast", lambda _, __: at_s.append(time.monotonic()), lambda error: None)
+    until_s = time.monotonic() + 30.0
+    while len(at_s) < 30 and time.monotonic() < until_s:
+        fast.put(len(at_s), True)
+        time.sleep(5e-4)
+    fast.close()
+    gaps_s = sorted(after - before for before, after in itertools.pairwise(at_s))
+    assert gaps_s[len(gaps_s) // 4] > 0.5 * LEAST_PERIOD_s, "a busy machine makes some longer, the next shorter"
+
+
+def test_a_topic_is_heard_from_the_first_subscriber_on_and_not_before():
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    try:
+        node = rclpy.create_node("hearing", context=context)
+        publisher = node.create_publisher(Float64, "heard", 1)
+        assert not is_heard(publisher)
+        node.create_subscription(Float64, "heard", lambda _: None, 1)
+        wait_until(lambda: is_heard(publisher))
+    finally:
+        rclpy.shutdown(context=context)
