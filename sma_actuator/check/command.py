@@ -20,6 +20,7 @@ from sma_actuator.instruments import Clock, Daq, PowerSupply
 
 from .selftest import Found, Level, SelfTest, passed
 
+PATIENCE_s = 5.0  #: for an answer, to see how late it is
 _MARKS = {Level.OK: "ok", Level.WARNING: "look", Level.WRONG: "WRONG"}
 
 
@@ -99,4 +100,14 @@ def _instruments(config: BenchConfig, virtual: str | None) -> tuple[PowerSupply,
     from sma_actuator.instruments.clock import MonotonicClock
 
     clock = MonotonicClock()
-    return *open_instruments(config, clock), clock
+    return *open_instruments(with_patience(config), clock), clock
+
+
+def with_patience(config: BenchConfig) -> BenchConfig:
+    """With time-outs that let slow instruments say how slow they are."""
+    instruments = {
+        name: dataclasses.replace(each, timeout=max(each.timeout, PATIENCE_s))
+        for name in ("supply", "daq")
+        for each in (getattr(config.instruments, name),)
+    }
+    return dataclasses.replace(config, instruments=dataclasses.replace(config.instruments, **instruments))

@@ -18,7 +18,9 @@ from sma_actuator.base.calibration import through
 from sma_actuator.base.signals import Reading
 from sma_actuator.config import BenchConfig
 from sma_actuator.estimation.circuit import signals_from_reading
-from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply, highest_rate_Hz
+from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
+
+from .pace import Pace
 
 BLOCKS = 20  #: read for each mean
 STEPS = 10  #: of the loop, of which the median says what the instruments take
@@ -36,6 +38,7 @@ RESISTIVITY_Ohm_m = {"ni-ti": (0.65e-6, 1.15e-6), "ni-ti-cu": (0.45e-6, 1.15e-6)
 CALIBRATION_SHARE = 0.03
 PERIOD_SHARE = 0.2  #: by which the DAQ may be slower than the loop
 WATCHDOG_TIMES = 1.5  #: of its delay, that the watchdog may take to cut
+_ROUNDING_s = 1e-6  #: a clock that goes by steps may stand so much before what was waited for
 CUT_SHARE = 0.2  #: of the bias current, below which the output counts as cut
 
 
@@ -88,7 +91,7 @@ class SelfTest:
         self._interrupted = interrupted
         try:
             self._say("identity", self._identity())
-            for part in (self._limits, self._at_rest, self._at_bias, self._at_more, self._watchdog):
+            for part in (self._limits, self._speed, self._at_rest, self._at_bias, self._at_more, self._watchdog):
                 part()
         except _Ends:
             pass
@@ -120,7 +123,7 @@ class SelfTest:
 
     def _wait(self, seconds: float) -> None:
         until_s = self._clock.now_s() + seconds
-        while (now_s := self._clock.now_s()) < until_s:
+        while (now_s := self._clock.now_s()) < until_s - _ROUNDING_s:
             self._clock.sleep_until_s(min(until_s, now_s + 1.0 / self._config.loop.rate))
             self._look_up()
 
@@ -175,6 +178,12 @@ class SelfTest:
             + (f"; this supply has no {lacking} that can be read back" if lacking else ""),
         )
 
+    def _speed(self) -> None:
+        """Output off: both quick enough for the loop and its time-outs?  Slower ones give no later part a chance."""
+        pace = self._pace()
+        if pace.too_slow:
+            self._end("speed", pace.sentence)
+
     def _at_rest(self) -> None:
         """Output off: rate, zeros, noise and the load."""
         config = self._config
@@ -227,27 +236,27 @@ class SelfTest:
         else:
             self._say("rate", f"a new block every {period_s * 1e3:.3g} ms")
 
-    def _step(self) -> None:
-        """What one step of the loop takes both instruments, with current: the highest rate that they allow."""
+    def _pace(self) -> Pace:
+        """What a step of the loop takes both instruments."""
         clock, times_s = self._clock, []
         for _ in range(STEPS):
+            self._look_up()
             began_s = clock.now_s()
             self._daq.read_block()
             read_s = clock.now_s()
             self._supply.read_back()
             times_s.append((clock.now_s() - read_s, read_s - began_s))
-        supply_s, daq_s = (float(np.median(column)) for column in zip(*times_s, strict=True))
-        both_s, rate_Hz = supply_s + daq_s, self._config.loop.rate
-        if both_s == 0.0:
+        return Pace.of(times_s, self._config)
+
+    def _step(self) -> None:
+        """With current: the highest rate that both allow."""
+        pace = self._pace()
+        if pace.both_s == 0.0:
             return  # instruments in this process
-        sentence = (
-            f"a step takes the supply {supply_s * 1e3:.3g} ms and the DAQ {daq_s * 1e3:.3g} ms, so loop.rate can be "
-            f"{highest_rate_Hz(both_s):.3g} Hz at the most; it is {rate_Hz:g} Hz"
-        )
-        if both_s > 1.0 / rate_Hz:
-            self._wrong("rate", sentence)
+        if pace.too_slow:
+            self._wrong("speed", pace.sentence)
         else:
-            self._say("rate", sentence, Level.OK if rate_Hz <= highest_rate_Hz(both_s) else Level.WARNING)
+            self._say("speed", pace.sentence, Level.WARNING if pace.is_tight else Level.OK)
 
     def _load(self, values: dict[str, np.ndarray]) -> None:
         cell, wire = self._config.load_cell, self._config.wire

@@ -1,0 +1,77 @@
+"""What slow instruments want is said, and is enough; quick ones want nothing."""
+
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sma_actuator.base.share import shared_file
+from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
+from sma_actuator.check import SelfTest
+from sma_actuator.check.command import with_patience
+from sma_actuator.check.pace import Pace
+from sma_actuator.check.selftest import Level
+from sma_actuator.config import bench_from_mapping, read_parameter_file
+
+MAPPING = read_parameter_file(shared_file("config/flexinol_bench.yaml"))
+BENCH = bench_from_mapping(MAPPING)
+
+
+def with_written(mapping, wanted):
+    """The parameters with what was to be written."""
+    changed = yaml.safe_load(yaml.safe_dump(mapping))
+    for name, value in wanted.items():
+        *sections, last = name.split(".")
+        inside = changed
+        for section in sections:
+            inside = inside.setdefault(section, {})
+        inside[last] = value
+    return changed
+
+
+@given(st.floats(1e-3, 0.3), st.floats(1e-3, 0.4), st.floats(1.0, 1.9))
+def test_what_is_to_be_written_is_valid_and_lets_such_instruments_do(supply_s, daq_s, slowest):
+    pace = Pace.of([(supply_s, daq_s)] * 8 + [(slowest * supply_s, slowest * daq_s)], BENCH)
+    if not pace.too_slow:
+        assert supply_s + daq_s <= 1.0 / BENCH.loop.rate
+        return
+    config = bench_from_mapping(with_written(MAPPING, pace.wanted))  # refuses what does not fit together
+    share = config.loop.samples_per_block / BENCH.loop.samples_per_block
+    for of_block in (1.0, share):  # the DAQ's time may be its latency, or its block's
+        steps = [(supply_s, of_block * daq_s)] * 8 + [(slowest * supply_s, slowest * of_block * daq_s)]
+        again = Pace.of(steps, config)
+        assert not again.too_slow and not again.is_tight
+
+
+def test_a_quick_pair_with_one_slow_answer_keeps_its_rate_and_gets_a_longer_time_out():
+    pace = Pace.of([(0.01, 0.02)] * 9 + [(0.3, 0.02)], BENCH)
+    assert "loop.rate" not in pace.wanted and "loop.samples_per_block" not in pace.wanted
+    assert pace.wanted["instruments.supply.timeout"] == pytest.approx(0.6)
+
+
+def test_a_daq_that_is_slow_by_its_long_blocks_gets_shorter_ones_and_then_a_higher_rate():
+    pace = Pace.of([(0.01, 0.6)] * 10, BENCH)
+    config = bench_from_mapping(with_written(MAPPING, pace.wanted))
+    share = config.loop.samples_per_block / BENCH.loop.samples_per_block
+    assert share < 0.1
+    assert Pace.of([(0.01, share * 0.6)] * 10, config).most_Hz > 0.9 * BENCH.loop.rate > 5.0 * config.loop.rate
+
+
+def test_of_instruments_slower_than_their_time_outs_check_says_what_to_write_and_then_they_pass():
+    """In the bench's own time, where an answer takes exactly so long."""
+    mapping = with_written(MAPPING, {"supply.watchdog_timeout": 0.0, "supply.allow_no_watchdog": True})
+    delay_s = 1.2 * BENCH.instruments.supply.timeout
+    for level in (Level.WRONG, Level.OK):
+        config = bench_from_mapping(mapping)
+        bench = VirtualBench.from_name("flexinol")
+        bench.advance(0.2)
+        bench.inject("slow_answers", delay_s)
+        patient = with_patience(config)
+        test = SelfTest(config, InProcessSupply(bench, patient), InProcessDaq(bench, patient), VirtualClock(bench))
+        (*_, said) = (each for each in test.run() if each.part == "speed")
+        assert said.level is level, said.sentence
+        assert not bench.supply.output_on
+        _, _, written = said.sentence.partition("; write ")
+        pairs = (pair.split(": ") for pair in written.split(", ") if pair)
+        mapping = with_written(mapping, {name: yaml.safe_load(value) for name, value in pairs})
+    assert mapping["instruments"]["supply"]["timeout"] > delay_s and mapping["loop"]["rate"] < BENCH.loop.rate
