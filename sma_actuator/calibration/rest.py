@@ -20,7 +20,7 @@ from sma_actuator.logs.experiments import Experiment
 from .stresses import clusters, rounded
 from .training import SINCE_THEN, SINCE_THEN_WITHIN
 
-WINDOW_s = 1.0  #: averaged
+WINDOW_s, LEAST_READINGS = 1.0, 4  #: averaged; longer where readings are so slow that fewer would be
 SETTLED = {
     False: 4.0,
     True: 2.0,
@@ -51,7 +51,7 @@ ALIKE = 0.05  #: of the largest: what stress and heat of two rests may differ by
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """One stretch of WINDOW_s at rest: samples ``start`` … ``stop`` − 1 of its experiment."""
+    """One window at rest: samples ``start`` … ``stop`` − 1 of its experiment."""
 
     hot: bool
     start: int
@@ -78,7 +78,7 @@ def _moved(values: np.ndarray, start: int, stop: int) -> float:
 
 
 def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[Rest]:
-    """Rests of an experiment: the last second before the current is switched on (cold) or off (hot), where all is
+    """Rests of an experiment: the last window before the current is switched on (cold) or off (hot), where all is
     steady.
 
     The current must have stood for SETTLED thermal time constants: a wire that has just been switched off does not move
@@ -93,13 +93,15 @@ def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[R
     ]
     most_A, least_A = np.nanpercentile(current_A, (99.0, 1.0))
     range_A = most_A - least_A
+    window_s = max(WINDOW_s, (LEAST_READINGS + 1) * float(np.median(np.diff(time_s))))  # one may come late
     rests = []
     for turn in np.append(turns, len(time_s)):
         hot = bool(driven[turn - 1])
-        settling_s = max(SETTLED[hot] * thermal_time_constant_s, 2.0 * WINDOW_s)
+        settling_s = max(SETTLED[hot] * thermal_time_constant_s, 2.0 * WINDOW_s, window_s)
         begun = int(np.searchsorted(time_s, time_s[turn - 1] - settling_s))
-        start = int(np.searchsorted(time_s, time_s[turn - 1] - WINDOW_s))
-        if turn - start < 4 or time_s[turn - 1] - time_s[begun] < 0.9 * settling_s or (driven[begun:turn] != hot).any():
+        start = int(np.searchsorted(time_s, time_s[turn - 1] - window_s))
+        stood = time_s[turn - 1] - time_s[begun] >= 0.9 * settling_s and (driven[begun:turn] == hot).all()
+        if turn - start < LEAST_READINGS or not stood:
             continue
         since_A = current_A[begun + 1 : turn - 1]
         mean_A = since_A.mean()
@@ -113,7 +115,7 @@ def find_rests(experiment: Experiment, thermal_time_constant_s: float) -> list[R
         )
         if steady:
             moved_m = abs(_moved(still_m, start, turn))
-            to_go = float(moved_m / max(ranges[1][1], 1e-12) * thermal_time_constant_s / (0.5 * WINDOW_s))
+            to_go = float(moved_m / max(ranges[1][1], 1e-12) * thermal_time_constant_s / (0.5 * window_s))
             rests.append(Rest(hot, start, int(turn), int(experiment.cycle[start]), to_go))
     return rests
 

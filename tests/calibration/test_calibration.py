@@ -51,6 +51,28 @@ def test_the_model_file_says_how_good_the_model_was(identified):
     )
 
 
+def test_a_log_of_a_slow_supply_shows_the_same_rests(identified):
+    """Of a wire with one rest of three loads a node believed that the stroke ended where that of the lightest did."""
+    logs, result = identified
+    config = Config.from_mapping(result.mapping)
+    time_constant_s = config.thermal.heat_capacity / config.thermal.heat_loss
+    for log in logs:
+        if "pulses" not in log.name:
+            continue
+        slow = dataclasses.replace(log, columns={name: column[::8] for name, column in log.columns.items()})
+        quick, few = (
+            [
+                (rest.hot, float(np.mean(t.displacement_m[rest.start : rest.stop])))
+                for t in make_experiments([each], config)
+                for rest in find_rests(t, time_constant_s)
+            ]
+            for each in (log, slow)
+        )
+        assert {hot for hot, _ in few} == {hot for hot, _ in quick} == {False, True}, log.name
+        for hot, at_m in few:
+            assert min(abs(at_m - other_m) for other, other_m in quick if other == hot) < 4e-5  # 1 % of the stroke
+
+
 def test_a_resting_wire_is_longer_and_more_resistive_cold_than_hot(identified):
     calibration = Config.from_mapping(identified[1].mapping).calibration
     assert len(calibration.rest.cold_stress) >= 3 and len(calibration.rest.hot_stress) >= 3
