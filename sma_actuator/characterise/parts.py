@@ -25,7 +25,7 @@ from .rig import Rig
 Progress = Callable[[float], None]
 #: What a load cell that is not calibrated yet may seem to show; no more than the bias flows meanwhile.
 UNCALIBRATED = ("reading_implausible", "stress_above_limit")
-PATIENCE = 4.0  #: a pause after a pulse is at most so many times as long, while the wire still moves
+PATIENCE = 4.0  #: a pulse and the pause after it are at most so many times as long, while the wire still moves
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,21 +100,23 @@ def lvdt(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog],
 def pulses(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchLog], progress: Progress) -> Outcome:
     """Open-loop square pulses at one load (4.1.1); also the training and fatigue cycles (4.1.4).
 
-    The few that a model is fitted on wait until the wire is at rest: near room temperature many cool with a long tail.
-    They are heated further than planned where the wire still contracts; ``heat_current_A`` of the log's metadata says
-    how far.
+    The few that a model is fitted on wait until the wire is at rest, in the heat and in the cold: near room temperature
+    many cool with a long tail.  They are heated further than planned where the wire still contracts; ``heat_current_A``
+    of the log's metadata says how far.
     """
     _apply_load(part, operator)
     p = part.parameters
-    longest_s = PATIENCE * p["cool_s"] if part.kind == "pulses" else p["cool_s"]
+    patience = PATIENCE if part.kind == "pulses" else 1.0
     program = square_pulses(
         p["cycles"],
         p["heat_current_A"],
         rig.config.supply.bias_current,
         p["heat_s"],
         p["cool_s"],
-        longest_s,
+        patience * p["cool_s"],
         p.get("most_current_A", 0.0),
+        patience * p["heat_s"],
+        p.get("ramp_s", 0.0),
     )
     log = _record(rig, part, program, progress)
     log = dataclasses.replace(

@@ -26,6 +26,11 @@ STRESSES_Pa = (
 #: them be heated; and further where they still contract.
 HOT_ENOUGH_C = 160.0
 
+#: A pulse takes a wire through the middle half of its stroke in some 0.4 of its time constant, heat_capacity /
+#: heat_loss.  Where that is fewer than four readings each pulse begins with a ramp of so many, of which the middle half
+#: is an eighth; identify wants five of all pulses of a load together.
+QUICK_READINGS, RAMP_READINGS = 10.0, 40.0
+
 #: The second round: stresses between those of the first, a spring as stiff as makes much of the stroke a rise of
 #: stress, how long a position is held and a period lasts, and the positions, as shares of the stroke from contracted to
 #: cold, in an order without a pattern.
@@ -102,7 +107,9 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
     heat_s = options.heat_s or math.ceil(3.0 * time_constant_s)
     cool_s = options.cool_s or math.ceil(6.0 * time_constant_s)
     pulse = {"heat_current_A": round(heat_A, 4), "heat_s": heat_s, "cool_s": cool_s}
+    ramp_s = RAMP_READINGS / config.loop.rate if time_constant_s * config.loop.rate < QUICK_READINGS else 0.0
     cycle_s = heat_s + cool_s
+    ramped = {"ramp_s": round(ramp_s, 3), "heat_s": max(heat_s, math.ceil(0.5 * ramp_s))} if ramp_s else {}
     moves = len(every_ordered_pair(options.set_points)) - 1
     parts = [
         Part("lead_resistance", "lead_resistance", {"average_s": options.average_s}, options.average_s),
@@ -127,8 +134,8 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
             Part(
                 f"pulses_{label}",
                 "pulses",
-                {**load, "cycles": options.pulses, **pulse, "most_current_A": round(most_A, 4)},
-                options.pulses * cycle_s,
+                {**load, "cycles": options.pulses, **pulse, **ramped, "most_current_A": round(most_A, 4)},
+                options.pulses * (cycle_s + ramp_s),
             )
         )
         parts.append(

@@ -69,6 +69,14 @@ def rest(current_A: float, least_s: float, longest_s: float) -> Program:
         moves = abs(shown[-1][1] - shown[0][1]) > STILL * abs(shown[-1][1] - from_m)
 
 
+def warmed(from_A: float, to_A: float, ramp_s: float) -> Program:
+    """From one current to another with a power that grows evenly."""
+    signals = yield Drive(from_A)
+    start_s = signals.time_s
+    while (share := (signals.time_s - start_s) / ramp_s) < 1.0:
+        signals = yield Drive((from_A**2 + share * (to_A**2 - from_A**2)) ** 0.5)
+
+
 def contracted(current_A: float, heat_s: float, most_A: float) -> Generator[Drive, Signals, float]:
     """``heat_s`` at the current, then more of it, up to ``most_A``, while the wire contracts further with more; the
     last that it did with."""
@@ -96,16 +104,25 @@ def square_pulses(
     cool_s: float,
     longest_cool_s: float = 0.0,
     most_A: float = 0.0,
+    longest_heat_s: float = 0.0,
+    ramp_s: float = 0.0,
 ) -> Program:
     """Open-loop square pulses: ``heat_s`` at the heating current, ``cool_s`` at the bias current (4.1.1).
 
-    While the wire has not come to rest a pause goes on, up to ``longest_cool_s``; and while it still contracts, the
-    first pulse goes on with more current, up to ``most_A``, which those after it then have.
+    While the wire has not come to rest a pause goes on, up to ``longest_cool_s``, and a pulse, up to
+    ``longest_heat_s``: a guard may hold its current back.  While it still contracts, the first pulse goes on with more
+    current, up to ``most_A``, which those after it then have.  For ``ramp_s`` a pulse begins with less: a wire that is
+    quicker than the readings would be contracted between two of them.
     """
     yield from hold(bias_current_A, 1.0)
     for _ in range(cycles):
-        heat_current_A = yield from contracted(heat_current_A, heat_s, most_A)
-        most_A = 0.0
+        if ramp_s:
+            yield from warmed(bias_current_A, heat_current_A, ramp_s)
+        if most_A > heat_current_A:
+            heat_current_A = yield from contracted(heat_current_A, heat_s, most_A)
+            most_A = 0.0
+        else:
+            yield from rest(heat_current_A, heat_s, longest_heat_s)
         yield from rest(bias_current_A, cool_s, longest_cool_s)
 
 

@@ -8,14 +8,14 @@ import signal
 import threading
 from collections.abc import Callable, Collection, Iterator
 from math import inf, isfinite, nan
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from sma_actuator.base.interrupts import Interrupts, ending_signals, noted_signals
 from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
 from sma_actuator.estimation.circuit import signals_from_reading
-from sma_actuator.instruments import Clock, Daq, InstrumentLost, InstrumentRefused, PowerSupply
+from sma_actuator.instruments import Clock, Daq, InstrumentLate, InstrumentLost, InstrumentRefused, PowerSupply
 from sma_actuator.logs.bench_log import BenchLog
 from sma_actuator.safety.faults import gravest
 from sma_actuator.safety.records import Memory, Step
@@ -30,6 +30,7 @@ ATTENDED_MARGIN = 2.0
 #: Share of the way from the surroundings to max_temperature below which a wire is cool.
 COOL = 0.1
 _LOOK_s = 0.1
+T = TypeVar("T")
 _CHANNELS = (
     "supply_voltage_V",
     "reference_voltage_V",
@@ -66,6 +67,7 @@ class Rig:
         While nothing is driven a signal ends what is under way at once, since a person may be asked something.
         """
         with _terminate_as_interrupt():
+            self.supply.patience_s = self.daq.patience_s = self.config.safety.reading_timeout
             try:
                 self.supply.open()
                 self.daq.open()
@@ -81,7 +83,7 @@ class Rig:
     @contextlib.contextmanager
     def _output(self) -> Iterator[None]:
         try:
-            tripped = self.supply.read_back().tripped
+            tripped = self._answered(self.supply.read_back).tripped
             if tripped not in ("", "WDOG"):
                 raise InstrumentRefused(
                     f"the supply's protection has tripped ({tripped}); find out why before going on"
@@ -93,6 +95,17 @@ class Rig:
             yield
         finally:
             self.supply.shut_down()
+
+    def _answered(self, question: Callable[[], T]) -> T:
+        """Its answer, though late: it is waited for as long as a reading may be old.  Raises InstrumentLost after
+        that, and whatever else the instrument raises."""
+        until_s = self.clock.now_s() + self.config.safety.reading_timeout
+        while True:
+            try:
+                return question()
+            except InstrumentLate:
+                if self.clock.now_s() >= until_s:
+                    raise
 
     def record(
         self,
@@ -122,9 +135,9 @@ class Rig:
                     self.supply.set_current(current_A)
                     deadline_s = max(deadline_s + period_s, clock.now_s())
                     clock.sleep_until_s(deadline_s)
-                    reading = self.daq.read_block()
+                    reading = self._answered(self.daq.read_block)
                     signals = signals_from_reading(reading, self.config)
-                    watch.look(reading, signals, self.supply.read_back(), but)
+                    watch.look(reading, signals, self._answered(self.supply.read_back), but)
                     rows.append(
                         (reading.time_s, *(getattr(reading, name) for name in _CHANNELS), current_A, drive.setpoint_m)
                     )

@@ -12,6 +12,7 @@ import numpy as np
 
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain
+from sma_actuator.logs.cycles import IN_MOTION
 from sma_actuator.logs.experiments import Experiment, IdentificationError
 from sma_actuator.logs.kinds import FULL, load_numbers
 
@@ -101,7 +102,9 @@ def full_cycles(experiments: Sequence[Experiment]) -> list[Experiment]:
     if not found:
         raise IdentificationError(
             "no log of full cycles at a constant load (open-loop pulses, from rest in the cold to rest in the heat "
-            "and back); they are needed to find the branches and the ends of the stroke"
+            f"and back, with {IN_MOTION} readings or more in mid-stroke on the way into the heat: where there are "
+            "fewer, measure at a higher rate or heat along a ramp); they are needed to find the branches and the ends "
+            "of the stroke"
         )
     return found
 

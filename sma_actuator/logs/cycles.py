@@ -21,7 +21,7 @@ _HOT_PART, _COLD_PART = (
 #: Share of the widest stroke of a load that a full cycle has at least: the first one begins at a rest of any length,
 #: the others at what a pause between pulses leaves of the long tail that the cooling of a real wire ends with.
 _WIDEST = 0.88
-_IN_MOTION = 5  #: samples in mid-stroke that the heating of some full cycles in a row has at least
+IN_MOTION = 5  #: samples in mid-stroke that the heating of some full cycles in a row has at least
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +87,7 @@ def which_are_full(cycles: Sequence[Sequence[Cycle]], loads: Sequence[float]) ->
         )
         full = np.array([c.rests and c.stroke >= _WIDEST * widest for c in own], dtype=bool)
         for run in np.split(np.arange(len(full)), np.flatnonzero(full[1:] != full[:-1]) + 1):
-            full[run] &= sum(own[i].heated for i in run) >= _IN_MOTION
+            full[run] &= sum(own[i].heated for i in run) >= IN_MOTION
         out.append(full)
     return out
 

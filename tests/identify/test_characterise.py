@@ -73,6 +73,43 @@ def test_a_wire_that_still_contracts_is_heated_further(done_at_A, found_A):
     assert max(driven) <= 0.4 and pulses[0][:100] == [0.3] * 100
 
 
+def test_a_pulse_goes_on_until_the_wire_is_at_rest_in_the_heat():
+    """A guard may hold back the current of any pulse: 6 % of the way in the last 15 % of 14.7 s, as of a pause."""
+    program, time_s, driven = square_pulses(2, 0.3, 0.05, heat_s=5.0, cool_s=5.0, longest_heat_s=20.0), 0.0, []
+    drive, on_s = next(program), 0.0
+    with contextlib.suppress(StopIteration):
+        while True:
+            driven.append(drive.current_A)
+            time_s += 0.05
+            on_s = on_s + 0.05 if drive.current_A > 0.1 else 0.0
+            drive = program.send(SimpleNamespace(time_s=time_s, reference_displacement_m=4e-3 * math.exp(-on_s / 8.0)))
+    lasted_s = [0.05 * len([*run]) for heated, run in itertools.groupby(driven, lambda a: a > 0.1) if heated]
+    assert lasted_s == pytest.approx([14.7, 14.7], abs=0.3)
+
+
+@pytest.mark.parametrize("rate_Hz", [2.0, 20.0])
+def test_readings_that_are_slower_than_the_wire_see_it_on_its_way(rate_Hz):
+    """A wire of 0.1 mm is contracted within one reading of a supply that takes a third of a second to answer."""
+    mapping = bench_mapping("flexinol")
+    mapping["wire"] |= {"diameter": 1e-4}
+    mapping["thermal"] |= {"heat_capacity": 0.0042, "heat_loss": 0.0045}
+    mapping["supply"] |= {"watchdog_timeout": 2.0, "bias_current": 0.034, "max_current": 0.247}
+    mapping.setdefault("safety", {})["reading_timeout"] = 2.0
+    mapping["loop"] = {"rate": rate_Hz}
+    plan = make_plan(bench_from_mapping(mapping), PlanOptions(loads_N=(0.5,)))
+    (pulses,) = (part.parameters for part in plan if part.kind == "pulses")
+    program = square_pulses(3, pulses["heat_current_A"], 0.034, pulses["heat_s"], 1.0, ramp_s=pulses.get("ramp_s", 0.0))
+    time_s, temperature, seen, drive = 0.0, 0.0, 0, next(program)
+    with contextlib.suppress(StopIteration):
+        while True:  # at rest at 1 with the heating current; contracts in proportion between 0.4 and 0.7
+            time_s += 1.0 / rate_Hz
+            to = (drive.current_A / pulses["heat_current_A"]) ** 2
+            temperature += (to - temperature) * (1.0 - math.exp(-1.0 / rate_Hz / 0.93))
+            seen += drive.current_A > 0.1 and 0.475 < temperature < 0.625
+            drive = program.send(SimpleNamespace(time_s=time_s, reference_displacement_m=math.nan))
+    assert seen >= 5
+
+
 def test_the_parts_after_the_pulses_use_what_contracted_the_wire_in_them():
     _, rig, operator = virtual_rig("flexinol", physics="hot")
     plan = make_plan(rig.config, PlanOptions(loads_N=(0.98,), pulses=2, levels=2))
@@ -223,6 +260,30 @@ def test_the_current_is_off_when_the_daq_is_lost(tmp_path):
     with pytest.raises(InstrumentLost):
         characterise(bench_mapping("flexinol"), make_plan(rig.config, QUICK), rig, operator, tmp_path)
     assert not bench.supply.output_on and bench.supply.current_A == 0.0
+
+
+def test_one_answer_that_comes_late_does_not_end_an_experiment():
+    """As the driver, it waits as long as a reading may be old: an hour's work is not begun again for a hiccup."""
+    bench, rig, _ = virtual_rig("flexinol")
+    late_s = 1.5 * rig.config.instruments.daq.timeout
+    assert late_s < rig.config.safety.reading_timeout
+    for instrument, name, number in ((rig.daq, "read_block", 30), (rig.supply, "read_back", 75)):
+        in_time, asked = getattr(instrument, name), itertools.count()
+
+        def late(in_time=in_time, asked=asked, number=number):
+            if next(asked) == number:
+                bench.inject("slow_answers", late_s)
+            try:
+                return in_time()
+            finally:
+                bench.clear("slow_answers")
+
+        setattr(instrument, name, late)
+    with rig.opened():
+        log = rig.record(hold(0.2, 5.0))
+    assert np.diff(log["time_s"]).max() > late_s
+    assert len(log) > 80
+    assert not bench.supply.output_on
 
 
 def test_too_much_stress_stops_the_experiment_with_the_current_off():
