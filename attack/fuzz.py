@@ -13,7 +13,8 @@ from pathlib import Path
 from sma_actuator.config import Config, read_parameter_file
 
 from .hours import CONFIG, OFF_AT_MOST_s
-from .nodes import Client, Node, Nursery
+from .nodes import Client, Node
+from .nursery import Nursery
 from .promises import flat
 from .result import Result, Violation
 from .stand import Stand
@@ -118,7 +119,7 @@ class Fuzzing:
         for attempt in range(2):
             if self._node is None:
                 self._starts += 1
-                self._node = self.nursery.start(self.parameters, self.folder / f"node{self._starts}.log", NAME)
+                self._node = Node(self.nursery, self.parameters, self.folder / f"node{self._starts}.log", NAME)
                 self.result.counts["nodes started"] += 1
             for transition in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
                 if attempt or self._starts > 1 or self.result.counts["messages"]:

@@ -15,7 +15,8 @@ from pathlib import Path
 from sma_actuator.config import Config, read_parameter_file
 
 from .hours import CONFIG, OFF_AT_MOST_s
-from .nodes import Client, Node, Nursery
+from .nodes import Client, Node
+from .nursery import Nursery
 from .promises import Promises
 from .result import Result, Violation
 from .stand import Stand, wait_until
@@ -72,7 +73,7 @@ class Killing:
     def kill(self, number: int) -> None:
         """Start a node, drive the wire, send it a signal, see the current go."""
         self.present = number
-        node = self.nursery.start(self.parameters, self.folder / f"node{number}.log", NAME)
+        node = Node(self.nursery, self.parameters, self.folder / f"node{number}.log", NAME)
         try:
             words = self.client.drive(NAME, self.stand, lambda: node.ended is None)
             if words:

@@ -15,7 +15,8 @@ from pathlib import Path
 from sma_actuator.config import read_parameter_file
 
 from .hours import CONFIG
-from .nodes import Client, Nursery
+from .nodes import Client, Node
+from .nursery import Nursery
 from .result import Result, Violation
 from .soak import own_memory_B
 from .stand import Stand
@@ -47,7 +48,7 @@ def attack(seed: int, seconds: float) -> Result:
         folder = Path(name)
         stand, nursery, client = Stand("--seed", str(seed)), Nursery(), Client()
         try:
-            node = nursery.start(_parameters(folder, stand), folder / "node.log", NAME)
+            node = Node(nursery, _parameters(folder, stand), folder / "node.log", NAME)
             try:
                 words = client.drive(NAME, stand, lambda: node.ended is None)
                 if words:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import json
+import contextlib
 import os
-import queue
 import signal
 import subprocess
-import sys
-import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -22,56 +19,23 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import SetBool, Trigger
 
-from .stand import SOON_s, wait_until
-
-
-class Nursery:
-    """Starts nodes by :mod:`attack.nursery`."""
-
-    def __init__(self) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "attack.nursery"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-        )
-        self._started: queue.Queue[int] = queue.Queue()
-        self._codes: dict[int, int] = {}
-        threading.Thread(target=self._listen, name="nursery", daemon=True).start()
-
-    def start(self, parameters: Path, log: Path, name: str) -> Node:
-        """A node of this name."""
-        arguments = ["--nodes", name, "--ros-args", "--params-file", str(parameters)]
-        self._process.stdin.write(json.dumps({"arguments": arguments, "log": str(log)}) + "\n")
-        self._process.stdin.flush()
-        return Node(self, self._started.get(timeout=SOON_s), log, name)
-
-    def code(self, pid: int) -> int | None:
-        """Exit code of a node, None while it runs."""
-        return self._codes.get(pid)
-
-    def close(self) -> None:
-        """Start no more."""
-        self._process.stdin.close()
-        self._process.wait(SOON_s)
-
-    def _listen(self) -> None:
-        for line in self._process.stdout:
-            word, pid, *code = line.split()
-            if word == "started":
-                self._started.put(int(pid))
-            else:
-                self._codes[int(pid)] = int(code[0])
+from .nursery import Nursery
+from .stand import SOON_s
 
 
 class Node:
-    """One node's process."""
+    """A node of this name, in a process of its own."""
 
-    def __init__(self, nursery: Nursery, pid: int, log: Path, name: str):
-        self.pid, self.log, self.name = pid, log, name
-        self._nursery = nursery
+    def __init__(self, nursery: Nursery, parameters: Path, log: Path, name: str):
+        arguments = ["--nodes", name, "--ros-args", "--params-file", str(parameters)]
+        self.log, self.name = log, name
+        self._process = nursery.start(("-m", "sma_actuator.ros.node"), arguments, log)
+        self.pid = self._process.pid
 
     @property
     def ended(self) -> int | None:
         """Exit code, None while it runs."""
-        return self._nursery.code(self.pid)
+        return self._process.poll()
 
     def send(self, number: int) -> float:
         """Send a signal; the monotonic time just before."""
@@ -81,14 +45,11 @@ class Node:
 
     def end(self) -> None:
         """End it, if need be by force."""
-        for number in (signal.SIGCONT, signal.SIGINT, signal.SIGKILL):
-            if self.ended is not None:
+        for number, patience_s in ((signal.SIGCONT, 0.0), (signal.SIGINT, 5.0), (signal.SIGKILL, 5.0)):
+            self._process.send_signal(number)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(patience_s)
                 return
-            try:
-                os.kill(self.pid, number)
-                wait_until(lambda: self.ended is not None, 0.0 if number == signal.SIGCONT else 5.0)
-            except (ProcessLookupError, TimeoutError):
-                continue
 
     def last_words(self) -> str:
         """The end of what it wrote."""

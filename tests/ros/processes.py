@@ -5,7 +5,10 @@ Every wait is bounded and ends when its condition holds; nothing sleeps for a ti
 
 from __future__ import annotations
 
+import atexit
+import functools
 import json
+import os
 import signal
 import socket
 import subprocess
@@ -15,7 +18,17 @@ from pathlib import Path
 
 from waiting import Elapsed, SOON_s, wait_until
 
+from attack.nursery import Nursery
+
 AGAIN_s = 40.0  #: without an answer for so long a service is asked again
+
+
+@functools.cache
+def nursery():
+    """What starts the processes of this one's tests; programs that start like a user's are in tests/cli and others."""
+    started = Nursery()
+    atexit.register(started.close)
+    return started
 
 
 class Bench:
@@ -23,23 +36,8 @@ class Bench:
 
     def __init__(self, folder: Path, *arguments: str):
         ports_file = folder / f"ports{time.monotonic_ns()}.json"
-        self.process = subprocess.Popen(
-            [
-                sys.executable,
-                "-m",
-                "sma_actuator",
-                "bench",
-                "--supply-port",
-                "0",
-                "--daq-port",
-                "0",
-                "--ports-file",
-                str(ports_file),
-                *arguments,
-            ],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
+        ports = ["--supply-port", "0", "--daq-port", "0", "--ports-file", str(ports_file)]
+        self.process = nursery().start(("-m", "sma_actuator"), ["bench", *ports, *arguments], os.devnull)
         wait_until(lambda: ports_file.exists() or self.process.poll() is not None, what="the bench")
         self.ports = json.loads(ports_file.read_text())
         self._sockets: dict[int, socket.socket] = {}
@@ -87,8 +85,12 @@ class Bench:
 class NodeProcess:
     """The node's process."""
 
-    def __init__(self, arguments, folder, program=("-m", "sma_actuator.ros.node")):
+    def __init__(self, arguments, folder, program=("-m", "sma_actuator.ros.node"), fresh=False):
+        """``fresh``: by an interpreter of its own, for what is tested is what it imports or reads at the start."""
         self.log = folder / f"node{time.monotonic_ns()}.log"
+        if not fresh:
+            self.popen = nursery().start(program, arguments, self.log)
+            return
         with self.log.open("wb") as log:
             self.popen = subprocess.Popen([sys.executable, *program, *arguments], stdout=log, stderr=log)
 

@@ -390,7 +390,7 @@ def _truth_over_supply(bench):
 class TestEnd:
     @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGUSR1], ids=lambda n: n.name)
     def test_a_signal_switches_off_within_a_second_and_is_no_error(self, bench, parameters, start_node, client, number):
-        node = start_node(parameters())
+        node = start_node(parameters(), fresh=True)  # to the end of its interpreter
         _enabled(client)
         wait_until(lambda: bench.current_A() > 0.04)
         node.popen.send_signal(number)

@@ -20,7 +20,7 @@ def test_a_wire_is_driven_by_a_law_and_a_dialect_of_another_package(
     parameters = make_config(instruments=bench.instruments(), **{"instruments.supply.dialect": "tiny_supply"})
     parameters["controller"] = {"type": "on_off", "band": 1e-4}
     monkeypatch.setenv("PYTHONPATH", environment(tmp_path)["PYTHONPATH"])
-    start_node(parameters)
+    start_node(parameters, fresh=True)
     client.next(f"{NAME}/command_current", Float64)
     client.spin_until(
         lambda: client.call(f"{NAME}/enable", SetBool, SetBool.Request(data=True)).success, what="enabling"

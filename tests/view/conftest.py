@@ -35,18 +35,8 @@ class Stand:
         self.start_node()
         self.log = folder / "view.log"
         with self.log.open("wb") as log:
-            command = [
-                sys.executable,
-                "-m",
-                "sma_actuator",
-                "view",
-                "--quiet",
-                "--port",
-                "0",
-                "--config",
-                str(self.file),
-            ]
-            self.view = subprocess.Popen(command, stdout=log, stderr=log)
+            view = ["view", "--quiet", "--port", "0", "--config", str(self.file)]
+            self.view = subprocess.Popen([sys.executable, "-m", "sma_actuator", *view], stdout=log, stderr=log)
         wait_until(lambda: "token=" in self.words and self.words.endswith("\n"), what="the address of the page")
         self.address = self.words.split()[0]
         self.url, _, self.token = self.address.partition("/#token=")
