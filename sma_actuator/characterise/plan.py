@@ -27,9 +27,10 @@ STRESSES_Pa = (
 HOT_ENOUGH_C = 160.0
 
 #: A pulse takes a wire through the middle half of its stroke in some 0.4 of its time constant, heat_capacity /
-#: heat_loss.  Where that is fewer than four readings each pulse begins with a ramp of so many, of which the middle half
-#: is an eighth; identify wants five of all pulses of a load together.
-QUICK_READINGS, RAMP_READINGS = 10.0, 40.0
+#: heat_loss.  Where that is fewer than four readings each pulse begins with a ramp of so many, of which a wire's
+#: middle half was a tenth; identify wants five of each pulse, since a guard that lets the wire cool for a moment parts
+#: it from the others.
+QUICK_READINGS, RAMP_READINGS = 10.0, 80.0
 
 #: The second round: stresses between those of the first, a spring as stiff as makes much of the stroke a rise of
 #: stress, how long a position is held and a period lasts, and the positions, as shares of the stroke from contracted to
