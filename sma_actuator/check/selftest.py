@@ -432,12 +432,27 @@ class SelfTest:
         else:
             self._say("linearity", f"the same resistance at {more_A * 1e3:.3g} mA, within {abs(away_Ohm):.2g} Ω")
 
+    def _held_below(self) -> str:
+        """To what the current is limited that may flow for ever, before the wire has shown what heat it loses."""
+        thermal = self._config.thermal
+        rise_K = (thermal.max_temperature - thermal.ambient_temperature) / thermal.heat_loss_margin
+        most_A = math.sqrt(thermal.heat_loss * rise_K / self._resistance_Ohm)
+        return (
+            f"no more than {most_A * 1e3:.3g} mA may flow on, of which the wire comes to "
+            f"{thermal.ambient_temperature + rise_K:.0f} °C by thermal.heat_loss: one that contracts only hotter "
+            f"wants a watchdog, or a thermal.heat_loss_margin below {thermal.heat_loss_margin:g} (docs/safety.md)"
+        )
+
     def _watchdog(self) -> None:
         """Not a word to the supply, and the current must go."""
         config = self._config
         delay_s = config.supply.watchdog_timeout
         if delay_s == 0.0:
-            self._say("watchdog", "none: whatever ends this computer leaves the current on", Level.WARNING)
+            self._say(
+                "watchdog",
+                f"none: whatever ends this computer leaves the current on, so {self._held_below()}",
+                Level.WARNING,
+            )
             return
         self._feeding = False
         silent_s = self._clock.now_s()

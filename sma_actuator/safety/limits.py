@@ -67,7 +67,8 @@ STRESS_NEAR_LIMIT = Limit(
 TEMPERATURE_DERATING = Limit(
     "temperature_derating",
     "current limit lowered by temperature",
-    "Give the wire time to cool",
+    "Give the wire time to cool. Where it stays short of its setpoint and the supply has no watchdog: `sma-actuator "
+    "check` says how hot it may become",
     "the largest current that could flow on until supply.watchdog_timeout cuts it (for ever, where there is no "
     "watchdog) and leave the wire below thermal.max_temperature even if it lost only heat_loss / heat_loss_margin, or "
     f"{SUDDENLY:g} of what it has shown to lose in the last {LOSING_TIMES:g} of its time constants, from what the "
