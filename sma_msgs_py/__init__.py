@@ -24,8 +24,10 @@ from .conversions import (
     trajectory_from,
     trajectory_message,
 )
+from .serialised import Form
 
 __all__ = [
+    "Form",
     "command_current_message",
     "diagnostic_status_from",
     "health_status_from",

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import isfinite
+from math import isfinite, nan
 from typing import Any
 
 from builtin_interfaces.msg import Time
@@ -22,11 +22,12 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 
-from sma_actuator.base.signals import Output, Quality
+from sma_actuator.base.signals import Branch, Estimate, Output, Quality, Signals
 from sma_actuator.config import Config
 from sma_actuator.control.pair import PairParameters
 from sma_actuator.pair import JointOutput
 from sma_msgs_py import (
+    Form,
     command_current_message,
     joint_estimate_message,
     joint_state_message,
@@ -73,8 +74,8 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """One topic.  ``message`` makes one, of a Step or of the list of DiagnosticStatus; None where there is nothing to
-    say."""
+    """One topic.  ``message`` makes one, or its bytes, of a Step or of the list of DiagnosticStatus; None where there is
+    nothing to say."""
 
     name: str
     kind: type
@@ -89,11 +90,22 @@ class Published:
         return isinstance(self.qos, QoSProfile) and self.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
 
 
-def _joint_state(step: Step) -> JointState | None:
-    output: Output = step.output
-    if output.estimate.quality is Quality.INVALID:  # silence rather than a position that nobody knows
+@lru_cache(maxsize=64)
+def _joint_state_form(joint_name: str) -> Form:
+    def make(stamp: Time, numbers: Sequence[float]) -> JointState:
+        position_m, velocity_m_s, load_N = numbers
+        estimate = Estimate(nan, position_m, nan, velocity_m_s, Branch.COOLING, Quality.DETERMINATE)
+        return joint_state_message(joint_name, estimate, Signals(nan, nan, nan, nan, load_N, nan), stamp)
+
+    return Form(make, 3)
+
+
+def _joint_state(step: Step) -> bytes | None:
+    estimate, signals = step.output.estimate, step.output.signals
+    if estimate.quality is Quality.INVALID:  # silence rather than a position that nobody knows
         return None
-    return joint_state_message(step.config.joint_name, output.estimate, output.signals, stamp(step.time_s))
+    numbers = [estimate.displacement_m, estimate.velocity_m_s, signals.load_N]
+    return _joint_state_form(step.config.joint_name).filled(stamp(step.time_s), numbers)
 
 
 def _load(step: Step) -> WrenchStamped:
@@ -108,11 +120,25 @@ def _command_current(step: Step) -> Float64:
     return command_current_message(step.output.command)
 
 
-def _signals(step: Step) -> JointState | None:
+def _signals(step: Step) -> JointState | bytes | None:
     output: Output = step.output
     if output.reading is None or not isfinite(output.reading.time_s):
         return None
-    return signals_message(named_signals(output), step.happened, stamp(output.reading.time_s))
+    return _named(named_signals(output), step.happened, stamp(output.reading.time_s))
+
+
+@lru_cache(maxsize=64)
+def _signals_form(names: tuple[str, ...]) -> Form:
+    def make(stamp: Time, numbers: Sequence[float]) -> JointState:
+        return signals_message(dict(zip(names, numbers, strict=True)), "", stamp)
+
+    return Form(make, len(names))
+
+
+def _named(values: dict[str, float], happened: str, stamp: Time) -> JointState | bytes:
+    if happened:
+        return signals_message(values, happened, stamp)
+    return _signals_form(tuple(values)).filled(stamp, list(values.values()))
 
 
 def _has_reference(config: Config) -> bool:
@@ -151,7 +177,7 @@ def _angle(step: Step) -> JointState | None:
     return joint_estimate_message(step.config.joint_name, output.estimate, stamp(step.time_s))
 
 
-def _signals_of_joint(step: Step) -> JointState | None:
+def _signals_of_joint(step: Step) -> JointState | bytes | None:
     output: JointOutput = step.output
     if not isfinite(step.time_s):
         return None
@@ -159,7 +185,7 @@ def _signals_of_joint(step: Step) -> JointState | None:
     named = {name: value for name, value in output.status.values.items() if isinstance(value, float)}
     setpoints_m = zip(config.wires, output.setpoints_m, strict=True)
     named |= {f"{wire}_setpoint_m": setpoint_m for wire, setpoint_m in setpoints_m}
-    return signals_message(named, step.happened, stamp(step.time_s))
+    return _named(named, step.happened, stamp(step.time_s))
 
 
 JOINT = (
