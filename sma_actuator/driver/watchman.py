@@ -19,7 +19,8 @@ from .output import SupplyOutput
 
 _log = logging.getLogger(__name__)
 
-_PERIOD_s = 0.05  #: how often it looks
+#: How long it rests at the least between two looks, and at the most: patience may become shorter meanwhile.
+_SHORTEST_REST_s, _LONGEST_REST_s = 0.05, 0.25
 _OFF = Command(0.0, False)
 
 
@@ -62,27 +63,33 @@ class Watchman:
 
     def watch(self, over: Callable[[], bool]) -> None:
         """Look until it is ``over``, in a thread of its own."""
+        left_s = _SHORTEST_REST_s
         while not over():
-            time.sleep(_PERIOD_s)  # half of what waiting for an event takes; nobody waits for this thread
-            self.look()
+            # Half of what waiting for an event takes; nobody waits for this thread.
+            time.sleep(min(max(left_s, _SHORTEST_REST_s), _LONGEST_REST_s))
+            left_s = self.look()
 
-    def look(self) -> None:
-        """Cut, once, where no step came for as long as readings may be old; the fault names who the loop waits for."""
+    def look(self) -> float:
+        """Cut, once, where no step came for as long as readings may be old; the fault names who the loop waits for.
+
+        How long it will be until then at the least [s].
+        """
         waited = self._waited().since(self._waited_alive)
         silent_s, bound_s = self._clock.now_s() - self.alive_s, self.patience_s
         if self.hung or silent_s <= bound_s:
-            return
+            return bound_s - silent_s
         name, part = waited.most(silent_s, self._period_s)
         fault = FAULTS[f"{name}_lost"] if name else loop_hung
         self.hung = why = f"no step for {silent_s:.3g} s{part}; safety.reading_timeout is {bound_s:g} s"
         if not (self._output.known.may_flow and self._supply.answers):
-            return  # nothing flows, or the control thread is about to say off on a new connection
+            return 0.0  # nothing flows, or the control thread is about to say off on a new connection
         try:
             self._output.cut(fault, why)
             _log.error("%s: %s (%s); %s", self._name, fault.words, why, self._output.words)
             self._show_hang(fault, why)
         except Exception:  # noqa: BLE001 - the last pair of eyes must stay open
             _log.exception("%s: the watchman failed", self._name)
+        return 0.0
 
     def _show_hang(self, fault: Fault, why: str) -> None:
         """Put out what is known while the control thread says nothing."""

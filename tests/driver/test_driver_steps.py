@@ -655,7 +655,7 @@ class TestWatchman:
         rig.clock.now_s = now_s
         rig.driver._stopping.clear()
         assert looked.is_set()
-        assert 0.0 < self.slept_s[-1] <= 0.1
+        assert self.slept_s[-1] == 0.05
 
     @pytest.mark.parametrize(("silent_s", "cuts"), [(0.5, False), (0.5625, True)])
     def test_cuts_the_supply_where_no_step_came_for_longer_than_readings_may_be_old(self, make, silent_s, cuts):
@@ -680,6 +680,17 @@ class TestWatchman:
             rig.steps(1)
             assert rig.driver.lost_instruments == {}
             assert rig.status.fault == "loop_hung"
+
+    @pytest.mark.parametrize(("silent_s", "rests_s"), [(0.0, 0.25), (0.375, 0.125), (0.484375, 0.05), (0.6, 0.05)])
+    def test_rests_until_something_can_be_wrong_but_not_for_long(self, make, silent_s, rests_s):
+        rig = make(QUICK_WATCHMAN)
+        rig.drive()
+        watchman = rig.driver._loop.watchman
+        watchman.alive_s = rig.clock.s
+        rig.clock.s += silent_s
+        turns = iter([False, False, True])
+        watchman.watch(lambda: next(turns))
+        assert self.slept_s == [0.05, rests_s]
 
     def test_says_that_off_is_not_confirmed_where_it_is_not(self, make):
         rig = make(QUICK_WATCHMAN)
