@@ -40,9 +40,9 @@ from pathlib import Path
 from typing import IO
 
 import numpy as np
-import yaml
 
 from sma_actuator.base import realtime
+from sma_actuator.base.yaml_text import yaml_of
 from sma_actuator.config import NODE_NAME, Config, read_parameter_file
 from sma_actuator.driver import CHECK_PERIOD_s, Driver
 from sma_actuator.instruments import open_daq, open_supply
@@ -243,11 +243,10 @@ def loop_periods(args: argparse.Namespace) -> list[dict]:
 def node(sections: dict[str, dict], checkout: Path = ROOT) -> Iterator[subprocess.Popen]:
     """A node process with one wire for each name."""
     with tempfile.TemporaryDirectory() as folder:
-        words = ["-m", "sma_actuator.ros.node", "--nodes", *sections, "--ros-args"]
-        for name, p in sections.items():  # a file each: together they are longer than a file of parameters may be
-            file = Path(folder) / f"{name}.yaml"
-            file.write_text(yaml.safe_dump({name: {"ros__parameters": {**p, "autostart": True}}}))
-            words += ["--params-file", str(file)]
+        file = Path(folder) / "wires.yaml"
+        nodes = {name: {"ros__parameters": {**p, "autostart": True}} for name, p in sections.items()}
+        file.write_text(yaml_of(nodes))
+        words = ["-m", "sma_actuator.ros.node", "--nodes", *sections, "--ros-args", "--params-file", str(file)]
         words += ["--log-level", "error"]
         with a_process(words, checkout) as process:
             yield process

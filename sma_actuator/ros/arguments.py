@@ -29,6 +29,8 @@ class RosArguments:
     rclpy: list[str] = field(default_factory=list)  #: what is left for ``rclpy.init``
     files: list[Path] = field(default_factory=list)
     assignments: list[tuple[str, str, Any]] = field(default_factory=list)  #: node pattern, parameter, value
+    #: What stands in a file, for every node of it.
+    _read: dict[Path, Mapping[str, Any]] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def renames_node(self) -> bool:
@@ -45,7 +47,9 @@ class RosArguments:
         merged: dict[str, Any] = {}
         found, sections = False, []
         for path in self.files:
-            document = read_sections(path)
+            if path not in self._read:
+                self._read[path] = read_sections(path)
+            document = self._read[path]
             in_file = list(_sections(document))
             sections += [pattern for pattern, _ in in_file]
             bare = node.rpartition("/")[2]

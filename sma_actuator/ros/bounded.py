@@ -27,7 +27,7 @@ from unique_identifier_msgs.msg import UUID
 
 #: Names or parameters of one request: some more than a node has.
 MOST_NAMES = 500
-#: Characters and numbers of one request: a parameter file may have as many.
+#: Characters and numbers of one request: the parameters of a wire have a tenth of it.
 MOST_CONTENT = 200_000
 #: Of a trajectory, as it is sent: some thousand points.
 LONGEST_TRAJECTORY_B = 500_000

@@ -74,8 +74,8 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """One topic.  ``message`` makes one, or its bytes, of a Step or of the list of DiagnosticStatus; None where there is
-    nothing to say."""
+    """One topic.  ``message`` makes one, or its bytes, of a Step or of the list of DiagnosticStatus; None: nothing to
+    say."""
 
     name: str
     kind: type

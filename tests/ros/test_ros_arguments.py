@@ -2,7 +2,11 @@
 
 import pytest
 
+from sma_actuator.base import parameter_file
 from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.share import shared_file
+from sma_actuator.base.yaml_text import yaml_of
+from sma_actuator.config import read_parameter_file
 from sma_actuator.ros.arguments import parse
 
 
@@ -113,3 +117,15 @@ def test_arguments_that_ros_does_not_understand_get_a_sentence(arguments, senten
 
     with pytest.raises(ConfigError, match=sentence):
         begin_ros(["--ros-args", *arguments])
+
+
+def test_sixteen_coils_with_their_tables_stand_in_one_file_that_is_read_once(file, monkeypatch):
+    wanted = read_parameter_file(shared_file("config/coil.yaml"))
+    of_coil = yaml_of(wanted).replace("\n", "\n    ")
+    names = [f"wire_{number}" for number in range(16)]
+    path = file("".join(f"{name}:\n  ros__parameters:\n    {of_coil}\n" for name in names))
+    read, read_yaml = [], parameter_file.read_yaml
+    monkeypatch.setattr(parameter_file, "read_yaml", lambda path, wanted: read.append(path) or read_yaml(path, wanted))
+    arguments = parse(["--ros-args", "--params-file", path])
+    assert all(arguments.parameters_of(f"/{name}") == wanted for name in names)
+    assert len(read) == 1
