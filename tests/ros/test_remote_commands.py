@@ -14,7 +14,9 @@ from processes import Bench, NodeProcess, parameter_file, wait_until
 from test_node import _enabled
 
 from sma_actuator.base.local_stop import StopListener
+from sma_actuator.base.signals import Mode, Status
 from sma_actuator.cli.main import main
+from sma_actuator.cli.remote.watch import after
 
 NODE = ("--node", "left", "--namespace", "/arm", "--patience", "60")
 OPTIONS = " --node left --namespace /arm"
@@ -47,7 +49,22 @@ def _enable(capsys):
     assert f"next: `sma-actuator move 40%{OPTIONS}`" in said.err
 
 
+@pytest.mark.parametrize(
+    ("fault", "lifecycle", "words"),
+    [
+        ("", "active", "~/enable"),
+        ("", "unconfigured", "once the node is ready, ~/enable"),
+        ("open_wire", "active", "mend what it says, then ~/clear_fault and ~/enable"),
+        ("supply_lost", "active", "mend what it says, then ~/enable"),
+    ],
+)
+def test_what_comes_next_is_what_the_node_would_do(fault, lifecycle, words):
+    """A node that waits for its instruments enables nothing, and one whose instrument is back wants no clearing."""
+    assert after(None, Status(Mode.OFF, fault, values={"lifecycle": lifecycle})) == words
+
+
 def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
+    wait_until(lambda: _status(capsys)["values"]["lifecycle"] == "active", what="a node that is ready")
     assert main(["move", "0.0025", *NODE]) == 1, "the output is off"
     assert "switch it on first: `sma-actuator enable --node left --namespace /arm`" in capsys.readouterr().err
     _enable(capsys)

@@ -14,7 +14,7 @@ from sma_actuator.base.signals import Mode, Status
 from sma_actuator.logs.units import quantity
 
 from .client import NodeClient, add_node_arguments, connected
-from .watch import is_joint, line, listen_to_motion
+from .watch import after, is_joint, line, listen_to_motion
 
 SETPOINT_PERIOD_s = 0.05
 THERE_s = 0.5  #: within the tolerance for so long, it is there
@@ -86,7 +86,9 @@ def run(args) -> int:
         listen_to_motion(client)
         status = client.status()
         if status.mode is Mode.OFF:
-            raise UserError(client.words(f"{client.full_name}: {status.message}; switch it on first: ~/enable"))
+            then = after(client, status)
+            first = f"switch it on first: {then}" if then == "~/enable" else then
+            raise UserError(client.words(f"{client.full_name}: {status.message}; {first}"))
         motion = _of_joint(client, args) if is_joint(status) else _of_wire(client, args, status)
         if not is_joint(status) and (beyond := beyond_words(motion.asked, status)):
             print(f"{client.full_name}: {beyond}", file=sys.stderr, flush=True)

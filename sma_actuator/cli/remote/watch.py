@@ -6,6 +6,7 @@ import math
 import time
 
 from sma_actuator.base.signals import Mode, Status
+from sma_actuator.safety.faults import FAULTS
 
 from .client import NodeClient, add_node_arguments, connected
 
@@ -50,7 +51,12 @@ def is_joint(status: Status) -> bool:
 def after(client: NodeClient, status: Status) -> str:
     """What to do with a node in a state."""
     if status.mode is Mode.OFF:
-        return "mend what it says, then ~/clear_fault and ~/enable" if status.fault else "~/enable"
+        if status.values.get("lifecycle", "active") != "active":
+            return "once the node is ready, ~/enable"
+        fault = FAULTS.get(status.fault)
+        if fault is None:
+            return "~/enable"
+        return f"mend what it says, then {'~/enable' if fault.until_back else '~/clear_fault and ~/enable'}"
     return f"`sma-actuator move {'0.1rad' if is_joint(status) else '40%'}{client.options}`, or ~/stop"
 
 
