@@ -1,6 +1,7 @@
 # make demo   the node holds a wire of the virtual bench at setpoints, live in the terminal (VIEW=1: in the browser too)
 # make test   the tests; make long-tests those that take half a minute each
 # make check  format, lint, types and the floors of the house
+# make floor  what the tests of the rooms that say what current may flow reach of them
 # make counterparts   the driver against instruments that others wrote (FOREIGN_PYTHON=python3.12 for those that want it)
 # make release  sdist and wheel, tried from the wheel
 # make fuzz   every parser of files and messages (MINUTES=60)
@@ -19,7 +20,7 @@ EXTRAS := ros,speed,report,view,foxglove,bags,baselines,pymeasure,fleet,formats,
 # A test run starts some hundred interpreters, none of which is to compile the sources again, whatever the environment says.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: fuzz audit sbom release counterparts page attack mutants demo test long-tests check docs coverage results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds feed-forward tuning pair fleet foreign-speed tutorial forward health clean
+.PHONY: fuzz audit sbom release counterparts page attack mutants demo test long-tests check docs coverage floor results pictures tables benchmarks coefficients blind-trial own-baseline whole-range control-worlds feed-forward tuning pair fleet foreign-speed tutorial forward health clean
 
 demo: $(VENV)/ready
 	$(BIN)/sma-actuator demo --wire $(WIRE) --duration $(DURATION) $(if $(VIEW),--view)
@@ -68,6 +69,10 @@ release:
 
 coverage: $(VENV)/ready
 	$(BIN)/python benchmarks/coverage_by_room.py
+
+# The rooms that say what current may flow, by their own tests, each above its floor.
+floor: $(VENV)/ready
+	$(BIN)/python benchmarks/coverage_by_room.py --guards
 
 $(VENV)/ready: setup.py constraints.txt requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is wanted; set PYTHON=python3.12 or so"; exit 1; }
