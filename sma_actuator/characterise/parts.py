@@ -18,7 +18,7 @@ from . import programs
 from .calibration import Line, fit_line
 from .following import ModelFollower
 from .operators import Operator
-from .plan import SHARES, Part
+from .plan import Part
 from .programs import Program, held_currents, hold, partial_cycles, square_pulses
 from .rig import Rig
 
@@ -174,7 +174,7 @@ def followed(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchL
             f"--follow: {p['model']} does not say where the wire ends; identify it from logs of full pulses"
         )
     low_m, high_m = _ends_m(config, p.get("load_N", p.get("preload_N")), p.get("stiffness_N_m", 0.0))
-    positions_m = [low_m + share * (high_m - low_m) for share in SHARES]
+    positions_m = [low_m + share * (high_m - low_m) for share in p["shares"]]
     _apply_load(part, operator)
     program = programs.followed(ModelFollower(config), positions_m, p["dwell_s"], p["period_s"])
     log = _record(rig, part, program, progress)

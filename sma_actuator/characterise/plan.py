@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.config import require_sense_resistor
 
@@ -33,12 +35,12 @@ HOT_ENOUGH_C = 160.0
 QUICK_READINGS, RAMP_READINGS = 10.0, 80.0
 
 #: The second round: stresses between those of the first, a spring as stiff as makes much of the stroke a rise of
-#: stress, how long a position is held and a period lasts, and the positions, as shares of the stroke from contracted to
-#: cold, in an order without a pattern.
+#: stress, how long a position is held and a period lasts, how many positions, and between which shares of the stroke,
+#: from contracted to cold.
 FOLLOWED_Pa, SPRING_Pa_m = (20e6, 40e6, 70e6, 110e6), 11e9
 DWELL_s, PERIOD_s = 12.0, 40.0
 DWELL, PERIOD = 6.0, 20.0  #: the same in heat_capacity / heat_loss, of a wire that takes longer so
-SHARES = (0.7, 0.3, 0.9, 0.5, 0.1, 0.6, 0.2, 0.95, 0.4, 0.05, 0.8, 0.15)
+POSITIONS, OUTERMOST = 12, (0.05, 0.95)
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,11 +177,29 @@ def _second_round(config, options: PlanOptions) -> list[Part]:
         Part(
             f"followed_{label}",
             "followed",
-            {**load, "model": options.follow, "dwell_s": dwell_s, "period_s": period_s},
-            dwell_s * len(SHARES) + 4.0 * period_s,
+            {
+                **load,
+                "model": options.follow,
+                "shares": followed_shares(number),
+                "dwell_s": dwell_s,
+                "period_s": period_s,
+            },
+            dwell_s * POSITIONS + 4.0 * period_s,
         )
-        for label, load in loads
+        for number, (label, load) in enumerate(loads)
     ]
+
+
+def followed_shares(number: int) -> list[float]:
+    """The positions of the second round's log of this number, as shares of the stroke from contracted to cold.
+
+    Each log has others, in another order.  Where a position is always come to from the same one, a model learns that
+    one history of it, and logs left out, which have it too, do not show what it makes of any other.
+    """
+    low, high = OUTERMOST
+    rng = np.random.default_rng(number)
+    shares = (rng.permutation(POSITIONS) + rng.random(POSITIONS)) / POSITIONS
+    return [round(float(share), 3) for share in low + (high - low) * shares]
 
 
 def _measurable(config, options: PlanOptions) -> None:

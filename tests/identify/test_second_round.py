@@ -69,3 +69,14 @@ def test_a_coil_gets_the_time_that_it_takes_and_a_spring_as_soft_as_it_moves_far
     raised_Pa = spring["stiffness_N_m"] * bench.wire.full_stroke_m / bench.wire.area_m2
     assert 30e6 < raised_Pa < 70e6, "as on a wire: 44 MPa"
     assert spring["dwell_s"] == pytest.approx(6.0 * bench.thermal.heat_capacity / bench.thermal.heat_loss)
+
+
+def test_no_two_of_its_logs_hold_the_same_positions_in_the_same_order():
+    bench = bench_from_mapping(read_parameter_file(shared_file("config/flexinol_bench.yaml")))
+    plan = make_plan(bench, PlanOptions(follow="model.yaml"))
+    shares = [part.parameters["shares"] for part in plan]
+    assert len({tuple(np.argsort(each)) for each in shares}) == len(plan) == 5
+    for each in shares:
+        gaps = np.diff(np.sort([0.05, *each, 0.95]))
+        assert np.all(gaps >= 0.0) and np.all(gaps < 0.16), "over all of the stroke"
+    assert make_plan(bench, PlanOptions(follow="model.yaml")) == plan, "what is interrupted goes on"
