@@ -7,7 +7,7 @@ from how the wire cools is blind here: what holds has to hold before anybody can
 place of the wire, by the bench's truth.
 
 And how far a wire contracts that loses what it should, under a light, a middle and the largest load, and what of that
-is held for ten minutes, a minute and a half after it was asked for: in % of its stroke, from the cold to where it is
+is held for ten minutes, half a minute after it was asked for: in % of its stroke, from the cold to where it is
 shortest of all below ``max_temperature``.  The law that asks for it sees the bench's truth, so that nothing but the
 limits can be in the way.
 """
@@ -51,8 +51,8 @@ PULSES, PULSE_s = 2, 15.0
 #: Shares of the largest stress at which nothing else stops a contraction (safety.stress_limit_fraction).
 STRESSES = {"a light load": 0.1, "a middle load": 0.4, "the largest load": 0.99}
 ASKED, WANTED = 0.985, 0.98  #: shares of the stroke
-#: A wire that must be hot shows within a minute what heat it loses (safety.thermal.ShownLoss), and is let be so then.
-HOLD_s, SOON_s = 690.0, 90.0
+#: Heated for half a minute: a wire that must be hot shows by then what heat it loses (safety.thermal.ShownLoss).
+HOLD_s, SOON_s = 630.0, 30.0
 #: Sections that `init` derives, and what is asked for.
 _DERIVED = ("supply", "thermal", "controller", "estimator", "safety")
 

@@ -19,6 +19,7 @@ from typing import Any
 
 from .base.parameters import ConfigError, from_mapping
 from .base.sections import Wire
+from .safety.thermal import CAPACITY_WITHIN
 
 DENSITY_kg_m3 = 6450.0
 SPECIFIC_HEAT_J_kgK = {"ni-ti": 837.0, "ni-ti-cu": 500.0}
@@ -31,6 +32,7 @@ _CONDUCTIVITY_W_mK, _VISCOSITY_m2_s, _DIFFUSIVITY_m2_s, _FILM_K, _RISE_K = 0.028
 _RADIATION_W_m2K = 5.0  #: emissivity 0.6
 #: Upper end of the Rayleigh number, factor, exponent: Nu = factor · Ra^exponent.
 _MORGAN = ((1e-2, 0.675, 0.058), (1e2, 1.02, 0.148), (math.inf, 0.850, 0.188))
+HALF = 2.0  #: what is promised is a wire that loses half the heat that it should
 LATENT = 3.0  #: by how much latent heat lengthens the lag of the temperature
 _BIAS_RISE_K = 3.0
 _TRIP_HEADROOM_K = 5.0
@@ -89,6 +91,12 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
         _digits(transfer * wire.surface_m2, 3),
         f"surface · {transfer:.0f} W/(m² K): still air (Morgan) and radiation, without the crimps; identify measures "
         f"it",
+    )
+    settle(
+        "thermal.heat_loss_margin",
+        HALF * CAPACITY_WITHIN,
+        f"half of a heat loss that is known within a factor of {CAPACITY_WITHIN:g}: by geometry, or by identify with a "
+        f"heat capacity that nobody measured",
     )
     _settle_supply(wire, loss, given, settle)
     lag_s = settle(

@@ -14,7 +14,7 @@ from .reach import (
     PATIENCE_s,
 )
 from .records import Limit
-from .thermal import LEAST_SLOPE_1_K, LOSING_TIMES, SUDDENLY
+from .thermal import CAPACITY_WITHIN, LEAST_SLOPE_1_K, LOSING_TIMES, SUDDENLY
 from .timing import ONE_STEP, TWO_STEPS
 
 SETPOINT_RANGE = Limit(
@@ -71,9 +71,11 @@ TEMPERATURE_DERATING = Limit(
     "check` says how hot it may become",
     "the largest current that could flow on until supply.watchdog_timeout cuts it (for ever, where there is no "
     "watchdog) and leave the wire below thermal.max_temperature even if it lost only heat_loss / heat_loss_margin, or "
-    f"{SUDDENLY:g} of what it has shown to lose in the last {LOSING_TIMES:g} of its time constants, from what the "
-    "first heat balance says, but no more than its resistance: thermal.transformed_temperature at the least "
-    f"resistance since the wire was certainly below it, and 1 K for each {LEAST_SLOPE_1_K:g} more of it; and above "
+    f"{SUDDENLY:g} of what it has shown to lose in any stretch of up to {LOSING_TIMES:g} of its time constants until "
+    "now, from what the first heat balance says, but no more than its resistance: thermal.transformed_temperature, or "
+    "where a wire of its calibration that is heated has transformed as far as its resistance says (its rise above the "
+    f"surroundings {CAPACITY_WITHIN:g} times; and no less than by the parameters' heat_loss), at the least "
+    f"resistance since the wire was certainly below that, and 1 K for each {LEAST_SLOPE_1_K:g} more of it; and above "
     "thermal.derate_temperature, by the parameters' heat_loss, from supply.max_current linearly down to "
     "supply.bias_current at max_temperature. A wire of which nothing is known yet counts as that hot; it, and one "
     "whose resistance does not tell when the balance comes to its end, gets the bias until it is certainly below "

@@ -17,7 +17,7 @@ from .guards.readings import are_inside
 from .limits import ANSWER_LATE, STRESS_NEAR_LIMIT, TEMPERATURE_DERATING
 from .parameters import SafetySections
 from .records import Action, Fault, Guard, Limit, Memory, Step
-from .thermal import WireHeat, derated_limit_A, most_contracted_Ohm
+from .thermal import WireHeat, derated_limit_A, most_contracted_Ohm, transforms_at_C
 from .timing import SETTLING_READINGS, SETTLING_TIME_s
 
 _OFF = Command(0.0, False)
@@ -90,7 +90,12 @@ class Supervisor:
         if power_W > 0.0 and current_A > 0.0:
             self._resistance_Ohm = power_W / current_A**2
         thermal, wire_W = self.config.thermal, current_A**2 * resistance_Ohm
-        self.heat.step(power_W, dt_s, ambient_C, thermal, resistance_Ohm, load_N, self._contracted_Ohm, wire_W)
+        transforms_C = transforms_at_C(
+            self.config.calibration, thermal, resistance_Ohm, load_N / self.config.wire.area_m2
+        )
+        self.heat.step(
+            power_W, dt_s, ambient_C, thermal, resistance_Ohm, load_N, self._contracted_Ohm, wire_W, transforms_C
+        )
 
     def inspect(self, step: Step, but: Collection[str] = ()) -> dict[Fault, str]:
         """The faults of this step and why, but for those of these names; those that latch are latched.

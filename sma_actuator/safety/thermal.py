@@ -8,7 +8,8 @@ second.
 
 The wire is a thermometer beside it, which knows nothing of heat loss (:class:`Thermometer`).  What it says bounds both
 balances from above: else a limit that provides for any heat loss would not let a wire contract, and one that loses more
-than the parameters say would be held for a hot one.
+than the parameters say would be held for a hot one.  A second thermometer reads the same resistance by what was
+identified of this very wire: at which temperature it has transformed so far (:func:`transforms_at_C`).
 
 Nothing is known of a wire when an actuator begins: it may come from another that was ended while
 the wire was hot.  So it starts as hot as a wire may be and cools by the balance, which takes a few
@@ -18,8 +19,9 @@ of the wire's time constants; meanwhile it may be driven with less current.
 from __future__ import annotations
 
 import math
+from collections import deque
 
-from sma_actuator.base.calibration import HotEndSection
+from sma_actuator.base.calibration import Calibration, HotEndSection, interpolated
 from sma_actuator.base.sections import ThermalParameters
 
 #: The hottest that a wire may be is aimed at with this distance, for noise and a resistance that rises.
@@ -33,13 +35,17 @@ AT_LIMIT_K = 1.0
 SMOOTH_s, LONG_AGO_s = 0.2, 1.0
 #: Share by which a load changes from one reading to the next where it is another one.
 OTHER_LOAD = 0.03
-#: Time, in the wire's time constants without its latent heat, over which heat that flows and does not stay is heat that
-#: is lost.
-LOSING_TIMES = 8.0
+#: Time, in the wire's time constants without its latent heat, up to which heat that flows and does not stay counts as
+#: heat that is lost.
+LOSING_TIMES = 8
 #: The most that latent heat takes of it, as a rise of temperature; wires that were measured: 20 to 30 K.
 LATENT_K = 40.0
 #: A cover that is put over the wire may leave this share of the loss that it has shown in the time that nobody looks.
 SUDDENLY = 0.75
+#: Temperatures by the heat balance rest on a heat capacity that nobody measured: above the surroundings they may be so
+#: many times higher.  Wires of one alloy have 0.85 to 1.2 of the usual; by geometry, a wire that hangs vertically loses
+#: a fifth less than one that lies.
+CAPACITY_WITHIN = 1.25
 #: Surroundings no wire is driven in [°C]; a sensor that reads more is not believed.
 HOTTEST_AMBIENT_C = 100.0
 #: A sensor that falls below the usual temperature is followed at this rate: surroundings cool no faster.
@@ -170,27 +176,61 @@ def most_contracted_Ohm(hot_end: HotEndSection, parameters: ThermalParameters) -
     return max(hot_end.contracted_resistance) * (1.0 + MOST_SLOPE_1_K * hotter_K)
 
 
+def transforms_at_C(
+    calibration: Calibration, parameters: ThermalParameters, resistance_Ohm: float, stress_Pa: float
+) -> float:
+    """The highest temperature at which this wire, heated, has transformed as far as its resistance says; ∞ where nobody
+    knows."""
+    hot_end, rest = calibration.hot_end, calibration.rest
+    if not (calibration.transformation_known and hot_end.contracted_resistance and rest.cold_resistance):
+        return math.inf
+    hot_Ohm = interpolated(stress_Pa, hot_end.contracted_stress, hot_end.contracted_resistance)
+    cold_Ohm = interpolated(stress_Pa, rest.cold_stress, rest.cold_resistance)
+    if not hot_Ohm < cold_Ohm:
+        return math.inf
+    share = (resistance_Ohm - hot_Ohm) / (cold_Ohm - hot_Ohm)
+    by_balance_C = calibration.power.heating_C(min(max(share, 0.0), 1.0), stress_Pa)
+    then_C = calibration.ambient_temperature
+    if not math.isfinite(then_C):
+        then_C = parameters.ambient_temperature
+    highest_C = then_C + CAPACITY_WITHIN * (by_balance_C - then_C)
+    return highest_C if math.isfinite(highest_C) else math.inf
+
+
 class ShownLoss:
     """How much heat a wire loses at the least, by what flowed into it and did not make it hotter than it can be.
 
-    Of the mean power what may have stayed is taken off, to warm the wire from the coldest surroundings and to transform
-    it; the rest was lost, at no higher a temperature than it had at most.
+    Of what flowed over a stretch of time, what may have stayed is taken off, to warm the wire from the coldest
+    surroundings and to transform it; the rest was lost, at no higher a temperature than it had at most.  That holds of
+    every stretch up to now: the one that shows most counts.
     """
 
-    __slots__ = ("_power_W", "_rise_K")
+    __slots__ = ("_flowed_J", "_marked_s", "_marks", "_rise_K_s", "_time_s")
 
-    def __init__(self, rise_K: float) -> None:
-        self._power_W, self._rise_K = 0.0, rise_K
+    def __init__(self) -> None:
+        self._time_s = self._flowed_J = self._rise_K_s = 0.0  #: all in all
+        self._marked_s = 0.0
+        #: Both as they were when each stretch began.
+        self._marks: deque[tuple[float, float]] = deque([(0.0, 0.0)], maxlen=LOSING_TIMES)
 
     def step(self, power_W: float, dt_s: float, rise_K: float, parameters: ThermalParameters) -> float:
         """Take note of the power in the wire alone, 0 or NaN where none was measured, and how much hotter than the
-        coldest surroundings it can be [K]; the heat loss [W/K], below zero where nothing is known yet."""
-        over_s = LOSING_TIMES * parameters.heat_capacity / parameters.heat_loss
-        lag = -math.expm1(-max(dt_s, 0.0) / over_s)
-        self._power_W += lag * ((power_W if math.isfinite(power_W) else 0.0) - self._power_W)
-        self._rise_K += lag * (rise_K - self._rise_K)
-        stayed_W = parameters.heat_capacity * (rise_K + LATENT_K) / over_s
-        return (self._power_W - stayed_W) / self._rise_K
+        coldest surroundings it can be [K]; the heat loss [W/K], 0 where nothing is known yet."""
+        if not 0.0 < dt_s < math.inf:
+            dt_s = 0.0
+        self._time_s += dt_s
+        self._flowed_J += dt_s * (power_W if math.isfinite(power_W) else 0.0)
+        self._rise_K_s += dt_s * rise_K
+        stayed_J = parameters.heat_capacity * (rise_K + LATENT_K)
+        shown_W_K = 0.0
+        for flowed_J, rise_K_s in self._marks:
+            over_K_s = self._rise_K_s - rise_K_s
+            if over_K_s > 0.0:
+                shown_W_K = max(shown_W_K, (self._flowed_J - flowed_J - stayed_J) / over_K_s)
+        if self._time_s - self._marked_s >= parameters.heat_capacity / parameters.heat_loss:
+            self._marked_s = self._time_s
+            self._marks.append((self._flowed_J, self._rise_K_s))
+        return shown_W_K
 
 
 class WireHeat:
@@ -203,13 +243,13 @@ class WireHeat:
 
     def __init__(self, parameters: ThermalParameters):
         self.ambient = Ambient(parameters)
-        self._thermometer = Thermometer()
+        self._thermometer, self._own = Thermometer(), Thermometer()
         self.cools = True  #: nothing is known of it yet
         self._likely = HeatBalance(parameters.max_temperature)
         #: How much of ``temperature_C`` is a guess: what the balance began with, as much of it as has not cooled away.
         self.guessed_K = parameters.max_temperature - parameters.ambient_temperature
         self._most = HeatBalance(parameters.max_temperature)
-        self._shown_loss = ShownLoss(self._above_coldest_K(parameters))
+        self._shown_loss = ShownLoss()
         self._least_loss_W_K = parameters.heat_loss / parameters.heat_loss_margin
 
     def _above_coldest_K(self, parameters: ThermalParameters) -> float:
@@ -236,12 +276,14 @@ class WireHeat:
         load_N: float = 0.0,
         contracted_Ohm: float = math.inf,
         wire_W: float = math.nan,
+        transforms_C: float = math.inf,
     ) -> None:
         """Keep both balances, on measured power [W]; resistance [Ω] and load [N] of the same reading, NaN where there
         is none.
 
         ``contracted_Ohm``: the most that the wire shows once it has contracted (:func:`most_contracted_Ohm`);
-        ``wire_W``: the power without that in its leads.
+        ``wire_W``: the power without that in its leads; ``transforms_C``: what this wire is known to have at that
+        resistance at the most (:func:`transforms_at_C`).
         """
         ambient_C = self.ambient.step(ambient_read_C, dt_s, parameters)
         loss_W_K, capacity_J_K = parameters.heat_loss, parameters.heat_capacity
@@ -250,7 +292,10 @@ class WireHeat:
         self._most.step(power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / parameters.heat_loss_margin)
         at_most_C, transformed_C = self._most.temperature_C, parameters.transformed_temperature
         shown_C = self._thermometer.step(resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, contracted_Ohm)
-        self._most.temperature_C = min(at_most_C, shown_C)
+        # Where the heat balance calls it hotter than it is known to transform at, one of them errs: the hotter counts.
+        own_C = min(transformed_C, max(transforms_C, self._likely.temperature_C))
+        own_C = self._own.step(resistance_Ohm, load_N, dt_s, at_most_C, own_C, contracted_Ohm)
+        self._most.temperature_C = min(at_most_C, shown_C, own_C)
         self._likely.temperature_C = min(self._likely.temperature_C, shown_C)
         at_its_limit = self.at_most_C > parameters.max_temperature - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
         shown_W_K = self._shown_loss.step(wire_W, dt_s, self._above_coldest_K(parameters), parameters)

@@ -97,7 +97,8 @@ class TestHalfTheHeatLoss:
 
     def test_which_the_judge_would_not_believe_of_limits_that_are_too_low(self):
         heating = heat.Heating(heat.UNITS.index(("flexinol", "hot")))
-        heating.config = heating.config.replace({"thermal.transformed_temperature": 300.0})
+        too_low = {"thermal.derate_temperature": 80.0, "thermal.max_temperature": 110.0}
+        heating.config = heating.config.replace(too_low)
         heating.judge_contraction("a light load", heating.contracted(Weight(0.3), 100.0))
         assert len(heating.result.violations) == 1
 

@@ -5,10 +5,13 @@ from dataclasses import replace
 
 import pytest
 
+from sma_actuator.base.calibration import Calibration, HotEndSection, PowerSection, RestSection
 from sma_actuator.config import Config
 from sma_actuator.safety.thermal import (
+    CAPACITY_WITHIN,
     LATENT_K,
     LEAST_SLOPE_1_K,
+    LOSING_TIMES,
     Ambient,
     AMBIENT_FALL_K_s,
     HeatBalance,
@@ -17,6 +20,7 @@ from sma_actuator.safety.thermal import (
     Thermometer,
     WireHeat,
     derated_limit_A,
+    transforms_at_C,
 )
 
 
@@ -239,7 +243,7 @@ class TestShownLoss:
 
     def shown_W_K(self, parameters, loss_W_K, power_W, seconds, unmeasured=0.0):
         """What is shown at every step, and the wire's temperature; the loss may be a function of time."""
-        shown, out, warm_C, transformed = ShownLoss(parameters.max_temperature - self.COLD_C), [], self.COLD_C, 0.0
+        shown, out, warm_C, transformed = ShownLoss(), [], self.COLD_C, 0.0
         for step in range(round(seconds / self.DT_s)):
             time_s = step * self.DT_s
             loss = loss_W_K(time_s) if callable(loss_W_K) else loss_W_K
@@ -257,7 +261,7 @@ class TestShownLoss:
     def test_it_is_never_more_than_the_wire_loses_and_nears_it(self, parameters, share):
         loss_W_K = share * parameters.heat_loss
         found = self.shown_W_K(parameters, loss_W_K, 0.99 * loss_W_K * (self.MOST_C - self.COLD_C), 300.0)
-        assert found[0] < 0.0
+        assert found[0] == 0.0
         assert max(found) <= loss_W_K
         assert found[-1] > 0.99 * loss_W_K - 0.2 * parameters.heat_loss
 
@@ -269,9 +273,114 @@ class TestShownLoss:
         )
 
     def test_a_wire_that_may_be_hotter_has_shown_less(self, parameters):
-        shown = ShownLoss(100.0)
+        shown = ShownLoss()
         steady = [shown.step(0.5, 0.05, 100.0, parameters) for _ in range(4000)][-1]
         assert [shown.step(0.5, 0.05, 190.0, parameters) for _ in range(400)][-1] < 0.7 * steady
+
+    def test_each_stretch_up_to_now_counts_for_itself(self, parameters):
+        """Cold for an hour before, it shows what it loses as soon as one that is begun with."""
+        rise_K = 100.0
+        rested, begun = ShownLoss(), ShownLoss()
+        for _ in range(7200):
+            rested.step(0.0, 0.5, 20.0, parameters)
+        for seconds in range(1, 20):
+            found = [each.step(parameters.heat_loss * 150.0, 1.0, rise_K, parameters) for each in (rested, begun)]
+            most_W_K = parameters.heat_loss * (150.0 - 2.0 * (rise_K + LATENT_K) / seconds) / rise_K
+            if seconds > 4:
+                assert found[0] > 0.7 * most_W_K > 0.0
+            assert found[1] <= most_W_K * (1.0 + 1e-9) or found[1] == 0.0 or seconds > 2 * LOSING_TIMES
+
+    def test_a_stretch_is_forgotten(self, parameters):
+        shown, power_W = ShownLoss(), parameters.heat_loss * 150.0
+        for _ in range(100):
+            shown.step(power_W, 1.0, 100.0, parameters)
+        after = [shown.step(0.0, 1.0, 100.0, parameters) for _ in range(2 * LOSING_TIMES + 2)]
+        assert after[0] > 0.8 * parameters.heat_loss
+        assert after[-1] == 0.0
+
+    @pytest.mark.parametrize("dt_s", [0.0, -1.0, math.nan, math.inf])
+    def test_time_that_is_none_shows_nothing(self, parameters, dt_s):
+        shown = ShownLoss()
+        before = [shown.step(parameters.heat_loss * 150.0, 1.0, 100.0, parameters) for _ in range(20)][-1]
+        assert 0.9 * before < shown.step(1e6, dt_s, 100.0, parameters) <= before
+
+
+class TestOwnThermometer:
+    """What was identified of a wire says how hot it is while it transforms; its heat balance has to agree."""
+
+    LOSES_W_K = 0.005
+
+    def warm(self, parameters, power_W, transforms_C, seconds=20.0, resistance=lambda _: 4.5):
+        heat = WireHeat(parameters)
+        heat.step(0.0, 60.0, math.nan, parameters)
+        for step in range(round(seconds / 0.05)):
+            shown_Ohm = resistance(0.05 * step)
+            heat.step(power_W, 0.05, math.nan, parameters, shown_Ohm, 1.0, transforms_C=transforms_C)
+        return heat
+
+    def test_it_is_no_hotter_than_where_it_transforms(self, parameters):
+        heat = self.warm(parameters, self.LOSES_W_K * 80.0, 110.0)
+        assert heat.at_most_C == pytest.approx(110.0, abs=0.1)
+        assert heat.power_limit_W(1.05, parameters) > 1.3 * self.warm(
+            parameters, self.LOSES_W_K * 80.0, math.inf
+        ).power_limit_W(1.05, parameters)
+
+    def test_where_the_balance_calls_it_hotter_the_balance_counts(self, parameters):
+        assert self.warm(parameters, self.LOSES_W_K * 100.0, 60.0).at_most_C == pytest.approx(124.0, abs=0.5)
+        assert self.warm(parameters, self.LOSES_W_K * 160.0, 60.0).at_most_C == pytest.approx(150.0, abs=0.5)
+
+    def test_it_is_never_taken_for_hotter_than_any_wire_transforms_at(self, parameters):
+        assert self.warm(parameters, self.LOSES_W_K * 100.0, 170.0).at_most_C == pytest.approx(150.0, abs=0.1)
+
+    def test_what_it_shows_more_than_the_least_counts_as_heat_beyond(self, parameters):
+        rising = self.warm(
+            parameters, self.LOSES_W_K * 80.0, 110.0, 40.0, lambda s: 4.5 * (1.0 + LEAST_SLOPE_1_K * max(s - 20.0, 0.0))
+        )
+        assert rising.at_most_C == pytest.approx(130.0, abs=0.5)
+
+
+class TestTransformsAt:
+    """At 100 MPa and 4.0 Ω contracted, 5.0 Ω cold; 80 °C contracted, 60 °C cold, and 10 K more by the stress."""
+
+    @pytest.fixture
+    def calibration(self):
+        return Calibration(
+            ambient_temperature=20.0,
+            rest=RestSection(cold_stress=(1e8,), cold_resistance=(5.0,), cold_displacement=(0.004,)),
+            hot_end=HotEndSection(
+                contracted_stress=(1e8,), contracted_resistance=(4.0,), contracted_displacement=(0.0,)
+            ),
+            power=PowerSection(
+                transformation_heating=(80.0, 60.0),
+                transformation_cooling=(50.0, 40.0),
+                transformation_shift=(1e-7, 1e-7),
+                latent_rise=20.0,
+            ),
+        )
+
+    @pytest.mark.parametrize(
+        ("resistance_Ohm", "by_balance_C"), [(4.0, 90.0), (4.5, 80.0), (5.0, 70.0), (3.0, 90.0), (6.0, 70.0)]
+    )
+    def test_it_is_the_heating_wire_s_temperature_and_what_the_heat_capacity_may_be_off(
+        self, parameters, calibration, resistance_Ohm, by_balance_C
+    ):
+        found_C = transforms_at_C(calibration, parameters, resistance_Ohm, 1e8)
+        assert found_C == pytest.approx(20.0 + CAPACITY_WITHIN * (by_balance_C - 20.0))
+
+    def test_without_the_surroundings_of_then_those_of_the_parameters_are_taken(self, parameters, calibration):
+        found_C = transforms_at_C(replace(calibration, ambient_temperature=math.nan), parameters, 4.0, 1e8)
+        assert found_C == pytest.approx(24.0 + CAPACITY_WITHIN * 66.0)
+
+    @pytest.mark.parametrize("resistance_Ohm", [math.nan])
+    def test_without_a_resistance_nobody_knows(self, parameters, calibration, resistance_Ohm):
+        assert transforms_at_C(calibration, parameters, resistance_Ohm, 1e8) == math.inf
+
+    def test_nor_without_a_calibration_or_with_one_whose_resistance_tells_nothing(self, parameters, calibration):
+        assert transforms_at_C(Calibration(), parameters, 4.5, 1e8) == math.inf
+        half = replace(calibration, hot_end=replace(calibration.hot_end, contracted_resistance=()))
+        assert transforms_at_C(half, parameters, 4.5, 1e8) == math.inf
+        flat = replace(calibration, rest=replace(calibration.rest, cold_resistance=(4.0,)))
+        assert transforms_at_C(flat, parameters, 4.0, 1e8) == math.inf
 
 
 def test_a_wire_that_shows_what_it_loses_is_left_more_power_and_no_more_than_is_safe(parameters):
