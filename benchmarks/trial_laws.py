@@ -42,6 +42,9 @@ class HeldHeat(PidController):
         self._share, self._stress_Pa = 1.0, 0.0
         super().__init__(gains, sections.supply.bias_current)
 
+    def update(self, sections: LawSections) -> None:
+        """Nothing of other sections changes in a trial."""
+
     def sense(self, signals: Signals, estimate: Estimate) -> None:
         """Keep the heat balance."""
         thermal, latent_K = self._thermal, self._calibration.power.latent_rise

@@ -249,7 +249,8 @@ class Actuator:
                 self._end_tuning("the parameters of the controller were changed")
             self._following.controller.set_gains(config.controller)
         self._config = config
-        self._offered.config = self._following.config = config
+        self._offered.config = config
+        self._following.update(config)
         self._supervisor.update(config)
         self._chain.update(config)
         self._health.update(config)

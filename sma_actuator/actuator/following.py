@@ -45,7 +45,7 @@ class Seen:
 
 
 class Following:
-    """The control law of one wire, and where it is led.  ``config`` may be replaced."""
+    """The control law of one wire, and where it is led."""
 
     def __init__(
         self,
@@ -67,6 +67,12 @@ class Following:
         self._beyond = ""  #: at which end the setpoint is held
         self._reach = Reach(config.wire.full_stroke_m, config.thermal.heat_capacity / config.thermal.heat_loss)
         self._controlled_s = nan  #: when the law was last stepped
+
+    def update(self, config: Config) -> None:
+        """Take over live parameters; those of the law itself it has been given."""
+        self.config = config
+        if self._sensing is not None:
+            self._sensing.update(config)
 
     def sense(self, signals: Signals, estimate: Estimate, dt_s: float) -> None:
         """Take note of a reading, whether the wire is driven or not."""

@@ -105,6 +105,9 @@ class SensingLaw(Protocol):
 
     paced: bool  #: the wire cannot follow the setpoint so fast, and the law does not ask it to
 
+    def update(self, sections: LawSections) -> None:
+        """Take over live parameters of other sections."""
+
     def sense(self, signals: Signals, estimate: Estimate) -> None:
         """Take note of a reading, before the step that it is used in."""
 

@@ -9,10 +9,12 @@ so that the current does not rattle.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot, inf
+from math import hypot, inf, isfinite
 
 from sma_actuator.base.parameters import parameter
+from sma_actuator.base.signals import Estimate, Signals
 
+from .heat import Landing
 from .law import CONTROL_LAWS, ControlLaw, ControllerParameters, LawSections
 from .smoothing import Smoother
 
@@ -43,8 +45,12 @@ class PidParameters(ControllerParameters):
     )
 
     def build(self, sections: LawSections) -> ControlLaw:
-        """The PID with these gains."""
-        return PidController(self, sections.supply.bias_current, sections.supply.max_current)
+        """The PID with these gains; of a wire whose calibration says at which temperatures it transforms, one that
+        lands."""
+        bias_A, max_A = sections.supply.bias_current, sections.supply.max_current
+        if sections.calibration.transformation_known:
+            return LandingPid(self, bias_A, max_A, Landing(sections))
+        return PidController(self, bias_A, max_A)
 
 
 class PidController:
@@ -166,3 +172,36 @@ class PidController:
         derivative = self.braking * gains.kd / (gains.derivative_time_constant + dt_s)
         gain = hypot(gains.kp + derivative, derivative)
         return UNREST * self.max_A / gain if gain > 0.0 else inf
+
+
+class LandingPid(PidController):
+    """A PID that gives a wire no more heat than the setpoint takes, when that jumps."""
+
+    __slots__ = ("_landing", "paced")
+
+    def __init__(self, gains: PidParameters, bias_current_A: float, max_current_A: float, landing: Landing):
+        self._landing = landing
+        self.paced = False  #: it follows as fast as it can
+        super().__init__(gains, bias_current_A, max_current_A)
+
+    def update(self, sections: LawSections) -> None:
+        """Take over live parameters of other sections."""
+        self._landing.heat.update(sections)
+
+    def sense(self, signals: Signals, estimate: Estimate) -> None:
+        """Keep the heat balance; also while nothing is driven."""
+        self._landing.heat.sense(signals, estimate)
+
+    def reset(self, position_m: float, output_A: float) -> None:
+        """Start at rest at ``position_m`` so that the next output is ``output_A`` (bumpless)."""
+        super().reset(position_m, output_A)
+        if self.reference_m == position_m:
+            self._landing.begin(position_m)
+
+    def step(self, position_m: float, setpoint_m: float, dt_s: float, limit_A: float) -> float:
+        """As that of the PID, with no more current than the setpoint takes."""
+        if isfinite(position_m + setpoint_m) and SHORTEST_STEP_s <= dt_s <= 1e6 and limit_A >= self.bias_A:
+            limit_A = max(min(limit_A, self._landing.limit_A(position_m, setpoint_m, dt_s)), self.bias_A)
+            if self._landing.landed:  # what held it before is of no use there
+                self.integral_A = max(self._landing.holds_A, self.bias_A)
+        return super().step(position_m, setpoint_m, dt_s, limit_A)

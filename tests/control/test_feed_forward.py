@@ -11,7 +11,8 @@ from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Branch, Estimate, Quality, Signals
 from sma_actuator.config import Config, read_parameter_file
-from sma_actuator.control.feed_forward import FeedForwardPid, Wanted
+from sma_actuator.control.feed_forward import FeedForwardPid
+from sma_actuator.control.heat import Wanted
 from sma_actuator.control.pid import PidController
 from sma_actuator.control.setpoints import sine
 from sma_actuator.plant.loads import Weight
@@ -117,11 +118,12 @@ def test_a_long_way_ends_where_the_wire_arrives_whatever_its_heat_is_reckoned_to
     law.reset(0.003, 0.15)
     for _ in range(400):  # what taking over has left wears off
         law.step(0.003, 0.003, 0.05, 0.4)
-    law.step(0.003, 0.0015, 0.05, 0.4)
-    reckoned_C = law.wanted.temperature_C(law._share_at(0.0015), 53.7e6) + off_K
+    for tenths_mm in range(29, 14, -1):  # no jump, which would end where the heat is
+        law.step(0.003, 1e-4 * tenths_mm, 0.05, 0.4)
+    reckoned_C = law.wanted.temperature_C(law.heat.share_at(0.0015), 53.7e6) + off_K
     asked_A = {}
     for tenths_mm in range(29, 14, -1):
-        law.temperature_C = reckoned_C
+        law.heat.temperature_C = reckoned_C
         asked_A[tenths_mm] = law.step(1e-4 * tenths_mm, 0.0015, 0.05, 0.4)
     far = [asked_A[tenths_mm] for tenths_mm in range(29, 16, -1)]
     assert far == [0.4] * len(far)  # all there is
