@@ -342,6 +342,14 @@ def _mismatches(of: Any, name: str, **tables_by_stress: tuple[str, ...]) -> list
     return out
 
 
+@lru_cache(maxsize=64)
+def _curve(nodes: tuple[float, ...], values: tuple[float, ...]) -> Any:
+    """Made once of every table: each step of a fit asks the same few."""
+    from scipy.interpolate import PchipInterpolator  # half the time that a program takes to start which never asks
+
+    return PchipInterpolator(nodes, values)
+
+
 def through(nodes: Sequence[float] | np.ndarray, values: Sequence[float] | np.ndarray, at: Any) -> Any:
     """A smooth curve through the values at ascending nodes, without a wave between them, ``at`` other places (n,).
 
@@ -351,9 +359,7 @@ def through(nodes: Sequence[float] | np.ndarray, values: Sequence[float] | np.nd
     """
     if len(nodes) < 3:
         return np.interp(at, nodes, values)
-    from scipy.interpolate import PchipInterpolator  # half the time that a program takes to start which never asks
-
-    curve = PchipInterpolator(nodes, values)
+    curve = _curve(tuple(nodes), tuple(values))
     inside = np.clip(at, nodes[0], nodes[-1])
     further = np.clip(at - inside, nodes[0] - nodes[1], nodes[-1] - nodes[-2])
     return curve(inside) + curve(inside, 1) * further

@@ -177,17 +177,17 @@ def _means_at(found: Sequence[tuple[Experiment, Rest]], thermal_time_constant_s:
 
 @dataclass(frozen=True, slots=True)
 class AtRest:
-    """What one rest shows."""
+    """What n rests show, arrays of shape (n,)."""
 
-    hot: bool
-    resistance_Ohm: float  #: of a contracted wire: that it goes to
-    displacement_m: float  #: of a cold wire: that it goes to
-    further_m: float  #: how much of it there was yet to come
-    stress_Pa: float
-    since_Pa: float  #: how much its load has changed since the wire came there
-    heat_W: float  #: that it loses
-    beside_W: float  #: of that, what does not come from the current
-    warmer_K: float  #: how much warmer its surroundings are than the calibration's, by what is logged
+    hot: np.ndarray  #: bool
+    resistance_Ohm: np.ndarray  #: of a contracted wire: that it goes to
+    displacement_m: np.ndarray  #: of a cold wire: that it goes to
+    further_m: np.ndarray  #: how much of it there was yet to come
+    stress_Pa: np.ndarray
+    since_Pa: np.ndarray  #: how much its load has changed since the wire came there
+    heat_W: np.ndarray  #: that it loses
+    beside_W: np.ndarray  #: of that, what does not come from the current
+    warmer_K: np.ndarray  #: how much warmer its surroundings are than the calibration's, by what is logged
 
 
 @dataclass(frozen=True)
@@ -199,15 +199,14 @@ class Usual:
     resistance_Ohm: float  #: range of the resistance
     stroke_m: float
 
-    def off(self, rests: Sequence[AtRest]) -> np.ndarray:
+    def off(self, rests: AtRest) -> np.ndarray:
         """How far off R and δ of n rests are, in standard deviations, shape (n, 2); 0 where nothing is known of such a
         rest."""
-        out = np.zeros((len(rests), 2))
+        out = np.zeros((len(rests.hot), 2))
         for hot in (False, True):
-            chosen = [k for k, rest in enumerate(rests) if rest.hot == hot]
-            if chosen:
-                columns = {f.name: np.array([getattr(rests[k], f.name) for k in chosen]) for f in fields(AtRest)}
-                out[chosen] = self._off(hot, columns)
+            chosen = np.flatnonzero(rests.hot == hot)
+            if len(chosen):
+                out[chosen] = self._off(hot, {f.name: getattr(rests, f.name)[chosen] for f in fields(AtRest)})
         return out
 
     def _off(self, hot: bool, is_: dict[str, np.ndarray]) -> np.ndarray:

@@ -1,7 +1,7 @@
 """What a wire at rest shows, against its calibration, without a log: each line is a rest that somebody could have
 seen."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -26,14 +26,19 @@ COLD = AtRest(False, 2.1, 2e-3, 0.0, 4e7, 0.0, 0.005, 0.0, 0.0)
 HOT = AtRest(True, 1.51, 1.2e-4, 0.0, 4e7, 0.0, 0.3, 0.0, 0.0)
 
 
+def together(*rests):
+    """Single rests as arrays."""
+    return AtRest(*(np.array([getattr(rest, f.name) for rest in rests]) for f in fields(AtRest)))
+
+
 def off(rest, usual=USUAL):
-    (found,) = usual.off([rest])
+    (found,) = usual.off(together(rest))
     return found
 
 
 def test_a_rest_like_the_calibration_s_is_not_off():
-    np.testing.assert_allclose(USUAL.off([COLD, HOT]), 0.0, atol=1e-12)
-    assert USUAL.off([]).shape == (0, 2)
+    np.testing.assert_allclose(USUAL.off(together(COLD, HOT)), 0.0, atol=1e-12)
+    assert USUAL.off(together()).shape == (0, 2)
 
 
 @pytest.mark.parametrize("rest", [COLD, HOT])
@@ -98,5 +103,5 @@ def test_without_a_calibration_a_rest_is_held_against_the_session_s_others():
     nobody = Usual(Calibration(), heat_loss_W_K=0.005, resistance_Ohm=0.7, stroke_m=4e-3)
     apart_Ohm = 10.0 * REPEATS[0] * 0.7
     other_load = replace(COLD, stress_Pa=8e7, resistance_Ohm=5.0)
-    found = nobody.off([COLD, replace(COLD, resistance_Ohm=2.1 + apart_Ohm), other_load])
+    found = nobody.off(together(COLD, replace(COLD, resistance_Ohm=2.1 + apart_Ohm), other_load))
     np.testing.assert_allclose(found[:, 0], (-5.0, 5.0, 0.0), rtol=1e-6)

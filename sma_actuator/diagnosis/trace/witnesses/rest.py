@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import fields
 
 import numpy as np
 
@@ -38,42 +39,81 @@ class Rests:
         hot = np.array([r.hot for rests in logs.rests for r in rests], dtype=int)
         self.row_units = np.repeat(units, 2).astype(int)
         self.row_names = np.repeat(2 * hot, 2) + np.tile((0, 1), len(hot))
+        self._windows = [_Windows(rests) for rests in logs.rests]
+        self._on_its_way = [
+            np.array([self._last_on_its_way(i, rest) for rest in rests], dtype=int) for i, rests in enumerate(logs.rests)
+        ]
 
     def off(self, predictions: Sequence[Prediction]) -> np.ndarray:
         """R and δ of every rest against the calibration's, in its standard deviations, shape (2 · rests,)."""
-        rests = [self._shown(i, rest, p) for i, p in enumerate(predictions) for rest in self.logs.rests[i]]
-        return self._usual.off(rests).ravel()
+        shown = [self._shown(i, p) for i, p in enumerate(predictions) if self.logs.rests[i]]
+        if not shown:
+            return np.empty(0)
+        together = {f.name: np.concatenate([getattr(s, f.name) for s in shown]) for f in fields(AtRest)}
+        return self._usual.off(AtRest(**together)).ravel()
 
-    def _shown(self, number: int, rest: Rest, p: Prediction) -> AtRest:
-        """What a rest of a log shows, if a prediction is right about circuit, load cell and sensor."""
-        here = slice(rest.start, rest.stop)
-        signals, stress_Pa = self.logs.experiments[number].signals, float(np.mean(p.stress_Pa[here]))
-        creeps_m = self.logs.measured_m[number] - (p.shown_m - p.model_m)
+    def _shown(self, number: int, p: Prediction) -> AtRest:
+        """What the rests of a log show, if a prediction is right about circuit, load cell and sensor."""
+        windows, signals = self._windows[number], self.logs.experiments[number].signals
+        measured_m, stress_Pa = self.logs.measured_m[number], windows.mean(p.stress_Pa)
         further_Ohm, further_m = (
-            rest.further(values, signals.time_s, self._time_constant_s) for values in (p.resistance_Ohm, creeps_m)
+            windows.further(values, signals.time_s, self._time_constant_s)
+            for values in (p.resistance_Ohm, measured_m - (p.shown_m - p.model_m))
         )
-        read_C = np.broadcast_to(signals.ambient_temperature_C, len(creeps_m))[here]
-        warmer_K = float(np.mean(read_C)) - self.calibration.ambient_temperature
-        shown_m = self.logs.measured_m[number] - p.beside_m
+        around_C = np.broadcast_to(signals.ambient_temperature_C, len(measured_m))
+        warmer_K = windows.mean(around_C) - self.calibration.ambient_temperature
         return AtRest(
-            hot=rest.hot,
-            resistance_Ohm=float(np.mean(p.resistance_Ohm[here])) + (further_Ohm if rest.hot else 0.0),
-            displacement_m=float(np.mean(shown_m[here])) + (0.0 if rest.hot else further_m),
+            hot=windows.hot,
+            resistance_Ohm=windows.mean(p.resistance_Ohm) + np.where(windows.hot, further_Ohm, 0.0),
+            displacement_m=windows.mean(measured_m - p.beside_m) + np.where(windows.hot, 0.0, further_m),
             further_m=further_m,
             stress_Pa=stress_Pa,
-            since_Pa=stress_Pa - float(p.stress_Pa[self._on_its_way(number, rest)]),
-            heat_W=float(np.mean(p.heat_W[here])),
-            beside_W=float(np.mean(p.heat_W[here] - p.power_W[here])),
-            warmer_K=warmer_K if math.isfinite(warmer_K) else 0.0,
+            since_Pa=stress_Pa - p.stress_Pa[self._on_its_way[number]],
+            heat_W=windows.mean(p.heat_W),
+            beside_W=windows.mean(p.heat_W - p.power_W),
+            warmer_K=np.where(np.isfinite(warmer_K), warmer_K, 0.0),
         )
 
-    def _on_its_way(self, number: int, rest: Rest) -> int:
+    def _last_on_its_way(self, number: int, rest: Rest) -> int:
         """The last sample before a rest at which the wire was still a good way from it; the rest's first, where it
         never was."""
         measured_m = self.logs.measured_m[number]
         away_m = np.abs(measured_m[: rest.start] - measured_m[rest.start])
         moving = np.flatnonzero(away_m > ON_ITS_WAY * self._full_stroke_m)
         return int(moving[-1]) if len(moving) else rest.start
+
+
+class _Windows:
+    """The rests of one log: means of a signal over all of them at once, since every step of every fit asks."""
+
+    def __init__(self, rests: Sequence[Rest]):
+        self.hot = np.array([r.hot for r in rests], dtype=bool)
+        start, stop = np.array([(r.start, r.stop) for r in rests], dtype=int).reshape(-1, 2).T
+        middle = (start + stop) // 2
+        self._long = stop - start >= 2
+        self._whole = _sums(start, stop)
+        self._halves = [_sums(start, np.maximum(middle, start + 1)), _sums(np.minimum(middle, stop - 1), stop)]
+
+    def mean(self, values: np.ndarray) -> np.ndarray:
+        """Of every rest, shape (rests,)."""
+        return self._whole(values)
+
+    def further(self, values: np.ndarray, time_s: np.ndarray, time_constant_s: float) -> np.ndarray:
+        """How far ``values`` (n,) would go after each, where they go on as in it and come to rest in so long."""
+        (from_, to), (from_s, to_s) = ([half(v) for half in self._halves] for v in (values, time_s))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.where(self._long, (to - from_) / (to_s - from_s) * time_constant_s, 0.0)
+
+
+def _sums(start: np.ndarray, stop: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """What gives the means of a signal from each start to each stop."""
+    edges = np.column_stack((start, stop)).ravel()
+
+    def means(values: np.ndarray) -> np.ndarray:
+        # the last stop may be the signal's end, where reduceat has no place
+        return np.add.reduceat(np.append(values, 0.0), edges)[::2] / (stop - start)
+
+    return means
 
 
 def _range_Ohm(logs: Prepared) -> float:
