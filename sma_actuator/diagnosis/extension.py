@@ -1,7 +1,7 @@
 """Identification ends with the extension: effects that the model just fitted lacks even on its own logs.
 
-The race of tracing looks for them; what it chooses must then also help logs that the effects were not fitted on, one
-effect after the other, or it is left out.  A form that only follows the cycles beside the one it is judged on stays out
+Tracing looks for them; what it names must then also help logs that the effects were not fitted on, one effect after the
+other, or it is left out.  A form that only follows the cycles beside the one it is judged on stays out
 of the model that way.
 """
 
@@ -31,24 +31,25 @@ from .selection import paired
 from .trace.candidates import Candidate
 from .trace.evidence import Evidence
 from .trace.fitting import Fit, fit
-from .trace.race import trace
+from .trace.hypotheses import Rows
+from .trace.tracing import trace
 from .trace.witnesses import Prediction
 
-MOST_SAMPLES = 15_000  #: of all logs together that the race sees; those of more are thinned
+MOST_SAMPLES = 15_000  #: of all logs together that are traced; those of more are thinned
 FOLDS = 3  #: of logs
 LEAST_GAIN = 0.05  #: share of its error that an effect must take off a log it was not fitted on, in the mean
 SIGNIFICANT = 2.0  #: standard errors over logs that must be left of that gain
 SMALLEST_percent = 0.2  #: of full stroke: an error of a log that is smaller counts as this
 WORST_RISE_percent = 0.3  #: of full stroke, by which no log may become worse
 FEWEST_LOGS = 4
-_SHORTEST = 40  #: samples of a log that the race sees; the end of one that was cut holds no whole cycle
+_SHORTEST = 40  #: samples of a log that is traced; the end of one that was cut holds no whole cycle
 
 Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True)
 class Extended:
-    """An identification with what the race added to it, and what was said of it."""
+    """An identification with what was added to it, and what was said of it."""
 
     result: Identification
     added: tuple[str, ...]  #: names of effects
@@ -73,13 +74,12 @@ def extend(result: Identification, jobs: int = 2, progress: Progress = lambda fr
         return _nothing(result, f"nothing was added: {error}")
     found = tracing.fit
     if found is None:
-        return _nothing(result, "nothing was added: no effect pays on cycles it was not fitted on")
+        return _nothing(result, "nothing was added: no effect is probable enough")
     kept, sentences, judged = _that_help_other_logs(evidence, found)
     progress(1.0)
     if not kept:
         return _nothing(result, *sentences)
-    every = np.ones(evidence.units, dtype=bool)
-    final = fit(evidence, kept, every, found)
+    final = fit(evidence, kept, Rows(evidence).usual, found.values)
     names = tuple(c.name for c in kept)
     sentences.insert(
         0,
@@ -109,7 +109,7 @@ def extend(result: Identification, jobs: int = 2, progress: Progress = lambda fr
 
 
 def _thinned(result: Identification) -> list[BenchLog]:
-    """The logs that were fitted and are no mere rest of one, with their kind said, and no more samples than the race
+    """The logs that were fitted and are no mere rest of one, with their kind said, and no more samples than tracing
     needs."""
     seldom = max(1, -(-sum(len(one.log) for one in result.experiments) // MOST_SAMPLES))
     thinned = [one.rows(np.arange(len(one.log)) % seldom == 0) for one in result.experiments]
@@ -145,7 +145,7 @@ class _OtherLogs:
 
 
 def _that_help_other_logs(evidence: Evidence, found: Fit) -> tuple[list[Candidate], list[str], _OtherLogs]:
-    """Of the effects that were chosen, one after the other, those that help logs which they were not fitted on."""
+    """Of the effects that were named, one after the other, those that help logs which they were not fitted on."""
     kept: list[Candidate] = []
     sentences: list[str] = []
     plain = evidence.predict({})
@@ -173,12 +173,12 @@ def _on_other_logs(evidence: Evidence, candidates: Sequence[Candidate], found: F
     """Fit without a third of the logs, in turn."""
     fold = _folds(evidence)
     predictions: list[Any] = [None] * len(fold)
-    start = dataclasses.replace(found, candidates=tuple(candidates))
+    covariance = Rows(evidence).usual
     for number in range(FOLDS):
         seen = np.zeros(evidence.units, dtype=bool)
         for units, of_log in zip(evidence.unit, fold, strict=True):
             seen[units] |= of_log != number
-        without = fit(evidence, candidates, seen, start, folds=2)
+        without = fit(evidence, candidates, covariance, found.values, seen)
         predicted = evidence.predict(without.effects)
         for i, of_log in enumerate(fold):
             if of_log == number:

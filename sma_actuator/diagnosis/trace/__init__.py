@@ -2,6 +2,6 @@
 
 from .command import add_arguments, run
 from .evidence import Evidence
-from .race import Tracing, trace
+from .tracing import Tracing, trace
 
 __all__ = ["Evidence", "Tracing", "add_arguments", "run", "trace"]

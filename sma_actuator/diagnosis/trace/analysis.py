@@ -80,25 +80,6 @@ def anatomy(evidence: Evidence, predictions: Sequence[Prediction]) -> Anatomy:
     )
 
 
-def size(evidence: Evidence, rows: np.ndarray, units: np.ndarray) -> float:
-    """Mean square of a residual in some units (bool), in the calibration's variances; ``rows`` as of
-    :meth:`Evidence.rows`."""
-    return float(np.mean(_errors(evidence, rows, units) ** 2))
-
-
-def _errors(evidence: Evidence, rows: np.ndarray, units: np.ndarray) -> np.ndarray:
-    chosen = units[evidence.unit_of_row[: evidence.rows_of_samples]]
-    return (rows[: evidence.rows_of_samples] / evidence.sample_weight)[chosen]
-
-
-def bend(evidence: Evidence, rows: np.ndarray, values: np.ndarray, units: np.ndarray, blocked: bool) -> float:
-    """How much of :func:`size` goes with a quantity, whose ``values`` are those of the samples compared."""
-    unit = evidence.unit_of_row[: evidence.rows_of_samples]
-    chosen = units[unit]
-    error = _errors(evidence, rows, units)
-    return _share(error, _bins(values[chosen]), unit[chosen] % 2 == 0, blocked) * float(np.mean(error**2))
-
-
 def noise_percent(evidence: Evidence, predictions: Sequence[Prediction]) -> float:
     """Mean absolute error that no model could remove: the noise of R, load and reference, carried through the model."""
     total, number = 0.0, 0

@@ -1,4 +1,4 @@
-"""Which effects compete on some logs: what they may vary there, and which the logs could not show."""
+"""Which effects may have happened in some logs: what they may vary there, and which the logs could not show."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def _partial_cycles(evidence: Evidence) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """An effect as it competes."""
+    """An effect as it is tried."""
 
     name: str
     free: tuple[Free, ...]
@@ -112,11 +112,6 @@ class Candidate:
     def scanned(self) -> str:
         """Name of a parameter in which the loss is not smooth: it is searched over a grid."""
         return self.effect.SCANNED
-
-    @property
-    def parameters(self) -> int:
-        """How many parameters it has to earn."""
-        return len(self.free) + bool(self.scanned)
 
     def build(self, values: dict[str, float]) -> Effect:
         """The effect with these parameters."""

@@ -36,8 +36,8 @@ from sma_actuator.logs.reading import add_log_arguments, find_logs, place, read_
 
 from .evidence import Evidence
 from .isolability import as_numbers, isolability, size_in_words, tells_in_words
-from .race import trace
 from .report import explained, extended, probable, summary
+from .tracing import trace
 
 _HEADER = "Written by `sma-actuator trace`"
 
@@ -70,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="logs the model was fitted on, where MODEL.yaml was not written by identify",
     )
     parser.add_argument(
-        "--only", nargs="+", metavar="EFFECT", default=[], help="fit these effects together, without a race"
+        "--only", nargs="+", metavar="EFFECT", default=[], help="these effects have happened together, or none has"
     )
     parser.add_argument("--without", nargs="+", metavar="EFFECT", default=[], help="leave these candidates out")
     parser.add_argument(
@@ -268,10 +268,9 @@ def _print(console: Console, report: dict) -> None:
         f"error {report['error_before_pct_stroke']:.2f} % of full stroke ({before[0]:.2f}–{before[1]:.2f}) before, "
         f"{report['error_after_pct_stroke']:.2f} % ({after[0]:.2f}–{after[1]:.2f}) after; "
         f"beyond what the calibration lets expect {report['news_before_pct_stroke']:.2f} % before, "
-        f"{report['news_after_pct_stroke']:.2f} % after; up to {report['gate_pct_stroke']:.2f} % is usual"
+        f"{report['news_after_pct_stroke']:.2f} % after; {report['floor_pct_stroke']:.2f} % is usual"
     )
-    if report["probable"]:
-        console.print(f"probable by the logs' evidence alone: {probable(report)}")
+    console.print(f"probable: {probable(report)}")
     if report["effects"]:
         table = Table()
         for header in ("effect", "what is the matter", "stage", "share", "parameters"):
@@ -288,8 +287,8 @@ def _print(console: Console, report: dict) -> None:
     for a in report["alternatives"]:
         x = a["experiment"]
         console.print(
-            f"instead of {a['instead_of']} it could be {a['name']} (better in {a['confidence']:.0%} of redrawn "
-            f"cycles); to tell them apart {x['what']} ({x['duration_s']:.0f} s): what the two expect of the reference "
+            f"instead of {a['instead_of']} it could be {a['name']} ({a['probability']:.0%}); "
+            f"to tell them apart {x['what']} ({x['duration_s']:.0f} s): what the two expect of the reference "
             f"sensor then moves {x['predicted_difference_m'] * 1e3:.2f} mm apart"
         )
     for note in report["notes"]:
@@ -302,15 +301,19 @@ def _explain(console: Console, report: dict, names: Sequence[str]) -> None:
     """What speaks for and against some names, beside what was chosen."""
     for row in explained(report, names):
         console.print(headed(f"{' and '.join(row['effects'])}, {row['answer']}", row["reason"]))
-    shown = [row for row in explained(report, names) if row["gain"] is not None]
+    shown = [row for row in explained(report, names) if row["nats"] is not None]
     if not shown:
         return
-    table = Table(title="nats taken off, on cycles that the fit had not seen")
+    table = Table(title="nats beside the most probable hypothesis")
     table.add_column("")
     for row in shown:
         table.add_column(" and ".join(row["effects"]), justify="right")
     for name in shown[0]["nats_by_witness"]:
-        table.add_row(name, *(f"{row['nats_by_witness'][name]:.1f}" for row in shown))
+        table.add_row(name, *(_nats(row["nats_by_witness"][name]) for row in shown))
     for number in range(len(shown[0]["nats_by_stretch"])):
-        table.add_row(f"stretch {number + 1} of the logs", *(f"{row['nats_by_stretch'][number]:.1f}" for row in shown))
+        table.add_row(f"stretch {number + 1} of the logs", *(_nats(row["nats_by_stretch"][number]) for row in shown))
     console.print(table)
+
+
+def _nats(nats: float) -> str:
+    return f"{round(nats, 1) + 0.0:.1f}"  # no -0.0

@@ -28,6 +28,10 @@ from .witnesses import WITNESSES, Power, Prediction, Residual, Rests, Springs, W
 
 #: Samples of one unit that say something new, where the calibration does not say how long errors last.
 INDEPENDENT = 8.0
+#: Error above which a model is not of this wire, or the bench is another: half the stroke.
+HOPELESS_percent = 50.0
+#: Deviation of a row that counts at all: a sensor that is cut off says no more than one that is far off.
+LARGEST = 30.0
 
 
 class Evidence:
@@ -52,7 +56,7 @@ class Evidence:
         self.of_power = Power(self.logs, self.unit, config, self.calibration)
         self._rows()
         error = float(np.mean(self.errors_percent(self.predict({}))))
-        if error > LIMITS.hopeless:
+        if error > HOPELESS_percent:
             raise BenchLogError(
                 f"{self.logs.experiments[0].log.source}: the model errs by {error:.0f} % of full stroke on these logs; "
                 "it is not of this wire, or circuit, load_cell or reference_sensor are those of another bench"
@@ -101,17 +105,6 @@ class Evidence:
         known."""
         known = self.calibration.expectation.independent_time
         return known if math.isfinite(known) else 0.0
-
-    @property
-    def expects_what_repeats(self) -> bool:
-        """Whether what the model always leaves is expected; where it is not, that goes with all kinds of quantities
-        itself."""
-        return self.knows_its_scatter and any(self.calibration.expectation.expected_weights)
-
-    @property
-    def knows_its_scatter(self) -> bool:
-        """Whether the calibration says how far off every witness usually is, and so what is unusual."""
-        return self.of_displacement.expectation is not None
 
     @property
     def changed_percent(self) -> float:
@@ -261,9 +254,9 @@ class Evidence:
 def limited(z: np.ndarray) -> np.ndarray:
     """``z`` with Huber's loss as half its square; what is not finite counts as the largest that counts."""
     z = np.clip(
-        np.nan_to_num(z, nan=LIMITS.largest, posinf=LIMITS.largest, neginf=-LIMITS.largest),
-        -LIMITS.largest,
-        LIMITS.largest,
+        np.nan_to_num(z, nan=LARGEST, posinf=LARGEST, neginf=-LARGEST),
+        -LARGEST,
+        LARGEST,
     )
     size = np.abs(z)
     return np.where(

@@ -25,6 +25,7 @@ from sma_actuator.estimation.effects import EFFECTS, Effect
 from .candidates import Candidate, candidate, scales_of, untestable
 from .evidence import INDEPENDENT, Evidence
 from .experiments import after_the_session, experiments, shown_m
+from .hypotheses import Rows
 from .limits import LIMITS
 from .sensitivity import built, probes, shapes, sizes
 
@@ -78,7 +79,7 @@ class Isolability:
 
 @dataclass(frozen=True, slots=True)
 class _Moves:
-    """What an effect moves, in standard deviations of the calibration."""
+    """What an effect moves, under the covariance of a session without any."""
 
     candidate: Candidate
     own: np.ndarray  #: by what is typical of each of its sizes, shape (rows, sizes)
@@ -97,20 +98,22 @@ def isolability(evidence: Evidence, without: Sequence[str] = ()) -> Isolability:
     candidates = [candidate(name, scales) for name in names if name not in reasons]
     tried = list(experiments(evidence))
     moves, beyond = [], []
-    plain, plain_there = evidence.off(evidence.predict({})), _there(evidence, {}, tried)
+    rows = Rows(evidence)
+    plain, plain_there = rows.off, _there(evidence, {}, tried)
     for c in candidates:
         own, all_, there = [], [], []
         for number, shape in enumerate(shapes(c, scales.duration_s)):
             for probe in probes(c):
                 effects, share = {c.name: built(c, shape, probe)}, probe[np.flatnonzero(probe)[0]]
-                all_.append((evidence.off(evidence.predict(effects)) - plain) / share)
+                moved = (evidence.off(evidence.predict(effects)) - plain) / share
+                all_.append(rows.usual.whiten(moved))
                 after = _there(evidence, effects, tried)
                 there.append([(a - b) / share for a, b in zip(after, plain_there, strict=True)])
                 own += [all_[-1]] if number == 0 else []
         moves.append(_Moves(c, np.column_stack(own), np.column_stack(all_)))
         beyond.append([np.column_stack(parts) for parts in zip(*there, strict=True)])
     nats = _apart(moves)
-    seen = [_sure_from(0.5 * LIMITS.tempering * float(np.sum(m.own**2))) for m in moves]
+    seen = [_sure_from(0.5 * float(np.sum(m.own**2))) for m in moves]
     apart = tuple(_of(m.candidate, moves, seen[i], nats[i]) for i, m in enumerate(moves))
     just_seen = np.array([size if math.isfinite(size) else 0.0 for size in seen])
     known = _bits(nats * just_seen[:, None] ** 2)
@@ -142,7 +145,8 @@ def _there(evidence: Evidence, effects: dict[str, Effect], tried: Sequence[tuple
     for _, signals in tried:
         duration_s, n = float(np.ptp(signals.time_s)), len(signals.time_s)
         new = duration_s / evidence.independent_s if evidence.independent_s > 0.0 else INDEPENDENT
-        out.append(shown_m(evidence, chain, signals) / sigma_m * math.sqrt(min(max(new, 1.0), n) / n))
+        weight = math.sqrt(LIMITS.tempering * min(max(new, 1.0), n) / n)
+        out.append(shown_m(evidence, chain, signals) / sigma_m * weight)
     return out
 
 
@@ -162,7 +166,7 @@ def _apart(moves: Sequence[_Moves]) -> np.ndarray:
             if i != j:
                 left = m.own - basis @ (basis.T @ m.own)
                 squares, whole = float(np.sum(left**2)), float(np.sum(m.own**2))
-                out[i, j] = 0.5 * LIMITS.tempering * squares if squares > ALIKE * whole else 0.0
+                out[i, j] = 0.5 * squares if squares > ALIKE * whole else 0.0
     return out
 
 

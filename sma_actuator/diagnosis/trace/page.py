@@ -14,8 +14,8 @@ from sma_actuator.report import Page, figure
 from .analysis import quantities, residual_m
 from .evidence import Evidence
 from .isolability import size_in_words, tells_in_words
-from .race import Tracing
 from .report import LEAST_SAID, explained
+from .tracing import Tracing
 
 REFUSED_SHOWN = 8  #: rows of the table of candidates
 _MM = 1e3
@@ -34,8 +34,6 @@ def write_page(
     _numbers(page, report)
     _probable(page, report)
     _loop(page, evidence, tracing)
-    if tracing.rounds:
-        _race(page, tracing)
     _why(page, report)
     _for_and_against(page, explained(report, explain))
     if tracing.fit is not None:
@@ -124,17 +122,12 @@ def _what_to_do(page: Page, report: dict[str, Any]) -> None:
 
 def _numbers(page: Page, report: dict[str, Any]) -> None:
     page.heading("How much it was, and how sure that is")
-    before, after, last = report["error_before_interval"], report["error_after_interval"], report["last_block"]
+    before, after = report["error_before_interval"], report["error_after_interval"]
     page.table(
         ("mean absolute error, % of full stroke", "before", "after"),
         [
             ("cycles that the fit had not seen", report["error_before_pct_stroke"], report["error_after_pct_stroke"]),
             ("95 % interval over cycles", f"{before[0]:.3f} – {before[1]:.3f}", f"{after[0]:.3f} – {after[1]:.3f}"),
-            (
-                f"the last {last['cycles']} cycles, looked at once",
-                last["error_before_pct_stroke"],
-                last["error_after_pct_stroke"],
-            ),
             (
                 "sensors' noise carried through the model",
                 *(report[f"residual_{w}"]["sensor_noise_pct_stroke"] for w in ("before", "after")),
@@ -144,7 +137,7 @@ def _numbers(page: Page, report: dict[str, Any]) -> None:
                 *(report[f"residual_{w}"]["share_repeating_every_cycle"] for w in ("before", "after")),
             ),
             ("beyond what is expected", report["news_before_pct_stroke"], report["news_after_pct_stroke"]),
-            ("of which so much is usual", report["gate_pct_stroke"], report["gate_pct_stroke"]),
+            ("of which so much is usual", report["floor_pct_stroke"], report["floor_pct_stroke"]),
         ],
     )
     rows = [
@@ -174,15 +167,22 @@ def _numbers(page: Page, report: dict[str, Any]) -> None:
 
 
 def _probable(page: Page, report: dict[str, Any]) -> None:
-    likely = [(name, share) for name, share in report["probable"].items() if share >= LEAST_SAID]
-    if not likely:
-        return
+    likely = [one for one in report["probabilities"] if one["probability"] >= LEAST_SAID]
     page.heading("How probable each is")
-    page.table(
-        ("hypothesis", "probability"),
-        [(_words([name]), f"{share:.0%}") for name, share in likely],
-        caption="By the evidence of the logs alone, beside the race that decides; a name has what its pairs have, too.",
-    )
+    drawing, axes = figure(1, 1, width_in=8.0, height_in=0.8 + 0.4 * len(likely))
+    ax = axes[0, 0]
+    given = "tab:orange" if report["verdict"] == "unexplained" else "tab:green"
+    for number, one in enumerate(reversed(likely)):
+        best = number == len(likely) - 1
+        ax.barh(
+            _words(one["hypothesis"]),
+            one["probability"],
+            color=given if best else "0.7",
+        )
+        ax.text(one["probability"], number, f" {one['probability']:.0%}", va="center")
+    ax.set(xlabel="probability", xlim=(0.0, 1.1))
+    caption = "orange: the most probable, and not given" if report["verdict"] == "unexplained" else "green: given"
+    page.figure(drawing, f"Of all that may have happened, by what the logs say; {caption}.")
 
 
 def _some(n: int) -> slice:
@@ -238,34 +238,13 @@ def _loop(page: Page, evidence: Evidence, tracing: Tracing) -> None:
     page.figure(drawing, f"The log with the largest error, {experiment.name}.", zoom=True)
 
 
-def _race(page: Page, tracing: Tracing) -> None:
-    page.heading("The candidates' race")
-    named = tracing.verdict == "traced"
-    best = "tab:green" if named else "tab:orange"
-    drawing, axes = figure(len(tracing.rounds), 1, height_in=5.0)
-    for ax, round_ in zip(axes[0], tracing.rounds, strict=True):
-        trials = round_.trials[:14][::-1]
-        labels = [_words([n for n in t.names if n not in round_.before]) for t in trials]
-        alike = {id(t) for t in round_.alternatives}
-        colours = [best if t is round_.winner else "tab:olive" if id(t) in alike else "0.7" for t in trials]
-        ax.barh(labels, [t.gain for t in trials], xerr=[t.gain_error for t in trials], color=colours)
-        ax.set(
-            xlabel="what it takes off a cycle that its fit has not seen [loss]",
-            title=f"after {_words(round_.before)}" if round_.before else "first",
-        )
-    words = "Green: named" if named else "Orange: takes off most, and is not named: see the verdict"
-    page.figure(drawing, f"{words}. Olive: within a standard error of it. Bars: standard error over cycles.")
-
-
 def _why(page: Page, report: dict[str, Any]) -> None:
     """Of every candidate why it was given, or was not."""
-    rows = [row for row in report["candidates"] if row["gain"] is not None]
-    if not rows:
-        return
+    rows = [row for row in report["candidates"] if row["nats"] is not None]
     page.heading("Why this, and nothing else")
     page.table(
-        ("candidate", "takes off a cycle, nats", "answer", "why"),
-        [(_words(row["effects"]), f"{row['gain']:.1f}", row["answer"], row["reason"]) for row in rows[:REFUSED_SHOWN]],
+        ("hypothesis", "nats beside the most probable", "answer", "why"),
+        [(_words(row["effects"]), f"{row['nats']:.1f}", row["answer"], row["reason"]) for row in rows[:REFUSED_SHOWN]],
         caption="report.json has them all, under candidates; trace --explain NAME … draws what speaks for and against "
         "a name.",
     )
@@ -273,12 +252,13 @@ def _why(page: Page, report: dict[str, Any]) -> None:
 
 def _for_and_against(page: Page, rows: Sequence[dict[str, Any]]) -> None:
     """By witness and by stretch of the logs, what each of some names takes off."""
+    if rows:
+        page.heading("For and against")
     for row in rows:
         page.text(f"{_words(row['effects'])}, {row['answer']}: {row['reason']}")
-    shown = [row for row in rows if row["gain"] is not None]
+    shown = [row for row in rows if row["nats"] is not None]
     if not shown:
         return
-    page.heading("For and against")
     drawing, axes = figure(2, 1, height_in=4.0)
     width = 0.8 / len(shown)
     for number, row in enumerate(shown):
@@ -290,7 +270,7 @@ def _for_and_against(page: Page, rows: Sequence[dict[str, Any]]) -> None:
         strict=True,
     ):
         ax.set_yticks(np.arange(len(labels)) + 0.4 - 0.5 * width, labels)
-        ax.set(xlabel="nats taken off, on cycles that the fit had not seen")
+        ax.set(xlabel="nats beside the most probable hypothesis")
         ax.axvline(0.0, color="black", lw=0.8)
         ax.legend()
     axes[0, 1].set(ylabel="stretch of the logs")
@@ -322,13 +302,12 @@ def _tell_tale(page: Page, evidence: Evidence, tracing: Tracing, names: Sequence
 def _rests(page: Page, evidence: Evidence, tracing: Tracing, report: dict[str, Any]) -> None:
     page.heading("The signature")
     page.table(
-        ("witness", "off before", "off after", "usual up to", "of that explained"),
+        ("witness", "off before", "off after", "of that explained"),
         [
             (
                 w["name"],
                 f"{w['off_before']:.1f}",
                 f"{w['off_after']:.1f}",
-                f"{w['usual']:.1f}",
                 "it was not unusual" if w["explained"] is None else f"{w['explained']:.0%}",
             )
             for w in report["witnesses"]
@@ -377,12 +356,12 @@ def _the_rest(page: Page, report: dict[str, Any]) -> None:
     if report["alternatives"]:
         page.heading("What this log cannot tell apart")
         page.table(
-            ("instead of", "could be", "confidence", "experiment", "takes", "then they differ by"),
+            ("instead of", "could be", "probability", "experiment", "takes", "then they differ by"),
             [
                 (
                     _words([a["instead_of"]]),
                     _words([a["name"]]),
-                    f"{a['confidence']:.0%}",
+                    f"{a['probability']:.0%}",
                     a["experiment"]["what"],
                     f"{a['experiment']['duration_s']:.0f} s",
                     f"{a['experiment']['predicted_difference_m'] * _MM:.3f} mm",

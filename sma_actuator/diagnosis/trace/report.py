@@ -21,13 +21,14 @@ from . import why
 from .analysis import anatomy
 from .evidence import Evidence
 from .experiments import best_experiment
-from .fitting import Fit, fit
-from .limits import LIMITS
-from .probability import probabilities
-from .race import Tracing, of_the_model, usual
+from .hypotheses import NOTHING, Rows
+from .likeliest import likeliest
+from .probability import NO_NAMES
+from .tracing import Tracing, of_the_model
 
 DRAWS = 1000
-SELDOM = 0.05  #: share of redrawn cycles on which an alternative does best, below which it does surely less well
+USUAL = 2.0  #: deviation (rms, σ) of a witness above which it is worth a word
+MOST_SAID = 3
 LEAST_SAID = 0.02  #: probability from which a name is worth a word
 DEPENDS = 0.1  #: share of the residual's mean square from which a dependence is worth naming
 
@@ -36,58 +37,36 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
     """The report for machines; errors are mean absolute, in % of full stroke, over cycles that the fit had not seen."""
     weight = evidence.samples_of_unit
     before, after = tracing.errors_percent["before"], tracing.errors_percent["after"]
-    last = ~tracing.train
     left = anatomy(evidence, tracing.predictions["after"])
     at_first = anatomy(evidence, tracing.predictions["before"])
     alternatives = _alternatives(evidence, tracing)
-    found = why.whys(evidence, tracing)
     out: dict[str, Any] = {
         "verdict": tracing.verdict,
         "sentence": sentence(tracing, left.depends, alternatives) + _trained_first(evidence.changed_percent),
         "effects": _effects(evidence, tracing),
         "alternatives": alternatives,
+        "names": tracing.names,
+        "probable": tracing.probabilities.by_name,
+        "probabilities": [
+            {"hypothesis": list(names), "probability": share} for names, share in tracing.probabilities.of.items()
+        ],
         "witnesses": _witnesses(tracing),
-        **_probabilities(evidence, tracing),
-        "candidates": why.as_numbers(found),
+        "candidates": why.as_numbers(why.whys(evidence, tracing)),
         "untestable": [{"name": name, "reason": why} for name, why in tracing.untestable.items()],
         "error_before_pct_stroke": _mean(before, weight),
         "error_before_interval": _interval(before, weight),
         "error_after_pct_stroke": _mean(after, weight),
         "error_after_interval": _interval(after, weight),
-        "last_block": {
-            "cycles": int(last.sum()),
-            "error_before_pct_stroke": _mean(before[last], weight[last]),
-            "error_after_pct_stroke": _mean(after[last], weight[last]),
-        },
-        # What the gate is held against: every unit weighs the same.
+        # Every unit weighs the same.
         "news_before_pct_stroke": float(tracing.news_percent["before"].mean()),
         "news_after_pct_stroke": float(tracing.news_percent["after"].mean()),
-        "gate_pct_stroke": tracing.gate_percent,
+        "floor_pct_stroke": evidence.floor_percent,
         "excess_explained": tracing.share,
-        "loss_after_over_calibration": _ratio(
-            float(tracing.losses["after"][tracing.train].mean()), tracing.expected_loss
-        ),
+        "loss_after_over_calibration": _ratio(float(tracing.losses["after"].mean()), tracing.expected_loss),
         "floor_from_calibration": bool(evidence.calibration.known),
         "cycles": int(evidence.units),
         "residual_before": _anatomy(at_first),
         "residual_after": _anatomy(left),
-        "race": [
-            {
-                "after": list(r.before),
-                "trials": [
-                    {
-                        "effects": list(t.names),
-                        "gain": t.gain,
-                        "standard_error": t.gain_error,
-                        "parameters": t.fit.parameters,
-                        "at_bound": list(t.fit.at_bound),
-                    }
-                    for t in r.trials
-                ],
-                "winner": list(r.winner.names) if r.winner else None,
-            }
-            for r in tracing.rounds
-        ],
         "notes": []
         if evidence.logs.one_session or len(evidence.logs.experiments) == 1
         else [
@@ -101,20 +80,6 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
         "logs": [t.log.source for t in evidence.logs.experiments],
     }
     return _plain(out)
-
-
-def _probabilities(evidence: Evidence, tracing: Tracing) -> dict[str, Any]:
-    """How probable every hypothesis is, and what follows from that alone; empty where it is not asked what happened
-    since."""
-    if evidence.beyond_floor or not evidence.knows_its_scatter or not tracing.field:
-        return {"probabilities": [], "probable": {}, "by_probability": None}
-    found = probabilities(evidence, tracing.field)
-    verdict, names = found.verdict
-    return {
-        "probabilities": [{"hypothesis": list(some), "probability": share} for some, share in found.of.items()],
-        "probable": found.by_name,
-        "by_probability": {"verdict": verdict, "effects": names},
-    }
 
 
 def probable(report: dict[str, Any]) -> str:
@@ -137,14 +102,14 @@ def explained(report: dict[str, Any], names: Sequence[str]) -> list[dict[str, An
 
 def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence[dict[str, Any]]) -> str:
     """The verdict as a colleague would say it: what it is, how sure that is, what to do next."""
-    if tracing.verdict == "none" and tracing.gate_percent == 0.0:
-        return "No candidate takes anything off this error on cycles that it has not seen."
+    of, names = tracing.probabilities.of, list(tracing.fit.names) if tracing.fit else []
+    nothing = of.get((NOTHING,), 0.0)
     if tracing.verdict == "none":
         return (
-            f"Nothing is missing: of the error {tracing.news_percent['before'].mean():.2f} % of full stroke is not "
-            f"what the calibration lets expect, and up to {tracing.gate_percent:.2f} % is usual for these logs."
+            f"Nothing is missing, with a probability of {nothing:.0%}: of the error "
+            f"{tracing.news_percent['before'].mean():.2f} % of full stroke is not what the calibration lets expect, "
+            "and that is usual."
         )
-    names = list(tracing.fit.names) if tracing.fit else []
     if tracing.verdict == "traced":
         return _said(tracing, names, alternatives)
     most = [name for name, share in depends.items() if share >= DEPENDS][:3]
@@ -154,18 +119,16 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
         if most
         else "; it depends on nothing that was looked at."
     )
-    if tracing.beside:
-        further, share = tracing.beside
+    likely = [n for n in tracing.probabilities.by_name if n not in NO_NAMES][:MOST_SAID]
+    if tracing.probabilities.best[0] in NO_NAMES:
+        text += " Something else than any of them is the most probable"
+    else:
+        text += f" No {MOST_SAID} names together are probable enough"
+    shares = _listed([f"{n} {tracing.probabilities.by_name[n]:.0%}" for n in likely])
+    text += f"; of the names {shares}." if likely else "."
+    if names:
         text += (
-            f" {' and '.join(names)} would leave nothing unusual, but {further} beside that would take off {share:.0%} "
-            "more: a relative of what is there leaves such a rest, so it may be the wrong name."
-        )
-    elif names:
-        text += f" {' and '.join(names)} would take off part of it (that is the error after), and may be the wrong name"
-        text += (
-            f": even with it {_listed(tracing.unusual)} would not agree with the calibration."
-            if tracing.unusual
-            else "."
+            f" {' and '.join(names)} would take off part of it (that is the error after), and may be the wrong name."
         )
     if tracing.untestable:
         lacking = "; ".join(f"{name} ({why})" for name, why in tracing.untestable.items())
@@ -203,46 +166,26 @@ def _said(tracing: Tracing, names: Sequence[str], alternatives: Sequence[dict[st
         f"{what[0].upper()}{what[1:]}: that explains {max(1.0 - after / before, 0.0):.0%} of what is unusual in "
         f"these logs"
     )
-    mended = [name for name, off in tracing.witnesses["before"].items() if off > LIMITS.usual_deviation]
+    after_it = tracing.witnesses["after"]
+    mended = [n for n, off in tracing.witnesses["before"].items() if off > USUAL and after_it.get(n, off) <= USUAL]
     text += (
         f", and {_listed(mended)} {'is' if len(mended) == 1 else 'are'} as at the calibration with it."
         if mended
         else "."
     )
+    still = [f"{name} ({off:.1f} standard deviations)" for name, off in after_it.items() if off > USUAL]
+    text += f" Still off with it: {_listed(still)}." if still else ""
+    alone = "this alone" if len(names) == 1 else "these together"
+    text += f" That it is {alone} has a probability of {tracing.probabilities.of[tracing.probabilities.best]:.0%}"
+    text += (
+        "."
+        if not alternatives
+        else f"; that it is among {_listed(tracing.names)}, {tracing.probabilities.within(tracing.names):.0%}."
+    )
     if alternatives:
-        text += "".join(_instead(alternatives, name, several=len(names) > 1) for name in names)
-        text += " To tell: "
-        text += "; or ".join(dict.fromkeys(a["experiment"]["what"] for a in alternatives)) + "."
-    elif tracing.rounds:
-        text += " Nothing else that was tried does that."
-    plain = [name for name, off in tracing.witnesses["before"].items() if off > LIMITS.certain_deviation]
-    if before <= tracing.gate_percent and plain:
-        text += (
-            f" By its size alone ({before:.2f} % of full stroke, where {tracing.gate_percent:.2f} % may be usual) "
-            f"it could be nothing; {_listed(plain)} could not."
-        )
-    elif before <= tracing.gate_percent:
-        text += (
-            f" It is small: by its size alone ({before:.2f} % of full stroke, where {tracing.gate_percent:.2f} % "
-            f"may be usual) it could be nothing."
-        )
+        text += " To tell: " + "; or ".join(dict.fromkeys(a["experiment"]["what"] for a in alternatives)) + "."
     parts = dict.fromkeys(EFFECTS[n].PART for n in names)
     return " ".join([text, *(NEXT[part] for part in parts if part in NEXT), _allowed_for(names)])
-
-
-def _instead(alternatives: Sequence[dict[str, Any]], name: str, several: bool) -> str:
-    """What it could be in the place of one name: what does as well, and what does less and leaves nothing unusual
-    either."""
-    others = [a for a in alternatives if a["instead_of"] == name]
-    as_well = " or ".join(a["name"] for a in others if a["confidence"] >= SELDOM)
-    less = " or ".join(a["name"] for a in others if a["confidence"] < SELDOM)
-    text = ""
-    if as_well:
-        text += f" Instead of {name} it could as well be {as_well}." if several else f" It could as well be {as_well}."
-    if less:
-        instead = f" instead of {name}" if several else ""
-        text += f" Less well, but leaving nothing unusual either, {less} explains it{instead}."
-    return text
 
 
 def _allowed_for(names: Sequence[str]) -> str:
@@ -261,15 +204,8 @@ def _witnesses(tracing: Tracing) -> list[dict[str, Any]]:
     out = []
     for name, before in tracing.witnesses["before"].items():
         after = tracing.witnesses["after"].get(name, before)
-        out.append(
-            {
-                "name": name,
-                "off_before": before,
-                "off_after": after,
-                "usual": usual(before),
-                "explained": 1.0 - (after / before) ** 2 if before > LIMITS.usual_deviation else None,
-            }
-        )
+        explained = 1.0 - (after / before) ** 2 if before > USUAL else None
+        out.append({"name": name, "off_before": before, "off_after": after, "explained": explained})
     return out
 
 
@@ -277,8 +213,7 @@ def _effects(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
     if tracing.fit is None or tracing.verdict != "traced":
         return []
     found = tracing.fit
-    confidence = confidences(tracing)
-    shares = _shares(evidence, tracing, found)
+    shares = _shares(evidence, tracing)
     out = []
     for name in found.names:
         declared = {f.name: declaration_of(f) for f in dataclasses.fields(EFFECTS[name])}  # type: ignore[arg-type]
@@ -298,69 +233,43 @@ def _effects(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
                     for p, value in found.values[name].items()
                 },
                 "share": shares[name],
-                "confidence": confidence.get(name, 1.0),
+                "probability": tracing.probabilities.by_name[name],
                 "in_the_model": EFFECTS[name].PART not in NOT_THE_MODEL,
             }
         )
     return out
 
 
-def _shares(evidence: Evidence, tracing: Tracing, found: Fit) -> dict[str, float]:
-    """What each effect takes off the excess loss: what is lost when it alone is left out of the fit."""
-    train = tracing.train
-    base, all_ = tracing.losses["before"][train].mean(), found.held_out[train].mean()
-    if len(found.names) == 1:
-        return {found.names[0]: float(tracing.share)}
+def _shares(evidence: Evidence, tracing: Tracing) -> dict[str, float]:
+    """What each effect takes off the excess loss: of several, what is lost when it alone is left out of the fit."""
+    found = tracing.chosen.fitted
+    if len(found.candidates) == 1:
+        return {found.candidates[0].name: float(tracing.share)}
+    all_, covariance = evidence.losses(found.rows).mean(), Rows(evidence).usual
     lost = {}
     for c in found.candidates:
         others = [x for x in found.candidates if x is not c]
-        lost[c.name] = max(fit(evidence, others, train, found).held_out[train].mean() - all_, 0.0)
+        without = likeliest(evidence, others, covariance, found.values)
+        lost[c.name] = max(float(evidence.losses(without.rows).mean() - all_), 0.0)
     total = sum(lost.values()) or 1.0
-    scale = float(tracing.share) if base > all_ else 0.0
-    return {name: float(x / total * scale) for name, x in lost.items()}
-
-
-def confidences(tracing: Tracing) -> dict[str, float]:
-    """How often each of several explanations that are alike does best when the cycles are drawn anew."""
-    out: dict[str, float] = {}
-    for r in tracing.rounds:
-        alike = [r.winner, *(t for t in tracing.alternatives.values() if t in r.alternatives)] if r.winner else []
-        if len(alike) < 2:
-            continue
-        losses = np.array([t.fit.held_out[tracing.train] for t in alike])
-        rng = np.random.default_rng(1)
-        drawn = rng.integers(losses.shape[1], size=(DRAWS, losses.shape[1]))
-        best = np.argmin(losses[:, drawn].mean(axis=2), axis=0)
-        share = np.bincount(best, minlength=len(alike)) / DRAWS
-        for t, p in zip(alike, share, strict=True):
-            for name in _own(t, alike):
-                out[name] = float(p)
-    return out
-
-
-def _own(trial, alike) -> list[str]:
-    """The effects of one of several alike that not all of them have."""
-    common = set.intersection(*(set(t.names) for t in alike))
-    return [n for n in trial.names if n not in common]
+    return {name: float(x / total * tracing.share) for name, x in lost.items()}
 
 
 def _alternatives(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
+    """The other names of the set, and the experiment that would tell each from what is most probable."""
     if tracing.verdict != "traced":
         return []
-    confidence = confidences(tracing)
     out = []
-    for name, trial in tracing.alternatives.items():
-        winner = next(r.winner for r in tracing.rounds if r.winner and trial in r.alternatives)
-        experiment = best_experiment(evidence, winner.fit.effects, trial.fit.effects)
+    best = tracing.chosen
+    for name, one in tracing.alternatives.items():
+        experiment = best_experiment(evidence, best.fitted.effects, one.fitted.effects)
         out.append(
             {
                 "name": name,
                 "stage": EFFECTS[name].PART,
                 "what": EFFECTS[name].WORDS,
-                "instead_of": next((n for n in winner.names if n not in trial.names), winner.names[-1]),
-                "confidence": confidence.get(name, 0.0),
-                "why": "on cycles that the fits had not seen the two do as well as each other, or leave nothing "
-                "unusual both",
+                "instead_of": next((n for n in best.names if n not in one.names), best.names[-1]),
+                "probability": tracing.probabilities.by_name[name],
                 "experiment": {
                     "what": experiment.what,
                     "duration_s": experiment.duration_s,

@@ -1,10 +1,9 @@
-"""How the rows of the evidence move with each effect's sizes: what isolability and probabilities are reckoned from."""
+"""How the rows of the evidence move with each effect's sizes: what isolability is reckoned from."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,11 +11,9 @@ from sma_actuator.estimation.effects import Effect
 from sma_actuator.estimation.effects.free import Free
 
 from .candidates import Candidate
-from .evidence import Evidence, limited
 
 PROBE = 0.5  #: of what is typical: so large an effect is asked for, as a fit's first step asks
 TIMES = (0.5, 0.25, 0.75)  #: of the logs: when something may have happened that happens once
-RIDGE = 0.01  #: nats: holds a size that these rows say nothing of
 
 
 def sizes(c: Candidate) -> list[tuple[Free, float]]:
@@ -55,32 +52,4 @@ def probes(c: Candidate) -> list[np.ndarray]:
         probe = np.zeros(len(sizes(c)))
         probe[i] = 1.0 if not f.is_size else PROBE if PROBE * typical <= f.high else -PROBE
         found.append(probe)
-    return found
-
-
-@dataclass(frozen=True, slots=True)
-class Step:
-    """One effect with one shape, one linear step of its sizes from nothing."""
-
-    name: str
-    slopes: np.ndarray  #: of the rows by what is typical of each size, shape (rows, sizes)
-    values: np.ndarray  #: its sizes after the step, in what is typical
-    rows: np.ndarray  #: in standard deviations, limited, with these
-
-
-def steps(evidence: Evidence, c: Candidate, base: np.ndarray, duration_s: float) -> list[Step]:
-    """A step for every shape of an effect; ``base``: what is off without it, :meth:`Evidence.off`."""
-    found = []
-    for shape in shapes(c, duration_s):
-        columns = []
-        for probe in probes(c):
-            moved = evidence.off(evidence.predict({c.name: built(c, shape, probe)}))
-            columns.append((moved - base) / probe[np.flatnonzero(probe)[0]])
-        slopes = np.column_stack(columns)
-        step = -np.linalg.solve(slopes.T @ slopes + RIDGE * np.eye(len(columns)), slopes.T @ base)
-        values = np.array(
-            [np.clip(v, f.low / typical, f.high / typical) for v, (f, typical) in zip(step, sizes(c), strict=True)]
-        )
-        rows = limited(evidence.off(evidence.predict({c.name: built(c, shape, values)})))
-        found.append(Step(c.name, slopes, values, rows))
     return found

@@ -1,134 +1,126 @@
-"""Why a name was given, or was not: what it takes off by witness and by stretch of the log, and what it was refused
-for.
+"""Why a name was given, or was not: what speaks for and against it, by witness and by stretch of the logs, beside the
+most probable hypothesis.
 
-Losses are half the sum of squares in the calibration's standard deviations, so what is taken off counts in nats: the
-logarithm of how much likelier the logs are with the effect than without, on cycles that its fit has not seen.
+All of it counts in nats: logarithms of how much likelier one is than the other.  What the rows say of two hypotheses is
+parted among them by each row's part of the squares; what is left is what each costs for all that it could have been.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from sma_actuator.diagnosis.selection import Trial
-
 from .evidence import Evidence
-from .race import LOSS, Held, Tracing
+from .hypotheses import Hypothesis
+from .probability import NO_NAMES
+from .tracing import Tracing
 
 STRETCHES = 6  #: of the logs, of as many cycles each
 GIVEN, ALTERNATIVE, REFUSED, UNTESTABLE = "given", "alternative", "refused", "untestable"
+LEAST = 0.005  #: probability that is worth its number
+LEAST_NATS = 1.0  #: by which something must speak against a name to be worth a word
 
 
 @dataclass(frozen=True, slots=True)
 class Why:
-    """What speaks for and against a name."""
+    """What speaks for and against a hypothesis beside the most probable one, in nats; less than nothing is against
+    it."""
 
     names: tuple[str, ...]
     answer: str  #: GIVEN, ALTERNATIVE, REFUSED or UNTESTABLE
     reason: str  #: one sentence
-    trial: Trial | None  #: None where these logs could not have shown it
-    held: tuple[Held, ...]  #: all that it was held against
-    by_witness: dict[str, float]  #: nats that it takes off, of all cycles that are held out in turn
-    by_stretch: tuple[float, ...]  #: the same of each stretch of these
+    probability: float
+    hypothesis: Hypothesis | None  #: None where these logs could not have shown it
+    nats: float  #: all together; the rest is what it costs to be so free, and what was known before the logs
+    by_witness: dict[str, float]
+    by_stretch: tuple[float, ...]
 
 
 def whys(evidence: Evidence, tracing: Tracing) -> list[Why]:
-    """Of every name that was tried or could not be: those given first, then by what they take off."""
-    chosen = _chosen(tracing)
-    tried = sorted(tracing.singles.values(), key=lambda t: -t.gain)
-    if chosen is not None:
-        tried = [chosen, *(t for t in tried if t.names != chosen.names)]
-    found = [_why(evidence, tracing, trial, chosen) for trial in tried]
-    given = [why for why in found if why.answer == GIVEN]
-    none = [Why((n,), UNTESTABLE, f"{text}.", None, (), {}, ()) for n, text in tracing.untestable.items()]
-    return given + [why for why in found if why.answer != GIVEN] + none
+    """Of every hypothesis that was reckoned in full, and every name that could not be: the most probable first."""
+    fitted = [one for one in tracing.hypotheses.values() if len(one.by_row)]
+    best = tracing.hypotheses[tracing.probabilities.best]
+    found = [_why(evidence, tracing, one, best) for one in fitted]
+    found.sort(key=lambda why: (why.answer != GIVEN, -why.nats))
+    none = [Why((n,), UNTESTABLE, f"{text}.", 0.0, None, -math.inf, {}, ()) for n, text in tracing.untestable.items()]
+    return found + none
 
 
-def _chosen(tracing: Tracing) -> Trial | None:
-    """What the race chose, whether it was given in the end or not."""
-    return next((r.winner for r in reversed(tracing.rounds) if r.winner), None) if tracing.fit else None
+def _why(evidence: Evidence, tracing: Tracing, one: Hypothesis, best: Hypothesis) -> Why:
+    by_row = _nats_by_row(one, best)
+    by_unit = np.bincount(evidence.unit_of_row, by_row, minlength=evidence.units)
+    by_witness = {name: float(by_row[rows].sum()) for name, rows in evidence.rows_by_witness().items()}
+    probability = tracing.probabilities.of.get(one.names, 0.0)
+    nats = one.log_evidence - best.log_evidence + _before(tracing, one) - _before(tracing, best)
+    answer, reason = _answer(tracing, one, probability, nats, by_witness)
+    by_stretch = tuple(float(part.sum()) for part in np.array_split(by_unit, STRETCHES))
+    return Why(one.names, answer, reason, probability, one, nats, by_witness, by_stretch)
 
 
-def _why(evidence: Evidence, tracing: Tracing, trial: Trial, chosen: Trial | None) -> Why:
-    held = tuple(tracing.judge.held(trial))
-    nats = tracing.judge.rows**2 / 2.0 - trial.fit.held_out_rows**2 / 2.0
-    seen = tracing.train[evidence.unit_of_row]
-    by_unit = np.bincount(evidence.unit_of_row, nats, minlength=evidence.units)[tracing.train]
-    answer, reason = _answer(tracing, trial, chosen, held)
-    return Why(
-        trial.names,
-        answer,
-        reason,
-        trial,
-        held,
-        {name: float(nats[rows & seen].sum()) for name, rows in evidence.rows_by_witness().items()},
-        tuple(float(part.sum()) for part in np.array_split(by_unit, STRETCHES)),
+def _before(tracing: Tracing, one: Hypothesis) -> float:
+    """Logarithm of its probability before the logs; of what was only asked for, that of any other single name."""
+    single = max(
+        (p for names, p in tracing.before.items() if len(names) == 1 and names[0] not in NO_NAMES), default=1.0
     )
+    return math.log(tracing.before.get(one.names) or single)
 
 
-def _answer(tracing: Tracing, trial: Trial, chosen: Trial | None, held: Sequence[Held]) -> tuple[str, str]:
-    """Whether a name was given, and the one reason that decided it, in a sentence."""
-    takes = f"takes {trial.gain:.1f} nats off a cycle"
-    chosen_takes = f"{' and '.join(chosen.names)} {chosen.gain:.1f}" if chosen and chosen is not trial else ""
-    beside = f" (it {takes}, {chosen_takes})" if chosen_takes else ""
-    against = [_against(h, _of(tracing, chosen, h.what)) for h in held if h.refuses]
-    if tracing.verdict == "traced" and trial is chosen:
-        return GIVEN, f"It {takes} and leaves nothing unusual."
-    if tracing.verdict == "traced" and trial.names[-1] in tracing.alternatives:
-        return ALTERNATIVE, f"It {takes}, {chosen_takes}: these logs do not tell the two apart."
-    if trial is chosen and tracing.beside:
-        further, share = tracing.beside
-        return REFUSED, f"It leaves nothing unusual, but {further} beside it would take off {share:.0%} more."
-    if trial.refusal:
-        return REFUSED, f"Refused: {trial.refusal}{beside}."
-    if against:
-        return REFUSED, f"With it {'; '.join(against[:2])}{beside}."
-    if not any(t.names == trial.names for r in tracing.rounds for t in r.trials):
-        return (
-            REFUSED,
-            (
-                f"It did not compete: it {takes}{f', {chosen_takes}' * bool(chosen_takes)}, and would leave nothing "
-                f"unusual."
-            ),
-        )
-    if tracing.verdict == "none":
-        return REFUSED, "What is there without it is usual for these logs: there is nothing to explain."
-    return REFUSED, f"It leaves nothing unusual either, but it {takes}, {chosen_takes}."
+def _nats_by_row(one: Hypothesis, best: Hypothesis) -> np.ndarray:
+    """What each row says for one hypothesis and against another, so that together they are what all rows say."""
+    fewer = best.by_row - one.by_row
+    together = float(fewer.sum())
+    says = one.log_likelihood - best.log_likelihood
+    if abs(together) < 1e-9 * float(np.abs(fewer).sum() + 1.0):
+        return np.zeros(len(fewer))
+    # where both leave as much and differ in what they cost, a nat is half a square
+    rate = says / together if says * together > 0.0 else 0.5
+    return fewer * rate
 
 
-def _of(tracing: Tracing, chosen: Trial | None, what: str) -> float | None:
-    """What is left of the same with what was chosen."""
-    if chosen is None:
-        return None
-    return next((h.found for h in tracing.judge.held(chosen) if h.what == what), None)
+def _answer(
+    tracing: Tracing, one: Hypothesis, probability: float, nats: float, by_witness: dict[str, float]
+) -> tuple[str, str]:
+    """Whether a name was given, and what decided it, in a sentence."""
+    best = tracing.probabilities.best
+    is_said = f"It has a probability {f'of {probability:.0%}' if probability >= LEAST else f'below {LEAST:.1%}'}"
+    if one.names == best:
+        rest = 1.0 - probability
+        others = f"; all others together have {rest:.1%}." if rest >= LEAST else "; nothing else comes near."
+        given = tracing.verdict != "unexplained" or one.found is None
+        return (GIVEN if given else REFUSED), is_said + others
+    beside = f"beside {' and '.join(best)} it is {_times(nats)} less probable"
+    if one.objection:
+        return REFUSED, f"It is none: {one.objection} ({beside} without that)."
+    against = sorted((n for n in by_witness if by_witness[n] < -LEAST_NATS), key=lambda n: by_witness[n])
+    speaks = "".join(f"; {n} speaks against it with {-by_witness[n]:.1f} nats" for n in against[:2])
+    if tracing.verdict == "traced" and one.names[-1] in tracing.names and one.names[-1] not in best:
+        return ALTERNATIVE, f"{is_said}: these logs hardly tell the two apart; {beside}{speaks}."
+    rows = sum(by_witness.values())
+    freedom = "" if against else f"; the logs say {abs(rows):.1f} nats {'for' if rows > 0 else 'against'} it, it could "
+    freedom += "" if against else "have been much else"
+    return REFUSED, f"{is_said}: {beside}{speaks}{freedom}."
 
 
-def _against(held: Held, chosen: float | None) -> str:
-    """What speaks against a name, with the numbers."""
-    beside = "" if chosen is None or chosen == held.found else f", {chosen:.2g} with what was chosen"
-    if held.what == LOSS:
-        return f"a cycle still loses {held.found:.3g} nats, where {held.most:.3g} may be{beside}"
-    if held.what.startswith("the trend"):
-        return f"{held.what} is left with {held.found:.2g} variances, where {held.most:.2g} may be{beside}"
-    return f"{held.what} is off by {held.found:.2g} standard deviations, where {held.most:.2g} may be{beside}"
+def _times(nats: float) -> str:
+    """How many times less probable."""
+    tens = -nats / math.log(10.0)
+    return f"{10.0**tens:.2g} times" if tens < 3.0 else f"10^{tens:.0f} times"
 
 
 def as_numbers(found: Sequence[Why]) -> list[dict[str, Any]]:
-    """The same for machines."""
+    """The same for machines; nats are beside the most probable hypothesis."""
     return [
         {
             "effects": list(why.names),
             "answer": why.answer,
             "reason": why.reason,
-            "gain": why.trial.gain if why.trial else None,
-            "standard_error": why.trial.gain_error if why.trial else None,
-            "parameters": why.trial.fit.values if why.trial else {},
-            "held_against": [
-                {"what": h.what, "found": h.found, "most": h.most, "refuses": h.refuses} for h in why.held
-            ],
+            "probability": why.probability,
+            "nats": why.nats if why.hypothesis else None,
+            "parameters": why.hypothesis.found.values if why.hypothesis and why.hypothesis.found else {},
             "nats_by_witness": why.by_witness,
             "nats_by_stretch": list(why.by_stretch),
         }

@@ -51,9 +51,8 @@ class Effect:
     PART: ClassVar[str]  #: where the fault lies, one of PARTS
     WORDS: ClassVar[str]  #: what is the matter, in words that go on after "…: "
     REMEDY: ClassVar[str]  #: what a person can do about it, in sentences
-    TELL_TALE: ClassVar[str]  #: the quantity that gives it away, one of QUANTITIES
+    TELL_TALE: ClassVar[str]  #: the quantity that gives it away, one of QUANTITIES: the page draws the residual over it
     STATES: ClassVar[int] = 0  #: numbers it remembers; NaN before the first sample
-    ESSENTIAL: ClassVar[tuple[str, ...]] = ()  #: names of size parameters without any of which it is not this effect
     #: Whether it acts at the displacement between what the load pulls at and the reference sensor, so that a spring's
     #: load knows nothing of it.
     BEHIND_THE_LOAD: ClassVar[bool] = False
@@ -62,8 +61,6 @@ class Effect:
     LASTS: ClassVar[bool] = True
     #: Whether it is what other surroundings do: in a model without one, what they do is nothing to be expected.
     ALLOWS_FOR_AMBIENT: ClassVar[bool] = False
-    #: Whether it has but roughly the form of what it is called: it leaves a rest where it is right, too.
-    ROUGH: ClassVar[bool] = False
 
     @classmethod
     def free(cls, scales: Scales) -> list[Free]:
@@ -101,7 +98,6 @@ def _refusal(_name: str, cls: type[Effect]) -> str:
         "a fault of the reference acts at 'shown', and nothing else does": ("shown" in acts) != (part == "reference"),
         "it is BEHIND_THE_LOAD, which is at the displacement, and does not act there": cls.BEHIND_THE_LOAD
         and "at_displacement" not in acts,
-        f"ESSENTIAL {', '.join(cls.ESSENTIAL)}: not all are parameters of it": not set(cls.ESSENTIAL) <= set(names),
         f"SCANNED '{cls.SCANNED}' is none of its parameters": bool(cls.SCANNED) and cls.SCANNED not in names,
     }
     return "; ".join(text for text, is_so in complaints.items() if is_so)

@@ -50,7 +50,7 @@ class Free:
     name: str
     low: float
     high: float
-    typical: float  #: a size parameter is varied in units of it
+    typical: float  #: of a size parameter, before the logs: it is varied in units of that
     starts: tuple[float, ...] = ()  #: of a shape parameter (time constant …), which alone changes nothing
     logarithmic: bool = True  #: whether a shape parameter is varied as its logarithm
     #: Ends, "low" or "high", at which the effect is another one: a contact that has drifted at once is a lead.

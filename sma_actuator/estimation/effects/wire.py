@@ -308,7 +308,6 @@ class Fatigue(Effect):
     WORDS = "the wire wears with the number of its cycles"
     REMEDY = "The wire ages: use less stress or less stroke, calibrate again, and plan to replace it."
     TELL_TALE = "cycle"
-    ESSENTIAL = ("displacement", "resistance")  # where one of them alone drifts, it is a contact or a sensor
     LASTS = False  # a wire wears as its cycles go
     STATES = 2
     displacement: float = parameter(0.0, "how far the hot end has moved when g is one", "m", -1.0, 1.0)
@@ -408,7 +407,6 @@ class MinorLoopMemory(Effect):
         "or calibrate with more partial cycles."
     )
     TELL_TALE = "distance_from_reversal_m"
-    ROUGH = True  # what any model leaves in partial cycles has its form, and no alloy has quite that
     STATES = 7
     after_heating: float = parameter(
         0.0, "shift of the cooling branch, per incompleteness of the heating", "m", -1.0, 1.0

@@ -1,4 +1,4 @@
-"""An effect that does not say everything of itself is refused where it is written, not after a race."""
+"""An effect that does not say everything of itself is refused where it is written, not when logs are traced."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -48,7 +48,6 @@ def written(**changes):
         ({"free": None}, "free is missing"),
         ({"measured": None}, "it acts nowhere"),
         ({"shown": lambda self, frame, state, place: None}, "acts at 'shown'"),
-        ({"ESSENTIAL": ("size",)}, "ESSENTIAL size: not all are parameters of it"),
         ({"BEHIND_THE_LOAD": True}, "does not act there"),
         ({"SCANNED": "time"}, "SCANNED 'time' is none of its parameters"),
     ],

@@ -12,12 +12,14 @@ from sma_actuator.calibration.expectation import Expectation, always_so_m
 from sma_actuator.calibration.rest import SPREAD
 from sma_actuator.calibration.training import SINCE_THEN, SINCE_THEN_WITHIN
 from sma_actuator.config import Config
-from sma_actuator.diagnosis.trace.limits import LIMITS
 from sma_actuator.diagnosis.trace.prepared import Prepared
 from sma_actuator.estimation.chain import Chain, Judged
 from sma_actuator.estimation.effects.frame import Frame, Place
 
 from .witness import Prediction
+
+#: Floor of a model whose file does not say how good it was, % of full stroke.
+FLOOR_percent = 1.5
 
 
 class Residual:
@@ -52,7 +54,7 @@ class Residual:
         """
         c = self.calibration
         if self.expectation is None:
-            percent = max(c.error, c.largest_error) if c.known else LIMITS.floor
+            percent = max(c.error, c.largest_error) if c.known else FLOOR_percent
             self.floor_m = [np.full(len(rows), percent / 100 * self._full_stroke_m) for rows in self.logs.compared]
             return
         self.floor_m = []

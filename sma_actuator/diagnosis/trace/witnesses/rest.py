@@ -41,7 +41,8 @@ class Rests:
         self.row_names = np.repeat(2 * hot, 2) + np.tile((0, 1), len(hot))
         self._windows = [_Windows(rests) for rests in logs.rests]
         self._on_its_way = [
-            np.array([self._last_on_its_way(i, rest) for rest in rests], dtype=int) for i, rests in enumerate(logs.rests)
+            np.array([self._last_on_its_way(i, rest) for rest in rests], dtype=int)
+            for i, rests in enumerate(logs.rests)
         ]
 
     def off(self, predictions: Sequence[Prediction]) -> np.ndarray:

@@ -1,0 +1,122 @@
+"""What a session in which nothing has happened looks like: one covariance of all that logs say.
+
+Rows of the evidence are in standard deviations of the calibration.  What is off in one reading is off in the next for
+two reasons: readings that are near to each other share their error (the evidence weighs them for that), and a model
+errs in the same way wherever the wire comes to the same place by the same way.  The latter are *smooth errors* over
+where the wire is and what it does, and an offset of each witness; they are no more likely to be small in a long
+session than in a short one (Kennedy and O'Hagan 2001).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .analysis import quantities
+from .evidence import Evidence
+from .limits import LIMITS
+from .witnesses import Prediction
+
+#: Of what an effect moves, smoothly over the place: how far off its form may be, each as likely.
+FORMS = (0.0, 0.05, 0.15)
+KNOTS = 6  #: of the hat functions over each quantity, at its quantiles
+FEWER = 4  #: of those that are asked at each place
+#: What a model's errors go with, beside the place and the branch.
+REPEATING = (
+    "stress_Pa",
+    "distance_from_reversal_m",
+    "power_W",
+    "power_lagged_10_s_W",
+    "resistance_rate_Ohm_s",
+)
+#: What errors may go with when something has happened, beside all of that, and what at each place.
+NEW = (
+    "time_s",
+    "power_lagged_100_s_W",
+    "inverse_current_1_A",
+    "ambient_temperature_C",
+    "resistance_Ohm",
+)
+WITH_PLACE = ("time_s", "stress_Pa", "power_lagged_10_s_W")
+
+
+class SmoothErrors:
+    """What may be off together, as columns of the rows of some evidence, each of the size of the floor."""
+
+    def __init__(self, evidence: Evidence, predictions: list[Prediction]):
+        found = quantities(evidence, predictions)
+        samples, rows = evidence.rows_of_samples, len(evidence.unit_of_row)
+        self._weight = np.concatenate((evidence.sample_weight, np.ones(rows - samples)))
+        nowhere = np.zeros(samples)
+        place = _hats(found.get("displacement_m", nowhere), KNOTS)
+        heating = (found.get("branch", nowhere) > 0.5)[:, None]
+        repeating = [place * heating, place * ~heating, *(_hats(found[n], KNOTS) for n in REPEATING if n in found)]
+        witness = evidence.witness_of_row[samples:]
+        self._offsets = np.equal.outer(witness, np.unique(witness)).astype(float)
+        when = 2.0 * evidence.unit_of_row[samples:] / max(evidence.units - 1, 1) - 1.0
+        self._drifts = np.column_stack((self._offsets, self._offsets * when[:, None]))
+        #: Of a model on any session, shape (rows, …).
+        self.repeating = self._columns(np.column_stack(repeating), self._offsets)
+        self._place = self._columns(np.column_stack(repeating[:2]), self._offsets)
+        alone = {name: _hats(found[name], KNOTS) for name in (*REPEATING, *NEW) if name in found}
+        alone["place"] = np.column_stack(repeating[:2])
+        with_place = {name: _hats(found[name], FEWER) for name in WITH_PLACE if name in found}
+        alone |= {f"place and {name}": _products(place, hats) for name, hats in with_place.items()}
+        #: Of a session in which something has happened that has no name: what it may go with, and these.
+        self.new = {name: self._columns(columns, self._drifts) for name, columns in alone.items() if columns.shape[1]}
+
+    def _columns(self, of_samples: np.ndarray, of_others: np.ndarray) -> np.ndarray:
+        out = np.zeros((len(self._weight), of_samples.shape[1] + of_others.shape[1]))
+        out[: len(of_samples), : of_samples.shape[1]] = of_samples
+        out[len(of_samples) :, of_samples.shape[1] :] = of_others
+        return out * self._weight[:, None]
+
+    def of_form(self, moved: np.ndarray) -> np.ndarray:
+        """What is off where an effect moves the rows by ``moved`` and its form is not quite its own, (rows, …)."""
+        return self._place * np.abs(moved / self._weight)[:, None]
+
+
+def _products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Of every column of the one and of the other, shape (n, …)."""
+    return (a[:, :, None] * b[:, None, :]).reshape(len(a), -1)
+
+
+def _hats(values: np.ndarray, number: int) -> np.ndarray:
+    """Hat functions of a quantity, shape (n, number or fewer); none where it stands still."""
+    knots = np.unique(np.quantile(values, np.linspace(0.0, 1.0, number)))
+    if len(knots) < 2:
+        return np.zeros((len(values), 0))
+    return np.column_stack([np.interp(values, knots, hat) for hat in np.eye(len(knots))])
+
+
+class Covariance:
+    """I + V Vᵀ of rows, tempered."""
+
+    def __init__(self, *columns: np.ndarray):
+        """``columns``: what is off together, (rows, …) each."""
+        # Without smooth errors nobody says what is off together; what is found so is held against other logs later.
+        self._root = math.sqrt(LIMITS.tempering) if columns else 1.0
+        self._columns = np.column_stack(columns) if columns else None
+        together = self._root * self._columns if self._columns is not None else np.zeros((1, 0))
+        squares, vectors = np.linalg.eigh(together.T @ together)
+        some = squares > 1e-9 * max(float(squares.max(initial=0.0)), 1e-9)
+        self._along = together @ (vectors[:, some] / np.sqrt(squares[some]))
+        self._shrink = 1.0 - 1.0 / np.sqrt(1.0 + squares[some])
+        #: Logarithm of the determinant.
+        self.log_determinant = float(np.sum(np.log1p(squares[some])))
+
+    def of(self, seen: np.ndarray) -> Covariance:
+        """The same of some of the rows (bool)."""
+        columns = () if self._columns is None else (self._columns[seen],)
+        return Covariance(*columns)
+
+    def whiten(self, rows: np.ndarray) -> np.ndarray:
+        """Rows, (n,) or (n, m), that are independent of each other and of size one where nothing has happened."""
+        if not len(self._shrink):
+            return self._root * rows
+        return self._root * (rows - self._along @ (self._shrink * (self._along.T @ rows).T).T)
+
+    def log_likelihood(self, squares: float) -> float:
+        """Logarithm of the likelihood of whitened rows with this sum of squares, up to what is common to all."""
+        return -0.5 * (squares + self.log_determinant)

@@ -1,0 +1,214 @@
+"""What may have happened, each with the evidence that logs give for it: nothing, each effect, pairs of them, and
+something else.
+
+An effect moves the rows of the evidence by its sizes and shapes, of which something is known before the logs, and has
+its form but nearly; *something else* moves them by smooth errors that are larger than a model's usual ones and go with
+more (Kennedy and O'Hagan 2001).  The evidence of each is Laplace's at its likeliest parameters (Kass and Raftery 1995).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import log
+
+import numpy as np
+
+from sma_actuator.base.parameters import declaration_of
+from sma_actuator.estimation.effects import EFFECTS
+from sma_actuator.fleet import spread
+
+from .candidates import Candidate
+from .covariance import FORMS, Covariance, SmoothErrors
+from .evidence import Evidence
+from .likeliest import Likeliest, likeliest
+from .limits import LIMITS
+
+NOTHING, SOMETHING_ELSE = "nothing", "something else"
+LARGER = (3.0, 10.0, 30.0)  #: σ: how large the smooth errors of something else may be, each as likely
+LEADERS = 4  #: best single effects that are held in pairs with every other
+BESIDE = 2  #: best single effects that something else is held beside
+IN_EARNEST, WITHIN = 4, log(100.0)  #: pairs that are fitted; as far as they come so near to the best, in nats
+NEAR_SIZE, NEAR_SHAPE = 0.01, 0.05  #: of what is possible, so near its end counts as at it: a shape comes there slowly
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """What may have happened, and what the logs say of it."""
+
+    names: tuple[str, ...]
+    log_evidence: float  #: up to what is common to all
+    log_likelihood: float  #: the part of it that the rows have, at the likeliest parameters
+    by_row: np.ndarray  #: each row's part of the squares under its covariance
+    found: Likeliest | None = None  #: None of nothing and of something else
+    covariance: Covariance | None = None  #: the likeliest of those that its effects may have
+    objection: str = ""  #: why it is none, whatever its evidence: a parameter at the end of the possible
+
+    @property
+    def fitted(self) -> Likeliest:
+        """Its effects; raises ValueError where it has none that were fitted."""
+        if self.found is None:
+            raise ValueError(f"{' and '.join(self.names)}: not fitted")
+        return self.found
+
+
+class Rows:
+    """What all hypotheses about some logs are held against."""
+
+    def __init__(self, evidence: Evidence):
+        self.evidence = evidence
+        predictions = evidence.predict({})
+        #: Rows of the model as it is, and the same without Huber's limit.
+        self.plain, self.off = evidence.rows(predictions), evidence.off(predictions)
+        #: What is off together; None where a model's own errors are what is looked for.
+        self.smooth = None if evidence.beyond_floor else SmoothErrors(evidence, predictions)
+        #: Of a session in which nothing has happened.
+        self.usual = self._covariance()
+
+    def _covariance(self, *more: np.ndarray) -> Covariance:
+        columns = (LIMITS.smooth * self.smooth.repeating, *more) if self.smooth is not None else ()
+        return Covariance(*columns)
+
+    def of(self, found: Likeliest) -> list[Covariance]:
+        """Covariances where some effects have happened whose form is known but nearly, each as likely."""
+        if self.smooth is None:
+            return [self.usual]
+        moved = self.evidence.off(self.evidence.predict(found.effects)) - self.off
+        off = self.smooth.of_form(moved)
+        return [self._covariance(share * off) if share else self.usual for share in FORMS]
+
+    def nothing(self) -> Hypothesis:
+        """Nothing has happened."""
+        likelihood, by_row = _likelihood(self.usual, self.plain)
+        return Hypothesis((NOTHING,), likelihood, likelihood, by_row)
+
+    def something_else(self, beside: Sequence[Hypothesis] = (), number: int = 1) -> Hypothesis:
+        """Something has that is none of the effects: alone, or, as likely, beside one of ``number`` effects.
+
+        ``beside``: those of them that are the best; the others add nothing.  Raises ValueError without smooth errors.
+        """
+        if self.smooth is None:
+            raise ValueError("without smooth errors there is nothing that something else could be")
+        columns = [size * columns for columns in self.smooth.new.values() for size in LARGER]
+        larger = [self._covariance(one) for one in columns]
+        alone = [_likelihood(covariance, self.plain) for covariance in larger]
+        evidence = _mean([likelihood for likelihood, _ in alone])
+        if beside:
+            with_one = [_mean([one.fitted.log_evidence(covariance) for covariance in larger]) for one in beside]
+            of_all = float(np.logaddexp.reduce(with_one)) - log(number)
+            evidence = _mean([evidence, of_all])
+        return Hypothesis((SOMETHING_ELSE,), evidence, *max(alone, key=lambda one: one[0]))
+
+    def effects(
+        self, candidates: Sequence[Candidate], known: Mapping[str, Mapping[str, float]] | None = None
+    ) -> Hypothesis:
+        """These effects have, together; ``known``: parameters of some of them, to start from."""
+        found = likeliest(self.evidence, candidates, self.usual, known)
+        covariances = self.of(found)
+        evidence = [found.log_evidence(covariance) for covariance in covariances]
+        best = covariances[int(np.argmax(evidence))]
+        likelihood, by_row = _likelihood(best, found.rows)
+        names = tuple(c.name for c in candidates)
+        return Hypothesis(names, _mean(evidence), likelihood, by_row, found, best, objection(found))
+
+    def sketch(self, first: Hypothesis, others: Sequence[Hypothesis]) -> list[float]:
+        """About the logarithms of the evidence of one effect with each of some others: by one linear step from it.
+
+        Minus infinity where that asks for what is not possible.
+        """
+        covariances = self.of(first.fitted)
+        return [_mean([_beside(first.fitted, other.fitted, one) for one in covariances]) for other in others]
+
+
+def _mean(logarithms: Sequence[float]) -> float:
+    """Logarithm of the mean of what is as likely."""
+    return float(np.logaddexp.reduce(logarithms)) - log(len(logarithms))
+
+
+def _likelihood(covariance: Covariance, rows: np.ndarray) -> tuple[float, np.ndarray]:
+    """Its logarithm, and each row's part of the squares."""
+    by_row = rows * covariance.whiten(covariance.whiten(rows))
+    return covariance.log_likelihood(float(np.sum(by_row))), by_row
+
+
+def _beside(first: Likeliest, other: Likeliest, covariance: Covariance) -> float:
+    p, q = first.problem, other.problem
+    rows, slopes = covariance.whiten(first.rows), covariance.whiten(np.column_stack((first.slopes, other.slopes)))
+    spread = np.concatenate((p.spread, q.spread))
+    off = np.concatenate(((first.u - p.usual) / p.spread, np.zeros(len(q.spread))))
+    information = (slopes.T @ slopes) * np.outer(spread, spread) + np.eye(len(off))
+    step = -np.linalg.solve(information, spread * (slopes.T @ rows) + off)
+    there = q.usual + step[len(p.spread) :] * q.spread
+    if np.any((there < q.low) | (there > q.high)):
+        return -np.inf
+    squares = float(np.sum((rows + slopes @ (step * spread)) ** 2))
+    known = 0.5 * float(np.sum((off + step) ** 2))
+    return covariance.log_likelihood(squares) - known - 0.5 * float(np.linalg.slogdet(information)[1])
+
+
+def singles(
+    rows: Rows,
+    candidates: Sequence[Candidate],
+    jobs: int,
+    progress: Progress,
+    beside: Sequence[Candidate] = (),
+    known: Mapping[str, Mapping[str, float]] | None = None,
+) -> list[Hypothesis]:
+    """Each of some effects alone, or ``beside`` others whose parameters are ``known``."""
+    return list(_tried(rows, [((*beside, c), known) for c in candidates], jobs, progress, "effects"))
+
+
+def _tried(rows: Rows, calls: Sequence[tuple], jobs: int, progress: Progress, what: str) -> Iterator[Hypothesis]:
+    """:meth:`Rows.effects` with each of some arguments."""
+    with spread(jobs) as run:
+        for number, one in enumerate(run([(rows.effects, call) for call in calls]), 1):
+            progress(what, number / len(calls))
+            yield one
+
+
+def pairs(rows: Rows, alone: Sequence[Hypothesis], jobs: int, progress: Progress) -> list[tuple[float, Hypothesis]]:
+    """Two effects at once, with what each had before the logs: the best few single ones with every other.
+
+    Each is sketched, and those that come near to the best are fitted; none is the best by a sketch alone.
+    """
+    ranked = sorted(alone, key=lambda one: -one.log_evidence)
+    sketched: list[tuple[float, Hypothesis, Hypothesis]] = []
+    for position, first in enumerate(ranked[:LEADERS]):
+        others = ranked[position + 1 :]
+        sketched += zip(rows.sketch(first, others), [first] * len(others), others, strict=True)
+    sketched = sorted((one for one in sketched if one[0] > -np.inf), key=lambda one: -one[0])
+    if not sketched:
+        return []
+    best = max(ranked[0].log_evidence, sketched[0][0])
+    earnest = sum(evidence > best - WITHIN for evidence, *_ in sketched[:IN_EARNEST])
+    calls = [((*a.fitted.candidates, *b.fitted.candidates), a.fitted.values) for _, a, b in sketched]
+    out = list(_tried(rows, calls[:earnest], jobs, progress, "pairs"))
+    kept = [one for one in (*alone, *out) if not one.objection]
+    for (evidence, a, b), call in zip(sketched[earnest:], calls[earnest:], strict=True):
+        names, objected = (*a.names, *b.names), a.objection or b.objection
+        if objected or any(one.log_evidence >= evidence for one in kept):
+            out.append(Hypothesis(names, evidence, evidence, np.zeros(0), objection=objected))
+            continue
+        out.append(rows.effects(*call))
+        kept += [] if out[-1].objection else [out[-1]]
+    return [(LIMITS.rare / len(out), one) for one in out]
+
+
+def objection(found: Likeliest) -> str:
+    """Why effects with these parameters are none, or others; empty if they are what they are called."""
+    out, p = [], found.problem
+    for (c, f), x, low, high in zip(p.slots, found.u, p.low, p.high, strict=True):
+        near = (NEAR_SIZE if f.is_size else NEAR_SHAPE) * (high - low)
+        ends = (("high", "low") if f.low < 0.0 else ("high",)) if f.is_size else f.other_at
+        if ("high" in ends and high - x < near) or ("low" in ends and x - low < near):
+            unit = declaration_of(next(d for d in dataclasses.fields(EFFECTS[c.name]) if d.name == f.name)).unit  # type: ignore[arg-type]
+            unit = "" if unit == "1" else f" {unit}"
+            value = found.values[c.name][f.name]
+            out.append(
+                f"{c.name}'s {f.name} comes to {value:.3g}{unit}, the end of what is possible: there it is another "
+                "effect"
+            )
+    return "; ".join(out)

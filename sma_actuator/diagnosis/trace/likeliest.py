@@ -1,0 +1,314 @@
+"""The likeliest sizes and shapes of some effects, by Gauss-Newton steps through the whole recursion.
+
+What is likely is reckoned under the covariance of a session in which nothing has happened, and with what is known of an
+effect before the logs: a size is some times what is typical, a shape is somewhere in its range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from sma_actuator.estimation.effects import Effect
+
+from .candidates import Candidate
+from .covariance import Covariance
+from .evidence import Evidence
+from .limits import LIMITS
+
+STEP = 1e-3, 0.01  #: of the finite differences, in the optimiser's units: of a size, of a shape
+#: Of a size, in what is typical: from so large an effect one linear step says how large it is.  What is far off counts
+#: linearly, so that step falls short of a large effect, and a rest that counts only where the wire is as hot as it was
+#: may lie between nothing and a large effect like a wall: of a single size so much more is tried too.
+PROBE = 0.5
+STRIDES, SIZES = (2.0, 4.0), (-3.0, 3.0)
+APART = 0.3  #: in the optimiser's units: shapes nearer to each other lead to the same end
+STEPS, SHORTER = 4, (1.0, 0.3, 0.1)
+ENOUGH = 0.002, 0.2  #: share of the squares, and squares, below which a step was the last
+PROMISING = 0.7  #: of what the first start took off in the end: another that takes off so much at once is gone from too
+NEARLY, TRIED = 0.9, 8  #: of what the best time of a slip explains: with which others are looked at, and how many …
+BESIDE_IT = (-0.02, -0.01, -0.005, -0.002, 0.002, 0.005, 0.01, 0.02)  #: in the length of the logs, looked at in the end
+MOST_TIMES, TIMES_APART = 4, 0.03  #: … of which so many are tried, so far apart, in the length of the logs
+WIDEST = 50.0  #: of a range, in the optimiser's units
+
+
+class Problem:
+    """The parameters of some candidates as one vector, in what is typical of each."""
+
+    def __init__(self, evidence: Evidence, candidates: Sequence[Candidate]):
+        self.evidence = evidence
+        self.candidates = tuple(candidates)
+        self.slots = [(c, f) for c in candidates for f in c.free]
+        self.low = np.array([f.to_unit(f.low) for _, f in self.slots])
+        self.high = np.array([f.to_unit(f.high) for _, f in self.slots])
+        self.is_size = np.array([f.is_size for _, f in self.slots], dtype=bool)
+        #: What is likeliest before the logs, and its standard deviation.
+        self.usual = np.array([0.0 if f.is_size or not f.starts else f.to_unit(f.starts[0]) for _, f in self.slots])
+        half = 0.5 * (np.minimum(self.high, WIDEST) - np.maximum(self.low, -WIDEST))
+        self.spread = np.where(self.is_size, LIMITS.size, np.maximum(half, 1e-3))
+        self.scanned: dict[str, dict[str, float]] = {}
+
+    def values(self, u: np.ndarray) -> dict[str, dict[str, float]]:
+        """The parameters by effect and name."""
+        out: dict[str, dict[str, float]] = {c.name: dict(self.scanned.get(c.name, {})) for c in self.candidates}
+        for (c, f), x in zip(self.slots, u, strict=True):
+            out[c.name][f.name] = f.from_unit(float(x))
+        return out
+
+    def effects(self, u: np.ndarray) -> dict[str, Effect]:
+        """The effects, for a chain."""
+        values = self.values(u)
+        return {c.name: c.build(values[c.name]) for c in self.candidates}
+
+    def differ(self, u: np.ndarray, other: np.ndarray) -> bool:
+        """Whether two starts lead, as far as can be known, to different ends: another shape, or another sign of a
+        size."""
+        return bool(np.any((u * other)[self.is_size] < 0.0) or np.any(np.abs(u - other)[~self.is_size] > APART))
+
+    def clipped(self, u: np.ndarray) -> np.ndarray:
+        """The same within what is possible."""
+        return np.clip(u, self.low, self.high)
+
+    def cost(self, covariance: Covariance, rows: np.ndarray, u: np.ndarray) -> float:
+        """Squares under the covariance, and of what is known of the parameters."""
+        return float(np.sum(covariance.whiten(rows) ** 2) + np.sum(((u - self.usual) / self.spread) ** 2))
+
+    def step(
+        self, covariance: Covariance, rows: np.ndarray, slopes: np.ndarray, u: np.ndarray, free: Any = slice(None)
+    ) -> np.ndarray:
+        """The linear step of the ``free`` parameters that costs least, within what is possible; ``slopes``: of these
+        alone."""
+        spread, u, usual = self.spread[free], u[free], self.usual[free]
+        a = np.vstack((covariance.whiten(slopes), np.diag(1.0 / spread)))
+        b = np.concatenate((covariance.whiten(rows), (u - usual) / spread))
+        room = (self.low[free] - u - 1e-9, self.high[free] - u + 1e-9)
+        return lsq_linear(a, -b, room).x
+
+    def residual(self, u: np.ndarray) -> np.ndarray:
+        """Rows of the evidence."""
+        return self.evidence.residual(self.effects(u))
+
+    def jacobian(self, u: np.ndarray, at_u: np.ndarray) -> np.ndarray:
+        """Its slopes, (rows, len(u)); ``at_u``: the rows there."""
+        columns = []
+        for i, x in enumerate(u):
+            step = STEP[0] * max(1.0, abs(x)) if self.is_size[i] else STEP[1]
+            if x + step > self.high[i]:
+                step = -step
+            moved = u.copy()
+            moved[i] += step
+            columns.append((self.residual(moved) - at_u) / step)
+        return np.column_stack(columns) if columns else np.zeros((len(at_u), 0))
+
+
+@dataclass(frozen=True, slots=True)
+class Likeliest:
+    """Where some effects are likeliest."""
+
+    problem: Problem
+    u: np.ndarray
+    rows: np.ndarray  #: of the evidence there
+    slopes: np.ndarray  #: of these, (rows, len(u))
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """The effects."""
+        return self.problem.candidates
+
+    @property
+    def values(self) -> dict[str, dict[str, float]]:
+        """Their parameters, by effect and name."""
+        return self.problem.values(self.u)
+
+    @property
+    def effects(self) -> dict[str, Effect]:
+        """The effects, for a chain."""
+        return self.problem.effects(self.u)
+
+    def _information(self, slopes: np.ndarray) -> np.ndarray:
+        """What whitened rows and what was known say of the parameters, in what was known."""
+        spread = self.problem.spread
+        return (slopes.T @ slopes) * np.outer(spread, spread) + np.eye(len(spread))
+
+    def log_evidence(self, covariance: Covariance) -> float:
+        """Laplace's logarithm of the evidence, after one more linear step under this covariance."""
+        p = self.problem
+        rows, slopes = covariance.whiten(self.rows), covariance.whiten(self.slopes)
+        off = (self.u - p.usual) / p.spread
+        information = self._information(slopes)
+        step = -np.linalg.solve(information, slopes.T @ rows * p.spread + off)
+        step = np.clip(step * p.spread, -1.0, 1.0)
+        squares = float(np.sum((rows + slopes @ step) ** 2))
+        known = float(np.sum((off + step / p.spread) ** 2))
+        return covariance.log_likelihood(squares) - 0.5 * known - 0.5 * float(np.linalg.slogdet(information)[1])
+
+
+@dataclass(slots=True)
+class _Search:
+    """A search for the likeliest of one problem, in some of the rows."""
+
+    problem: Problem
+    covariance: Covariance
+    seen: np.ndarray | slice  #: which rows count
+
+    def cost(self, rows: np.ndarray, u: np.ndarray) -> float:
+        """Of all rows, of which those that are seen count."""
+        return self.problem.cost(self.covariance, rows[self.seen], u)
+
+    def step(self, rows: np.ndarray, slopes: np.ndarray, u: np.ndarray, free: Any = slice(None)) -> np.ndarray:
+        """Likewise, the linear step."""
+        return self.problem.step(self.covariance, rows[self.seen], slopes[self.seen], u, free)
+
+    def starts(self, u: np.ndarray, new: np.ndarray, times: Sequence[dict]) -> list[tuple[float, np.ndarray, dict]]:
+        """Where it is worth to begin, the cheapest first: every shape of what is new, one after the other, with several
+        sizes; none of them nothing.
+
+        Nothing is no place to begin at: there no shape makes a difference, at the end of a size that has but one sign
+        no step leads away, and what a small effect does to a residual that is far off may point the wrong way.
+        """
+        p, found = self.problem, []
+        sizes = np.flatnonzero(new & p.is_size) if (new & p.is_size).any() else np.flatnonzero(new)[:1]
+        guesses = [u]
+        for i in np.flatnonzero(new & ~p.is_size):
+            guesses += [_with(u, i, p.slots[i][1].to_unit(s)) for s in p.slots[i][1].starts[1:]]
+        alone = len(u) == 1 and bool(p.is_size.all())
+        for time in times:
+            p.scanned |= time
+            at = p.residual(u)
+            for guess in guesses:
+                if not p.is_size[sizes].all():
+                    at = p.residual(guess)
+                columns = []
+                for i in sizes:
+                    probe = PROBE if guess[i] + PROBE <= p.high[i] else -PROBE
+                    there = _with(guess, i, guess[i] + probe)
+                    rows = p.residual(there)
+                    columns.append((rows - at) / probe)
+                    found.append((self.cost(rows, there), there, time))
+                step = self.step(at, np.column_stack(columns), guess, sizes)
+                for further in (step, *((s * step for s in STRIDES) if alone else ()), *(SIZES if alone else ())):
+                    there = guess.copy()
+                    there[sizes] = guess[sizes] + further
+                    there = p.clipped(there)
+                    found.append((self.cost(p.residual(there), there), there, time))
+        return sorted(found, key=lambda start: start[0])
+
+    def descend(self, u: np.ndarray, time: dict) -> tuple[float, np.ndarray, np.ndarray]:
+        """Cost, parameters and rows after steps from ``u``."""
+        p = self.problem
+        p.scanned |= time
+        u = p.clipped(u)
+        rows = p.residual(u)
+        cost = self.cost(rows, u)
+        for _ in range(STEPS):
+            step = self.step(rows, p.jacobian(u, rows), u)
+            for share in SHORTER:
+                there = p.clipped(u + share * step)
+                at = p.residual(there)
+                reached = self.cost(at, there)
+                if reached < cost:
+                    break
+            else:
+                break
+            gain, cost, u, rows = cost - reached, reached, there, at
+            if gain < ENOUGH[0] * cost + ENOUGH[1]:
+                break
+        return cost, u, rows
+
+
+def likeliest(
+    evidence: Evidence,
+    candidates: Sequence[Candidate],
+    covariance: Covariance,
+    known: Mapping[str, Mapping[str, float]] | None = None,
+    seen: np.ndarray | None = None,
+) -> Likeliest:
+    """Where ``candidates`` together are likeliest.
+
+    ``known``: parameters of some of them, to start from; ``seen``: which rows count (bool), of which the covariance
+    then is.
+    """
+    known = known or {}
+    problem = Problem(evidence, candidates)
+    search = _Search(problem, covariance, slice(None) if seen is None else seen)
+    u, new = problem.usual.copy(), np.ones(len(problem.slots), dtype=bool)
+    for i, (c, f) in enumerate(problem.slots):
+        if c.name in known:
+            u[i], new[i] = f.to_unit(known[c.name][f.name]), False
+    times: list[dict] = [{}]
+    for c in candidates:
+        if c.scanned and c.name in known:
+            problem.scanned[c.name] = {c.scanned: known[c.name][c.scanned]}
+        elif c.scanned:
+            times = [{c.name: {c.scanned: time_s}} for time_s in _scan(problem, c, u, seen)]
+            problem.scanned |= times[0]
+    nothing = search.cost(problem.residual(u), u) if new.any() else np.inf
+    starts = search.starts(u, new, times) if new.any() else [(0.0, u, {})]
+    first, time = starts[0][1:]
+    ends = [(*search.descend(first, time), time)]
+    other = next((s for s in starts[1:] if s[2] != time or problem.differ(s[1], first)), None)
+    if other is not None and nothing - other[0] > PROMISING * (nothing - ends[0][0]):
+        ends.append((*search.descend(*other[1:]), other[2]))
+    cost, u, rows, time = min(ends, key=lambda end: end[0])
+    for name, when in time.items():
+        # The size is known now, so the time may be another beside the one that the scan found.
+        ((what, time_s),) = when.items()
+        near = [{name: {what: time_s + share * evidence.logs.duration_s}} for share in BESIDE_IT]
+        costs = []
+        for other_time in near:
+            problem.scanned |= other_time
+            costs.append(search.cost(problem.residual(u), u))
+        if min(costs) < cost:
+            time = near[int(np.argmin(costs))]
+            _, u, rows = search.descend(u, time)
+    problem.scanned |= time
+    return Likeliest(problem, u, rows, problem.jacobian(u, rows))
+
+
+def _with(u: np.ndarray, i: Any, value: float) -> np.ndarray:
+    out = u.copy()
+    out[i] = value
+    return out
+
+
+def _scan(problem: Problem, candidate: Candidate, u: np.ndarray, seen: np.ndarray | None) -> list[float]:
+    """When a slip explains most, and some of the times that do nearly as well: what is at rest has no say in it here.
+
+    Its length is linear in the residual, so every time is tried on one residual.  Returns seconds since the session
+    began.
+    """
+    evidence = problem.evidence
+    problem.scanned[candidate.name] = {candidate.scanned: 0.0}
+    sizes = [i for i, (c, f) in enumerate(problem.slots) if c is candidate]
+    at = problem.residual(_with(u, sizes[0], 0.0))
+    n = evidence.rows_of_samples
+    weight = evidence.sample_weight * (1.0 if seen is None else seen[:n])
+    elapsed_s = np.concatenate(
+        [p.elapsed_s[rows] for p, rows in zip(evidence.predict({}), evidence.logs.compared, strict=True)]
+    )
+    order = np.argsort(elapsed_s, kind="stable")
+    w2, wr = np.cumsum(weight[order] ** 2), np.cumsum((weight * at[:n])[order])
+    # The best two levels, before and after: what the split takes off the squares, the level before fixed at zero.
+    after_w2, after_wr = w2[-1] - w2, wr[-1] - wr
+    gain = after_wr**2 / np.maximum(after_w2, 1e-12)
+    # A slip does not happen within the first or last 3 %: there it is an offset, or nothing.
+    share = np.arange(len(order)) / len(order)
+    gain[(share < TIMES_APART) | (share > 1.0 - TIMES_APART)] = 0.0
+    near = np.flatnonzero(gain >= NEARLY * gain.max())
+    spread = near[np.linspace(0, len(near) - 1, TRIED).astype(int)]
+    return _apart(
+        (float(elapsed_s[order[i]]) for i in (np.argmax(gain), *spread)), TIMES_APART * evidence.logs.duration_s
+    )
+
+
+def _apart(times_s: Iterable[float], least_s: float) -> list[float]:
+    """The first of some times, those that are so far apart from all before."""
+    kept: list[float] = []
+    for time_s in times_s:
+        if all(abs(time_s - other_s) > least_s for other_s in kept):
+            kept.append(time_s)
+    return kept[:MOST_TIMES]

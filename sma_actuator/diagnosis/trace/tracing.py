@@ -1,0 +1,205 @@
+"""What the model lacks in some logs: all that may have happened, how probable each is, and what follows from that."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import log
+
+import numpy as np
+
+from sma_actuator.base.one_thread import one_thread
+from sma_actuator.estimation.effects import EFFECTS, NOT_THE_MODEL
+from sma_actuator.logs.errors import BenchLogError
+
+from .candidates import Candidate, candidate, scales_of, untestable
+from .evidence import Evidence
+from .fitting import Fit, fit_of
+from .hypotheses import BESIDE, Hypothesis, Rows, pairs, singles
+from .limits import LIMITS
+from .probability import NO_NAMES, Probabilities, weighed
+from .witnesses import Prediction
+
+#: What tracing is doing, and how far it is, from 0 to 1.
+Progress = Callable[[str, float], None]
+MOST_MISSING = 3  #: effects that a model may lack from its beginning; many together imitate anything
+
+
+@dataclass(slots=True)
+class Tracing:
+    """The result."""
+
+    verdict: str  #: none, traced or unexplained
+    names: list[str]  #: the smallest set of names among which what has happened is probably enough, where traced
+    probabilities: Probabilities
+    hypotheses: dict[tuple[str, ...], Hypothesis]  #: by their names
+    fit: Fit | None  #: of the most probable effects, whether they are given or not
+    untestable: dict[str, str]
+    losses: dict[str, np.ndarray]  #: held-out loss of every unit, before and after
+    errors_percent: dict[str, np.ndarray]  #: mean absolute error of every unit, % of full stroke, before and after
+    news_percent: dict[str, np.ndarray]  #: what of that the calibration does not let expect, likewise
+    predictions: dict[str, list[Prediction]]  #: before and after
+    expected_loss: float  #: of a cycle that is like those of the calibration
+    witnesses: dict[str, dict[str, float]]  #: how far each is off, before and after (:meth:`Evidence.witnesses`)
+    before: dict[tuple[str, ...], float] = field(default_factory=dict)  #: probabilities before the logs
+
+    @property
+    def share(self) -> float:
+        """Share of the excess loss that is explained."""
+        before, after = (float(self.losses[which].mean()) for which in ("before", "after"))
+        return min((before - after) / (before - self.expected_loss), 1.0) if before > self.expected_loss else 0.0
+
+    @property
+    def chosen(self) -> Hypothesis:
+        """The most probable effects, whether they are given or not."""
+        return next(self.hypotheses[n] for n in self.probabilities.of if self.hypotheses[n].found)
+
+    @property
+    def alternatives(self) -> dict[str, Hypothesis]:
+        """Of each name of the set that is not the most probable hypothesis's, the most probable one that was fitted and
+        has it."""
+        out = {}
+        for name in self.names:
+            if name not in self.probabilities.best:
+                fitted = (self.hypotheses[n] for n in self.probabilities.of if name in n and self.hypotheses[n].found)
+                out[name] = next(fitted)
+        return out
+
+
+@one_thread()
+def trace(
+    evidence: Evidence,
+    only: Sequence[str] = (),
+    without: Sequence[str] = (),
+    jobs: int = 2,
+    progress: Progress = lambda what, fraction: None,
+    explain: Sequence[str] = (),
+) -> Tracing:
+    """Find what the model lacks in these logs.
+
+    ``only``: names of the only effects, which have happened together or have not; ``without``: of those left out.
+    ``explain``: names that are tried whether they could be given or not, to say what speaks for and against them.
+    ``jobs``: fits at a time, by joblib, so that ``joblib.parallel_config("dask")`` around the call spreads them over
+    a cluster.  Raises BenchLogError where an effect of ``only`` cannot be fitted on these logs.
+    """
+    candidates, reasons = _field(evidence, only, without)
+    rows = Rows(evidence)
+    if evidence.beyond_floor and not only:
+        weighed_before = _lacking(rows, candidates, jobs, progress)
+    elif only:
+        together = rows.effects(candidates)
+        weighed_before = [*_without_a_name(rows, [together]), (1.0 - LIMITS.nothing - LIMITS.rare, together)]
+    else:
+        weighed_before = _all(rows, candidates, jobs, progress)
+    beside = [n for n in explain if n not in {c.name for c in candidates} and n not in reasons]
+    scales = scales_of(evidence)
+    reasons |= untestable(beside, scales)
+    tried = [(0.0, rows.effects([candidate(n, scales)])) for n in beside if n not in reasons]
+    return _concluded(rows, weighed_before, reasons, tried, asked=bool(only))
+
+
+def _field(evidence: Evidence, only: Sequence[str], without: Sequence[str]) -> tuple[list[Candidate], dict[str, str]]:
+    """Which effects may have happened, and why others cannot be told."""
+    scales = scales_of(evidence)
+    names = [n for n in EFFECTS if (not only or n in only) and n not in without]
+    if evidence.beyond_floor and not only:  # what circuit and sensors did at the calibration, it has absorbed
+        names = [n for n in names if EFFECTS[n].PART == "wire"]
+    reasons = untestable(names, scales)
+    if only and reasons:
+        raise BenchLogError("; ".join(f"{n} cannot be fitted on these logs: {why}" for n, why in reasons.items()))
+    return [candidate(n, scales) for n in names if n not in reasons], reasons
+
+
+def _without_a_name(rows: Rows, alone: Sequence[Hypothesis]) -> list[tuple[float, Hypothesis]]:
+    """Nothing, and something else where that can be, alone or beside one of the effects."""
+    found = [(LIMITS.nothing, rows.nothing())]
+    if rows.smooth is not None:
+        best = sorted(alone, key=lambda one: -one.log_evidence)[:BESIDE]
+        found.append((LIMITS.rare, rows.something_else(best, max(len(alone), 1))))
+    return found
+
+
+def _all(rows: Rows, candidates: Sequence[Candidate], jobs: int, progress: Progress) -> list[tuple[float, Hypothesis]]:
+    """Everything, each with its probability before the logs."""
+    alone = singles(rows, candidates, jobs, progress)
+    each = (1.0 - LIMITS.nothing - 2.0 * LIMITS.rare) / max(len(alone), 1)
+    return [*_without_a_name(rows, alone), *((each, one) for one in alone), *pairs(rows, alone, jobs, progress)]
+
+
+def _lacking(
+    rows: Rows, candidates: Sequence[Candidate], jobs: int, progress: Progress
+) -> list[tuple[float, Hypothesis]]:
+    """What a model lacked from its beginning: one effect after the other, as long as one more is probable."""
+    found = [(LIMITS.nothing, rows.nothing())]
+    for number in range(1, MOST_MISSING + 1):
+        before, best = max(found, key=lambda one: log(one[0]) + one[1].log_evidence)
+        if len(best.names) + (best.found is not None) < number:
+            break
+        has = best.found.candidates if best.found else ()
+        more = [c for c in candidates if c not in has]
+        known = best.found.values if best.found else None
+
+        def said(_: str, share: float, which: str = f"effect {number}") -> None:
+            progress(which, share)
+
+        tried = singles(rows, more, jobs, said, has, known)
+        found += [((1.0 - LIMITS.nothing) * before / max(len(more), 1), one) for one in tried if not one.objection]
+    return found
+
+
+def _concluded(
+    rows: Rows,
+    weighed_before: Sequence[tuple[float, Hypothesis]],
+    reasons: dict[str, str],
+    beside: Sequence[tuple[float, Hypothesis]],
+    asked: bool,
+) -> Tracing:
+    """What follows."""
+    evidence = rows.evidence
+    probabilities = weighed(weighed_before)
+    hypotheses = {one.names: one for _, one in (*weighed_before, *beside)}
+    predictions = evidence.predict({})
+    losses, errors = evidence.losses(rows.plain), evidence.errors_percent(predictions)
+    every = np.ones(evidence.units, dtype=bool)
+    news, off = evidence.news_percent(predictions), evidence.witnesses(rows.plain, every)
+    verdict, names = probabilities.verdict
+    if evidence.beyond_floor and not asked:  # every effect that pays counts, and what remains is the model's as it is
+        names = [n for n in probabilities.best if n not in NO_NAMES]
+        verdict = "traced" if names else "none"
+    result = Tracing(
+        verdict=verdict,
+        names=names,
+        probabilities=probabilities,
+        hypotheses=hypotheses,
+        fit=None,
+        untestable=reasons,
+        losses={"before": losses, "after": losses},
+        errors_percent={"before": errors, "after": errors},
+        news_percent={"before": news, "after": news},
+        predictions={"before": predictions, "after": predictions},
+        expected_loss=_expected_loss(evidence),
+        witnesses={"before": off, "after": off},
+        before={one.names: before for before, one in weighed_before},
+    )
+    if verdict != "none" and any(one.found for one in hypotheses.values()):
+        best = result.chosen
+        result.fit = found = fit_of(evidence, best.fitted, best.covariance or rows.usual)
+        result.predictions["after"] = evidence.predict(found.effects)
+        result.losses["after"] = found.held_out
+        result.errors_percent["after"] = found.held_out_percent
+        result.news_percent["after"] = found.held_out_news_percent
+        result.witnesses["after"] = evidence.witnesses(found.held_out_rows, every)
+    return result
+
+
+def _expected_loss(evidence: Evidence) -> float:
+    """Mean loss of a cycle that is like those of the calibration."""
+    if evidence.beyond_floor:
+        return 0.0
+    others = len(evidence.unit_of_row) - evidence.rows_of_samples
+    return 0.5 * (float(evidence.independent.mean()) + others / evidence.units)
+
+
+def of_the_model(names: Sequence[str]) -> list[str]:
+    """Those of the effects that belong into a model file; the others are named and left alone."""
+    return [n for n in names if EFFECTS[n].PART not in NOT_THE_MODEL]
