@@ -1,14 +1,12 @@
 """Does tracing find what is hidden?  The command is run on sessions with undeclared effects, and its answer is judged.
 
-    python benchmarks/blind_trial.py [--physics NAME …] [--every N] [--minutes M]     (make blind-trial)
+    python benchmarks/blind_trial.py [--physics NAME …] [--models TYPE …] [--every N] [--minutes M] (make blind-trial)
 
 Every case is one session of ``blind_cases``: its logs are written, ``sma-actuator trace`` is run on them with a
 model identified on calibration logs of the same physics without the effect, and ``report.json`` is read.  Each
 effect is traced three times: blind, with the true effect taken out of the candidates, and with it alone.
 
 Of the single effects only those count that raise the error by half or more over the same session without them.
-The gate is also trained on all physics but one and judged on that one, each in turn: the smallest factor with which
-no effect-free session elsewhere is an alarm.
 
 What is kept on disk (``out/kept``) makes the next run cheap, so that a trial may be run in pieces: with ``--minutes``
 no case is begun after so long, and what is printed is of all cases that are judged by then.
@@ -32,7 +30,8 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from blind_cases import Case, cases, error_percent, identified, make_logs, undisturbed
+from blind_cases import Case, cases, make_logs, undisturbed
+from fits_from_nothing import THESIS, WHOLE_RANGE, identified
 from kept import MODEL, kept
 from rich.console import Console
 from rich.progress import track
@@ -40,12 +39,13 @@ from rich.table import Table
 
 from sma_actuator.bench.hidden import FOREIGN, TWINS, require_twins
 from sma_actuator.cli.main import main as sma_actuator
-from sma_actuator.config import NODE_NAME
-from sma_actuator.diagnosis.trace.limits import LIMITS
+from sma_actuator.config import NODE_NAME, Config
 from sma_actuator.estimation.effects import EFFECTS
+from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.logs.experiments import IdentificationError
 from sma_actuator.logs.files import write_atomically
 from sma_actuator.plant.worlds import DRAWN, HOME, WORLDS, world_of
+from sma_actuator.replay import replay
 from sma_actuator.report import figure
 
 RAISED = 1.5  #: error over that of the same session without the effect, from which it must be found
@@ -57,11 +57,6 @@ AIMS = {
     "right first": ">= 85 %",
     "in a set of 3": ">= 95 %",
     "false alarms": "<= 5 %",
-    "partial": "<= 5 %",
-    "pulses": "<= 5 %",
-    "load steps": "<= 5 %",
-    "gate / error": "<= 1.75",
-    "gate / news": "",
     "foreign unexplained": ">= 90 %",
     "wrong name left out": "<= 30 %",
     "after / known": "<= 1.15",
@@ -69,6 +64,7 @@ AIMS = {
     "p / of the true": ">= 0.75",
     "p / calibration error": "<= 0.08",
     "said 80-100 %, true": ">= 85 %",
+    "seconds / a session": "",
 }
 #: What is hidden, as the probabilities call it, of the kinds of which it has no name.
 TRUTH = {"none": "nothing", "foreign": "something else"}
@@ -83,30 +79,37 @@ def _traced(logs: Sequence[str], model: str, out: Path, *words: str) -> dict:
     return json.loads((out / "report.json").read_text())
 
 
-def judge(case: Case, only_blind: bool, until_s: float = math.inf) -> dict | None:
+def judge(case: Case, model: str, only_blind: bool, until_s: float = math.inf) -> dict | None:
     """What the command says of one case, and what knowing the truth would give; kept, so that a trial may be run in
     parts.
 
-    None where it is not kept and, by the monotonic clock, it is too late to begin.
+    ``model``: THESIS, the alloy's own, or WHOLE_RANGE.  None where it is not kept and, by the monotonic clock, it is
+    too late to begin.
     """
     late = time.monotonic() > until_s
+    of_model = "" if model == THESIS else f" {model}"
     return kept(
-        f"judged {case} {only_blind}", (*MODEL, "diagnosis"), None if late else lambda: _judge(case, only_blind)
+        f"judged {case} {only_blind}{of_model}",
+        (*MODEL, "diagnosis"),
+        None if late else lambda: _judge(case, model, only_blind),
     )
 
 
-def _judge(case: Case, only_blind: bool) -> dict:
+def _judge(case: Case, model_type: str, only_blind: bool) -> dict:
     with tempfile.TemporaryDirectory(prefix="sma_blind_") as name:
         folder = Path(name)
         logs = [str(p) for p in make_logs(case, folder)]
-        mapping = identified(case.alloy, case.physics).to_mapping()
-        (folder / "model.yaml").write_text(yaml.safe_dump({NODE_NAME: {"ros__parameters": mapping}}, sort_keys=False))
+        config = identified(case.alloy, case.physics, model_type)
+        parameters = {NODE_NAME: {"ros__parameters": config.to_mapping()}}
+        (folder / "model.yaml").write_text(yaml.safe_dump(parameters, sort_keys=False))
         model = str(folder / "model.yaml")
+        begun_s = time.process_time()
         report = _traced(logs, model, folder / "out")
+        spent_s = time.process_time() - begun_s
         without, best = None, None
         single = case.kind == "single"
         possible = set(case.hidden) <= set(TWINS) - {u["name"] for u in report["untestable"]}
-        raised = error_percent(case) / error_percent(undisturbed(case)) if case.hidden else 1.0
+        raised = _error_percent(case, config) / _error_percent(undisturbed(case), config) if case.hidden else 1.0
         if single and raised >= RAISED and not only_blind:
             without = _traced(logs, model, folder / "without", "--without", *case.hidden)
             if possible:
@@ -115,6 +118,7 @@ def _judge(case: Case, only_blind: bool) -> dict:
         "case": case.name,
         "kind": case.kind,
         "physics": case.physics,
+        "model": model_type,
         "alloy": case.alloy,
         "load": case.load,
         "program": case.program,
@@ -124,21 +128,25 @@ def _judge(case: Case, only_blind: bool) -> dict:
         "verdict": report["verdict"],
         "sentence": report["sentence"],
         "effects": [e["name"] for e in report["effects"]],
-        "alternatives": [a["name"] for a in report["alternatives"]],
+        "names": report["names"],
         "untestable": [u["name"] for u in report["untestable"]],
         "before": report["error_before_pct_stroke"],
         "after": report["error_after_pct_stroke"],
         "best": best,
-        "news": report["news_before_pct_stroke"],
-        "gate": report["gate_pct_stroke"],
-        "news_after": report["news_after_pct_stroke"],
         "explained": report["excess_explained"],
         "left_out": None if without is None else without["verdict"],
         "said_instead": None if without is None else [e["name"] for e in without["effects"]],
         "probable": report["probable"],
-        "by_probability": report["by_probability"],
-        "best_names": [n for r in report["race"][-1:] for t in r["trials"][:1] for n in t["effects"]],
+        "seconds": spent_s,
     }
+
+
+def _error_percent(case: Case, config: Config) -> float:
+    """Mean |estimate − measurement| of a session, in % of the full stroke, over the full range."""
+    with tempfile.TemporaryDirectory(prefix="sma_blind_") as folder:
+        logs = [read_bench_log(path) for path in make_logs(case, Path(folder))]
+    errors = [r.errors["model"].full_percent for r in replay(logs, {"model": config})]
+    return float(np.average(errors, weights=[len(log) for log in logs]))
 
 
 def _with_every_kind(chosen: Sequence[Case], every: int, turn: int) -> list[Case]:
@@ -158,6 +166,13 @@ def main() -> int:
         default=(HOME,),
         metavar="NAME",
         help=f"of the bench (default {HOME}): {', '.join(WORLDS)}, or {DRAWN} and a number: one that nobody chose",
+    )
+    parser.add_argument(
+        "--models",
+        nargs="*",
+        choices=(THESIS, WHOLE_RANGE),
+        default=(THESIS,),
+        help="the type of model that is identified and traced (default %(default)s: the alloy's own)",
     )
     parser.add_argument(
         "--seeds",
@@ -190,7 +205,7 @@ def main() -> int:
     args = parser.parse_args()
     require_twins({name: effect.PART for name, effect in EFFECTS.items()})
     until_s = time.monotonic() + 60.0 * args.minutes
-    todo = _that_have_a_model(_asked(args))
+    todo = _that_have_a_model([(case, model) for case in _asked(args) for model in args.models])
     found = track(_answers(todo, args.jobs, args.only_blind, until_s), "cases", len(todo), console=Console(stderr=True))
     answers = [answer for answer in found if answer is not None]
     if args.json:
@@ -222,25 +237,25 @@ def _asked(args: argparse.Namespace) -> list[Case]:
     return [case for row in itertools.zip_longest(*lists) for case in row if case is not None]
 
 
-def _that_have_a_model(asked: Sequence[Case]) -> list[Case]:
-    """The cases of wires that can be identified; says of which not, and why."""
+def _that_have_a_model(asked: Sequence[tuple[Case, str]]) -> list[tuple[Case, str]]:
+    """The cases of wires that can be identified, each with a type of model; says of which not, and why."""
     lacking = set()
-    for alloy, physics in sorted({(c.alloy, c.physics) for c in asked}):
+    for wire in sorted({(c.alloy, c.physics, model) for c, model in asked}):
         try:
-            identified(alloy, physics)  # here, so that not every process does
+            identified(*wire)  # here, so that not every process does
         except IdentificationError as error:
-            lacking.add((alloy, physics))
-            print(f"left out, {physics}, {alloy}: {error}")
-    return [c for c in asked if (c.alloy, c.physics) not in lacking]
+            lacking.add(wire)
+            print(f"left out, {', '.join(wire)}: {error}")
+    return [(c, model) for c, model in asked if (c.alloy, c.physics, model) not in lacking]
 
 
-def _answers(todo: Sequence[Case], jobs: int, only_blind: bool, until_s: float) -> Iterator[dict | None]:
+def _answers(todo: Sequence[tuple[Case, str]], jobs: int, only_blind: bool, until_s: float) -> Iterator[dict | None]:
     """What is said of each case; None of those that are neither kept nor begun in time."""
     if jobs == 1:
-        yield from (judge(case, only_blind, until_s) for case in todo)
+        yield from (judge(*case, only_blind, until_s) for case in todo)
         return
     with ProcessPoolExecutor(jobs) as pool:
-        for future in [pool.submit(judge, case, only_blind, until_s) for case in todo]:
+        for future in [pool.submit(judge, *case, only_blind, until_s) for case in todo]:
             yield future.result()
 
 
@@ -255,14 +270,10 @@ def figures(answers: Sequence[dict]) -> dict[str, tuple[float, int]]:
         "right first": [_first(x) for x in raised],
         "in a set of 3": [_among(x) for x in raised],
         "false alarms": [x["verdict"] != "none" for x in none],
-        "partial": [x["verdict"] != "none" for x in none if x["program"] == "partial"],
-        "pulses": [x["verdict"] != "none" for x in none if x["program"] == "pulses"],
-        "load steps": [x["verdict"] != "none" for x in none if x["load"] == "steps"],
-        "gate / error": [x["gate"] / x["before"] for x in none],
-        "gate / news": [x["gate"] / x["news"] for x in none],
         "foreign unexplained": [x["verdict"] == "unexplained" for x in foreign],
         "wrong name left out": [x["left_out"] == "traced" for x in raised if x["left_out"]],
         "after / known": [x["after"] / x["best"] for x in known],
+        "seconds / a session": [x["seconds"] for x in answers],
     }
     said = [(*_most_probable(x), _of_the_true(x)) for x in answers if _asked_for(x)]
     rates |= {
@@ -294,87 +305,69 @@ def _of_the_true(x: dict) -> float:
     return x["probable"].get(_true_name(x), 0.0)
 
 
-def by_decile(said: Sequence[tuple[float, bool]]) -> list[tuple[int, int, float, float]]:
-    """(decile, cases, probability said in the mean, share that was true) of what was said with such a probability."""
+def by_tenth(said: Sequence[tuple[float, bool]]) -> list[tuple[int, int, float, float]]:
+    """(tenth, cases, probability said in the mean, share that was true) of what was said with such a probability."""
     out = []
-    for decile in range(10):
-        some = [(p, true) for p, true in said if min(int(10.0 * p), 9) == decile]
+    for tenth in range(10):
+        some = [(p, true) for p, true in said if min(int(10.0 * p), 9) == tenth]
         if some:
-            out.append((decile, len(some), float(np.mean([p for p, _ in some])), float(np.mean([t for _, t in some]))))
+            out.append((tenth, len(some), float(np.mean([p for p, _ in some])), float(np.mean([t for _, t in some]))))
     return out
 
 
 def calibration_error(said: Sequence[tuple[float, bool]]) -> float:
-    """Expected calibration error: how far what is said is from what is true, in the mean over deciles by their
+    """Expected calibration error: how far what is said is from what is true, in the mean over tenths by their
     cases."""
-    return sum(n * abs(p - true) for _, n, p, true in by_decile(said)) / len(said) if said else math.nan
+    return sum(n * abs(p - true) for _, n, p, true in by_tenth(said)) / len(said) if said else math.nan
 
 
 def draw(path: Path, said: Sequence[tuple[float, bool]]) -> None:
     """Write a picture of what was said against what was true."""
     drawing, axes = figure(1, 1)
-    ax, found = axes[0, 0], by_decile(said)
+    ax, found = axes[0, 0], by_tenth(said)
     ax.plot([0.0, 1.0], [0.0, 1.0], color="0.7")
     ax.scatter([p for _, _, p, _ in found], [true for *_, true in found], s=[20.0 * n for _, n, _, _ in found])
     ax.set(xlabel="probability said", ylabel="share that was true", xlim=(0.0, 1.05), ylim=(-0.05, 1.05))
     drawing.savefig(path)
 
 
-def in_turn(answers: Sequence[dict], world: str) -> dict[str, str]:
-    """What a gate does in one physics that was trained on all others; empty where there is nothing to train or to
-    judge."""
-    times = [(x, LIMITS.gate * x["news"] / x["gate"]) for x in answers if x["gate"] > 0.0]  # of the floor
-    elsewhere = [t for x, t in times if x["kind"] == "none" and x["physics"] != world]
-    none = [t for x, t in times if x["kind"] == "none" and x["physics"] == world]
-    raised = [t for x, t in times if x["kind"] == "single" and x["raised"] >= RAISED and x["physics"] == world]
-    if not elsewhere or not none:
-        return {}
-    gate = max(elsewhere)
-    return {
-        "gate trained elsewhere": f"{gate:.2f}",
-        "... false alarms": f"{np.mean(np.array(none) > gate):.0%} ({len(none)})",
-        "... noticed": f"{np.mean(np.array(raised) > gate):.0%} ({len(raised)})" if raised else "",
-    }
-
-
 def show(console: Console, answers: Sequence[dict]) -> None:
-    """The figures per physics, what was said of each effect, and what was said of pairs and foreign effects."""
-    worlds = list(dict.fromkeys(x["physics"] for x in answers))
-    table = Table(title="tracing, blind: share (of so many cases), per physics")
+    """The figures per physics and per type of model, and what was said of each effect, of pairs and of nothing."""
+    parts: dict[str, Sequence[dict]] = {}
+    for key in ("physics", "model"):
+        values = list(dict.fromkeys(x[key] for x in answers))
+        if len(values) > 1 or key == "physics":
+            parts |= {value: [x for x in answers if x[key] == value] for value in values}
+    if len(parts) > 1:
+        parts["all"] = answers
+    table = Table(title="tracing, blind: share (of so many cases), per physics and type of model")
     table.add_column("")
     table.add_column("aim")
-    for header in [*worlds, *(["all"] if len(worlds) > 1 else [])]:
+    for header in parts:
         table.add_column(header, justify="right")
-    columns = [figures([x for x in answers if x["physics"] == w]) for w in worlds]
-    columns += [figures(answers)] if len(worlds) > 1 else []
+    columns = [figures(part) for part in parts.values()]
     for name, aim in AIMS.items():
         cells = [
             "" if not n else f"{v:.2f} ({n})" if "/" in name else f"{v:.0%} ({n})"
             for v, n in (c[name] for c in columns)
         ]
         table.add_row(name, aim, *cells)
-    deciles = Table(title="what was said to be most probable, and how often it was true")
+    tenths = Table(title="what was said to be most probable, and how often it was true")
     for header in ("said with", "cases", "said in the mean", "true"):
-        deciles.add_column(header, justify="right")
-    for decile, n, p, true in by_decile([_most_probable(x) for x in answers if _asked_for(x)]):
-        deciles.add_row(f"{10 * decile}-{10 * decile + 10} %", str(n), f"{p:.0%}", f"{true:.0%}")
-    turns = [in_turn(answers, w) for w in worlds]
-    for name in max(turns, key=len):
-        table.add_row(name, "", *(turn.get(name, "") for turn in turns), *([""] if len(worlds) > 1 else []))
+        tenths.add_column(header, justify="right")
+    for tenth, n, p, true in by_tenth([_most_probable(x) for x in answers if _asked_for(x)]):
+        tenths.add_row(f"{10 * tenth}-{10 * tenth + 10} %", str(n), f"{p:.0%}", f"{true:.0%}")
     console.print(table)
-    console.print(deciles)
+    console.print(tenths)
     _said(console, [x for x in answers if x["kind"] == "single" and x["raised"] >= RAISED])
     both = [x for x in answers if x["kind"] == "pair" and x["raised"] >= RAISED]
     if both:
         found = [set(x["hidden"]) == set(x["effects"]) for x in both]
-        among = [set(x["hidden"]) <= {*x["effects"], *x["alternatives"]} for x in both]
-        console.print(
-            f"pairs: both named {np.mean(found):.0%}, both among names and alternatives {np.mean(among):.0%} of "
-            f"{len(both)}"
-        )
+        among = [set(x["hidden"]) <= set(x["names"]) for x in both]
+        console.print(f"pairs: both named {np.mean(found):.0%}, both in the set {np.mean(among):.0%} of {len(both)}")
     for x in answers:
         if x["kind"] == "none" and x["verdict"] != "none":
-            what = f"{x['alloy']}, {x['load']}, {x['program']}"
+            what = f"{x['model']}, {x['alloy']}, {x['load']}, {x['program']}"
             console.print(f"false alarm: {x['physics']}, {what}: {x['verdict']} {' + '.join(x['effects'])}")
 
 
@@ -398,8 +391,7 @@ def _first(x: dict) -> bool:
 
 
 def _among(x: dict) -> bool:
-    names = {*x["effects"][:1], *x["alternatives"]}
-    return len(names) <= MOST_NAMES and bool(set(x["hidden"]) & names)
+    return len(x["names"]) <= MOST_NAMES and bool(set(x["hidden"]) & set(x["names"]))
 
 
 if __name__ == "__main__":

@@ -2,8 +2,7 @@
 
     python benchmarks/trace_speed.py [--jobs 2]
 
-The last is the longest way: there each session slips where it likes, no name leaves the logs clean, and pairs are
-fitted too.
+The last is the longest way: there each session slips where it likes, and pairs come near to the best name.
 """
 
 from __future__ import annotations

@@ -1,21 +1,34 @@
 """What the page says agrees with its verdict."""
 
-from types import SimpleNamespace
-
 import pytest
+from matplotlib.colors import to_rgba
 
-from sma_actuator.diagnosis.trace.page import _race
+from sma_actuator.diagnosis.trace import page as pages
 from sma_actuator.report import Page
 
 
-@pytest.mark.parametrize("verdict", ["traced", "unexplained", "none"])
-def test_a_bar_is_called_named_only_where_something_was_named(verdict):
-    best, other = (
-        SimpleNamespace(names=(name,), gain=gain, gain_error=0.1) for name, gain in (("creep", 3.0), ("slip", 1.0))
-    )
-    round_ = SimpleNamespace(before=(), trials=[best, other], alternatives=[], winner=best)
+@pytest.mark.parametrize(
+    ("verdict", "color"), [("traced", "tab:green"), ("none", "tab:green"), ("unexplained", "tab:orange")]
+)
+def test_the_most_probable_is_green_only_where_it_was_given(verdict, color, monkeypatch):
+    drawn = []
+
+    def kept(*arguments, **options):
+        drawn.append(pages_figure(*arguments, **options))
+        return drawn[-1]
+
+    pages_figure = pages.figure
+    monkeypatch.setattr(pages, "figure", kept)
+    said = [("creep", 0.7), ("slip", 0.29), ("rate", 0.01)]
+    report = {
+        "verdict": verdict,
+        "probabilities": [{"hypothesis": [name], "probability": share} for name, share in said],
+    }
     page = Page("What the model lacks", "…")
-    _race(page, SimpleNamespace(verdict=verdict, rounds=[round_]))
+    pages._probable(page, report)
+    ((_, axes),) = drawn
+    bars, labels = axes[0, 0].patches, [text.get_text().strip() for text in axes[0, 0].texts]
+    assert labels == ["29%", "70%"]  # what is hardly probable is not drawn
+    assert [bar.get_facecolor() for bar in bars] == [to_rgba("0.7"), to_rgba(color)]
     (caption,) = [part["caption"] for part in page.parts if part["kind"] == "figure"]
-    assert ("Green: named" in caption) == (verdict == "traced")
-    assert ("is not named" in caption) == (verdict != "traced")
+    assert caption.endswith("not given." if verdict == "unexplained" else "green: given.")

@@ -1,0 +1,96 @@
+"""The covariance of a session in which nothing has happened, against plain linear algebra."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
+
+from sma_actuator.diagnosis.trace.covariance import Covariance
+from sma_actuator.diagnosis.trace.limits import LIMITS
+
+N = 60
+RNG = np.random.default_rng(4)
+COLUMNS = RNG.standard_normal((N, 9)) * RNG.uniform(0.1, 5.0, 9)
+ROWS = 3.0 * RNG.standard_normal(N)
+
+
+def dense(*columns):
+    """The same as a matrix, of rows that are tempered where something is off together."""
+    return np.eye(N) / (LIMITS.tempering if columns else 1.0) + sum(
+        (part @ part.T for part in columns), np.zeros((N, N))
+    )
+
+
+def squares(covariance, rows=ROWS):
+    return float(np.sum(covariance.whiten(rows) ** 2))
+
+
+def test_whitened_rows_are_those_of_the_inverse_matrix():
+    for columns in ((), (COLUMNS,), (COLUMNS[:, :4], COLUMNS[:, 4:])):
+        expected = float(ROWS @ np.linalg.solve(dense(*columns), ROWS))
+        assert squares(Covariance(*columns)) == pytest.approx(expected)
+
+
+def test_whitening_rows_twice_applies_the_inverse_and_many_at_once_are_each_alone():
+    covariance = Covariance(COLUMNS)
+    twice = covariance.whiten(covariance.whiten(ROWS))
+    np.testing.assert_allclose(twice, np.linalg.solve(dense(COLUMNS), ROWS), atol=1e-10)
+    np.testing.assert_allclose(covariance.whiten(COLUMNS)[:, 3], covariance.whiten(COLUMNS[:, 3]), atol=1e-10)
+
+
+def test_the_determinant_is_that_of_the_matrix():
+    expected = np.linalg.slogdet(dense(COLUMNS) * LIMITS.tempering)[1]
+    assert Covariance(COLUMNS).log_determinant == pytest.approx(expected)
+    assert Covariance().log_determinant == 0.0
+
+
+def test_columns_that_say_the_same_count_as_one_that_is_larger():
+    """As hat functions and an offset do: what they span is smaller than their number."""
+    one = COLUMNS[:, :1]
+    twice, larger = Covariance(one, one), Covariance(math.sqrt(2.0) * one)
+    assert squares(twice) == pytest.approx(squares(larger))
+    assert twice.log_determinant == pytest.approx(larger.log_determinant)
+
+
+def test_the_likelihood_is_the_normal_one_up_to_what_is_common_to_all():
+    def normal(rows, *columns):
+        return multivariate_normal(cov=dense(*columns)).logpdf(rows)
+
+    def said(rows, *columns):
+        covariance = Covariance(*columns)
+        return covariance.log_likelihood(squares(covariance, rows))
+
+    common = said(ROWS, COLUMNS[:, :1]) - normal(ROWS, COLUMNS[:, :1])
+    for rows, columns in ((ROWS, (COLUMNS,)), (0.3 * ROWS, (COLUMNS[:, :3],)), (5.0 * ROWS, (COLUMNS[:, 3:],))):
+        assert said(rows, *columns) == pytest.approx(normal(rows, *columns) + common)
+
+
+def test_of_some_rows_it_is_the_same_matrix_without_the_others():
+    seen = np.arange(N) % 3 > 0
+    some = Covariance(COLUMNS).of(seen)
+    matrix = dense(COLUMNS)[np.ix_(seen, seen)]
+    assert squares(some, ROWS[seen]) == pytest.approx(float(ROWS[seen] @ np.linalg.solve(matrix, ROWS[seen])))
+    assert some.log_likelihood(0.0) == pytest.approx(-0.5 * some.log_determinant)
+
+
+@given(st.randoms(use_true_random=False))
+def test_the_order_of_the_rows_changes_nothing(random):
+    order = random.sample(range(N), N)
+    plain, mixed = Covariance(COLUMNS), Covariance(COLUMNS[order])
+    assert squares(mixed, ROWS[order]) == pytest.approx(squares(plain))
+    assert mixed.log_determinant == pytest.approx(plain.log_determinant)
+    np.testing.assert_allclose(mixed.whiten(ROWS[order]), plain.whiten(ROWS)[order], atol=1e-9)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 8), st.floats(1e-3, 1e3))
+def test_what_may_be_off_more_is_never_further_off_and_never_freer_of_cost(seed, fewer, scale):
+    """More columns of smooth error never raise the squares, and never lower what they cost."""
+    rng = np.random.default_rng(seed)
+    columns, rows = scale * rng.standard_normal((N, 9)), rng.standard_normal(N)
+    some, all_ = Covariance(columns[:, :fewer]), Covariance(columns)
+    assert squares(all_, rows) <= squares(some, rows) * (1.0 + 1e-9)
+    assert all_.log_determinant >= some.log_determinant - 1e-9
+    assert squares(some, rows) <= LIMITS.tempering * float(rows @ rows) * (1.0 + 1e-9)

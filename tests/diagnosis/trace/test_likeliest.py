@@ -1,0 +1,106 @@
+"""The likeliest parameters and their evidence, where both have a closed form: rows that are linear in two sizes."""
+
+import numpy as np
+import pytest
+
+from sma_actuator.diagnosis.trace.candidates import Candidate
+from sma_actuator.diagnosis.trace.covariance import Covariance
+from sma_actuator.diagnosis.trace.hypotheses import objection
+from sma_actuator.diagnosis.trace.likeliest import likeliest
+from sma_actuator.diagnosis.trace.limits import LIMITS
+from sma_actuator.estimation.effects.free import Free, size
+
+NAME, N = "load_cell_drift", 200
+RNG = np.random.default_rng(2)
+SLOPES = RNG.standard_normal((N, 2)) * (0.7, 2.0)  # of a size that is typical
+SMOOTH = 2.0 * np.column_stack((np.linspace(-1.0, 1.0, N), np.ones(N)))
+TYPICAL = np.array([0.2, 0.05])  # N, N/s
+
+
+class Line:
+    """Evidence in which a load cell's zero and its change move every row in proportion."""
+
+    def __init__(self, base):
+        self.base = base
+
+    def residual(self, effects):
+        drift = effects[NAME]
+        return self.base + SLOPES @ (np.array([drift.offset, drift.rate]) / TYPICAL)
+
+
+def candidate(limit=100.0):
+    offset, rate = (size(name, limit * t, t) for name, t in zip(("offset", "rate"), TYPICAL, strict=True))
+    return Candidate(NAME, (offset, rate), {})
+
+
+def of(true, limit=100.0):
+    """(rows without an effect, what is likeliest, the covariance); ``true``: sizes, in what is typical."""
+    base = RNG.standard_normal(N) + SMOOTH @ (0.5, -0.4) - SLOPES @ true
+    usual = Covariance(SMOOTH)
+    return base, likeliest(Line(base), [candidate(limit)], usual), usual
+
+
+@pytest.mark.parametrize("true", [(1.0, -2.0), (0.0, 0.0), (-6.0, 4.0)])
+def test_the_likeliest_sizes_are_those_of_the_normal_equations(true):
+    base, found, usual = of(true)
+    a, b = usual.whiten(SLOPES), usual.whiten(base)
+    information = a.T @ a + np.eye(2) / LIMITS.size**2
+    expected = -np.linalg.solve(information, a.T @ b)
+    np.testing.assert_allclose(found.u, expected, atol=1e-4)
+    assert found.values[NAME] == pytest.approx(dict(zip(("offset", "rate"), expected * TYPICAL, strict=True)), abs=1e-4)
+    assert np.abs(found.u - true).max() < 4.0 * np.sqrt(np.diag(np.linalg.inv(information))).max()
+
+
+def test_laplaces_evidence_is_exact_where_all_is_linear_and_normal():
+    """So much as if the effect were one more smooth error, of the size that was known of it before the logs."""
+    for true in ((1.0, -2.0), (0.0, 0.0)):
+        base, found, usual = of(true)
+        together = Covariance(SMOOTH, LIMITS.size * SLOPES)
+        expected = together.log_likelihood(float(np.sum(together.whiten(base) ** 2)))
+        assert found.log_evidence(usual) == pytest.approx(expected, abs=1e-3)
+
+
+def test_what_is_not_there_costs_what_it_could_have_been():
+    """Occam's factor: an effect that moves nothing is less likely than nothing, one that is there by far more."""
+    for true, sign in (((0.0, 0.0), -1.0), ((1.0, 1.0), 1.0)):
+        base, found, usual = of(true)
+        nothing = usual.log_likelihood(float(np.sum(usual.whiten(base) ** 2)))
+        assert sign * (found.log_evidence(usual) - nothing) > 3.0
+
+
+def test_it_begins_where_it_was_already_and_sees_no_rows_but_its_own():
+    base, found, usual = of((1.0, -2.0))
+    again = likeliest(Line(base), [candidate()], usual, found.values)
+    np.testing.assert_allclose(again.u, found.u, atol=1e-4)
+    seen = np.arange(N) < N // 2
+    spoiled = np.where(seen, base, 1e3)
+    some, same = (likeliest(Line(b), [candidate()], usual.of(seen), None, seen) for b in (base, spoiled))
+    np.testing.assert_array_equal(some.u, same.u)
+
+
+def test_a_size_at_the_end_of_what_is_possible_is_another_effect():
+    _, inside, _ = of((1.0, -2.0))
+    assert objection(inside) == ""
+    _, at_end, _ = of((1.0, -8.0), limit=4.0)
+    assert objection(at_end).startswith(f"{NAME}'s rate comes to -0.2 N/s, the end of what is possible")
+
+
+def test_a_shape_is_found_from_whichever_start_leads_there():
+    """A lag of which nothing is known but its range: there is a minimum at each end, and the deeper one wins."""
+    time_s = np.linspace(0.0, 60.0, N)
+
+    class Rise:
+        """Rows in which something comes with a time constant."""
+
+        def residual(self, effects):
+            drift = effects["contact_drift"]
+            return 8.0 * (1.0 - np.exp(-time_s / 20.0)) - drift.resistance / 0.01 * (
+                1.0 - np.exp(-time_s / drift.time_constant)
+            )
+
+    slow = Free("time_constant", 0.3, 900.0, 1.0, (1.0, 30.0, 600.0))
+    c = Candidate("contact_drift", (size("resistance", 1.0, 0.01, 0.0), slow), {})
+    usual = Covariance()
+    found = likeliest(Rise(), [c], usual)
+    assert found.values["contact_drift"]["time_constant"] == pytest.approx(20.0, rel=0.15)
+    assert found.values["contact_drift"]["resistance"] == pytest.approx(0.08, rel=0.15)
