@@ -31,7 +31,8 @@ from rich.console import Console
 from rich.table import Table
 
 from sma_actuator.bench import InProcessDaq, InProcessSupply, Schedule, Spring, VirtualClock, Weight
-from sma_actuator.bench.hidden import FOREIGN, TWINS, HiddenBench, hidden_effects
+from sma_actuator.bench.hidden import FOREIGN, TWINS, hidden_effects
+from sma_actuator.bench.hidden.hiding import HiddenBench
 from sma_actuator.characterise import Rig
 from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import Drive

@@ -22,7 +22,8 @@ from kept import BENCH, MODEL, kept
 from rich.console import Console
 from rich.table import Table
 
-from sma_actuator.bench.hidden import TWINS, HiddenBench
+from sma_actuator.bench.hidden import TWINS
+from sma_actuator.bench.hidden.hiding import HiddenBench
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace.candidates import Candidate, candidate, scales_of, untestable
 from sma_actuator.diagnosis.trace.evidence import Evidence

@@ -33,7 +33,7 @@ from rich.console import Console
 
 from sma_actuator.base.parameters import to_mapping
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualClock, Weight
-from sma_actuator.bench.hidden import HiddenBench
+from sma_actuator.bench.hidden.hiding import HiddenBench
 from sma_actuator.characterise import Rig
 from sma_actuator.characterise.plan import default_heat_current_A
 from sma_actuator.characterise.programs import Drive

@@ -30,7 +30,7 @@ from whole_range import CALIBRATION, WIRES, OneWire, logs_of
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Health, Output, Quality
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualClock, Weight
-from sma_actuator.bench.hidden import HiddenBench
+from sma_actuator.bench.hidden.hiding import HiddenBench
 from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.driver import Driver
 from sma_actuator.identify import identify

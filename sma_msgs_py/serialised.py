@@ -11,7 +11,6 @@ from itertools import pairwise
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from rclpy.serialization import serialize_message
 
 #: What is looked for in the bytes of the first: no text holds them.
 _STAMP = Time(sec=0x7E8EA1B7, nanosec=0x3B9AC9FE)
@@ -25,6 +24,9 @@ class Form:
     """
 
     def __init__(self, make: Callable[[Time, Sequence[float]], Any], count: int):
+        # Not above: a process that forks nodes must not have rclpy, or they share what it says who they are by.
+        from rclpy.serialization import serialize_message
+
         numbers = [struct.pack("=d", _NUMBER * (1.0 + index)) for index in range(count)]
         whole = serialize_message(make(_STAMP, [struct.unpack("=d", number)[0] for number in numbers]))
         stamp = struct.pack("=iI", _STAMP.sec, _STAMP.nanosec)

@@ -9,7 +9,9 @@ from sma_actuator.plant.loads import Schedule, Spring, Weight
 
 from .bench import Setup, Truth, VirtualBench
 from .chain import Chain
-from .hidden import FOREIGN, TWINS, Hidden, HiddenBench, require_twins
+from .hidden import FOREIGN, TWINS, require_twins
+from .hidden.effect import Hidden
+from .hidden.hiding import HiddenBench
 from .in_process import InProcessDaq, InProcessSupply, VirtualClock
 
 __all__ = [

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from sma_actuator.bench import Schedule, Spring, VirtualBench, Weight
-from sma_actuator.bench.hidden import FOREIGN, TWINS, HiddenBench, hidden_effects
+from sma_actuator.bench.hidden import FOREIGN, TWINS, hidden_effects
+from sma_actuator.bench.hidden.hiding import HiddenBench
 from sma_actuator.plant.worlds import HOME, WORLDS
 
 ALL = hidden_effects()

@@ -6,7 +6,7 @@ import pytest
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Branch, Estimate, Health, Quality, Signals
 from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualClock, Weight
-from sma_actuator.bench.hidden import HiddenBench
+from sma_actuator.bench.hidden.hiding import HiddenBench
 from sma_actuator.cli.main import main
 from sma_actuator.config import Config
 from sma_actuator.driver import Driver

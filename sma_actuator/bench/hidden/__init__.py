@@ -6,8 +6,8 @@ effect is; time constants and phases are drawn from the bench's seed.
 """
 
 from . import foreign, twins  # noqa: F401 - which register themselves
-from .effect import AMBIENT, CURRENT, FOREIGN, LOAD, POSITION, TWINS, VOLTAGE, Hidden, require_twins
-from .hiding import HiddenBench, hidden_effects
+from .effect import AMBIENT, CURRENT, FOREIGN, LOAD, POSITION, TWINS, VOLTAGE, require_twins
+from .hiding import hidden_effects
 
 __all__ = [
     "AMBIENT",
@@ -17,8 +17,6 @@ __all__ = [
     "POSITION",
     "TWINS",
     "VOLTAGE",
-    "Hidden",
-    "HiddenBench",
     "hidden_effects",
     "require_twins",
 ]

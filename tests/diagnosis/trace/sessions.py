@@ -10,7 +10,7 @@ import yaml
 
 from sma_actuator.base.share import shared_file
 from sma_actuator.bench import InProcessDaq, InProcessSupply, Schedule, VirtualBench, VirtualClock, Weight
-from sma_actuator.bench.hidden import HiddenBench
+from sma_actuator.bench.hidden.hiding import HiddenBench
 from sma_actuator.characterise import PlanOptions, Rig, characterise, make_plan
 from sma_actuator.characterise.operators import BenchOperator
 from sma_actuator.characterise.plan import default_heat_current_A
