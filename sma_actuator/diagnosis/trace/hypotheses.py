@@ -32,6 +32,7 @@ BESIDE = 2  #: best single effects that something else is held beside
 IN_EARNEST, WITHIN = 4, log(100.0)  #: pairs that are fitted; as far as they come so near to the best, in nats
 NEAR_SIZE, NEAR_SHAPE = 0.01, 0.05  #: of what is possible, so near its end counts as at it: a shape comes there slowly
 
+#: What tracing is doing, and how far it is, from 0 to 1.
 Progress = Callable[[str, float], None]
 
 

@@ -23,12 +23,11 @@ from .evidence import Evidence
 from .experiments import best_experiment
 from .hypotheses import NOTHING, Rows
 from .likeliest import likeliest
-from .probability import NO_NAMES
+from .probability import MOST_NAMES, NO_NAMES
 from .tracing import Tracing, of_the_model
 
 DRAWS = 1000
 USUAL = 2.0  #: deviation (rms, σ) of a witness above which it is worth a word
-MOST_SAID = 3
 LEAST_SAID = 0.02  #: probability from which a name is worth a word
 DEPENDS = 0.1  #: share of the residual's mean square from which a dependence is worth naming
 
@@ -119,11 +118,11 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
         if most
         else "; it depends on nothing that was looked at."
     )
-    likely = [n for n in tracing.probabilities.by_name if n not in NO_NAMES][:MOST_SAID]
+    likely = [n for n in tracing.probabilities.by_name if n not in NO_NAMES][:MOST_NAMES]
     if tracing.probabilities.best[0] in NO_NAMES:
         text += " Something else than any of them is the most probable"
     else:
-        text += f" No {MOST_SAID} names together are probable enough"
+        text += f" No {MOST_NAMES} names together are probable enough"
     shares = _listed([f"{n} {tracing.probabilities.by_name[n]:.0%}" for n in likely])
     text += f"; of the names {shares}." if likely else "."
     if names:

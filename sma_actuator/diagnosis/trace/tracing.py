@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import log
 
@@ -15,13 +15,11 @@ from sma_actuator.logs.errors import BenchLogError
 from .candidates import Candidate, candidate, scales_of, untestable
 from .evidence import Evidence
 from .fitting import Fit, fit_of
-from .hypotheses import BESIDE, Hypothesis, Rows, pairs, singles
+from .hypotheses import BESIDE, Hypothesis, Progress, Rows, pairs, singles
 from .limits import LIMITS
 from .probability import NO_NAMES, Probabilities, weighed
 from .witnesses import Prediction
 
-#: What tracing is doing, and how far it is, from 0 to 1.
-Progress = Callable[[str, float], None]
 MOST_MISSING = 3  #: effects that a model may lack from its beginning; many together imitate anything
 
 
