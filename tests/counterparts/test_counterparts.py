@@ -21,7 +21,7 @@ from liar import Liar
 from waiting import Elapsed, Stalls
 
 from sma_actuator.config import Config
-from sma_actuator.instruments import open_supply
+from sma_actuator.instruments import InstrumentRefused, open_supply
 from sma_actuator.instruments.dialect import FOLDER
 from sma_actuator.safety.faults import FAULTS
 
@@ -259,6 +259,15 @@ def test_a_program_that_is_told_to_end_switches_it_off(emulator, program, counte
     assert (state.on, state.setting_A) == (False, counterpart.zero_A)
 
 
+def is_free(supply):
+    """Whether no other process speaks to it."""
+    try:
+        with supply.claimed():
+            return True
+    except InstrumentRefused:
+        return False
+
+
 def test_after_a_killed_program_it_is_off_and_the_next_ones_first_words_are_off(emulator, program, make_mapping):
     one = program()
     one.kill()
@@ -271,6 +280,9 @@ def test_after_a_killed_program_it_is_off_and_the_next_ones_first_words_are_off(
     dialect = yaml.safe_load(Path(mapping["instruments"]["supply"]["dialect"]).read_text())
     last_words = np.atleast_1d(dialect["commands"].get("unlock", [])).tolist()
     supply = open_supply(Config.from_mapping(mapping))
+    while not is_free(supply):  # off, but not yet read back by the process that said it
+        assert elapsed.look() < SOON_s
+        time.sleep(0.005)
     heard = len(emulator.liar.heard)
     try:
         supply.open()
