@@ -272,15 +272,12 @@ def test_after_a_killed_program_it_is_off_and_the_next_ones_first_words_are_off(
     one = program()
     one.kill()
     one.wait()
-    elapsed = Elapsed()  # it has no watchdog: a process of its own says off
-    while emulator.back_door.state().on:
-        assert elapsed.look() < SOON_s
-        time.sleep(0.005)
     mapping = make_mapping()
     dialect = yaml.safe_load(Path(mapping["instruments"]["supply"]["dialect"]).read_text())
     last_words = np.atleast_1d(dialect["commands"].get("unlock", [])).tolist()
     supply = open_supply(Config.from_mapping(mapping))
-    while not is_free(supply):  # off, but not yet read back by the process that said it
+    elapsed = Elapsed()  # it has no watchdog: a process of its own says off, and reads it back
+    while emulator.back_door.state().on or not is_free(supply):
         assert elapsed.look() < SOON_s
         time.sleep(0.005)
     heard = len(emulator.liar.heard)
