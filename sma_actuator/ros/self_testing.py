@@ -4,7 +4,7 @@ again."""
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_msgs.srv import SelfTest as SelfTestService
@@ -14,10 +14,9 @@ from sma_actuator.driver import DriverStopped
 from sma_actuator.instruments import open_instruments
 from sma_actuator.instruments.clock import MonotonicClock
 
+from .one_wire import OneWire
+from .topics import Service
 from .words import ERROR, INFO, WARNING
-
-if TYPE_CHECKING:
-    from .wire import SmaActuatorNode
 
 END_s = 2.0  #: one that is to end has done so by then, instruments that answer given
 _LEVELS = {
@@ -30,7 +29,7 @@ _LEVELS = {
 class SelfTesting:
     """Self-tests of one wire, one at a time."""
 
-    def __init__(self, wire: SmaActuatorNode):
+    def __init__(self, wire: OneWire):
         self._wire = wire
         self._running: SelfTest | None = None
         self._ended = threading.Event()
@@ -40,7 +39,12 @@ class SelfTesting:
         """Whether one does, and so who ends it is :meth:`end`."""
         return self._running is not None
 
-    def answer(self, _: SelfTestService.Request, response: SelfTestService.Response) -> Any:
+    @property
+    def service(self) -> Service:
+        """What asks for one."""
+        return Service("~/self_test", SelfTestService, self._answer)
+
+    def _answer(self, _: SelfTestService.Request, response: SelfTestService.Response) -> Any:
         """Test, in the ROS thread."""
         wire = self._wire
         if wire.driver is not None:

@@ -1,21 +1,18 @@
 """What a wire's node is asked for, between two callbacks of its ROS thread; ``~/enable`` and ``~/stop``:
-``switch.py``."""
+``switch.py``, ``~/self_test``: ``self_testing.py``."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from diagnostic_msgs.srv import SelfTest as SelfTestService
 from std_srvs.srv import Trigger
 
+from sma_actuator.driver import Driver
+
+from .one_wire import OneWire
 from .topics import Service
 from .words import INFO
-
-if TYPE_CHECKING:
-    from sma_actuator.driver import Driver
-
-    from .wire import SmaActuatorNode
 
 CALL_TIMEOUT_s = 0.6  #: a service waits no longer for the control thread
 
@@ -23,16 +20,15 @@ CALL_TIMEOUT_s = 0.6  #: a service waits no longer for the control thread
 _OF_DRIVER = {"clear_fault": False, "reset_estimator": True, "tare_load": True, "measure_lead_resistance": True}
 
 
-def services_of(wire: SmaActuatorNode) -> tuple[Service, ...]:
+def services_of(wire: OneWire) -> tuple[Service, ...]:
     """The services of a wire."""
     return (
         *(Service(f"~/{name}", Trigger, _asking(wire, name)) for name in _OF_DRIVER),
         Service("~/tune", Trigger, _tuning(wire)),
-        Service("~/self_test", SelfTestService, wire.self_testing.answer),
     )
 
 
-def _asking(wire: SmaActuatorNode, name: str) -> Callable[[Any, Any], Any]:
+def _asking(wire: OneWire, name: str) -> Callable[[Any, Any], Any]:
     def answer(_: Trigger.Request, response: Trigger.Response) -> Any:
         if _answer(wire, response, lambda driver: getattr(driver, name)(timeout_s=CALL_TIMEOUT_s)) and _OF_DRIVER[name]:
             wire.log.say(INFO, response.message)
@@ -41,7 +37,7 @@ def _asking(wire: SmaActuatorNode, name: str) -> Callable[[Any, Any], Any]:
     return answer
 
 
-def _tuning(wire: SmaActuatorNode) -> Callable[[Any, Any], Any]:
+def _tuning(wire: OneWire) -> Callable[[Any, Any], Any]:
     def answer(_: Trigger.Request, response: Trigger.Response) -> Any:
         """Begin to tune the gains; the answer is that it has begun, the status says how far it is."""
         if _answer(wire, response, lambda driver: driver.tune(timeout_s=CALL_TIMEOUT_s)):
@@ -52,7 +48,7 @@ def _tuning(wire: SmaActuatorNode) -> Callable[[Any, Any], Any]:
     return answer
 
 
-def _answer(wire: SmaActuatorNode, response: Any, request: Callable[[Driver], tuple[Any, ...]]) -> bool:
+def _answer(wire: OneWire, response: Any, request: Callable[[Driver], tuple[Any, ...]]) -> bool:
     """Fill a response with what the actuator says."""
     response.success, response.message = wire.asked(request)
     if not response.success:

@@ -5,21 +5,18 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.parameter import Parameter
 
 from sma_actuator.base.signals import Health, Mode, Output, Status, Tuned
+from sma_actuator.config import Config
 from sma_actuator.control.tuning import words_of
 from sma_msgs_py import diagnostic_status_from, health_status_from
 
+from .one_wire import OneWire
 from .words import ERROR, INFO, WARNING, Events
-
-if TYPE_CHECKING:
-    from sma_actuator.config import Config
-
-    from .wire import SmaActuatorNode
 
 #: Of the loop's statistics, in the diagnostics.
 _OF_THE_LOOP = ("period_mean_s", "period_p99_s", "period_max_s", "overruns", "late_answers", "slowest_answer_s")
@@ -28,7 +25,7 @@ _OF_THE_LOOP = ("period_mean_s", "period_p99_s", "period_max_s", "overruns", "la
 class Spoken:
     """The speaker (``telling.py``) of one wire."""
 
-    def __init__(self, wire: SmaActuatorNode):
+    def __init__(self, wire: OneWire):
         self._wire = wire
         self._events = Events()
         self._health = Health.UNKNOWN  #: as it was last said

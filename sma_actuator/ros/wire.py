@@ -81,7 +81,7 @@ class SmaActuatorNode(LifecycleNode):
         self.commands = Commands(self, self)
         self._spoken = Spoken(self)
         self._telling: Telling[Output] = Telling(self, self._spoken, WIRE)
-        offer(self, services_of(self))
+        offer(self, (*services_of(self), self.self_testing.service))
         self._change_state = self._service_change_state.callback
         self._service_change_state.callback = self._on_change_state
         refuse_what_raises(self, self.report)

@@ -16,6 +16,7 @@ from sma_actuator.actuator import Actuator
 from sma_actuator.base.signals import Branch, Estimate, JointEstimate, Mode, Quality, Reading, Status
 from sma_actuator.pair import JointOutput
 from sma_actuator.ros.commands import Commands
+from sma_actuator.ros.self_testing import SelfTesting
 from sma_actuator.ros.services import services_of
 from sma_actuator.ros.telling import Telling
 from sma_actuator.ros.topics import JOINT, WIRE, Of, Step
@@ -112,8 +113,8 @@ def test_all_that_is_said_of_a_step_has_the_same_time_to_the_nanosecond(wire):
 def test_what_is_published_taken_and_answered_stands_on_the_page():
     commands = Commands.__new__(Commands)
     commands._moved = SimpleNamespace(take_joint_command=None)
-    services = services_of(SimpleNamespace(self_testing=SimpleNamespace(answer=None)))
-    for row in (*WIRE, *commands.rows(), *services):
+    wire = SimpleNamespace()
+    for row in (*WIRE, *commands.rows(), *services_of(wire), SelfTesting(wire).service):
         assert f"`{row.name}`" in PAGE, row.name
     assert [row.name for row in WIRE if row.is_kept] == ["~/status"]
     assert all(row.qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for row in WIRE if row.is_kept)

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sma_actuator.base.registry import PartRefusedError, Registry
+from sma_actuator.bench.bench import VirtualBench
 from sma_actuator.plant import physics
-
-if TYPE_CHECKING:
-    from .hiding import HiddenBench
 
 CURRENT, VOLTAGE, LOAD, POSITION, AMBIENT = range(5)  # columns of the ring
 
 
 class Hidden:
-    """One effect at work on one bench.  The hooks are called in the order in which they stand here."""
+    """One effect at work on one bench, for a session of ``session_s``.  The hooks are called in the order in which they
+    stand here."""
 
     unit = ""  #: of the strength
     where = ""  #: in which part of the stand it acts
 
-    def __init__(self, bench: HiddenBench, strength: float, rng: np.random.Generator):
-        self.bench, self.strength = bench, strength
+    def __init__(self, bench: VirtualBench, session_s: float, strength: float, rng: np.random.Generator):
+        self.bench, self.session_s, self.strength = bench, session_s, strength
         self.draw(rng)
 
     def draw(self, rng: np.random.Generator) -> None:

@@ -33,12 +33,11 @@ class HiddenBench(VirtualBench):
         Raises ValueError for an unknown name.
         """
         super().__init__(setup, seed)
-        self.session_s = session_s
         known = hidden_effects()
         if unknown := set(hidden) - set(known):
             raise ValueError(f"'{min(unknown)}' is no hidden effect; one of {', '.join(known)} is wanted")
         self.hidden = [
-            kind(self, hidden[name], np.random.default_rng((seed, crc32(name.encode()))))
+            kind(self, session_s, hidden[name], np.random.default_rng((seed, crc32(name.encode()))))
             for name, kind in known.items()
             if hidden.get(name)
         ]

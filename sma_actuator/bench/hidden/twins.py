@@ -92,7 +92,7 @@ class LoadCellDrift(Hidden):
         self.first = rng.uniform(0.3, 0.7)
 
     def read(self, rows, time_s):
-        rows[:, LOAD] += self.strength * (self.first + (1.0 - self.first) * time_s / self.bench.session_s)
+        rows[:, LOAD] += self.strength * (self.first + (1.0 - self.first) * time_s / self.session_s)
 
 
 @TWINS.register("load_cell_gain")
@@ -261,7 +261,7 @@ class Slip(Hidden):
     unit, where = "m", "mechanism"
 
     def draw(self, rng):
-        self.at_s = self.bench.session_s * rng.uniform(1.0 / 3.0, 2.0 / 3.0)
+        self.at_s = self.session_s * rng.uniform(1.0 / 3.0, 2.0 / 3.0)
 
     def stretch_m(self, state, time_s, step_s):
         return self.strength if time_s >= self.at_s else 0.0
@@ -318,7 +318,7 @@ class ReferenceDrift(Hidden):
         self.power = rng.uniform(0.8, 1.3)
 
     def read(self, rows, time_s):
-        rows[:, POSITION] += self.strength * (time_s / self.bench.session_s) ** self.power
+        rows[:, POSITION] += self.strength * (time_s / self.session_s) ** self.power
 
 
 # --- surroundings --------------------------------------------------------------------------------
