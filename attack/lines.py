@@ -221,7 +221,7 @@ class Line:
 
     def _reconnects_within_s(self) -> float:
         """The longest pause between two attempts, then off is the first word: an attempt that may have been heard, as a
-        connection that is closed at once, is followed by silence until the watchdog would have cut (docs/safety.md)."""
+        connection that is closed at once, is followed by silence until the watchdog would have cut (docs/guards.md)."""
         silence_s = QUIET_WATCHDOGS * self.config.supply.watchdog_timeout
         return max(self.config.instruments.reconnect_backoff_max, silence_s) + self.config.instruments.supply.timeout
 

@@ -440,7 +440,7 @@ class SelfTest:
         return (
             f"no more than {most_A * 1e3:.3g} mA may flow on, of which the wire comes to "
             f"{thermal.ambient_temperature + rise_K:.0f} °C by thermal.heat_loss: one that contracts only hotter "
-            f"wants a watchdog, or a thermal.heat_loss_margin below {thermal.heat_loss_margin:g} (docs/safety.md)"
+            f"wants a watchdog, or a thermal.heat_loss_margin below {thermal.heat_loss_margin:g} (docs/guards.md)"
         )
 
     def _watchdog(self) -> None:

@@ -1,6 +1,6 @@
 """How a family of instruments wants to be spoken to: data, not code.
 
-A dialect is a YAML file (``docs/dialects.md`` describes it; those that come with the package are in
+A dialect is a YAML file (``docs/dialects.md`` describes how to write it; those that come with the package are in
 ``dialects/``).  Everything in it is checked when it is loaded, so a mistake is found before any
 current flows.
 """
@@ -123,7 +123,7 @@ def _brought(point: EntryPoint) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class Dialect:
-    """One family of instruments; see ``docs/dialects.md`` for every entry."""
+    """One family of instruments; see ``docs/dialect_entries.md`` for every entry."""
 
     path: Path
     kind: str  #: supply or daq

@@ -1,4 +1,4 @@
-"""Supplies in other people's lists: what docs/dialects.md says of each, and that the ones that can be written are."""
+"""Supplies in other people's lists: what docs/supplies.md says of each, and that the ones that can be written are."""
 
 import re
 from pathlib import Path
@@ -10,11 +10,11 @@ from sma_actuator.instruments.dialect import FOLDER, Dialect
 TESTS = Path(__file__).parents[1]
 SKETCHES = sorted((TESTS / "instruments" / "sketches").glob("*.yaml"))
 TABLE = (
-    (TESTS.parent / "docs" / "dialects.md")
+    (TESTS.parent / "docs" / "supplies.md")
     .read_text(encoding="utf-8")
     .partition("## Supplies in other people's lists")[2]
 )
-ROWS = [row.split("|")[3] for row in TABLE.partition("## Entries")[0].splitlines() if row.startswith("| ")][1:]
+ROWS = [row.split("|")[3] for row in TABLE.splitlines() if row.startswith("| ")][1:]
 
 
 @pytest.mark.parametrize("path", SKETCHES, ids=lambda path: path.stem)

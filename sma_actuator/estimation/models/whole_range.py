@@ -1,4 +1,4 @@
-"""The whole range: what a resistance means at a temperature, and a small learned rest (docs/models.md).
+"""The whole range: what a resistance means at a temperature, and a small learned rest (docs/whole_range.md).
 
 The thesis's models leave out the ends of the stroke, where resistance moves with temperature and displacement
 does not.  Here a heat balance stands beside the resistance.  It keeps the wire's *heat content* as a temperature,
