@@ -282,7 +282,7 @@ class ThermalParameters:
         "the wire stays below max_temperature even where it loses this many times less heat than heat_loss",
         "1",
         1.0,
-        10.0,
+        1000.0,
         live=True,
         stricter="higher",
     )

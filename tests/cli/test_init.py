@@ -195,6 +195,25 @@ def test_all_that_the_supply_is_not_opened_without_is_asked(dialect, asked_for):
     assert {q.name.removeprefix("supply.") for q in acknowledgements if q.when(mapping)} == asked_for
 
 
+@pytest.mark.parametrize("times", [0.6, 1.0, 1.9, 30.0])
+def test_limits_hold_for_still_air_whatever_loss_is_measured(times):
+    """A fan may stop, and cooling may be misread: a large heat loss lets no more current flow, a small one less."""
+    wire = {"alloy": "ni-ti", "length": 0.1, "diameter": 0.1524e-3}
+    still = derived({"wire": wire})
+    mapping = {"wire": wire, "thermal": {"heat_loss": still["thermal.heat_loss"].value * times}}
+    found = derived(mapping)
+    share = min(times, 1.0) ** 0.5
+    for name in ("supply.max_current", "supply.over_current_trip"):
+        assert found[name].value == pytest.approx(still[name].value * share, rel=0.01)
+        assert found[name].value <= still[name].value
+    least_W_K = mapping["thermal"]["heat_loss"] / found["thermal.heat_loss_margin"].value
+    assert least_W_K == pytest.approx(still["thermal.heat_loss"].value * min(times, 1.0) / 2.5, rel=0.01)
+    for name, each in found.items():
+        section, _, key = name.partition(".")
+        mapping.setdefault(section, {}).setdefault(key, each.value)
+    bench_from_mapping(mapping | {"instruments": {}})  # and such a file is taken
+
+
 def test_limits_and_gains_that_were_derived_drive_the_wire(tmp_path):
     known = read_parameter_file(shared_file("config/flexinol.yaml"))
     kept = ("wire", "circuit", "load_cell", "reference_sensor", "estimator", "instruments", "model", "calibration")
