@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import copy
 import itertools
@@ -113,8 +114,9 @@ def pytest_sessionstart(session: pytest.Session) -> None:
         subprocess.run([sys.executable, "-c", bench], check=True, timeout=600)
 
 
-def pytest_unconfigure() -> None:
-    """Nothing that a test started outlives the tests."""
+@atexit.register  # before anything else is, so that it runs last: what others started they end in good order
+def nothing_outlives_the_tests() -> None:
+    """Nothing that a test started does."""
     if _WATCHER is not None and _WATCHER.stdin is not None:
         _WATCHER.stdin.close()
         with contextlib.suppress(subprocess.TimeoutExpired):

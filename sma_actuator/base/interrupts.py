@@ -1,7 +1,8 @@
-"""Signals that are noted, not raised, for commands that drive something.
+"""What signals do to a command: they are noted where it drives something, and raised where it does not.
 
 An exception that a signal raises comes up between any two instructions, also inside a library's wait, a ``finally``
-or a callback that catches everything: it can be lost, and the command goes on driving.  A note cannot.
+or a callback that catches everything: it can be lost, and the command goes on driving.  A note cannot.  A command that
+only reckons would end at once anyway; the exception lets it take its processes and its temporary files with it.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ class Interrupts:
     def raise_noted(self) -> None:
         """Raise KeyboardInterrupt where a signal was noted: at a place that is ready for it."""
         if self:
-            raise KeyboardInterrupt
+            raise KeyboardInterrupt(self.number)
 
 
 #: Those that nobody can catch, that end nothing, that only stop a program or let it go on, and that a crash raises:
@@ -46,16 +47,46 @@ def every_ending_signal() -> list[int]:
     return sorted(set(signal.valid_signals()) - _NOT_ENDING)
 
 
+def asking_signals() -> list[int]:
+    """What asks a program to end, whoever else listens: SIGTERM, SIGQUIT, and SIGHUP where ``nohup`` has not had it
+    ignored."""
+    asked: list[int] = [signal.SIGTERM, signal.SIGQUIT]
+    return asked if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN else [*asked, signal.SIGHUP]
+
+
 def ending_signals() -> list[int]:
-    """What would end this program, besides Ctrl-C; what is ignored (as SIGHUP by ``nohup``), or has a handler that is
-    none of ours, stays as it is.  SIGTERM, SIGQUIT and SIGHUP ask a program to end, whoever else listens."""
+    """What would end this program, besides Ctrl-C: :func:`asking_signals`, and any other that is not ignored and has no
+    handler but ours."""
+    asking = asking_signals()
 
     def is_ours(number: int) -> bool:
         handler = signal.getsignal(number)
-        asks = number in (signal.SIGTERM, signal.SIGQUIT) or (number == signal.SIGHUP and handler is not signal.SIG_IGN)
-        return asks or handler is signal.SIG_DFL or isinstance(getattr(handler, "__self__", None), Interrupts)
+        by_itself = handler is signal.SIG_DFL or isinstance(getattr(handler, "__self__", None), Interrupts)
+        return number in asking or by_itself
 
     return [number for number in every_ending_signal() if number != signal.SIGINT and is_ours(number)]
+
+
+@contextlib.contextmanager
+def raised_signals(*numbers: int) -> Iterator[None]:
+    """Let these signals raise KeyboardInterrupt with their number (Ctrl-C's has none) while the block runs; afterwards
+    they do what they did before.
+
+    In a thread other than the main one nothing changes, since Python lets only the main thread have handlers.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def interrupt(number: int, _frame: object) -> None:
+        raise KeyboardInterrupt(number)
+
+    before = {number: signal.signal(number, interrupt) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextlib.contextmanager

@@ -5,14 +5,13 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import signal
-import threading
 from collections.abc import Callable, Collection, Iterator
 from math import inf, isfinite, nan
 from typing import Any, TypeVar
 
 import numpy as np
 
-from sma_actuator.base.interrupts import Interrupts, ending_signals, noted_signals
+from sma_actuator.base.interrupts import Interrupts, ending_signals, noted_signals, raised_signals
 from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Reading, Signals, SupplyState
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import Clock, Daq, InstrumentLate, InstrumentLost, InstrumentRefused, PowerSupply
@@ -66,7 +65,7 @@ class Rig:
 
         While nothing is driven a signal ends what is under way at once, since a person may be asked something.
         """
-        with _terminate_as_interrupt():
+        with raised_signals(signal.SIGINT, *ending_signals()):  # Ctrl-C also where it was ignored: in the background
             self.supply.patience_s = self.daq.patience_s = self.config.safety.reading_timeout
             try:
                 self.supply.open()
@@ -244,22 +243,3 @@ def _attended(config):
     """The parameters, with the margin of heat loss of a wire in the open that a person stays beside."""
     margin = min(config.thermal.heat_loss_margin, ATTENDED_MARGIN)
     return dataclasses.replace(config, thermal=dataclasses.replace(config.thermal, heat_loss_margin=margin))
-
-
-@contextlib.contextmanager
-def _terminate_as_interrupt() -> Iterator[None]:
-    """Let what asks a program to end unwind the stack as Ctrl-C does, so that the output is switched off; Ctrl-C too
-    where it was ignored (a job in the background)."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, *ending_signals())}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)

@@ -14,9 +14,11 @@ import difflib
 import importlib
 import logging
 import os
+import signal
 import sys
 
 from sma_actuator.base.errors import UserError
+from sma_actuator.base.interrupts import asking_signals, raised_signals
 from sma_actuator.base.streams import keep_standard_streams
 
 COMMANDS = {
@@ -111,17 +113,29 @@ def _run(args: argparse.Namespace) -> int:
     elif args.quiet:
         logging.basicConfig(level=logging.ERROR, format="%(message)s")
     try:
-        return args.run(args)
+        with raised_signals(*asking_signals()):
+            return args.run(args)
     except UserError as error:
         print(f"sma-actuator {args.command}: {error}", file=sys.stderr)
         return 1
-    except KeyboardInterrupt:
-        print(f"sma-actuator {args.command}: interrupted", file=sys.stderr)
-        return 130
     except BrokenPipeError:
         # Whoever read the results has enough; the interpreter must not write what is left either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+    except BaseException as error:
+        if (number := _interrupted_by(error)) is None:
+            raise
+        print(f"sma-actuator {args.command}: interrupted", file=sys.stderr)
+        return 128 + number
+
+
+def _interrupted_by(error: BaseException | None) -> int | None:
+    """The signal that this came of, also where a library stumbled as it tidied up after it."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__context__
+    if error is None:
+        return None
+    return error.args[0] if error.args else signal.SIGINT
 
 
 def _version() -> str:

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
+import signal
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import joblib
+from joblib.parallel import LokyBackend, get_active_backend
 
 from sma_actuator.base.parameters import ConfigError
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]
+
+_SET_DEATH_SIGNAL = 1  #: PR_SET_PDEATHSIG of prctl(2)
 
 
 @contextmanager
@@ -23,8 +29,24 @@ def spread(jobs: int, in_order: bool = True) -> Iterator[Callable[[Iterable[Call
     if jobs == 1:
         yield lambda calls: (function(*arguments) for function, arguments in calls)
         return
-    with joblib.Parallel(n_jobs=jobs, return_as="generator" if in_order else "generator_unordered") as pool:
+    here = {"backend": _EndingWithUs()} if isinstance(get_active_backend()[0], LokyBackend) else {}
+    with joblib.Parallel(n_jobs=jobs, return_as="generator" if in_order else "generator_unordered", **here) as pool:
         yield lambda calls: pool(joblib.delayed(function)(*arguments) for function, arguments in calls)
+
+
+class _EndingWithUs(LokyBackend):
+    """Processes that end with their parent, whatever ends that: they would reckon on, and then wait five minutes for
+    more."""
+
+    def configure(self, *args: Any, **kwargs: Any) -> Any:
+        """As joblib does it, and each begins so."""
+        return super().configure(*args, initializer=_end_with, initargs=(os.getpid(),), **kwargs)
+
+
+def _end_with(parent: int) -> None:
+    ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)  # it has ended before
 
 
 @contextmanager

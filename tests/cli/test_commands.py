@@ -5,6 +5,7 @@ import io
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
 
@@ -114,3 +115,15 @@ def test_results_go_to_standard_output_in_full_width_and_notes_to_the_other(flex
     assert [row["name"] for row in rows] == [name, "pulses_1.200N.csv"] and float(rows[0]["full_percent"]) < 5.0
     machine = sma_actuator(*words, "--json", "-")
     assert [row["name"] for row in json.loads(machine.stdout)] == [name, "pulses_1.200N.csv"]
+
+
+def test_an_interrupt_stays_one_where_a_library_stumbles_as_it_tidies_up(monkeypatch, capsys):
+    def stumbles(_):
+        try:
+            raise KeyboardInterrupt(signal.SIGTERM)
+        finally:
+            raise RuntimeError("cannot join thread before it is started")
+
+    monkeypatch.setattr("sma_actuator.replay.run", stumbles)
+    assert main(["replay", "log.csv", "--config", "wire.yaml"]) == 128 + signal.SIGTERM
+    assert capsys.readouterr().err == "sma-actuator replay: interrupted\n"

@@ -1,0 +1,77 @@
+"""Processes that a command had work for it end with it, whatever ends it."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from waiting import SOON_s, wait_until
+
+MARK = "SMA_TEST_OF_SPREADING"
+MODEL = Path(__file__).parents[2] / "config/flexinol.yaml"
+
+
+def marked(value):
+    """The command lines of all processes with this mark in their environment."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if f"{MARK}={value}".encode() in (process / "environ").read_bytes().split(b"\0"):
+                found.append((process / "cmdline").read_bytes().replace(b"\0", b" ").decode())
+        except OSError:
+            pass
+    return found
+
+
+def started(command, mark):
+    environment = {**os.environ, MARK: str(mark)}
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, env=environment)
+
+
+def both_workers(mark):
+    return sum("LokyProcess" in line for line in marked(mark)) == 2
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT], ids=lambda n: n.name)
+def test_a_trace_that_is_ended_takes_its_workers_with_it_in_good_order(number, flexinol, tmp_path):
+    logs = [str(path) for path in flexinol.paths if path.name.startswith("partial")]
+    command = [sys.executable, "-m", "sma_actuator", "trace", *logs, "--config", str(MODEL), "--jobs", "2"]
+    command += ["--out", str(tmp_path / "traced")]
+    with started(command, tmp_path) as process:
+        wait_until(lambda: both_workers(tmp_path) or process.poll() is not None, what="both workers")
+        process.send_signal(number)
+        words = process.communicate(timeout=SOON_s)[1]  # ends when nobody has the stream any more
+    wait_until(lambda: not marked(tmp_path), what="the end of all workers")
+    assert process.returncode == 128 + number, words
+    assert words.strip().endswith("sma-actuator trace: interrupted") and "Traceback" not in words
+
+
+_PROGRAM = """
+import time
+from sma_actuator.fleet import spread
+with spread(2) as do:
+    {}
+"""
+
+
+@pytest.mark.parametrize(
+    ("program", "number", "code"),
+    [
+        ("list(do([(time.sleep, (600.0,))] * 4))", signal.SIGKILL, -signal.SIGKILL),
+        ("list(do([(time.sleep, (600.0,))]))", signal.SIGKILL, -signal.SIGKILL),
+        ("list(do([(time.sleep, (600.0,))] * 4))", signal.SIGUSR1, -signal.SIGUSR1),
+        ("list(do([(time.sleep, (0.0,))] * 4)); time.sleep(600.0)", signal.SIGKILL, -signal.SIGKILL),
+        ("list(do([(time.sleep, (0.0,))] * 4)); 1 / 0", None, 1),
+    ],
+    ids=["killed at work", "and one has none", "a signal without a handler", "killed in between", "an exception"],
+)
+def test_workers_end_with_their_parent_whatever_ends_it(program, number, code, tmp_path):
+    with started([sys.executable, "-c", _PROGRAM.format(program)], tmp_path) as process:
+        if number is not None:
+            wait_until(lambda: both_workers(tmp_path) or process.poll() is not None, what="both workers")
+            process.send_signal(number)
+        process.communicate(timeout=SOON_s)
+    wait_until(lambda: not marked(tmp_path), what="the end of all workers")
+    assert process.returncode == code
