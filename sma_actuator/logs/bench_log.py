@@ -78,6 +78,7 @@ class BenchLog:
     metadata: Mapping[str, Any] = field(default_factory=dict)
     source: str = "(in memory)"
     events: tuple[tuple[float, str], ...] = ()  #: time [s] of the row before which it happened, and what
+    first_line: int = 2  #: of the file, where the readings begin
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self.columns[name]
@@ -130,7 +131,7 @@ def log_of(table: Table, metadata: Mapping[str, Any]) -> BenchLog:
     columns = {n: values for n, values in table.columns.items() if not len(values) or not np.isnan(values).all()}
     time_s = columns.get("time_s", np.empty(0))
     events = tuple((float(time_s[row]), text) for row, text in sorted(table.texts.items()) if row < len(time_s))
-    return BenchLog(columns, metadata, table.source, events)
+    return BenchLog(columns, metadata, table.source, events, table.first_line)
 
 
 def write_bench_log(path: str | Path, log: BenchLog) -> None:
@@ -304,32 +305,33 @@ def with_rising_stamps(log: BenchLog, say: Callable[[str], None] = lambda senten
 
 def check_bench_log(log: BenchLog, allow_gaps: bool = False) -> None:
     """Raise BenchLogError where a log lacks columns, or holds values or times that cannot be."""
-    source = log.source
+    source, first = log.source, log.first_line
     if "time_s" not in log:
         raise BenchLogError(f"{source}: line 1: {_missing_column(('time_s',), log)}")
     electrical_columns(log)
     if not any(name in log for name in LOAD):
         raise BenchLogError(f"{source}: line 1: {_missing_column(LOAD, log)}")
     if len(log) == 0:
-        raise BenchLogError(f"{source}: line 2: there are no readings after the header row")
+        raise BenchLogError(f"{source}: line {first}: there are no readings after the header row")
     time_s = log["time_s"]
     if not np.isfinite(time_s).all():
         raise BenchLogError(
-            f"{source}: line {_first(~np.isfinite(time_s))}, column time_s: a time is missing or not finite"
+            f"{source}: line {first + int(np.argmin(np.isfinite(time_s)))}, column time_s: a time is missing or not "
+            "finite"
         )
     step_s = np.diff(time_s)
     if (step_s <= 0.0).any():
         bad = int(np.argmax(step_s <= 0.0))
         word = "stands still" if step_s[bad] == 0.0 else "runs back"
         raise BenchLogError(
-            f"{source}: line {bad + 3}, column time_s: time {word}, {time_s[bad]:.6g} s then {time_s[bad + 1]:.6g} s; "
-            "times must increase (split a file that holds several recordings)"
+            f"{source}: line {first + bad + 1}, column time_s: time {word}, {time_s[bad]:.6g} s then "
+            f"{time_s[bad + 1]:.6g} s; times must increase (split a file that holds several recordings)"
         )
     period_s = log.period_s
     if period_s >= _SLOWEST_PERIOD_s:
         raise BenchLogError(
-            f"{source}: line 3, column time_s: {period_s:.4g} s from one reading to the next is too slow for a wire; "
-            "is the time in milliseconds?"
+            f"{source}: line {first + 1}, column time_s: {period_s:.4g} s from one reading to the next is too slow for "
+            "a wire; is the time in milliseconds?"
         )
     for name, values in log.columns.items():
         known = COLUMNS.get(name)
@@ -340,18 +342,18 @@ def check_bench_log(log: BenchLog, allow_gaps: bool = False) -> None:
             bad = int(np.argmax(outside))
             unit = name.rsplit("_", 1)[1].replace("C", "°C")
             raise BenchLogError(
-                f"{source}: line {bad + 2}, column {name}: {values[bad]:.6g} {unit} cannot be "
+                f"{source}: line {first + bad}, column {name}: {values[bad]:.6g} {unit} cannot be "
                 f"({known.lo:g} to {known.hi:g} {unit} is possible); {known.hint}"
             )
         if not allow_gaps and name not in _MAY_BE_NAN and not np.isfinite(values).all():
             raise BenchLogError(
-                f"{source}: line {_first(~np.isfinite(values))}, column {name}: not a finite number; cut the log "
-                "there, or allow gaps"
+                f"{source}: line {first + int(np.argmin(np.isfinite(values)))}, column {name}: not a finite number; "
+                "cut the log there, or allow gaps"
             )
     if not allow_gaps and len(step_s) and step_s.max() > (limit_s := longest_pause_s(log)):
         bad = int(np.argmax(step_s > limit_s))
         raise BenchLogError(
-            f"{source}: line {bad + 3}, column time_s: a gap, {step_s[bad]:.4g} s without a reading where the "
+            f"{source}: line {first + bad + 1}, column time_s: a gap, {step_s[bad]:.4g} s without a reading where the "
             f"period is {period_s:.4g} s; "
             "split the log there, or allow gaps"
         )
@@ -369,11 +371,6 @@ def require_reference(log: BenchLog, config: CircuitSections | None = None) -> N
             "reference_sensor.slope in m/A and reference_sensor.offset in m are wanted (in the bench file, or "
             "--set reference_sensor.slope=… --set reference_sensor.offset=…), or a column displacement_m"
         )
-
-
-def _first(mask: np.ndarray) -> int:
-    """Line of the file (the header is line 1) where ``mask`` is first true."""
-    return int(np.argmax(mask)) + 2
 
 
 def _missing_column(alternatives: tuple[str, ...], log: BenchLog) -> str:

@@ -7,7 +7,7 @@ import mmap
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,8 @@ import numpy as np
 from sma_actuator.base.parameters import ConfigError
 
 from .errors import BenchLogError
-from .tables import CHUNK_BYTES, EVENT_COLUMN, Progress, Table, read_text, refuse_larger
-from .units import is_unit
+from .fields import decimal_mark, find_table, is_number, number, seconds_between, trimmed
+from .tables import CHUNK_BYTES, EVENT_COLUMN, SEARCHED_LINES, Progress, Table, read_text, refuse_larger
 
 #: What a cell of a sheet takes until it is a number of a column, a Python object and a place in a row; a row takes as
 #: much as four.
@@ -30,6 +30,7 @@ _MATLAB_HEADER_B, _MATLAB_TAG_B, _MATLAB_PACKED, _CHARACTER_B = 128, 8, 15, 4
 #: Kinds of its elements: numbers, matrices and what they are packed in, text; how deep structures stand in each other.
 _MATLAB_KINDS, _MATLAB_MATRIX, _MATLAB_DEEPEST = {*range(1, 8), 9, *range(12, 19)}, 14, 20
 _NUMBER_B = 8
+_SHORTEST = 10  #: rows of a sheet that may be a log, beside others with some results
 
 
 def read_table(path: Path, progress: Progress | None = None) -> Table:
@@ -75,21 +76,26 @@ def _excel(path: Path) -> Table:
                     sheets[name].append(row)
     finally:
         book.close()
-    sheets = {name: rows for name, rows in sheets.items() if len(rows) > 1}
-    if len(sheets) != 1:
-        what = f"several: {', '.join(sheets)}; keep the one with the log" if sheets else "none"
+    tables = {name: found for name, rows in sheets.items() if (found := find_table(_as_text(rows)))}
+    long = [name for name, (_, first, _) in tables.items() if len(sheets[name]) - first >= _SHORTEST]
+    if len(long or tables) != 1:
+        what = f"several: {', '.join(long or tables)}; keep the one with the log" if tables else "none"
         raise BenchLogError(f"{path}: one sheet with a header row and numbers is wanted, and there is {what}")
-    ((sheet, rows),) = sheets.items()
-    width = max((i + 1 for i, cell in enumerate(rows[0]) if cell is not None), default=0)
-    names = ["" if cell is None else str(cell).strip() for cell in rows[0][:width]]
-    units: dict[str, str] = {}
-    first = 1
-    below = ["" if cell is None else str(cell) for cell in rows[1][:width]]
-    if any(below) and all(is_unit(text) for text in below) and not any(isinstance(c, int | float) for c in rows[1]):
-        units = {name: text.strip("[]() ") for name, text in zip(names, below, strict=True) if text}
-        first = 2
+    sheet = next(iter(long or tables))
+    rows, (header, first, _) = sheets[sheet], tables[sheet]
+    names = trimmed(_as_text(rows[header : header + 1])[0])
+    names = [name.strip() or f"column {i + 1}" for i, name in enumerate(names)]
+    units = dict(zip(names, _as_text(rows[header + 1 : first])[0], strict=False)) if first > header + 1 else {}
     columns = {name: [row[i] if i < len(row) else None for row in rows[first:]] for i, name in enumerate(names)}
-    return _table(path, columns, units, f"sheet '{sheet}'", first + 1)
+    return _table(path, columns, {n: u.strip("[]() ") for n, u in units.items() if u}, f"sheet '{sheet}'", first + 1)
+
+
+def _as_text(rows: Sequence[Sequence[Any]]) -> list[list[str]]:
+    """As the first rows of a sheet would stand in a file of text."""
+    return [
+        ["" if cell is None else cell.isoformat() if hasattr(cell, "isoformat") else str(cell) for cell in row]
+        for row in rows[:SEARCHED_LINES]
+    ]
 
 
 def _parquet(path: Path) -> Table:
@@ -299,9 +305,25 @@ def _numbers(name: str, values: Any) -> tuple[np.ndarray | None, str]:
     if array.dtype.kind == "M":
         return (array - array[0]) / np.timedelta64(1, "s"), f"column '{name}' holds dates: seconds since the first"
     if array.dtype.kind == "O" and len(array) and hasattr(array[0], "isoformat"):
-        seconds = [(value - array[0]).total_seconds() if hasattr(value, "isoformat") else np.nan for value in array]
-        return np.array(seconds), f"column '{name}' holds dates: seconds since the first"
+        return _seconds(array), f"column '{name}' holds dates: seconds since the first"
     try:
         return np.ascontiguousarray(array.astype(float)), ""
     except (TypeError, ValueError):
+        pass
+    texts = [value for value in values if isinstance(value, str)]
+    try:
+        mark = decimal_mark(text for text in texts if is_number(text)) or "."
+        return np.array(
+            [number(v, mark) if isinstance(v, str) else np.nan if v is None else float(v) for v in values]
+        ), ""
+    except (TypeError, ValueError):
         return None, f"column '{name}' holds text and is left out"
+
+
+def _seconds(moments: np.ndarray) -> np.ndarray:
+    seconds = np.full(len(moments), np.nan)
+    last_s = 0.0
+    for i, now in enumerate(moments):
+        if hasattr(now, "isoformat"):
+            seconds[i] = last_s = seconds_between(moments[0], last_s, now)
+    return seconds

@@ -17,6 +17,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -33,29 +34,22 @@ from .units import UNITS, Unit, unit_in_words, unit_of
 
 _MISSPELT = 0.86  #: likeness above which a name is one of ours with a slip in it
 _SECTIONS = ("columns", "units", "offsets")
-#: Words in other people's headers → what the column may be.
-_HINTS: dict[str, tuple[str, ...]] = {
-    "time_s": ("time", "t", "zeit", "elapsed", "timestamp", "seconds", "sec"),
-    "resistance_Ohm": ("resistance", "r", "res", "ohm", "ohms", "widerstand"),
-    "current_A": ("current", "i", "amps", "amp", "ampere", "strom"),
-    "wire_voltage_V": ("voltage", "v", "u", "volts", "volt", "spannung"),
-    "power_W": ("power", "p", "watt", "watts"),
-    "load_N": ("load", "force", "f", "weight", "tension", "kraft", "last", "mass", "masse"),
-    "displacement_m": (
-        "displacement",
-        "disp",
-        "position",
-        "pos",
-        "x",
-        "lvdt",
-        "stroke",
-        "extension",
-        "weg",
-        "strain",
-        "dehnung",
-        "contraction",
-        "elongation",
-    ),
+#: Words in other people's headers, without accents → what the column may be.
+_HINTS: dict[str, frozenset[str]] = {
+    ours: frozenset(words.split())
+    for ours, words in {
+        "time_s": "time t x_value elapsed timestamp seconds sec zeit uhrzeit temps heure tiempo hora tempo ora tijd "
+        "时间 時間 时刻 時刻 시간",
+        "resistance_Ohm": "resistance r res ohm ohms widerstand resistencia resistenza weerstand 电阻 電阻 抵抗 저항",
+        "current_A": "current i amps amp ampere strom courant intensite corriente corrente stroom 电流 電流 전류",
+        "wire_voltage_V": "voltage v u volts volt spannung tension voltaje tensione tensao 电压 電壓 電圧 전압",
+        "power_W": "power p watt watts leistung puissance potencia potenza vermogen 功率 電力 전력",
+        "load_N": "load force f weight tension mass kraft last masse gewicht zugkraft effort charge fuerza carga peso "
+        "forza carico forca kracht 力 载荷 荷重 拉力 张力 하중",
+        "displacement_m": "displacement disp position pos x lvdt stroke extension strain contraction elongation "
+        "weg dehnung auslenkung verschiebung hub deplacement course allongement deformation desplazamiento posicion "
+        "spostamento posizione deslocamento verplaatsing 位移 变形 変位 변위",
+    }.items()
 }
 #: Shares that are taken for what they are shares of: (theirs, our unit) → what to say.
 _ONE_OF_IT = {
@@ -169,7 +163,10 @@ class ColumnMap:
         free = [name for name in columns if name not in COLUMNS]
         if any(difflib.get_close_matches(name.lower(), COLUMNS, cutoff=_MISSPELT) for name in free):
             return  # check_bench_log names the column that is nearly ours
-        proposals = {ours: [n for n in free if _may_be(ours, n)] for ours in missing}
+        proposals = {ours: _likeliest_first(ours, free) for ours in missing}
+        for ours, found in proposals.items():  # what is the likeliest of one is none of another that has something else
+            firsts = {each[0] for other, each in proposals.items() if other != ours and len(each) == 1}
+            proposals[ours] = [n for n in found if n not in firsts] or found
         unnamed = [n for n in free if not any(n in found for found in proposals.values())]
         for ours, found in proposals.items():
             found += [] if found else [n for n in unnamed if unit_in(n, _own_unit(ours))]
@@ -232,9 +229,17 @@ def _other_unit_in(name: str, own: str) -> str:
     )
 
 
-def _may_be(ours: str, theirs: str) -> bool:
-    words = {word.lower() for word in re.split(r"[^A-Za-zÄÖÜäöü]+", theirs) if word}
-    return bool(words & set(_HINTS[ours]))
+def _likeliest_first(ours: str, free: Sequence[str]) -> list[str]:
+    """Those that may be a column of ours by a word in their name and do not say a unit of something else: first those
+    whose unit says so too, then those whose name means nothing else ("tension" is a load and, in French, a voltage)."""
+    own = _own_unit(ours)
+    may_be = [name for name in free if _means(name, ours) and _other_unit_in(name, own) in ("", "%")]
+    return sorted(may_be, key=lambda n: (not unit_in(n, own), sum(_means(n, each) for each in _HINTS)))
+
+
+def _means(theirs: str, ours: str) -> bool:
+    plain = "".join(c for c in unicodedata.normalize("NFKD", theirs.lower()) if not unicodedata.combining(c))
+    return not _HINTS[ours].isdisjoint([plain, *re.split(r"[\W\d_]+", plain)])
 
 
 def column_map(

@@ -1,16 +1,15 @@
 """Tables of numbers as other people write them: text with any separator, and what extras can read.
 
-In text: comma, semicolon, tab or blanks between the fields; a decimal comma where the separator is not a comma;
-UTF-8, UTF-16 or Windows-1252; comments before the header; a row of units below it; columns of text, of which
-dates become seconds and all others are left out.
+In text: comma, semicolon, tab or blanks between the fields; decimal points or commas, thousands with the other one;
+UTF-8, UTF-16 or Windows-1252; whatever a program writes before the header, and comments; a row of units below it, and
+the header again where a logger was started again; words for readings that are missing; columns of text, of which dates
+and times of day become seconds and all others are left out.
 """
 
 from __future__ import annotations
 
 import csv
-import datetime
 import io
-import math
 import os
 import re
 import warnings
@@ -22,7 +21,18 @@ from typing import BinaryIO
 import numpy as np
 
 from .errors import BenchLogError
-from .units import is_unit
+from .fields import (
+    Moment,
+    are_units,
+    decimal_mark,
+    find_table,
+    is_missing,
+    is_number,
+    moment,
+    number,
+    seconds_between,
+    trimmed,
+)
 
 CHUNK_BYTES = 8_000_000
 #: That a log may take in memory, whatever it takes on disk: an hour of forty columns at 800 Hz.  Looked at before it is
@@ -32,6 +42,9 @@ LARGEST_B = 1_000_000_000
 EVENT_COLUMN = "event"
 _SEPARATORS = (b",", b";", b"\t")
 _BLANKS = b" "
+SEARCHED_LINES = 200  #: for the header: what loggers write before it is a page at the most
+_LONGEST_LINE_B = 1_000_000
+_OVERFLOW = 9.9e37  #: SCPI's number for a reading beyond the range, and those above it for none at all
 Progress = Callable[[float], None]
 
 
@@ -72,9 +85,10 @@ def read_text(path: Path, progress: Progress | None = None) -> Table:
 def _as_utf8(stream: BinaryIO, path: Path) -> BinaryIO:
     """The stream, behind its byte order mark; UTF-16 is converted in memory."""
     mark = stream.read(3)
-    if mark.startswith((b"\xff\xfe", b"\xfe\xff")):
+    without = {b"\0": "utf-16-be", mark[1:2]: "utf-16"}.get(mark[:1], "utf-16-le") if b"\0" in mark[:2] else ""
+    if mark.startswith((b"\xff\xfe", b"\xfe\xff")) or without:
         refuse_larger(path, 3 * path.stat().st_size)  # read, as text, and as UTF-8
-        text = (mark + stream.read()).decode("utf-16", errors="replace")
+        text = (mark + stream.read()).decode(without or "utf-16", errors="replace")
         return io.BytesIO(text.encode())
     if mark != b"\xef\xbb\xbf":
         stream.seek(0)
@@ -92,47 +106,103 @@ def _decoded(line: bytes) -> str:
 class _Header:
     names: list[str]
     separator: bytes
-    units: dict[str, str]
-    first_line: int
+    first_line: int  #: where the numbers begin
+    unit_row: list[str] = field(default_factory=list)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def units(self) -> dict[str, str]:
+        """Of the columns for which the row below the names says one."""
+        said = zip(self.names, self.unit_row, strict=False)
+        return {name: unit.strip("[]() ") for name, unit in said if unit.strip()}
 
 
 def _read_header(stream: BinaryIO, path: Path) -> _Header:
-    """Header, row of units, and where the numbers begin; the stream stands there afterwards."""
-    number, comment, line = 0, b"", b""
+    """Where the table begins; the stream stands at its numbers afterwards."""
+    header = _found_header(stream, path)
+    if header is None:
+        stream.seek(_begin_of(stream))
+        header = _first_line_as_header(stream, path)
+    return header
+
+
+def _begin_of(stream: BinaryIO) -> int:
+    """Behind the byte order mark."""
+    stream.seek(0)
+    return 3 if stream.read(3) == b"\xef\xbb\xbf" else 0
+
+
+def _found_header(stream: BinaryIO, path: Path) -> _Header | None:
+    """The header right above the numbers, whatever stands before it; None where there is none such."""
+    lines: list[tuple[int, int, bytes]] = []  #: number, place, content
+    for line_number in range(1, SEARCHED_LINES + 1):
+        place, line = stream.tell(), stream.readline(_LONGEST_LINE_B)
+        if not line or b"\0" in line:
+            break
+        if line.strip() and not _is_comment(line):
+            lines.append((line_number, place, line))
+    best: tuple[int, bytes, int, int] | None = None
+    for separator in (*_SEPARATORS, _BLANKS):
+        found = find_table([_fields(line, separator) for _, _, line in lines])
+        if found is not None and (best is None or found[2] > best[0]):
+            best = found[2], separator, found[0], found[1]
+    if best is None:
+        return None
+    _, separator, names_row, first_row = best
+    rows = [_fields(line, separator) for _, _, line in lines[names_row:first_row]]
+    before = (f"the header is line {lines[names_row][0]}; what stands before it is left out",) if names_row else ()
+    stream.seek(lines[first_row][1])
+    width = len(_fields(lines[first_row][2], separator))
+    names = _checked_names(trimmed(rows[0])[:width], path, lines[names_row][0])
+    return _Header(names, separator, lines[first_row][0], rows[1] if len(rows) > 1 else [], before)
+
+
+def _is_comment(line: bytes) -> bool:
+    return line.lstrip().startswith((b"#", b"%"))
+
+
+def _checked_names(names: list[str], path: Path, line_number: int) -> list[str]:
+    """Names for all columns, as a column of row numbers has none."""
+    names = [name or f"column {i + 1}" for i, name in enumerate(names)]
+    for i, name in enumerate(names):
+        if name in names[:i]:
+            raise BenchLogError(f"{path}: line {line_number}: the column '{name}' stands twice")
+    return names
+
+
+def _first_line_as_header(stream: BinaryIO, path: Path) -> _Header:
+    """The header where no numbers say where it is: the first line, or the comment above numbers."""
+    line_number, comment, line = 0, b"", b""
     while True:
         start = stream.tell()
-        line = stream.readline(1_000_000)
-        number += 1
-        if line.lstrip().startswith((b"#", b"%")):
+        line = stream.readline(_LONGEST_LINE_B)
+        line_number += 1
+        if _is_comment(line):
             comment = line.lstrip().lstrip(b"#% ")
         elif line.strip() or not line:
             break
     if not line:
         raise BenchLogError(f"{path}: line 1: the file is empty; a header row with the columns is wanted")
     if b"\0" in line:
-        raise BenchLogError(f"{path}: line {number}: is not text; a CSV file is wanted")
+        raise BenchLogError(f"{path}: line {line_number}: is not text; a CSV file is wanted")
     separator = _separator(line)
-    names = _fields(line, separator)
-    if all(_is_number(n) for n in names):
+    names = trimmed(_fields(line, separator))
+    if all(is_number(n) for n in names):
         separator = _separator(comment) if comment else separator
         if len(_fields(comment, separator)) != len(_fields(line, _separator(line))) or not comment:
             raise BenchLogError(
-                f"{path}: line {number}: numbers where the header row with the columns' names is wanted"
+                f"{path}: line {line_number}: numbers where the header row with the columns' names is wanted"
             )
         names, separator = _fields(comment, separator), _separator(line)
         stream.seek(start)
-        number -= 1
-    for i, name in enumerate(names):
-        if not name or name in names[:i]:
-            what = f"the column '{name}' stands twice" if name else f"column {i + 1} has no name"
-            raise BenchLogError(f"{path}: line {number}: {what}")
+        line_number -= 1
+    names = _checked_names(names, path, line_number)
     start = stream.tell()
-    below = _fields(stream.readline(1_000_000), separator)
-    if len(below) == len(names) and all(is_unit(text) for text in below) and any(below):
-        units = {name: unit.strip("[]() ") for name, unit in zip(names, below, strict=True) if unit}
-        return _Header(names, separator, units, number + 2)
+    below = _fields(stream.readline(_LONGEST_LINE_B), separator)
+    if len(trimmed(below)) <= len(names) and are_units(below) and any(below):
+        return _Header(names, separator, line_number + 2, below)
     stream.seek(start)
-    return _Header(names, separator, {}, number + 1)
+    return _Header(names, separator, line_number + 1)
 
 
 def _separator(header: bytes) -> bytes:
@@ -167,6 +237,7 @@ def _parse(stream: BinaryIO, path: Path, progress: Progress | None) -> Table:
         cut = len(block) if end else block.rfind(b"\n") + 1
         block, rest = block[:cut], block[cut:]
         parsed = parser.parse(block, row=filled)
+        parsed[np.abs(parsed) >= _OVERFLOW] = np.nan
         values[:, filled : filled + len(parsed)] = parsed.T
         filled += len(parsed)
         if progress:
@@ -174,8 +245,10 @@ def _parse(stream: BinaryIO, path: Path, progress: Progress | None) -> Table:
         if end:
             break
     left_out = [name for name in header.names if name in parser.left_out]
-    notes = [f"column '{name}' holds text and is left out" for name in left_out]
-    notes += [f"column '{name}' holds dates: seconds since the first" for name in parser.dates]
+    notes = [*header.notes, *(f"column '{name}' holds text and is left out" for name in left_out)]
+    notes += [f"column '{name}' holds dates: seconds since the first" for name in parser.moments]
+    if parser.missing:
+        notes.append(f"a reading is missing where {', '.join(map(repr, parser.missing))} stands")
     columns = {
         name: column
         for name, column in zip(header.names, values[:, :filled], strict=True)
@@ -191,26 +264,34 @@ class _ChunkParser:
         self.path, self.header = path, header
         self.events: dict[int, str] = {}
         self.left_out: set[str] = set()  #: columns of text
-        self.dates: dict[str, datetime.datetime] = {}  #: columns of dates, with the first
+        self.moments: dict[str, Moment] = {}  #: columns of dates or times of day, with the first
+        self.missing: dict[str, None] = {}  #: words that stood for a reading
+        self._last_s: dict[str, float] = {}  #: of the moments
         self._known = False  #: whether the kinds of the columns are
+        self._mark = ""  #: before decimals
+        self._line = header.first_line
         separator = header.separator
         translation = b",;\t\n" if separator == b"," else b".,\t\n" if separator == b";" else b".;,\n"
         self._table = bytes.maketrans(b",;\t\n", translation)
 
     def parse(self, block: bytes, row: int) -> np.ndarray:
         """Numbers of the lines in ``block``, shape (lines, columns); ``row``: of the first."""
+        lines = block.count(b"\n")
         block = block.replace(b"\r\n", b"\n").rstrip(b"\n ")
         if not block:
             return np.empty((0, len(self.header.names)))
         if self.header.separator == _BLANKS:
             block = re.sub(rb"[ \t]+", b"\t", re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", block))
-        if EVENT_COLUMN not in self.header.names:
-            numbers = self._all_at_once(block)
-            if numbers is not None:
-                return numbers
-        return self._by_field(_decoded(block).split("\n"), row)
+        numbers = None if EVENT_COLUMN in self.header.names else self._all_at_once(block)
+        if numbers is None:
+            numbers = self._by_field(_decoded(block).split("\n"), row)
+        self._line += lines
+        return numbers
 
     def _all_at_once(self, block: bytes) -> np.ndarray | None:
+        marks = {mark for mark in b".," if mark in block and self.header.separator != b","}
+        if marks - {ord(self._mark)} if self._mark else len(marks) > 1:
+            return None  # between thousands, perhaps
         table = block.translate(self._table)
         width = len(self.header.names)
         characters = np.frombuffer(table, np.uint8)
@@ -225,88 +306,115 @@ class _ChunkParser:
                 numbers = np.fromstring(table.replace(b"\n", b","), sep=",")
             except (DeprecationWarning, ValueError):
                 return None
-        return numbers.reshape(lines, width) if len(numbers) == lines * width else None
+        if len(numbers) != lines * width:
+            return None
+        self._mark = chr(marks.pop()) if marks else self._mark
+        return numbers.reshape(lines, width)
 
     def _by_field(self, lines: list[str], row: int) -> np.ndarray:
         names = self.header.names
-        delimiter = "\t" if self.header.separator == _BLANKS else self.header.separator.decode()
-        rows = []
-        for i, fields in enumerate(csv.reader(lines, delimiter=delimiter)):
-            if len(fields) == len(names):
-                rows.append(fields)
-            elif any(text.strip() for text in fields):
-                raise BenchLogError(self._wrong_width(row + i, len(fields), last=i == len(lines) - 1))
+        rows, places = self._rows(lines)
         if not rows:
             return np.empty((0, len(names)))
         if not self._known:
             self._find_kinds(rows[0])
-        out = np.empty((len(rows), len(names)))
+        out = np.full((len(rows), len(names)), np.nan)
+        numbers = []
         for j, name in enumerate(names):
             column = [fields[j] for fields in rows]
             if name == EVENT_COLUMN:
                 self.events.update({row + i: text for i, text in enumerate(column) if text})
-                out[:, j] = np.nan
-            elif name in self.left_out:
-                out[:, j] = np.nan
-            elif name in self.dates:
-                out[:, j] = [self._seconds(text, name, row + i) for i, text in enumerate(column)]
-            else:
-                out[:, j] = self._numbers(column, name, row)
+            elif name in self.moments:
+                out[:, j] = [self._seconds(text, name, at) for text, at in zip(column, places, strict=True)]
+            elif name not in self.left_out:
+                numbers.append((j, name, column))
+        if any("," in text for _, _, column in numbers for text in column):
+            told = (text for _, _, column in numbers for text in column if is_number(text))
+            try:
+                self._mark = decimal_mark(told, self._mark) or ("." if self.header.separator == b"," else ",")
+            except ValueError as error:
+                raise BenchLogError(f"{self._place(places[0])} or after it: {error}; one of them is wanted") from None
+        for j, name, column in numbers:
+            out[:, j] = self._numbers(column, name, places)
         return out
 
-    def _wrong_width(self, row: int, found: int, last: bool) -> str:
+    def _rows(self, lines: list[str]) -> tuple[list[list[str]], list[int]]:
+        """The fields of the rows, and the line of each, from 1; neither comments nor headers are among them."""
+        delimiter = "\t" if self.header.separator == _BLANKS else self.header.separator.decode()
+        headers = self.header.names, trimmed(self.header.unit_row)
+        rows: list[list[str]] = []
+        places: list[int] = []
+        odd, words = 0, ""  # a line that is no row, and what to say if no header follows
+        reader = csv.reader(lines, delimiter=delimiter)
+        for fields in reader:
+            stripped = trimmed([text.strip() for text in fields])
+            if stripped in headers:
+                while odd and places and places[-1] > odd:  # what a logger that is started again writes before it
+                    rows.pop(), places.pop()
+                odd = 0
+            elif stripped and stripped[0][:1] not in ("#", "%"):
+                if len(fields) >= len(headers[0]) >= len(stripped):
+                    rows.append(fields[: len(headers[0])])
+                    places.append(reader.line_num)
+                elif not odd:
+                    odd = reader.line_num
+                    words = self._wrong_width(odd, len(fields), odd == len(lines))
+            if odd and reader.line_num - odd > SEARCHED_LINES:
+                break
+        if odd:
+            raise BenchLogError(words)
+        return rows, places
+
+    def _wrong_width(self, line: int, found: int, last: bool) -> str:
         help_ = ""
         if self.header.separator == b"," and found > len(self.header.names):
             help_ = "; decimal commas need a semicolon between the fields"
         elif last:
             help_ = "; was the file cut off?"
-        return f"{self._place(row)}: {found} fields where the header has {len(self.header.names)}{help_}"
+        return f"{self._place(line)}: {found} fields where the header has {len(self.header.names)}{help_}"
 
-    def _place(self, row: int) -> str:
-        return f"{self.path}: line {self.header.first_line + row}"
+    def _place(self, line: int) -> str:
+        """Of a line of the chunk at hand, from 1."""
+        return f"{self.path}: line {self._line + line - 1}"
 
     def _find_kinds(self, fields: Sequence[str]) -> None:
         """What the columns hold, by the first row."""
         self._known = True
         for name, text in zip(self.header.names, fields, strict=True):
-            if name == EVENT_COLUMN or not text.strip() or _is_number(self._plain(text)):
+            if name == EVENT_COLUMN or is_number(text) or is_missing(text):
                 continue
-            try:
-                self.dates[name] = datetime.datetime.fromisoformat(text.strip())
-            except ValueError:
+            first = moment(text)
+            if first is None:
                 self.left_out.add(name)
+            else:
+                self.moments[name] = first
 
-    def _plain(self, text: str) -> str:
-        text = text.strip()
-        return text if self.header.separator == b"," else text.replace(",", ".")
-
-    def _numbers(self, column: list[str], name: str, row: int) -> np.ndarray:
-        try:
-            return np.array(column, dtype=float)
-        except ValueError:
-            pass
+    def _numbers(self, column: list[str], name: str, places: list[int]) -> np.ndarray:
+        if self._mark != ",":
+            try:
+                return np.array(column, dtype=float)
+            except ValueError:
+                pass
         out = np.empty(len(column))
         for i, text in enumerate(column):
             try:
-                out[i] = float(self._plain(text)) if text.strip() else math.nan
+                out[i] = number(text, self._mark or ".")
             except ValueError:
                 raise BenchLogError(
-                    f"{self._place(row + i)}, column {name}: '{text.strip()}' is not a number"
+                    f"{self._place(places[i])}, column {name}: '{text.strip()}' is not a number"
                 ) from None
+            if np.isnan(out[i]) and text.strip().lower() not in ("", "nan"):
+                self.missing[text.strip()] = None
         return out
 
-    def _seconds(self, text: str, name: str, row: int) -> float:
+    def _seconds(self, text: str, name: str, line: int) -> float:
+        now = moment(text)
         try:
-            return (datetime.datetime.fromisoformat(text.strip()) - self.dates[name]).total_seconds()
-        except (ValueError, TypeError):
+            if now is None:
+                raise TypeError
+            self._last_s[name] = seconds_between(self.moments[name], self._last_s.get(name, 0.0), now)
+        except TypeError:
             raise BenchLogError(
-                f"{self._place(row)}, column {name}: '{text.strip()}' is not a date like the first"
+                f"{self._place(line)}, column {name}: '{text.strip()}' is not a date like the first"
             ) from None
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+        return self._last_s[name]
