@@ -91,6 +91,8 @@ setup(
     },
     zip_safe=True,
     maintainer="sma_actuator developers",
+    long_description=Path("README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
     description="ROS 2 driver for shape memory alloy wire actuators that sense their own position",
     license="Apache-2.0",
 )
