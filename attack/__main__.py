@@ -197,22 +197,12 @@ def page(kept: Kept) -> str:
             "takes each time that it is configured does not level off and is no object of Python's; where it goes is "
             "not known."
         ),
-        "",
-        "| attack | what was done | how often |",
-        "|---|---|---|",
     ]
     results = {name: results[name] for name in TITLES if name in results}
-    for name, result in results.items():
-        counts = dict(result.counts)
-        seconds = counts.pop("virtual seconds", None)
-        if seconds is not None:
-            lines.append(f"| {TITLES[name]} | virtual hours | {seconds / 3600:.1f} |")
-        lines += [
-            f"| {TITLES[name]} | {what} | {number} |" for what, number in sorted(counts.items(), key=lambda c: -c[1])
-        ]
     lines += ["", "## Worst seen", "", "| attack | what | worst |", "|---|---|---|"]
     for name, result in results.items():
-        lines += [f"| {TITLES[name]} | {what} | {value:.3g} |" for what, value in sorted(result.worst.items())]
+        if name != "heat":  # it has a table of its own
+            lines += [f"| {TITLES[name]} | {what} | {value:.3g} |" for what, value in sorted(result.worst.items())]
     if "heat" in results:
         lines += ["", "## How hot at half the heat loss, how far at the full", ""]
         lines += [

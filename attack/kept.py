@@ -121,7 +121,7 @@ def amounts(result: Result) -> str:
     counts: dict[str, Any] = dict(result.counts)
     hours = [f"{counts.pop('virtual seconds') / 3600.0:.1f} virtual hours"] if "virtual seconds" in counts else []
     most = sorted(counts.items(), key=lambda count: -count[1])[:3]
-    return ", ".join(hours + [f"{number:g} {what}" for what, number in most])
+    return ", ".join(hours + [f"{number} {what}" for what, number in most])
 
 
 def _tried(name: str) -> list[str]:
