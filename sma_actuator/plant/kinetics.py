@@ -355,26 +355,22 @@ def martensite_after(family, bands, memory, fraction, temperature_C, stress_Pa, 
     """Fraction of martensite after the wire came to a temperature and a stress; ``memory`` changes only if
     ``commit``."""
     heating = memory[DIRECTION] > 0.0
-    u = 0.0
-    v = 0.0
-    if heating or commit or family == SMOOTH_HARDENING:
-        u = band_fraction(family, bands, HEATING, temperature_C - shift.heating_K, stress_Pa)
-    if not heating or commit or family == SMOOTH_HARDENING:
-        v = band_fraction(family, bands, COOLING, temperature_C - shift.cooling_K, stress_Pa)
-    if family == SMOOTH_HARDENING:
-        return max(v, min(fraction, u))
-    if not commit:
-        way = u if heating else 1.0 - v
+    hot_C = temperature_C - shift.heating_K
+    cold_C = temperature_C - shift.cooling_K
+    own = band_fraction(family, bands, HEATING if heating else COOLING, hot_C if heating else cold_C, stress_Pa)
+    if not commit and family != SMOOTH_HARDENING:
+        way = own if heating else 1.0 - own
         if way < memory[LEAST]:  # it goes on as it went: the other band has no say, and need not be known
             at = _HEATING_LIST if heating else _COOLING_LIST
             turns = int(memory[HEATING_TURNS if heating else COOLING_TURNS])
             left = fraction if heating else 1.0 - fraction
             left, _ = _left_after(memory, at, turns, float(memory[LEAST]), left, way)
             return left if heating else 1.0 - left
-        if heating:
-            v = band_fraction(family, bands, COOLING, temperature_C - shift.cooling_K, stress_Pa)
-        else:
-            u = band_fraction(family, bands, HEATING, temperature_C - shift.heating_K, stress_Pa)
+    other = band_fraction(family, bands, COOLING if heating else HEATING, cold_C if heating else hot_C, stress_Pa)
+    u = own if heating else other
+    v = other if heating else own
+    if family == SMOOTH_HARDENING:
+        return max(v, min(fraction, u))
     return transform(memory, fraction, u, v, commit)
 
 
