@@ -48,9 +48,20 @@ def calibrated():
     return bench_mapping, identify(logs, bench_mapping, WIRE).mapping
 
 
+#: Sessions that were driven in this process: most tests look at one of a few.
+_DRIVEN: dict[str, list[BenchLog]] = {}
+
+
 def session(bench_mapping, hidden=None, load=STEPS, seed=5, logs=2, heat=1.0):
     """Bench logs of one session: pulses that settle at both ends, then partial ones; heated with ``heat`` of the usual
-    current."""
+    current.  They are everybody's: change a copy."""
+    what = repr((bench_mapping, hidden, load, seed, logs, heat))
+    if what not in _DRIVEN:
+        _DRIVEN[what] = _driven(bench_mapping, hidden, load, seed, logs, heat)
+    return [*_DRIVEN[what]]
+
+
+def _driven(bench_mapping, hidden, load, seed, logs, heat):
     config = bench_from_mapping(bench_mapping)
     whole_s = logs * LOG_s + (logs - 1) * PAUSE_s
     bench = HiddenBench.from_name(WIRE, seed=seed, load=load, hidden=hidden or {}, session_s=whole_s)
