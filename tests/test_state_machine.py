@@ -330,19 +330,7 @@ class AnyUse(RuleBasedStateMachine):
 
 
 def test_no_use_whatsoever_commands_what_it_must_not(make_config):
-    AnyUse.base = make_config(calibration=CALIBRATION)
-    AnyUse.TestCase.settings = settings(
-        max_examples=250,
-        stateful_step_count=40,
-        deadline=None,
-        suppress_health_check=list(HealthCheck),
-        derandomize=True,
-    )
-    AnyUse.TestCase("runTest").runTest()
-
-
-def test_the_state_machine_does_reach_a_driven_wire(make_config):
-    """Else the test above would prove nothing."""
+    """Nor does it prove nothing: a driven wire is among the uses."""
     tracked = []
 
     class Looking(AnyUse):
@@ -353,7 +341,7 @@ def test_the_state_machine_does_reach_a_driven_wire(make_config):
 
     Looking.base = make_config(calibration=CALIBRATION)
     Looking.TestCase.settings = settings(
-        max_examples=200,
+        max_examples=250,
         stateful_step_count=40,
         deadline=None,
         suppress_health_check=list(HealthCheck),

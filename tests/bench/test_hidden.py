@@ -157,6 +157,23 @@ def test_a_weak_effect_is_weak(name):
     assert np.abs(rows - plain("steps"))[:, :4].max() < 2e-3  # some units of the converter's last place
 
 
+@functools.cache
+def shown_m(world, *effect):
+    """What the displacement sensor of a Ni-Ti-Cu wire shows [m]; ``effect``: its name and strength."""
+    pulse_A = 0.8 if world == "hot" else 0.6
+    bench = HiddenBench.from_name(
+        "furukawa", seed=0, load=Weight(1.5), physics=world, hidden=dict([effect] if effect else []), session_s=19.0
+    )
+    bench.supply.set_voltage(15.0)
+    bench.supply.set_output(True)
+    rows = []
+    for k in range(190):
+        bench.supply.set_current(pulse_A if 10 < k < 50 or 120 < k < 126 or 160 < k < 180 else 0.05)
+        bench.advance((k + 1) / 10)
+        rows.append(bench.daq.block(50)[0].mean(axis=0))
+    return displacement_m(np.array(rows))
+
+
 @pytest.mark.parametrize("physics", [name for name in WORLDS if name != HOME])
 @pytest.mark.parametrize("name", [n for n in TWINS if TWINS[n].where == "wire"])
 def test_an_effect_in_the_wire_works_in_every_physics(name, physics):
@@ -166,23 +183,7 @@ def test_an_effect_in_the_wire_works_in_every_physics(name, physics):
     `hot`, where they leave no minor loop to remember; 0.8 A contract it by a third there.
     """
 
-    def shown(strength, world):
-        pulse_A = 0.8 if world == "hot" else 0.6
-        bench = HiddenBench.from_name(
-            "furukawa", seed=0, load=Weight(1.5), physics=world, hidden={name: strength}, session_s=19.0
-        )
-        bench.supply.set_voltage(15.0)
-        bench.supply.set_output(True)
-        rows = []
-        for k in range(190):
-            bench.supply.set_current(pulse_A if 10 < k < 50 or 120 < k < 126 or 160 < k < 180 else 0.05)
-            bench.advance((k + 1) / 10)
-            rows.append(bench.daq.block(50)[0].mean(axis=0))
-        return displacement_m(np.array(rows))
-
-    strength = STRENGTH[name]
-    at_home = np.abs(shown(strength, HOME) - shown(0.0, HOME)).max()
-    here = np.abs(shown(strength, physics) - shown(0.0, physics)).max()
+    at_home, here = (np.abs(shown_m(world, name, STRENGTH[name]) - shown_m(world)).max() for world in (HOME, physics))
     assert at_home > 1e-5
     assert 0.15 * at_home < here < 6.0 * at_home
 

@@ -34,7 +34,12 @@ def both_workers(mark):
     return sum("LokyProcess" in line for line in marked(mark)) == 2
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT], ids=lambda n: n.name)
+@pytest.mark.parametrize(
+    "number",
+    # What a command makes of each of them, tests/base/test_interrupts.py looks at.
+    [signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.long), signal.SIGINT],
+    ids=lambda n: n.name,
+)
 def test_a_trace_that_is_ended_takes_its_workers_with_it_in_good_order(number, flexinol, tmp_path):
     logs = [str(path) for path in flexinol.paths if path.name.startswith("partial")]
     command = [sys.executable, "-m", "sma_actuator", "trace", *logs, "--config", str(MODEL), "--jobs", "2"]

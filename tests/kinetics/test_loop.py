@@ -178,19 +178,7 @@ def test_a_guess_needs_no_second_stress(loops):
 def test_the_command_writes_a_page_and_all_numbers(tmp_path):
     files = [written(tmp_path / f"made_{s}.csv", made(COSINES, s)[::6]) for s in (40, 100, 160)]
     page, numbers = tmp_path / "page.html", tmp_path / "numbers.json"
-    command = [
-        sys.executable,
-        "-m",
-        "sma_actuator",
-        "loop",
-        *map(str, files),
-        "--report",
-        str(page),
-        "--json",
-        str(numbers),
-    ]
-    done = subprocess.run([*command, "--kinetics"], capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
+    assert main(["loop", *map(str, files), "--report", str(page), "--json", str(numbers), "--kinetics"]) == 0
     found = json.loads(numbers.read_text())
     assert set(found["fits"]) == set(FAMILIES) and set(found["loops"]) == {"made_40", "made_100", "made_160"}
     of = found["fits"]["liang_rogers"]["rms_of_stroke"]["made_100"]
@@ -210,16 +198,15 @@ def test_a_file_that_is_no_loop_ends_the_command_with_a_sentence(tmp_path):
     assert "Traceback" not in done.stderr
 
 
-def test_one_loop_alone_is_drawn_and_says_that_it_tells_no_slope(tmp_path):
+def test_one_loop_alone_is_drawn_and_says_that_it_tells_no_slope(tmp_path, capsys):
     path = written(tmp_path / "only.csv", made(COSINES, 100)[::4])
     page = tmp_path / "page.html"
-    command = [sys.executable, "-m", "sma_actuator", "loop", str(path), "--report", str(page)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    assert "only" in done.stdout and "MPa/K" not in done.stdout
+    command = ["loop", str(path), "--report", str(page)]
+    assert main(command) == 0
+    said = capsys.readouterr().out
+    assert "only" in said and "MPa/K" not in said
     assert "does not tell a Clausius-Clapeyron slope" in page.read_text()
-    again = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert again.returncode == 1 and "exists already; --force overwrites it" in again.stderr
+    assert main(command) == 1 and "exists already; --force overwrites it" in capsys.readouterr().err
 
 
 def written_loop(path, strain_factor=1.0, header="temperature_C,strain,stress_MPa"):

@@ -31,7 +31,7 @@ def logs(wire, folder):
 
 def command(*arguments, env=None):
     done = subprocess.run(
-        [sys.executable, "-m", "sma_actuator", *map(str, arguments)],
+        [sys.executable, "-m", "sma_actuator", *map(str, arguments), "--jobs", "1"],
         capture_output=True,
         text=True,
         timeout=400,
@@ -65,7 +65,7 @@ def test_an_effect_is_traced_written_into_the_model_and_replayed(wire, folder, l
     truth_Ohm = mapping.setdefault("circuit", {}).get("reference_resistance", 1.0)
     mapping["circuit"]["reference_resistance"] = truth_Ohm / (1.0 + GAIN)
     model, out = write_model(mapping, folder / "wire.yaml"), folder / "out"
-    traced = ("trace", *logs, "--config", model, "--out", out, "--only", "sense_resistance", "--jobs", "1")
+    traced = ("trace", *logs, "--config", model, "--out", out, "--only", "sense_resistance")
     code, said = command(*traced, env=installed)
     assert code == 0, said
     report = json.loads((out / "report.json").read_text())
@@ -115,7 +115,7 @@ def test_a_broken_package_is_named_and_stops_no_command_that_needs_nothing_of_it
     model = write_model(wire[1], folder / "whole.yaml")
     code, said = command("replay", *logs, "--config", model, env=installed)
     assert code == 0, said
-    code, said = command("trace", *logs, "--config", model, "--out", folder / "none", "--jobs", "1", env=installed)
+    code, said = command("trace", *logs, "--config", model, "--out", folder / "none", env=installed)
     assert code == 1
     assert "package 'sma-tiny' 0.1.0: its entry point sense_resistance" in said
     assert "RuntimeError: no licence" in said and "Traceback" not in said
