@@ -67,6 +67,7 @@ def test_a_log_is_replayed(log):
     assert 0.0 < float(printed.split(",")[1].split("%")[0]) < 5.0
 
 
+@pytest.mark.long
 def test_a_log_is_traced(log):
     verdict, errors = run("trace_a_log.py", shared_file("config/flexinol.yaml"), log).splitlines()
     assert verdict.split(":")[0] in ("none", "traced", "unexplained")

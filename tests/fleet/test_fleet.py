@@ -96,7 +96,7 @@ def test_local_folders_give_the_same_findings(fleet, alone, tmp_path):
     assert found(table, (*OF_THE_WORKER, "log")) == found(alone, (*OF_THE_WORKER, "log"))
 
 
-@pytest.mark.parametrize("where", ["processes", "a Dask cluster"])
+@pytest.mark.parametrize("where", ["processes", pytest.param("a Dask cluster", marks=pytest.mark.long)])
 def test_a_worker_that_is_killed_loses_nothing_and_changes_no_result(where, bucket, alone, tmp_path, monkeypatch):
     monkeypatch.setattr(replay_command, "judge_logs", dying.judge_logs_and_die_once)
     monkeypatch.setenv(dying.MARK, str(tmp_path / "died"))

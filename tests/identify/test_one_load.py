@@ -76,7 +76,7 @@ def test_an_order_that_one_load_cannot_tell_is_still_refused_where_it_is_asked_f
         identify(logs, bench_mapping("flexinol"), "flexinol", order=1)
 
 
-@pytest.mark.parametrize("which", ("thesis", "from_one_log"))
+@pytest.mark.parametrize("which", ("thesis", pytest.param("from_one_log", marks=pytest.mark.long)))
 def test_the_verdict_says_from_which_load_on_the_node_calls_it_foreign(which, request):
     result = request.getfixturevalue(which)
     (sentence,) = [s for s in result.verdict.sentences if s.startswith("for one load")]
@@ -88,13 +88,15 @@ def test_the_verdict_says_from_which_load_on_the_node_calls_it_foreign(which, re
         assert (share > 0.9) == seen, (load_N, share)
 
 
-def test_a_tenth_more_load_costs_what_the_verdict_says(thesis, from_one_log):
-    for result in (thesis, from_one_log):
-        at_home, _ = error_percent(result, record("flexinol", 2)[0])
-        heavier, _ = error_percent(result, record("flexinol", 2, 1.1 * LOAD_N)[0])
-        assert at_home < 1.2 and heavier - at_home < 1.5
+@pytest.mark.parametrize("which", ("thesis", pytest.param("from_one_log", marks=pytest.mark.long)))
+def test_a_tenth_more_load_costs_what_the_verdict_says(which, request):
+    result = request.getfixturevalue(which)
+    at_home, _ = error_percent(result, record("flexinol", 2)[0])
+    heavier, _ = error_percent(result, record("flexinol", 2, 1.1 * LOAD_N)[0])
+    assert at_home < 1.2 and heavier - at_home < 1.5
 
 
+@pytest.mark.long
 def test_one_long_log_is_cut_into_stretches_to_hold_some_out(from_one_log):
     assert from_one_log.config.model_type == "whole_range"
     assert from_one_log.fit.held_out.logs_percent > 0.0

@@ -37,6 +37,7 @@ def under_a_spring(wire, config):
     return of(wire, config, Spring(300.0, 0.5))
 
 
+@pytest.mark.long
 def test_under_one_weight_a_lag_of_the_wire_is_one_of_the_sensor_and_a_spring_tells_them_apart(
     under_a_weight, under_a_spring
 ):

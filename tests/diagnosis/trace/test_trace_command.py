@@ -121,6 +121,7 @@ def test_the_extended_model_runs_in_every_tool_and_has_the_error_that_was_report
     assert main(["replay", *logs, "--config", str(model), "--report", str(folder / "replay.html")]) == 0
 
 
+@pytest.mark.long
 def test_tracing_again_with_the_extended_model_finds_nothing_more(traced):
     folder, logs, _ = traced
     out = folder / "again"
