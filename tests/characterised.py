@@ -56,6 +56,6 @@ class Characterised:
 def identified(logs, bench, out, *words, model="flexinol"):
     """What ``sma-actuator identify`` finds in logs, order 2, as its ``--json`` has it; the model is in ``out``."""
     found = out.with_suffix(".json")
-    command = ["identify", *map(str, logs), "--config", str(bench), "--model", model, "--order", "2"]
+    command = ["identify", *map(str, logs), "--config", str(bench), "--model", model, "--order", "2", "--jobs", "1"]
     assert main([*command, "--out", str(out), "--json", str(found), *words]) == 0
     return json.loads(found.read_text())
