@@ -10,6 +10,7 @@ material.
 
 from __future__ import annotations
 
+import argparse
 import csv
 import dataclasses
 from functools import cache
@@ -24,10 +25,10 @@ from sma_actuator.plant.kinetics import Logistic, Measured
 from sma_actuator.plant.materials import NI_TI, Material, Specimen
 from sma_actuator.plant.measured import FLEXINOL_381UM, measured_for
 from sma_actuator.plant.physics import LOGISTIC_OF_BAND
-from sma_actuator.plant.worlds import WORLDS, World, wire_in_world
+from sma_actuator.plant.worlds import DRAWN, WORLDS, World, wire_in_world, world_of
 
 REAL = "real"  #: this physics, by name
-PHYSICS = (*WORLDS, REAL)  #: all that have a name
+PHYSICS = ", ".join((*WORLDS, REAL, f"{DRAWN}N"))  #: what `--physics` takes, in words
 RECORD = Path(__file__).resolve().parents[3] / "shared" / "data" / "static_loop" / "static_loop.csv"
 LENGTH_m, DIAMETER_m, LOAD_N = 0.42, 0.381e-3, 5.0
 _LEAST_A = 0.1  #: below it the voltmeter's last digit is more than R moves by
@@ -70,6 +71,16 @@ class Points:
     temperature_C: np.ndarray
     displacement_m: np.ndarray  #: extension positive
     resistance_Ohm: np.ndarray  #: NaN where too little current flows
+
+
+def physics_name(text: str) -> str:
+    """The name of a physics, as an option takes it."""
+    try:
+        if text != REAL:
+            world_of(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is no physics of the bench; one of {PHYSICS} is wanted") from None
+    return text
 
 
 def wire_of(name: str, physics: str) -> Specimen:

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from sma_actuator.base.jit import at_once
-from sma_actuator.bench.real import PHYSICS
+from sma_actuator.bench.real import PHYSICS, physics_name
 from sma_actuator.console import refuse_to_overwrite, say_next
 from sma_actuator.instruments import InstrumentError
 from sma_actuator.logs.files import write_atomically
@@ -307,10 +307,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--wire", choices=sorted(WIRES), default="flexinol", help="default %(default)s")
     parser.add_argument(
         "--physics",
-        choices=PHYSICS,
+        type=physics_name,
         default=HOME,
         metavar="NAME",
-        help=f"what the wire is made of and how it transforms: {', '.join(PHYSICS)} (default %(default)s)",
+        help=f"what the wire is made of and how it transforms: {PHYSICS} (default %(default)s)",
     )
     parser.add_argument(
         "--load",

@@ -12,7 +12,7 @@ from sma_actuator.base.calibration import Calibration
 from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
-from sma_actuator.bench.real import PHYSICS
+from sma_actuator.bench.real import PHYSICS, physics_name
 from sma_actuator.check import look_first
 from sma_actuator.config import bench_from_mapping
 from sma_actuator.console import add_output_arguments, notes, questions, refuse_to_overwrite, results, write_json
@@ -38,9 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--physics",
-        choices=PHYSICS,
+        type=physics_name,
         metavar="NAME",
-        help=f"with --virtual: what the wire is made of and how it transforms: {', '.join(PHYSICS)} (default {HOME})",
+        help=f"with --virtual: what the wire is made of and how it transforms: {PHYSICS} (default {HOME})",
     )
     parser.add_argument(
         "--unattended-bench",

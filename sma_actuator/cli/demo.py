@@ -31,7 +31,7 @@ from sma_actuator.base.interrupts import Interrupts, noted_signals
 from sma_actuator.base.jit import COMPILING
 from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.base.share import shared_file
-from sma_actuator.bench.real import PHYSICS
+from sma_actuator.bench.real import PHYSICS, physics_name
 from sma_actuator.config import Config
 from sma_actuator.console import add_output_arguments, refuse_to_overwrite, say_next, write_json
 from sma_actuator.control.setpoints import Setpoint, sine, steps, triangle
@@ -57,10 +57,10 @@ def add_arguments(parser) -> None:
     parser.add_argument("--wire", choices=("flexinol", "furukawa", "coil"), default="flexinol", help="wire and model")
     parser.add_argument(
         "--physics",
-        choices=PHYSICS,
+        type=physics_name,
         default=HOME,
         metavar="NAME",
-        help=f"of the bench: {', '.join(PHYSICS)} (default %(default)s)",
+        help=f"of the bench: {PHYSICS} (default %(default)s)",
     )
     parser.add_argument("--load", help="as for the bench: weight:N, spring:N/m,N (default: its own)")
     parser.add_argument(

@@ -15,7 +15,7 @@ from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Mode, Output, Tuned
-from sma_actuator.bench.real import PHYSICS
+from sma_actuator.bench.real import physics_name
 from sma_actuator.config import Config, copy_tables, text_with
 from sma_actuator.console import add_output_arguments, notes, refuse_to_overwrite, results, say_next, write_json
 from sma_actuator.control.pid import PidParameters
@@ -48,7 +48,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--virtual", choices=("flexinol", "furukawa", "coil", "bundle"), help="on this wire of the virtual bench"
     )
-    parser.add_argument("--physics", choices=PHYSICS, default=HOME, metavar="NAME", help="with --virtual: its physics")
+    parser.add_argument(
+        "--physics", type=physics_name, default=HOME, metavar="NAME", help="with --virtual: its physics"
+    )
     parser.add_argument(
         "--load", metavar="LOAD", help="with --virtual: weight:N or spring:N/m,N (default: the bench's own)"
     )
