@@ -2,7 +2,9 @@
 
 The supply holds a current, the DAQ measures it over the sense resistor.  Both have errors of scale and zero, which
 stand still; what changes between them is a drift.  So a difference is held against the one that was noted, over a
-second that averages the noise, and over all the lags that the DAQ may have behind the supply, so that motion is none.
+second that averages the noise.  One may be behind the other: what it shows then is what was so long ago, by the clock
+or by readings.  So each reading is held against what was at each such time, and the difference is known but for how
+much its mean depends on that: where nothing moves, exactly, however seldom or irregularly the readings come.
 
 Both measure a voltage too, the supply with its own leads in it: what these drop is on a straight line over current.
 """
@@ -13,12 +15,15 @@ import bisect
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import inf, isfinite, nan
+from math import inf, isfinite, nan, sqrt
 
 WINDOW_s = 1.0  #: over which both are averaged
+#: And over this, for a wire that is moved: some of its cycles; in half of it a drift of 0.4 % a second comes to 1.6 %.
+LONG_s = 8.0
 LAG_s = 0.2  #: that the DAQ may be behind the supply, and so much later than usual may a reading come
 METER_LAG_s = 0.5  #: that either may be behind the other where the supply measures: slow ones do so twice a second
-_BEHIND = 3  #: readings that it may be behind where that takes longer, this one counted
+_LAGS = 4  #: parts of the lag that are looked at: of 0.2 s each is a period of the usual loop
+_BEHIND = 2  #: readings that it may be behind where that takes longer
 FLOOR_A = 1e-3  #: the step of the coarsest supplies that may be driven
 FLOOR_V = 10e-3  #: by how much a supply's voltmeter may wander, beside its scale and the step of its digits
 ZERO_V = 50e-3  #: its zero may be off by so much; that stands still
@@ -30,52 +35,69 @@ WIDER = 1.1  #: a current that is so much beyond those that were noted is noted 
 
 
 @dataclass(slots=True)
-class Means:
-    """Means of a few quantities over a second, and between what they have lately moved."""
+class Past:
+    """What a quantity was, by the time until which it was so."""
 
     lag_s: float
-    samples: deque[tuple[float, ...]] = field(default_factory=deque)  #: time, and a value of each
-    now: tuple[float, ...] = ()  #: the means
-    _sums: list[float] = field(default_factory=list)
-    _lately: deque[tuple[float, ...]] = field(default_factory=deque)  #: time, and a mean of each
-    _since_s: float = inf
-    _usual_s: float = WINDOW_s  #: between the last two readings
+    _all: deque[tuple[float, float]] = field(default_factory=deque)
 
-    def pause(self) -> None:
+    def clear(self) -> None:
+        """Forget it."""
+        self._all.clear()
+
+    def take(self, now_s: float, value: float) -> list[float]:
+        """What it is now and what it was at each lag, by the clock and by readings; the most of these is the last."""
+        past = self._all
+        past.append((now_s, value))
+        while len(past) > _BEHIND + 1 and past[1][0] < now_s - self.lag_s:
+            past.popleft()
+        out, at = [], len(past) - 1
+        for part in range(_LAGS + 1):
+            then_s = now_s - self.lag_s * part / _LAGS - _ROUNDING_s
+            while at > 0 and past[at - 1][0] >= then_s:
+                at -= 1
+            out.append(past[at][1])
+        return out + [past[max(-1 - behind, -len(past))][1] for behind in range(1, _BEHIND + 1)]
+
+
+@dataclass(slots=True)
+class Means:
+    """Means of two quantities, and of what a third may have been, by how late it is told."""
+
+    window_s: float
+    samples: deque[tuple[float, ...]] = field(
+        default_factory=deque
+    )  #: time, both, (range)², whether new, and the third
+    now: list[float] = field(default_factory=list)
+    _sums: list[float] = field(default_factory=list)
+    _since_s: float = inf
+
+    def begin(self) -> None:
         """What comes next has nothing to do with what was."""
         self.samples.clear()
-        self._lately.clear()
 
-    def take(self, now_s: float, *values: float) -> None:
-        """A reading."""
-        samples, lately = self.samples, self._lately
-        apart_s = now_s - samples[-1][0] if samples else 0.0
-        if not 0.0 <= apart_s <= min(self._usual_s + LAG_s, WINDOW_s):  # who stood still meanwhile is not known
-            self.pause()
-        elif samples:
-            self._usual_s = apart_s
+    def take(self, now_s: float, both: list[float], third: list[float], late: float, is_new: bool = True) -> None:
+        """A reading, and what the third may have been.  ``late``: by so much may it be off since one reading is later
+        than others.  ``is_new``: not the one before, shown again."""
+        values = [*both, late * late, float(is_new), *third]
+        samples = self.samples
         if not samples:
             self._since_s, self._sums = now_s, [0.0] * len(values)
         samples.append((now_s, *values))
         sums = [total + value for total, value in zip(self._sums, values, strict=True)]
-        while now_s - samples[0][0] >= WINDOW_s:
+        while now_s - samples[0][0] >= self.window_s:
             sums = [total - gone for total, gone in zip(sums, samples.popleft()[1:], strict=True)]
-        self._sums, self.now = sums, tuple(total / len(samples) for total in sums)
-        lately.append((now_s, *self.now))
-        while now_s - lately[0][0] > self.lag_s + _ROUNDING_s and len(lately) > _BEHIND:
-            lately.popleft()
+        self._sums, self.now = sums, [total / len(samples) for total in sums]
+
+    def among(self) -> tuple[float, float]:
+        """The third, and how exactly its mean is known: all readings may be late, each by something else at random."""
+        low, high = min(self.now[4:]), max(self.now[4:])
+        at_random = sqrt(max(0.0, self.now[2]) / max(1.0, self.now[3] * len(self.samples)))
+        return 0.5 * (low + high), 0.5 * (high - low + at_random)
 
     def seen_s(self, now_s: float) -> float:
         """For how long without a break."""
         return now_s - self._since_s
-
-    def least(self, which: int) -> float:
-        """The lowest that this mean was within the lag."""
-        return min(each[which + 1] for each in self._lately)
-
-    def most(self, which: int) -> float:
-        """The highest."""
-        return max(each[which + 1] for each in self._lately)
 
 
 @dataclass(slots=True)
@@ -123,20 +145,66 @@ def _by_leads(current_A: float, above_V: float) -> float:
 
 
 @dataclass(slots=True)
-class CurrentsApart:
-    """How far the DAQ's current has come from the supply's since both were first seen."""
+class Apart:
+    """How far one measurement has come from another since both were first seen."""
 
-    _means: Means = field(default_factory=lambda: Means(LAG_s))  #: the DAQ's, the supply's from, to
-    _noted: Noted = field(default_factory=lambda: Noted(_by_scale))
+    lag_s: float  #: that the one may be behind the other
+    floor: float  #: of what is a drift, beside its share
+    steep: Callable[[float, float], float]
+    #: Over a second, and over longer.
+    means: tuple[Means, Means] = field(init=False, default_factory=lambda: (Means(WINDOW_s), Means(LONG_s)))
+    _noted: Noted = field(init=False)
+    _usual_s: float = field(init=False, default=WINDOW_s)  #: between the last two readings
+    _last_s: float = field(init=False, default=nan)
+
+    def __post_init__(self) -> None:
+        self._noted = Noted(self.steep)
 
     def pause(self) -> None:
         """Nothing can be compared now; what was noted stays."""
-        self._means.pause()
+        for means in self.means:
+            means.begin()
 
     def forget(self) -> None:
         """Begin anew."""
         self.pause()
         self._noted.forget()
+
+    def begins(self, now_s: float) -> bool:
+        """Whether what comes with a reading now has nothing to do with what was: who stood still meanwhile is not
+        known."""
+        apart_s = now_s - self._last_s
+        self._last_s = now_s
+        if self.means[0].samples and 0.0 <= apart_s <= min(self._usual_s + LAG_s, WINDOW_s):
+            self._usual_s = apart_s
+            return False
+        self.pause()
+        return True
+
+    def judged(self, current_A: float, above: float, vague: float, may_drift: float) -> tuple[float, float]:
+        """What the difference at a current has changed by, and what it may."""
+        drift = may_drift + self.floor
+        change, known = self._noted.change(current_A, above)
+        allowed = known + drift + vague
+        if vague <= drift and not abs(change) > allowed:
+            self._noted.note(current_A, above, vague, change, known)
+        return change, allowed
+
+    def worst(self, now_s: float, of: Callable[[Means], tuple[float, float, float, float]]) -> tuple[float, float]:
+        """What is most beyond what it may, of the means that are full; NaN while none is.
+
+        ``of`` them: current, difference, how exactly that is known, and what may be a drift.
+        """
+        full = [self.judged(*of(each)) for each in self.means if each.seen_s(now_s) >= each.window_s + self.lag_s]
+        return max(full, key=lambda said: abs(said[0]) - said[1], default=(nan, nan))
+
+
+class CurrentsApart(Apart):
+    """How far the DAQ's current has come from the supply's since both were first seen."""
+
+    def __init__(self) -> None:
+        super().__init__(LAG_s, FLOOR_A, _by_scale)
+        self._from, self._to = Past(LAG_s), Past(LAG_s)
 
     def step(self, now_s: float, daq_A: float, from_A: float, to_A: float, share: float) -> tuple[float, float]:
         """What the DAQ's current has changed by against the supply's, which lies from ``from_A`` to ``to_A``, and what
@@ -144,75 +212,66 @@ class CurrentsApart:
 
         NaN until that is known.  ``share`` of the current may be a drift.
         """
-        self._means.take(now_s, daq_A, from_A, to_A)
-        seen_s = self._means.seen_s(now_s)
-        seen = self._means_now() if seen_s >= WINDOW_s + LAG_s else self._steady(seen_s)
-        if seen is None:
-            return nan, nan
-        supply_A, above_A, vague_A = seen
-        drift_A = share * supply_A + FLOOR_A
-        change_A, known_A = self._noted.change(supply_A, above_A)
-        allowed_A = known_A + drift_A + vague_A
-        if vague_A <= drift_A and not abs(change_A) > allowed_A:
-            self._noted.note(supply_A, above_A, vague_A, change_A, known_A)
-        return change_A, allowed_A
+        if self.begins(now_s):
+            self._from.clear()
+            self._to.clear()
+        low, high = self._from.take(now_s, from_A), self._to.take(now_s, to_A)
+        late_A = max(abs(each[0] - each[-_BEHIND]) for each in (low, high))  # by a reading
+        for means in self.means:
+            means.take(now_s, [daq_A, daq_A], low + high, late_A)
+        if self.means[0].seen_s(now_s) < WINDOW_s + LAG_s:
+            seen = self._steady(now_s)
+            return self.judged(*seen, share * seen[0]) if seen else (nan, nan)
 
-    def _means_now(self) -> tuple[float, float, float]:
-        """The supply's current, by how much the DAQ's is above it, and how exactly that is known."""
-        low_A, high_A = self._means.least(1), self._means.most(2)
-        supply_A = 0.5 * (low_A + high_A)
-        return supply_A, self._means.now[0] - supply_A, 0.5 * (high_A - low_A)
+        def of(means: Means) -> tuple[float, float, float, float]:
+            supply_A, vague_A = means.among()
+            return supply_A, means.now[0] - supply_A, vague_A, share * supply_A
 
-    def _steady(self, seen_s: float) -> tuple[float, float, float] | None:
-        """The same of the current that is the first to flow, once the DAQ shows that it stands: it may flow for a
-        moment only."""
-        samples = self._means.samples
+        return self.worst(now_s, of)
+
+    def _steady(self, now_s: float) -> tuple[float, float, float] | None:
+        """The current that is the first to flow, by how much the DAQ's is above it, and how exactly that is known, once
+        the DAQ shows that it stands: it may flow for a moment only."""
+        samples = self.means[0].samples
         latest = [sample[1] for sample in samples][-_STEADY:]
-        low_A, high_A = min(sample[2] for sample in samples), max(sample[3] for sample in samples)
+        low_A, high_A = min(min(sample[5:]) for sample in samples), max(max(sample[5:]) for sample in samples)
         stands = max(latest) - min(latest) <= STANDS_A and high_A - low_A <= STANDS_A
-        if not (stands and len(latest) == _STEADY and seen_s >= LAG_s - _ROUNDING_s):
+        if not (stands and len(latest) == _STEADY and self.means[0].seen_s(now_s) >= LAG_s - _ROUNDING_s):
             return None
         supply_A = 0.5 * (low_A + high_A)
         return supply_A, sum(latest) / _STEADY - supply_A, STANDS_A
 
 
-@dataclass(slots=True)
-class VoltagesApart:
+class VoltagesApart(Apart):
     """How far the DAQ's voltage has come from the supply's since both were first seen."""
 
-    _means: Means = field(default_factory=lambda: Means(METER_LAG_s))  #: the current, the DAQ's and the supply's
-    _noted: Noted = field(default_factory=lambda: Noted(_by_leads))
-    _latest_V: float = nan  #: the supply's
-    _digit_V: float = inf  #: the least by which it has changed
-
-    def pause(self) -> None:
-        """Nothing can be compared now; what was noted stays."""
-        self._means.pause()
-
-    def forget(self) -> None:
-        """Begin anew."""
-        self.pause()
-        self._noted.forget()
+    def __init__(self) -> None:
+        super().__init__(METER_LAG_s, FLOOR_V, _by_leads)
+        self._daq, self._supply = Past(METER_LAG_s), Past(METER_LAG_s)
+        self._latest_V, self._digit_V = nan, inf  # the supply's, and the least by which it has changed
 
     def step(self, now_s: float, current_A: float, daq_V: float, supply_V: float, share: float) -> tuple[float, float]:
         """What the DAQ's voltage has changed by against the supply's at such a current, and what it may [V].
 
         NaN until that is known.  ``share`` of the voltage may be a drift.
         """
-        if supply_V != self._latest_V and isfinite(self._latest_V):
+        is_new = supply_V != self._latest_V
+        if is_new and isfinite(self._latest_V):
             self._digit_V = min(self._digit_V, abs(supply_V - self._latest_V))
         self._latest_V = supply_V
-        means = self._means
-        means.take(now_s, current_A, daq_V, supply_V)
-        if not (means.seen_s(now_s) >= WINDOW_s + METER_LAG_s and isfinite(self._digit_V)):
+        if self.begins(now_s):
+            self._daq.clear()
+            self._supply.clear()
+        supply_late = [was_V - supply_V for was_V in self._daq.take(now_s, daq_V)]
+        daq_late = [daq_V - was_V for was_V in self._supply.take(now_s, supply_V)]
+        late_V = max(max(each[:-1]) - min(each[:-1]) for each in (supply_late, daq_late))  # a meter shows what it held
+        for means in self.means:
+            means.take(now_s, [current_A, supply_V], supply_late + daq_late, late_V, is_new)
+        if not isfinite(self._digit_V):
             return nan, nan
-        low_V, high_V = means.least(2), means.most(2)
-        daq_low_V, daq_high_V = means.least(1), means.most(1)
-        above_V = 0.5 * (daq_low_V + daq_high_V - low_V - high_V)
-        vague_V = 0.5 * (high_V - low_V + daq_high_V - daq_low_V + self._digit_V)
-        drift_V = share * 0.5 * (low_V + high_V) + FLOOR_V
-        change_V, known_V = self._noted.change(means.now[0], above_V)
-        allowed_V = known_V + drift_V + vague_V
-        if vague_V <= drift_V and not abs(change_V) > allowed_V:
-            self._noted.note(means.now[0], above_V, vague_V, change_V, known_V)
-        return change_V, allowed_V
+
+        def of(means: Means) -> tuple[float, float, float, float]:
+            above_V, vague_V = means.among()
+            return means.now[0], above_V, vague_V + 0.5 * self._digit_V, share * means.now[1]
+
+        return self.worst(now_s, of)

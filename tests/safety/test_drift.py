@@ -73,6 +73,65 @@ def test_nor_is_a_daq_that_is_readings_behind_while_a_busy_machine_stands_still(
         assert not abs(change_A) > allowed_A
 
 
+def a_world(seed, period_s, irregular, motion, seconds=30.0):
+    """Times of the readings and the current that was set until each: steps, ramps, or a loop that hunts."""
+    random = np.random.default_rng(seed)
+    times, currents, now_s, set_A, wanted_A = [], [], 0.0, 0.05, 0.05
+    while now_s < seconds:
+        stall_s = random.uniform(0.1, 0.8) if irregular > 0.2 and random.random() < 0.03 else 0.0
+        apart_s = period_s * (1.0 + irregular * random.uniform(-1.0, 1.0)) + stall_s
+        now_s += apart_s
+        times.append(now_s)
+        currents.append(set_A)
+        if random.random() < period_s / 4.0:
+            wanted_A = random.choice([0.05, 0.125, 0.3, 0.4])
+        rates = {"steps": math.inf, "ramps": 0.3, "hunting": 0.6}
+        step_A = wanted_A - set_A + (0.01 * random.standard_normal() if motion == "hunting" else 0.0)
+        set_A = max(0.03, set_A + float(np.clip(step_A, -rates[motion] * apart_s, rates[motion] * apart_s)))
+    return np.array(times), np.array(currents)
+
+
+def seen_by_a_daq(times, currents, late_s, block_s):
+    """What it averages over a block that ends so long before each reading."""
+    within = np.linspace(-late_s - block_s, -late_s, 9)
+    at = np.searchsorted(times, times[:, None] + within[None, :] - 1e-9)
+    return currents[np.clip(at, 0, len(currents) - 1)].mean(axis=1)
+
+
+@pytest.mark.parametrize("motion", ["steps", "ramps", "hunting"])
+@pytest.mark.parametrize("irregular", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize("period_s", [0.02, 0.05, 0.1, 0.2, 0.35, 0.53, 0.8])
+class TestHoweverSlowlyAndIrregularlyReadingsCome:
+    """Two means of one thing differ by when they were taken, the more so the fewer they are."""
+
+    @pytest.mark.parametrize(("late_s", "block_s"), [(0.0, 0.02), (0.1, 0.05), (0.17, 0.02), (0.0, math.inf)])
+    def test_currents_that_are_the_same_are_the_same(self, period_s, irregular, motion, late_s, block_s):
+        for seed in range(2):
+            times, set_A = a_world(seed, period_s, irregular, motion)
+            daq_A = 1.01 * seen_by_a_daq(times, set_A, late_s, min(block_s, period_s)) + 1e-3
+            currents = CurrentsApart()
+            for time_s, measured_A, told_A in zip(times, daq_A, set_A, strict=True):
+                change_A, allowed_A = currents.step(time_s, measured_A, told_A, told_A, SHARE)
+                assert not abs(change_A) > allowed_A, (seed, time_s)
+
+
+@pytest.mark.parametrize("motion", ["steps", "ramps", "hunting"])
+@pytest.mark.parametrize("irregular", [0.0, 0.1])
+@pytest.mark.parametrize("period_s", [0.02, 0.05, 0.1, 0.2])
+@pytest.mark.parametrize("rate", [4e-3, -4e-3])
+def test_a_drift_is_found_whatever_the_current_does(period_s, irregular, motion, rate):
+    """A loop that hunts shows least."""
+    times, set_A = a_world(0, period_s, irregular, motion, 90.0)
+    measured_A = seen_by_a_daq(times, set_A, 0.05, 0.02)
+    currents = CurrentsApart()
+    for time_s, daq_A, told_A in zip(times, measured_A, set_A, strict=True):
+        drifted = rate * max(0.0, time_s - 30.0)
+        change_A, allowed_A = currents.step(time_s, daq_A * (1.0 + drifted), told_A, told_A, SHARE)
+        if abs(change_A) > allowed_A:
+            break
+    assert SHARE < abs(drifted) < (0.10 if motion == "hunting" else 0.06)
+
+
 def test_what_was_noted_outlives_a_pause_and_is_forgotten_when_asked():
     currents = CurrentsApart()
     assert apart(lambda _: 0.2, lambda _: 0.2, 5.0, currents) is None
@@ -362,6 +421,35 @@ class TestVoltages:
 
         found_s = self.apart(daq_V, lambda _, wire_V: wire_V, 200.0)
         assert abs(rate) * (found_s - 60.0) < 0.08
+
+    @pytest.mark.parametrize("rate", [5e-4, -5e-4])
+    @pytest.mark.parametrize("motion", ["steps", "ramps", "hunting"])
+    def test_also_a_slow_one(self, motion, rate):
+        times, set_A = a_world(0, PERIOD_s, 0.1, motion, 250.0)
+        wire_V = 6.0 * seen_by_a_daq(times, set_A, 0.05, 0.02)
+        voltages, latest_V, next_s = VoltagesApart(), 0.0, 0.0
+        for time_s, was_V, current_A in zip(times, wire_V, set_A, strict=True):
+            if time_s >= next_s:  # the supply's meter, slow and coarse
+                latest_V, next_s = 0.01 * round((was_V + 0.5 * current_A) / 0.01), time_s + 0.25
+            drifted = rate * max(0.0, time_s - 50.0)
+            change_V, allowed_V = voltages.step(time_s, current_A, was_V * (1.0 + drifted), latest_V, SHARE)
+            if abs(change_V) > allowed_V:
+                break
+        assert SHARE < abs(drifted) < 0.10
+
+    @pytest.mark.parametrize("motion", ["steps", "ramps", "hunting"])
+    @pytest.mark.parametrize("irregular", [0.0, 0.1, 0.3])
+    @pytest.mark.parametrize("meter_s", [0.0, 0.2, 0.4])
+    @pytest.mark.parametrize("period_s", [0.02, 0.05, 0.2, 0.53])
+    def test_nor_is_a_slow_meter_or_a_slow_loop(self, period_s, meter_s, irregular, motion):
+        times, set_A = a_world(0, period_s, irregular, motion)
+        wire_V = 6.0 * seen_by_a_daq(times, set_A, 0.05, 0.02)
+        voltages, latest_V, next_s = VoltagesApart(), 0.0, 0.0
+        for time_s, was_V, current_A in zip(times, wire_V, set_A, strict=True):
+            if time_s >= next_s:
+                latest_V, next_s = 0.01 * round((1.01 * was_V + 0.3 * current_A) / 0.01), time_s + meter_s
+            change_V, allowed_V = voltages.step(time_s, current_A, was_V, latest_V, SHARE)
+            assert not abs(change_V) > allowed_V, time_s
 
     def test_what_was_noted_outlives_a_pause_and_is_forgotten_when_asked(self):
         def supply_V(_, wire_V):

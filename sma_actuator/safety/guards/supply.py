@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import isfinite
 
-from sma_actuator.safety.drift import FLOOR_A, FLOOR_V, SCALE, LAG_s, METER_LAG_s, WINDOW_s
+from sma_actuator.safety.drift import FLOOR_A, FLOOR_V, SCALE, LAG_s, LONG_s, METER_LAG_s, WINDOW_s
 from sma_actuator.safety.formula import parameter_value, seconds
 from sma_actuator.safety.records import Action, Fault, Step, guard
 from sma_actuator.safety.timing import ONE_STEP, READING_TIMEOUT, THREE_STEPS, TWO_STEPS
@@ -180,8 +180,8 @@ def measurements_disagree(step: Step) -> str:
     f"{WINDOW_s:g} s, off the one that was set by more than safety.current_drift of it and {FLOOR_A * 1e3:g} mA beyond "
     f"what it was off "
     f"when such a current first flowed (by {SCALE * 100:g} % more of what it lies beyond the currents that have), and "
-    f"by more than the current "
-    f"that was set has moved, so averaged, in {LAG_s:g} s",
+    f"by more than the mean of the current that was set depends on how late the DAQ is, up to {LAG_s:g} s or two "
+    f"readings; the same over {LONG_s:g} s, in which motion matters less",
     within=seconds(WINDOW_s + LAG_s) + TWO_STEPS,
     action=Action.OFF,
     latches=True,
@@ -222,7 +222,8 @@ def current_drifts(step: Step) -> str:
     "difference as it is then for right",
     detector=f"the DAQ's voltage, averaged over {WINDOW_s:g} s, off the supply's own by more than safety.voltage_drift "
     f"of it and {FLOOR_V * 1e3:g} mV beyond what it was off when such a current first flowed (what its leads drop), "
-    f"by more than both have moved, so averaged, in {METER_LAG_s:g} s, and more than the step of the supply's digits",
+    f"by more than the mean depends on how late either is, up to {METER_LAG_s:g} s or two readings, and more than the "
+    f"step of the supply's digits; the same over {LONG_s:g} s, in which motion matters less",
     within=seconds(WINDOW_s + METER_LAG_s) + TWO_STEPS,
     action=Action.OFF,
     latches=True,
