@@ -81,6 +81,8 @@ def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
     aim_mm = short_mm + 0.4 * (long_mm - short_mm)
     assert float(re.match("to (.+?) mm;", capsys.readouterr().out)[1]) == pytest.approx(aim_mm, abs=0.05)
     assert bench.truth()[0] * 1e3 == pytest.approx(aim_mm, abs=0.3)
+    held_m = _status(capsys, mode="hold", fault="")["values"]["limited_setpoint_m"]
+    assert held_m * 1e3 == pytest.approx(aim_mm, abs=0.002), "it is held where it was asked, not where it was near it"
     assert main(["move", "2.5mm", *NODE, "--within", "60", "-q"]) == 0
     capsys.readouterr()
     assert bench.truth()[0] == pytest.approx(0.0025, abs=3e-4)
@@ -91,7 +93,7 @@ def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
     assert f"next: `sma-actuator move 40%{OPTIONS}`" in said.err
     lines = said.out.splitlines()
     assert len(lines) >= 2 and all("holding" in line for line in lines)
-    assert "position  2." in lines[-1] and "load  0.9" in lines[-1]
+    assert all("position  2." in line for line in lines) and "load  0.9" in lines[-1]
     assert main(["enable", "--off", *NODE]) == 0
     wait_until(lambda: bench.current_A() == 0.0)
     _enable(capsys)
@@ -139,6 +141,15 @@ def test_a_position_that_is_not_reached_is_said_and_the_wire_is_held(bench, caps
     assert "-50.000 mm is beyond what the wire reaches at this load" in said.err
     assert "held at its short end" in said.err
     assert "not there within 1.5 s; position" in said.err and said.out == ""
+    _status(capsys, mode="hold", fault="")
+    assert main(["stop", *NODE]) == 0
+
+
+def test_a_position_beyond_an_end_is_given_up_at_that_end(bench, capsys):
+    _enable(capsys)
+    assert main(["move", "40%", *NODE, "--within", "60", "-q"]) == 0
+    assert main(["move", "9mm", *NODE, "--within", "600", "-q"]) == 1
+    assert "it is at the end of its way; 9.000 mm is beyond" in capsys.readouterr().err
     _status(capsys, mode="hold", fault="")
     assert main(["stop", *NODE]) == 0
 

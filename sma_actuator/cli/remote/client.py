@@ -169,6 +169,14 @@ class NodeClient(Named):
             raise UserError(self._nobody())
         self._publishers[topic] = publisher
 
+    def others_publish(self, topic: str) -> bool:
+        """Whether anybody else can publish on ``~/topic``, which was advertised."""
+        return self._node.count_publishers(f"{self.full_name}/{topic}") > 1
+
+    def wait_until_heard(self, topic: str, patience_s: float) -> None:
+        """Wait for the first message of ``~/topic``, but not for ever."""
+        self._spin_until(lambda: topic in self._latest, patience_s)
+
     def publish(self, topic: str, message: Any) -> None:
         """Publish on ``~/topic``, which was advertised."""
         self._publishers[topic].publish(message)

@@ -79,7 +79,8 @@ def add_arguments(parser) -> None:
 
 
 def run(args) -> int:
-    """Send setpoints until it is there; it is held where it is then, on every way out.  0 where it came there."""
+    """Send setpoints until it is there, where it is held then; on every other way out it is held where it is.  0 where
+    it came there."""
     with connected(args) as client:
         from trajectory_msgs.msg import JointTrajectory
 
@@ -94,11 +95,17 @@ def run(args) -> int:
             print(f"{client.full_name}: {beyond}", file=sys.stderr, flush=True)
         client.advertise(motion.topic, type(motion.message))
         client.advertise("joint_trajectory", JointTrajectory)
+        if status.mode is Mode.TRACKING and client.others_publish(motion.topic):
+            said = f"{client.full_name}: another program sends it setpoints too; the last one that comes counts"
+            print(said, file=sys.stderr, flush=True)
         try:
             took_s = _send(client, motion, args)
+            if not is_joint(status):
+                client.publish("joint_trajectory", _at(client.latest("joint_states").name[0], motion.asked))
         finally:
             client.finish()
-            # Without points it ends the motion: a setpoint that nobody repeats any more would count as lost.
+            # Without points it ends the motion: a setpoint that nobody repeats any more would count as lost.  It ends
+            # where the reference of a trajectory has come, and of a setpoint, which may be far, where the wire is.
             client.publish("joint_trajectory", JointTrajectory())
             held = client.wait_for_status(lambda s: s.mode is not Mode.TRACKING, ENDED_s)
         print(f"there after {took_s:.1f} s; {'held there' if held else 'the node has not said that it holds the wire'}")
@@ -117,6 +124,13 @@ class _Motion:
     message: Any
     asked: float
     near: float
+
+
+def _at(joint_name: str, position_m: float) -> Any:
+    """A trajectory that has come to its end from the beginning."""
+    from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+    return JointTrajectory(joint_names=[joint_name], points=[JointTrajectoryPoint(positions=[position_m])])
 
 
 def beyond_words(asked_m: float, status: Status) -> str:
@@ -170,7 +184,10 @@ def _in(given: Place, unit: str, wanted: str) -> float:
 
 
 def _send(client: NodeClient, motion: _Motion, args) -> float:
-    """Send it until the estimate has been near it for a while; the time that took.  Raises UserError."""
+    """Send it until the estimate has been near it for a while; the time that took.
+
+    Raises UserError where it does not come there, as soon as it is at the end before it.
+    """
     start_s = time.monotonic()
     near_since_s: float | None = None
     next_line_s = start_s
@@ -181,10 +198,16 @@ def _send(client: NodeClient, motion: _Motion, args) -> float:
         if status.mode is Mode.OFF or _refused(status):
             raise UserError(client.words(f"{client.full_name}: {status.message}"))
         state = client.latest("joint_states", 1.0)
-        if state is None or not abs(state.position[0] - motion.asked) <= motion.near:
+        beyond = "" if is_joint(status) else beyond_words(motion.asked, status)
+        goal = motion.asked
+        if beyond:
+            goal = min(max(goal, _number(status.values["shortest_m"])), _number(status.values["longest_m"]))
+        if state is None or not abs(state.position[0] - goal) <= motion.near:
             near_since_s = None
         else:
             near_since_s = now_s if near_since_s is None else near_since_s
+            if now_s - near_since_s >= THERE_s and abs(goal - motion.asked) > motion.near:
+                raise UserError(f"{client.full_name}: it is at the end of its way; {beyond}; {line(client)}")
             if now_s - near_since_s >= THERE_s:
                 return now_s - start_s
         if now_s >= next_line_s and not args.quiet:

@@ -12,6 +12,7 @@ from .client import NodeClient, add_node_arguments, connected
 
 #: Beyond this age nothing that was heard is shown as if it were so.
 STALE_s = 3.0
+FIRST_s = 1.0  #: for the first position to come: a command that has just begun has heard of none
 
 
 def add_arguments(parser) -> None:
@@ -66,9 +67,10 @@ def listen_to_motion(client: NodeClient) -> None:
     from sensor_msgs.msg import JointState
     from std_msgs.msg import Float64
 
-    client.listen("joint_states", JointState)
     client.listen("load", WrenchStamped)
     client.listen("command_current", Float64)
+    client.listen("joint_states", JointState)
+    client.wait_until_heard("joint_states", FIRST_s)
 
 
 def line(client: NodeClient) -> str:
