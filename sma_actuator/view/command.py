@@ -5,7 +5,10 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import errno
+import faulthandler
 import ipaddress
+import socket
 import time
 from pathlib import Path
 
@@ -19,6 +22,9 @@ from sma_actuator.console import notes
 PORT = 8765
 #: How often the main thread looks whether a signal was noted.
 SIGNAL_INTERVAL_s = 0.1
+#: Pages, tasks, threads and ROS have so long to end: twice what they may take in turn, an answer (3 s), the pages and
+#: the thread of ROS (1 s each).
+END_s = 10.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -67,17 +73,19 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run_page(nodes: list[str], host: str, args: argparse.Namespace) -> None:
-    from .server import Desk, ViewServer
-    from .watched import WatchedNode
+    with _listening(host, args.port) as listening:  # first: to load and to join ROS takes seconds
+        from .server import Desk, ViewServer
+        from .watched import WatchedNode
 
-    configs = [_config(args.config, node.rpartition("/")[2]) for node in nodes]
-    with noted_signals() as interrupts, contextlib.ExitStack() as stack:
-        desks = []
-        for node, config in zip(nodes, configs, strict=True):
-            wire = WatchedNode(node)
-            stack.callback(wire.close)
-            desks.append(Desk(wire, config, args.config))
-        asyncio.run(_serve(ViewServer(desks, host), host, args, interrupts))
+        configs = [_config(args.config, node.rpartition("/")[2]) for node in nodes]
+        with noted_signals() as interrupts, contextlib.ExitStack() as stack:
+            stack.callback(faulthandler.cancel_dump_traceback_later)
+            desks = []
+            for node, config in zip(nodes, configs, strict=True):
+                wire = WatchedNode(node)
+                stack.callback(wire.close)
+                desks.append(Desk(wire, config, args.config))
+            asyncio.run(_serve(ViewServer(desks, host), host, listening, args, interrupts))
 
 
 def _config(file: Path | None, name: str) -> Config | None:
@@ -118,24 +126,28 @@ def _shown(host: str) -> str:
     return f"[{host}]" if ":" in host else host
 
 
-async def _serve(server, host: str, args: argparse.Namespace, interrupts: Interrupts) -> None:
+def _listening(host: str, port: int) -> socket.socket:
+    """A socket that listens.  Raises UserError where the port cannot be had."""
+    try:
+        return socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
+    except (OSError, OverflowError) as error:
+        in_use = isinstance(error, OSError) and error.errno == errno.EADDRINUSE
+        why = f"port {port} is in use" if in_use else f"port {port} cannot be opened ({error})"
+        raise UserError(f"--port: {why} on {host}; --port 0 takes one that is free") from error
+
+
+async def _serve(server, host: str, listening: socket.socket, args: argparse.Namespace, interrupts: Interrupts) -> None:
     from aiohttp import web
 
     runner = web.AppRunner(server.app, access_log=None, shutdown_timeout=1.0)
     await runner.setup()
     try:
-        site = web.TCPSite(runner, host, args.port)
-        try:
-            await site.start()
-        except (OSError, OverflowError) as error:
-            raise UserError(
-                f"--port: {host}:{args.port} cannot be opened ({error}); --port 0 takes one that is free"
-            ) from error
-        port = runner.addresses[0][1]
-        print(f"http://{_shown(host)}:{port}/#token={server.token}", flush=True)
+        await web.SockSite(runner, listening).start()
+        print(f"http://{_shown(host)}:{listening.getsockname()[1]}/#token={server.token}", flush=True)
         notes(args).print("open this address in a browser on this machine; Ctrl-C ends the page, not the node")
         while not interrupts:
             await asyncio.sleep(SIGNAL_INTERVAL_s)
     finally:
+        faulthandler.dump_traceback_later(END_s, exit=True)
         with contextlib.suppress(asyncio.CancelledError):
             await runner.cleanup()

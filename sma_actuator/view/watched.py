@@ -282,7 +282,10 @@ class WatchedNode:
                 loop.call_soon_threadsafe(_settle, done, result, None)
 
         self._tasks.put(run)
-        return await asyncio.wait_for(done, ANSWER_TIMEOUT_s)
+        # Not wait_for: before Python 3.12 it loses a cancellation that comes together with the result, and whoever was
+        # to end goes on for ever.
+        async with asyncio.timeout(ANSWER_TIMEOUT_s):
+            return await done
 
     async def _ask(
         self, name: str, request: Any, timeout_s: float = ANSWER_TIMEOUT_s, again_s: float = math.inf
