@@ -254,6 +254,8 @@ def _cross_checks(common: BenchConfig) -> list[str]:
             f"supply.over_voltage_trip: {supply.over_voltage_trip:g} V is not above supply.max_voltage, "
             f"{supply.max_voltage:g} V: the supply would trip in normal use; 0 puts it a tenth above"
         )
+    if common.instruments.daq.read_twice:
+        problems.append(common.instruments.daq.read_twice)
     if not safety.resistance_min < safety.resistance_max:
         problems.append("safety.resistance_min: is not below safety.resistance_max")
     if not common.thermal.derate_temperature < common.thermal.max_temperature:

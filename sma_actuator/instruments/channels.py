@@ -34,16 +34,12 @@ class Channels:
         return list(self._numbers.values())
 
     def check(self, who: str, measures_celsius: bool) -> None:
-        """Raise InstrumentRefused where one is missing, named twice, or not what ``who`` measures."""
+        """Raise InstrumentRefused where one is missing, or not what ``who`` measures."""
         for quantity in _NEEDED:
             if getattr(self._daq, f"{quantity}_channel") == 0:
                 raise InstrumentRefused(
                     f"instruments.daq.{quantity}_channel: is 0; the driver cannot do without that channel"
                 )
-        if len(set(self.numbers)) < len(self.numbers):
-            raise InstrumentRefused(
-                "instruments.daq: two quantities are read from one channel; every channel is wanted once"
-            )
         ambient_channel = self._daq.ambient_temperature_channel
         if ambient_channel != 0 and not measures_celsius:
             # 0.02 V would pass for a room of 0.02 °C, and the heat balance would take the wire for colder than it is.

@@ -97,6 +97,20 @@ class DaqInstrument(Connection):
         0, "channel of an ambient temperature sensor, 1 °C per unit; 0: none", "1", 0, 10**6
     )
 
+    @property
+    def read_twice(self) -> str:
+        """Which two parameters name one channel, in a sentence; empty where none do."""
+        seen: dict[int, str] = {}
+        for name in (name for name in self.__slots__ if name.endswith("_channel")):
+            channel = getattr(self, name)
+            if channel and channel in seen:
+                return (
+                    f"instruments.daq.{seen[channel]} and instruments.daq.{name}: are both channel {channel}; two "
+                    "quantities are read from two channels"
+                )
+            seen[channel] = name
+        return ""
+
 
 @dataclass(frozen=True, slots=True)
 class Instruments:

@@ -156,6 +156,25 @@ def test_answers_may_stand_in_a_file_with_any_other_parameter(tmp_path, capsys):
     assert "did you mean length?" in capsys.readouterr().err
 
 
+def test_one_channel_for_two_voltages_is_refused_with_both_parameters(tmp_path, capsys):
+    answers = {**ANSWERS, "instruments.daq.reference_voltage_channel": "101"}
+    words = [word for name, text in answers.items() for word in ("--set", f"{name}={text}")]
+    assert main(["init", *words, "--out", str(tmp_path / "bench.yaml")]) == 1
+    said = capsys.readouterr().err
+    assert (
+        "instruments.daq.supply_voltage_channel and instruments.daq.reference_voltage_channel: are both channel 101"
+        in said
+    )
+    assert not (tmp_path / "bench.yaml").exists()
+
+
+def test_channels_that_are_not_there_are_none_twice(tmp_path):
+    """0 says of the LVDT and of the room's sensor that there is none."""
+    answers = {**ANSWERS, "instruments.daq.lvdt_channel": "0", "instruments.daq.ambient_temperature_channel": "0"}
+    words = [word for name, text in answers.items() for word in ("--set", f"{name}={text}")]
+    assert main(["init", *words, "--out", str(tmp_path / "bench.yaml")]) == 0
+
+
 def test_nobody_to_answer_is_a_sentence(tmp_path):
     done = asked(None, "--set", "wire.alloy=ni-ti", "--out", tmp_path / "bench.yaml")
     assert done.returncode == 1 and "Traceback" not in done.stderr

@@ -367,12 +367,6 @@ class TestDaq:
         with pytest.raises(InstrumentLost, match="which is not an answer to that"):
             one.read_block()
 
-    def test_one_channel_for_two_quantities_is_refused_before_a_word_is_said(self, daq):
-        one, server = daq({"load_cell_channel": 101})
-        with pytest.raises(InstrumentRefused, match="two quantities are read from one channel"):
-            one.open()
-        assert server.lines == []
-
     def test_a_daq_that_refuses_its_configuration_is_refused(self, daq):
         one, server = daq()
         server.replies["SYST:ERR?"] = '-222,"Data out of range"'
