@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from .base.parameters import ConfigError, from_mapping
-from .base.sections import Wire
+from .base.sections import SupplyParameters, ThermalParameters, Wire
 from .safety.thermal import CAPACITY_WITHIN
 
 DENSITY_kg_m3 = 6450.0
@@ -177,6 +177,21 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None
         "supply.max_voltage",
         max(math.ceil(12.5 * most_A * total_Ohm) / 10.0, 0.1),
         f"max_current through wire, sense resistor and leads, {total_Ohm:.3g} Ω, and a quarter more",
+    )
+
+
+def not_survived(wire: Wire, supply: SupplyParameters, thermal: ThermalParameters) -> str:
+    """A sentence where more may flow for ever, while no computer looks, than the wire survives; else ""."""
+    loss_W_K = min(thermal.heat_loss, still_air_W_m2K(wire.diameter) * wire.surface_m2)
+    rise_K = supply.over_current_trip**2 * wire.resistance_Ohm(HOT_RESISTIVITY_Ohm_m) / loss_W_K
+    most_K = thermal.max_temperature - thermal.ambient_temperature
+    if rise_K <= CAPACITY_WITHIN * most_K:
+        return ""
+    most_A = supply.over_current_trip * math.sqrt((most_K - _TRIP_HEADROOM_K) / rise_K)
+    return (
+        f"supply.over_current_trip: {supply.over_current_trip:g} A for ever heats this wire to "
+        f"{thermal.ambient_temperature + rise_K:.0f} °C in still air, and thermal.max_temperature is "
+        f"{thermal.max_temperature:g} °C; {most_A:.3g} A is what it survives, whatever the computer does"
     )
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from sma_actuator.base.calibration import through
 from sma_actuator.base.signals import Reading
 from sma_actuator.config import BenchConfig
+from sma_actuator.derived import not_survived
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
 
@@ -171,11 +172,14 @@ class SelfTest:
         told = self._supply.reads_back
         held = " and ".join(f"{what} {value}" for name, (what, value) in settings.items() if name in told)
         lacking = " and no ".join(what for name, (what, _) in settings.items() if name not in told)
+        hot = not_survived(self._config.wire, limits, self._config.thermal)
         self._say(
             "trips",
             (f"{held} read back as programmed; " if held else "")
             + "nothing has tripped"
-            + (f"; this supply has no {lacking} that can be read back" if lacking else ""),
+            + (f"; this supply has no {lacking} that can be read back" if lacking else "")
+            + (f"; {hot}" if hot else ""),
+            Level.WARNING if hot else Level.OK,
         )
 
     def _speed(self) -> None:

@@ -22,6 +22,7 @@ from sensor_msgs.msg import JointState
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Output, Quality
 from sma_actuator.config import Config
+from sma_actuator.derived import not_survived
 from sma_actuator.driver import Driver, DriverStopped
 from sma_actuator.instruments import InstrumentError, open_instruments
 from sma_actuator.instruments.clock import MonotonicClock
@@ -77,6 +78,8 @@ class SmaActuatorNode(LifecycleNode):
         )
         if own.get("use_sim_time", False) is not False:
             self.log.say(WARNING, NO_SIM_TIME)
+        if hot := not_survived(self.config.wire, self.config.supply, self.config.thermal):
+            self.log.say(WARNING, hot)
         self.self_testing = SelfTesting(self)
         self.commands = Commands(self, self)
         self._spoken = Spoken(self)

@@ -162,6 +162,18 @@ def test_of_a_supply_that_does_not_tell_what_tripped_nothing_is_said_that_was_no
     assert said["trips"].endswith("this supply has no over-current trip that can be read back")
 
 
+def test_a_trip_that_lets_the_wire_burn_is_said_with_what_it_survives():
+    def careless(stand):
+        supply = replace(stand.config.supply, max_current=1.0, over_current_trip=1.1)
+        stand.config = replace(stand.config, supply=supply)
+
+    (trips,) = [each for each in Stand(careless).found if each.part == "trips"]
+    assert trips.level is Level.WARNING
+    # 1.1² A² · 4.93 Ω over 0.00503 W/K of still air is 1 190 K above it, and 171 K are 0.417 A.
+    assert "1.1 A for ever heats this wire to 121" in trips.sentence
+    assert "; 0.417 A is what it survives" in trips.sentence
+
+
 def test_without_a_watchdog_it_says_how_hot_the_wire_may_become():
     """A wire that needs 100 °C was held at 82 by such a supply, and nothing had said so."""
     stand = Stand(lambda s: s.change(supply__watchdog_timeout=0.0, supply__allow_no_watchdog=True))
