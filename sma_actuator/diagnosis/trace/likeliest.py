@@ -30,7 +30,7 @@ APART = 0.3  #: in the optimiser's units: shapes nearer to each other lead to th
 STEPS, SHORTER = 4, (1.0, 0.3, 0.1)
 ENOUGH = 0.002, 0.2  #: share of the squares, and squares, below which a step was the last
 PROMISING = 0.7  #: of what the first start took off in the end: another that takes off so much at once is gone from too
-NEARLY, TRIED = 0.9, 8  #: of what the best time of a slip explains: with which others are looked at, and how many …
+TRIED = 100  #: times of something that happens once …
 BESIDE_IT = (-0.02, -0.01, -0.005, -0.002, 0.002, 0.005, 0.01, 0.02)  #: in the length of the logs, looked at in the end
 MOST_TIMES, TIMES_APART = 4, 0.03  #: … of which so many are tried, so far apart, in the length of the logs
 WIDEST = 50.0  #: of a range, in the optimiser's units
@@ -163,6 +163,19 @@ class _Search:
         """Likewise, the linear step."""
         return self.problem.step(self.covariance, rows[self.seen], slopes[self.seen], u, free)
 
+    def gains(
+        self, rows: np.ndarray, slopes: np.ndarray, columns: np.ndarray, u: np.ndarray, free: np.ndarray
+    ) -> np.ndarray:
+        """What each of some columns takes off the squares beside the ``free`` parameters, by a linear step of all."""
+        p = self.problem
+        spread = p.spread[free]
+        known = np.zeros((len(spread), columns.shape[1]))
+        a, r, c = (self.covariance.whiten(x[self.seen]) for x in (slopes, rows, columns))
+        a, r = np.vstack((a, np.diag(1.0 / spread))), np.append(r, (u - p.usual)[free] / spread)
+        q, c = np.linalg.qr(a)[0], np.vstack((c, known))
+        r, c = r - q @ (q.T @ r), c - q @ (q.T @ c)
+        return (c.T @ r) ** 2 / (np.sum(c**2, axis=0) + 1.0 / LIMITS.size**2)
+
     def starts(self, u: np.ndarray, new: np.ndarray, times: Sequence[dict]) -> list[tuple[float, np.ndarray, dict]]:
         """Where it is worth to begin, the cheapest first: every shape of what is new, one after the other, with several
         sizes; none of them nothing.
@@ -244,7 +257,7 @@ def likeliest(
         if c.scanned and c.name in known:
             problem.scanned[c.name] = {c.scanned: known[c.name][c.scanned]}
         elif c.scanned:
-            times = [{c.name: {c.scanned: time_s}} for time_s in _scan(problem, c, u, seen)]
+            times = [{c.name: {c.scanned: time_s}} for time_s in _scan(search, c, u)]
             problem.scanned |= times[0]
     nothing = search.cost(problem.residual(u), u) if new.any() else np.inf
     starts = search.starts(u, new, times) if new.any() else [(0.0, u, {})]
@@ -275,34 +288,33 @@ def _with(u: np.ndarray, i: Any, value: float) -> np.ndarray:
     return out
 
 
-def _scan(problem: Problem, candidate: Candidate, u: np.ndarray, seen: np.ndarray | None) -> list[float]:
-    """When a slip explains most, and some of the times that do nearly as well: what is at rest has no say in it here.
+def _scan(search: _Search, candidate: Candidate, u: np.ndarray) -> list[float]:
+    """When something that happens once does best beside all that else is free, and some other times that do nearly as
+    well.
 
-    Its length is linear in the residual, so every time is tried on one residual.  Returns seconds since the session
-    began.
+    Its size is linear in the rows, so every time is tried on one residual.  Returns seconds since the session began.
     """
-    evidence = problem.evidence
+    problem, evidence = search.problem, search.problem.evidence
     problem.scanned[candidate.name] = {candidate.scanned: 0.0}
-    sizes = [i for i, (c, f) in enumerate(problem.slots) if c is candidate]
-    at = problem.residual(_with(u, sizes[0], 0.0))
-    n = evidence.rows_of_samples
-    weight = evidence.sample_weight * (1.0 if seen is None else seen[:n])
+    size = next(i for i, (c, _) in enumerate(problem.slots) if c is candidate)
+    others = np.arange(len(u)) != size
+    nothing, probe = _with(u, size, 0.0), _with(u, size, PROBE)
+    at = problem.residual(nothing)
+    there, here = (evidence.off(evidence.predict(problem.effects(values))) for values in (probe, nothing))
     elapsed_s = np.concatenate(
         [p.elapsed_s[rows] for p, rows in zip(evidence.predict({}), evidence.logs.compared, strict=True)]
     )
-    order = np.argsort(elapsed_s, kind="stable")
-    w2, wr = np.cumsum(weight[order] ** 2), np.cumsum((weight * at[:n])[order])
-    # The best two levels, before and after: what the split takes off the squares, the level before fixed at zero.
-    after_w2, after_wr = w2[-1] - w2, wr[-1] - wr
-    gain = after_wr**2 / np.maximum(after_w2, 1e-12)
-    # A slip does not happen within the first or last 3 %: there it is an offset, or nothing.
-    share = np.arange(len(order)) / len(order)
-    gain[(share < TIMES_APART) | (share > 1.0 - TIMES_APART)] = 0.0
-    near = np.flatnonzero(gain >= NEARLY * gain.max())
-    spread = near[np.linspace(0, len(near) - 1, TRIED).astype(int)]
-    return _apart(
-        (float(elapsed_s[order[i]]) for i in (np.argmax(gain), *spread)), TIMES_APART * evidence.logs.duration_s
-    )
+    # A row of another witness is as old as the middle of its unit.
+    of_sample, of_other = np.split(evidence.unit_of_row, [len(elapsed_s)])
+    number = np.maximum(np.bincount(of_sample, minlength=evidence.units), 1)
+    when_s = np.append(elapsed_s, (np.bincount(of_sample, elapsed_s, minlength=evidence.units) / number)[of_other])
+    # Within the first or last 3 % it is an offset, or nothing.
+    times_s = np.quantile(elapsed_s, np.linspace(TIMES_APART, 1.0 - TIMES_APART, TRIED))
+    moved = (there - here)[:, None] / PROBE * (when_s[:, None] >= times_s)
+    slopes = problem.jacobian(nothing, at)[:, others]
+    gain = search.gains(at, slopes, moved, u, others)
+    best = np.argsort(-gain)
+    return _apart((float(times_s[i]) for i in best), TIMES_APART * evidence.logs.duration_s)
 
 
 def _apart(times_s: Iterable[float], least_s: float) -> list[float]:
