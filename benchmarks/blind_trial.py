@@ -30,7 +30,7 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from blind_cases import Case, cases, make_logs, undisturbed
+from blind_cases import ALLOYS, Case, cases, make_logs, undisturbed
 from fits_from_nothing import THESIS, WHOLE_RANGE, identified
 from kept import MODEL, kept
 from rich.console import Console
@@ -188,6 +188,9 @@ def main() -> int:
     parser.add_argument(
         "--elsewhere", action="store_true", help="sessions of other currents, under other loads, logged more rarely"
     )
+    parser.add_argument(
+        "--one-alloy", action="store_true", help="one alloy of each physics, in turn: half as many models to identify"
+    )
     parser.add_argument("--every", type=int, default=1, metavar="N", help="every Nth case of each kind alone")
     parser.add_argument("--only", nargs="*", default=[], help="cases with these effects alone")
     parser.add_argument("--kinds", nargs="*", choices=KINDS, default=KINDS)
@@ -232,6 +235,7 @@ def _asked(args: argparse.Namespace) -> list[Case]:
     lists = []
     for turn, physics in enumerate(args.physics):
         listed = cases(args.seeds, tuple(args.strengths), physics, args.elsewhere)
+        listed = [c for c in listed if not args.one_alloy or c.alloy == ALLOYS[turn % len(ALLOYS)]]
         listed = [c for c in listed if c.kind in args.kinds and (not args.only or set(args.only) & set(c.hidden))]
         lists.append(_with_every_kind(listed, args.every, turn))
     return [case for row in itertools.zip_longest(*lists) for case in row if case is not None]

@@ -5,6 +5,9 @@ two reasons: readings that are near to each other share their error (the evidenc
 errs in the same way wherever the wire comes to the same place by the same way.  The latter are *smooth errors* over
 where the wire is and what it does, and an offset of each witness; they are no more likely to be small in a long
 session than in a short one (Kennedy and O'Hagan 2001).
+
+How long readings share their error is known of the calibration's sessions.  Another may err for longer at a time: of
+what not even large smooth errors over everything at once take off, that is seen in itself.
 """
 
 from __future__ import annotations
@@ -12,6 +15,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+
+from sma_actuator.calibration.expectation import correlation_time_s
 
 from .analysis import quantities
 from .evidence import Evidence
@@ -39,6 +44,7 @@ NEW = (
     "resistance_Ohm",
 )
 WITH_PLACE = ("time_s", "stress_Pa", "power_lagged_10_s_W")
+LARGE = 10.0  #: σ: smooth errors that leave only what goes with nothing
 
 
 class SmoothErrors:
@@ -65,6 +71,22 @@ class SmoothErrors:
         alone |= {f"place and {name}": _products(place, hats) for name, hats in with_place.items()}
         #: Of a session in which something has happened that has no name: what it may go with, and these.
         self.new = {name: self._columns(columns, self._drifts) for name, columns in alone.items() if columns.shape[1]}
+
+    def as_one(self, evidence: Evidence, rows: np.ndarray) -> float:
+        """How many readings that the calibration has as independent share their error here; at least one.
+
+        ``rows``: of the model as it is.  What goes with anything that is looked at is taken off them before, so that
+        what an effect does is not mistaken for it.
+        """
+        large = Covariance(self.repeating, *(LARGE * columns for columns in self.new.values()))
+        left = large.whiten(large.whiten(rows))[: evidence.rows_of_samples]
+        log = np.repeat(np.arange(len(evidence.logs.compared)), [len(here) for here in evidence.logs.compared])
+        time_s = np.concatenate(
+            [t.signals.time_s[here] for t, here in zip(evidence.logs.experiments, evidence.logs.compared, strict=True)]
+        )
+        lasts_s = sum(float(np.ptp(time_s[log == k])) for k in np.unique(log))
+        shared_s = correlation_time_s(time_s, left / evidence.sample_weight, log)
+        return max(shared_s * float(evidence.independent.sum()) / lasts_s, 1.0)
 
     def _columns(self, of_samples: np.ndarray, of_others: np.ndarray) -> np.ndarray:
         out = np.zeros((len(self._weight), of_samples.shape[1] + of_others.shape[1]))
@@ -93,10 +115,11 @@ def _hats(values: np.ndarray, number: int) -> np.ndarray:
 class Covariance:
     """I + V Vᵀ of rows, tempered."""
 
-    def __init__(self, *columns: np.ndarray):
-        """``columns``: what is off together, (rows, …) each."""
+    def __init__(self, *columns: np.ndarray, as_one: float = 1.0):
+        """``columns``: what is off together, (rows, …) each; ``as_one``: readings that share their error."""
+        self._as_one = as_one
         # Without smooth errors nobody says what is off together; what is found so is held against other logs later.
-        self._root = math.sqrt(LIMITS.tempering) if columns else 1.0
+        self._root = math.sqrt(LIMITS.tempering / as_one) if columns else 1.0
         self._columns = np.column_stack(columns) if columns else None
         together = self._root * self._columns if self._columns is not None else np.zeros((1, 0))
         squares, vectors = np.linalg.eigh(together.T @ together)
@@ -109,7 +132,7 @@ class Covariance:
     def of(self, seen: np.ndarray) -> Covariance:
         """The same of some of the rows (bool)."""
         columns = () if self._columns is None else (self._columns[seen],)
-        return Covariance(*columns)
+        return Covariance(*columns, as_one=self._as_one)
 
     def whiten(self, rows: np.ndarray) -> np.ndarray:
         """Rows, (n,) or (n, m), that are independent of each other and of size one where nothing has happened."""

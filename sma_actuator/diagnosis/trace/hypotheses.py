@@ -9,9 +9,9 @@ more (Kennedy and O'Hagan 2001).  The evidence of each is Laplace's at its likel
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from math import log
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -29,7 +29,7 @@ NOTHING, SOMETHING_ELSE = "nothing", "something else"
 LARGER = (3.0, 10.0, 30.0)  #: σ: how large the smooth errors of something else may be, each as likely
 LEADERS = 4  #: best single effects that are held in pairs with every other
 BESIDE = 2  #: best single effects that something else is held beside
-IN_EARNEST, WITHIN = 4, log(100.0)  #: pairs that are fitted; as far as they come so near to the best, in nats
+IN_EARNEST, WITHIN = 4, math.log(100.0)  #: pairs that are fitted; as far as they come so near to the best, in nats
 NEAR_SIZE, NEAR_SHAPE = 0.01, 0.05  #: of what is possible, so near its end counts as at it: a shape comes there slowly
 
 #: What tracing is doing, and how far it is, from 0 to 1.
@@ -47,6 +47,8 @@ class Hypothesis:
     found: Likeliest | None = None  #: None of nothing and of something else
     covariance: Covariance | None = None  #: the likeliest of those that its effects may have
     objection: str = ""  #: why it is none, whatever its evidence: a parameter at the end of the possible
+    #: Of something else: what it goes with, and how probably.
+    goes_with: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def fitted(self) -> Likeliest:
@@ -66,12 +68,14 @@ class Rows:
         self.plain, self.off = evidence.rows(predictions), evidence.off(predictions)
         #: What is off together; None where a model's own errors are what is looked for.
         self.smooth = None if evidence.beyond_floor else SmoothErrors(evidence, predictions)
+        #: Readings that share their error: they count as one.
+        self.as_one = 1.0 if self.smooth is None else self.smooth.as_one(evidence, self.plain)
         #: Of a session in which nothing has happened.
         self.usual = self._covariance()
 
     def _covariance(self, *more: np.ndarray) -> Covariance:
         columns = (LIMITS.smooth * self.smooth.repeating, *more) if self.smooth is not None else ()
-        return Covariance(*columns)
+        return Covariance(*columns, as_one=self.as_one)
 
     def of(self, found: Likeliest) -> list[Covariance]:
         """Covariances where some effects have happened whose form is known but nearly, each as likely."""
@@ -93,15 +97,21 @@ class Rows:
         """
         if self.smooth is None:
             raise ValueError("without smooth errors there is nothing that something else could be")
-        columns = [size * columns for columns in self.smooth.new.values() for size in LARGER]
-        larger = [self._covariance(one) for one in columns]
-        alone = [_likelihood(covariance, self.plain) for covariance in larger]
-        evidence = _mean([likelihood for likelihood, _ in alone])
-        if beside:
-            with_one = [_mean([one.fitted.log_evidence(covariance) for covariance in larger]) for one in beside]
-            of_all = float(np.logaddexp.reduce(with_one)) - log(number)
-            evidence = _mean([evidence, of_all])
-        return Hypothesis((SOMETHING_ELSE,), evidence, *max(alone, key=lambda one: one[0]))
+        by_what: dict[str, list[float]] = {}
+        alone = []
+        for what, columns in self.smooth.new.items():
+            for size in LARGER:
+                covariance = self._covariance(size * columns)
+                alone.append(_likelihood(covariance, self.plain))
+                evidence = alone[-1][0]
+                if beside:
+                    with_one = [one.fitted.log_evidence(covariance) for one in beside]
+                    evidence = _mean([evidence, float(np.logaddexp.reduce(with_one)) - math.log(number)])
+                by_what.setdefault(what, []).append(evidence)
+        evidence = _mean([one for each in by_what.values() for one in each])
+        goes_with = {what: float(np.exp(_mean(each) - evidence)) / len(by_what) for what, each in by_what.items()}
+        best = max(alone, key=lambda one: one[0])
+        return Hypothesis((SOMETHING_ELSE,), evidence, *best, goes_with=goes_with)
 
     def effects(
         self, candidates: Sequence[Candidate], known: Mapping[str, Mapping[str, float]] | None = None
@@ -126,7 +136,7 @@ class Rows:
 
 def _mean(logarithms: Sequence[float]) -> float:
     """Logarithm of the mean of what is as likely."""
-    return float(np.logaddexp.reduce(logarithms)) - log(len(logarithms))
+    return float(np.logaddexp.reduce(logarithms)) - math.log(len(logarithms))
 
 
 def _likelihood(covariance: Covariance, rows: np.ndarray) -> tuple[float, np.ndarray]:
@@ -173,29 +183,41 @@ def _tried(rows: Rows, calls: Sequence[tuple], jobs: int, progress: Progress, wh
 def pairs(rows: Rows, alone: Sequence[Hypothesis], jobs: int, progress: Progress) -> list[tuple[float, Hypothesis]]:
     """Two effects at once, with what each had before the logs: the best few single ones with every other.
 
-    Each is sketched, and those that come near to the best are fitted; none is the best by a sketch alone.
+    Before the logs any two were as likely.  Each of these few is sketched, and those that come near to the best are
+    fitted; none is the best by a sketch alone.  One that happens once is fitted beside the best single one whatever its
+    sketch: when it was, it was looked for alone.
     """
     ranked = sorted(alone, key=lambda one: -one.log_evidence)
     sketched: list[tuple[float, Hypothesis, Hypothesis]] = []
     for position, first in enumerate(ranked[:LEADERS]):
         others = ranked[position + 1 :]
         sketched += zip(rows.sketch(first, others), [first] * len(others), others, strict=True)
-    sketched = sorted((one for one in sketched if one[0] > -np.inf), key=lambda one: -one[0])
+    sketched.sort(key=lambda one: -one[0])
     if not sketched:
         return []
     best = max(ranked[0].log_evidence, sketched[0][0])
-    earnest = sum(evidence > best - WITHIN for evidence, *_ in sketched[:IN_EARNEST])
-    calls = [((*a.fitted.candidates, *b.fitted.candidates), a.fitted.values) for _, a, b in sketched]
-    out = list(_tried(rows, calls[:earnest], jobs, progress, "pairs"))
+    near, rest = [], []
+    for number, (evidence, first, other) in enumerate(sketched):
+        once = first is ranked[0] and any(c.scanned for c in other.fitted.candidates)
+        if once or (number < IN_EARNEST and evidence > best - WITHIN):
+            near.append((first, other))
+        elif evidence > -np.inf:
+            rest.append((evidence, first, other))
+    out = list(_tried(rows, [_together(*two) for two in near], jobs, progress, "pairs"))
     kept = [one for one in (*alone, *out) if not one.objection]
-    for (evidence, a, b), call in zip(sketched[earnest:], calls[earnest:], strict=True):
+    for evidence, a, b in rest:
         names, objected = (*a.names, *b.names), a.objection or b.objection
         if objected or any(one.log_evidence >= evidence for one in kept):
             out.append(Hypothesis(names, evidence, evidence, np.zeros(0), objection=objected))
             continue
-        out.append(rows.effects(*call))
+        out.append(rows.effects(*_together(a, b)))
         kept += [] if out[-1].objection else [out[-1]]
-    return [(LIMITS.rare / len(out), one) for one in out]
+    return [(LIMITS.rare / math.comb(len(alone), 2), one) for one in out]
+
+
+def _together(first: Hypothesis, other: Hypothesis) -> tuple:
+    """What :meth:`Rows.effects` asks: two effects, of which one is known from when it was alone."""
+    return (*first.fitted.candidates, *other.fitted.candidates), first.fitted.values
 
 
 def objection(found: Likeliest) -> str:

@@ -99,7 +99,7 @@ def isolability(evidence: Evidence, without: Sequence[str] = ()) -> Isolability:
     tried = list(experiments(evidence))
     moves, beyond = [], []
     rows = Rows(evidence)
-    plain, plain_there = rows.off, _there(evidence, {}, tried)
+    plain, plain_there = rows.off, _there(rows, {}, tried)
     for c in candidates:
         own, all_, there = [], [], []
         for number, shape in enumerate(shapes(c, scales.duration_s)):
@@ -107,7 +107,7 @@ def isolability(evidence: Evidence, without: Sequence[str] = ()) -> Isolability:
                 effects, share = {c.name: built(c, shape, probe)}, probe[np.flatnonzero(probe)[0]]
                 moved = (evidence.off(evidence.predict(effects)) - plain) / share
                 all_.append(rows.usual.whiten(moved))
-                after = _there(evidence, effects, tried)
+                after = _there(rows, effects, tried)
                 there.append([(a - b) / share for a, b in zip(after, plain_there, strict=True)])
                 own += [all_[-1]] if number == 0 else []
         moves.append(_Moves(c, np.column_stack(own), np.column_stack(all_)))
@@ -136,16 +136,17 @@ def isolability(evidence: Evidence, without: Sequence[str] = ()) -> Isolability:
     return Isolability(apart, reasons, known, math.log2(max(len(moves), 1)), tuple(told))
 
 
-def _there(evidence: Evidence, effects: dict[str, Effect], tried: Sequence[tuple[str, Any]]) -> list[np.ndarray]:
+def _there(rows: Rows, effects: dict[str, Effect], tried: Sequence[tuple[str, Any]]) -> list[np.ndarray]:
     """What the reference sensor would show in each experiment, in standard deviations, weighed as the logs' samples
     are."""
+    evidence = rows.evidence
     chain = after_the_session(evidence, effects)
     sigma_m = SPREAD * evidence.floor_percent / 100.0 * evidence.full_stroke_m
     out = []
     for _, signals in tried:
         duration_s, n = float(np.ptp(signals.time_s)), len(signals.time_s)
         new = duration_s / evidence.independent_s if evidence.independent_s > 0.0 else INDEPENDENT
-        weight = math.sqrt(LIMITS.tempering * min(max(new, 1.0), n) / n)
+        weight = math.sqrt(LIMITS.tempering / rows.as_one * min(max(new, 1.0), n) / n)
         out.append(shown_m(evidence, chain, signals) / sigma_m * weight)
     return out
 

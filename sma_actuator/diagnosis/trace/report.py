@@ -21,7 +21,7 @@ from . import why
 from .analysis import anatomy
 from .evidence import Evidence
 from .experiments import best_experiment
-from .hypotheses import NOTHING, Rows
+from .hypotheses import NOTHING, SOMETHING_ELSE, Rows
 from .likeliest import likeliest
 from .probability import MOST_NAMES, NO_NAMES
 from .tracing import Tracing, of_the_model
@@ -46,6 +46,7 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
         "alternatives": alternatives,
         "names": tracing.names,
         "probable": tracing.probabilities.by_name,
+        "something_else_goes_with": _goes_with(tracing),
         "probabilities": [
             {"hypothesis": list(names), "probability": share} for names, share in tracing.probabilities.of.items()
         ],
@@ -118,6 +119,9 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
         if most
         else "; it depends on nothing that was looked at."
     )
+    with_it = [(_words(what), share) for what, share in _goes_with(tracing).items() if share >= DEPENDS]
+    if with_it:
+        text += f" By its form it goes with {' or '.join(f'{what} ({share:.0%})' for what, share in with_it)}."
     likely = [n for n in tracing.probabilities.by_name if n not in NO_NAMES][:MOST_NAMES]
     if tracing.probabilities.best[0] in NO_NAMES:
         text += " Something else than any of them is the most probable"
@@ -133,6 +137,18 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
         lacking = "; ".join(f"{name} ({why})" for name, why in tracing.untestable.items())
         text += f" It may be what these logs could not have shown: {lacking}."
     return text
+
+
+def _goes_with(tracing: Tracing) -> dict[str, float]:
+    """What something else would go with, the most probable first; nothing where that was not asked."""
+    found = tracing.hypotheses.get((SOMETHING_ELSE,))
+    return dict(sorted(found.goes_with.items(), key=lambda item: -item[1])) if found else {}
+
+
+def _words(what: str) -> str:
+    """Of smooth errors, what they go with as a person reads it."""
+    words = [QUANTITIES[name].split(" [")[0] if name in QUANTITIES else name for name in what.split(" and ")]
+    return " and ".join(words).replace("place", "the place of the wire")
 
 
 def _trained_first(changed_percent: float) -> str:

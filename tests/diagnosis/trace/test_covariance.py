@@ -55,6 +55,15 @@ def test_columns_that_say_the_same_count_as_one_that_is_larger():
     assert twice.log_determinant == pytest.approx(larger.log_determinant)
 
 
+def test_readings_that_share_their_error_count_as_one_in_all_rows_and_in_some():
+    seen = np.arange(N) % 2 > 0
+    matrix = dense(COLUMNS) + 3.0 * np.eye(N) / LIMITS.tempering
+    fewer = Covariance(COLUMNS, as_one=4.0)
+    assert squares(fewer) == pytest.approx(float(ROWS @ np.linalg.solve(matrix, ROWS)))
+    some = float(ROWS[seen] @ np.linalg.solve(matrix[np.ix_(seen, seen)], ROWS[seen]))
+    assert squares(fewer.of(seen), ROWS[seen]) == pytest.approx(some)
+
+
 def test_the_likelihood_is_the_normal_one_up_to_what_is_common_to_all():
     def normal(rows, *columns):
         return multivariate_normal(cov=dense(*columns)).logpdf(rows)
