@@ -85,7 +85,7 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            "sma-actuator = sma_actuator.cli.main:main",
+            "sma-actuator = sma_actuator.__main__:main",
             "sma_actuator_node = sma_actuator.ros.node:main",
         ],
     },

@@ -1,4 +1,3 @@
-# PYTHON_ARGCOMPLETE_OK
 """The edge to a person: ``sma-actuator COMMAND``.
 
 Each command lives in the package it drives, or in ``cli`` where it drives the whole; that offers
@@ -53,8 +52,12 @@ COMMANDS = {
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns its exit code (0 only on success)."""
+    return run(parsed(sys.argv[1:] if argv is None else argv))
+
+
+def parsed(argv: list[str]) -> argparse.Namespace:
+    """What is asked for, with its command loaded.  Raises SystemExit where that is help, or no command."""
     keep_standard_streams()
-    argv = sys.argv[1:] if argv is None else argv
     parser = argparse.ArgumentParser(
         prog="sma-actuator",
         description="Drive and calibrate shape memory alloy wires.",
@@ -78,7 +81,7 @@ def main(argv: list[str] | None = None) -> int:
         argcomplete.autocomplete(parser)
     if not argv:
         parser.print_help()
-        return 0
+        parser.exit()
     if chosen is not None and chosen not in COMMANDS:
         near = difflib.get_close_matches(chosen, COMMANDS, n=1)
         parser.error(
@@ -90,7 +93,7 @@ def main(argv: list[str] | None = None) -> int:
         parser.error(f"a command is wanted: {', '.join(COMMANDS)}")
     if unknown:
         subparsers[args.command].error(f"unrecognized arguments: {' '.join(unknown)}")
-    return _run(args)
+    return args
 
 
 def _load(name: str, parser: argparse.ArgumentParser) -> None:
@@ -107,7 +110,8 @@ def _load(name: str, parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=module.run)
 
 
-def _run(args: argparse.Namespace) -> int:
+def run(args: argparse.Namespace) -> int:
+    """Run the command; its exit code."""
     if args.verbose:
         logging.basicConfig(level=logging.DEBUG, format="%(name)s: %(message)s")
     elif args.quiet:
@@ -145,7 +149,3 @@ def _version() -> str:
         return importlib.metadata.version("sma_actuator")
     except importlib.metadata.PackageNotFoundError:
         return "of a folder that is not installed"
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -127,3 +127,27 @@ def test_an_interrupt_stays_one_where_a_library_stumbles_as_it_tidies_up(monkeyp
     monkeypatch.setattr("sma_actuator.replay.run", stumbles)
     assert main(["replay", "log.csv", "--config", "wire.yaml"]) == 128 + signal.SIGTERM
     assert capsys.readouterr().err == "sma-actuator replay: interrupted\n"
+
+
+@pytest.mark.parametrize("command", ["demo", "replay"])
+def test_ctrl_c_while_a_command_is_loaded_ends_it_without_a_traceback(command, tmp_path):
+    """Whatever an import does with exceptions: this one catches all that it meets."""
+    (tmp_path / "numpy.py").write_text(
+        "import time\n"
+        "print('loading', flush=True)\n"
+        "for _ in range(60):\n"
+        "    try:\n"
+        "        time.sleep(1.0)\n"
+        "    except BaseException:\n"
+        "        pass\n"
+    )
+    words = [sys.executable, "-m", "sma_actuator", command, "--help"]
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as process:
+        try:
+            assert process.stdout.readline() == "loading\n"
+            process.send_signal(signal.SIGINT)
+            assert process.communicate(timeout=30.0) == ("", "")
+        finally:
+            process.kill()
+    assert process.returncode == 130
