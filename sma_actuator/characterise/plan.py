@@ -77,7 +77,7 @@ class PlanOptions:
 def make_plan(config, options: PlanOptions) -> list[Part]:
     """The parts, in the order of the thesis's chapter 4 and appendices.
 
-    Raises ConfigError for loads the wire must not carry or a current that would overheat it.
+    Raises ConfigError for loads the wire must not carry, a current that would overheat it, or a sensor that is missing.
     """
     _measurable(config, options)
     wire, thermal = config.wire, config.thermal
@@ -159,7 +159,7 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
                 )
             )
     parts += _cycled("fatigue", options.fatigue_cycles, 25, {"load_N": loads_N[len(loads_N) // 2], **pulse}, cycle_s)
-    return [part for part in parts if part.kind not in options.skip]
+    return _with_displacement(config, [part for part in parts if part.kind not in options.skip])
 
 
 def _second_round(config, options: PlanOptions) -> list[Part]:
@@ -173,7 +173,7 @@ def _second_round(config, options: PlanOptions) -> list[Part]:
     springs = options.springs_N_m or ((stiffness_N_m, round(stresses_Pa[0] * area_m2, 3)),)
     loads: list[tuple[str, dict[str, Any]]] = [(f"{load_N:.3f}N", {"load_N": load_N}) for load_N in loads_N]
     loads += [(f"spring_{k:g}N_m_{p:g}N", {"stiffness_N_m": k, "preload_N": p}) for k, p in springs]
-    return [
+    parts = [
         Part(
             f"followed_{label}",
             "followed",
@@ -188,6 +188,7 @@ def _second_round(config, options: PlanOptions) -> list[Part]:
         )
         for number, (label, load) in enumerate(loads)
     ]
+    return _with_displacement(config, parts)
 
 
 def followed_shares(number: int) -> list[float]:
@@ -210,6 +211,15 @@ def _measurable(config, options: PlanOptions) -> None:
             "load_cell.slope, load_cell.offset: missing, and --skip load_cell leaves them out; without them the wire's "
             "stress is not known"
         )
+
+
+def _with_displacement(config, parts: list[Part]) -> list[Part]:
+    """The parts.  Raises ConfigError where one of them measures a displacement, and there is no sensor."""
+    if not config.instruments.daq.lvdt_channel and any(p.kind not in ("lead_resistance", "load_cell") for p in parts):
+        raise ConfigError(
+            "instruments.daq.lvdt_channel: no displacement is measured; it is needed to characterise a wire"
+        )
+    return parts
 
 
 def _cycled(kind: str, cycles: int, batch: int, parameters: dict, cycle_s: float) -> list[Part]:

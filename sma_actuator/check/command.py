@@ -4,7 +4,6 @@ time."""
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -85,7 +84,7 @@ def next_step(config: BenchConfig, path: Path) -> str:
     """What to do with a parameter file whose wiring is right."""
     if isinstance(config, Config):
         return f"drive the wire: sma_actuator_node --ros-args --params-file {path}"
-    if math.isfinite(config.load_cell.slope) and not config.instruments.daq.lvdt_channel:
+    if not config.instruments.daq.lvdt_channel:  # which characterise needs
         return f"identify a model from logs of the wire: sma-actuator identify LOG… --config {path} --out my_wire.yaml"
     return f"measure the wire: sma-actuator characterise --config {path} --out out/wire"
 

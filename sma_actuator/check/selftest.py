@@ -16,7 +16,7 @@ import numpy as np
 
 from sma_actuator.base.calibration import through
 from sma_actuator.base.signals import Reading
-from sma_actuator.config import BenchConfig
+from sma_actuator.config import BenchConfig, Config
 from sma_actuator.derived import not_survived
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import Clock, Daq, InstrumentError, PowerSupply
@@ -92,7 +92,10 @@ class SelfTest:
         self._interrupted = interrupted
         try:
             self._say("identity", self._identity())
-            for part in (self._limits, self._speed, self._at_rest, self._at_bias, self._at_more, self._watchdog):
+            for part in (
+                *(self._displacement, self._limits, self._speed, self._at_rest),
+                *(self._at_bias, self._at_more, self._watchdog),
+            ):
                 part()
         except _Ends:
             pass
@@ -293,6 +296,15 @@ class SelfTest:
         else:
             self._say("load cell", f"the load is {load_N:.3g} N and pulls")
         self._load_N = load_N
+
+    def _displacement(self) -> None:
+        """Is it measured, where a model is still to be made?"""
+        if not isinstance(self._config, Config) and not self._config.instruments.daq.lvdt_channel:
+            self._say(
+                "displacement",
+                "not measured: instruments.daq.lvdt_channel is 0; `sma-actuator characterise` needs a sensor there",
+                Level.WARNING,
+            )
 
     def _at_bias(self) -> None:
         """Bias current: does what flows agree with what was told, and is it a wire?"""

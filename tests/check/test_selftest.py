@@ -1,6 +1,7 @@
 """The self-test: a wire that is wired as its parameters say passes, each wiring mistake gets its own sentence."""
 
 import json
+import re
 from dataclasses import replace
 
 import pytest
@@ -130,6 +131,12 @@ def test_a_wire_without_a_model_is_looked_at_too_before_it_is_heated(tmp_path, c
     assert {part for part, each in found.items() if each["level"] == "warning"} == {"load cell", "leads"}
     assert "`sma-actuator characterise` makes it" in found["load cell"]["sentence"]
     assert f"next: measure the wire: sma-actuator characterise --config {path}" in capsys.readouterr().err
+    mapping["instruments"]["daq"]["lvdt_channel"] = 0
+    write_parameter_file(path, mapping, "without a displacement sensor")
+    assert main([*words, "--force"]) == 0
+    said = capsys.readouterr()
+    assert re.search("look +displacement +not measured: instruments.daq.lvdt_channel is 0", said.out)
+    assert "next: identify a model from logs" in said.err
     del mapping["circuit"]["reference_resistance"]
     write_parameter_file(path, mapping, "without a sense resistor")
     assert main([*words, "--force"]) == 1

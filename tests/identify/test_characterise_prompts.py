@@ -16,6 +16,7 @@ from characterised import bench_mapping
 from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
 from sma_actuator.characterise.operators import ScpiBenchOperator
+from sma_actuator.config import read_parameter_file, write_parameter_file
 
 GRAMS_N = 9.80665e-3
 DEADLINE_s = 90.0
@@ -111,6 +112,18 @@ def test_every_question_can_be_read_and_says_what_hangs_there(bench, tmp_path, t
     assert person.ends() == 0
     assert (tmp_path / "out" / "pulses_0.600N.csv").exists()
     assert "Traceback" not in person.seen
+
+
+def test_without_a_displacement_sensor_nobody_is_asked_anything(bench, tmp_path):
+    mapping = read_parameter_file(bench[0])
+    mapping["instruments"]["daq"]["lvdt_channel"] = 0
+    write_parameter_file(path := tmp_path / "bench.yaml", mapping, "without a displacement sensor")
+    refused = run(words((path, bench[1]), tmp_path / "out"))
+    assert refused.returncode == 1 and "►" not in refused.stderr
+    assert "instruments.daq.lvdt_channel: no displacement is measured" in refused.stderr
+    left = [word for kind in ("pulses", "lead_resistance") for word in ("--skip", kind)]
+    asked = run(words((path, bench[1]), tmp_path / "out", *left, "--skip", "check"))
+    assert "► Hang 20.0 g" in asked.stderr, "of a load cell alone no displacement is wanted"
 
 
 @pytest.mark.parametrize(
