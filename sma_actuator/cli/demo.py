@@ -133,6 +133,8 @@ def run(args) -> int:
         node.stop()
         supply_is_off = _supply_is_off(config)
     console.print(str(errors))
+    if args.physics != HOME:
+        console.print(f"the model is of a wire in '{HOME}', not in '{args.physics}': identify one of this wire")
     console.print(
         f"supply output {'off' if supply_is_off else 'STILL ON'}; node and bench have ended"
         + (" (Ctrl-C)" if interrupts else "")

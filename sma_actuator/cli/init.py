@@ -297,6 +297,7 @@ def run(args: argparse.Namespace) -> int:
     for name, each in found.items():
         if _get(mapping, name) is None:
             _put(mapping, name, each.value)
+        if name not in given and _get(mapping, name) == each.value:
             comments[name] = each.why
     mapping = _in_order(mapping)
     bench = config_from_mapping(mapping)

@@ -103,7 +103,7 @@ _READ = {
     "setpoint_rate": ("limited_setpoint_m", 1e3, "mm is where it is now"),
     "current_max": ("current_limit_A", 1e3, "mA"),
     "stress_near_limit": ("stress_Pa", 1e-6, "MPa"),
-    "temperature_derating": ("temperature_C", 1.0, "°C"),
+    "temperature_derating": ("temperature_at_most_C", 1.0, "°C is the hottest that it can be"),
 }
 
 

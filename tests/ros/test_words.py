@@ -62,11 +62,13 @@ def test_a_limit_that_flickers_is_said_once_until_it_has_been_away_for_a_while()
         Mode.HOLD, limits=("temperature_derating",), values={"temperature_C": 194.0, "temperature_guessed_K": 60.0}
     )
     assert list(Events().of_status(unknown, 0.0))[-1] == (INFO, NOTHING_KNOWN)
-    hot = Status(Mode.HOLD, limits=("temperature_derating",), values={"temperature_C": 163.21})
+    read = {"temperature_C": 61.0, "temperature_at_most_C": 163.21}
+    hot = Status(Mode.HOLD, limits=("temperature_derating",), values=read)
     ((level, sentence),) = _said(events, hot, 1.0)
     assert level == WARNING
     assert (
-        sentence == f"limit: current limit lowered by temperature (163.2 °C). {LIMITS['temperature_derating'].advice}"
+        sentence == "limit: current limit lowered by temperature (163.2 °C is the hottest that it can be). "
+        f"{LIMITS['temperature_derating'].advice}"
     )
     for tenth in range(11, 30):
         assert _said(events, _HELD if tenth % 2 else hot, tenth / 10.0) == []
