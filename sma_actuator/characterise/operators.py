@@ -61,23 +61,30 @@ class TerminalOperator:
         self._hang(
             "hang_load",
             f"Hang {_in_grams(force_N)}, probe and hook included, from the wire; when it hangs still, press Enter.",
-            force_N,
+            (force_N, force_N),
         )
 
     def fit_spring(self, stiffness_N_m: float, preload_N: float) -> None:
         self._hang(
             "fit_spring",
             f"Fit the spring of {stiffness_N_m:g} N/m with {preload_N:g} N at full extension, then press Enter.",
-            preload_N,
+            (preload_N, preload_N + stiffness_N_m * self._rig.config.wire.full_stroke_m),
         )
 
-    def _hang(self, name: str, question: str, expected_N: float | None) -> None:
-        watch = LoadWatch(self._rig, expected_N)
-        self._asking.ask(name, question, watch.look)
-        end_s = time.monotonic() + _SETTLES_WITHIN_s
-        while (shown := watch.look()).state != "settled" and time.monotonic() < end_s:
-            time.sleep(_LOOK_s)
-        self._asking.say(f"  {shown.text}")
+    def _hang(self, name: str, question: str, expected_N: tuple[float, float] | None) -> None:
+        """Ask until it hangs there.  Raises ConfigError where a file says that it does, and it does not."""
+        while True:
+            watch, from_file = LoadWatch(self._rig, expected_N), self._asking.answered(name)
+            self._asking.ask(name, question, watch.look)
+            end_s = time.monotonic() + _SETTLES_WITHIN_s
+            while (shown := watch.look()).state != "settled" and time.monotonic() < end_s:
+                time.sleep(_LOOK_s)
+            self._asking.say(f"  {shown.text}")
+            if not (wrong := watch.wrong()):
+                return
+            if from_file:
+                raise ConfigError(f"{name}: {wrong}")
+            self._asking.say(wrong)
 
     def place_probe(self, number: int, count: int) -> float:
         question = f"Move the sensor to place {number + 1} of {count}; micrometer reading in mm:"

@@ -1,6 +1,7 @@
 """Questions to the person at the bench: readable in a terminal and in a pipe, answered by either or by a file."""
 
 import contextlib
+import itertools
 import os
 import pty
 import re
@@ -8,15 +9,18 @@ import select
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import pytest
 import yaml
 from characterised import bench_mapping
 
+from sma_actuator.base.signals import Reading
 from sma_actuator.bench import VirtualBench
 from sma_actuator.bench.server import background
 from sma_actuator.characterise.operators import ScpiBenchOperator
-from sma_actuator.config import read_parameter_file, write_parameter_file
+from sma_actuator.characterise.watching import LoadWatch
+from sma_actuator.config import bench_from_mapping, read_parameter_file, write_parameter_file
 
 GRAMS_N = 9.80665e-3
 DEADLINE_s = 90.0
@@ -99,6 +103,7 @@ def test_every_question_can_be_read_and_says_what_hangs_there(bench, tmp_path, t
         ("Replace the wire by a short", hands.short_wire),
         ("Fit the wire again", hands.fit_wire),
         *((f"Hang {m:.1f} g", lambda m=m: hands.hang_mass(m * GRAMS_N)) for m in (20, 100, 200)),
+        ("Hang 61.2 g", lambda: None),  # but presses Enter: 200 g hang there still
         ("Hang 61.2 g", lambda: hands.hang_load(0.6)),
     ):
         at += person.wait_for(f"► {asked}[^\r\n]*press Enter", at).end()
@@ -109,6 +114,7 @@ def test_every_question_can_be_read_and_says_what_hangs_there(bench, tmp_path, t
         assert "━" not in shown and "\x1b[1A" not in shown, "no progress bar writes over a question that waits"
         person.press_enter()
     assert "0.600 N by its calibration" in person.seen[at:]
+    assert len(re.findall(r"the load cell reads 1\.9\d+ N, not 0\.600 N: hang what is asked for", person.seen)) == 1
     assert person.ends() == 0
     assert (tmp_path / "out" / "pulses_0.600N.csv").exists()
     assert "Traceback" not in person.seen
@@ -158,7 +164,39 @@ def test_a_file_may_answer_and_nobody_at_the_input_is_a_sentence(bench, tmp_path
     assert answered.returncode == 0, answered.stderr
     assert "► Hang 61.2 g" in answered.stderr and "done (from the file of answers)" in answered.stderr
     assert re.search(r"0\.\d+ N of 0.600 N by its calibration: settled", answered.stderr)
+    bench[1].hang_load(0.02)
+    missing = run(words(bench, tmp_path / "missing", *skipped, "--answers", str(answers)))
+    assert missing.returncode == 1 and "Traceback" not in missing.stderr
+    assert re.search(r"hang_load: the load cell reads [-0.]+\d+ N, not 0.600 N: hang what is asked for", missing.stderr)
+    assert not list((tmp_path / "missing").glob("*.csv")) and bench[1]._truth(9) == 0.0, "no current flows"
     nobody = run(words(bench, tmp_path / "other", *skipped))
     assert nobody.returncode == 1 and "Traceback" not in nobody.stderr
     assert "'hang_load' was asked, and standard input is closed" in nobody.stderr
     assert not list((tmp_path / "other").glob("*.csv"))
+
+
+@pytest.mark.parametrize(
+    ("expected_N", "load_N", "scatter_N", "right"),
+    [
+        ((0.98, 0.98), 0.02, 0.0, False),
+        ((0.98, 0.98), 0.90, 0.0, True),
+        ((0.98, 0.98), 0.86, 0.0, False),
+        ((0.98, 0.98), 1.10, 0.0, False),
+        ((0.05, 0.05), 0.06, 0.02, True),
+        ((0.4, 1.2), 1.1, 0.0, True),
+        ((0.4, 1.2), 0.3, 0.0, False),
+        ((0.4, 1.2), 1.4, 0.0, False),
+    ],
+)
+def test_what_hangs_there_is_held_against_what_was_asked(expected_N, load_N, scatter_N, right):
+    """By a tenth, or by what the cell scatters; of a spring from where the wire is longest to where it is shortest."""
+    config = bench_from_mapping(bench_mapping("flexinol"))
+    cell, signs = config.load_cell, itertools.cycle((-0.5, 0.5))
+
+    def read_block():
+        return Reading(0.0, 0.1, 0.1, (load_N + next(signs) * scatter_N - cell.offset) / cell.slope)
+
+    watch = LoadWatch(SimpleNamespace(daq=SimpleNamespace(read_block=read_block), config=config), expected_N)
+    assert not watch.wrong(), "nothing has been read yet"
+    watch.look(), watch.look()
+    assert (watch.wrong() == "") == right
