@@ -148,7 +148,10 @@ def identify(
     if fatigued:
         fatigue = fit_fatigue(fatigued)
     if not any(t.kind == "partial" for t in experiments):
-        notes.append("no log of partial cycles: minor loops, and with them the transition, rest on full cycles alone")
+        notes.append(
+            "all logs count as full cycles, since in most of them the wire rests at both ends and none of that load "
+            "goes further: minor loops, and with them the transition, rest on these alone"
+        )
     notes += [
         f"{t.name}: fitted on {t.cycle[-1]} of its {t.cycle[-1] + t.log.metadata[LEFT_OUT]} full cycles, which repeat "
         f"each other"

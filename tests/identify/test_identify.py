@@ -478,3 +478,9 @@ def test_logs_may_hold_load_and_displacement_instead_of_raw_channels(flexinol):
     cooked = signals_from_log(dataclasses.replace(log, columns=columns), config)
     np.testing.assert_allclose(cooked.load_N, raw.load_N, rtol=1e-12)
     np.testing.assert_allclose(cooked.reference_displacement_m, raw.reference_displacement_m, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("kinds", "said"), [(("pulses",), True), (("pulses", "partial"), False)])
+def test_it_says_where_all_cycles_count_as_full_and_why(flexinol, kinds, said):
+    notes = identify(flexinol.only(*kinds), flexinol.mapping, "flexinol", order=1).notes
+    assert any("the wire rests at both ends and none of that load goes further" in note for note in notes) == said
