@@ -264,7 +264,11 @@ class VoltagesApart(Apart):
             self._supply.clear()
         supply_late = [was_V - supply_V for was_V in self._daq.take(now_s, daq_V)]
         daq_late = [daq_V - was_V for was_V in self._supply.take(now_s, supply_V)]
-        late_V = max(max(each[:-1]) - min(each[:-1]) for each in (supply_late, daq_late))  # a meter shows what it held
+        both = supply_late, daq_late
+        if is_new:
+            late_V = max(abs(each[0] - each[-_BEHIND]) for each in both)  # by a reading
+        else:  # a meter shows what it held
+            late_V = max(max(each[:-1]) - min(each[:-1]) for each in both)
         for means in self.means:
             means.take(now_s, [current_A, supply_V], supply_late + daq_late, late_V, is_new)
         if not isfinite(self._digit_V):
