@@ -102,7 +102,7 @@ def seen_by_a_daq(times, currents, late_s, block_s):
 @pytest.mark.parametrize("irregular", [0.0, 0.1, 0.3])
 @pytest.mark.parametrize("period_s", [0.02, 0.05, 0.1, 0.2, 0.35, 0.53, 0.8])
 class TestHoweverSlowlyAndIrregularlyReadingsCome:
-    """Two means of one thing differ by when they were taken, the more so the fewer they are."""
+    """Two means of one thing differ by when they were taken: the more so, the fewer readings they are of."""
 
     @pytest.mark.parametrize(("late_s", "block_s"), [(0.0, 0.02), (0.1, 0.05), (0.17, 0.02), (0.0, math.inf)])
     def test_currents_that_are_the_same_are_the_same(self, period_s, irregular, motion, late_s, block_s):
