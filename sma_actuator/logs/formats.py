@@ -17,7 +17,7 @@ from sma_actuator.base.parameters import ConfigError
 
 from .errors import BenchLogError
 from .fields import decimal_mark, find_table, is_number, number, seconds_between, trimmed
-from .tables import CHUNK_BYTES, EVENT_COLUMN, SEARCHED_LINES, Progress, Table, read_text, refuse_larger
+from .tables import CHUNK_BYTES, EVENT_COLUMN, SEARCHED_LINES, Progress, Table, holds_text, read_text, refuse_larger
 
 #: What a cell of a sheet takes until it is a number of a column, a Python object and a place in a row; a row takes as
 #: much as four.
@@ -111,7 +111,7 @@ def _parquet(path: Path) -> Table:
     texts = {field.name for field in said.schema.to_arrow_schema() if not _of_numbers(field.type)}
     names = [name for name in said.schema.to_arrow_schema().names if name not in texts or name == EVENT_COLUMN]
     table = pyarrow.parquet.read_table(path, columns=names, read_dictionary=[EVENT_COLUMN])
-    columns: dict[str, Any] = dict.fromkeys(said.schema.to_arrow_schema().names, ("text",))
+    columns: dict[str, Any] = dict.fromkeys(said.schema.to_arrow_schema().names, (b"",))
     columns |= {name: table.column(name).to_numpy() for name in names if name not in texts}
     if EVENT_COLUMN in texts:
         column = table.column(EVENT_COLUMN).cast(pyarrow.dictionary(pyarrow.int32(), pyarrow.string()))
@@ -286,6 +286,7 @@ def _table(
     numbers: dict[str, np.ndarray] = {}
     notes = [place] if place else []
     texts: dict[int, str] = {}
+    left_out: dict[str, str] = {}
     for name, values in columns.items():
         if name == EVENT_COLUMN:
             texts = {i: str(text) for i, text in enumerate(values) if text not in (None, "")}
@@ -295,9 +296,11 @@ def _table(
             notes.append(note)
         if column is not None:
             numbers[name] = column
+        else:
+            left_out[name] = next((v for v in values if isinstance(v, str) and not is_number(v)), "")
     if not numbers:
-        raise BenchLogError(f"{path}: holds no column of numbers")
-    return Table(numbers, str(path), dict(units or {}), texts, tuple(notes), first_line)
+        raise BenchLogError(f"{path}: holds no column of numbers{': ' if left_out else ''}{holds_text(left_out)}")
+    return Table(numbers, str(path), dict(units or {}), texts, tuple(notes), first_line, left_out)
 
 
 def _numbers(name: str, values: Any) -> tuple[np.ndarray | None, str]:

@@ -29,7 +29,7 @@ from sma_actuator.base.yaml_text import read_yaml, yaml_of
 
 from .bench_log import COLUMNS, ELECTRICAL, LOAD, REFERENCE
 from .errors import BenchLogError
-from .tables import Table
+from .tables import Table, holds_text
 from .units import UNITS, Unit, unit_in_words, unit_of
 
 _MISSPELT = 0.86  #: likeness above which a name is one of ours with a slip in it
@@ -110,6 +110,11 @@ class ColumnMap:
             if isinstance(theirs, str) and theirs not in table.columns:
                 if ours in table.columns:
                     continue  # a log that has our name already, among others that have not
+                if theirs in table.left_out:
+                    what = holds_text({theirs: table.left_out[theirs]})
+                    raise BenchLogError(
+                        f"{table.source}: line {table.first_line}: --map {ours}={theirs}, but {what}, not numbers"
+                    )
                 raise BenchLogError(
                     f"{table.source}: line 1: no column '{theirs}' (--map {ours}={theirs}); found "
                     f"{', '.join(table.columns)}"

@@ -58,6 +58,15 @@ class Table:
     texts: Mapping[int, str] = field(default_factory=dict)  #: row → text of the column ``event``
     notes: tuple[str, ...] = ()  #: what was left out or converted
     first_line: int = 2  #: of the file, where the numbers begin
+    left_out: Mapping[str, str] = field(
+        default_factory=dict
+    )  #: columns of text, with one of them, or "" of what was not read
+
+
+def holds_text(left_out: Mapping[str, str]) -> str:
+    """What to say of columns that were wanted as numbers: each by its name, and such as what."""
+    shown = {name: f" such as '{text.strip()[:40]}'" if text else "" for name, text in left_out.items()}
+    return ", ".join(f"'{name}' holds text{such}" for name, such in shown.items())
 
 
 def refuse_larger(path: Path, size_B: float) -> None:
@@ -244,17 +253,20 @@ def _parse(stream: BinaryIO, path: Path, progress: Progress | None) -> Table:
             progress((stream.tell() - start) / total_bytes)
         if end:
             break
-    left_out = [name for name in header.names if name in parser.left_out]
-    notes = [*header.notes, *(f"column '{name}' holds text and is left out" for name in left_out)]
+    notes = [*header.notes, *(f"column '{name}' holds text and is left out" for name in parser.left_out)]
     notes += [f"column '{name}' holds dates: seconds since the first" for name in parser.moments]
     if parser.missing:
         notes.append(f"a reading is missing where {', '.join(map(repr, parser.missing))} stands")
     columns = {
         name: column
         for name, column in zip(header.names, values[:, :filled], strict=True)
-        if name not in left_out and name != EVENT_COLUMN
+        if name not in parser.left_out and name != EVENT_COLUMN
     }
-    return Table(columns, str(path), header.units, parser.events, tuple(notes), header.first_line)
+    if parser.left_out and not columns:
+        raise BenchLogError(
+            f"{path}: line {header.first_line}: holds no column of numbers: {holds_text(parser.left_out)}"
+        )
+    return Table(columns, str(path), header.units, parser.events, tuple(notes), header.first_line, parser.left_out)
 
 
 class _ChunkParser:
@@ -263,7 +275,7 @@ class _ChunkParser:
     def __init__(self, path: Path, header: _Header):
         self.path, self.header = path, header
         self.events: dict[int, str] = {}
-        self.left_out: set[str] = set()  #: columns of text
+        self.left_out: dict[str, str] = {}  #: columns of text, with the first
         self.moments: dict[str, Moment] = {}  #: columns of dates or times of day, with the first
         self.missing: dict[str, None] = {}  #: words that stood for a reading
         self._last_s: dict[str, float] = {}  #: of the moments
@@ -385,7 +397,7 @@ class _ChunkParser:
                 continue
             first = moment(text)
             if first is None:
-                self.left_out.add(name)
+                self.left_out[name] = text
             else:
                 self.moments[name] = first
 

@@ -1,6 +1,7 @@
 """Logs of other people: other columns, units, separators and files give the numbers that our own give."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -247,6 +248,38 @@ def test_what_is_not_certain_is_asked_and_not_guessed(model_file, tmp_path, caps
     rows = {name: np.arange(100) * 0.05 + 0.01 * i for name, i in columns.items()}
     log = write_csv(tmp_path / "lab.csv", rows)
     assert main(["replay", str(log), "--config", str(model_file), *words]) == 1
+    assert sentence in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "words", "sentence"),
+    [
+        (
+            ["Time", "R"],
+            ["10 s", "x1"],
+            [],
+            "holds no column of numbers: 'Time' holds text such as '10 s', 'R' holds text such as 'x1'",
+        ),
+        (
+            ["Time", "R"],
+            ["noon", 1.5],
+            ["--map", "time_s=Time"],
+            "--map time_s=Time, but 'Time' holds text such as 'noon', not numbers",
+        ),
+        (["Time", "R"], ["noon", 1.5], ["--map", "time_s=Zeit"], "no column 'Zeit' (--map time_s=Zeit); found R"),
+    ],
+    ids=["nothing but text", "a column of text", "no such column"],
+)
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+def test_of_columns_of_text_it_says_what_they_hold(model_file, tmp_path, capsys, ending, header, row, words, sentence):
+    log = tmp_path / f"lab{ending}"
+    if ending == ".csv":
+        log.write_text("\n".join(",".join(map(str, each)) for each in (header, row, row, row)) + "\n")
+    else:
+        parquet(log, {name: [value] * 3 for name, value in zip(header, row)})
+    assert main(["replay", str(log), "--config", str(model_file), *words]) == 1
+    if ending == ".parquet":  # whose texts are not read
+        sentence = re.sub(r" such as '[^']*'", "", sentence)
     assert sentence in capsys.readouterr().err
 
 
