@@ -199,14 +199,14 @@ def _send(client: NodeClient, motion: _Motion, args) -> float:
             raise UserError(client.words(f"{client.full_name}: {status.message}"))
         state = client.latest("joint_states", 1.0)
         beyond = "" if is_joint(status) else beyond_words(motion.asked, status)
-        goal = motion.asked
+        aim = motion.asked
         if beyond:
-            goal = min(max(goal, _number(status.values["shortest_m"])), _number(status.values["longest_m"]))
-        if state is None or not abs(state.position[0] - goal) <= motion.near:
+            aim = min(max(aim, _number(status.values["shortest_m"])), _number(status.values["longest_m"]))
+        if state is None or not abs(state.position[0] - aim) <= motion.near:
             near_since_s = None
         else:
             near_since_s = now_s if near_since_s is None else near_since_s
-            if now_s - near_since_s >= THERE_s and abs(goal - motion.asked) > motion.near:
+            if now_s - near_since_s >= THERE_s and abs(aim - motion.asked) > motion.near:
                 raise UserError(f"{client.full_name}: it is at the end of its way; {beyond}; {line(client)}")
             if now_s - near_since_s >= THERE_s:
                 return now_s - start_s
