@@ -156,6 +156,7 @@ class Apart:
     _noted: Noted = field(init=False)
     _usual_s: float = field(init=False, default=WINDOW_s)  #: between the last two readings
     _last_s: float = field(init=False, default=nan)
+    _odd: float = field(init=False, default=1.0)  #: share of the time between two by which the last came early or late
 
     def __post_init__(self) -> None:
         self._noted = Noted(self.steep)
@@ -176,6 +177,7 @@ class Apart:
         apart_s = now_s - self._last_s
         self._last_s = now_s
         if self.means[0].samples and 0.0 <= apart_s <= min(self._usual_s + LAG_s, WINDOW_s):
+            self._odd = min(abs(apart_s - self._usual_s) / max(self._usual_s, _ROUNDING_s), 1.0)
             self._usual_s = apart_s
             return False
         self.pause()
@@ -217,6 +219,7 @@ class CurrentsApart(Apart):
             self._to.clear()
         low, high = self._from.take(now_s, from_A), self._to.take(now_s, to_A)
         late_A = max(abs(each[0] - each[-_BEHIND]) for each in (low, high))  # by a reading
+        late_A *= sqrt(self._odd)  # as likely as it did not come when it usually does
         for means in self.means:
             means.take(now_s, [daq_A, daq_A], low + high, late_A)
         if self.means[0].seen_s(now_s) < WINDOW_s + LAG_s:
