@@ -93,7 +93,7 @@ def test_a_wire_is_moved_watched_and_stopped(bench, capsys):
     assert f"next: `sma-actuator move 40%{OPTIONS}`" in said.err
     lines = said.out.splitlines()
     assert len(lines) >= 2 and all("holding" in line for line in lines)
-    assert all("position  2." in line for line in lines) and "load  0.9" in lines[-1]
+    assert "position  2." in lines[-1] and "load  0.9" in lines[-1]
     assert main(["enable", "--off", *NODE]) == 0
     wait_until(lambda: bench.current_A() == 0.0)
     _enable(capsys)
