@@ -86,7 +86,7 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
         f"volume · {DENSITY_kg_m3:g} kg/m³ · {SPECIFIC_HEAT_J_kgK[wire.alloy]:g} J/(kg K)",
     )
     transfer = still_air_W_m2K(wire.diameter)
-    still = _digits(transfer * wire.surface_m2, 3)
+    still = _digits(_still_air_W_K(wire), 3)
     loss = settle(
         "thermal.heat_loss",
         still,
@@ -182,7 +182,7 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None
 
 def not_survived(wire: Wire, supply: SupplyParameters, thermal: ThermalParameters) -> str:
     """A sentence where more may flow for ever, while no computer looks, than the wire survives; else ""."""
-    loss_W_K = min(thermal.heat_loss, still_air_W_m2K(wire.diameter) * wire.surface_m2)
+    loss_W_K = min(thermal.heat_loss, _still_air_W_K(wire))
     rise_K = supply.over_current_trip**2 * wire.resistance_Ohm(HOT_RESISTIVITY_Ohm_m) / loss_W_K
     most_K = thermal.max_temperature - thermal.ambient_temperature
     if rise_K <= CAPACITY_WITHIN * most_K:
@@ -254,6 +254,11 @@ def still_air_W_m2K(diameter_m: float) -> float:
     rayleigh = 9.81 / _FILM_K * _RISE_K * diameter_m**3 / (_VISCOSITY_m2_s * _DIFFUSIVITY_m2_s)
     factor, exponent = next((f, e) for top, f, e in _MORGAN if rayleigh <= top)
     return factor * rayleigh**exponent * _CONDUCTIVITY_W_mK / diameter_m + _RADIATION_W_m2K
+
+
+def _still_air_W_K(wire: Wire) -> float:
+    """The same of a whole wire."""
+    return still_air_W_m2K(wire.diameter) * wire.surface_m2
 
 
 def _digits(value: float, number: int) -> float:

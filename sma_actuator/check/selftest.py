@@ -93,8 +93,13 @@ class SelfTest:
         try:
             self._say("identity", self._identity())
             for part in (
-                *(self._displacement, self._limits, self._speed, self._at_rest),
-                *(self._at_bias, self._at_more, self._watchdog),
+                self._displacement,
+                self._limits,
+                self._speed,
+                self._at_rest,
+                self._at_bias,
+                self._at_more,
+                self._watchdog,
             ):
                 part()
         except _Ends:

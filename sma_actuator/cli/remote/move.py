@@ -135,8 +135,8 @@ def _at(joint_name: str, position_m: float) -> Any:
 
 def beyond_words(asked_m: float, status: Status) -> str:
     """A sentence where a position is beyond what the wire can reach now, or ""."""
-    short_m, long_m = status.values.get("shortest_m"), status.values.get("longest_m")
-    if not (isinstance(short_m, float) and isinstance(long_m, float)) or not (asked_m < short_m or asked_m > long_m):
+    short_m, long_m = _reach_m(status)
+    if not math.isfinite(long_m - short_m) or short_m <= asked_m <= long_m:
         return ""
     which, end_m = ("short", short_m) if asked_m < short_m else ("long", long_m)
     return (
@@ -149,7 +149,7 @@ def _of_wire(client: NodeClient, args, status: Status) -> _Motion:
     """Raises UserError for a share of a way that nobody knows."""
     from sma_msgs_py import setpoint_message
 
-    low_m, high_m = (_number(status.values.get(name)) for name in ("shortest_m", "longest_m"))
+    low_m, high_m = _reach_m(status)
     known = math.isfinite(high_m - low_m)
     if args.position.unit == "%":
         if not known:
@@ -163,8 +163,10 @@ def _of_wire(client: NodeClient, args, status: Status) -> _Motion:
     return _Motion("setpoint", setpoint_message(asked_m), asked_m, near_m)
 
 
-def _number(value: float | str | None) -> float:
-    return value if isinstance(value, float) else math.nan
+def _reach_m(status: Status) -> tuple[float, float]:
+    """From where to where the wire reaches at its load; NaN where that is not known."""
+    short_m, long_m = (status.values.get(name) for name in ("shortest_m", "longest_m"))
+    return short_m if isinstance(short_m, float) else math.nan, long_m if isinstance(long_m, float) else math.nan
 
 
 def _of_joint(client: NodeClient, args) -> _Motion:
@@ -199,9 +201,8 @@ def _send(client: NodeClient, motion: _Motion, args) -> float:
             raise UserError(client.words(f"{client.full_name}: {status.message}"))
         state = client.latest("joint_states", 1.0)
         beyond = "" if is_joint(status) else beyond_words(motion.asked, status)
-        aim = motion.asked
-        if beyond:
-            aim = min(max(aim, _number(status.values["shortest_m"])), _number(status.values["longest_m"]))
+        short_m, long_m = _reach_m(status)
+        aim = min(max(motion.asked, short_m), long_m) if beyond else motion.asked
         if state is None or not abs(state.position[0] - aim) <= motion.near:
             near_since_s = None
         else:
