@@ -75,11 +75,11 @@ class _Listener(ServerListener):
 
     def on_subscribe(self, client: Client, channel: ChannelView) -> None:
         """One more looks."""
-        self._topics.looked_at(channel.topic, client.id, True)
+        self._topics.looked_at(channel, client, True)
 
     def on_unsubscribe(self, client: Client, channel: ChannelView) -> None:
         """One less."""
-        self._topics.looked_at(channel.topic, client.id, False)
+        self._topics.looked_at(channel, client, False)
 
 
 class Topics:
@@ -87,7 +87,8 @@ class Topics:
 
     def __init__(self, nodes: Sequence[str], host: str, port: int):
         self._prefixes = tuple(f"{node}/" for node in nodes)
-        self._channels: dict[str, tuple[foxglove.Channel, Any]] = {}
+        self._channels: dict[str, tuple[foxglove.Channel, str]] = {}
+        self._new: list[str] = []
         self._lookers: collections.defaultdict[str, set[int]] = collections.defaultdict(set)
         self._subscriptions: dict[str, Any] = {}
         self._foxglove = foxglove.Context()
@@ -116,9 +117,9 @@ class Topics:
         self._thread = threading.Thread(target=self._spin, name="foxglove ROS", daemon=True)
         self._thread.start()
 
-    def looked_at(self, topic: str, client: int, yes: bool) -> None:
+    def looked_at(self, channel: ChannelView, client: Client, yes: bool) -> None:
         """A viewer begins or ends to look at a topic."""
-        self._tasks.put(partial(self._follow, topic, client, yes))
+        self._tasks.put(partial(self._follow, channel.topic, channel.id, client.id, yes))
 
     def close(self) -> None:
         """Say goodbye to viewers, and leave the ROS graph."""
@@ -136,6 +137,13 @@ class Topics:
 
     def _look(self) -> None:
         """Offer the topics that there are."""
+        # The server refuses who asks for a channel in the instant in which it is offered, and viewers ask only once:
+        # what is new and looked at by nobody is offered once more.
+        for topic in [each for each in self._new if not self._lookers[each]]:
+            channel, kind = self._channels[topic]
+            channel.close()
+            self._offer(topic, kind)
+        self._new = []
         for topic, kinds in self._ros.get_topic_names_and_types():
             kind = next((each for each in kinds if each in _KINDS), None)
             if (
@@ -146,20 +154,26 @@ class Topics:
                 continue
             if not self._ros.count_publishers(topic):
                 continue
-            schema = foxglove.Schema(name=kind, encoding="ros2msg", data=definition_of(_KINDS[kind]).encode())
-            channel = foxglove.Channel(topic, schema=schema, message_encoding="cdr", context=self._foxglove)
-            self._channels[topic] = channel, _KINDS[kind]
+            self._offer(topic, kind)
+            self._new.append(topic)
 
-    def _follow(self, topic: str, client: int, yes: bool) -> None:
+    def _offer(self, topic: str, kind: str) -> None:
+        schema = foxglove.Schema(name=kind, encoding="ros2msg", data=definition_of(_KINDS[kind]).encode())
+        channel = foxglove.Channel(topic, schema=schema, message_encoding="cdr", context=self._foxglove)
+        self._channels[topic] = channel, kind
+
+    def _follow(self, topic: str, offer: int, client: int, yes: bool) -> None:
+        channel, kind = self._channels[topic]
+        if offer != channel.id():
+            return  # it is offered anew
         lookers = self._lookers[topic]
         (lookers.add if yes else lookers.discard)(client)
         if lookers and topic not in self._subscriptions:
-            channel, kind = self._channels[topic]
             latched = any(
                 info.qos_profile.durability is DurabilityPolicy.TRANSIENT_LOCAL
                 for info in self._ros.get_publishers_info_by_topic(topic)
             )
             qos = _LATCHED if latched else _USUAL
-            self._subscriptions[topic] = self._ros.create_subscription(kind, topic, channel.log, qos, raw=True)
+            self._subscriptions[topic] = self._ros.create_subscription(_KINDS[kind], topic, channel.log, qos, raw=True)
         elif not lookers and topic in self._subscriptions:
             self._ros.destroy_subscription(self._subscriptions.pop(topic))

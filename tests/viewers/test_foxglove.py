@@ -1,7 +1,9 @@
 """What ``sma-actuator view --foxglove`` serves, heard by Foxglove's own client: every kind of message, and nothing can
 be done."""
 
+import asyncio
 import contextlib
+import json
 import subprocess
 import sys
 import threading
@@ -10,8 +12,10 @@ import time
 import pytest
 
 pytest.importorskip("rclpy", reason="ROS 2 is not installed (extra 'ros')")
+pytest.importorskip("aiohttp", reason="aiohttp is not installed (extra 'view')")
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed (extra 'foxglove')")
 
+import aiohttp
 import foreign
 import rclpy
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -60,10 +64,11 @@ class Viewer:
         self._process.stdout.close()
 
 
-def _until(condition, turn=lambda: None):
+def _until_none(left, turn=lambda: None):
+    """Wait until nothing is left of what ``left()`` lists."""
     deadline_s = time.monotonic() + SOON_s
-    while not condition():
-        assert time.monotonic() < deadline_s
+    while still := left():
+        assert time.monotonic() < deadline_s, still
         turn()
         time.sleep(0.05)
 
@@ -89,14 +94,38 @@ def test_every_message_arrives_as_it_was_sent_and_nothing_can_be_done(node, outp
         assert not any(publisher.get_subscription_count() for publisher in publishers.values())
         viewer = Viewer(f"ws://127.0.0.1:{topics.port}")
         with contextlib.closing(viewer):
-            _until(lambda: viewer.messages().keys() == sent.keys(), lambda: publish(sent.keys() - said_once))
+            _until_none(lambda: sent.keys() ^ viewer.messages().keys(), lambda: publish(sent.keys() - said_once))
             for topic, heard in viewer.messages().items():
                 assert heard["type"] == kind_of(sent[topic])
                 assert foreign.same(heard["message"], foreign.plain(sent[topic])), topic
             assert {"capabilities": []} in viewer.heard
-            _until(lambda: any("status" in each for each in viewer.heard))  # its attempt to publish is refused in words
+            # Its attempt to publish is refused in words.
+            _until_none(lambda: {"status"}.difference(*viewer.heard))
             assert node.count_publishers(f"{NAME}/setpoint") == 1, "ours"
-        _until(lambda: not any(publisher.get_subscription_count() for publisher in publishers.values()))
+        _until_none(lambda: [topic for topic, each in publishers.items() if each.get_subscription_count()])
+
+
+async def _offers(port, topic):
+    """How a viewer that looks at nothing is offered a topic and has it taken back, until it is offered again."""
+    heard = []
+    async with (
+        aiohttp.ClientSession() as session,
+        session.ws_connect(f"ws://127.0.0.1:{port}", protocols=["foxglove.sdk.v1"]) as socket,
+    ):
+        while [each["op"] for each in heard] != ["advertise", "unadvertise", "advertise"]:
+            message = json.loads((await socket.receive(SOON_s)).data)
+            ids = {channel["id"] for channel in message.get("channels", []) if channel["topic"] == topic}
+            ids |= {each["id"] for each in heard} & set(message.get("channelIds", []))
+            heard += [{"op": message["op"], "id": each} for each in ids]
+    return [each["id"] for each in heard]
+
+
+def test_what_nobody_looks_at_is_offered_once_more_since_the_server_may_have_refused_who_asked(node):
+    """foxglove-sdk 0.30.3 answers "Unknown channel ID" to a client that asks in the instant of the offer."""
+    with contextlib.closing(Topics([NAME], "127.0.0.1", 0)) as topics:
+        publisher = node.create_publisher(DiagnosticStatus, f"{NAME}/status", 1)
+        first, taken_back, second = asyncio.run(_offers(topics.port, publisher.topic_name))
+    assert first == taken_back != second
 
 
 def test_without_the_package_it_says_what_to_install(monkeypatch, capsys):
