@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from sma_actuator.base.jit import at_once
+from sma_actuator.base.options import number_within
 from sma_actuator.bench.real import PHYSICS, physics_name
 from sma_actuator.console import refuse_to_overwrite, say_next
 from sma_actuator.instruments import InstrumentError
@@ -291,16 +292,6 @@ def _parse_load(text: str) -> Load | Joint:
     return parse_joint(values) if kind == "joint" else parse_load(text)
 
 
-def _number_within(low: float, high: float, kind: type = float) -> Callable[[str], Any]:
-    def convert(text: str) -> Any:
-        value = kind(text)
-        if not low <= value <= high:
-            raise ValueError(f"{text} is outside {low:g} to {high:g}")
-        return value
-
-    return _checked(convert)
-
-
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``sma-actuator bench``."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
@@ -322,24 +313,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "benches (default weight:0.98; of a coil or a bundle, the same stress)",
     )
     parser.add_argument(
-        "--ambient", type=_number_within(-40, 100), default=22.0, metavar="°C", help="default %(default)s"
+        "--ambient", type=number_within(-40, 100), default=22.0, metavar="°C", help="default %(default)s"
     )
-    parser.add_argument("--seed", type=int, default=0, help="seed of the noise; bench i takes seed + i")
     parser.add_argument(
-        "--speed", type=_number_within(0.01, 1e4), default=1.0, help="bench seconds per second (default %(default)s)"
+        "--seed", type=number_within(0, kind=int), default=0, help="seed of the noise; bench i takes seed + i"
+    )
+    parser.add_argument(
+        "--speed", type=number_within(0.01, 1e4), default=1.0, help="bench seconds per second (default %(default)s)"
     )
     parser.add_argument(
         "--count",
-        type=_number_within(1, 256, int),
+        type=number_within(1, 256, kind=int),
         default=1,
         help="benches, or joints of two benches, each bench on its own pair of ports",
     )
     parser.add_argument("--host", default="127.0.0.1", help="address to listen on (default %(default)s)")
     parser.add_argument(
-        "--supply-port", type=_number_within(0, 65535, int), default=5025, help="0: any free port (default %(default)s)"
+        "--supply-port",
+        type=number_within(0, 65535, kind=int),
+        default=5025,
+        help="0: any free port (default %(default)s)",
     )
     parser.add_argument(
-        "--daq-port", type=_number_within(0, 65535, int), default=5026, help="0: any free port (default %(default)s)"
+        "--daq-port",
+        type=number_within(0, 65535, kind=int),
+        default=5026,
+        help="0: any free port (default %(default)s)",
     )
     parser.add_argument(
         "--ports-file", type=Path, metavar="FILE", help="write the ports here, as JSON, once they are open"

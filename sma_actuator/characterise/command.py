@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from sma_actuator.base.calibration import Calibration
+from sma_actuator.base.options import number_within
 from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
@@ -72,33 +73,38 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--masses", type=_numbers, default=(), metavar="g,g,...", help="calibration masses in grams")
     parser.add_argument(
         "--heat-current",
-        type=float,
+        type=number_within(0.0, 3600.0),
         default=0.0,
         metavar="A",
         help="amplitude of the pulses (default: from the thermal section)",
     )
     parser.add_argument(
         "--heat-time",
-        type=float,
+        type=number_within(0.0, 3600.0),
         default=0.0,
         metavar="S",
         help="length of a pulse (default: from the thermal section)",
     )
     parser.add_argument(
         "--cool-time",
-        type=float,
+        type=number_within(0.0, 3600.0),
         default=0.0,
         metavar="S",
         help="pause after a pulse (default: from the thermal section); up to four times as long while the wire still "
         "moves",
     )
-    parser.add_argument("--pulses", type=int, default=3, help="pulses at each load (default %(default)s)")
     parser.add_argument(
-        "--set-points", type=int, default=5, help="set points of the partial cycles (default %(default)s)"
+        "--pulses", type=number_within(1, kind=int), default=3, help="pulses at each load (default %(default)s)"
+    )
+    parser.add_argument(
+        "--set-points",
+        type=number_within(1, kind=int),
+        default=5,
+        help="set points of the partial cycles (default %(default)s)",
     )
     parser.add_argument(
         "--levels",
-        type=_levels,
+        type=number_within(2, 20, int),
         default=0,
         metavar="N",
         help="also N currents held one after the other at each load, for `--model whole_range`; 6 is a good number",
@@ -113,14 +119,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--training-cycles",
-        type=int,
+        type=number_within(0, kind=int),
         default=40,
         help="cycles of a new wire before anything is measured (default %(default)s)",
     )
-    parser.add_argument("--fatigue-cycles", type=int, default=100, help="cycles at the end (default %(default)s)")
+    parser.add_argument(
+        "--fatigue-cycles", type=number_within(0, kind=int), default=100, help="cycles at the end (default %(default)s)"
+    )
     parser.add_argument(
         "--average",
-        type=float,
+        type=number_within(0.0, 3600.0),
         default=10.0,
         metavar="S",
         help="time averaged at each calibration point (default %(default)s)",
@@ -132,7 +140,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         choices=["check", *sorted(RUN)],
         help="leave out this kind of part, or the check of the wiring before anything is heated; may be repeated",
     )
-    parser.add_argument("--seed", type=int, default=0, help="seed of the virtual bench's noise")
+    parser.add_argument("--seed", type=number_within(0, kind=int), default=0, help="seed of the virtual bench's noise")
     parser.add_argument(
         "--hidden",
         type=_effect,
@@ -274,12 +282,6 @@ def _effect(text: str) -> tuple[str, float]:
         raise argparse.ArgumentTypeError(
             f"'{text}' is no effect; EFFECT=STRENGTH is wanted, as voltage_offset=0.004"
         ) from None
-
-
-def _levels(text: str) -> int:
-    if not text.isdecimal() or not 2 <= int(text) <= 20:
-        raise argparse.ArgumentTypeError(f"'{text}' is no number of currents; a whole number from 2 to 20 is wanted")
-    return int(text)
 
 
 def _numbers(text: str) -> tuple[float, ...]:

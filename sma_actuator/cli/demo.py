@@ -17,6 +17,7 @@ import sys
 import tempfile
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,9 @@ from rich.table import Table
 from sma_actuator.base.commands import NODE_NAME
 from sma_actuator.base.interrupts import Interrupts, noted_signals
 from sma_actuator.base.jit import COMPILING
+from sma_actuator.base.options import number_within
 from sma_actuator.base.parameter_file import read_parameter_file
+from sma_actuator.base.parent import end_with
 from sma_actuator.base.share import shared_file
 from sma_actuator.bench.real import PHYSICS, physics_name
 from sma_actuator.config import Config
@@ -65,12 +68,12 @@ def add_arguments(parser) -> None:
     parser.add_argument("--load", help="as for the bench: weight:N, spring:N/m,N (default: its own)")
     parser.add_argument(
         "--duration",
-        type=float,
+        type=number_within(0.0),
         default=60.0,
         metavar="S",
         help="seconds to run; 0: until Ctrl-C (default %(default)s)",
     )
-    parser.add_argument("--seed", type=int, default=0, help="seed of the bench's noise")
+    parser.add_argument("--seed", type=number_within(0, kind=int), default=0, help="seed of the bench's noise")
     parser.add_argument("--view", action="store_true", help="also serve the page of the node, and print its address")
     add_output_arguments(parser, "the errors")
 
@@ -137,11 +140,15 @@ def run(args) -> int:
         console.print(f"the model is of a wire in '{HOME}', not in '{args.physics}': identify one of this wire")
     console.print(
         f"supply output {'off' if supply_is_off else 'STILL ON'}; node and bench have ended"
-        + (" (Ctrl-C)" if interrupts else "")
+        + (f" ({_words_of(interrupts.number)})" if interrupts else "")
     )
     write_json(args, errors.as_dict())
     say_next(args, 'drive it yourself: "Drive a wire" in README.md; a wire of your own: docs/first_wire.md')
     return 0 if supply_is_off and (errors.samples or interrupts) else 1
+
+
+def _words_of(number: int) -> str:
+    return "Ctrl-C" if number == signal.SIGINT else str(signal.strsignal(number))
 
 
 def _program(config: Config, duration_s: float) -> Setpoint:
@@ -391,7 +398,13 @@ def _folder():
 def _process(name: str, command: list[str], log: Path, console: Console):
     with log.open("wb") as output:
         popen = subprocess.Popen(
-            command, stdout=output, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, start_new_session=True
+            command,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL,
+            start_new_session=True,
+            # Killed, we cannot stop it; there are no threads yet.
+            preexec_fn=partial(end_with, os.getpid(), signal.SIGINT),  # noqa: PLW1509
         )
     child = _Child(name, popen, log, console)
     try:

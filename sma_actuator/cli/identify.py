@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from sma_actuator.base.options import number_within
 from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.yaml_text import parse_yaml
@@ -103,7 +104,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="furukawa: how the curves are used (default average)",
     )
     parser.add_argument(
-        "--order", type=int, help="order of the stress polynomials (default: chosen on held-out cycles)"
+        "--order",
+        type=number_within(0, kind=int),
+        help="order of the stress polynomials (default: chosen on held-out cycles)",
     )
     parser.add_argument(
         "--no-extension",
@@ -111,7 +114,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="do not look for effects that the model lacks on its own logs (default: what also helps logs held out is "
         "added)",
     )
-    parser.add_argument("--jobs", type=int, default=2, help="processes of that search (default %(default)s)")
+    parser.add_argument(
+        "--jobs", type=number_within(1, kind=int), default=2, help="processes of that search (default %(default)s)"
+    )
     parser.add_argument(
         "--report", type=Path, metavar="FILE.html", help="page with the pictures (default: beside MODEL.yaml)"
     )

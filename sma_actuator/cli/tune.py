@@ -13,6 +13,7 @@ from pathlib import Path
 
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import noted_signals
+from sma_actuator.base.options import number_within
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Mode, Output, Tuned
 from sma_actuator.bench.real import physics_name
@@ -43,7 +44,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, metavar="NEW.yaml", help="write here (default: FILE, where the old gains stay as a comment)"
     )
     parser.add_argument(
-        "--current", type=float, metavar="A", help="no more flows than this (default: by controller.tuning_current)"
+        "--current",
+        type=number_within(0.0),
+        metavar="A",
+        help="no more flows than this (default: by controller.tuning_current)",
     )
     parser.add_argument(
         "--virtual", choices=("flexinol", "furukawa", "coil", "bundle"), help="on this wire of the virtual bench"

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from sma_actuator.base.options import number_within
+
 
 def add_fleet_arguments(parser: argparse.ArgumentParser, per: str) -> None:
     """Declare ``--table`` and what goes with it; ``per``: what is worked on at a time, "log" or "wire"."""
@@ -25,7 +27,7 @@ def add_fleet_arguments(parser: argparse.ArgumentParser, per: str) -> None:
     )
     names = {word for action in parser._actions for word in action.option_strings}
     if "--jobs" not in names:
-        group.add_argument("--jobs", type=int, default=2, help="processes (default %(default)s)")
+        group.add_argument("--jobs", type=number_within(1, kind=int), default=2, help="processes (default %(default)s)")
     if "--dask" not in names:
         group.add_argument(
             "--dask", metavar="ADDRESS", help="spread the work over this Dask cluster, as tcp://127.0.0.1:8786"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
 from collections.abc import Callable, Iterable, Iterator
@@ -13,10 +12,9 @@ import joblib
 from joblib.parallel import LokyBackend, get_active_backend
 
 from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.parent import end_with
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]
-
-_SET_DEATH_SIGNAL = 1  #: PR_SET_PDEATHSIG of prctl(2)
 
 
 @contextmanager
@@ -40,13 +38,7 @@ class _EndingWithUs(LokyBackend):
 
     def configure(self, *args: Any, **kwargs: Any) -> Any:
         """As joblib does it, and each begins so."""
-        return super().configure(*args, initializer=_end_with, initargs=(os.getpid(),), **kwargs)
-
-
-def _end_with(parent: int) -> None:
-    ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGKILL)
-    if os.getppid() != parent:
-        os._exit(1)  # it has ended before
+        return super().configure(*args, initializer=end_with, initargs=(os.getpid(), signal.SIGKILL), **kwargs)
 
 
 @contextmanager

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from sma_actuator.base.options import number_within
+
 from .bags import is_bag, log_from_bag, parse_topics
 from .bench_log import (
     COLUMNS,
@@ -79,7 +81,7 @@ def add_log_arguments(parser: argparse.ArgumentParser) -> None:
     group = add_map_arguments(parser)
     group.add_argument(
         "--static",
-        type=float,
+        type=number_within(0.0, 86400.0),
         default=0.0,
         metavar="SECONDS",
         help="tables of steady points, one a row, without times: go through them in so many seconds each, which should "
@@ -125,8 +127,6 @@ def said_of_logs(args: argparse.Namespace) -> str:
 
 def reading_of(args: argparse.Namespace) -> ReadingOptions:
     """How logs are to be read, by the options.  Raises BenchLogError."""
-    if not args.static >= 0.0:
-        raise BenchLogError(f"--static {args.static:g}: seconds from one point to the next are wanted, above 0")
     return ReadingOptions(columns_of(args, tuple(COLUMNS)), parse_topics(args.topic), args.static)
 
 

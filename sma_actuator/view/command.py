@@ -15,6 +15,7 @@ from pathlib import Path
 from sma_actuator.base.commands import NODE_NAME
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import Interrupts, noted_signals
+from sma_actuator.base.options import number_within
 from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.config import Config
 from sma_actuator.console import notes
@@ -37,7 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"names of nodes, of wires and of joints, a tab for each (default {NODE_NAME})",
     )
     parser.add_argument("--namespace", default="/", metavar="NS", help="namespace of the nodes (default %(default)s)")
-    parser.add_argument("--port", type=int, default=PORT, help="0: any that is free (default %(default)s)")
+    parser.add_argument(
+        "--port", type=number_within(0, 65535, int), default=PORT, help="0: any that is free (default %(default)s)"
+    )
     parser.add_argument(
         "--host",
         default="127.0.0.1",

@@ -229,7 +229,7 @@ def test_the_command_serves_many_benches_and_ends_clean(tmp_path, number):
     [
         ("--load", "rope:1", "rope:1"),
         ("--fault", "earthquake", "open_wire"),
-        ("--speed", "0", "outside"),
+        ("--speed", "0", "is not a number from 0.01"),
         ("--wire", "steel", "flexinol"),
         ("--physics", "caloric", "one of measured, liang_rogers"),
         ("--physics", "drawn-x", "real, drawn-N is wanted"),

@@ -131,7 +131,17 @@ def test_ctrl_c_leaves_nothing_running_and_the_output_off(demo, program):
     assert not [pid for pid in running if alive(pid)]
 
 
-def test_ctrl_c_before_anything_is_driven_ends_it_too(demo):
+def test_killed_it_leaves_nothing_running(demo):
+    started = demo("--duration", "0")
+    running = started.wait_for(lambda: len(pids := children(started.process.pid)) == 2 and pids)
+    started.process.kill()
+    deadline_s = time.monotonic() + WAIT_s
+    while any(map(alive, running)):
+        assert time.monotonic() < deadline_s
+        time.sleep(0.02)
+
+
+def test_ended_before_anything_is_driven_it_takes_all_along(demo):
     started = demo("--duration", "0")
     running = started.wait_for(lambda: children(started.process.pid))
     started.process.send_signal(signal.SIGINT)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from sma_actuator.base.commands import NODE_NAME, as_commands
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import Interrupts, noted_signals
+from sma_actuator.base.options import number_within
 
 if TYPE_CHECKING:  # stop is quicker without
     from sma_actuator.base.signals import Status
@@ -34,7 +35,7 @@ def add_node_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--namespace", default="/", metavar="NS", help="namespace of the node (default %(default)s)")
     parser.add_argument(
         "--patience",
-        type=float,
+        type=number_within(0.0),
         default=PATIENCE_s,
         metavar="S",
         help="longest wait for an answer of the node (default %(default)s)",

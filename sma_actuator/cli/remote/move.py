@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from sma_actuator.base.errors import UserError
+from sma_actuator.base.options import number_within
 from sma_actuator.base.signals import Mode, Status
 from sma_actuator.logs.units import quantity
 
@@ -66,7 +67,11 @@ def add_arguments(parser) -> None:
         "of what it reaches; a joint, in radians or with deg (0.2, 10deg)",
     )
     parser.add_argument(
-        "--within", type=float, default=20.0, metavar="S", help="give up after this time (default %(default)s)"
+        "--within",
+        type=number_within(0.0),
+        default=20.0,
+        metavar="S",
+        help="give up after this time (default %(default)s)",
     )
     parser.add_argument(
         "--tolerance",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 
+from sma_actuator.base.options import number_within
 from sma_actuator.base.signals import Mode, Status
 from sma_actuator.safety.faults import FAULTS
 
@@ -19,10 +20,14 @@ def add_arguments(parser) -> None:
     """Declare the options of ``sma-actuator watch``."""
     add_node_arguments(parser)
     parser.add_argument(
-        "--every", type=float, default=1.0, metavar="S", help="time between lines (default %(default)s)"
+        "--every", type=number_within(0.01), default=1.0, metavar="S", help="time between lines (default %(default)s)"
     )
     parser.add_argument(
-        "--duration", type=float, default=math.inf, metavar="S", help="end after this time (default: with Ctrl-C)"
+        "--duration",
+        type=number_within(0.0),
+        default=math.inf,
+        metavar="S",
+        help="end after this time (default: with Ctrl-C)",
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from rich.table import Table
 
 from sma_actuator.base.errors import UserError
+from sma_actuator.base.options import number_within
 from sma_actuator.console import (
     add_output_arguments,
     notes,
@@ -57,7 +58,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "others)",
     )
     add_map_arguments(parser)
-    parser.add_argument("--jobs", type=int, default=min(2, os.cpu_count() or 1), help="processes (default %(default)s)")
+    parser.add_argument(
+        "--jobs",
+        type=number_within(1, kind=int),
+        default=min(2, os.cpu_count() or 1),
+        help="processes (default %(default)s)",
+    )
     parser.add_argument(
         "--dask", metavar="ADDRESS", help="spread the fits over this Dask cluster, as tcp://127.0.0.1:8786"
     )

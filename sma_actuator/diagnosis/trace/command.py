@@ -13,6 +13,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
+from sma_actuator.base.options import number_within
 from sma_actuator.base.parameter_file import read_parameter_file
 from sma_actuator.base.parameters import ConfigError, to_mapping
 from sma_actuator.calibration.learning import calibration_of
@@ -90,7 +91,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="look also for what the model lacked at its calibration already (default: for what has come since)",
     )
-    parser.add_argument("--jobs", type=int, default=2, help="processes (default %(default)s)")
+    parser.add_argument("--jobs", type=number_within(1, kind=int), default=2, help="processes (default %(default)s)")
     parser.add_argument(
         "--dask", metavar="ADDRESS", help="spread the fits over this Dask cluster, as tcp://127.0.0.1:8786"
     )
