@@ -140,21 +140,21 @@ class Topics:
         # The server refuses who asks for a channel in the instant in which it is offered, and viewers ask only once:
         # what is new and looked at by nobody is offered once more.
         for topic in [each for each in self._new if not self._lookers[each]]:
-            channel, kind = self._channels[topic]
-            channel.close()
+            refused, kind = self._channels[topic]
+            refused.close()
             self._offer(topic, kind)
         self._new = []
         for topic, kinds in self._ros.get_topic_names_and_types():
-            kind = next((each for each in kinds if each in _KINDS), None)
+            known = next((each for each in kinds if each in _KINDS), None)
             if (
-                kind is None
+                known is None
                 or topic in self._channels
                 or not (topic.startswith(self._prefixes) or topic == _OF_ALL_NODES)
             ):
                 continue
             if not self._ros.count_publishers(topic):
                 continue
-            self._offer(topic, kind)
+            self._offer(topic, known)
             self._new.append(topic)
 
     def _offer(self, topic: str, kind: str) -> None:
