@@ -93,8 +93,7 @@ def derived(mapping: Mapping[str, Any]) -> dict[str, Derived]:
         f"surface · {transfer:.0f} W/(m² K): still air (Morgan) and radiation, without the crimps; identify measures "
         f"it",
     )
-    # What seems to be lost beyond that to still air may end when a fan stops; and cooling shows too much of it where
-    # part of the wire transforms early.
+    # What is lost beyond that to still air may end when a fan stops.
     beyond = f", of still air's {still:g} W/K: what it loses beyond may end" if loss > still else ""
     settle(
         "thermal.heat_loss_margin",

@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from math import exp
 from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from sma_actuator.base.jit import jit
 from sma_actuator.config import BenchConfig
 from sma_actuator.derived import LATENT, Derived, derived
 from sma_actuator.estimation.branch import BranchDetector, EstimatorParameters
+from sma_actuator.estimation.models.whole_range import LATENT_K, usual_heat_balance
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log
 from sma_actuator.logs.experiments import Experiment
 
-_STILL = 0.03  #: of the stroke, within which of its shortest a wire has not begun to move
-_TRANSFORMS = 0.15  #: share of the time until then that is left out: another phase begins before it shows
-_FEWEST = 8  #: samples of a stretch of cooling
+_CONTRACTED = 0.02  #: of the stroke, within which of its shortest a wire is as good as contracted
+_TRANSFORMS = (
+    0.15  #: share of a pause until its least resistance that is left out: another phase begins before it shows
+)
+_FEWEST = 8  #: samples of a log that say something
+_FEWEST_CONTRACTED = 20  #: samples of a log that say how a contracted wire cools: 10 to 16 said thrice the truth
 _TIMES_s = (0.05, 60.0)
-_CLEAR = 1.1  #: by how much worse a time constant half as long or twice must fit
+_CLEAR = 1.2  #: by how much worse a time constant half as long or twice must fit
 _MOVES = 0.2  #: of the fast motions of a log: slower ones do not say which way the wire goes
 _ALIKE = 0.002  #: share of the moving samples by which two lags may differ and be as good
 _UNUSUAL = 2.5  #: factor by which a wire may cool faster or more slowly than in still air
@@ -41,7 +47,7 @@ def measured(experiments: Sequence[Experiment], mapping: Mapping[str, Any], benc
     capacity_J_K = derived(mapping)["thermal.heat_capacity"]
     by_geometry = derived({"wire": mapping["wire"]})
     usual_s = by_geometry["thermal.heat_capacity"].value / by_geometry["thermal.heat_loss"].value
-    time_constant_s = thermal_time_constant_s(experiments, bench.wire.full_stroke_m)
+    time_constant_s = thermal_time_constant_s(experiments, bench)
     if time_constant_s is not None and not usual_s / _UNUSUAL < time_constant_s < usual_s * _UNUSUAL:
         time_constant_s = None  # the resistance showed something else than cooling
     if time_constant_s is not None:
@@ -49,7 +55,7 @@ def measured(experiments: Sequence[Experiment], mapping: Mapping[str, Any], benc
         out["thermal.heat_capacity"] = capacity_J_K
         out["thermal.heat_loss"] = Derived(
             float(f"{capacity / time_constant_s:.3g}"),
-            f"heat_capacity over {time_constant_s:.3g} s, in which the contracted wire cooled after the pulses",
+            f"heat_capacity over {time_constant_s:.3g} s, with which the contracted wire is seen to warm and cool",
         )
     lag_s, right = branch_lag_s(
         experiments, LATENT * (time_constant_s or bench.thermal.heat_capacity / bench.thermal.heat_loss)
@@ -71,23 +77,23 @@ def measured(experiments: Sequence[Experiment], mapping: Mapping[str, Any], benc
     return out
 
 
-def thermal_time_constant_s(experiments: Sequence[Experiment], full_stroke_m: float) -> float | None:
-    """Heat capacity over heat loss, from how the resistance of the contracted wire falls after a pulse.
+def thermal_time_constant_s(experiments: Sequence[Experiment], bench: BenchConfig) -> float | None:
+    """Heat capacity over heat loss with which the heat balance explains best how the contracted wire's resistance
+    moves.
 
-    It moves with the temperature alone there, and no latent heat is in it.  None where the logs do not tell.
+    It rises with the temperature, by as much in all logs, and falls with what is left of the transformation, which the
+    displacement shows: R = a + b T + c δ.  None where the logs do not tell.
     """
-    stretches = [s for experiment in experiments for s in _cooling(experiment, full_stroke_m)]
-    if not stretches:
+    logs = [each for t in experiments if len((each := _Contracted(t, bench)).rows) >= _FEWEST_CONTRACTED]
+    if not logs:
         return None
 
     def left(log_time: float) -> float:
-        """Squares that exponentials of one time constant leave, each with its own ends."""
-        total = 0.0
-        for time_s, resistance_Ohm in stretches:
-            basis = np.column_stack((np.ones(len(time_s)), np.exp(-time_s / math.exp(log_time))))
-            coefficients = np.linalg.lstsq(basis, resistance_Ohm, rcond=None)[0]
-            total += float(np.sum((resistance_Ohm - basis @ coefficients) ** 2))
-        return total
+        """Squares of resistance [Ω²] that a time constant does not explain."""
+        parts = [log.unexplained(math.exp(log_time)) for log in logs]
+        warmth_J, resistance_Ohm = (np.concatenate(part) for part in zip(*parts, strict=True))
+        rise = max(float(warmth_J @ resistance_Ohm), 0.0) / float(warmth_J @ warmth_J)
+        return float(np.sum((resistance_Ohm - rise * warmth_J) ** 2))
 
     low, high = (math.log(t) for t in _TIMES_s)
     grid = np.linspace(low, high, 40)
@@ -100,23 +106,56 @@ def thermal_time_constant_s(experiments: Sequence[Experiment], full_stroke_m: fl
     return math.exp(float(found.x))
 
 
-def _cooling(experiment: Experiment, full_stroke_m: float) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Time since the current fell and resistance, for every pause after a pulse, while the wire stands contracted."""
-    shortest_m = np.nanpercentile(experiment.displacement_m, 0.5)
-    stretches = []
-    for off in np.flatnonzero(experiment.driven[:-1] & ~experiment.driven[1:]) + 2:
-        moves = np.flatnonzero(
-            ~(experiment.displacement_m[off:] < shortest_m + _STILL * full_stroke_m) | experiment.driven[off:]
-        )
-        stop = off + (int(moves[0]) if len(moves) else len(experiment.driven) - off)
-        resistance_Ohm = experiment.resistance_Ohm[off:stop]
-        if len(resistance_Ohm) < _FEWEST:
-            continue
-        kept = int((1.0 - _TRANSFORMS) * (int(np.argmin(resistance_Ohm)) + 1))
-        if kept >= _FEWEST:
-            time_s = experiment.signals.time_s[off : off + kept]
-            stretches.append((time_s - time_s[0], resistance_Ohm[:kept]))
-    return stretches
+class _Contracted:
+    """What a log says of the contracted wire."""
+
+    def __init__(self, experiment: Experiment, bench: BenchConfig):
+        good = experiment.judged & np.isfinite(experiment.signals.time_s)
+        self._time_s, self._power_W = experiment.signals.time_s[good], experiment.signals.power_W[good]
+        displacement_m, resistance_Ohm = experiment.displacement_m[good], experiment.resistance_Ohm[good]
+        low_m, high_m = np.percentile(displacement_m, (0.5, 99.5)) if good.any() else (0.0, 1.0)
+        martensite = np.clip((displacement_m - low_m) / max(high_m - low_m, 1e-9), 0.0, 1.0)
+        latent_K = usual_heat_balance(bench.thermal, span_Ohm=1.0)[LATENT_K]
+        self._latent_J = latent_K * bench.thermal.heat_capacity * martensite
+        contracted = displacement_m < low_m + _CONTRACTED * bench.wire.full_stroke_m
+        #: Samples in which it is, and transforms no further.
+        self.rows = np.flatnonzero(contracted & ~_transforms(contracted, experiment.driven[good], resistance_Ohm))
+        others = np.column_stack((np.ones(len(self.rows)), displacement_m[self.rows] - low_m))
+        self._others = np.linalg.qr(others / np.maximum(np.abs(others).max(axis=0, initial=0.0), 1e-30))[0]
+        self._resistance_Ohm = self._less_others(resistance_Ohm[self.rows])
+
+    def unexplained(self, time_constant_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """Warmth [J] by a time constant, and resistance [Ω], less what displacement and a constant explain of them."""
+        warmth_J = np.empty(len(self._time_s))
+        _warmth(self._time_s, self._power_W, self._latent_J, time_constant_s, warmth_J)
+        return self._less_others(warmth_J[self.rows]), self._resistance_Ohm
+
+    def _less_others(self, values: np.ndarray) -> np.ndarray:
+        return values - self._others @ (self._others.T @ values)
+
+
+def _transforms(contracted: np.ndarray, driven: np.ndarray, resistance_Ohm: np.ndarray) -> np.ndarray:
+    """Where the wire cools and its resistance rises again, or is about to, though it stands: another phase comes."""
+    out = np.zeros(len(driven), dtype=np.bool_)
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], contracted & ~driven, [False])).astype(int)))
+    for start, stop in edges.reshape(-1, 2):
+        out[start + int((1.0 - _TRANSFORMS) * (int(np.argmin(resistance_Ohm[start:stop])) + 1)) : stop] = True
+    return out
+
+
+@jit
+def _warmth(time: np.ndarray, power: np.ndarray, latent: np.ndarray, time_constant: float, out: np.ndarray) -> None:
+    """Heat capacity times what the wire is above its surroundings [J], beginning in balance with its power.
+
+    ``latent``: what it has taken up, of its latent heat, since it was cold, with the other sign.  Exact for power that
+    stands from sample to sample: at the mean of both, so that slow sampling makes no lag.
+    """
+    held = power[0] * time_constant - latent[0]
+    for i in range(len(time)):
+        if i > 0:
+            gained = 1.0 - exp((time[i - 1] - time[i]) / time_constant)
+            held += gained * (0.5 * (power[i - 1] + power[i]) * time_constant - held - latent[i - 1])
+        out[i] = held + latent[i]
 
 
 def branch_lag_s(experiments: Sequence[Experiment], likely_s: float) -> tuple[float, float]:
