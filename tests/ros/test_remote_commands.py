@@ -1,6 +1,7 @@
 """``sma-actuator move | status | enable | stop | call | watch`` speak to a running node; no ROS tool is needed."""
 
 import json
+import math
 import os
 import re
 import signal
@@ -16,6 +17,7 @@ from test_node import _enabled
 from sma_actuator.base.local_stop import StopListener
 from sma_actuator.base.signals import Mode, Status
 from sma_actuator.cli.main import main
+from sma_actuator.cli.remote.status import shown
 from sma_actuator.cli.remote.watch import after
 
 NODE = ("--node", "left", "--namespace", "/arm", "--patience", "60")
@@ -39,6 +41,24 @@ def _status(capsys, **wanted):
     assert said["node"] == "/arm/left"
     assert {key: said[key] for key in wanted} == wanted, said["message"]
     return said
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "line"),
+    [
+        ("displacement_m", 0.00223046, "displacement             2.23 mm"),
+        ("stress_Pa", 5.37155e7, "stress                   53.72 MPa"),
+        ("current_limit_A", 0.4, "current_limit            400 mA"),
+        ("temperature_at_most_C", 84.41, "temperature_at_most      84.41 °C"),
+        ("resistance_Ohm", 4.90373, "resistance               4.904 Ohm"),
+        ("period_p99_s", 0.0547, "period_p99               54.7 ms"),
+        ("late_answers", 3.0, "late_answers             3"),
+        ("uncertainty_m", math.nan, "uncertainty              nan mm"),
+        ("branch", "heating", "branch                   heating"),
+    ],
+)
+def test_people_read_the_status_in_millimetres_and_milliamperes(name, value, line):
+    assert shown(name, value) == line
 
 
 def _enable(capsys):
