@@ -86,7 +86,7 @@ setup(
     entry_points={
         "console_scripts": [
             "sma-actuator = sma_actuator.__main__:main",
-            "sma_actuator_node = sma_actuator.ros.node:main",
+            "sma_actuator_node = sma_actuator.__main__:node",
         ],
     },
     zip_safe=True,

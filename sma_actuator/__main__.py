@@ -1,25 +1,47 @@
 # PYTHON_ARGCOMPLETE_OK
-"""The command ``sma-actuator``, also as ``python -m sma_actuator``.
+"""The command ``sma-actuator``, also as ``python -m sma_actuator``, and the program ``sma_actuator_node``.
 
-It imports next to nothing: until a command is loaded, which takes seconds, Ctrl-C ends the process on the spot, since
+It imports next to nothing: until either is loaded, which takes seconds, Ctrl-C ends the process on the spot, since
 there is nothing to tidy up; an exception would come up inside whatever is being imported.
 """
 
+import contextlib
 import os
 import signal
 import sys
+from collections.abc import Iterator
 
 
 def main() -> int:
     """Load the command that is asked for, and run it; its exit code."""
+    with _ended_on_the_spot():
+        from sma_actuator.cli.main import parsed, run
+
+        args = parsed(sys.argv[1:])
+    return run(args)
+
+
+def node() -> int:
+    """Load the nodes, and run them; the exit code."""
+    with _ended_on_the_spot():
+        try:
+            from sma_actuator.ros.node import main as run_nodes
+        except ModuleNotFoundError as error:
+            if error.name is None or error.name.startswith("sma_actuator"):
+                raise
+            sys.exit(f"sma_actuator_node: needs the Python package '{error.name}' (extra 'ros')")
+    return run_nodes()
+
+
+@contextlib.contextmanager
+def _ended_on_the_spot() -> Iterator[None]:
     before = signal.getsignal(signal.SIGINT)
     if before is signal.default_int_handler:  # not where it is ignored: in the background
         signal.signal(signal.SIGINT, lambda number, _: os._exit(128 + number))
-    from sma_actuator.cli.main import parsed, run
-
-    args = parsed(sys.argv[1:])
-    signal.signal(signal.SIGINT, before)
-    return run(args)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 if __name__ == "__main__":

@@ -129,8 +129,13 @@ def test_an_interrupt_stays_one_where_a_library_stumbles_as_it_tidies_up(monkeyp
     assert capsys.readouterr().err == "sma-actuator replay: interrupted\n"
 
 
-@pytest.mark.parametrize("command", ["demo", "replay"])
-def test_ctrl_c_while_a_command_is_loaded_ends_it_without_a_traceback(command, tmp_path):
+_NODE = ["-c", "import sys; from sma_actuator.__main__ import node; sys.exit(node())"]
+
+
+@pytest.mark.parametrize(
+    "program", [["-m", "sma_actuator", "demo"], ["-m", "sma_actuator", "replay"], _NODE], ids=["demo", "replay", "node"]
+)
+def test_ctrl_c_while_a_program_is_loaded_ends_it_without_a_traceback(program, tmp_path):
     """Whatever an import does with exceptions: this one catches all that it meets."""
     (tmp_path / "numpy.py").write_text(
         "import time\n"
@@ -141,7 +146,7 @@ def test_ctrl_c_while_a_command_is_loaded_ends_it_without_a_traceback(command, t
         "    except BaseException:\n"
         "        pass\n"
     )
-    words = [sys.executable, "-m", "sma_actuator", command, "--help"]
+    words = [sys.executable, *program, "--help"]
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as process:
         try:
@@ -151,3 +156,13 @@ def test_ctrl_c_while_a_command_is_loaded_ends_it_without_a_traceback(command, t
         finally:
             process.kill()
     assert process.returncode == 130
+
+
+def test_without_ros_the_node_names_the_package_and_the_extra(tmp_path):
+    (tmp_path / "rclpy.py").write_text("raise ModuleNotFoundError(\"No module named 'rclpy'\", name='rclpy')\n")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run([sys.executable, *_NODE], capture_output=True, text=True, env=environment, timeout=60.0)
+    assert (done.returncode, done.stderr) == (
+        1,
+        "sma_actuator_node: needs the Python package 'rclpy' (extra 'ros')\n",
+    )
