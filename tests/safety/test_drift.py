@@ -347,6 +347,21 @@ def test_what_is_forgotten_has_to_be_seen_for_as_long_as_at_first():
     assert math.isnan(seen(currents, 101.55, 0.2, 0.0, 0.15)[0])
 
 
+def test_a_voltage_that_is_no_number_once_does_not_blind(make_rig):
+    """It made every later mean of it none, for as long as current flowed."""
+    rig = make_rig(**{"safety.current_drift": 1.0})
+    rig.enable()
+    rig.run(9.0)
+    rig.state_of = lambda state: state.__class__(**{**_fields(state), "voltage_V": math.nan})
+    rig.step()
+    rig.state_of = lambda state: state
+    rig.run(9.0)
+    rig.reading_of = lambda r: r.__class__(
+        **{**_fields(r), **{name: 1.1 * getattr(r, name) for name in ("reference_voltage_V", "supply_voltage_V")}}
+    )
+    assert rig.seconds_until("voltage_drifts", 3.0) is not None
+
+
 def test_a_wire_at_the_compliance_voltage_is_not_accused(make_rig):
     """There the supply holds the voltage, and the current is what the wire takes."""
     rig = make_rig()

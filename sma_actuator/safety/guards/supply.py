@@ -234,7 +234,7 @@ def voltage_drifts(step: Step) -> str:
     if not step.told.output_on:
         voltages.pause()
         return ""
-    if step.reading is None or supply is None or not step.signals.current_A > 0.0:
+    if step.reading is None or supply is None or not isfinite(supply.voltage_V) or not step.signals.current_A > 0.0:
         return ""
     share = step.config.safety.voltage_drift
     change_V, allowed_V = voltages.step(
