@@ -10,12 +10,13 @@ martensite left has more.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import exp, isnan, nan
 from typing import Protocol
 
 import numpy as np
 
-from sma_actuator.base.calibration import Calibration
+from sma_actuator.base.calibration import Calibration, interpolated
 from sma_actuator.base.jit import jit
 from sma_actuator.base.sections import ThermalParameters
 
@@ -28,23 +29,22 @@ ENTER, LEAVE = 0.015, 0.03
 def _contracted(
     time: float,
     resistance: float,
-    stress: float,
+    contracted: float,
     power: float,
     ambient: float,
     state: np.ndarray,
-    stress_nodes: np.ndarray,
-    resistance_nodes: np.ndarray,
     line: np.ndarray,
 ) -> bool:
-    """``state`` = [time, temperature above ambient, contracted]; ``line`` = [heat loss, time constant, slope, its
-    temperature, enter, leave]."""
+    """``contracted``: resistance of the contracted wire at this stress, where it was calibrated; ``state`` = [time,
+    temperature above ambient, contracted]; ``line`` = [heat loss, time constant, slope, its temperature, enter,
+    leave]."""
     step = max(time - state[0], 0.0) if state[0] == state[0] else 0.0
     settled = power / line[0]
     if state[0] != state[0]:
         state[1] = settled
     state[0] = time
     state[1] = settled + (state[1] - settled) * exp(-step / line[1])
-    austenite = np.interp(stress, stress_nodes, resistance_nodes) + line[2] * (ambient + state[1] - line[3])
+    austenite = contracted + line[2] * (ambient + state[1] - line[3])
     state[2] = 1.0 if resistance - austenite < (line[5] if state[2] > 0.5 else line[4]) else 0.0
     return state[2] > 0.5
 
@@ -53,19 +53,15 @@ def _contracted(
 def _contracted_all(
     time: np.ndarray,
     resistance: np.ndarray,
-    stress: np.ndarray,
+    contracted: np.ndarray,
     power: np.ndarray,
     ambient: np.ndarray,
     state: np.ndarray,
-    stress_nodes: np.ndarray,
-    resistance_nodes: np.ndarray,
     line: np.ndarray,
-    contracted: np.ndarray,
+    out: np.ndarray,
 ) -> None:
     for i in range(len(time)):
-        contracted[i] = _contracted(
-            time[i], resistance[i], stress[i], power[i], ambient[i], state, stress_nodes, resistance_nodes, line
-        )
+        out[i] = _contracted(time[i], resistance[i], contracted[i], power[i], ambient[i], state, line)
 
 
 class HotEndSections(Protocol):
@@ -89,9 +85,8 @@ class HotEnd:
     def __init__(self, config: HotEndSections):
         hot_end = config.calibration.hot_end
         self.known = config.calibration.hot_end_known
-        self._stress_Pa = np.array(hot_end.contracted_stress)
-        self._resistance_Ohm = np.array(hot_end.contracted_resistance)
-        self._displacement_m = np.array(hot_end.contracted_displacement)
+        self._stress_Pa, self._resistance_Ohm = hot_end.contracted_stress, hot_end.contracted_resistance
+        self._displacement_m = hot_end.contracted_displacement
         self._state = np.zeros(3)
         self.update(config)
         self.reset()
@@ -117,25 +112,15 @@ class HotEnd:
 
     def displacement_m(self, stress_Pa: float | np.ndarray) -> float | np.ndarray:
         """Where a wire is that is contracted as far as it goes."""
-        return np.interp(stress_Pa, self._stress_Pa, self._displacement_m)
+        line: Callable = interpolated if isinstance(stress_Pa, float) else np.interp
+        return line(stress_Pa, self._stress_Pa, self._displacement_m)
 
     def step(self, time_s: float, resistance_Ohm: float, stress_Pa: float, power_W: float, ambient_C: float) -> bool:
         """Whether one sample is that of a contracted wire."""
         if isnan(ambient_C) or abs(ambient_C - self._usual_C) > self._tolerance_K:
             ambient_C = self._usual_C
-        return bool(
-            _contracted(
-                time_s,
-                resistance_Ohm,
-                stress_Pa,
-                power_W,
-                ambient_C,
-                self._state,
-                self._stress_Pa,
-                self._resistance_Ohm,
-                self._line,
-            )
-        )
+        contracted_Ohm = interpolated(stress_Pa, self._stress_Pa, self._resistance_Ohm)
+        return bool(_contracted(time_s, resistance_Ohm, contracted_Ohm, power_W, ambient_C, self._state, self._line))
 
     def run(
         self,
@@ -151,12 +136,10 @@ class HotEnd:
         _contracted_all(
             time_s,
             resistance_Ohm,
-            stress_Pa,
+            np.interp(stress_Pa, self._stress_Pa, self._resistance_Ohm),
             power_W,
             np.where(doubtful, self._usual_C, ambient_C),
             self._state,
-            self._stress_Pa,
-            self._resistance_Ohm,
             self._line,
             contracted,
         )
