@@ -1,16 +1,21 @@
-"""What one sample costs: chain, controller and the whole actuator beside simple-pid's call, in one run.
+"""What one sample costs: chain, controller, drift guards and whole actuator beside simple-pid's call, in one run.
 
-    python benchmarks/cost.py [--json FILE]     (make benchmarks)
+    python benchmarks/cost.py [--against CHECKOUT] [--json FILE]     (make benchmarks)
 
-The four take turns, so that a machine that slows down slows down all of them; the ratios are to
-be trusted, the microseconds only on this machine.
+They take turns, so that a machine that slows down slows down all of them; the ratios are to be trusted, the
+microseconds only on this machine.  ``--against``: another checkout of this repository takes turns with this one, each
+in a process of its own, and what is told is the ratio of this one's times to that one's.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import statistics
+import subprocess
+import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -25,16 +30,51 @@ from sma_actuator.config import Config
 from sma_actuator.control.pid import PidController
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.circuit import signals_from_reading
+from sma_actuator.safety.drift import CurrentsApart, VoltagesApart
 
+ROOT = Path(__file__).resolve().parents[1]
 CALLS = 2000
 ROUNDS = 15
+PAIRS = 5  #: of processes, with another checkout
+DIGIT_V = 1e-3  #: of the supply's voltmeter
 
 
 def main() -> int:
-    """Time each call and print it beside simple-pid's."""
+    """Time each call and print it beside simple-pid's, or beside another checkout's."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--against", type=Path, metavar="CHECKOUT")
     parser.add_argument("--json", type=Path, metavar="FILE")
     args = parser.parse_args()
+    rows = beside(args.against.resolve()) if args.against else alone()
+    if args.json:
+        args.json.write_text(json.dumps(rows, indent=2) + "\n")
+    return 0
+
+
+def beside(other: Path) -> dict[str, dict[str, float]]:
+    """Times of each call here over those in another checkout, pair by pair of processes."""
+    pairs = [(_in_checkout(ROOT), _in_checkout(other)) for _ in range(PAIRS)]
+    print(f"median, least and most of {PAIRS} pairs: this checkout over {other.name}")
+    rows = {}
+    for name in pairs[0][0]:
+        ratios = [here[name]["us_per_call"] / there[name]["us_per_call"] for here, there in pairs]
+        rows[name] = {"ratio": statistics.median(ratios), "least": min(ratios), "most": max(ratios)}
+        print(f"{name:22s} {rows[name]['ratio']:6.2f}   {min(ratios):.2f} to {max(ratios):.2f}")
+    return rows
+
+
+def _in_checkout(checkout: Path) -> dict[str, dict[str, float]]:
+    """What this file says of a checkout."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "cost.json"
+        words = [sys.executable, __file__, "--json", str(file)]
+        environment = {**os.environ, "PYTHONPATH": str(checkout)}
+        subprocess.run(words, cwd=checkout, env=environment, stdout=subprocess.DEVNULL, check=True)
+        return json.loads(file.read_text())
+
+
+def alone() -> dict[str, dict[str, float]]:
+    """Times of each call, and over simple-pid's."""
     config = Config.load(shared_file("config/flexinol.yaml"))
     rng = np.random.default_rng(0)
     count = CALLS * ROUNDS
@@ -61,16 +101,24 @@ def main() -> int:
         # Readings that follow the command, else the supervisor would rightly switch off.
         nonlocal told
         a, noise_V = told.current_setting_A, readings[i].load_cell_voltage_V - 0.081
-        reading = Reading(
-            0.05 * i, a * float(resistance_Ohm[i] + 1.25) + noise_V, a + noise_V, 0.081 + noise_V, 0.015, 22.0
-        )
-        command = actuator.step(0.05 * i, reading, told).command
-        told = SupplyState(0.05 * i, command.current_A, command.output_on, 0.6, command.current_A)
+        voltage_V = a * float(resistance_Ohm[i] + 1.25)
+        reading = Reading(0.05 * i, voltage_V + noise_V, a + noise_V, 0.081 + noise_V, 0.015, 22.0)
+        shown_V = DIGIT_V * round(voltage_V / DIGIT_V)
+        command = actuator.step(0.05 * i, reading, SupplyState(0.05 * i, a, told.output_on, shown_V, a)).command
+        told = SupplyState(0.05 * i, command.current_A, command.output_on, shown_V, command.current_A)
+
+    currents, voltages = CurrentsApart(), VoltagesApart()
+
+    def apart(i: int) -> None:
+        a = readings[i].reference_voltage_V
+        currents.step(0.05 * i, a, a, a, 0.015)
+        voltages.step(0.05 * i, a, readings[i].supply_voltage_V, DIGIT_V * round(6.3 * a / DIGIT_V), 0.015)
 
     calls = {
         "simple-pid call": lambda i: peer(positions_m[i], dt=0.05),
         "controller": lambda i: controller.step(positions_m[i], setpoint_m, 0.05, 0.4),
         "chain": lambda i: chain.step(signals[i]),
+        "drift guards": apart,
         "actuator, all of it": whole,
     }
     seconds: dict[str, list[float]] = {name: [] for name in calls}
@@ -95,9 +143,7 @@ def main() -> int:
     )
     for name, row in rows.items():
         print(f"{name:22s} {row['us_per_call']:8.2f} µs   {row['ratio_to_simple_pid']:6.2f} × simple-pid")
-    if args.json:
-        args.json.write_text(json.dumps(rows, indent=2) + "\n")
-    return 0
+    return rows
 
 
 if __name__ == "__main__":

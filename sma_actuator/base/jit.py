@@ -18,12 +18,16 @@ import stat
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, MutableSequence
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 _log = logging.getLogger(__name__)
 Kernel = TypeVar("Kernel", bound=Callable)
+#: What :func:`floats` gives, mypy knows as this.
+Floats = MutableSequence[float]
 
 COMPILING = "compiling kernels"  #: how it is said that this is why nothing happens yet
 PLAIN = "runs as plain Python: it was not compiled before it had to be quick"
@@ -144,3 +148,9 @@ except ImportError:
     def inlined(function: Kernel) -> Kernel:
         """As :func:`jit`."""
         return function
+
+
+def floats(count: int) -> Floats:
+    """So many zeros for a kernel that is called in every step to remember in: a list where it is plain Python, which
+    takes a number out of an array far more slowly."""
+    return np.zeros(count) if COMPILED else [0.0] * count  # type: ignore[return-value]

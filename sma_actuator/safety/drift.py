@@ -7,15 +7,15 @@ or by readings.  So each reading is held against what was at each such time, and
 much its mean depends on that: where nothing moves, exactly, however seldom or irregularly the readings come.
 
 Both measure a voltage too, the supply with its own leads in it: what these drop is on a straight line over current.
+
+A reading is a row of numbers, and what is remembered lies in three rows of them, so that a kernel does a step.
 """
 
 from __future__ import annotations
 
-import bisect
-from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from math import inf, isfinite, nan, sqrt
+
+from sma_actuator.base.jit import Floats, floats, jit
 
 WINDOW_s = 1.0  #: over which both are averaged
 #: And over this, for a wire that is moved: some of its cycles; in half of it a drift of 0.4 % a second comes to 1.6 %.
@@ -33,180 +33,275 @@ _STEADY = 3  #: readings that show it
 _ROUNDING_s = 1e-6
 WIDER = 1.1  #: a current that is so much beyond those that were noted is noted as well
 
+#: What a row holds of a reading: its time, and the two of which one is late, or the other;
+_TIME, _ONE, _OTHER = 0, 1, 2
+#: what means are taken of: two quantities, the square of by how much it may be off since it is late by a reading,
+#: whether it is not the one before, shown again;
+_MEAN, _LATE, _NEW = 3, 5, 6
+#: and what the two have been, now and at each lag, by the clock and by readings.
+_BEEN, _EACH = 7, _LAGS + 1 + _BEHIND
+_ROW = _BEEN + 2 * _EACH
+_MEANS = _ROW - _MEAN
+#: What is remembered beside the rows: when the last reading came, the time between the last two, the share of it by
+#: which the last came early or late, since when there is no gap, how many rows there are and how many noted currents;
+_LAST_s, _USUAL_s, _ODD, _SINCE_s, _ROWS, _NOTED = range(6)
+#: and of either window its first row and the sums of what means are taken of.
+_FIRST, _SUMS = (6, 6 + 1 + _MEANS), (7, 7 + 1 + _MEANS)
+_STATE = _SUMS[1] + _MEANS
+_WINDOWS_s = (WINDOW_s, LONG_s)
+#: Of a noted current: itself, by how much it was above, and how exactly that is known.
+_POINT = 3
+#: Noted currents, and at first rows, that there is room for; each of the former is a tenth beyond the next: from 1 nA
+#: to 10 A they are 242.
+_ROOM = 256
 
-@dataclass(slots=True)
-class Past:
-    """What a quantity was, by the time until which it was so."""
 
-    lag_s: float
-    _all: deque[tuple[float, float]] = field(default_factory=deque)
+@jit
+def _begin(state: Floats, now_s: float) -> None:
+    """Take note of when a reading comes; where that has nothing to do with what was, since who stood still meanwhile is
+    not known, begin anew."""
+    apart_s = now_s - state[_LAST_s]
+    state[_LAST_s] = now_s
+    if state[_ROWS] > 0.0 and 0.0 <= apart_s <= min(state[_USUAL_s] + LAG_s, WINDOW_s):
+        state[_ODD] = min(abs(apart_s - state[_USUAL_s]) / max(state[_USUAL_s], _ROUNDING_s), 1.0)
+        state[_USUAL_s] = apart_s
+        return
+    state[_ROWS], state[_SINCE_s] = 0.0, now_s
+    for k in range(_FIRST[0], _STATE):
+        state[k] = 0.0
 
-    def clear(self) -> None:
-        """Forget it."""
-        self._all.clear()
 
-    def take(self, now_s: float, value: float) -> list[float]:
-        """What it is now and what it was at each lag, by the clock and by readings; the most of these is the last."""
-        past = self._all
-        past.append((now_s, value))
-        while len(past) > _BEHIND + 1 and past[1][0] < now_s - self.lag_s:
-            past.popleft()
-        out, at = [], len(past) - 1
-        for part in range(_LAGS + 1):
-            then_s = now_s - self.lag_s * part / _LAGS - _ROUNDING_s
-            while at > 0 and past[at - 1][0] >= then_s:
+@jit
+def _look_back(
+    rows: Floats, last: int, lag_s: float, sign_one: float, add_one: float, sign_other: float, add_other: float
+) -> None:
+    """What the two have been at each lag of the last row, each with its sign and with what is added."""
+    row, at = _ROW * last, last
+    for lag in range(_EACH):
+        if lag <= _LAGS:
+            then_s = rows[row + _TIME] - lag_s * lag / _LAGS - _ROUNDING_s
+            while at > 0 and rows[_ROW * (at - 1) + _TIME] >= then_s:
                 at -= 1
-            out.append(past[at][1])
-        return out + [past[max(-1 - behind, -len(past))][1] for behind in range(1, _BEHIND + 1)]
+        else:
+            at = max(last - (lag - _LAGS), 0)
+        rows[row + _BEEN + lag] = sign_one * rows[_ROW * at + _ONE] + add_one
+        rows[row + _BEEN + _EACH + lag] = sign_other * rows[_ROW * at + _OTHER] + add_other
 
 
-@dataclass(slots=True)
-class Means:
-    """Means of two quantities, and of what a third may have been, by how late it is told."""
-
-    window_s: float
-    samples: deque[tuple[float, ...]] = field(
-        default_factory=deque
-    )  #: time, both, (range)², whether new, and the third
-    now: list[float] = field(default_factory=list)
-    _sums: list[float] = field(default_factory=list)
-    _since_s: float = inf
-
-    def begin(self) -> None:
-        """What comes next has nothing to do with what was."""
-        self.samples.clear()
-
-    def take(self, now_s: float, both: list[float], third: list[float], late: float, is_new: bool = True) -> None:
-        """A reading, and what the third may have been.  ``late``: by so much may it be off since one reading is later
-        than others.  ``is_new``: not the one before, shown again."""
-        values = [*both, late * late, float(is_new), *third]
-        samples = self.samples
-        if not samples:
-            self._since_s, self._sums = now_s, [0.0] * len(values)
-        samples.append((now_s, *values))
-        sums = [total + value for total, value in zip(self._sums, values, strict=True)]
-        while now_s - samples[0][0] >= self.window_s:
-            sums = [total - gone for total, gone in zip(sums, samples.popleft()[1:], strict=True)]
-        self._sums, self.now = sums, [total / len(samples) for total in sums]
-
-    def among(self) -> tuple[float, float]:
-        """The third, and how exactly its mean is known: all readings may be late, each by something else at random."""
-        low, high = min(self.now[4:]), max(self.now[4:])
-        at_random = sqrt(max(0.0, self.now[2]) / max(1.0, self.now[3] * len(self.samples)))
-        return 0.5 * (low + high), 0.5 * (high - low + at_random)
-
-    def seen_s(self, now_s: float) -> float:
-        """For how long without a break."""
-        return now_s - self._since_s
+@jit
+def _add(rows: Floats, state: Floats, last: int) -> None:
+    """Let both windows end with the last row."""
+    row = _ROW * last
+    state[_ROWS] = last + 1.0
+    for window in range(2):
+        first = int(state[_FIRST[window]])
+        for k in range(_MEANS):
+            state[_SUMS[window] + k] += rows[row + _MEAN + k]
+        while rows[row + _TIME] - rows[_ROW * first + _TIME] >= _WINDOWS_s[window]:
+            for k in range(_MEANS):
+                state[_SUMS[window] + k] -= rows[_ROW * first + _MEAN + k]
+            first += 1
+        state[_FIRST[window]] = first
 
 
-@dataclass(slots=True)
-class Noted:
-    """By how much one measurement was above the other, by current, when it first flowed."""
-
-    #: What the difference may be by more for each ampere beyond a noted current, of that and its difference.
-    steep: Callable[[float, float], float]
-    #: Current, by how much it was above, and how exactly that is known, by current.
-    _all: list[tuple[float, float, float]] = field(default_factory=list)
-
-    def forget(self) -> None:
-        """Begin anew."""
-        self._all.clear()
-
-    def change(self, current_A: float, above: float) -> tuple[float, float]:
-        """What the difference has changed by, and how exactly that is known: between currents that were noted on a
-        straight line, beyond them the change that is worst."""
-        noted = self._all
-        after = bisect.bisect(noted, (current_A,))
-        if 0 < after < len(noted):
-            (low_A, low, low_vague), (high_A, high, high_vague) = noted[after - 1], noted[after]
-            way = (current_A - low_A) / (high_A - low_A)
-            return above - (low + way * (high - low)), low_vague + way * (high_vague - low_vague)
-        found = [(above - was, vague + self.steep(at_A, was) * abs(current_A - at_A)) for at_A, was, vague in noted]
-        return max(found, key=lambda each: abs(each[0]) - each[1], default=(nan, nan))
-
-    def note(self, current_A: float, above: float, vague: float, change: float, known: float) -> None:
-        """Note a current that is new, or a difference that is known more exactly than from those that were noted."""
-        noted = self._all
-        near = [each for each in noted if each[0] / WIDER <= current_A <= each[0] * WIDER]
-        is_new = not near and not (noted and noted[0][0] < current_A < noted[-1][0])
-        exact = vague < 0.5 * min((known, *(each[2] for each in near))) and abs(change) <= vague + known
-        if is_new or exact:
-            self._all = sorted([*(each for each in noted if each not in near), (current_A, above, vague)])
+@jit
+def _among(state: Floats, window: int) -> tuple[float, float, float, float]:
+    """Of a window the means of both quantities, and that of what may be late and how exactly that is known: all
+    readings may be late, each by something else at random."""
+    sums = _SUMS[window]
+    count = state[_ROWS] - state[_FIRST[window]]
+    low, high = inf, -inf
+    for k in range(_BEEN - _MEAN, _MEANS):
+        mean = state[sums + k] / count
+        low, high = min(low, mean), max(high, mean)
+    late, new = state[sums + _LATE - _MEAN] / count, state[sums + _NEW - _MEAN] / count
+    at_random = sqrt(max(0.0, late) / max(1.0, new * count))
+    return state[sums] / count, state[sums + 1] / count, 0.5 * (low + high), 0.5 * (high - low + at_random)
 
 
-def _by_scale(_: float, __: float) -> float:
-    return SCALE
+@jit
+def _judge(
+    state: Floats, noted: Floats, current: float, above: float, vague: float, drift: float, zero: float
+) -> tuple[float, float]:
+    """What the difference at a current has changed by, and what it may: between two currents that were noted on a
+    straight line, beyond them the change that is worst.
+
+    There the difference may be more by a scale of what is beyond, or, where a meter has a ``zero`` error, by the
+    resistance of leads that drop so much at the noted current, but for that.  What is within what it may is noted,
+    where the current is new, or where it is known more exactly than from those that were noted.
+    """
+    count = int(state[_NOTED])
+    change, known, below, beyond, is_near, exactest = nan, nan, -1, -1, False, inf
+    for i in range(count):
+        at, was, its_vague = noted[_POINT * i], noted[_POINT * i + 1], noted[_POINT * i + 2]
+        if at < current:
+            if below < 0 or at > noted[_POINT * below]:
+                below = i
+        elif beyond < 0 or at < noted[_POINT * beyond]:
+            beyond = i
+        if at / WIDER <= current <= at * WIDER:
+            is_near, exactest = True, min(exactest, its_vague)
+        steep = (abs(was) + zero) / at if zero > 0.0 else SCALE
+        its_change, its_known = above - was, its_vague + steep * abs(current - at)
+        if i == 0 or abs(its_change) - its_known > abs(change) - known:
+            change, known = its_change, its_known
+    if below >= 0 and beyond >= 0:
+        low, high = _POINT * below, _POINT * beyond
+        way = (current - noted[low]) / (noted[high] - noted[low])
+        change = above - (noted[low + 1] + way * (noted[high + 1] - noted[low + 1]))
+        known = noted[low + 2] + way * (noted[high + 2] - noted[low + 2])
+    allowed = known + drift + vague
+    if not vague <= drift or abs(change) > allowed:
+        return change, allowed
+    is_new = not is_near and (below < 0 or beyond < 0)
+    if is_new or (vague < 0.5 * min(known, exactest) and abs(change) <= vague + known):
+        kept = 0
+        for i in range(count):
+            if not noted[_POINT * i] / WIDER <= current <= noted[_POINT * i] * WIDER:
+                for k in range(_POINT):
+                    noted[_POINT * kept + k] = noted[_POINT * i + k]
+                kept += 1
+        if kept < _ROOM:
+            noted[_POINT * kept], noted[_POINT * kept + 1], noted[_POINT * kept + 2] = current, above, vague
+            state[_NOTED] = kept + 1.0
+    return change, allowed
 
 
-def _by_leads(current_A: float, above_V: float) -> float:
-    """Resistance [Ω] of leads that drop so much at this current, but for the zero error of a meter."""
-    return (abs(above_V) + ZERO_V) / current_A
+@jit
+def _steady(rows: Floats, state: Floats) -> tuple[bool, float, float]:
+    """Whether the current that is the first to flow stands in the eyes of the DAQ (it may flow for a moment only); the
+    supply's, and by how much the DAQ's is above it."""
+    first, end = int(state[_FIRST[0]]), int(state[_ROWS])
+    if end - first < _STEADY or rows[_ROW * (end - 1) + _TIME] - state[_SINCE_s] < LAG_s - _ROUNDING_s:
+        return False, nan, nan
+    low_A, high_A = inf, -inf
+    for i in range(first, end):
+        for k in range(_ROW * i + _BEEN, _ROW * (i + 1)):
+            low_A, high_A = min(low_A, rows[k]), max(high_A, rows[k])
+    lowest_A, highest_A, sum_A = inf, -inf, 0.0
+    for i in range(end - _STEADY, end):
+        daq_A = rows[_ROW * i + _MEAN]
+        lowest_A, highest_A, sum_A = min(lowest_A, daq_A), max(highest_A, daq_A), sum_A + daq_A
+    supply_A = 0.5 * (low_A + high_A)
+    return max(highest_A - lowest_A, high_A - low_A) <= STANDS_A, supply_A, sum_A / _STEADY - supply_A
 
 
-@dataclass(slots=True)
+@jit
+def _currents(
+    rows: Floats,
+    state: Floats,
+    noted: Floats,
+    now_s: float,
+    daq_A: float,
+    from_A: float,
+    to_A: float,
+    share: float,
+) -> tuple[float, float]:
+    """See :meth:`CurrentsApart.step`."""
+    _begin(state, now_s)
+    last = int(state[_ROWS])
+    row = _ROW * last
+    rows[row + _TIME], rows[row + _ONE], rows[row + _OTHER] = now_s, from_A, to_A
+    rows[row + _MEAN], rows[row + _MEAN + 1], rows[row + _NEW] = daq_A, daq_A, 1.0
+    _look_back(rows, last, LAG_s, 1.0, 0.0, 1.0, 0.0)
+    one, other = row + _BEEN, row + _BEEN + _EACH
+    late_A = max(abs(rows[one] - rows[one + _LAGS + 1]), abs(rows[other] - rows[other + _LAGS + 1]))  # by a reading
+    late_A *= sqrt(state[_ODD])  # as likely as it did not come when it usually does
+    rows[row + _LATE] = late_A * late_A
+    _add(rows, state, last)
+    seen_s = now_s - state[_SINCE_s]
+    change_A, allowed_A = nan, nan
+    if seen_s < WINDOW_s + LAG_s:
+        stands, supply_A, above_A = _steady(rows, state)
+        if stands:
+            return _judge(state, noted, supply_A, above_A, STANDS_A, share * supply_A + FLOOR_A, 0.0)
+        return change_A, allowed_A
+    for window in range(2):
+        if seen_s >= _WINDOWS_s[window] + LAG_s:
+            mean_A, _, supply_A, vague_A = _among(state, window)
+            drift_A = share * supply_A + FLOOR_A
+            change, allowed = _judge(state, noted, supply_A, mean_A - supply_A, vague_A, drift_A, 0.0)
+            if window == 0 or abs(change) - allowed > abs(change_A) - allowed_A:
+                change_A, allowed_A = change, allowed
+    return change_A, allowed_A
+
+
+@jit
+def _voltages(
+    rows: Floats,
+    state: Floats,
+    noted: Floats,
+    now_s: float,
+    current_A: float,
+    daq_V: float,
+    supply_V: float,
+    new: float,
+    digit_V: float,
+    share: float,
+) -> tuple[float, float]:
+    """See :meth:`VoltagesApart.step`."""
+    _begin(state, now_s)
+    last = int(state[_ROWS])
+    row = _ROW * last
+    rows[row + _TIME], rows[row + _ONE], rows[row + _OTHER] = now_s, daq_V, supply_V
+    rows[row + _MEAN], rows[row + _MEAN + 1], rows[row + _NEW] = current_A, supply_V, new
+    _look_back(rows, last, METER_LAG_s, 1.0, -supply_V, -1.0, daq_V)
+    late_V = 0.0
+    for one in (row + _BEEN, row + _BEEN + _EACH):
+        if new:
+            late_V = max(late_V, abs(rows[one] - rows[one + _LAGS + 1]))  # by a reading
+        else:  # a meter shows what it held
+            low_V, high_V = inf, -inf
+            for k in range(one, one + _EACH - 1):
+                low_V, high_V = min(low_V, rows[k]), max(high_V, rows[k])
+            late_V = max(late_V, high_V - low_V)
+    rows[row + _LATE] = late_V * late_V
+    _add(rows, state, last)
+    seen_s = now_s - state[_SINCE_s]
+    change_V, allowed_V = nan, nan
+    for window in range(2):
+        if isfinite(digit_V) and seen_s >= _WINDOWS_s[window] + METER_LAG_s:
+            at_A, mean_V, above_V, vague_V = _among(state, window)
+            vague_V += 0.5 * digit_V
+            change, allowed = _judge(state, noted, at_A, above_V, vague_V, share * mean_V + FLOOR_V, ZERO_V)
+            if window == 0 or abs(change) - allowed > abs(change_V) - allowed_V:
+                change_V, allowed_V = change, allowed
+    return change_V, allowed_V
+
+
 class Apart:
     """How far one measurement has come from another since both were first seen."""
 
-    lag_s: float  #: that the one may be behind the other
-    floor: float  #: of what is a drift, beside its share
-    steep: Callable[[float, float], float]
-    #: Over a second, and over longer.
-    means: tuple[Means, Means] = field(init=False, default_factory=lambda: (Means(WINDOW_s), Means(LONG_s)))
-    _noted: Noted = field(init=False)
-    _usual_s: float = field(init=False, default=WINDOW_s)  #: between the last two readings
-    _last_s: float = field(init=False, default=nan)
-    _odd: float = field(init=False, default=1.0)  #: share of the time between two by which the last came early or late
-
-    def __post_init__(self) -> None:
-        self._noted = Noted(self.steep)
+    def __init__(self) -> None:
+        self._rows = floats(_ROOM * _ROW)
+        self._left = _ROOM  #: rows that there is room for
+        self._state = floats(_STATE)
+        self._state[_LAST_s], self._state[_USUAL_s], self._state[_ODD] = nan, WINDOW_s, 1.0
+        self._noted = floats(_POINT * _ROOM)
 
     def pause(self) -> None:
         """Nothing can be compared now; what was noted stays."""
-        for means in self.means:
-            means.begin()
+        self._state[_ROWS] = 0.0
 
     def forget(self) -> None:
         """Begin anew."""
-        self.pause()
-        self._noted.forget()
+        self._state[_ROWS] = self._state[_NOTED] = 0.0
 
-    def begins(self, now_s: float) -> bool:
-        """Whether what comes with a reading now has nothing to do with what was: who stood still meanwhile is not
-        known."""
-        apart_s = now_s - self._last_s
-        self._last_s = now_s
-        if self.means[0].samples and 0.0 <= apart_s <= min(self._usual_s + LAG_s, WINDOW_s):
-            self._odd = min(abs(apart_s - self._usual_s) / max(self._usual_s, _ROUNDING_s), 1.0)
-            self._usual_s = apart_s
-            return False
-        self.pause()
-        return True
-
-    def judged(self, current_A: float, above: float, vague: float, may_drift: float) -> tuple[float, float]:
-        """What the difference at a current has changed by, and what it may."""
-        drift = may_drift + self.floor
-        change, known = self._noted.change(current_A, above)
-        allowed = known + drift + vague
-        if vague <= drift and not abs(change) > allowed:
-            self._noted.note(current_A, above, vague, change, known)
-        return change, allowed
-
-    def worst(self, now_s: float, of: Callable[[Means], tuple[float, float, float, float]]) -> tuple[float, float]:
-        """What is most beyond what it may, of the means that are full; NaN while none is.
-
-        ``of`` them: current, difference, how exactly that is known, and what may be a drift.
-        """
-        full = [self.judged(*of(each)) for each in self.means if each.seen_s(now_s) >= each.window_s + self.lag_s]
-        return max(full, key=lambda said: abs(said[0]) - said[1], default=(nan, nan))
+    def _make_room(self) -> None:
+        """For another row."""
+        if not self._left:
+            first = int(self._state[_FIRST[1]])
+            wanted = self._rows[_ROW * first : _ROW * int(self._state[_ROWS])]
+            self._rows = floats(max(len(self._rows), 2 * len(wanted)))
+            self._rows[: len(wanted)] = wanted
+            self._left = (len(self._rows) - len(wanted)) // _ROW
+            for k in (_ROWS, *_FIRST):
+                self._state[k] -= first
+        self._left -= 1
 
 
 class CurrentsApart(Apart):
     """How far the DAQ's current has come from the supply's since both were first seen."""
-
-    def __init__(self) -> None:
-        super().__init__(LAG_s, FLOOR_A, _by_scale)
-        self._from, self._to = Past(LAG_s), Past(LAG_s)
 
     def step(self, now_s: float, daq_A: float, from_A: float, to_A: float, share: float) -> tuple[float, float]:
         """What the DAQ's current has changed by against the supply's, which lies from ``from_A`` to ``to_A``, and what
@@ -214,43 +309,15 @@ class CurrentsApart(Apart):
 
         NaN until that is known.  ``share`` of the current may be a drift.
         """
-        if self.begins(now_s):
-            self._from.clear()
-            self._to.clear()
-        low, high = self._from.take(now_s, from_A), self._to.take(now_s, to_A)
-        late_A = max(abs(each[0] - each[-_BEHIND]) for each in (low, high))  # by a reading
-        late_A *= sqrt(self._odd)  # as likely as it did not come when it usually does
-        for means in self.means:
-            means.take(now_s, [daq_A, daq_A], low + high, late_A)
-        if self.means[0].seen_s(now_s) < WINDOW_s + LAG_s:
-            seen = self._steady(now_s)
-            return self.judged(*seen, share * seen[0]) if seen else (nan, nan)
-
-        def of(means: Means) -> tuple[float, float, float, float]:
-            supply_A, vague_A = means.among()
-            return supply_A, means.now[0] - supply_A, vague_A, share * supply_A
-
-        return self.worst(now_s, of)
-
-    def _steady(self, now_s: float) -> tuple[float, float, float] | None:
-        """The current that is the first to flow, by how much the DAQ's is above it, and how exactly that is known, once
-        the DAQ shows that it stands: it may flow for a moment only."""
-        samples = self.means[0].samples
-        latest = [sample[1] for sample in samples][-_STEADY:]
-        low_A, high_A = min(min(sample[5:]) for sample in samples), max(max(sample[5:]) for sample in samples)
-        stands = max(latest) - min(latest) <= STANDS_A and high_A - low_A <= STANDS_A
-        if not (stands and len(latest) == _STEADY and self.means[0].seen_s(now_s) >= LAG_s - _ROUNDING_s):
-            return None
-        supply_A = 0.5 * (low_A + high_A)
-        return supply_A, sum(latest) / _STEADY - supply_A, STANDS_A
+        self._make_room()
+        return _currents(self._rows, self._state, self._noted, now_s, daq_A, from_A, to_A, share)
 
 
 class VoltagesApart(Apart):
     """How far the DAQ's voltage has come from the supply's since both were first seen."""
 
     def __init__(self) -> None:
-        super().__init__(METER_LAG_s, FLOOR_V, _by_leads)
-        self._daq, self._supply = Past(METER_LAG_s), Past(METER_LAG_s)
+        super().__init__()
         self._latest_V, self._digit_V = nan, inf  # the supply's, and the least by which it has changed
 
     def step(self, now_s: float, current_A: float, daq_V: float, supply_V: float, share: float) -> tuple[float, float]:
@@ -262,23 +329,16 @@ class VoltagesApart(Apart):
         if is_new and isfinite(self._latest_V):
             self._digit_V = min(self._digit_V, abs(supply_V - self._latest_V))
         self._latest_V = supply_V
-        if self.begins(now_s):
-            self._daq.clear()
-            self._supply.clear()
-        supply_late = [was_V - supply_V for was_V in self._daq.take(now_s, daq_V)]
-        daq_late = [daq_V - was_V for was_V in self._supply.take(now_s, supply_V)]
-        both = supply_late, daq_late
-        if is_new:
-            late_V = max(abs(each[0] - each[-_BEHIND]) for each in both)  # by a reading
-        else:  # a meter shows what it held
-            late_V = max(max(each[:-1]) - min(each[:-1]) for each in both)
-        for means in self.means:
-            means.take(now_s, [current_A, supply_V], supply_late + daq_late, late_V, is_new)
-        if not isfinite(self._digit_V):
-            return nan, nan
-
-        def of(means: Means) -> tuple[float, float, float, float]:
-            above_V, vague_V = means.among()
-            return means.now[0], above_V, vague_V + 0.5 * self._digit_V, share * means.now[1]
-
-        return self.worst(now_s, of)
+        self._make_room()
+        return _voltages(
+            self._rows,
+            self._state,
+            self._noted,
+            now_s,
+            current_A,
+            daq_V,
+            supply_V,
+            float(is_new),
+            self._digit_V,
+            share,
+        )
