@@ -91,7 +91,8 @@ def status_of(
 ) -> Status:
     """The status of a step with these faults and limits."""
     fault = supervisor.latched
-    words = _WORDS_OF_MODE[commanding.mode]
+    mode = commanding.mode
+    words = _WORDS_OF_MODE[mode]
     if tuner.running is not None:
         words += f" ({tuner.words})"
     if fault is not None:
@@ -99,19 +100,20 @@ def status_of(
     elif faults:
         fault = gravest(faults)
         words = f"{words}: {fault.words} ({faults[fault]})"
-    shown = tuple(limit for limit in LIMITS.values() if limit in limits) if limits else ()
+    shown = [limit for limit in LIMITS.values() if limit in limits] if limits else []
     if fault is None and shown:
-        said = (
+        said = [
             f"{limit.words} {following.end_in_words}" if limit is SETPOINT_RANGE else limit.words for limit in shown
-        )
+        ]
         words = f"{words}: {', '.join(said)}"
+    heat = supervisor.heat
     # With the mode "off" no position is said, though the last reading may be of before the output went off:
     # this status stands for a while, and the wire moves.
-    known = commanding.is_driven and estimate.quality is not Quality.INVALID
+    known = mode is not Mode.OFF and estimate.quality is not Quality.INVALID
     return Status(
-        mode=commanding.mode,
+        mode=mode,
         fault=fault.name if fault is not None else "",
-        limits=tuple(limit.name for limit in shown),
+        limits=tuple([limit.name for limit in shown]),
         message=words,
         values={
             "displacement_m": estimate.displacement_m if known else nan,
@@ -121,9 +123,9 @@ def status_of(
             "power_W": signals.power_W,
             "load_N": signals.load_N,
             "stress_Pa": signals.stress_Pa,
-            "temperature_C": supervisor.heat.temperature_C,
-            "temperature_at_most_C": supervisor.heat.at_most_C,
-            "temperature_guessed_K": supervisor.heat.guessed_K,
+            "temperature_C": heat.temperature_C,
+            "temperature_at_most_C": heat.at_most_C,
+            "temperature_guessed_K": heat.guessed_K,
             "current_limit_A": limit_A,
             "limited_setpoint_m": following.limited_setpoint_m,
             "shortest_m": following.short_m,

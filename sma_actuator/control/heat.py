@@ -9,6 +9,7 @@ which one reading is averaged and answered, so a law that waits until it sees th
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import exp, inf, isfinite, nan, sqrt
 
 import numpy as np
@@ -45,8 +46,7 @@ class Wanted:
 
     def __init__(self, sections: LawSections):
         power = sections.calibration.power
-        self._cooling_C = np.array(power.transformation_cooling)
-        self._heating_C = np.array(power.transformation_heating)
+        self._cooling_C, self._heating_C = power.transformation_cooling, power.transformation_heating
         self._shift_K_Pa = power.transformation_shift
         self.slope_K = float(max(-np.ptp(self._cooling_C), -np.ptp(self._heating_C)))  #: per share, the flatter branch
         self.forget(1.0)
@@ -90,10 +90,10 @@ class Wanted:
         return cooling_C + self._side * (heating_C - cooling_C) + self._closed_K
 
 
-def _at(curve_C: np.ndarray, share: float) -> float:
+def _at(curve_C: Sequence[float], share: float) -> float:
     place = min(max(share, LOWEST_SHARE), HIGHEST_SHARE) * (len(curve_C) - 1)
     below = min(int(place), len(curve_C) - 2)
-    return float(curve_C[below] + (place - below) * (curve_C[below + 1] - curve_C[below]))
+    return curve_C[below] + (place - below) * (curve_C[below + 1] - curve_C[below])
 
 
 class Heat:

@@ -21,6 +21,7 @@ ALIKE = 2.0  #: motions are alike whose stiffness differs by less than this fact
 SWINGS = 3  #: so many that are alike say what a load does
 FOLLOWS = 0.1  #: share of the change of load that belongs to a motion below which the load stands
 STOOD = 2  #: motions, to and fro, that it has not followed
+_IMPROBABLE = -log(RARE)
 LATELY = 20  #: readings within which a hand hangs another load on a wire
 
 
@@ -37,13 +38,13 @@ class Repeats:
     def step(self, *values: float) -> bool:
         """Whether that is no chance any more."""
         equal, self._last = values == self._last, values
-        usual = (self._equal + 1) / (self._seen + 2)
-        if self._seen >= SEEN:
+        if self._seen >= SEEN and (equal or self._sum > 0.0):  # one that differs only takes from a sum
+            usual = (self._equal + 1) / (self._seen + 2)
             often = 1.0 - (1.0 - OFTEN) * (1.0 - usual)
             self._sum = max(0.0, self._sum + log(often / usual if equal else (1.0 - often) / (1.0 - usual)))
         self._seen += 1
         self._equal += equal
-        return self._sum > -log(RARE)
+        return self._sum > _IMPROBABLE
 
 
 @dataclass(slots=True)

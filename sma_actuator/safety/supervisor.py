@@ -174,7 +174,7 @@ class Supervisor:
         max_A, limit_A, derated_A = self.config.supply.max_current, self.limit_A(), self._derated_A()
         if late:
             limits.add(ANSWER_LATE)
-        if late or any(fault.action is Action.BIAS for fault in faults):
+        if late or (faults and any(fault.action is Action.BIAS for fault in faults)):
             limit_A = min(limit_A, self.config.supply.bias_current)
         if wanted_A >= derated_A < max_A:
             limits.add(TEMPERATURE_DERATING)

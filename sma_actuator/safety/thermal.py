@@ -252,10 +252,6 @@ class WireHeat:
         self._shown_loss = ShownLoss()
         self._least_loss_W_K = parameters.heat_loss / parameters.heat_loss_margin
 
-    def _above_coldest_K(self, parameters: ThermalParameters) -> float:
-        """By how much it can at most be hotter than the coldest surroundings."""
-        return self.at_most_C - (parameters.ambient_temperature - parameters.ambient_tolerance)
-
     @property
     def temperature_C(self) -> float:
         """The temperature with the heat loss of the parameters, and no more than its resistance says."""
@@ -297,10 +293,12 @@ class WireHeat:
         own_C = self._own.step(resistance_Ohm, load_N, dt_s, at_most_C, own_C, contracted_Ohm)
         self._most.temperature_C = min(at_most_C, shown_C, own_C)
         self._likely.temperature_C = min(self._likely.temperature_C, shown_C)
-        at_its_limit = self.at_most_C > parameters.max_temperature - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
-        shown_W_K = self._shown_loss.step(wire_W, dt_s, self._above_coldest_K(parameters), parameters)
+        most_C = self._most.temperature_C
+        at_its_limit = most_C > parameters.max_temperature - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
+        coldest_C = parameters.ambient_temperature - parameters.ambient_tolerance
+        shown_W_K = self._shown_loss.step(wire_W, dt_s, most_C - coldest_C, parameters)
         self._least_loss_W_K = max(loss_W_K / parameters.heat_loss_margin, SUDDENLY * shown_W_K)
-        self.cools = self.at_most_C >= transformed_C and (self.cools or at_its_limit)
+        self.cools = most_C >= transformed_C and (self.cools or at_its_limit)
 
     def power_limit_W(self, horizon_s: float, parameters: ThermalParameters) -> float:
         """Power that may flow on for ``horizon_s`` without anybody looking and leave the wire below max_temperature.

@@ -155,15 +155,17 @@ def measurements_disagree(step: Step) -> str:
     supply, reading, safety = step.supply, step.reading, step.config.safety
     if supply is None or reading is None:
         return ""
-    pairs = (
-        ("current", "A", supply.current_A, step.signals.current_A, safety.current_disagreement),
-        ("voltage", "V", supply.voltage_V, reading.supply_voltage_V, safety.voltage_disagreement),
-    )
-    differ = [pair for pair in pairs if step.told.output_on and not abs(pair[2] - pair[3]) <= pair[4]]
-    lasts_s = step.memory.lasts_s("measurements_disagree", bool(differ), step.now_s)
+    currents_differ = not abs(supply.current_A - step.signals.current_A) <= safety.current_disagreement
+    differ = currents_differ or not abs(supply.voltage_V - reading.supply_voltage_V) <= safety.voltage_disagreement
+    lasts_s = step.memory.lasts_s("measurements_disagree", differ and step.told.output_on, step.now_s)
     if not lasts_s >= safety.disagreement_time:
         return ""
-    what, unit, by_supply, by_daq, tolerance = differ[0]
+    if currents_differ:
+        what, unit, by_supply, by_daq = "current", "A", supply.current_A, step.signals.current_A
+        tolerance = safety.current_disagreement
+    else:
+        what, unit, by_supply, by_daq = "voltage", "V", supply.voltage_V, reading.supply_voltage_V
+        tolerance = safety.voltage_disagreement
     return (
         f"{what}: the supply measures {by_supply:.3g} {unit}, the DAQ {by_daq:.3g} {unit}, for {lasts_s:.3g} s; "
         f"safety.{what}_disagreement is {tolerance:g} {unit}"
