@@ -20,6 +20,12 @@ _MISSING = {
 _NUMBER = re.compile(r"[-+]?(?:\d+|\d{1,3}(?:[.,]\d{3})+)?(?:[.,]\d*)?(?:[eE][-+]?\d+)?")
 #: SCPI's numbers for a reading beyond the range and for none at all, whatever mark the rest of the file has.
 _NO_NUMBER = re.compile(r"[-+]?9[.,]91?0*e\+?37", re.IGNORECASE)
+_COMMA_IN_SECONDS = re.compile(r"(\d\d:\d\d:\d\d),(\d)")
+_DAY_FIRST = re.compile(r"^(\d{1,2})\.(\d{1,2})\.(\d{4})")
+_YEAR_FIRST = re.compile(r"^(\d{4})/(\d{1,2})/(\d{1,2})")
+_WHICH_FIRST = re.compile(r"^\d{1,2}/\d{1,2}/(?:\d{4}|\d\d)[ T,]+(?=\d{1,2}:)")
+_HALF_DAY = re.compile(r"(?<![:\d])(0?[1-9]|1[0-2])(:\d\d(?::\d\d(?:\.\d*)?)?) ?([AaPp])\.?[Mm]\.?$")
+_ONE_DIGIT_HOUR = re.compile(r"(^|[ T])(\d:)")
 _DAY_s = 86400.0
 _FEWEST_COLUMNS = 2  #: of a table that is looked for; a file of one has no time
 _UNFILLED = 1  #: columns at the end that no row has, as the comments of LabVIEW
@@ -80,12 +86,19 @@ def number(text: str, mark: str) -> float:
 
 
 def moment(text: str) -> Moment | None:
-    """A date, or a time of day, of ISO 8601 or written as ``31.12.2026 23:59:59,9``; None where it is neither."""
-    text = re.sub(r"(\d\d:\d\d:\d\d),(\d)", r"\1.\2", text.strip())
-    text = re.sub(r"^(\d{1,2})\.(\d{1,2})\.(\d{4})", lambda d: f"{d[3]}-{int(d[2]):02}-{int(d[1]):02}", text)
+    """A date, or a time of day, of ISO 8601 or as people and spreadsheets write it; None where it is neither.
+
+    ``31.12.2026 23:59:59,9``, ``2026/12/31 23:59:59.9``, ``11:59:59.9 PM``.  Of ``12/11/2026 23:59:59`` it is the time
+    of day: nobody knows whether the month or the day comes first, and a log that goes on past midnight needs neither.
+    """
+    text = _COMMA_IN_SECONDS.sub(r"\1.\2", text.strip())
+    text = _DAY_FIRST.sub(lambda d: f"{d[3]}-{int(d[2]):02}-{int(d[1]):02}", text)
+    text = _YEAR_FIRST.sub(lambda d: f"{d[1]}-{int(d[2]):02}-{int(d[3]):02}", text)
+    text = _WHICH_FIRST.sub("", text)
+    text = _HALF_DAY.sub(lambda t: f"{int(t[1]) % 12 + 12 * (t[3] in 'Pp'):02}{t[2]}", text)
     for kind in (datetime.datetime, datetime.time):
         try:
-            return kind.fromisoformat(text)
+            return kind.fromisoformat(_ONE_DIGIT_HOUR.sub(r"\g<1>0\2", text))
         except ValueError:
             pass
     return None
