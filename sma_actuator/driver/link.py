@@ -3,9 +3,8 @@ not."""
 
 from __future__ import annotations
 
-import contextlib
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 from sma_actuator.instruments import (
@@ -60,12 +59,12 @@ class Link:
         so_far_s, since_s, most_s = self._waits
         return so_far_s if math.isnan(since_s) else so_far_s + min(self._now_s() - since_s, most_s)
 
-    @contextlib.contextmanager
-    def _waiting(self, most_s: float) -> Iterator[None]:
-        """What lasts longer than ``most_s`` is not the instrument's: the program stood still, or its library does."""
+    def _waited_for(self, question: Callable[[], Any], most_s: float) -> Any:
+        """Its answer.  What lasts longer than ``most_s`` is not the instrument's: the program stood still, or its
+        library does."""
         self._waits = self._waits[0], self._now_s(), most_s
         try:
-            yield
+            return question()
         finally:
             self._waits = self.waited_s(), math.nan, most_s
 
@@ -78,8 +77,7 @@ class Link:
             return None
         began_s = self._now_s()
         try:
-            with self._waiting(self._timeout_s if most_s is None else most_s):
-                answer = question()
+            answer = self._waited_for(question, self._timeout_s if most_s is None else most_s)
         except InstrumentLate as error:
             if error.asked_s != self._owed:
                 self._owed, self._owed_since_s = error.asked_s, began_s
@@ -132,8 +130,7 @@ class Link:
             return
         self._wait_s = min(self._longest_wait_s, max(_SHORTEST_WAIT_s, 2.0 * self._wait_s))
         try:
-            with self._waiting(math.inf):
-                self.instrument.open()
+            self._waited_for(self.instrument.open, math.inf)
         except InstrumentUnreachable as error:
             self._note(error)
             self._wait_s, quiet_s = min(self._wait_s, unheard_s), 0.0
