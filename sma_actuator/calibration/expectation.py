@@ -30,7 +30,6 @@ from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain, Estimates
 from sma_actuator.estimation.models.whole_range import (
     DIRECT,
-    PLAYS_K,
     PLAYS_OF_RANGE,
     features_all,
     usual_heat_balance,
@@ -40,6 +39,7 @@ from sma_actuator.logs.experiments import Experiment
 
 UNITS = 240  #: bends, of SEEN_TOGETHER of the features each
 SEEN_TOGETHER = 3
+PLAYS_K = (1.5, 3.0, 5.0, 8.0, 12.0)  #: half-widths; with others, what was learned in files that exist means nothing
 FEATURES = DIRECT + len(PLAYS_K) + len(PLAYS_OF_RANGE) + 2  #: with the model's displacement and the branch
 RIDGE = 1e-3  #: per row
 SIZE_BETWEEN = (0.3, 3.0)  #: of its mean: what a floor is at the places and with the histories that were seen

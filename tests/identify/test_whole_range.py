@@ -170,7 +170,7 @@ def test_the_same_logs_give_the_same_numbers_and_a_file_keeps_them(whole, flexin
     signals = make_experiment(unseen[0], read).signals
     assert np.array_equal(Chain(read).run(signals).displacement_m, Chain(whole.config).run(signals).displacement_m)
     count = sum(len(v) for v in whole.mapping["model"].values() if isinstance(v, (list, tuple)))
-    assert count < 900  # three learners of sixteen units: docs/whole_range.md says some 850
+    assert 850 < count < 950  # three learners of sixteen units: docs/whole_range.md says some 900
 
 
 def test_identify_says_which_model_it_would_take_and_why(whole):

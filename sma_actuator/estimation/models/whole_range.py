@@ -51,7 +51,9 @@ CURVE_TERMS = 10  #: of a quadratic in them
 ) = range(8)
 THERMAL = 8  #: numbers of the heat balance, in this order
 NARROW = 2  #: so many of the plays in temperature, the first, are shifted by stress as the narrow loop is
-PLAYS_K = (1.5, 3.0, 5.0, 8.0, 12.0)  #: half-widths; loops of Ni-Ti and Ni-Ti-Cu are 4 to 25 K wide
+#: Half-widths; loops of Ni-Ti and Ni-Ti-Cu are 4 to 25 K wide, and where the wire lies in one, with an intermediate
+#: phase on the way, shows only where the widest play is wider than the way back through it.
+PLAYS_K = (1.5, 3.0, 5.0, 8.0, 12.0, 18.0)
 PLAYS_OF_RANGE = (0.03, 0.10, 0.25)  #: half-widths of the plays in resistance, as shares of its range
 #: What is known of wires before a log is seen: time constant (share of C/h), growth of the loss, λ_R (K per range of
 #: R), λ_X (latent over specific heat, 20 to 35 K), λ_θ, 1/slopes (K/MPa).
