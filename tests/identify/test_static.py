@@ -71,8 +71,9 @@ def test_too_few_points_and_no_time_at_all_are_refused_in_a_sentence(tmp_path, c
     words = ["identify", str(table), *WORDS, *WIRE, "--out", str(tmp_path / "m.yaml")]
     assert main([*words, "--static", "10"]) == 1
     assert "at least 8 are wanted" in capsys.readouterr().err
-    assert main([*words, "--static", "-1"]) == 1
-    assert "seconds from one point to the next" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main([*words, "--static", "-1"])
+    assert "-1' is not a number from 0 to 86400" in capsys.readouterr().err
     assert main(words) == 1  # without --static it is a log without times
     assert "time_s" in capsys.readouterr().err
 
