@@ -21,10 +21,11 @@ from sma_actuator.calibration.expectation import correlation_time_s
 from .analysis import quantities
 from .evidence import Evidence
 from .limits import LIMITS
-from .witnesses import Prediction
+from .witnesses import WITNESSES, Prediction
 
-#: Of what an effect moves, smoothly over the place: how far off its form may be, each as likely.
-FORMS = (0.0, 0.05, 0.15)
+#: Of what an effect moves, smoothly over the place: how far off its form may be, each as likely …
+FORMS = (0.0, 0.05, 0.1)
+NEARLY = 0.2  #: … and how far off that of something else is that only looks like it
 KNOTS = 6  #: of the hat functions over each quantity, at its quantiles
 FEWER = 4  #: of those that are asked at each place
 #: What a model's errors go with, beside the place and the branch.
@@ -61,7 +62,6 @@ class SmoothErrors:
         witness = evidence.witness_of_row[samples:]
         self._offsets = np.equal.outer(witness, np.unique(witness)).astype(float)
         when = 2.0 * evidence.unit_of_row[samples:] / max(evidence.units - 1, 1) - 1.0
-        self._drifts = np.column_stack((self._offsets, self._offsets * when[:, None]))
         #: Of a model on any session, shape (rows, …).
         self.repeating = self._columns(np.column_stack(repeating), self._offsets)
         self._place = self._columns(np.column_stack(repeating[:2]), self._offsets)
@@ -69,8 +69,13 @@ class SmoothErrors:
         alone["place"] = np.column_stack(repeating[:2])
         with_place = {name: _hats(found[name], FEWER) for name in WITH_PLACE if name in found}
         alone |= {f"place and {name}": _products(place, hats) for name, hats in with_place.items()}
-        #: Of a session in which something has happened that has no name: what it may go with, and these.
-        self.new = {name: self._columns(columns, self._drifts) for name, columns in alone.items() if columns.shape[1]}
+        still, nothing = np.zeros((len(witness), 0)), np.zeros((samples, 0))
+        #: Of a session in which something has happened that has no name: what it may go with, or in which of the other
+        #: witnesses alone it drifts; and these.
+        self.new = {name: self._columns(columns, still) for name, columns in alone.items() if columns.shape[1]}
+        for k in np.unique(witness):
+            of_it = (witness == k)[:, None]
+            self.new[WITNESSES[k]] = self._columns(nothing, of_it * np.column_stack((np.ones(len(when)), when)))
 
     def as_one(self, evidence: Evidence, rows: np.ndarray) -> float:
         """How many readings that the calibration has as independent share their error here; at least one.

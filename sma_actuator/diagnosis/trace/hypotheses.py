@@ -2,8 +2,9 @@
 something else.
 
 An effect moves the rows of the evidence by its sizes and shapes, of which something is known before the logs, and has
-its form but nearly; *something else* moves them by smooth errors that are larger than a model's usual ones and go with
-more (Kennedy and O'Hagan 2001).  The evidence of each is Laplace's at its likeliest parameters (Kass and Raftery 1995).
+its form, or very nearly; *something else* moves them by smooth errors that are larger than a model's usual ones and go
+with more, or looks like an effect and has another form (Kennedy and O'Hagan 2001).  The evidence of each is Laplace's
+at its likeliest parameters (Kass and Raftery 1995).
 """
 
 from __future__ import annotations
@@ -20,16 +21,16 @@ from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.fleet import spread
 
 from .candidates import Candidate
-from .covariance import FORMS, Covariance, SmoothErrors
+from .covariance import FORMS, NEARLY, Covariance, SmoothErrors
 from .evidence import Evidence
-from .likeliest import Likeliest, likeliest
+from .likeliest import Likeliest, beside, likeliest
 from .limits import LIMITS
 
 NOTHING, SOMETHING_ELSE = "nothing", "something else"
 LARGER = (3.0, 10.0, 30.0)  #: σ: how large the smooth errors of something else may be, each as likely
-LEADERS = 4  #: best single effects that are held in pairs with every other
+LEADERS = 2  #: best single effects that are sketched in pairs with every other
 BESIDE = 2  #: best single effects that something else is held beside
-IN_EARNEST, WITHIN = 4, math.log(100.0)  #: pairs that are fitted; as far as they come so near to the best, in nats
+IN_EARNEST = 5  #: pairs that are fitted, at the most
 NEAR_SIZE, NEAR_SHAPE = 0.01, 0.05  #: of what is possible, so near its end counts as at it: a shape comes there slowly
 
 #: What tracing is doing, and how far it is, from 0 to 1.
@@ -47,8 +48,11 @@ class Hypothesis:
     found: Likeliest | None = None  #: None of nothing and of something else
     covariance: Covariance | None = None  #: the likeliest of those that its effects may have
     objection: str = ""  #: why it is none, whatever its evidence: a parameter at the end of the possible
-    #: Of something else: what it goes with, and how probably.
+    nearly: float = -math.inf  #: log_evidence of something else that looks like these effects
+    #: Of something else: what it goes with or drifts in, and how probably …
     goes_with: Mapping[str, float] = field(default_factory=dict)
+    #: … and which effect it looks like.
+    looks_like: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def fitted(self) -> Likeliest:
@@ -77,61 +81,64 @@ class Rows:
         columns = (LIMITS.smooth * self.smooth.repeating, *more) if self.smooth is not None else ()
         return Covariance(*columns, as_one=self.as_one)
 
-    def of(self, found: Likeliest) -> list[Covariance]:
-        """Covariances where some effects have happened whose form is known but nearly, each as likely."""
+    def of(self, found: Likeliest, shares: Sequence[float] = FORMS) -> list[Covariance]:
+        """Covariances where some effects have happened whose form is off by these ``shares`` of what they move."""
         if self.smooth is None:
             return [self.usual]
         moved = self.evidence.off(self.evidence.predict(found.effects)) - self.off
         off = self.smooth.of_form(moved)
-        return [self._covariance(share * off) if share else self.usual for share in FORMS]
+        return [self._covariance(share * off) if share else self.usual for share in shares]
 
     def nothing(self) -> Hypothesis:
         """Nothing has happened."""
         likelihood, by_row = _likelihood(self.usual, self.plain)
         return Hypothesis((NOTHING,), likelihood, likelihood, by_row)
 
-    def something_else(self, beside: Sequence[Hypothesis] = (), number: int = 1) -> Hypothesis:
-        """Something has that is none of the effects: alone, or, as likely, beside one of ``number`` effects.
+    def something_else(self, effects: Sequence[Hypothesis] = ()) -> Hypothesis:
+        """Something has that is none of the ``effects``: alone, beside one or looking like one of them, each as likely.
 
-        ``beside``: those of them that are the best; the others add nothing.  Raises ValueError without smooth errors.
+        Of those that it may be beside the best few count; the others add nothing.  Raises ValueError without smooth
+        errors.
         """
         if self.smooth is None:
             raise ValueError("without smooth errors there is nothing that something else could be")
         by_what: dict[str, list[float]] = {}
-        alone = []
+        alone, number = [], len(effects)
+        possible = [one for one in effects if not one.objection]
+        best_few = sorted(possible, key=lambda one: -one.log_evidence)[:BESIDE]
         for what, columns in self.smooth.new.items():
             for size in LARGER:
                 covariance = self._covariance(size * columns)
                 alone.append(_likelihood(covariance, self.plain))
                 evidence = alone[-1][0]
-                if beside:
-                    with_one = [one.fitted.log_evidence(covariance) for one in beside]
+                if best_few:
+                    with_one = [one.fitted.log_evidence(covariance) for one in best_few]
                     evidence = _mean([evidence, float(np.logaddexp.reduce(with_one)) - math.log(number)])
                 by_what.setdefault(what, []).append(evidence)
-        evidence = _mean([one for each in by_what.values() for one in each])
-        goes_with = {what: float(np.exp(_mean(each) - evidence)) / len(by_what) for what, each in by_what.items()}
+        smooth = math.log(2.0 / 3.0 if possible else 1.0)
+        parts = {what: _mean(each) - math.log(len(by_what)) + smooth for what, each in by_what.items()}
+        like = {" and ".join(one.names): one.nearly - math.log(3.0 * number) for one in possible}
+        evidence = float(np.logaddexp.reduce([*parts.values(), *like.values()]))
+        goes_with, looks_like = ({k: math.exp(v - evidence) for k, v in some.items()} for some in (parts, like))
         best = max(alone, key=lambda one: one[0])
-        return Hypothesis((SOMETHING_ELSE,), evidence, *best, goes_with=goes_with)
+        return Hypothesis((SOMETHING_ELSE,), evidence, *best, goes_with=goes_with, looks_like=looks_like)
 
     def effects(
         self, candidates: Sequence[Candidate], known: Mapping[str, Mapping[str, float]] | None = None
     ) -> Hypothesis:
         """These effects have, together; ``known``: parameters of some of them, to start from."""
         found = likeliest(self.evidence, candidates, self.usual, known)
-        covariances = self.of(found)
+        covariances = self.of(found, (*FORMS, NEARLY))
         evidence = [found.log_evidence(covariance) for covariance in covariances]
-        best = covariances[int(np.argmax(evidence))]
+        its_own = evidence[: len(FORMS)]
+        best = covariances[int(np.argmax(its_own))]
         likelihood, by_row = _likelihood(best, found.rows)
         names = tuple(c.name for c in candidates)
-        return Hypothesis(names, _mean(evidence), likelihood, by_row, found, best, objection(found))
+        return Hypothesis(names, _mean(its_own), likelihood, by_row, found, best, objection(found), nearly=evidence[-1])
 
-    def sketch(self, first: Hypothesis, others: Sequence[Hypothesis]) -> list[float]:
-        """About the logarithms of the evidence of one effect with each of some others: by one linear step from it.
-
-        Minus infinity where that asks for what is not possible.
-        """
-        covariances = self.of(first.fitted)
-        return [_mean([_beside(first.fitted, other.fitted, one) for one in covariances]) for other in others]
+    def sketches(self, first: Likeliest, others: Sequence[Likeliest]) -> list[float]:
+        """About the logarithms of the evidence of some effects with each of others, which are known alone."""
+        return [beside(first, other, self.usual) for other in others]
 
 
 def _mean(logarithms: Sequence[float]) -> float:
@@ -143,21 +150,6 @@ def _likelihood(covariance: Covariance, rows: np.ndarray) -> tuple[float, np.nda
     """Its logarithm, and each row's part of the squares."""
     by_row = rows * covariance.whiten(covariance.whiten(rows))
     return covariance.log_likelihood(float(np.sum(by_row))), by_row
-
-
-def _beside(first: Likeliest, other: Likeliest, covariance: Covariance) -> float:
-    p, q = first.problem, other.problem
-    rows, slopes = covariance.whiten(first.rows), covariance.whiten(np.column_stack((first.slopes, other.slopes)))
-    spread = np.concatenate((p.spread, q.spread))
-    off = np.concatenate(((first.u - p.usual) / p.spread, np.zeros(len(q.spread))))
-    information = (slopes.T @ slopes) * np.outer(spread, spread) + np.eye(len(off))
-    step = -np.linalg.solve(information, spread * (slopes.T @ rows) + off)
-    there = q.usual + step[len(p.spread) :] * q.spread
-    if np.any((there < q.low) | (there > q.high)):
-        return -np.inf
-    squares = float(np.sum((rows + slopes @ (step * spread)) ** 2))
-    known = 0.5 * float(np.sum((off + step) ** 2))
-    return covariance.log_likelihood(squares) - known - 0.5 * float(np.linalg.slogdet(information)[1])
 
 
 def singles(
@@ -181,37 +173,27 @@ def _tried(rows: Rows, calls: Sequence[tuple], jobs: int, progress: Progress, wh
 
 
 def pairs(rows: Rows, alone: Sequence[Hypothesis], jobs: int, progress: Progress) -> list[tuple[float, Hypothesis]]:
-    """Two effects at once, with what each had before the logs: the best few single ones with every other.
+    """Two effects at once, with what each had before the logs: the best two single ones with every other.
 
-    Before the logs any two were as likely.  Each of these few is sketched, and those that come near to the best are
-    fitted; none is the best by a sketch alone.  One that happens once is fitted beside the best single one whatever its
-    sketch: when it was, it was looked for alone.
+    Before the logs any two were as likely.  Each of these is sketched, and of those that do better than the best single
+    one the best few are fitted.  One that happens once is fitted beside the best single one whatever its sketch: when
+    it was, it was looked for alone.
     """
     ranked = sorted(alone, key=lambda one: -one.log_evidence)
+    leading = [(first, ranked[position + 1 :]) for position, first in enumerate(ranked[:LEADERS])]
     sketched: list[tuple[float, Hypothesis, Hypothesis]] = []
-    for position, first in enumerate(ranked[:LEADERS]):
-        others = ranked[position + 1 :]
-        sketched += zip(rows.sketch(first, others), [first] * len(others), others, strict=True)
+    with spread(jobs) as run:
+        calls = [(rows.sketches, (first.fitted, [other.fitted for other in others])) for first, others in leading]
+        for (first, others), found in zip(leading, run(calls), strict=True):
+            sketched += zip(found, [first] * len(others), others, strict=True)
     sketched.sort(key=lambda one: -one[0])
-    if not sketched:
-        return []
-    best = max(ranked[0].log_evidence, sketched[0][0])
-    near, rest = [], []
-    for number, (evidence, first, other) in enumerate(sketched):
-        once = first is ranked[0] and any(c.scanned for c in other.fitted.candidates)
-        if once or (number < IN_EARNEST and evidence > best - WITHIN):
-            near.append((first, other))
-        elif evidence > -np.inf:
-            rest.append((evidence, first, other))
-    out = list(_tried(rows, [_together(*two) for two in near], jobs, progress, "pairs"))
-    kept = [one for one in (*alone, *out) if not one.objection]
-    for evidence, a, b in rest:
-        names, objected = (*a.names, *b.names), a.objection or b.objection
-        if objected or any(one.log_evidence >= evidence for one in kept):
-            out.append(Hypothesis(names, evidence, evidence, np.zeros(0), objection=objected))
-            continue
-        out.append(rows.effects(*_together(a, b)))
-        kept += [] if out[-1].objection else [out[-1]]
+    better = [(first, other) for evidence, first, other in sketched if evidence > ranked[0].log_evidence][:IN_EARNEST]
+    better += [
+        (first, other)
+        for _, first, other in sketched
+        if first is ranked[0] and any(c.scanned for c in other.fitted.candidates) and (first, other) not in better
+    ]
+    out = _tried(rows, [_together(*two) for two in better], jobs, progress, "pairs")
     return [(LIMITS.rare / math.comb(len(alone), 2), one) for one in out]
 
 

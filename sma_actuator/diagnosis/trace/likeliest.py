@@ -6,7 +6,7 @@ effect before the logs: a size is some times what is typical, a shape is somewhe
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -129,22 +129,65 @@ class Likeliest:
         """The effects, for a chain."""
         return self.problem.effects(self.u)
 
-    def _information(self, slopes: np.ndarray) -> np.ndarray:
-        """What whitened rows and what was known say of the parameters, in what was known."""
-        spread = self.problem.spread
-        return (slopes.T @ slopes) * np.outer(spread, spread) + np.eye(len(spread))
-
     def log_evidence(self, covariance: Covariance) -> float:
         """Laplace's logarithm of the evidence, after one more linear step under this covariance."""
         p = self.problem
-        rows, slopes = covariance.whiten(self.rows), covariance.whiten(self.slopes)
         off = (self.u - p.usual) / p.spread
-        information = self._information(slopes)
-        step = -np.linalg.solve(information, slopes.T @ rows * p.spread + off)
-        step = np.clip(step * p.spread, -1.0, 1.0)
-        squares = float(np.sum((rows + slopes @ step) ** 2))
-        known = float(np.sum((off + step / p.spread) ** 2))
-        return covariance.log_likelihood(squares) - 0.5 * known - 0.5 * float(np.linalg.slogdet(information)[1])
+        return laplace(covariance, self.rows, self.slopes, off, p.spread, lambda step: np.clip(step, -1.0, 1.0))
+
+
+def laplace(
+    covariance: Covariance,
+    rows: np.ndarray,
+    slopes: np.ndarray,
+    off: np.ndarray,
+    spread: np.ndarray,
+    possible: Callable[[np.ndarray], np.ndarray],
+) -> float:
+    """Laplace's logarithm of the evidence, after one linear step of the parameters.
+
+    ``off``: how far these are from what was likeliest before the logs, in its standard deviations ``spread``;
+    ``possible``: of a step, what of it can be gone.
+    """
+    rows, slopes = covariance.whiten(rows), covariance.whiten(slopes) * spread
+    information = slopes.T @ slopes + np.eye(len(off))
+    step = possible(-np.linalg.solve(information, slopes.T @ rows + off) * spread) / spread
+    squares = float(np.sum((rows + slopes @ step) ** 2))
+    known = float(np.sum((off + step) ** 2))
+    return covariance.log_likelihood(squares) - 0.5 * known - 0.5 * float(np.linalg.slogdet(information)[1])
+
+
+def beside(first: Likeliest, alone: Likeliest, covariance: Covariance) -> float:
+    """About the logarithm of the evidence of some effects with one more, by one linear step from where they are
+    likeliest.
+
+    ``alone``: where the other is likeliest alone.  Each of its shapes is tried, and that: beside another effect it may
+    have another shape than alone, where it had to take that one's part too.
+    """
+    (other,) = alone.candidates
+    problem = Problem(first.problem.evidence, (*first.candidates, other))
+    problem.scanned = {**first.problem.scanned, **alone.problem.scanned}
+    known = len(first.u)
+    guesses = [np.concatenate((first.u, problem.usual[known:]))]
+    for i in np.flatnonzero(~problem.is_size[known:]) + known:
+        guesses += [_with(guesses[0], i, problem.slots[i][1].to_unit(s)) for s in problem.slots[i][1].starts[1:]]
+    guesses.append(np.concatenate((first.u, np.where(problem.is_size[known:], 0.0, alone.u))))
+    sizes = np.flatnonzero(problem.is_size[known:]) + known
+    free = np.append(np.arange(known), sizes)
+    found = []
+    for guess in guesses:
+        rows = first.rows if len(sizes) else problem.residual(guess)
+        columns = [first.slopes]
+        for i in sizes:
+            probe = PROBE if problem.high[i] >= PROBE else -PROBE
+            columns.append((problem.residual(_with(guess, i, probe)) - rows)[:, None] / probe)
+
+        def possible(step: np.ndarray, at: np.ndarray = guess) -> np.ndarray:
+            return np.clip(at[free] + step, problem.low[free], problem.high[free]) - at[free]
+
+        off = ((guess - problem.usual) / problem.spread)[free]
+        found.append(laplace(covariance, rows, np.column_stack(columns), off, problem.spread[free], possible))
+    return max(found)
 
 
 @dataclass(slots=True)

@@ -47,6 +47,7 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
         "names": tracing.names,
         "probable": tracing.probabilities.by_name,
         "something_else_goes_with": _goes_with(tracing),
+        "something_else_looks_like": _looks_like(tracing),
         "probabilities": [
             {"hypothesis": list(names), "probability": share} for names, share in tracing.probabilities.of.items()
         ],
@@ -124,6 +125,8 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
         text += f" By its form it goes with {' or '.join(f'{what} ({share:.0%})' for what, share in with_it)}."
     likely = [n for n in tracing.probabilities.by_name if n not in NO_NAMES][:MOST_NAMES]
     if tracing.probabilities.best[0] in NO_NAMES:
+        like = [f"{name} ({share:.0%})" for name, share in _looks_like(tracing).items() if share >= DEPENDS]
+        text += f" It looks like {' or '.join(like)}, but has not quite that form." if like else ""
         text += " Something else than any of them is the most probable"
     else:
         text += f" No {MOST_NAMES} names together are probable enough"
@@ -143,6 +146,12 @@ def _goes_with(tracing: Tracing) -> dict[str, float]:
     """What something else would go with, the most probable first; nothing where that was not asked."""
     found = tracing.hypotheses.get((SOMETHING_ELSE,))
     return dict(sorted(found.goes_with.items(), key=lambda item: -item[1])) if found else {}
+
+
+def _looks_like(tracing: Tracing) -> dict[str, float]:
+    """Which effects something else would look like, likewise."""
+    found = tracing.hypotheses.get((SOMETHING_ELSE,))
+    return dict(sorted(found.looks_like.items(), key=lambda item: -item[1])) if found else {}
 
 
 def _words(what: str) -> str:

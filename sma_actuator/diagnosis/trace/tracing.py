@@ -15,7 +15,7 @@ from sma_actuator.logs.errors import BenchLogError
 from .candidates import Candidate, candidate, scales_of, untestable
 from .evidence import Evidence
 from .fitting import Fit, fit_of
-from .hypotheses import BESIDE, Hypothesis, Progress, Rows, pairs, singles
+from .hypotheses import Hypothesis, Progress, Rows, pairs, singles
 from .limits import LIMITS
 from .probability import NO_NAMES, Probabilities, weighed
 from .witnesses import Prediction
@@ -109,11 +109,10 @@ def _field(evidence: Evidence, only: Sequence[str], without: Sequence[str]) -> t
 
 
 def _without_a_name(rows: Rows, alone: Sequence[Hypothesis]) -> list[tuple[float, Hypothesis]]:
-    """Nothing, and something else where that can be, alone or beside one of the effects."""
+    """Nothing, and something else where that can be."""
     found = [(LIMITS.nothing, rows.nothing())]
     if rows.smooth is not None:
-        best = sorted(alone, key=lambda one: -one.log_evidence)[:BESIDE]
-        found.append((LIMITS.rare, rows.something_else(best, max(len(alone), 1))))
+        found.append((LIMITS.rare, rows.something_else(alone)))
     return found
 
 

@@ -41,10 +41,9 @@ class Why:
 
 
 def whys(evidence: Evidence, tracing: Tracing) -> list[Why]:
-    """Of every hypothesis that was reckoned in full, and every name that could not be: the most probable first."""
-    fitted = [one for one in tracing.hypotheses.values() if len(one.by_row)]
+    """Of every hypothesis, and every name that could not be: the most probable first."""
     best = tracing.hypotheses[tracing.probabilities.best]
-    found = [_why(evidence, tracing, one, best) for one in fitted]
+    found = [_why(evidence, tracing, one, best) for one in tracing.hypotheses.values()]
     found.sort(key=lambda why: (why.answer != GIVEN, -why.nats))
     none = [Why((n,), UNTESTABLE, f"{text}.", 0.0, None, -math.inf, {}, ()) for n, text in tracing.untestable.items()]
     return found + none

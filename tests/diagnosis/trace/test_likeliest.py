@@ -6,7 +6,7 @@ import pytest
 from sma_actuator.diagnosis.trace.candidates import Candidate
 from sma_actuator.diagnosis.trace.covariance import Covariance
 from sma_actuator.diagnosis.trace.hypotheses import objection
-from sma_actuator.diagnosis.trace.likeliest import likeliest
+from sma_actuator.diagnosis.trace.likeliest import beside, likeliest
 from sma_actuator.diagnosis.trace.limits import LIMITS
 from sma_actuator.estimation.effects.free import Free, size
 
@@ -104,3 +104,31 @@ def test_a_shape_is_found_from_whichever_start_leads_there():
     found = likeliest(Rise(), [c], usual)
     assert found.values["contact_drift"]["time_constant"] == pytest.approx(20.0, rel=0.15)
     assert found.values["contact_drift"]["resistance"] == pytest.approx(0.08, rel=0.15)
+
+
+def test_one_more_effect_is_sketched_with_the_shape_that_it_has_beside_the_first_one():
+    """A drift that has to take a lead's part too comes at once alone, and late beside it."""
+    time_s = np.linspace(0.0, 60.0, N)
+
+    class Both:
+        """Rows in which a lead and a drift that comes with a time constant are hidden."""
+
+        def residual(self, effects):
+            def rise(resistance, time_constant):
+                return 300.0 * resistance * (1.0 - np.exp(-time_s / time_constant))
+
+            rows = 20.0 + rise(0.05, 30.0)
+            if "lead_resistance" in effects:
+                rows = rows - 1000.0 * effects["lead_resistance"].resistance
+            drift = effects.get("contact_drift")
+            return rows - (rise(drift.resistance, drift.time_constant) if drift else 0.0)
+
+    lead = Candidate("lead_resistance", (size("resistance", 1.0, 0.01),), {})
+    slow = Free("time_constant", 0.3, 900.0, 1.0, (1.0, 30.0, 600.0))
+    drift = Candidate("contact_drift", (size("resistance", 1.0, 0.01, 0.0), slow), {})
+    usual = Covariance()
+    first, other = (likeliest(Both(), [c], usual) for c in (lead, drift))
+    both = likeliest(Both(), [lead, drift], usual, first.values)
+    assert other.values["contact_drift"]["time_constant"] < 10.0
+    assert both.log_evidence(usual) > first.log_evidence(usual) + 100.0
+    assert beside(first, other, usual) == pytest.approx(both.log_evidence(usual), abs=10.0)

@@ -17,6 +17,7 @@ from sma_actuator.config import Config
 from sma_actuator.diagnosis.trace import Evidence, trace
 from sma_actuator.diagnosis.trace.analysis import quantities
 from sma_actuator.diagnosis.trace.candidates import candidate, scales_of, untestable
+from sma_actuator.diagnosis.trace.covariance import FORMS, NEARLY
 from sma_actuator.diagnosis.trace.evidence import limited
 from sma_actuator.diagnosis.trace.experiments import best_experiment
 from sma_actuator.diagnosis.trace.fitting import fit
@@ -552,30 +553,24 @@ def test_an_effect_at_the_end_of_the_possible_has_no_probability(a_lead):
     assert refused and all(found.probabilities.of[one.names] == 0.0 for one in refused)
 
 
-def test_no_pair_is_the_best_by_a_sketch_alone():
-    """What was fitted may fall short of its sketch, or come to an end of the possible: then the next one is fitted."""
+def test_of_pairs_the_best_few_are_fitted_that_promise_more_than_the_best_alone():
+    """None is a hypothesis by its sketch."""
     fitted = SimpleNamespace(candidates=(SimpleNamespace(scanned=""),), values={})
-    alone = [Hypothesis((name,), 0.0, 0.0, np.zeros(1), fitted) for name in "abcdef"]
+    alone = [Hypothesis((name,), 0.0, 0.0, np.zeros(1), fitted) for name in "abcdefgh"]
 
-    class Sketches:
-        """Rows in which every sketch promises the same, and the first five pairs do not keep it."""
+    def found(*promised):
+        """How many pairs are fitted where the sketches beside the best promise so much."""
+        asked = []
 
-        asked = 0
+        def effects(*_):
+            asked.append(1)
+            return Hypothesis(("pair", str(len(asked))), 1.0, 1.0, np.zeros(1), fitted)
 
-        def sketch(self, first, others):
-            return [50.0] * len(others)
+        rows = SimpleNamespace(sketches=lambda _, others: [*promised, *[-1.0] * 7][: len(others)], effects=effects)
+        assert len(pairs(rows, alone, 1, lambda what, share: None)) == len(asked)
+        return len(asked)
 
-        def effects(self, candidates, known):
-            self.asked += 1
-            evidence, objection = (
-                (1.0, "") if self.asked < 5 else (60.0, "at its end") if self.asked == 5 else (70.0, "")
-            )
-            return Hypothesis(("pair", str(self.asked)), evidence, evidence, np.zeros(1), fitted, objection=objection)
-
-    found = [one for _, one in pairs(Sketches(), alone, 1, lambda what, share: None)]
-    best = max((one for one in found if not one.objection), key=lambda one: one.log_evidence)
-    assert best.names == ("pair", "6") and best.found is not None
-    assert len(found) == 14  # of four leaders with every other: 5 + 4 + 3 + 2
+    assert (found(), found(3.0), found(*[3.0] * 6)) == (0, 2, 5)  # beside each of two leaders; at the most five
 
 
 def test_one_that_happens_once_is_fitted_beside_the_best_whatever_its_sketch():
@@ -590,7 +585,7 @@ def test_one_that_happens_once_is_fitted_beside_the_best_whatever_its_sketch():
         return Hypothesis(names, 20.0 * ("slip" in names), 0.0, np.zeros(1), SimpleNamespace())
 
     alone = [one("lead", 10.0), one("gain", 5.0), one("slip", 0.0)]
-    rows = SimpleNamespace(sketch=lambda first, others: [-90.0] * len(others), effects=effects)
+    rows = SimpleNamespace(sketches=lambda first, others: [-90.0] * len(others), effects=effects)
     found = [one for _, one in pairs(rows, alone, 1, lambda what, share: None)]
     assert [one.names for one in found if one.found] == [("lead", "slip")]
 
@@ -599,7 +594,7 @@ def test_before_the_logs_every_two_are_as_likely_whether_they_are_looked_at_or_n
     """Those that are looked at were chosen by the logs, so they have no part of what the others have."""
     fitted = SimpleNamespace(candidates=(SimpleNamespace(scanned=""),), values={})
     alone = [Hypothesis((name,), 0.0, 0.0, np.zeros(1), fitted) for name in "abcdef"]
-    sketches = SimpleNamespace(sketch=lambda first, others: [-50.0] * len(others))
+    sketches = SimpleNamespace(sketches=lambda _, others: [9.0] * len(others), effects=lambda *_: alone[0])
     assert {before for before, _ in pairs(sketches, alone, 1, lambda what, share: None)} == {LIMITS.rare / 15}
 
 
@@ -648,6 +643,35 @@ def test_something_else_says_what_it_goes_with(clean, what):
     goes_with = rows.something_else().goes_with
     assert max(goes_with, key=goes_with.__getitem__) == what and goes_with[what] > 0.5
     assert sum(goes_with.values()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("witness", ["resistance at cold rest", "displacement at hot rest"])
+def test_something_else_may_drift_in_one_witness_alone(clean, witness):
+    rows = Rows(clean)
+    columns = rows.smooth.new[witness]
+    assert not columns[: clean.rows_of_samples].any() and columns.shape[1] == 2
+    rows.plain = rows.plain + 10.0 * columns @ np.ones(2)
+    goes_with = rows.something_else().goes_with
+    assert max(goes_with, key=goes_with.__getitem__) == witness and goes_with[witness] > 0.5
+
+
+def test_what_has_only_nearly_the_form_of_an_effect_is_something_else_that_looks_like_it(a_lead):
+    """A lead keeps its name; what moves the rows like one, but at each place by some 20 % more or less, does not."""
+    evidence, found = a_lead
+    lead, else_ = found.hypotheses["lead_resistance",], found.hypotheses[SOMETHING_ELSE,]
+    assert lead.log_evidence > else_.log_evidence + 2.0
+    assert sum(else_.goes_with.values()) + sum(else_.looks_like.values()) == pytest.approx(1.0)
+    rows, fitted = Rows(evidence), lead.fitted
+    columns = rows.smooth.of_form(evidence.off(evidence.predict(fitted.effects)) - rows.off)
+    bent = dataclasses.replace(
+        fitted, rows=fitted.rows + NEARLY * columns @ np.random.default_rng(6).standard_normal(columns.shape[1])
+    )
+    its_own, nearly = ([bent.log_evidence(one) for one in rows.of(bent, shares)] for shares in (FORMS, (NEARLY,)))
+    assert nearly[0] > max(its_own) + 2.0
+    known = dataclasses.replace(lead, found=bent, log_evidence=max(its_own), nearly=nearly[0])
+    rows.plain = rows.plain + bent.rows - fitted.rows
+    looks_like = rows.something_else([known]).looks_like
+    assert looks_like["lead_resistance"] > 0.5
 
 
 # --- the fits ------------------------------------------------------------------------------------

@@ -149,7 +149,8 @@ def test_a_model_that_does_not_say_how_good_it_was_takes_its_calibration_logs(wi
     assert main(["trace", *logs, *words]) == 0
     without = json.loads((out / "report.json").read_text())
     assert without["floor_pct_stroke"] == pytest.approx(1.5) and not without["floor_from_calibration"]
-    assert without["effects"][0]["name"] == "voltage_offset"
+    # with errors that only a guess is known of, it is the most probable name, and not always enough for a verdict
+    assert max(without["probable"], key=without["probable"].__getitem__) == "voltage_offset"
     assert main(["trace", *logs, *words, "--force", "--calibration", *clean]) == 0
     with_ = json.loads((out / "report.json").read_text())
     assert with_["floor_from_calibration"] and with_["effects"][0]["name"] == "voltage_offset"
