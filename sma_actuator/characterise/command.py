@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--masses", type=_numbers, default=(), metavar="g,g,...", help="calibration masses in grams")
     parser.add_argument(
         "--heat-current",
-        type=number_within(0.0, 3600.0),
+        type=number_within(0.0),
         default=0.0,
         metavar="A",
         help="amplitude of the pulses (default: from the thermal section)",
