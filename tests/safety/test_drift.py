@@ -150,10 +150,15 @@ def test_nothing_is_said_before_a_window_and_its_lag_are_full():
         assert math.isnan(currents.step(now_s, wanted_A(now_s), wanted_A(now_s), wanted_A(now_s), SHARE)[0]) != said
 
 
-def test_a_gap_of_readings_begins_the_window_anew():
+@pytest.mark.parametrize(
+    ("gap_s", "begins"),
+    [(2.0 * WINDOW_s, True), (PERIOD_s + 1.1 * LAG_s, True), (PERIOD_s + 0.9 * LAG_s, False)],
+)
+def test_a_gap_of_readings_begins_the_window_anew(gap_s, begins):
+    """One that is longer than readings come late."""
     currents = CurrentsApart()
     assert apart(lambda _: 0.2, lambda _: 0.2, 5.0, currents) is None
-    assert math.isnan(currents.step(5.0 + 2.0 * WINDOW_s, 0.3, 0.2, 0.2, SHARE)[0])
+    assert math.isnan(currents.step(5.0 - PERIOD_s + gap_s, 0.3, 0.2, 0.2, SHARE)[0]) == begins
 
 
 def seen(currents, begun_s, supply_A, above_A, seconds=1.5, vague_A=0.0, period_s=PERIOD_s):
