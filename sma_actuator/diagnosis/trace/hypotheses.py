@@ -134,7 +134,11 @@ class Rows:
         best = covariances[int(np.argmax(its_own))]
         likelihood, by_row = _likelihood(best, found.rows)
         names = tuple(c.name for c in candidates)
-        return Hypothesis(names, _mean(its_own), likelihood, by_row, found, best, objection(found), nearly=evidence[-1])
+        why_none = objection(found)
+        # Errors that are usual as one are cheap together, so a fit may raise them all to get rid of what is not.
+        if not why_none and np.sum(found.rows**2) > np.sum(self.plain**2):
+            why_none = "the model is worse with it on these logs than without"
+        return Hypothesis(names, _mean(its_own), likelihood, by_row, found, best, why_none, nearly=evidence[-1])
 
     def sketches(self, first: Likeliest, others: Sequence[Likeliest]) -> list[float]:
         """About the logarithms of the evidence of some effects with each of others, which are known alone."""

@@ -142,6 +142,17 @@ def test_what_has_no_name_stays_without(wire, config, hidden):
     assert f"By its form it goes with {_words(max(goes_with, key=goes_with.__getitem__))} (" in said
 
 
+def test_an_effect_with_which_the_model_is_worse_than_without_is_none(wire, config):
+    """Errors that are usual together are cheap, so an offset may seem likely that makes all errors larger."""
+    found = traced(wire, config, {"lvdt_nonlinearity": 4e-4})
+    before = found.losses["before"].sum()
+    fitted = [one for one in found.hypotheses.values() if one.found]
+    worse = [one for one in fitted if 0.5 * np.sum(one.fitted.rows**2) > 1.001 * before]
+    assert {("voltage_offset",), ("lead_resistance",)} <= {one.names for one in worse}
+    assert all(one.objection and found.probabilities.of[one.names] == 0.0 for one in worse)
+    assert any(one not in worse and not one.objection for one in fitted)
+
+
 def test_a_name_needs_its_signature_however_well_it_fits(wire, config):
     """A lead moves R at rest, cold and hot, and not δ; a slip does the opposite, so it is not the name, whatever it
     mends."""
