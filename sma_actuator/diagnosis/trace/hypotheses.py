@@ -47,12 +47,18 @@ class Hypothesis:
     by_row: np.ndarray  #: each row's part of the squares under its covariance
     found: Likeliest | None = None  #: None of nothing and of something else
     covariance: Covariance | None = None  #: the likeliest of those that its effects may have
-    objection: str = ""  #: why it is none, whatever its evidence: a parameter at the end of the possible
+    objection: str = ""  #: why it is another: a parameter at the end of the possible
+    worse: bool = False  #: whether the model is worse with it on these logs than without
     nearly: float = -math.inf  #: log_evidence of something else that looks like these effects
     #: Of something else: what it goes with or drifts in, and how probably …
     goes_with: Mapping[str, float] = field(default_factory=dict)
     #: … and which effect it looks like.
     looks_like: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def why_none(self) -> str:
+        """Why it has no probability, whatever its evidence; empty if it may have happened."""
+        return self.objection or ("the model is worse with it on these logs than without" if self.worse else "")
 
     @property
     def fitted(self) -> Likeliest:
@@ -134,11 +140,10 @@ class Rows:
         best = covariances[int(np.argmax(its_own))]
         likelihood, by_row = _likelihood(best, found.rows)
         names = tuple(c.name for c in candidates)
-        why_none = objection(found)
         # Errors that are usual as one are cheap together, so a fit may raise them all to get rid of what is not.
-        if not why_none and np.sum(found.rows**2) > np.sum(self.plain**2):
-            why_none = "the model is worse with it on these logs than without"
-        return Hypothesis(names, _mean(its_own), likelihood, by_row, found, best, why_none, nearly=evidence[-1])
+        worse = bool(np.sum(found.rows**2) > np.sum(self.plain**2))
+        why, nearly = objection(found), evidence[-1]
+        return Hypothesis(names, _mean(its_own), likelihood, by_row, found, best, why, worse, nearly)
 
     def sketches(self, first: Likeliest, others: Sequence[Likeliest]) -> list[float]:
         """About the logarithms of the evidence of some effects with each of others, which are known alone."""

@@ -56,7 +56,7 @@ class Probabilities:
 
 def weighed(hypotheses: Sequence[tuple[float, Hypothesis]]) -> Probabilities:
     """Probabilities of hypotheses, each with what it had before the logs; one that is none has none."""
-    logarithm = {one.names: -np.inf if one.objection else one.log_evidence + log(before) for before, one in hypotheses}
+    logarithm = {one.names: -np.inf if one.why_none else one.log_evidence + log(before) for before, one in hypotheses}
     whole = float(np.logaddexp.reduce(list(logarithm.values())))
     share = {names: float(np.exp(value - whole)) for names, value in logarithm.items()}
     return Probabilities(dict(sorted(share.items(), key=lambda item: -item[1])))

@@ -140,7 +140,7 @@ def _lacking(
             progress(which, share)
 
         tried = singles(rows, more, jobs, said, has, known)
-        found += [((1.0 - LIMITS.nothing) * before / max(len(more), 1), one) for one in tried if not one.objection]
+        found += [((1.0 - LIMITS.nothing) * before / max(len(more), 1), one) for one in tried if not one.why_none]
     return found
 
 

@@ -92,8 +92,8 @@ def _answer(
         given = tracing.verdict != "unexplained" or one.found is None
         return (GIVEN if given else REFUSED), is_said + others
     beside = f"beside {' and '.join(best)} it is {_times(nats)} less probable"
-    if one.objection:
-        return REFUSED, f"It is none: {one.objection} ({beside} without that)."
+    if one.why_none:
+        return REFUSED, f"It is none: {one.why_none} ({beside} without that)."
     against = sorted((n for n in by_witness if by_witness[n] < -LEAST_NATS), key=lambda n: by_witness[n])
     speaks = "".join(f"; {n} speaks against it with {-by_witness[n]:.1f} nats" for n in against[:2])
     if tracing.verdict == "traced" and one.names[-1] in tracing.names and one.names[-1] not in best:

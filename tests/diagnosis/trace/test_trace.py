@@ -149,8 +149,8 @@ def test_an_effect_with_which_the_model_is_worse_than_without_is_none(wire, conf
     fitted = [one for one in found.hypotheses.values() if one.found]
     worse = [one for one in fitted if 0.5 * np.sum(one.fitted.rows**2) > 1.001 * before]
     assert {("voltage_offset",), ("lead_resistance",)} <= {one.names for one in worse}
-    assert all(one.objection and found.probabilities.of[one.names] == 0.0 for one in worse)
-    assert any(one not in worse and not one.objection for one in fitted)
+    assert all(one.why_none and found.probabilities.of[one.names] == 0.0 for one in worse)
+    assert any(one not in worse and not one.why_none for one in fitted)
 
 
 def test_a_name_needs_its_signature_however_well_it_fits(wire, config):
@@ -530,7 +530,7 @@ def test_of_a_name_that_was_refused_it_is_said_which_witness_speaks_against_it(a
     slip = next(why for why in whys(evidence, found) if why.names == ("slip",))
     at_rest = min(slip.by_witness, key=lambda name: slip.by_witness[name])
     assert slip.by_witness[at_rest] < -1.0
-    if not slip.hypothesis.objection:
+    if not slip.hypothesis.why_none:
         assert f"; {at_rest} speaks against it with {-slip.by_witness[at_rest]:.1f} nats" in slip.reason
 
 
@@ -544,7 +544,7 @@ def test_nats_by_witness_and_by_stretch_are_what_the_rows_say(a_lead):
             assert sum(why.by_stretch) == pytest.approx(together, abs=1e-6)
             fewer = float((best.by_row - why.hypothesis.by_row).sum())
             assert together == pytest.approx(says if says * fewer > 0.0 else 0.5 * fewer, abs=1e-6)
-            assert why.nats <= 1e-9 or why.hypothesis.objection
+            assert why.nats <= 1e-9 or why.hypothesis.why_none
 
 
 def test_what_was_not_asked_for_is_explained_too(clean):
@@ -560,7 +560,7 @@ def test_what_was_not_asked_for_is_explained_too(clean):
 
 def test_an_effect_at_the_end_of_the_possible_has_no_probability(a_lead):
     _, found = a_lead
-    refused = [one for one in found.hypotheses.values() if one.objection]
+    refused = [one for one in found.hypotheses.values() if one.why_none]
     assert refused and all(found.probabilities.of[one.names] == 0.0 for one in refused)
 
 
