@@ -16,6 +16,7 @@ from sma_actuator.base.signals import Branch, Command, Estimate, Quality, Readin
 from sma_actuator.estimation.circuit import signals_from_reading
 from sma_actuator.instruments import Clock, Daq, InstrumentLate, InstrumentLost, InstrumentRefused, PowerSupply
 from sma_actuator.logs.bench_log import BenchLog
+from sma_actuator.safety.drift import made_ready
 from sma_actuator.safety.faults import gravest
 from sma_actuator.safety.records import Memory, Step
 from sma_actuator.safety.supervisor import Supervisor
@@ -65,6 +66,7 @@ class Rig:
 
         While nothing is driven a signal ends what is under way at once, since a person may be asked something.
         """
+        made_ready()
         with raised_signals(signal.SIGINT, *ending_signals()):  # Ctrl-C also where it was ignored: in the background
             self.supply.patience_s = self.daq.patience_s = self.config.safety.reading_timeout
             try:

@@ -342,3 +342,10 @@ class VoltagesApart(Apart):
             self._digit_V,
             share,
         )
+
+
+def made_ready() -> None:
+    """Have the kernels compiled, or loaded: before current flows, which would go on through the seconds that it takes
+    in the first step."""
+    for apart in (CurrentsApart(), VoltagesApart()):
+        apart.step(0.0, 0.0, 0.0, 0.0, 0.0)

@@ -7,6 +7,8 @@ import json
 import math
 import os
 import signal
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -498,3 +500,24 @@ def test_the_virtual_bench_has_the_physics_that_was_asked_for_and_a_real_one_has
     assert 0.315842 * abs(difference).max() > 1e-4  # a tenth of a millimetre at least
     assert main(["characterise", "--physics", "measured", "--out", str(tmp_path / "real")]) == 1
     assert "only the virtual bench" in capsys.readouterr().err
+
+
+_OPENED = """
+from sma_actuator.base.jit import COMPILED
+from sma_actuator.base.share import shared_file
+from sma_actuator.bench import InProcessDaq, InProcessSupply, VirtualBench, VirtualClock
+from sma_actuator.characterise import Rig
+from sma_actuator.config import bench_from_mapping, read_parameter_file
+from sma_actuator.safety import drift
+
+config = bench_from_mapping(read_parameter_file(shared_file("config/flexinol_bench.yaml")))
+bench = VirtualBench.from_name("flexinol")
+with Rig(config, InProcessSupply(bench, config), InProcessDaq(bench, config), VirtualClock(bench)).opened():
+    print(not COMPILED or (len(drift._currents.signatures), len(drift._voltages.signatures)) == (1, 1))
+"""
+
+
+def test_what_looks_at_every_row_is_compiled_before_current_flows():
+    """On a machine that has driven nothing yet it takes seconds, in which nobody looks at the wire."""
+    done = subprocess.run([sys.executable, "-c", _OPENED], capture_output=True, text=True, timeout=300, check=True)
+    assert done.stdout == "True\n"

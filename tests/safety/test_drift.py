@@ -6,6 +6,8 @@ import math
 import numpy as np
 import pytest
 
+from sma_actuator.base.jit import COMPILED
+from sma_actuator.safety import drift
 from sma_actuator.safety.drift import (
     FLOOR_A,
     FLOOR_V,
@@ -488,3 +490,15 @@ class TestVoltages:
 
 def _fields(record):
     return {name: getattr(record, name) for name in record.__dataclass_fields__}
+
+
+@pytest.mark.skipif(not COMPILED, reason="numba is not installed: nothing is compiled")
+def test_made_ready_no_step_with_current_waits_for_a_kernel():
+    """Whatever kind of number it is given: in the first part of characterise they were compiled with the output on."""
+    drift.made_ready()
+    ready = len(drift._currents.signatures), len(drift._voltages.signatures)
+    currents, voltages = CurrentsApart(), VoltagesApart()
+    for i, number in enumerate((float, np.float64, float)):
+        currents.step(0.1 * i, number(0.2), number(0.2), number(0.2), SHARE)
+        voltages.step(number(0.1 * i), number(0.2), number(1.0 + i // 2), number(1.0), SHARE)
+    assert (len(drift._currents.signatures), len(drift._voltages.signatures)) == ready
