@@ -8,6 +8,7 @@ in this way.
 
 from __future__ import annotations
 
+import faulthandler
 import json
 import multiprocessing
 import os
@@ -20,6 +21,7 @@ from collections.abc import Sequence
 from multiprocessing.connection import wait
 from pathlib import Path
 
+SHOW_STACKS = signal.SIGWINCH  #: which ends nothing: has a program write into its log where its threads are
 _SOON_s = 150.0  #: to import everything, on a busy machine
 
 
@@ -117,6 +119,7 @@ def _become(request: dict) -> None:
         os.dup2(instead, stream)
     os.close(log)
     os.close(nothing)
+    faulthandler.register(SHOW_STACKS, 2)
     os.chdir(request["folder"])
     os.environ.clear()
     os.environ.update(request["environment"])

@@ -95,7 +95,7 @@ class Reader:
             "ROS_LOG_DIR": str(folder / "ros"),
             "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]),
             "COLUMNS": "160",
-            "ROS_DOMAIN_ID": str(120 + os.getpid() % 80),
+            "ROS_DOMAIN_ID": str(1 + os.getpid() % 19),  # beyond 101 the ports may be somebody's already
         }
 
     def words(self, program, text):

@@ -18,7 +18,14 @@ from pathlib import Path
 
 from waiting import Elapsed, SOON_s, wait_until
 
-from attack.nursery import Nursery
+from attack.nursery import SHOW_STACKS, Nursery, Process
+
+_NODES: set[NodeProcess] = set()  #: that run
+
+
+def _where_nodes_are():
+    return "".join(node.where() for node in _NODES)
+
 
 AGAIN_s = 40.0  #: without an answer for so long a service is asked again
 
@@ -88,6 +95,7 @@ class NodeProcess:
     def __init__(self, arguments, folder, program=("-m", "sma_actuator.ros.node"), fresh=False):
         """``fresh``: by an interpreter of its own, for what is tested is what it imports or reads at the start."""
         self.log = folder / f"node{time.monotonic_ns()}.log"
+        _NODES.add(self)
         if not fresh:
             self.popen = nursery().start(program, arguments, self.log)
             return
@@ -97,6 +105,14 @@ class NodeProcess:
     @property
     def words(self):
         return self.log.read_text(errors="replace")
+
+    def where(self):
+        """What it has written, and where its threads are."""
+        if self.popen.poll() is None and isinstance(self.popen, Process):
+            written = len(self.words)
+            self.popen.send_signal(SHOW_STACKS)
+            wait_until(lambda: "most recent call first" in self.words[written:], what="the stacks")
+        return f"the node ({self.popen.poll()}) says:\n{self.words}\n"
 
     def says(self, text):
         """Wait until the node has written ``text``."""
@@ -112,6 +128,7 @@ class NodeProcess:
         return self.ends() == int("not confirmed; look at the supply" in self.words)
 
     def close(self):
+        _NODES.discard(self)
         if self.popen.poll() is None:
             self.popen.send_signal(signal.SIGINT)
             try:
@@ -148,7 +165,8 @@ class Client:
         """Handle callbacks until ``condition`` is true; its value."""
         elapsed = Elapsed()
         while not (value := condition()):
-            assert elapsed.look() < timeout_s, f"{what} did not come within {timeout_s} s"
+            if elapsed.look() >= timeout_s:
+                raise AssertionError(f"{what} did not come within {timeout_s} s; {_where_nodes_are()}")
             self.executor.spin_once(timeout_sec=0.02)
         return value
 
@@ -193,9 +211,10 @@ class Client:
         asked = []
 
         def answer():
-            # An answer to a client whom the server has not found yet is lost for ever.
+            # An answer to a client whom the server has not found yet is lost for ever; a new one may be found.
             if time.monotonic() > AGAIN_s * len(asked) + begun_s:
-                asked.append(client.call_async(request or kind.Request()))
+                asking = self.node.create_client(kind, service) if asked else client
+                asked.append(asking.call_async(request or kind.Request()))
             return next((future.result() for future in asked if future.done()), None)
 
         begun_s = time.monotonic()
