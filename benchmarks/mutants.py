@@ -77,7 +77,13 @@ TARGETS = {
     "instruments/dialect": ("tests/instruments",),
     "instruments/pymeasure_adapter": ("tests/instruments",),
     **{
-        f"actuator/{name}": ("tests/test_actuator.py", "tests/safety/test_limits.py")
+        f"actuator/{name}": (
+            "tests/test_actuator.py",
+            "tests/test_actuator_edges.py",
+            "tests/safety/test_limits.py",
+            "tests/safety/test_guards.py",
+            "tests/control/test_tuning.py",
+        )
         for name in ("actuator", "following", "measured", "offered", "said", "tuner")
     },
     **{f"pair/{name}": ("tests/driver/test_pair.py",) for name in ("driver", "fit", "stepped")},
@@ -279,11 +285,13 @@ def _pieces(source: str) -> dict[int, tuple[str, str]]:
 
 
 def _lines_without_behaviour(source: str) -> set[int]:
-    """Lines of log calls, of what only type checkers read, and of how a record is kept in memory (``@dataclass``)."""
+    """Lines of log calls, of what only type checkers read, and of how a record is kept in memory (``@dataclass``,
+    ``@record``)."""
     quiet: set[int] = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.ClassDef):
-            quiet |= {each.lineno for each in node.decorator_list if ast.unparse(each).startswith("dataclass")}
+            kept = ("dataclass", "record")
+            quiet |= {each.lineno for each in node.decorator_list if ast.unparse(each).startswith(kept)}
         if (
             isinstance(node, ast.Expr)
             and isinstance(node.value, ast.Call)

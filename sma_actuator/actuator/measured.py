@@ -64,7 +64,7 @@ class Measured:
                 "are wanted; put a short in place of the wire and call ~/enable"
             )
             return False, why, nan
-        ratio = _mean(readings, "supply_voltage_V") / _mean(readings, "reference_voltage_V")
+        ratio = _sum(readings, "supply_voltage_V") / _sum(readings, "reference_voltage_V")
         total_Ohm = config.circuit.reference_resistance * (ratio - 1.0)
         most_Ohm = config.safety.resistance_min + config.circuit.lead_resistance
         if not 0.0 <= total_Ohm < most_Ohm:
@@ -76,5 +76,5 @@ class Measured:
         return True, f"the leads have {total_Ohm:.4f} Ω; write it to circuit.lead_resistance", total_Ohm
 
 
-def _mean(readings: Collection[Reading], channel: str) -> float:
-    return sum(getattr(reading, channel) for reading in readings) / len(readings)
+def _sum(readings: Collection[Reading], channel: str) -> float:
+    return sum(getattr(reading, channel) for reading in readings)

@@ -250,7 +250,10 @@ class ScpiSupply(SessionSupply):
     def _trip(word: str, query: Query, reply: str) -> str:
         if word != "*":
             return word if query.truth(reply) else ""
-        words = query.value(reply).strip('"')
+        words = query.value(reply)
+        if not words:  # an answer that is missing says of no protection that it has not tripped
+            raise ValueError("nothing is no answer to which protection has tripped")
+        words = words.strip('"')
         return "" if words.upper() in ("NONE", "0", "") else words
 
     @property

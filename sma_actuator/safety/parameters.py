@@ -138,8 +138,32 @@ class SetpointTimeout(Protocol):
         """Longest silence of a stream of joint commands [s]."""
 
 
+class FittedSensors(Protocol):
+    """The channels of the sensors that a wire can be driven without; 0: there is none."""
+
+    @property
+    def lvdt_channel(self) -> int:
+        """That of the displacement sensor."""
+
+    @property
+    def ambient_temperature_channel(self) -> int:
+        """That of the surroundings' thermometer."""
+
+
+class FittedInstruments(Protocol):
+    """The instruments, as far as guards ask."""
+
+    @property
+    def daq(self) -> FittedSensors:
+        """What is fitted to the DAQ."""
+
+
 class SafetySections(Protocol):
     """The parameters that the guards read; a ``Config`` has them."""
+
+    @property
+    def instruments(self) -> FittedInstruments:
+        """Which sensors there are."""
 
     @property
     def wire(self) -> Wire:

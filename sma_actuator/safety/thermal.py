@@ -97,8 +97,12 @@ class Ambient:
         self._read_C = read_C
         usual_C = parameters.ambient_temperature
         self.doubt = "" if math.isnan(read_C) else self._doubt(read_C, parameters)
-        believed_C = usual_C if self.doubt or math.isnan(read_C) else read_C
-        self.temperature_C = max(believed_C, min(self.temperature_C, usual_C) - AMBIENT_FALL_K_s * dt_s)
+        is_believed = not (self.doubt or math.isnan(read_C))
+        believed_C = read_C if is_believed else usual_C
+        from_C = (
+            min(self.temperature_C, usual_C) if is_believed else self.temperature_C
+        )  # a sensor breaks, a room stays
+        self.temperature_C = max(believed_C, from_C - AMBIENT_FALL_K_s * dt_s)
         return self.temperature_C
 
     def _doubt(self, read_C: float, parameters: ThermalParameters) -> str:

@@ -252,6 +252,17 @@ def test_every_way_out_leaves_the_gains_of_before(happens, mode, why):
         assert abs(rig.output.estimate.displacement_m - rig.output.setpoint_m) < 0.05 * SHIPPED.wire.full_stroke_m
 
 
+def test_what_the_relay_let_flow_does_not_flow_on():
+    """In mid-heating: as a current to hold the wire with it is far too much."""
+    rig = rig_of()
+    tune(rig)
+    bound_A = SHIPPED.controller.tuning_current * SHIPPED.supply.max_current
+    while rig.output.command.current_A < 0.99 * bound_A:
+        rig.step()
+    rig.actuator.update(rig.config.replace({"controller.kp": 300.0}))
+    assert rig.step().command.current_A < 0.5 * bound_A
+
+
 def test_a_wire_that_the_current_does_not_move_is_given_up():
     rig = rig_of(controller__tuning_current=0.35)
     tune(rig)
@@ -287,6 +298,26 @@ def test_refusals_say_why():
     loaded.enable()
     loaded.run(0.5)
     assert "let the wire cool, take load off" in loaded.actuator.tune(loaded.now_s)[1]
+
+
+def test_no_tuning_begins_where_the_wire_is_not_known():
+    rig = rig_of()
+    assert rig.actuator.reset_estimator()[0]
+    assert "where the wire is is not known yet" in rig.actuator.tune(rig.now_s)[1]
+    rig.step()
+    rig.reading_of = lambda r: dataclasses.replace(r, supply_voltage_V=1e-4, reference_voltage_V=1e-4)
+    rig.step()
+    assert "where the wire is is not known yet" in rig.actuator.tune(rig.now_s)[1]
+
+
+@pytest.mark.parametrize(("times", "refused"), [(1.9, True), (2.1, False)])
+def test_a_relay_wants_more_than_twice_the_bias(times, refused):
+    supply = SHIPPED.supply
+    bias_A = 0.1 * supply.max_current
+    rig = rig_of(supply__bias_current=bias_A, controller__tuning_current=times * bias_A / supply.max_current)
+    done, words = rig.actuator.tune(rig.now_s)
+    assert done is not refused, words
+    assert ("more than twice supply.bias_current is wanted" in words) is refused
 
 
 @pytest.mark.parametrize(

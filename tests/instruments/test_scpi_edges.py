@@ -154,6 +154,13 @@ class TestSupply:
         server.replies[READ_BACK] = f"0;0;0;0;{reply}"
         assert one.read_back().tripped == reply.strip('"').replace("NONE", "").replace("none", "").replace("0", "")
 
+    def test_an_answer_without_its_trip_says_of_none_that_it_has_not_tripped(self, supply):
+        one, server = supply()
+        one.open()
+        server.replies[READ_BACK] = "0.1;1;0.65;0.1;"
+        with pytest.raises(InstrumentLost, match="which is not an answer to that"):
+            one.read_back()
+
     def test_trips_that_are_asked_for_one_by_one_are_named_together(self, supply):
         trips = {"OVP": ":VOLT:PROT:TRIP?", "OCP": ":CURR:PROT:TRIP?"}
         one, server = supply(lambda document: document.update(trips=trips, chained_queries=False))

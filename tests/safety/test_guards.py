@@ -49,3 +49,23 @@ def test_whatever_the_limits_say_no_more_than_max_current_passes(config, monkeyp
     monkeypatch.setattr(Supervisor, "limit_A", lambda self: math.inf)
     command, _ = Supervisor(config).gate(1e6, True, {})
     assert command == Command(config.supply.max_current, True)
+
+
+@pytest.mark.parametrize(
+    ("channel", "number", "field", "fault"),
+    [
+        ("lvdt_channel", 104, "lvdt_current_A", "reference_doubted"),
+        ("ambient_temperature_channel", 105, "ambient_temperature_C", "ambient_doubted"),
+    ],
+)
+def test_a_sensor_that_the_parameters_name_and_that_gives_no_number_is_missed(make_rig, channel, number, field, fault):
+    """The wire is driven on without it, and whoever looks is told; without a sensor there is nothing to tell."""
+    for there in (number, 0):
+        rig = make_rig(**{f"instruments.daq.{channel}": there})
+        rig.enable()
+        rig.track()
+        rig.reading_of = lambda r: replace(r, **{field: math.nan})
+        rig.run(0.2)
+        assert rig.status.fault == (fault if there else ""), rig.status.message
+        assert (f"{channel} says that there is one" in rig.status.message) == bool(there)
+        assert rig.output.command.current_A > rig.config.supply.bias_current

@@ -113,6 +113,17 @@ def test_a_sensor_that_reads_what_cannot_be_is_not_believed(parameters, read_C):
     assert "it reads" in ambient.doubt
 
 
+@pytest.mark.parametrize("read_C", [math.nan, math.inf, -59.0])
+def test_a_warm_room_stays_warm_when_its_sensor_breaks(parameters, read_C):
+    """Until it could have cooled as fast as any room: too warm only costs current, too cold costs the wire."""
+    ambient = Ambient(parameters)
+    ambient.step(45.0, 0.05, parameters)
+    for _ in range(10):
+        ambient.step(read_C, 1.0, parameters)
+    assert ambient.temperature_C == pytest.approx(45.0 - 10.0 * AMBIENT_FALL_K_s)
+    assert ambient.step(read_C, 1000.0, parameters) == 24.0
+
+
 def test_a_sensor_is_followed_upwards_at_once_and_downwards_slowly(parameters):
     ambient = Ambient(parameters)
     assert ambient.step(60.0, 0.05, parameters) == 60.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import isfinite, isnan
 from operator import eq
 
 from sma_actuator.base.signals import MEASURABLE, Quality, Reading
@@ -237,13 +237,18 @@ def load_dead(step: Step) -> str:
     remedy="Check its channel, reference_sensor and instruments.daq.lvdt_channel: it may be swapped with another, as "
     "that of the ambient "
     "temperature",
-    detector="reference displacement further from zero than wire.length; it is used for identification only",
+    detector="reference displacement further from zero than wire.length, or no number from the channel that "
+    "instruments.daq.lvdt_channel names; it is used for identification only",
     within=ONE_STEP,
     action=Action.NOTE,
 )
 def reference_doubted(step: Step) -> str:
     """The displacement sensor is not believed."""
     place_m, length_m = step.signals.reference_displacement_m, step.config.wire.length
-    if step.reading is None or not abs(place_m) > length_m:
+    if step.reading is None:
+        return ""
+    if isnan(place_m) and step.config.instruments.daq.lvdt_channel:
+        return "it reads no number, and instruments.daq.lvdt_channel says that there is one"
+    if not abs(place_m) > length_m:
         return ""
     return f"{place_m * 1e3:.3g} mm, of a wire of {length_m * 1e3:g} mm"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import isnan
+
 from sma_actuator.base.signals import Quality
 from sma_actuator.safety.formula import longest, parameter_value
 from sma_actuator.safety.records import Action, Step, guard
@@ -155,12 +157,16 @@ def heat_loss_wrong(step: Step) -> str:
     words="the ambient sensor is not believed",
     remedy="Check the ambient sensor; thermal.ambient_temperature is taken instead",
     detector="ambient temperature below ambient_temperature − ambient_tolerance, above 100 °C, or below "
-    "ambient_temperature without one changed digit for thermal.ambient_stuck_time; ambient_temperature is taken "
-    "instead. "
+    "ambient_temperature without one changed digit for thermal.ambient_stuck_time, or no number from the channel that "
+    "instruments.daq.ambient_temperature_channel names; ambient_temperature is taken instead, or what was believed "
+    f"until then where that is more, less {AMBIENT_FALL_K_s:g} K/s. "
     f"Below that, a sensor that falls is followed at {AMBIENT_FALL_K_s:g} K/s",
     within=ONE_STEP,
     action=Action.NOTE,
 )
 def ambient_doubted(step: Step) -> str:
     """The ambient sensor is not believed."""
+    reads_nothing = step.reading is not None and isnan(step.signals.ambient_temperature_C)
+    if reads_nothing and step.config.instruments.daq.ambient_temperature_channel:
+        return "it reads no number, and instruments.daq.ambient_temperature_channel says that there is one"
     return step.heat.ambient.doubt
