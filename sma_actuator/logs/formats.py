@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import mmap
+import shlex
 import struct
 import zipfile
 import zlib
@@ -33,8 +34,9 @@ _NUMBER_B = 8
 _SHORTEST = 10  #: rows of a sheet that may be a log, beside others with some results
 
 
-def read_table(path: Path, progress: Progress | None = None) -> Table:
-    """The table in a file, by the ending of its name; text where that says nothing else.
+def read_table(path: Path, progress: Progress | None = None, sheet: str = "") -> Table:
+    """The table in a file, by the ending of its name; text where that says nothing else.  ``sheet``: that of a
+    workbook, "" for the only one with a log.
 
     Raises BenchLogError naming the file, ConfigError naming a package that is missing.
     """
@@ -44,7 +46,7 @@ def read_table(path: Path, progress: Progress | None = None) -> Table:
     if not path.is_file():
         raise BenchLogError(f"{path}: cannot be read (no such file)")
     try:
-        return reader(path)
+        return _excel(path, sheet) if reader is _excel else reader(path)
     except ModuleNotFoundError as error:
         raise ConfigError(
             f"{path}: reading {path.suffix} needs the Python package '{error.name}' (extra 'formats')"
@@ -56,7 +58,7 @@ def read_table(path: Path, progress: Progress | None = None) -> Table:
         raise BenchLogError(f"{path}: is no readable {path.suffix} file ({type(error).__name__}: {error})") from error
 
 
-def _excel(path: Path) -> Table:
+def _excel(path: Path, wanted: str = "") -> Table:
     import openpyxl
 
     with zipfile.ZipFile(path) as packed:
@@ -77,17 +79,31 @@ def _excel(path: Path) -> Table:
     finally:
         book.close()
     tables = {name: found for name, rows in sheets.items() if (found := find_table(_as_text(rows)))}
-    long = [name for name, (_, first, _) in tables.items() if len(sheets[name]) - first >= _SHORTEST]
-    if len(long or tables) != 1:
-        what = f"several: {', '.join(long or tables)}; keep the one with the log" if tables else "none"
-        raise BenchLogError(f"{path}: one sheet with a header row and numbers is wanted, and there is {what}")
-    sheet = next(iter(long or tables))
+    sheet = _sheet_of(path, sheets, tables, wanted)
     rows, (header, first, _) = sheets[sheet], tables[sheet]
     names = trimmed(_as_text(rows[header : header + 1])[0])
     names = [name.strip() or f"column {i + 1}" for i, name in enumerate(names)]
     units = dict(zip(names, _as_text(rows[header + 1 : first])[0], strict=False)) if first > header + 1 else {}
     columns = {name: [row[i] if i < len(row) else None for row in rows[first:]] for i, name in enumerate(names)}
     return _table(path, columns, {n: u.strip("[]() ") for n, u in units.items() if u}, f"sheet '{sheet}'", first + 1)
+
+
+def _sheet_of(path: Path, sheets: Mapping[str, Sequence[Any]], tables: Mapping[str, Any], wanted: str) -> str:
+    """The sheet that is read.  Raises BenchLogError where there is none, or more than one."""
+    there = f"its sheets are {', '.join(sheets)}"
+    if wanted and wanted not in sheets:
+        raise BenchLogError(f"{path}: there is no sheet '{wanted}'; {there}")
+    long = [name for name, (_, first, _) in tables.items() if len(sheets[name]) - first >= _SHORTEST]
+    logs = [wanted] if wanted in tables else [] if wanted else long or list(tables)
+    if not logs:
+        which = f"the sheet '{wanted}' has" if wanted else "no sheet has"
+        none = " no" if wanted else " a"
+        raise BenchLogError(f"{path}: {which}{none} header row with numbers below it; {there}")
+    if len(logs) > 1:
+        raise BenchLogError(
+            f"{path}: several sheets have a log: {', '.join(logs)}; --sheet {shlex.quote(logs[0])} reads that one"
+        )
+    return logs[0]
 
 
 def _as_text(rows: Sequence[Sequence[Any]]) -> list[list[str]]:

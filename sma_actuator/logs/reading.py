@@ -41,6 +41,7 @@ class ReadingOptions:
     columns: ColumnMap = field(default_factory=ColumnMap)
     topics: Mapping[str, str] = field(default_factory=dict)  #: of bags: column → /topic:field
     static_s: float = 0.0  #: tables hold steady points without times: seconds from each to the next; 0: they are logs
+    sheet: str = ""  #: of workbooks: the one with the log; "": the only one that has one
 
 
 def add_map_arguments(parser: argparse.ArgumentParser) -> argparse._ArgumentGroup:
@@ -88,6 +89,7 @@ def add_log_arguments(parser: argparse.ArgumentParser) -> None:
         "be several "
         "thermal time constants (0.15 mm: 10, 0.4 mm: 60)",
     )
+    group.add_argument("--sheet", default="", metavar="NAME", help="workbooks with several logs: the sheet to read")
     group.add_argument(
         "--topic",
         action="append",
@@ -122,12 +124,13 @@ def said_of_logs(args: argparse.Namespace) -> str:
     ]
     words += ["--map-file", str(args.map_file)] if args.map_file else []
     words += ["--static", f"{args.static:g}"] if args.static else []
+    words += ["--sheet", args.sheet] if args.sheet else []
     return shlex.join(words)
 
 
 def reading_of(args: argparse.Namespace) -> ReadingOptions:
     """How logs are to be read, by the options.  Raises BenchLogError."""
-    return ReadingOptions(columns_of(args, tuple(COLUMNS)), parse_topics(args.topic), args.static)
+    return ReadingOptions(columns_of(args, tuple(COLUMNS)), parse_topics(args.topic), args.static, args.sheet)
 
 
 def read_logs(
@@ -192,7 +195,7 @@ def _read(
     if is_bag(path):
         log = log_from_bag(path, reading.topics)
     else:
-        theirs = read_table(path)
+        theirs = read_table(path, sheet=reading.sheet)
         if reading.static_s:
             rows = np.arange(len(next(iter(theirs.columns.values()), ())))
             theirs = dataclasses.replace(theirs, columns={**theirs.columns, "time_s": reading.static_s * rows})

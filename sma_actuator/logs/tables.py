@@ -1,9 +1,9 @@
 """Tables of numbers as other people write them: text with any separator, and what extras can read.
 
 In text: comma, semicolon, tab or blanks between the fields; decimal points or commas, thousands with the other one;
-UTF-8, UTF-16 or Windows-1252; whatever a program writes before the header, and comments; a row of units below it, and
-the header again where a logger was started again; words for readings that are missing; columns of text, of which dates
-and times of day become seconds and all others are left out.
+UTF-8, UTF-16, Windows-1252 or GB 18030; whatever a program writes before the header, and comments; a row of units below
+it, and the header again where a logger was started again; words for readings that are missing; columns of text, of
+which dates and times of day become seconds and all others are left out.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import io
 import os
 import re
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import BinaryIO
@@ -45,6 +45,11 @@ _BLANKS = b" "
 SEARCHED_LINES = 200  #: for the header: what loggers write before it is a page at the most
 _LONGEST_LINE_B = 1_000_000
 _OVERFLOW = 9.9e37  #: SCPI's number for a reading beyond the range, and those above it for none at all
+#: Bytes that are not ASCII, words that GB 2312 can write, of two bytes a character, and of these characters its signs
+#: (rows 1 to 9) and the 3 755 frequent ones (rows 16 to 55).
+_HIGH_BYTES = re.compile(rb"[\x80-\xff]+")
+_CHINESE = re.compile(rb"(?:[\xa1-\xf7][\xa1-\xfe])+")
+_FREQUENT = frozenset((*range(0xA1, 0xAA), *range(0xB0, 0xD8)))
 Progress = Callable[[float], None]
 
 
@@ -92,23 +97,52 @@ def read_text(path: Path, progress: Progress | None = None) -> Table:
 
 
 def _as_utf8(stream: BinaryIO, path: Path) -> BinaryIO:
-    """The stream, behind its byte order mark; UTF-16 is converted in memory."""
+    """The stream, behind its byte order mark; UTF-16 and Chinese text are converted in memory."""
     mark = stream.read(3)
-    without = {b"\0": "utf-16-be", mark[1:2]: "utf-16"}.get(mark[:1], "utf-16-le") if b"\0" in mark[:2] else ""
-    if mark.startswith((b"\xff\xfe", b"\xfe\xff")) or without:
-        refuse_larger(path, 3 * path.stat().st_size)  # read, as text, and as UTF-8
-        text = (mark + stream.read()).decode(without or "utf-16", errors="replace")
-        return io.BytesIO(text.encode())
-    if mark != b"\xef\xbb\xbf":
+    code = {b"\0": "utf-16-be", mark[1:2]: "utf-16"}.get(mark[:1], "utf-16-le") if b"\0" in mark[:2] else ""
+    if mark.startswith((b"\xff\xfe", b"\xfe\xff")):
+        code = "utf-16"
+    elif not code and mark != b"\xef\xbb\xbf":
         stream.seek(0)
+        code = "gb18030" if _is_chinese(stream.readline(_LONGEST_LINE_B) for _ in range(SEARCHED_LINES)) else ""
+    if code:
+        refuse_larger(path, 3 * path.stat().st_size)  # read, as text, and as UTF-8
+        stream.seek(0)
+        return io.BytesIO(stream.read().decode(code, errors="replace").encode())
+    stream.seek(len(mark) if mark == b"\xef\xbb\xbf" else 0)
     return stream
 
 
-def _decoded(line: bytes) -> str:
+def _is_chinese(lines: Iterable[bytes]) -> bool:
+    """Whether words of two and more Chinese characters stand in them, most of them frequent, as GB 2312 and its
+    successors write them, and nothing that they do not write so.
+
+    In the codes of Western Europe such bytes would be four capital letters or signs running, which no word has; in
+    those of Cyrillic script the small letters stand where the rare characters do.
+    """
+    has_words, frequent, rare = False, 0, 0
+    for line in lines:
+        if line.isascii() or _is_utf8(line):
+            continue
+        for run in _HIGH_BYTES.findall(line):
+            if not _CHINESE.fullmatch(run):
+                return False
+            has_words = has_words or len(run) >= 4
+            known = sum(byte in _FREQUENT for byte in run[::2])
+            frequent, rare = frequent + known, rare + len(run) // 2 - known
+    return has_words and frequent > rare
+
+
+def _is_utf8(line: bytes) -> bool:
     try:
-        return line.decode("utf-8")
+        line.decode("utf-8")
     except UnicodeDecodeError:
-        return line.decode("cp1252", errors="replace")
+        return False
+    return True
+
+
+def _decoded(line: bytes) -> str:
+    return line.decode("utf-8") if _is_utf8(line) else line.decode("cp1252", errors="replace")
 
 
 @dataclass(frozen=True, slots=True)

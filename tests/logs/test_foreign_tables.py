@@ -198,9 +198,57 @@ class TestExcel:
         table = read_table(book(Daten=rows))
         np.testing.assert_array_equal(np.flatnonzero(np.isnan(table.columns["Kraft [N]"])), [4, 8, 10])
 
-    def test_of_two_logs_none_is_chosen(self, book):
-        with pytest.raises(BenchLogError, match="several: A, B; keep the one with the log"):
-            read_table(book(A=self.CELLS, B=self.CELLS))
+    def test_of_two_logs_none_is_chosen_and_the_sentence_says_how_to_choose(self, book):
+        path = book(**{"Probe 7": self.CELLS, "Probe 8": self.CELLS, "Notizen": [["Draht 7"]]})
+        said = "several sheets have a log: Probe 7, Probe 8; --sheet 'Probe 7' reads that one"
+        with pytest.raises(BenchLogError, match=said):
+            read_table(path)
+
+    def test_the_sheet_that_is_named_is_read(self, book):
+        other = [self.CELLS[0], *([t, *rest[:-1], 7.0] for t, *rest in self.CELLS[1:])]
+        path = book(A=self.CELLS, B=other, Notizen=[["Draht 7"]])
+        for sheet, last in (("A", self.CELLS[-1][-1]), ("B", 7.0)):
+            columns = list(read_table(path, sheet=sheet).columns.values())
+            assert columns[-1][-1] == pytest.approx(last)
+        with pytest.raises(BenchLogError, match="there is no sheet 'C'; its sheets are A, B, Notizen"):
+            read_table(path, sheet="C")
+        with pytest.raises(BenchLogError, match="the sheet 'Notizen' has no header row with numbers below it"):
+            read_table(path, sheet="Notizen")
+
+    def test_a_book_without_a_log_says_which_sheets_it_has(self, book):
+        with pytest.raises(BenchLogError, match="no sheet has a header row with numbers below it; its sheets are A, B"):
+            read_table(book(A=[["Draht 7"]], B=[["Bediener"]]))
+
+
+CHINESE = ["时间 (s)", "电阻 (Ω)", "电流 (A)", "力 (N)", "位移 (mm)"]
+
+
+@pytest.mark.parametrize("encoding", ["gb18030", "gb2312", "utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize(
+    "before", [[], ["试验记录：镍钛丝", "直径 0.15 mm，温度 25 ℃", ""]], ids=["alone", "a protocol"]
+)
+def test_chinese_names_are_read_as_they_were_written(encoding, before, tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_bytes("\r\n".join([*before, *lines(",", point, CHINESE)]).encode(encoding))
+    assert list(read_table(path).columns) == CHINESE
+    with pytest.raises(BenchLogError, match=re.escape("--map 'displacement_m=位移 (mm)' --unit displacement_m=mm")):
+        read_logs([path], ReadingOptions())
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["Zeit [s]", "größe [Ω]", "Strom [A]", "Kraft [N]", "Wärmeübergang [W/m²·K]"],
+        ["tid [s]", "modstånd", "ström [A]", "kraft [µN]", "läge ±°"],
+        ["t (s)", "R", "I", "F", "température éÉèÈ (°C)"],
+    ],
+    ids=["German", "Swedish", "French"],
+)
+def test_names_in_the_code_of_western_europe_stay_what_they_are(names, tmp_path):
+    names = [name.replace("Ω", "Ohm") for name in names]
+    path = tmp_path / "log.csv"
+    path.write_bytes("\r\n".join(lines(";", point, names)).encode("cp1252"))
+    assert list(read_table(path).columns) == names
 
 
 @pytest.mark.parametrize(
