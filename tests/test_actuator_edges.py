@@ -7,9 +7,11 @@ import pytest
 from rig import Rig
 
 from sma_actuator.actuator import Actuator
+from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Branch, Command, Mode
 from sma_actuator.config import Config
+from sma_actuator.estimation.chain import ESTIMATOR_RESET
 from sma_actuator.plant.loads import Weight
 
 OFF = Command(0.0, False)
@@ -88,6 +90,14 @@ class TestAnAnswerThatIsOwed:
         assert cools_K(lambda state: None) < 0.5 * off_K
 
 
+@pytest.mark.parametrize("section", ["load_cell", "circuit"])
+def test_nothing_is_driven_by_a_channel_that_was_never_calibrated(make_config, section):
+    mapping = make_config()
+    del mapping[section]
+    with pytest.raises(ConfigError, match=rf"{section}\.\w+.*: missing; .* is wanted"):
+        Actuator(Config.from_mapping(mapping))
+
+
 class TestStepsAtOnce:
     def test_one_reading_shown_three_times_is_not_three_readings(self, rig):
         actuator, reading = Actuator(rig.config), replace(rig.output.reading, load_cell_voltage_V=0.0)
@@ -147,17 +157,37 @@ class TestWhatTheDriverReports:
 
 
 class TestWhatIsTold:
-    def test_off_and_faults_are_told_once_each(self, rig):
+    def test_each_thing_that_is_done_is_told_once_in_the_step_after_it(self, rig):
+        def told():
+            return rig.step().events
+
+        actuator = rig.actuator
+        rig.outputs.clear()
         rig.enable()
-        for _ in range(2):
-            rig.actuator.enable(rig.now_s, False)
-        rig.step()
+        assert [event for output in rig.outputs for event in output.events] == ["enabled"]
+        assert actuator.reset_estimator()[0]
+        assert told() == (ESTIMATOR_RESET,)
+        assert actuator.tare_load() == (False, "not tared: the wire is driven; switch it off first: ~/enable false")
+        assert actuator.enable(rig.now_s, False) == (True, "the output is off")
+        assert told() == ("disabled",)
+        assert actuator.enable(rig.now_s, False) == (True, "the output is off")
+        assert told() == ()
+        actuator.update(rig.config.replace({"controller.kp": 5.0}))
+        assert told() == (f"controller.kp {rig.config.controller.kp} -> 5.0",)
         rig.enable()
-        rig.actuator.raise_fault(rig.now_s, "node_lost", "it is gone")
-        rig.run(0.3)
-        events = [event for output in rig.outputs for event in output.events]
-        assert events.count("disabled") == 1
-        assert events.count("fault node_lost: it is gone") == 1
+        actuator.raise_fault(rig.now_s, "node_lost", "it is gone")
+        assert "fault node_lost: it is gone" in told()
+        assert told() == ()
+        assert actuator.clear_fault(rig.now_s) == (
+            True,
+            "cleared: the node is gone (it is gone); the output stays off until ~/enable",
+        )
+        assert told() == ("cleared node_lost",)
+        rig.bench.load = Weight(0.0)
+        rig.run(2.0)
+        assert actuator.tare_load()[0]
+        tared, anew = told()
+        assert tared.startswith("tared ") and tared.endswith(" N") and anew == ESTIMATOR_RESET
 
     def test_a_refused_setpoint_stays_in_the_status_for_a_second_from_its_very_moment_on(self, rig):
         rig.enable()
@@ -212,6 +242,22 @@ def test_a_live_time_out_of_setpoints_counts_from_then_on(rig):
     assert rig.step().status.fault == "setpoint_stale"
 
 
+def test_a_live_bound_of_the_flood_counts_from_then_on(rig):
+    rig.enable()
+    assert not any(rig.actuator.offer_setpoint(rig.now_s, 0.003) for _ in range(50))
+    rig.run(0.5)
+    rig.actuator.update(rig.config.replace({"safety.setpoint_flood_rate": 20.0}))
+    refused = [bool(rig.actuator.offer_setpoint(rig.now_s, 0.003)) for _ in range(50)]
+    assert refused[0] is False and sum(refused) >= 39
+
+
+def test_a_wire_that_nobody_has_looked_at_counts_as_hot_and_cools_to_its_surroundings(config):
+    actuator = Actuator(config)
+    temperatures_C = [actuator.step(0.05 * n, None, None).status.values["temperature_C"] for n in range(400)]
+    assert temperatures_C == sorted(temperatures_C, reverse=True)
+    assert temperatures_C[-1] == pytest.approx(config.thermal.ambient_temperature, abs=0.1)
+
+
 class TestStartingAnew:
     """What the estimate remembers of the wire's way is gone: the same reading means what it would at first."""
 
@@ -252,7 +298,7 @@ class TestMeasurementsOfTheCircuit:
         total_Ohm = share * (config.safety.resistance_min + 0.3)
         reference_V = 0.05 * config.circuit.reference_resistance
         actuator, last = Actuator(config), rig.output.reading
-        for count in range(5):
+        for count in range(3):
             reading = replace(
                 last,
                 time_s=last.time_s + 0.05 * count,

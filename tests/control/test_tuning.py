@@ -88,7 +88,7 @@ def rig_of(**changes):
 def tune(rig):
     done, sentence = rig.actuator.tune(rig.now_s)
     assert done, sentence
-    rig.step()
+    assert "tuning" in rig.step().events
     assert rig.status.mode is Mode.TUNING
 
 
@@ -217,6 +217,11 @@ WAYS_OUT = {
         lambda rig: rig.actuator.raise_fault(rig.now_s, "node_lost", "provoked"),
         Mode.OFF,
         "fault node_lost: provoked",
+    ),
+    "a reading that is a fault": (
+        lambda rig: setattr(rig, "reading_of", lambda r: dataclasses.replace(r, load_cell_voltage_V=11.0)),
+        Mode.OFF,
+        "fault reading_saturated: ",
     ),
     "other gains": (
         lambda rig: rig.actuator.update(rig.config.replace({"controller.kp": 700.0})),
