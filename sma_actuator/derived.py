@@ -17,6 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from .base.balance import held_rise_K, holding_A
 from .base.parameters import ConfigError, from_mapping
 from .base.sections import SupplyParameters, ThermalParameters, Wire
 from .safety.thermal import CAPACITY_WITHIN
@@ -149,7 +150,7 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None
     hottest_C = given("thermal.max_temperature", _HOTTEST_C) - _TRIP_HEADROOM_K
 
     def steady_A(temperature_C: float) -> float:
-        exact_A = math.sqrt(loss_W_K * (temperature_C - ambient_C) / hot_Ohm)
+        exact_A = holding_A(temperature_C - ambient_C, hot_Ohm, loss_W_K)
         unit_A = 10.0 ** (math.floor(math.log10(exact_A)) - 2)
         return _digits(math.floor(exact_A / unit_A) * unit_A, 3)  # rounded down: it is a limit
 
@@ -182,11 +183,12 @@ def _settle_supply(wire: Wire, loss_W_K: float, given: Any, settle: Any) -> None
 def not_survived(wire: Wire, supply: SupplyParameters, thermal: ThermalParameters) -> str:
     """A sentence where more may flow for ever, while no computer looks, than the wire survives; else ""."""
     loss_W_K = min(thermal.heat_loss, _still_air_W_K(wire))
-    rise_K = supply.over_current_trip**2 * wire.resistance_Ohm(HOT_RESISTIVITY_Ohm_m) / loss_W_K
+    hot_Ohm = wire.resistance_Ohm(HOT_RESISTIVITY_Ohm_m)
+    rise_K = held_rise_K(supply.over_current_trip, hot_Ohm, loss_W_K)
     most_K = thermal.max_temperature - thermal.ambient_temperature
     if rise_K <= CAPACITY_WITHIN * most_K:
         return ""
-    most_A = supply.over_current_trip * math.sqrt((most_K - _TRIP_HEADROOM_K) / rise_K)
+    most_A = holding_A(most_K - _TRIP_HEADROOM_K, hot_Ohm, loss_W_K)
     return (
         f"supply.over_current_trip: {supply.over_current_trip:g} A for ever heats this wire to "
         f"{thermal.ambient_temperature + rise_K:.0f} °C in still air, and thermal.max_temperature is "

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sma_actuator.base.balance import held_rise_K, holding_A
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.config import require_sense_resistor
 
@@ -95,7 +96,7 @@ def make_plan(config, options: PlanOptions) -> list[Part]:
         return _second_round(config, options)
     heat_A = options.heat_current_A or default_heat_current_A(config)
     resistance_Ohm = typical_resistance_Ohm(wire)
-    hottest_C = thermal.ambient_temperature + heat_A**2 * resistance_Ohm / thermal.heat_loss
+    hottest_C = thermal.ambient_temperature + held_rise_K(heat_A, resistance_Ohm, thermal.heat_loss)
     if not config.supply.bias_current < heat_A <= config.supply.max_current:
         raise ConfigError(
             f"heat current: {heat_A:g} A is not between supply.bias_current and supply.max_current, "
@@ -252,5 +253,5 @@ def largest_heat_current_A(config) -> float:
 
 
 def _held_current_A(config, rise_K: float) -> float:
-    power_W = config.thermal.heat_loss * rise_K
-    return min(math.sqrt(power_W / typical_resistance_Ohm(config.wire)), config.supply.max_current)
+    held_A = holding_A(rise_K, typical_resistance_Ohm(config.wire), config.thermal.heat_loss)
+    return min(held_A, config.supply.max_current)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sma_actuator.base.balance import holding_A
 from sma_actuator.base.calibration import through
 from sma_actuator.base.signals import Reading
 from sma_actuator.config import BenchConfig, Config
@@ -457,7 +458,7 @@ class SelfTest:
         """To what the current is limited that may flow for ever, before the wire has shown what heat it loses."""
         thermal = self._config.thermal
         rise_K = (thermal.max_temperature - thermal.ambient_temperature) / thermal.heat_loss_margin
-        most_A = math.sqrt(thermal.heat_loss * rise_K / self._resistance_Ohm)
+        most_A = holding_A(rise_K, self._resistance_Ohm, thermal.heat_loss)
         return (
             f"no more than {most_A * 1e3:.3g} mA may flow on, of which the wire comes to "
             f"{thermal.ambient_temperature + rise_K:.0f} °C by thermal.heat_loss: one that contracts only hotter "

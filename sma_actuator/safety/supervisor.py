@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from math import inf, nan, sqrt
 
+from sma_actuator.base.balance import held_rise_K
 from sma_actuator.base.signals import Command, Reading, SupplyState
 
 from .faults import FAULTS
@@ -146,7 +147,7 @@ class Supervisor:
     def most_rise_K(self) -> float:
         """How far above its surroundings the wire can be held for long, by the parameters' heat balance [K]."""
         supply, thermal = self.config.supply, self.config.thermal
-        held_K = supply.max_current**2 * self._resistance_Ohm / thermal.heat_loss
+        held_K = held_rise_K(supply.max_current, self._resistance_Ohm, thermal.heat_loss)
         if supply.watchdog_timeout > 0.0:
             return held_K
         return min(held_K, self.heat.power_limit_W(inf, thermal) / thermal.heat_loss) if not self.heat.cools else held_K
