@@ -86,6 +86,7 @@ class Ambient:
     def __init__(self, parameters: ThermalParameters):
         self.temperature_C = parameters.ambient_temperature
         self.doubt = ""  #: why the sensor is not believed
+        self._was_believed = False  #: it has been, in this run
         self._read_C = math.nan
         self._stands_s = 0.0
 
@@ -98,10 +99,10 @@ class Ambient:
         usual_C = parameters.ambient_temperature
         self.doubt = "" if math.isnan(read_C) else self._doubt(read_C, parameters)
         is_believed = not (self.doubt or math.isnan(read_C))
+        self._was_believed = self._was_believed or is_believed
         believed_C = read_C if is_believed else usual_C
-        from_C = (
-            min(self.temperature_C, usual_C) if is_believed else self.temperature_C
-        )  # a sensor breaks, a room stays
+        is_broken = self._was_believed and not is_believed
+        from_C = self.temperature_C if is_broken else min(self.temperature_C, usual_C)  # a sensor breaks, a room stays
         self.temperature_C = max(believed_C, from_C - AMBIENT_FALL_K_s * dt_s)
         return self.temperature_C
 

@@ -124,6 +124,12 @@ def test_a_warm_room_stays_warm_when_its_sensor_breaks(parameters, read_C):
     assert ambient.step(read_C, 1000.0, parameters) == 24.0
 
 
+def test_where_nothing_is_measured_another_parameter_counts_at_once(parameters):
+    ambient = Ambient(parameters)
+    for said_C in (60.0, 24.0):
+        assert ambient.step(math.nan, 0.05, replace(parameters, ambient_temperature=said_C)) == said_C
+
+
 def test_a_sensor_is_followed_upwards_at_once_and_downwards_slowly(parameters):
     ambient = Ambient(parameters)
     assert ambient.step(60.0, 0.05, parameters) == 60.0
