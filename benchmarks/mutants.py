@@ -66,7 +66,10 @@ TARGETS = {
     "safety/timing": _GUARDS,
     "safety/faults": (*_GUARDS, "tests/safety/test_faults.py"),
     "safety/supervisor": ("tests/safety/test_supervisor_edges.py", *_GUARDS),
-    "safety/thermal": (*_GUARDS, "tests/safety/test_thermal.py", "tests/safety/test_limits.py"),
+    "safety/thermal": (
+        *_GUARDS,
+        *(f"tests/safety/test_{name}.py" for name in ("thermal", "limits", "hot_end")),
+    ),
     **{
         f"driver/{name}": _DRIVER
         for name in ("driver", "link", "loop", "output", "requests", "statistics", "warm_up", "watchman")
