@@ -249,7 +249,9 @@ def _session(case: Case) -> list[BenchLog]:
     with rig.opened():
         for number in range(2):
             bench.advance(number * (LOG_s + PAUSE_s))
-            log = rig.record(_open_loop(currents_A(config, number, case.seed, case.program)), but=("load_spike",))
+            # Loads change on purpose, and a sense resistor that warms drifts: a session goes on as on others' benches.
+            drives = _open_loop(currents_A(config, number, case.seed, case.program))
+            log = rig.record(drives, but=("load_spike", "current_drifts"))
             columns = dict(log.columns)
             columns["time_s"] = columns["time_s"] + (bench.time_s - columns["time_s"][-1])
             if case.program == ELSEWHERE and case.seed % 2:

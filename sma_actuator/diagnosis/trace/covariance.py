@@ -25,7 +25,9 @@ from .witnesses import WITNESSES, Prediction
 
 #: Of what an effect moves, smoothly over the place: how far off its form may be, each as likely …
 FORMS = (0.0, 0.05, 0.1)
-NEARLY = 0.2  #: … and how far off that of something else is that only looks like it
+#: … and, smoothly over any one thing that errors may go with, that of something else that only looks like it.
+NEARLY = (0.2, 0.5, 1.0)
+PLACE = "place"  #: of the wire, and by which branch it came there
 KNOTS = 6  #: of the hat functions over each quantity, at its quantiles
 FEWER = 4  #: of those that are asked at each place
 #: What a model's errors go with, beside the place and the branch.
@@ -64,9 +66,10 @@ class SmoothErrors:
         when = 2.0 * evidence.unit_of_row[samples:] / max(evidence.units - 1, 1) - 1.0
         #: Of a model on any session, shape (rows, …).
         self.repeating = self._columns(np.column_stack(repeating), self._offsets)
-        self._place = self._columns(np.column_stack(repeating[:2]), self._offsets)
         alone = {name: _hats(found[name], KNOTS) for name in (*REPEATING, *NEW) if name in found}
-        alone["place"] = np.column_stack(repeating[:2])
+        alone[PLACE] = np.column_stack(repeating[:2])
+        #: Over what the form of an effect may be off, which may move the other witnesses more or less too.
+        self.of_forms = {name: self._columns(hats, self._offsets) for name, hats in alone.items() if hats.shape[1]}
         with_place = {name: _hats(found[name], FEWER) for name in WITH_PLACE if name in found}
         alone |= {f"place and {name}": _products(place, hats) for name, hats in with_place.items()}
         still, nothing = np.zeros((len(witness), 0)), np.zeros((samples, 0))
@@ -99,9 +102,9 @@ class SmoothErrors:
         out[len(of_samples) :, of_samples.shape[1] :] = of_others
         return out * self._weight[:, None]
 
-    def of_form(self, moved: np.ndarray) -> np.ndarray:
+    def of_form(self, moved: np.ndarray, over: str = PLACE) -> np.ndarray:
         """What is off where an effect moves the rows by ``moved`` and its form is not quite its own, (rows, …)."""
-        return self._place * np.abs(moved / self._weight)[:, None]
+        return self.of_forms[over] * np.abs(moved / self._weight)[:, None]
 
 
 def _products(a: np.ndarray, b: np.ndarray) -> np.ndarray:

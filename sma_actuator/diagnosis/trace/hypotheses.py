@@ -21,7 +21,7 @@ from sma_actuator.estimation.effects import EFFECTS
 from sma_actuator.fleet import spread
 
 from .candidates import Candidate
-from .covariance import FORMS, NEARLY, Covariance, SmoothErrors
+from .covariance import FORMS, NEARLY, PLACE, Covariance, SmoothErrors
 from .evidence import Evidence
 from .likeliest import Likeliest, beside, likeliest
 from .limits import LIMITS
@@ -29,7 +29,7 @@ from .limits import LIMITS
 NOTHING, SOMETHING_ELSE = "nothing", "something else"
 LARGER = (3.0, 10.0, 30.0)  #: σ: how large the smooth errors of something else may be, each as likely
 LEADERS = 2  #: best single effects that are sketched in pairs with every other
-BESIDE = 2  #: best single effects that something else is held beside
+BEST_FEW = 4  #: single effects that something else is held beside, and may look like
 IN_EARNEST = 5  #: pairs that are fitted, at the most
 NEAR_SIZE, NEAR_SHAPE = 0.01, 0.05  #: of what is possible, so near its end counts as at it: a shape comes there slowly
 
@@ -49,7 +49,6 @@ class Hypothesis:
     covariance: Covariance | None = None  #: the likeliest of those that its effects may have
     objection: str = ""  #: why it is another: a parameter at the end of the possible
     worse: bool = False  #: whether the model is worse with it on these logs than without
-    nearly: float = -math.inf  #: log_evidence of something else that looks like these effects
     #: Of something else: what it goes with or drifts in, and how probably …
     goes_with: Mapping[str, float] = field(default_factory=dict)
     #: … and which effect it looks like.
@@ -87,13 +86,14 @@ class Rows:
         columns = (LIMITS.smooth * self.smooth.repeating, *more) if self.smooth is not None else ()
         return Covariance(*columns, as_one=self.as_one)
 
-    def of(self, found: Likeliest, shares: Sequence[float] = FORMS) -> list[Covariance]:
-        """Covariances where some effects have happened whose form is off by these ``shares`` of what they move."""
+    def of(self, found: Likeliest, shares: Sequence[float] = FORMS, over: Sequence[str] = (PLACE,)) -> list[Covariance]:
+        """Covariances where some effects have happened whose form is off by these ``shares`` of what they move, over
+        each of these."""
         if self.smooth is None:
             return [self.usual]
         moved = self.evidence.off(self.evidence.predict(found.effects)) - self.off
-        off = self.smooth.of_form(moved)
-        return [self._covariance(share * off) if share else self.usual for share in shares]
+        off = [self.smooth.of_form(moved, what) for what in over]
+        return [self._covariance(share * each) if share else self.usual for each in off for share in shares]
 
     def nothing(self) -> Hypothesis:
         """Nothing has happened."""
@@ -103,15 +103,14 @@ class Rows:
     def something_else(self, effects: Sequence[Hypothesis] = ()) -> Hypothesis:
         """Something has that is none of the ``effects``: alone, beside one or looking like one of them, each as likely.
 
-        Of those that it may be beside the best few count; the others add nothing.  Raises ValueError without smooth
-        errors.
+        Of these the best few count; the others add nothing.  Raises ValueError without smooth errors.
         """
         if self.smooth is None:
             raise ValueError("without smooth errors there is nothing that something else could be")
         by_what: dict[str, list[float]] = {}
         alone, number = [], len(effects)
         possible = [one for one in effects if not one.objection]
-        best_few = sorted(possible, key=lambda one: -one.log_evidence)[:BESIDE]
+        best_few = sorted(possible, key=lambda one: -one.log_evidence)[:BEST_FEW]
         for what, columns in self.smooth.new.items():
             for size in LARGER:
                 covariance = self._covariance(size * columns)
@@ -123,9 +122,12 @@ class Rows:
                 by_what.setdefault(what, []).append(evidence)
         smooth = math.log(2.0 / 3.0 if possible else 1.0)
         parts = {what: _mean(each) - math.log(len(by_what)) + smooth for what, each in by_what.items()}
-        like = {" and ".join(one.names): one.nearly - math.log(3.0 * number) for one in possible}
+        like = {" and ".join(one.names): self._nearly(one.fitted) - math.log(3.0 * number) for one in best_few}
         evidence = float(np.logaddexp.reduce([*parts.values(), *like.values()]))
-        goes_with, looks_like = ({k: math.exp(v - evidence) for k, v in some.items()} for some in (parts, like))
+        goes_with, looks_like = (
+            {k: math.exp(v - evidence) for k, v in sorted(some.items(), key=lambda item: -item[1])}
+            for some in (parts, like)
+        )
         best = max(alone, key=lambda one: one[0])
         return Hypothesis((SOMETHING_ELSE,), evidence, *best, goes_with=goes_with, looks_like=looks_like)
 
@@ -134,16 +136,19 @@ class Rows:
     ) -> Hypothesis:
         """These effects have, together; ``known``: parameters of some of them, to start from."""
         found = likeliest(self.evidence, candidates, self.usual, known)
-        covariances = self.of(found, (*FORMS, NEARLY))
+        covariances = self.of(found)
         evidence = [found.log_evidence(covariance) for covariance in covariances]
-        its_own = evidence[: len(FORMS)]
-        best = covariances[int(np.argmax(its_own))]
+        best = covariances[int(np.argmax(evidence))]
         likelihood, by_row = _likelihood(best, found.rows)
         names = tuple(c.name for c in candidates)
         # Errors that are usual as one are cheap together, so a fit may raise them all to get rid of what is not.
         worse = bool(np.sum(found.rows**2) > np.sum(self.plain**2))
-        why, nearly = objection(found), evidence[-1]
-        return Hypothesis(names, _mean(its_own), likelihood, by_row, found, best, why, worse, nearly)
+        return Hypothesis(names, _mean(evidence), likelihood, by_row, found, best, objection(found), worse)
+
+    def _nearly(self, found: Likeliest) -> float:
+        """Logarithm of the evidence of something else that looks like some effects."""
+        over = tuple(self.smooth.of_forms) if self.smooth is not None else ()
+        return _mean([found.log_evidence(covariance) for covariance in self.of(found, NEARLY, over)])
 
     def sketches(self, first: Likeliest, others: Sequence[Likeliest]) -> list[float]:
         """About the logarithms of the evidence of some effects with each of others, which are known alone."""

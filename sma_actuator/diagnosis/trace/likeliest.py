@@ -6,6 +6,7 @@ effect before the logs: a size is some times what is typical, a shape is somewhe
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,14 +21,17 @@ from .covariance import Covariance
 from .evidence import Evidence
 from .limits import LIMITS
 
-STEP = 1e-3, 0.01  #: of the finite differences, in the optimiser's units: of a size, of a shape
+STEP = 1e-3, 0.01  #: of a search's finite differences, in the optimiser's units: of a size, of a shape
+#: How much less likely, in nats, the ends of each axis of what is likely are: a standard deviation has half a nat, √2
+#: of them one.  Their distance is tried so often, each time so many times longer or shorter at the most.
+FALL, WIDTHS, LONGER = (0.5, 2.0), 8, 4.0
 #: Of a size, in what is typical: from so large an effect one linear step says how large it is.  What is far off counts
 #: linearly, so that step falls short of a large effect, and a rest that counts only where the wire is as hot as it was
 #: may lie between nothing and a large effect like a wall: of a single size so much more is tried too.
 PROBE = 0.5
 STRIDES, SIZES = (2.0, 4.0), (-3.0, 3.0)
 APART = 0.3  #: in the optimiser's units: shapes nearer to each other lead to the same end
-STEPS, SHORTER = 4, (1.0, 0.3, 0.1)
+STEPS, SHORTER = 8, (1.0, 0.3, 0.1)
 ENOUGH = 0.002, 0.2  #: share of the squares, and squares, below which a step was the last
 PROMISING = 0.7  #: of what the first start took off in the end: another that takes off so much at once is gone from too
 TRIED = 100  #: times of something that happens once …
@@ -112,7 +116,17 @@ class Likeliest:
     problem: Problem
     u: np.ndarray
     rows: np.ndarray  #: of the evidence there
-    slopes: np.ndarray  #: of these, (rows, len(u))
+    #: Along each axis of what is as likely, how far from there it is about a nat less likely, (len(u), len(u)), and the
+    #: rows so far off to either side, (rows, len(u)).
+    axes: np.ndarray
+    sides: tuple[np.ndarray, np.ndarray]
+
+    @property
+    def slopes(self) -> np.ndarray:
+        """Of the rows, (rows, len(u)), over all that is as likely: an estimate jumps where a branch turns a sample
+        earlier, and what lies within a jump says nothing."""
+        before, behind = self.sides
+        return np.linalg.solve(self.axes.T, 0.5 * (behind - before).T).T
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -130,10 +144,22 @@ class Likeliest:
         return self.problem.effects(self.u)
 
     def log_evidence(self, covariance: Covariance) -> float:
-        """Laplace's logarithm of the evidence, after one more linear step under this covariance."""
-        p = self.problem
-        off = (self.u - p.usual) / p.spread
-        return laplace(covariance, self.rows, self.slopes, off, p.spread, lambda step: np.clip(step, -1.0, 1.0))
+        """Laplace's logarithm of the evidence, after one more step under this covariance.
+
+        How steep and how curved the likelihood is along each axis is seen in itself, and not in the slopes.
+        """
+        p, sides = self.problem, self.sides
+        off, axes = (self.u - p.usual) / p.spread, self.axes / p.spread[:, None]
+        here, left, right = (np.sum(covariance.whiten(rows) ** 2, axis=0) for rows in (self.rows, *sides))
+        straight = covariance.whiten(0.5 * (sides[1] - sides[0]))
+        curvature, known = straight.T @ straight + axes.T @ axes, np.sum(axes**2, axis=0)
+        seen = np.sqrt((np.maximum(0.5 * (left + right) - here, 0.0) + known) / np.diag(curvature))
+        curvature *= np.outer(seen, seen)
+        uphill = 0.25 * (left - right) - axes.T @ off
+        step = np.clip(np.linalg.solve(curvature, uphill), -1.0, 1.0)
+        higher = float(step @ (uphill - 0.5 * curvature @ step))
+        volume = float(np.linalg.slogdet(axes)[1]) - 0.5 * float(np.linalg.slogdet(curvature)[1])
+        return covariance.log_likelihood(float(here)) - 0.5 * float(off @ off) + higher + volume
 
 
 def laplace(
@@ -275,6 +301,28 @@ class _Search:
                 break
         return cost, u, rows
 
+    def across(self, u: np.ndarray, rows: np.ndarray) -> Likeliest:
+        """What is likeliest with all that is as likely, seen over its own width."""
+        p, at = self.problem, self.cost(rows, u)
+        slopes = self.covariance.whiten(p.jacobian(u, rows)[self.seen]) * p.spread
+        squares, axes = np.linalg.eigh(slopes.T @ slopes + np.eye(len(u)))
+        axes *= p.spread[:, None] * np.sqrt(2.0 / squares)
+        sides = np.empty((2, len(rows), len(u)))
+        for i in range(len(u)):
+            for last in (False,) * (WIDTHS - 1) + (True,):
+                there = [u - axes[:, i], u + axes[:, i]]
+                sides[:, :, i] = [p.residual(p.clipped(x)) for x in there]
+                possible = [k for k, x in enumerate(there) if np.array_equal(x, p.clipped(x))] or [0, 1]
+                falls = [0.5 * (self.cost(sides[k, :, i], there[k]) - at) for k in possible]
+                fall = float(np.mean(falls))
+                if last or FALL[0] <= fall <= FALL[1]:
+                    break
+                axes[:, i] /= math.sqrt(min(max(fall, LONGER**-2), LONGER**2))
+            if len(possible) == 1:  # beyond what is possible it goes on as on the other side
+                (k,) = possible
+                sides[1 - k, :, i] = 2.0 * rows - sides[k, :, i]
+        return Likeliest(p, u, rows, axes, (sides[0], sides[1]))
+
 
 def likeliest(
     evidence: Evidence,
@@ -322,7 +370,7 @@ def likeliest(
             time = near[int(np.argmin(costs))]
             _, u, rows = search.descend(u, time)
     problem.scanned |= time
-    return Likeliest(problem, u, rows, problem.jacobian(u, rows))
+    return search.across(u, rows)
 
 
 def _with(u: np.ndarray, i: Any, value: float) -> np.ndarray:

@@ -39,6 +39,7 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
     left = anatomy(evidence, tracing.predictions["after"])
     at_first = anatomy(evidence, tracing.predictions["before"])
     alternatives = _alternatives(evidence, tracing)
+    goes_with, looks_like = _something_else(tracing)
     out: dict[str, Any] = {
         "verdict": tracing.verdict,
         "sentence": sentence(tracing, left.depends, alternatives) + _trained_first(evidence.changed_percent),
@@ -46,8 +47,8 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
         "alternatives": alternatives,
         "names": tracing.names,
         "probable": tracing.probabilities.by_name,
-        "something_else_goes_with": _goes_with(tracing),
-        "something_else_looks_like": _looks_like(tracing),
+        "something_else_goes_with": goes_with,
+        "something_else_looks_like": looks_like,
         "probabilities": [
             {"hypothesis": list(names), "probability": share} for names, share in tracing.probabilities.of.items()
         ],
@@ -120,13 +121,14 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
         if most
         else "; it depends on nothing that was looked at."
     )
-    with_it = [(_words(what), share) for what, share in _goes_with(tracing).items() if share >= DEPENDS]
-    if with_it:
-        text += f" By its form it goes with {' or '.join(f'{what} ({share:.0%})' for what, share in with_it)}."
+    goes_with, looks_like = (
+        " or ".join(f"{_words(what)} ({share:.0%})" for what, share in some.items() if share >= DEPENDS)
+        for some in _something_else(tracing)
+    )
+    text += f" By its form it goes with {goes_with}." if goes_with else ""
     likely = [n for n in tracing.probabilities.by_name if n not in NO_NAMES][:MOST_NAMES]
     if tracing.probabilities.best[0] in NO_NAMES:
-        like = [f"{name} ({share:.0%})" for name, share in _looks_like(tracing).items() if share >= DEPENDS]
-        text += f" It looks like {' or '.join(like)}, but has not quite that form." if like else ""
+        text += f" It looks like {looks_like}, but has not quite that form." if looks_like else ""
         text += " Something else than any of them is the most probable"
     else:
         text += f" No {MOST_NAMES} names together are probable enough"
@@ -142,16 +144,11 @@ def sentence(tracing: Tracing, depends: dict[str, float], alternatives: Sequence
     return text
 
 
-def _goes_with(tracing: Tracing) -> dict[str, float]:
-    """What something else would go with, the most probable first; nothing where that was not asked."""
+def _something_else(tracing: Tracing) -> tuple[dict[str, float], dict[str, float]]:
+    """What something else would go with, and which effects it would look like, the most probable first; nothing where
+    that was not asked."""
     found = tracing.hypotheses.get((SOMETHING_ELSE,))
-    return dict(sorted(found.goes_with.items(), key=lambda item: -item[1])) if found else {}
-
-
-def _looks_like(tracing: Tracing) -> dict[str, float]:
-    """Which effects something else would look like, likewise."""
-    found = tracing.hypotheses.get((SOMETHING_ELSE,))
-    return dict(sorted(found.looks_like.items(), key=lambda item: -item[1])) if found else {}
+    return (dict(found.goes_with), dict(found.looks_like)) if found else ({}, {})
 
 
 def _words(what: str) -> str:

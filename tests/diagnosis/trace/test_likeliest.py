@@ -1,12 +1,14 @@
 """The likeliest parameters and their evidence, where both have a closed form: rows that are linear in two sizes."""
 
+import math
+
 import numpy as np
 import pytest
 
 from sma_actuator.diagnosis.trace.candidates import Candidate
 from sma_actuator.diagnosis.trace.covariance import Covariance
 from sma_actuator.diagnosis.trace.hypotheses import objection
-from sma_actuator.diagnosis.trace.likeliest import beside, likeliest
+from sma_actuator.diagnosis.trace.likeliest import Likeliest, beside, likeliest
 from sma_actuator.diagnosis.trace.limits import LIMITS
 from sma_actuator.estimation.effects.free import Free, size
 
@@ -132,3 +134,33 @@ def test_one_more_effect_is_sketched_with_the_shape_that_it_has_beside_the_first
     assert other.values["contact_drift"]["time_constant"] < 10.0
     assert both.log_evidence(usual) > first.log_evidence(usual) + 100.0
     assert beside(first, other, usual) == pytest.approx(both.log_evidence(usual), abs=10.0)
+
+
+def test_how_wide_the_likely_is_is_seen_across_jumps():
+    """An estimate jumps where a branch turns a sample earlier: a slope within a jump says a hundred times too much, and
+    one beside it nothing.  The evidence is that of the integral."""
+
+    class Jumps(Line):
+        """Rows that follow a load cell's zero in steps, of which many are within its standard deviation."""
+
+        def residual(self, effects):
+            steps = np.round(effects[NAME].offset / TYPICAL[0] / 2e-3 + 0.01 * np.arange(N))
+            return self.base + 2e-3 * SLOPES[:, 0] * steps
+
+    usual = Covariance(SMOOTH)
+    base = np.random.default_rng(8).standard_normal(N) - SLOPES[:, 0]
+    c = Candidate(NAME, (size("offset", 20.0, TYPICAL[0]),), {})
+    found = likeliest(Jumps(base), [c], usual)
+    units = np.linspace(-2.0, 4.0, 6001)
+    off = np.array([found.problem.cost(usual, found.problem.residual(u), u) for u in units[:, None]])
+    logarithms = -0.5 * (off + usual.log_determinant) - 0.5 * math.log(2.0 * math.pi) - math.log(LIMITS.size)
+    whole = float(np.logaddexp.reduce(logarithms)) + math.log(units[1] - units[0])
+    assert found.log_evidence(usual) == pytest.approx(whole, abs=0.2)
+    within = Likeliest(
+        found.problem,
+        found.u,
+        found.rows,
+        1e-3 * np.eye(1),
+        tuple(found.problem.residual(found.u + sign * 1e-3)[:, None] for sign in (-1.0, 1.0)),
+    )
+    assert abs(within.log_evidence(usual) - whole) > 0.2

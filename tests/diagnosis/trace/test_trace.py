@@ -666,21 +666,22 @@ def test_something_else_may_drift_in_one_witness_alone(clean, witness):
     assert max(goes_with, key=goes_with.__getitem__) == witness and goes_with[witness] > 0.5
 
 
-def test_what_has_only_nearly_the_form_of_an_effect_is_something_else_that_looks_like_it(a_lead):
-    """A lead keeps its name; what moves the rows like one, but at each place by some 20 % more or less, does not."""
+@pytest.mark.parametrize("over", ["place", "time_s"])
+def test_what_has_only_nearly_the_form_of_an_effect_is_something_else_that_looks_like_it(a_lead, over):
+    """A lead keeps its name; what moves the rows like one, but now or here by much more or less, does not."""
     evidence, found = a_lead
     lead, else_ = found.hypotheses["lead_resistance",], found.hypotheses[SOMETHING_ELSE,]
     assert lead.log_evidence > else_.log_evidence + 2.0
     assert sum(else_.goes_with.values()) + sum(else_.looks_like.values()) == pytest.approx(1.0)
     rows, fitted = Rows(evidence), lead.fitted
-    columns = rows.smooth.of_form(evidence.off(evidence.predict(fitted.effects)) - rows.off)
-    bent = dataclasses.replace(
-        fitted, rows=fitted.rows + NEARLY * columns @ np.random.default_rng(6).standard_normal(columns.shape[1])
-    )
-    its_own, nearly = ([bent.log_evidence(one) for one in rows.of(bent, shares)] for shares in (FORMS, (NEARLY,)))
-    assert nearly[0] > max(its_own) + 2.0
-    known = dataclasses.replace(lead, found=bent, log_evidence=max(its_own), nearly=nearly[0])
-    rows.plain = rows.plain + bent.rows - fitted.rows
+    columns = rows.smooth.of_form(evidence.off(evidence.predict(fitted.effects)) - rows.off, over)
+    more = NEARLY[1] * columns @ np.random.default_rng(6).standard_normal(columns.shape[1])
+    sides = tuple(side + more[:, None] for side in fitted.sides)
+    bent = dataclasses.replace(fitted, rows=fitted.rows + more, sides=sides)
+    its_own, nearly = ([bent.log_evidence(c) for c in rows.of(bent, shares, (over,))] for shares in (FORMS, NEARLY))
+    assert max(nearly) > max(its_own) + 2.0
+    known = dataclasses.replace(lead, found=bent, log_evidence=max(its_own))
+    rows.plain = rows.plain + more
     looks_like = rows.something_else([known]).looks_like
     assert looks_like["lead_resistance"] > 0.5
 
