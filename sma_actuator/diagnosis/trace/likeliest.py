@@ -370,7 +370,14 @@ def likeliest(
             time = near[int(np.argmin(costs))]
             _, u, rows = search.descend(u, time)
     problem.scanned |= time
-    return search.across(u, rows)
+    found = search.across(u, rows)
+    for _ in range(STEPS):  # a search ends within a jump; what is likelier beyond it shows over the whole width
+        further = problem.clipped(found.u + search.step(found.rows, found.slopes, found.u))
+        at = problem.residual(further)
+        if search.cost(at, further) >= search.cost(found.rows, found.u):
+            break
+        found = search.across(further, at)
+    return found
 
 
 def _with(u: np.ndarray, i: Any, value: float) -> np.ndarray:
