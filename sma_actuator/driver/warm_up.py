@@ -27,7 +27,8 @@ def warm_up(config: Config) -> Output:
         # The step after enabling tells the supply to switch on, the one after that sees it.
         is_on = number > 1
         flows_A = current_A * less if is_on else 0.0
-        reading = Reading(now_s, flows_A * total_Ohm, flows_A * circuit.reference_resistance, load_V * less)
+        volts = (flows_A * total_Ohm, flows_A * circuit.reference_resistance, load_V * less)
+        reading = Reading(now_s, *volts, lvdt_current_A=0.0, ambient_temperature_C=config.thermal.ambient_temperature)
         supply = SupplyState(now_s, current_A, is_on, flows_A * total_Ohm, flows_A)
         output = actuator.step(now_s, reading, supply)
         if number == 0:

@@ -247,7 +247,7 @@ def reference_doubted(step: Step) -> str:
     place_m, length_m = step.signals.reference_displacement_m, step.config.wire.length
     if step.reading is None:
         return ""
-    if isnan(place_m) and step.config.instruments.daq.lvdt_channel:
+    if isnan(step.reading.lvdt_current_A) and step.config.instruments.daq.lvdt_channel:
         return "it reads no number, and instruments.daq.lvdt_channel says that there is one"
     if not abs(place_m) > length_m:
         return ""
