@@ -19,6 +19,7 @@ def warm_up(config: Config) -> Output:
     """
     actuator = Actuator(config)
     current_A, circuit, safety = config.supply.bias_current, config.circuit, config.safety
+    ambient_C = config.thermal.ambient_temperature
     wire_Ohm = math.sqrt(safety.resistance_min * safety.resistance_max)
     load_V = (0.5 * config.wire.max_stress * config.wire.area_m2 - config.load_cell.offset) / config.load_cell.slope
     for number in range(3 + max(SETTLING_READINGS, math.ceil(2.0 * SETTLING_TIME_s * config.loop.rate))):
@@ -27,8 +28,8 @@ def warm_up(config: Config) -> Output:
         # The step after enabling tells the supply to switch on, the one after that sees it.
         is_on = number > 1
         flows_A = current_A * less if is_on else 0.0
-        volts = (flows_A * total_Ohm, flows_A * circuit.reference_resistance, load_V * less)
-        reading = Reading(now_s, *volts, lvdt_current_A=0.0, ambient_temperature_C=config.thermal.ambient_temperature)
+        voltages_V = (flows_A * total_Ohm, flows_A * circuit.reference_resistance, load_V * less)
+        reading = Reading(now_s, *voltages_V, lvdt_current_A=0.0, ambient_temperature_C=ambient_C)
         supply = SupplyState(now_s, current_A, is_on, flows_A * total_Ohm, flows_A)
         output = actuator.step(now_s, reading, supply)
         if number == 0:
