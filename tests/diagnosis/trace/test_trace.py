@@ -666,8 +666,8 @@ def test_something_else_may_drift_in_one_witness_alone(clean, witness):
     assert max(goes_with, key=goes_with.__getitem__) == witness and goes_with[witness] > 0.5
 
 
-@pytest.mark.parametrize("over", ["place", "time_s"])
-def test_what_has_only_nearly_the_form_of_an_effect_is_something_else_that_looks_like_it(a_lead, over):
+@pytest.mark.parametrize(("over", "by"), [("place", NEARLY[0]), ("place", NEARLY[1]), ("time_s", NEARLY[1])])
+def test_what_has_only_nearly_the_form_of_an_effect_is_something_else_that_looks_like_it(a_lead, over, by):
     """A lead keeps its name; what moves the rows like one, but now or here by much more or less, does not."""
     evidence, found = a_lead
     lead, else_ = found.hypotheses["lead_resistance",], found.hypotheses[SOMETHING_ELSE,]
@@ -675,7 +675,7 @@ def test_what_has_only_nearly_the_form_of_an_effect_is_something_else_that_looks
     assert sum(else_.goes_with.values()) + sum(else_.looks_like.values()) == pytest.approx(1.0)
     rows, fitted = Rows(evidence), lead.fitted
     columns = rows.smooth.of_form(evidence.off(evidence.predict(fitted.effects)) - rows.off, over)
-    more = NEARLY[1] * columns @ np.random.default_rng(6).standard_normal(columns.shape[1])
+    more = by * columns @ np.random.default_rng(6).standard_normal(columns.shape[1])
     sides = tuple(side + more[:, None] for side in fitted.sides)
     bent = dataclasses.replace(fitted, rows=fitted.rows + more, sides=sides)
     its_own, nearly = ([bent.log_evidence(c) for c in rows.of(bent, shares, (over,))] for shares in (FORMS, NEARLY))
