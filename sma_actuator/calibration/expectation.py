@@ -31,6 +31,7 @@ from sma_actuator.estimation.chain import Chain, Estimates
 from sma_actuator.estimation.models.whole_range import (
     DIRECT,
     PLAYS_OF_RANGE,
+    REMEMBERED,
     features_all,
     usual_heat_balance,
 )
@@ -208,7 +209,7 @@ def _features(
         thermal=thermal,
         widths_K=np.array(PLAYS_K),
         widths_Ohm=widths_Ohm,
-        state=np.zeros(4 + FEATURES - 2 - DIRECT),
+        state=np.zeros(REMEMBERED + FEATURES - 2 - DIRECT),
         out=seen,
     )
     out[good, :-2], out[good, -2] = seen, model_m

@@ -105,6 +105,15 @@ class Untrained:
 
 
 @dataclass(frozen=True, slots=True)
+class Sleeve:
+    """A second body between the wire and the air, a tube or a coating; each over that of the bare wire."""
+
+    heat_capacity: float
+    inner_conductance: float  #: from the wire into it, over the bare wire's to the air
+    outer_conductance: float  #: from it to the air, likewise
+
+
+@dataclass(frozen=True, slots=True)
 class Specimen:
     """One wire between two crimps, as it is; the defaults are those of the simplest physics."""
 
@@ -119,6 +128,7 @@ class Specimen:
     wires: int = 1  #: so many like it pull side by side
     in_series: bool = False  #: the current goes through one after the other, not through all of them at once
     untrained: Untrained | None = None
+    sleeve: Sleeve | None = None
     other_kinetics: Kinetics | None = None
 
     @property

@@ -60,8 +60,9 @@ STATES = 17
     CELL_LENGTH_SHARE,
     CELL_CONDUCTANCE_W_K,
     CELL_SLOPE_J_K,
-) = range(7)
-CELL_COLUMNS = 7
+    CELL_SLEEVE_C,
+) = range(8)
+CELL_COLUMNS = 8
 # Indices of the inputs array.
 (
     CURRENT_SET,
@@ -119,6 +120,9 @@ class Constants(NamedTuple):
     torsion_m2: float  #: of a coil: load over the section's mean of radius · stress (:mod:`.coil`); 0: none
     transformation: Transformation
     heat_loss_W_K: float
+    sleeve_J_K: float  #: 0: none
+    sleeve_inner: float  #: conductance into it over the heat loss
+    sleeve_outer: float
     convection_exponent: float
     rho_m: float
     rho_a: float
@@ -175,7 +179,7 @@ def constants(wire: Specimen, series_Ohm: float) -> Constants:
     m = wire.material
     section_m2 = pi * wire.diameter_m**2 / 4.0
     mass_kg = m.density_kg_m3 * section_m2 * wire.length_m * wire.wires
-    untrained = wire.untrained
+    untrained, sleeve = wire.untrained, wire.sleeve
     index = wire.coil_diameter_m / wire.diameter_m
     wahl = (4.0 * index - 1.0) / (4.0 * index - 4.0) + 0.615 / index if index else 0.0
     return Constants(
@@ -196,6 +200,9 @@ def constants(wire: Specimen, series_Ohm: float) -> Constants:
             slope_r_K_Pa=1.0 / m.stress_slope_r_Pa_K,
         ),
         heat_loss_W_K=wire.heat_transfer_W_m2K * pi * wire.diameter_m * wire.length_m * wire.wires,
+        sleeve_J_K=mass_kg * m.specific_heat_J_kgK * sleeve.heat_capacity if sleeve else 0.0,
+        sleeve_inner=sleeve.inner_conductance if sleeve else 0.0,
+        sleeve_outer=sleeve.outer_conductance if sleeve else 0.0,
         convection_exponent=wire.convection_exponent,
         rho_m=m.martensite.resistivity_Ohm_m,
         rho_a=m.austenite.resistivity_Ohm_m,
@@ -398,13 +405,14 @@ def electric(c, state, inputs, on, response):
 
 @inlined
 def _heat(c, whole, cells, through_A, stress_Pa, loss_W_K, ambient_C, step_s):
-    """The heat of every cell after one step: the current heats it, air and neighbours cool it."""
+    """The heat of every cell after one step: the current heats it, air (through the sleeve) and neighbours cool it."""
     heat_in = 0.0
     heat_out = 0.0
     before_C = ambient_C  # the temperature of the neighbour, at the beginning of the step
     for j in range(cells.shape[0]):
         temperature = cells[j, CELL_TEMPERATURE]
-        excess_K = temperature - ambient_C
+        surface_C = cells[j, CELL_SLEEVE_C] if c.sleeve_J_K > 0.0 else temperature
+        excess_K = surface_C - ambient_C
         power = 0.0
         if through_A > 0.0:
             resistance = whole[RESISTANCE]
@@ -415,6 +423,10 @@ def _heat(c, whole, cells, through_A, stress_Pa, loss_W_K, ambient_C, step_s):
             power = through_A * through_A * resistance
         gained = power * step_s
         lost = loss_W_K * convection(c.convection_exponent, excess_K) * excess_K * step_s
+        if c.sleeve_J_K > 0.0:
+            into_air = c.sleeve_outer * lost
+            lost = c.sleeve_inner * c.heat_loss_W_K * (temperature - surface_C) * step_s
+            cells[j, CELL_SLEEVE_C] += (lost - into_air) / c.sleeve_J_K
         share = cells[j, CELL_LENGTH_SHARE]
         heat_in += share * gained
         heat_out += share * lost
@@ -585,6 +597,7 @@ def _cool_on_its_load(c, wire, ambient_C, force_N, stiffness_N_m, spring_at_m):
         cells[j, CELL_MARTENSITE] = martensite_at(x, bands, memory_m[j], 0.0, ambient_C, stress_Pa, shift, True)
         cells[j, CELL_R_SHARE] = r_share_at(x, bands, memory_r[j], 0.0, ambient_C, stress_Pa, shift, True)
         cells[j, CELL_ENTHALPY] = enthalpy_of(x, cells[j, CELL_MARTENSITE], cells[j, CELL_R_SHARE], ambient_C)
+        cells[j, CELL_SLEEVE_C] = ambient_C
     whole[LOAD] = force_N
     _mechanics(c, whole, cells, force_N, stiffness_N_m, spring_at_m)
 

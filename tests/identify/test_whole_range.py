@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 import yaml
-from characterised import virtual_rig
+from characterised import Characterised, virtual_rig
 
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Quality, Signals
@@ -196,3 +196,11 @@ def test_where_no_ambient_temperature_is_measured_that_of_the_calibration_is_tak
     without_m = Chain(whole.config).run(without).displacement_m
     assert np.isfinite(without_m).all()
     assert np.abs(with_m - without_m).mean() < 0.002 * whole.config.wire.full_stroke_m
+
+
+def test_a_wire_in_a_tube_is_found_to_have_warm_surroundings_and_a_bare_one_hardly(whole, tmp_path):
+    """Of the tube the inner conductance is 3.0 and the outer 1.7: it takes 3.0 of 4.7, 64 %, of the rise."""
+    sleeved = Characterised("flexinol", tmp_path, physics="sleeved")
+    found = identify(sleeved.logs, sleeved.mapping, "whole_range").mapping["model"]
+    assert found["near_surroundings"][0] == pytest.approx(3.0 / 4.7, abs=0.15)
+    assert whole.mapping["model"]["near_surroundings"][0] < 0.2

@@ -141,3 +141,25 @@ def test_what_is_no_physics_is_refused_with_those_there_are(name):
         ValueError, match=f"'{name}' is no physics of the bench; one of measured, .* or drawn- and a number"
     ):
         wire_in_world("flexinol", name)
+
+
+def test_a_sleeve_warms_up_with_the_wire_and_keeps_it_warm():
+    """In balance the two resistances to heat add up; afterwards the wire cools as fast as the sleeve lets it."""
+    bench = powered("flexinol", "sleeved")
+    wire, c = bench.setup.wire, bench.constants
+    sleeve = wire.sleeve
+    bench.supply.set_current(0.05)
+    bench.advance(300.0)
+    cell = bench._wire.cells[0]
+    power_W = 0.05**2 * bench.truth.resistance_Ohm
+    surface_K, inside_K = cell[physics.CELL_SLEEVE_C] - 22.0, cell[physics.CELL_TEMPERATURE] - 22.0
+    loss_W_K = c.heat_loss_W_K * (surface_K / physics.CONVECTION_AT_K) ** wire.convection_exponent
+    assert surface_K == pytest.approx(power_W / (sleeve.outer_conductance * loss_W_K), rel=1e-6)
+    assert inside_K - surface_K == pytest.approx(power_W / (sleeve.inner_conductance * c.heat_loss_W_K), rel=1e-6)
+    bench.supply.set_current(HEATING_A["flexinol"])
+    bench.advance(bench.time_s + 6.0)
+    hot_C = bench._wire.cells[0].copy()
+    bench.supply.set_current(0.0)
+    bench.advance(bench.time_s + 1.0)
+    lost_K = hot_C[physics.CELL_TEMPERATURE] - bench._wire.cells[0][physics.CELL_TEMPERATURE]
+    assert 0.0 < hot_C[physics.CELL_SLEEVE_C] - bench._wire.cells[0][physics.CELL_SLEEVE_C] < 0.5 * lost_K

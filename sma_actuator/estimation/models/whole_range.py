@@ -3,9 +3,12 @@
 The thesis's models leave out the ends of the stroke, where resistance moves with temperature and displacement
 does not.  Here a heat balance stands beside the resistance.  It keeps the wire's *heat content* as a temperature,
 
-    E = T - λ_R R - λ_X X,     dE/dt = (P/h - G x) / τ,     x = T - T_ambient,     G = 1 + g max(x, 0),
+    E = T - λ_R R - λ_X X,     dE/dt = (P/h - G (x - s) / (1 - a)) / τ,     x = T - T_ambient,     G = 1 + g max(x, 0),
+                               ds/dt = (a x - s) / τ_s,
 
-with the latent heat in λ_R and λ_X, where X is how far δ lies between the ends of the stroke at the present stress.
+where s is how far its near surroundings have warmed up: a tube, a coating, the clamps.  In balance they take a share a
+of the wire's rise; with a = 0 the air begins at the wire.  What is known of wires is a small share.  E holds
+the latent heat in λ_R and λ_X, where X is how far δ lies between the ends of the stroke at the present stress.
 E is an integral of power: δ enters only through the heat lost, so that an error of δ cannot run in a circle with the
 temperature that is made of it.  What the estimate sees is
 
@@ -48,18 +51,24 @@ CURVE_TERMS = 10  #: of a quadratic in them
     APPARENT_K_Ohm,
     WIDE_K_Pa,
     NARROW_K_Pa,
-) = range(8)
-THERMAL = 8  #: numbers of the heat balance, in this order
+    NEAR_SHARE,
+    NEAR_TIME_s,
+) = range(10)
+THERMAL = 8  #: numbers of the heat balance, in this order, before those of the near surroundings
 NARROW = 2  #: so many of the plays in temperature, the first, are shifted by stress as the narrow loop is
 #: Half-widths; loops of Ni-Ti and Ni-Ti-Cu are 4 to 25 K wide, and where the wire lies in one, with an intermediate
 #: phase on the way, shows only where the widest play is wider than the way back through it.
 PLAYS_K = (1.5, 3.0, 5.0, 8.0, 12.0, 18.0)
 PLAYS_OF_RANGE = (0.03, 0.10, 0.25)  #: half-widths of the plays in resistance, as shares of its range
 #: What is known of wires before a log is seen: time constant (share of C/h), growth of the loss, λ_R (K per range of
-#: R), λ_X (latent over specific heat, 20 to 35 K), λ_θ, 1/slopes (K/MPa).
-KNOWN = np.array([1.0, 0.002, 3.0, 26.0, 24.0, 0.125, 0.07])
-# What is remembered: time, heat content, resistance and X of the sample before, then the plays.
-_TIME, _HEAT, _RESISTANCE, _SHARE, _PLAYS = range(5)
+#: R), λ_X (latent over specific heat, 20 to 35 K), λ_θ, 1/slopes (K/MPa); of the near surroundings the share and the
+#: time constant (over C/h).
+KNOWN = np.array([1.0, 0.002, 3.0, 26.0, 24.0, 0.125, 0.07, 0.0, 1.0])
+# What is remembered: time, heat content, resistance and X of the sample before, warmth of the near surroundings, then
+# the plays.
+_TIME, _HEAT, _RESISTANCE, _SHARE, _NEAR, _PLAYS = range(6)
+NEAR = 7  #: where the numbers of the near surroundings begin
+REMEMBERED = 5  #: beside the plays
 # Limits: δ at the two ends of what was seen, size of the residual, novelty beyond which it fades, what is added to the
 # learners' spread before it counts, half-width of the interval of the physical curve alone.
 _LOWEST, _HIGHEST, _LARGEST, _EDGE, _FLOOR, _CURVE_WIDTH = range(6)
@@ -115,7 +124,9 @@ def at_rest(
     time: float, power: float, ambient: float, resistance: float, share: float, thermal: np.ndarray, state: np.ndarray
 ) -> None:
     """Start in balance with ``power`` at a share of the stroke; the plays start with the first sample."""
-    temperature = ambient + heat_rise(power, thermal)
+    rise = heat_rise(power, thermal)
+    temperature = ambient + rise
+    state[_NEAR] = thermal[NEAR_SHARE] * rise
     state[_TIME] = time
     state[_HEAT] = temperature - thermal[LATENT_K_Ohm] * resistance - thermal[LATENT_K] * share
     state[_RESISTANCE] = resistance
@@ -143,9 +154,10 @@ def features(
     step = max(time - state[_TIME], 0.0)
     temperature = state[_HEAT] + thermal[LATENT_K_Ohm] * state[_RESISTANCE] + thermal[LATENT_K] * state[_SHARE]
     rise = temperature - ambient
-    loss = 1.0 + thermal[LOSS_GROWTH_1_K] * max(rise, 0.0)
+    loss = (1.0 + thermal[LOSS_GROWTH_1_K] * max(rise, 0.0)) / (1.0 - thermal[NEAR_SHARE])
     gained = 1.0 - exp(-step * loss / thermal[TIME_CONSTANT_s])
-    state[_HEAT] += gained * (power / thermal[HEAT_LOSS_W_K] / loss - rise)
+    state[_HEAT] += gained * (power / thermal[HEAT_LOSS_W_K] / loss - (rise - state[_NEAR]))
+    state[_NEAR] += (1.0 - exp(-step / thermal[NEAR_TIME_s])) * (thermal[NEAR_SHARE] * rise - state[_NEAR])
     state[_TIME] = time
     state[_RESISTANCE] = resistance
     apparent = state[_HEAT] + thermal[APPARENT_K_Ohm] * resistance
@@ -402,7 +414,7 @@ class WholeRangeModel:
         whitening = np.zeros((n, n))
         whitening[np.tril_indices(n)] = c.novelty
         self._numbers = Numbers(
-            thermal=np.array(c.thermal),
+            thermal=np.array([*c.thermal, *c.near_surroundings]),
             ends=np.array([c.hot_end, c.cold_end]),
             widths_K=np.array(c.play_widths_K),
             widths_Ohm=np.array(c.play_widths_Ohm),
@@ -490,6 +502,9 @@ class WholeRangeCoefficients:
         description="time constant [s], growth of the heat loss [1/K], heat loss [W/K], λ_R [K/Ω], λ_X [K], "
         "λ_θ [K/Ω], shift of wide and of narrow plays with stress [K/Pa]"
     )
+    near_surroundings: tuple[float, ...] = parameter(
+        (0.0, 1.0), "share of the wire's rise that they take in balance, and their time constant [s]"
+    )
     hot_end: tuple[float, ...] = parameter(description="δ where all is austenite, quadratic in stress [Pa]", unit="m")
     cold_end: tuple[float, ...] = parameter(description="δ where it is cold, likewise", unit="m")
     ambient_temperature: float = parameter(
@@ -560,6 +575,7 @@ class WholeRangeCoefficients:
         n, m = DIRECT + plays, len(self.bias)
         wanted = {
             "thermal": THERMAL,
+            "near_surroundings": 2,
             "hot_end": 3,
             "cold_end": 3,
             "feature_centre": n,
@@ -591,9 +607,10 @@ class WholeRangeCoefficients:
 def thermal_numbers(known: np.ndarray, thermal: ThermalParameters, span_Ohm: float) -> np.ndarray:
     """The heat balance for the kernels, from numbers in units of what is known; ``span_Ohm``: range of the
     resistance."""
-    out = np.empty(THERMAL)
+    time_constant_s = thermal.heat_capacity / thermal.heat_loss
+    out = np.empty(THERMAL + 2)
     out[:] = (
-        known[0] * thermal.heat_capacity / thermal.heat_loss,
+        known[0] * time_constant_s,
         known[1],
         thermal.heat_loss,
         known[2] / span_Ohm,
@@ -601,6 +618,8 @@ def thermal_numbers(known: np.ndarray, thermal: ThermalParameters, span_Ohm: flo
         known[4] / span_Ohm,
         known[5] * 1e-6,
         known[6] * 1e-6,
+        known[7],
+        known[8] * time_constant_s,
     )
     return out
 

@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from sma_actuator.estimation.models.whole_range import CURVE_TERMS, PLAYS_K, WholeRangeCoefficients
+from sma_actuator.estimation.models.whole_range import CURVE_TERMS, NEAR, PLAYS_K, THERMAL, WholeRangeCoefficients
 from sma_actuator.identify.fitters.fitting import at_bound
 from sma_actuator.identify.verdict.unseen import Unseen
 from sma_actuator.logs.experiments import Experiment
@@ -87,7 +87,7 @@ def fit_whole_range(
     )
     bounds = [
         sentence
-        for name, value, least, most in zip(NAMES, known, LEAST, MOST, strict=True)
+        for name, value, least, most in zip(NAMES, known[:NEAR], LEAST[:NEAR], MOST[:NEAR], strict=True)
         if value <= least or value >= most
         for sentence in at_bound(name, value, least, most, "", "these logs do not determine it")
     ]
@@ -130,7 +130,8 @@ def _coefficients(
         calibrated_length=data.wire.length,
         calibrated_diameter=data.wire.diameter,
         calibrated_form=data.wire.form_text,
-        thermal=_six(thermal),
+        thermal=_six(thermal[:THERMAL]),
+        near_surroundings=_six(thermal[THERMAL:]),
         hot_end=_six(data.ends[0] * percent_m),
         cold_end=_six(data.ends[1] * percent_m),
         ambient_temperature=float(f"{np.median(data.ambient):.4g}"),

@@ -7,7 +7,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sma_actuator.estimation.models.whole_range import DIRECT, PLAYS_K, PLAYS_OF_RANGE, features_all, thermal_numbers
+from sma_actuator.estimation.models.whole_range import (
+    DIRECT,
+    PLAYS_K,
+    PLAYS_OF_RANGE,
+    REMEMBERED,
+    features_all,
+    thermal_numbers,
+)
 from sma_actuator.identify.ranges import ONE_LOAD, distinct_stresses
 from sma_actuator.logs.experiments import Experiment, IdentificationError, begins_anew
 from sma_actuator.logs.kinds import load_numbers
@@ -85,21 +92,22 @@ class Data:
         """Half-widths of the plays in resistance."""
         return np.array(PLAYS_OF_RANGE) * self.span_Ohm
 
-    def features(self, known: np.ndarray) -> np.ndarray:
-        """What the model sees of every sample, shape (n, features)."""
-        out = np.empty((len(self.time), DIRECT + len(PLAYS_K) + len(PLAYS_OF_RANGE)))
+    def features(self, known: np.ndarray, measured: bool = False) -> np.ndarray:
+        """What the model sees of every sample, shape (n, features); of what was ``measured``, without the copies."""
+        n = sum(self.lengths) if measured else len(self.time)
+        out = np.empty((n, DIRECT + len(PLAYS_K) + len(PLAYS_OF_RANGE)))
         features_all(
-            time=self.time,
-            power=self.power,
-            ambient=self.ambient,
-            resistance=self.resistance,
-            stress=self.stress,
-            share=self.share,
-            first=self.first,
+            time=self.time[:n],
+            power=self.power[:n],
+            ambient=self.ambient[:n],
+            resistance=self.resistance[:n],
+            stress=self.stress[:n],
+            share=self.share[:n],
+            first=self.first[:n],
             thermal=self.thermal_numbers(known),
             widths_K=np.array(PLAYS_K),
             widths_Ohm=self.plays_Ohm,
-            state=np.zeros(4 + out.shape[1] - DIRECT),
+            state=np.zeros(REMEMBERED + out.shape[1] - DIRECT),
             out=out,
         )
         return out
