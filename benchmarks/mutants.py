@@ -483,6 +483,10 @@ def _forget(folder: Path, target: str) -> None:
     changed = {name}
     while more := {each for each, used in uses.items() if used & changed} - changed:
         changed |= more
+    for registry in _registries():  # which refuse a part whose name is taken
+        registry._parts = {
+            part_name: part for part_name, part in registry.registered.items() if part.__module__ not in changed
+        }
     for each in changed:
         package, _, last = each.rpartition(".")
         vars(sys.modules[package]).pop(last, None) if package in sys.modules else None
@@ -490,6 +494,14 @@ def _forget(folder: Path, target: str) -> None:
     for each, module in list(sys.modules.items()):
         if each.startswith(PACKAGE) and hasattr(module, "__path__"):
             module.__path__ = [str(folder.joinpath(*each.split(".")))]
+
+
+def _registries() -> list[Any]:
+    """Every registry of parts that is loaded."""
+    from sma_actuator.base.registry import Registry
+
+    loaded = [module for name, module in list(sys.modules.items()) if name.startswith(PACKAGE)]
+    return [each for module in loaded for each in vars(module).values() if isinstance(each, Registry)]
 
 
 @functools.cache
