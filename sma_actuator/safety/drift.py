@@ -33,12 +33,12 @@ _STEADY = 3  #: readings that show it
 _ROUNDING_s = 1e-6
 WIDER = 1.1  #: a current that is so much beyond those that were noted is noted as well
 
-#: What a row holds of a reading: its time, and the two of which one is late, or the other;
+#: What a row holds of a reading: its time, and two numbers of which each may belong to a later reading;
 _TIME, _ONE, _OTHER = 0, 1, 2
-#: what means are taken of: two quantities, the square of by how much it may be off since it is late by a reading,
-#: whether it is not the one before, shown again;
+#: what means are taken of: the current, where that is another quantity, the DAQ's, the square of by how much the
+#: difference may be off since one is late by a reading, whether it is not the one before, shown again;
 _MEAN, _LATE, _NEW = 3, 5, 6
-#: and what the two have been, now and at each lag, by the clock and by readings.
+#: and what the difference is, now and where one of the two is of each lag ago, by the clock and by readings.
 _BEEN, _EACH = 7, _LAGS + 1 + _BEHIND
 _ROW = _BEEN + 2 * _EACH
 _MEANS = _ROW - _MEAN
@@ -51,6 +51,8 @@ _STATE = _SUMS[1] + _MEANS
 _WINDOWS_s = (WINDOW_s, LONG_s)
 #: Of a noted current: itself, by how much it was above, and how exactly that is known.
 _POINT = 3
+#: What two measurements have of their own.
+_LAG, _FLOOR, _ZERO, _STANDS, _ODD_COUNTS, _KIND = range(6)
 #: Noted currents, and at first rows, that there is room for; each of the former is a tenth beyond the next: from 1 nA
 #: to 10 A they are 242.
 _ROOM = 256
@@ -72,10 +74,8 @@ def _begin(state: Floats, now_s: float) -> None:
 
 
 @jit
-def _look_back(
-    rows: Floats, last: int, lag_s: float, sign_one: float, add_one: float, sign_other: float, add_other: float
-) -> None:
-    """What the two have been at each lag of the last row, each with its sign and with what is added."""
+def _look_back(rows: Floats, last: int, lag_s: float, from_one: float, from_other: float) -> None:
+    """What each is below what it is taken from, at each lag of the last row."""
     row, at = _ROW * last, last
     for lag in range(_EACH):
         if lag <= _LAGS:
@@ -84,8 +84,20 @@ def _look_back(
                 at -= 1
         else:
             at = max(last - (lag - _LAGS), 0)
-        rows[row + _BEEN + lag] = sign_one * rows[_ROW * at + _ONE] + add_one
-        rows[row + _BEEN + _EACH + lag] = sign_other * rows[_ROW * at + _OTHER] + add_other
+        rows[row + _BEEN + lag] = from_one - rows[_ROW * at + _ONE]
+        rows[row + _BEEN + _EACH + lag] = from_other - rows[_ROW * at + _OTHER]
+
+
+@jit
+def _late(rows: Floats, last: int, is_new: bool) -> float:
+    """By how much the last row may be off since it is late by a reading; one that is shown again is what was held."""
+    late, lags = 0.0, _LAGS + 2 if is_new else _EACH - 1
+    for one in (_ROW * last + _BEEN, _ROW * last + _BEEN + _EACH):
+        low, high = rows[one], rows[one]
+        for k in range(one + (_LAGS + 1 if is_new else 1), one + lags):
+            low, high = min(low, rows[k]), max(high, rows[k])
+        late = max(late, high - low)
+    return late
 
 
 @jit
@@ -168,111 +180,84 @@ def _judge(
 
 
 @jit
-def _steady(rows: Floats, state: Floats) -> tuple[bool, float, float]:
-    """Whether the current that is the first to flow stands in the eyes of the DAQ (it may flow for a moment only); the
+def _steady(rows: Floats, state: Floats, stands: float) -> tuple[bool, float, float]:
+    """Whether what is the first to flow stands within so much in the eyes of both (it may flow for a moment only); the
     supply's, and by how much the DAQ's is above it."""
-    first, end = int(state[_FIRST[0]]), int(state[_ROWS])
-    if end - first < _STEADY or rows[_ROW * (end - 1) + _TIME] - state[_SINCE_s] < LAG_s - _ROUNDING_s:
+    end = int(state[_ROWS])
+    if end < _STEADY or rows[_ROW * (end - 1) + _TIME] - state[_SINCE_s] < LAG_s - _ROUNDING_s:
         return False, nan, nan
-    low_A, high_A = inf, -inf
-    for i in range(first, end):
-        for k in range(_ROW * i + _BEEN, _ROW * (i + 1)):
-            low_A, high_A = min(low_A, rows[k]), max(high_A, rows[k])
-    lowest_A, highest_A, sum_A = inf, -inf, 0.0
+    low, high = inf, -inf
+    for i in range(end):
+        for k in (_ROW * i + _ONE, _ROW * i + _OTHER):
+            low, high = min(low, rows[k]), max(high, rows[k])
+    least, most, above = inf, -inf, 0.0
     for i in range(end - _STEADY, end):
-        daq_A = rows[_ROW * i + _MEAN]
-        lowest_A, highest_A, sum_A = min(lowest_A, daq_A), max(highest_A, daq_A), sum_A + daq_A
-    supply_A = 0.5 * (low_A + high_A)
-    return max(highest_A - lowest_A, high_A - low_A) <= STANDS_A, supply_A, sum_A / _STEADY - supply_A
+        its_above = 0.5 * (rows[_ROW * i + _BEEN] + rows[_ROW * i + _BEEN + _EACH])
+        least, most, above = min(least, its_above), max(most, its_above), above + its_above / _STEADY
+    return max(most - least, high - low) <= stands, 0.5 * (low + high), above
 
 
 @jit
-def _currents(
+def _apart(
     rows: Floats,
     state: Floats,
     noted: Floats,
+    kind: Floats,
     now_s: float,
-    daq_A: float,
-    from_A: float,
-    to_A: float,
+    current: float,
+    daq: float,
+    one: float,
+    from_one: float,
+    other: float,
+    from_other: float,
+    is_new: bool,
+    digit: float,
     share: float,
 ) -> tuple[float, float]:
-    """See :meth:`CurrentsApart.step`."""
+    """See :meth:`Apart._step`."""
+    lag_s, stands, floor, zero = kind[_LAG], kind[_STANDS], kind[_FLOOR], kind[_ZERO]
     _begin(state, now_s)
     last = int(state[_ROWS])
     row = _ROW * last
-    rows[row + _TIME], rows[row + _ONE], rows[row + _OTHER] = now_s, from_A, to_A
-    rows[row + _MEAN], rows[row + _MEAN + 1], rows[row + _NEW] = daq_A, daq_A, 1.0
-    _look_back(rows, last, LAG_s, 1.0, 0.0, 1.0, 0.0)
-    one, other = row + _BEEN, row + _BEEN + _EACH
-    late_A = max(abs(rows[one] - rows[one + _LAGS + 1]), abs(rows[other] - rows[other + _LAGS + 1]))  # by a reading
-    late_A *= sqrt(state[_ODD])  # as likely as it did not come when it usually does
-    rows[row + _LATE] = late_A * late_A
+    rows[row + _TIME], rows[row + _ONE], rows[row + _OTHER] = now_s, one, other
+    rows[row + _MEAN], rows[row + _MEAN + 1], rows[row + _NEW] = current, daq, 1.0 if is_new else 0.0
+    _look_back(rows, last, lag_s, from_one, from_other)
+    rows[row + _LATE] = _late(rows, last, is_new) ** 2 * (state[_ODD] if kind[_ODD_COUNTS] > 0.0 else 1.0)
     _add(rows, state, last)
     seen_s = now_s - state[_SINCE_s]
-    change_A, allowed_A = nan, nan
-    if seen_s < WINDOW_s + LAG_s:
-        stands, supply_A, above_A = _steady(rows, state)
-        if stands:
-            return _judge(state, noted, supply_A, above_A, STANDS_A, share * supply_A + FLOOR_A, 0.0)
-        return change_A, allowed_A
+    if isfinite(stands) and seen_s < WINDOW_s + lag_s:
+        it_stands, supply, above = _steady(rows, state, stands)
+        return _judge(state, noted, supply, above, stands, share * supply + floor, zero) if it_stands else (nan, nan)
+    change, allowed = nan, nan
     for window in range(2):
-        if seen_s >= _WINDOWS_s[window] + LAG_s:
-            mean_A, _, supply_A, vague_A = _among(state, window)
-            drift_A = share * supply_A + FLOOR_A
-            change, allowed = _judge(state, noted, supply_A, mean_A - supply_A, vague_A, drift_A, 0.0)
-            if window == 0 or abs(change) - allowed > abs(change_A) - allowed_A:
-                change_A, allowed_A = change, allowed
-    return change_A, allowed_A
-
-
-@jit
-def _voltages(
-    rows: Floats,
-    state: Floats,
-    noted: Floats,
-    now_s: float,
-    current_A: float,
-    daq_V: float,
-    supply_V: float,
-    new: float,
-    digit_V: float,
-    share: float,
-) -> tuple[float, float]:
-    """See :meth:`VoltagesApart.step`."""
-    _begin(state, now_s)
-    last = int(state[_ROWS])
-    row = _ROW * last
-    rows[row + _TIME], rows[row + _ONE], rows[row + _OTHER] = now_s, daq_V, supply_V
-    rows[row + _MEAN], rows[row + _MEAN + 1], rows[row + _NEW] = current_A, supply_V, new
-    _look_back(rows, last, METER_LAG_s, 1.0, -supply_V, -1.0, daq_V)
-    late_V = 0.0
-    for one in (row + _BEEN, row + _BEEN + _EACH):
-        if new:
-            late_V = max(late_V, abs(rows[one] - rows[one + _LAGS + 1]))  # by a reading
-        else:  # a meter shows what it held
-            low_V, high_V = inf, -inf
-            for k in range(one, one + _EACH - 1):
-                low_V, high_V = min(low_V, rows[k]), max(high_V, rows[k])
-            late_V = max(late_V, high_V - low_V)
-    rows[row + _LATE] = late_V * late_V
-    _add(rows, state, last)
-    seen_s = now_s - state[_SINCE_s]
-    change_V, allowed_V = nan, nan
-    for window in range(2):
-        if isfinite(digit_V) and seen_s >= _WINDOWS_s[window] + METER_LAG_s:
-            at_A, mean_V, above_V, vague_V = _among(state, window)
-            vague_V += 0.5 * digit_V
-            change, allowed = _judge(state, noted, at_A, above_V, vague_V, share * mean_V + FLOOR_V, ZERO_V)
-            if window == 0 or abs(change) - allowed > abs(change_V) - allowed_V:
-                change_V, allowed_V = change, allowed
-    return change_V, allowed_V
+        if isfinite(digit) and seen_s >= _WINDOWS_s[window] + lag_s:
+            at, mean, above, vague = _among(state, window)
+            supply = mean - above
+            its_change, its_allowed = _judge(
+                state,
+                noted,
+                at if isfinite(at) else supply,
+                above,
+                vague + 0.5 * digit,
+                share * supply + floor,
+                zero,
+            )
+            if window == 0 or abs(its_change) - its_allowed > abs(change) - allowed:
+                change, allowed = its_change, its_allowed
+    return change, allowed
 
 
 class Apart:
     """How far one measurement has come from another since both were first seen."""
 
-    def __init__(self) -> None:
+    def __init__(self, lag_s: float, floor: float, zero: float, stands: float, odd_counts: bool) -> None:
+        """One may be ``lag_s`` behind the other; ``floor`` of a drift, and the error of ``zero`` that stands still.
+
+        What differs by less than ``stands`` is seen at once to stand; NaN: never.  ``odd_counts``: one that comes when
+        it usually does is late by none.
+        """
+        self._kind = floats(_KIND)
+        self._kind[:] = lag_s, floor, zero, stands, float(odd_counts)
         self._rows = floats(_ROOM * _ROW)
         self._left = _ROOM  #: rows that there is room for
         self._state = floats(_STATE)
@@ -286,6 +271,39 @@ class Apart:
     def forget(self) -> None:
         """Begin anew."""
         self._state[_ROWS] = self._state[_NOTED] = 0.0
+
+    def _step(
+        self,
+        now_s: float,
+        current: float,
+        daq: float,
+        one: tuple[float, float],
+        other: tuple[float, float],
+        share: float,
+        is_new: bool = True,
+        digit: float = 0.0,
+    ) -> tuple[float, float]:
+        """What the DAQ's difference from the supply has changed by at such a ``current`` (NaN: what is measured is
+        one), and what it may; NaN until that is known.
+
+        ``one`` and ``other`` are a number of which one is late, and what it is taken from to make the difference;
+        ``share`` of what is measured may be a drift.  One that is not ``is_new`` is shown again, in steps of ``digit``.
+        """
+        self._make_room()
+        return _apart(
+            self._rows,
+            self._state,
+            self._noted,
+            self._kind,
+            now_s,
+            current,
+            daq,
+            *one,
+            *other,
+            is_new,
+            digit,
+            share,
+        )
 
     def _make_room(self) -> None:
         """For another row."""
@@ -303,21 +321,23 @@ class Apart:
 class CurrentsApart(Apart):
     """How far the DAQ's current has come from the supply's since both were first seen."""
 
+    def __init__(self) -> None:
+        super().__init__(LAG_s, FLOOR_A, 0.0, STANDS_A, odd_counts=True)
+
     def step(self, now_s: float, daq_A: float, from_A: float, to_A: float, share: float) -> tuple[float, float]:
         """What the DAQ's current has changed by against the supply's, which lies from ``from_A`` to ``to_A``, and what
         it may [A].
 
         NaN until that is known.  ``share`` of the current may be a drift.
         """
-        self._make_room()
-        return _currents(self._rows, self._state, self._noted, now_s, daq_A, from_A, to_A, share)
+        return self._step(now_s, nan, daq_A, (from_A, daq_A), (to_A, daq_A), share)
 
 
 class VoltagesApart(Apart):
     """How far the DAQ's voltage has come from the supply's since both were first seen."""
 
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__(METER_LAG_s, FLOOR_V, ZERO_V, nan, odd_counts=False)  # the meter has a time of its own
         self._latest_V, self._digit_V = nan, inf  # the supply's, and the least by which it has changed
 
     def step(self, now_s: float, current_A: float, daq_V: float, supply_V: float, share: float) -> tuple[float, float]:
@@ -329,19 +349,7 @@ class VoltagesApart(Apart):
         if is_new and isfinite(self._latest_V):
             self._digit_V = min(self._digit_V, abs(supply_V - self._latest_V))
         self._latest_V = supply_V
-        self._make_room()
-        return _voltages(
-            self._rows,
-            self._state,
-            self._noted,
-            now_s,
-            current_A,
-            daq_V,
-            supply_V,
-            float(is_new),
-            self._digit_V,
-            share,
-        )
+        return self._step(now_s, current_A, daq_V, (-daq_V, -supply_V), (supply_V, daq_V), share, is_new, self._digit_V)
 
 
 def made_ready() -> None:

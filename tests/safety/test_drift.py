@@ -492,13 +492,129 @@ def _fields(record):
     return {name: getattr(record, name) for name in record.__dataclass_fields__}
 
 
+class Definition:
+    """What of two measurements is known, worked out anew for each reading from all those since the last gap."""
+
+    def __init__(self, lag_s, floor, zero=0.0, stands=None, odd_counts=False):
+        self.lag_s, self.floor, self.zero, self.stands, self.odd_counts = lag_s, floor, zero, stands, odd_counts
+        self.rows, self.noted, self.usual_s, self.odd, self.last_s = [], [], 1.0, 1.0, math.nan
+
+    def step(self, now_s, stored, taken_from, daq, at=None, is_new=True, digit=0.0):
+        """``stored`` are two numbers, one of which is late, and ``taken_from`` what they are taken from."""
+        apart_s, self.last_s = now_s - self.last_s, now_s
+        if self.rows and 0.0 <= apart_s <= min(self.usual_s + 0.2, 1.0):
+            self.odd, self.usual_s = min(abs(apart_s - self.usual_s) / max(self.usual_s, 1e-6), 1.0), apart_s
+        else:
+            self.rows, self.since_s = [], now_s
+        self.rows.append({"s": now_s, "stored": stored, "daq": daq, "at": at, "new": is_new})
+        times_s = [row["s"] for row in self.rows]
+        then = [next(i for i, s in enumerate(times_s) if s >= now_s - self.lag_s * k / 4 - 1e-6) for k in range(5)]
+        then += [max(len(self.rows) - 1 - behind, 0) for behind in (1, 2)]
+        been = np.array([[taken_from[k] - self.rows[i]["stored"][k] for i in then] for k in range(2)])
+        late = np.abs(been[:, 0] - been[:, 5]).max() if is_new else np.ptp(been[:, :6], axis=1).max()
+        self.rows[-1].update(been=been.ravel(), late=late**2 * (self.odd if self.odd_counts else 1.0))
+        if self.stands is not None and now_s - self.since_s < 1.0 + self.lag_s:
+            return self.at_first(now_s)
+        said = (math.nan, math.nan)
+        for number, window_s in enumerate((1.0, 8.0)):
+            if math.isfinite(digit) and now_s - self.since_s >= window_s + self.lag_s:
+                one = self.judge(*self.means(now_s, window_s, digit))
+                said = one if number == 0 or abs(one[0]) - one[1] > abs(said[0]) - said[1] else said
+        return said
+
+    def at_first(self, now_s):
+        stored = [number for row in self.rows for number in row["stored"]]
+        last = [(row["been"][0] + row["been"][7]) / 2 for row in self.rows[-3:]]
+        if len(last) < 3 or now_s - self.since_s < 0.2 - 1e-6 or max(np.ptp(stored), np.ptp(last)) > self.stands:
+            return math.nan, math.nan
+        middle = (min(stored) + max(stored)) / 2
+        return self.judge(middle, np.mean(last), self.stands, SHARE * middle + self.floor)
+
+    def means(self, now_s, window_s, digit):
+        rows = [row for row in self.rows if now_s - row["s"] < window_s]
+        been = np.mean([row["been"] for row in rows], axis=0)
+        above = (been.min() + been.max()) / 2
+        at_random = math.sqrt(np.mean([row["late"] for row in rows]) / max(1, sum(row["new"] for row in rows)))
+        supply = np.mean([row["daq"] for row in rows]) - above
+        at = supply if rows[0]["at"] is None else np.mean([row["at"] for row in rows])
+        return at, above, (np.ptp(been) + at_random + digit) / 2, SHARE * supply + self.floor
+
+    def judge(self, current, above, vague, drift):
+        steep = [(abs(was) + self.zero) / at if self.zero else 0.015 for at, was, _ in self.noted]
+        said = [
+            (above - was, its_vague + each * abs(current - at))
+            for (at, was, its_vague), each in zip(self.noted, steep, strict=True)
+        ]
+        change, known = max(said, key=lambda one: abs(one[0]) - one[1], default=(math.nan, math.nan))
+        below = max((one for one in self.noted if one[0] < current), default=None)
+        beyond = min((one for one in self.noted if one[0] >= current), default=None)
+        if below and beyond:
+            _, was, known = np.array(below) + (np.array(beyond) - below) * (current - below[0]) / (beyond[0] - below[0])
+            change = above - was
+        allowed = known + drift + vague
+        if not vague <= drift or abs(change) > allowed:
+            return change, allowed
+        near = [one for one in self.noted if one[0] / 1.1 <= current <= one[0] * 1.1]
+        more_exactly = vague < 0.5 * min([known, *(one[2] for one in near)]) and abs(change) <= vague + known
+        if more_exactly or (not near and not (below and beyond)):
+            others = [one for one in self.noted if not one[0] / 1.1 <= current <= one[0] * 1.1]
+            self.noted = [*others, (current, above, vague)]
+        return change, allowed
+
+
+def readings(seed, count=700):
+    """Times that stand still, go back and have gaps; currents that stand, wander and jump."""
+    random, now_s, set_A = np.random.default_rng(seed), 0.0, 0.05
+    period_s, wanders = random.choice([0.02, 0.05, 0.09, 0.2]), random.random() < 0.5
+    for _ in range(count):
+        odd = random.random()
+        now_s += period_s * (1.0 + 0.03 * random.random())
+        now_s += random.uniform(0.1, 1.5) if odd < 0.01 else -0.3 if odd < 0.013 else 0.0
+        set_A = random.choice([0.03, 0.05, 0.1, 0.2, 0.25, 0.4]) if random.random() < 0.02 else set_A
+        noise_A = (2e-3 if wanders else 2e-5) * random.standard_normal()  # no current is there twice to the last digit
+        yield now_s, max(0.02, set_A + noise_A), random
+
+
+@pytest.mark.parametrize("seed", range(12))
+class TestByTheirDefinition:
+    def test_of_two_currents(self, seed):
+        currents, definition = CurrentsApart(), Definition(0.2, 1e-3, stands=0.25e-3, odd_counts=True)
+        known, before_A = 0, 0.05
+        for now_s, told_A, random in readings(seed):
+            daq_A = 1.01 * before_A + 1e-3 + 5e-5 * random.standard_normal() + (seed % 3) * 2e-4 * now_s
+            from_A, before_A = told_A - (seed % 2) * random.choice([0.0, 2e-4]), told_A
+            said = currents.step(now_s, daq_A, from_A, told_A, SHARE)
+            wanted = definition.step(now_s, (from_A, told_A), (daq_A, daq_A), daq_A)
+            assert said == pytest.approx(wanted, nan_ok=True, abs=1e-9)
+            known += math.isfinite(said[0])
+        assert known > 50
+
+    def test_of_two_voltages(self, seed):
+        voltages, definition = VoltagesApart(), Definition(0.5, 10e-3, zero=50e-3)
+        known, supply_V, digit_V, latest_V = 0, 0.3, math.inf, math.nan
+        for now_s, current_A, random in readings(seed):
+            daq_V = 6.0 * current_A * (1.0 + 2e-4 * random.standard_normal() + (seed % 3) * 1e-4 * now_s)
+            if random.random() < (1.0, 0.5, 0.1)[seed % 3]:
+                supply_V = 0.01 * round((1.01 * daq_V + 0.3 * current_A) / 0.01)
+            is_new = supply_V != latest_V
+            if is_new and math.isfinite(latest_V):
+                digit_V = min(digit_V, abs(supply_V - latest_V))
+            latest_V = supply_V
+            said = voltages.step(now_s, current_A, daq_V, supply_V, SHARE)
+            stored, taken_from = (-daq_V, supply_V), (-supply_V, daq_V)
+            wanted = definition.step(now_s, stored, taken_from, daq_V, current_A, is_new, digit_V)
+            assert said == pytest.approx(wanted, nan_ok=True, abs=1e-9)
+            known += math.isfinite(said[0])
+        assert known > 50
+
+
 @pytest.mark.skipif(not COMPILED, reason="numba is not installed: nothing is compiled")
 def test_made_ready_no_step_with_current_waits_for_a_kernel():
     """Whatever kind of number it is given: in the first part of characterise they were compiled with the output on."""
     drift.made_ready()
-    ready = len(drift._currents.signatures), len(drift._voltages.signatures)
+    ready = list(drift._apart.signatures)
     currents, voltages = CurrentsApart(), VoltagesApart()
     for i, number in enumerate((float, np.float64, float)):
         currents.step(0.1 * i, number(0.2), number(0.2), number(0.2), SHARE)
         voltages.step(number(0.1 * i), number(0.2), number(1.0 + i // 2), number(1.0), SHARE)
-    assert (len(drift._currents.signatures), len(drift._voltages.signatures)) == ready
+    assert drift._apart.signatures == ready
