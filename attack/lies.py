@@ -40,6 +40,9 @@ class Lie:
     value: float
     wrong_at_most: float = math.inf  #: the position, in full strokes, beyond what it was wrong by before
     within_s: float = math.inf
+    moved: bool = (
+        False  #: only where the wire is moved, beside a displacement sensor, can it be told from what is honest
+    )
 
 
 LIES = {
@@ -49,6 +52,9 @@ LIES = {
     "a voltage channel that rises by 0.4 % a second": Lie("voltage_drift", 1.04, 0.5),
     "a voltage channel that falls by 0.4 % a second": Lie("voltage_drift", 0.96, 0.5),
     "a load cell that stands but for its converter's dither": Lie("channel_dithers", 103.0, within_s=2.0 * PERIOD_s),
+    "load and displacement channel swapped": Lie("channel_swapped", 103.0, within_s=1.5 * PERIOD_s, moved=True),
+    "a load that sinks by a tenth a second": Lie("channel_sinks", 103.0, within_s=3.0 * PERIOD_s, moved=True),
+    "a displacement sensor that freezes": Lie("channel_stuck", 104.0, within_s=PERIOD_s, moved=True),
     "a block that comes again and again": Lie("block_repeats", math.nan, within_s=1.0),
 }
 
@@ -114,7 +120,8 @@ class Lying:
         elif fault:
             self.result.counts["lies found"] += 1
             self.result.see(f"{words}: until a fault [s]", after_s)
-        if after - before > lie.wrong_at_most or after_s > lie.within_s:
+        within_s = math.inf if lie.moved and motion == "held" else lie.within_s
+        if after - before > lie.wrong_at_most or after_s > within_s:
             detail = (
                 f"{scene}: wrong by {after:.0%} of the stroke, before {before:.0%}, and {fault or 'no fault'} "
                 f"after {after_s:.1f} s"

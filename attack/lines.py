@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import random
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from sma_actuator.base.signals import Mode
@@ -18,7 +19,7 @@ from .hours import CONFIG, OFF_AT_MOST_s
 from .promises import Promises
 from .proxy import HONEST, Mischief, Proxy
 from .result import Result, Violation
-from .stand import NO_CURRENT_A, SOON_s, Stand, wait_until
+from .stand import NO_CURRENT_A, LOOK_s, SOON_s, Stand, wait_until
 
 #: What the bench's tick, its answers and the judge's look add to a time.
 MEASURING_s = 0.06
@@ -84,6 +85,16 @@ _MEANS_OTHERWISE = {
 _REBOOT = Mischief("reboot", "none")
 REBOOTS_WITHIN_s = 1.0
 QUIET_WATCHDOGS = 1.25  #: so long the driver promises to be silent, in delays of the watchdog
+LOAD, DISPLACEMENT = 2, 3  #: fields of the DAQ's answer
+#: Answers each of which by itself may be true, of a wire that is moved: the fault that says so, and after how many
+#: motions the lie shows at the latest.
+_LIES = {
+    Mischief("swapped", fields=(LOAD, DISPLACEMENT)): ("load_dead", 2),
+    Mischief("sinking", fields=(LOAD,)): ("load_dead", 4),
+    Mischief("frozen", fields=(DISPLACEMENT,)): ("position_contradicted", 2),
+}
+MOTION_s, MOTIONS = 3.0, 6  #: how long one takes, and how many show what is usual
+ENDS_m = (0.0008, 0.0026)  #: between which it is moved
 #: Mischief that a driver may see through or get over.
 _CONFUSES = (
     Mischief("late", delay_s=0.03),
@@ -101,6 +112,7 @@ ALL = (
     ("daq", Mischief("the one before")),
     *((role, Mischief("padded")) for role in _MEANS_OTHERWISE),
     ("supply", _REBOOT),
+    *(("daq", mischief) for mischief in _LIES),
 )
 
 
@@ -149,6 +161,8 @@ class Line:
             self.broken("the driver does not come back", "before the mischief")
             return
         proxy = self.proxies[role]
+        if mischief in _LIES:
+            self._move(MOTIONS)
         self.stand.fresh()
         self._stale = 0
         self.outputs.clear()
@@ -165,6 +179,8 @@ class Line:
         elif mischief in _MEANS_OTHERWISE[role]:
             self._driver.offer_setpoint(self._chance.choice((0.001, 0.003)))
             self._must_go_off(mischief, began_s, self.promises.within_s(_MEANS_OTHERWISE[role][mischief]))
+        elif mischief in _LIES:
+            self._must_be_said(began_s, *_LIES[mischief])
         elif mischief == _REBOOT:
             self._must_go_off(mischief, self._reboot(), self._reconnects_within_s())
         else:
@@ -243,10 +259,36 @@ class Line:
                 "the driver does not say that something is wrong", "two seconds after the current should be off"
             )
 
+    def _move(self, motions: int, ends: Callable[[], bool] = lambda: False) -> None:
+        """Move the wire to and fro, until ``ends``."""
+        for number in range(motions):
+            end_s = time.monotonic() + MOTION_s
+            with contextlib.suppress(DriverStopped):
+                self._driver.offer_setpoint(ENDS_m[number % 2])
+            while time.monotonic() < end_s:
+                if ends():
+                    return
+                time.sleep(LOOK_s)
+
+    def _must_be_said(self, began_s: float, fault: str, motions: int) -> None:
+        """A lie that shows in motion: by this fault, and where that switches off, with the current off."""
+        within_s = motions * MOTION_s + self.promises.within_s(fault) + MEASURING_s
+        self._move(2 * motions, lambda: self._says(fault))
+        took_s = time.monotonic() - began_s
+        if not self._says(fault) or took_s > within_s:
+            self.broken("a lie is believed", f"{fault} {f'after {took_s:.1f} s' if self._says(fault) else 'never'}")
+            return
+        self.result.see(f"daq lies, {fault} [s]", took_s)
+        if self.promises.switches_off(fault):
+            self._must_go_off(self.present[1], time.monotonic(), MEASURING_s)
+
+    def _says(self, fault: str) -> bool:
+        return any(output.status.fault == fault for output in list(self.outputs))
+
     def _in_words(self, mischief: Mischief) -> str:
         if mischief in _FORGETS:
             return "forgets"
-        if mischief in _MEANS_OTHERWISE[self.present[0]]:
+        if mischief in _MEANS_OTHERWISE[self.present[0]] or mischief in _LIES:
             return "means something else"
         return "is there again" if mischief == _REBOOT else "spoilt"
 

@@ -30,6 +30,7 @@ class Mischief:
     direction: str = "answers"
     delay_s: float = 0.0  #: of "late"
     words: str = ""  #: of "slip in"
+    fields: tuple[int, ...] = ()  #: of an answer, where it is some of them
 
     def touches(self, direction: str) -> bool:
         """Whether lines in ``direction`` are spoilt."""
@@ -37,8 +38,8 @@ class Mischief:
 
     def __str__(self) -> str:
         return (
-            f"{self.kind}{f' {self.delay_s:g} s' if self.delay_s else ''}{f' {self.words}' if self.words else ''}, "
-            f"{self.direction}"
+            f"{self.kind}{f' {self.delay_s:g} s' if self.delay_s else ''}{f' {self.words}' if self.words else ''}"
+            f"{f' of {self.fields}' if self.fields else ''}, {self.direction}"
         )
 
 
@@ -53,6 +54,7 @@ class Proxy:
         self.spoilt = 0  #: lines
         self.heard_s: collections.deque[float] = collections.deque(maxlen=1000)  #: when the instrument heard something
         self._first = self._before = b""  #: line since the mischief began, and the one before
+        self._first_s = 0.0
         self._target_port = target_port
         self._chance = random.Random(seed)
         self._ending = threading.Event()
@@ -166,10 +168,15 @@ class Proxy:
             "decimal comma": lambda: line.replace(b".", b","),
             "padded": lambda: b"  " + line.rstrip(b"\r\n") + b" \t\r\n",
             "nul": lambda: line.rstrip(b"\r\n") + b"\0\n",
+            # And from here on each answer by itself may well be true.
+            "swapped": lambda: self._with(line, mischief.fields[::-1], mischief.fields, lambda now, _: now),
+            "frozen": lambda: self._with(line, mischief.fields, mischief.fields, lambda _, first: first),
+            "sinking": lambda: self._with(line, mischief.fields, mischief.fields, self._sunk),
         }
         if mischief.kind not in kinds:
             raise ValueError(f"'{mischief.kind}' is no mischief of the proxy")
-        self._first = line if first else self._first
+        if first:
+            self._first, self._first_s = line, time.monotonic()
         spoilt, self._before = kinds[mischief.kind](), line
         return spoilt
 
@@ -182,6 +189,20 @@ class Proxy:
         fields = _FIELD.findall(line)
         others = iter(fields[1:] + fields[:1])
         return _FIELD.sub(lambda _: next(others), line)
+
+    def _with(
+        self, line: bytes, from_: tuple[int, ...], to: tuple[int, ...], make: Callable[[float, float], float]
+    ) -> bytes:
+        """The fields ``to`` of an answer that has them, each made of what one of ``from_`` is and what it was first."""
+        fields, first = _FIELD.findall(line), _FIELD.findall(self._first)
+        if not len(fields) == len(first) > max(to):
+            return line
+        made = {there: make(float(fields[here]), float(first[here])) for here, there in zip(from_, to, strict=True)}
+        return b",".join(b"%.8E" % made[n] if n in made else field for n, field in enumerate(fields)) + b"\n"
+
+    def _sunk(self, voltage: float, first: float) -> float:
+        """By a tenth a second, with the noise that it has."""
+        return voltage - first * (1.0 - 0.9 ** (time.monotonic() - self._first_s))
 
     def _trickle(self, sink: socket.socket, mischief: Mischief) -> None:
         """Ten bytes a second without an end, until the mischief is over."""

@@ -82,7 +82,7 @@ class VirtualBench:
         self._row = 0
         self.samples = 0  #: taken since the beginning, one per millisecond
         self._pending: list[tuple[float, str, float]] = []
-        self._stuck = np.zeros(len(CHANNELS))  #: sample that a stuck channel repeats
+        self._stuck = np.zeros(len(CHANNELS))  #: sample that a stuck channel repeats, or one that sinks has begun with
         self._repeated = np.zeros((0, len(CHANNELS)))  #: block that a DAQ repeats
         self._drifts_since_s: dict[str, float] = {}  #: what drifts
         self.joint: SharedJoint | None = None  #: that this wire turns with another
@@ -199,9 +199,9 @@ class VirtualBench:
             return
         if name == "block_repeats":
             self._repeated = self._repeated[:0]
-        if name in ("sense_drift", "voltage_drift"):
+        if name in ("sense_drift", "voltage_drift", "channel_sinks"):
             self._drifts_since_s[name] = self.time_s
-        if name in ("channel_stuck", "channel_dithers"):
+        if name in ("channel_stuck", "channel_dithers", "channel_sinks"):
             self._stuck = self.daq.block(1)[0][0] if self.samples else np.zeros(len(CHANNELS))
         self.faults[name] = value
 
@@ -313,6 +313,12 @@ class SimulatedDaq:
         for name, channel in (("sense_drift", 102), ("voltage_drift", 101)):
             if name in bench.faults:
                 read[:, CHANNELS.index(channel)] *= bench._drifted(name, times_s)
+        if "channel_swapped" in bench.faults:
+            column = CHANNELS.index(int(bench.faults["channel_swapped"]))
+            read[:, [column, column + 1]] = read[:, [column + 1, column]]
+        if "channel_sinks" in bench.faults:
+            column = CHANNELS.index(int(bench.faults["channel_sinks"]))
+            read[:, column] -= bench._stuck[column] * (1.0 - 0.9 ** (times_s - bench._drifts_since_s["channel_sinks"]))
         if "channel_dithers" in bench.faults:
             column = CHANNELS.index(int(bench.faults["channel_dithers"]))
             dither = np.mod(bench._noise.of(first, n)[:, column], 1.0) - 0.5

@@ -24,6 +24,8 @@ FAULTS: dict[str, BenchFault] = {
     "channel_dithers": BenchFault(
         "a DAQ channel repeats its last sample but for the converter's dither", "channel", 103.0
     ),
+    "channel_swapped": BenchFault("a DAQ channel and the next one have changed places", "channel", 103.0),
+    "channel_sinks": BenchFault("a DAQ channel sinks by a tenth of what it was each second", "channel", 103.0),
     "block_repeats": BenchFault("the DAQ gives one block again and again, with new times"),
     "channel_saturated": BenchFault("a DAQ channel is over range", "channel", 103.0),
     "channel_reversed": BenchFault("the leads of a DAQ channel are swapped", "channel", 103.0),
@@ -54,7 +56,7 @@ def check_fault(name: str, value: float = nan) -> float:
     if name not in FAULTS:
         raise ValueError(f"'{name}' is no fault of the bench; one of {', '.join(FAULTS)} is wanted")
     value = FAULTS[name].default if isnan(value) else float(value)
-    if name.startswith("channel_") and value not in CHANNELS:
+    if name.startswith("channel_") and value not in (CHANNELS[:-1] if name == "channel_swapped" else CHANNELS):
         raise ValueError(f"{name}: there is no channel {value:g}; {CHANNELS[0]} to {CHANNELS[-1]} exist")
     if FAULTS[name].value and not 0.0 <= value < inf:
         raise ValueError(f"{name}: {value:g} {FAULTS[name].value} is not a number of at least zero")

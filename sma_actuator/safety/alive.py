@@ -99,15 +99,17 @@ class Following:
     #: Motions running that the load has not followed: way, change of load expected, and seen.
     _stood: list[tuple[float, float, float]] = field(default_factory=list)
     _lately: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=LATELY))  #: places and loads
+    changed: bool = False  #: with the last reading: it does not do what it did
 
     def step(self, place_m: float, load_N: float, swing_m: float, noise_N: float) -> str:
         """At the end of a motion, how the load has not followed it and the one before; else ""."""
+        self.changed = False
         if not isfinite(place_m):
             self.pause()
             return ""
         self._lately.append((place_m, load_N))
         if self._is_another(noise_N):
-            self._stiffness, self._stood = [], []
+            self.changed, self._stiffness, self._stood = True, [], []
             self._lately.clear()
             self.pause()
         if not isfinite(self._from[0]):
@@ -124,10 +126,13 @@ class Following:
             return ""
         expected_N = self.stiffness_N_m * way_m
         followed = abs(change_N / expected_N) if expected_N else nan  # one that changes the other way is alive
+        self.changed = change_N * expected_N < 0.0 and abs(change_N) > noise_N
         if abs(expected_N) > 2.0 * noise_N and followed < 1.0 / ALIKE:
             self._stood = [*self._stood, (way_m, expected_N, change_N)] if followed < FOLLOWS else []
         else:  # what has stood still is not what is usual
-            self._stood, self._stiffness = [], [*self._stiffness[1 - SWINGS :], change_N / way_m]
+            self._stood = []
+            #: a change within the noise is none
+            self._stiffness = [*self._stiffness[1 - SWINGS :], change_N / way_m if abs(change_N) > noise_N else 0.0]
         if len(self._stood) < STOOD:
             return ""
         return " and ".join(
@@ -165,3 +170,15 @@ class LoadAlive:
     repeats: Repeats = field(default_factory=Repeats)
     noise: Liveliness = field(default_factory=Liveliness)
     following: Following = field(default_factory=Following)
+    _is_suspect: bool = False
+    _contradicted: bool = False  #: with the reading before
+
+    def is_suspect(self, contradicted: bool) -> bool:
+        """Whether the load has changed by itself, what it does is not known anew, and the displacement sensor did not
+        contradict before."""
+        before, self._contradicted = self._contradicted, contradicted
+        if self.following.changed and not before:
+            self._is_suspect = True
+        elif isfinite(self.following.stiffness_N_m):
+            self._is_suspect = False
+        return self._is_suspect

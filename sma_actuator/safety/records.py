@@ -10,7 +10,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from math import inf, nan
+from math import inf, isnan, nan
 from typing import Generic, ParamSpec
 
 from sma_actuator.base.signals import Command, Estimate, Reading, Signals, SupplyState
@@ -208,6 +208,12 @@ class Step:
     def is_timely(self) -> bool:
         """Whether it comes no later than readings may be old, by a clock that runs forward."""
         return 0.0 <= self.dt_s <= self.config.safety.reading_timeout
+
+    def gives_no_number(self, value: float, channel: str) -> str:
+        """That a sensor which the parameters name gives none in this reading, in words, or ""."""
+        if self.reading is None or not isnan(value) or not getattr(self.config.instruments.daq, channel):
+            return ""
+        return f"it reads no number, and instruments.daq.{channel} says that there is one"
 
     def held_up_by(self, name: str) -> str:
         """That a step with current comes too late because of this instrument, in words, or ""."""

@@ -155,9 +155,15 @@ class TestLies:
         assert lying.result.counts["lies found"] == 1
         _unbroken(lying.result)
 
+    @pytest.mark.parametrize("words", ["load and displacement channel swapped", "a displacement sensor that freezes"])
+    def test_nor_are_channels_that_another_contradicts(self, lying, words):
+        lying.judge(words, lies.LIES[words], "sine", Weight(0.98))
+        assert lying.result.counts["lies found"] == 1
+        _unbroken(lying.result)
+
     def test_nor_would_the_judge_miss_one_that_is(self, lying):
         words = "a sense resistor that rises by 0.4 % a second"
-        lying.config = lying.config.replace({"safety.current_drift": 1.0})
+        lying.config = lying.config.replace({"safety.current_drift": 1.0, "instruments.daq.lvdt_channel": 0})
         lying.judge(words, lies.LIES[words], "held", Weight(0.98))
         assert [violation.rule for violation in lying.result.violations] == [f"believed: {words}"]
 

@@ -179,6 +179,24 @@ def test_fault_channel_stuck():
     assert np.ptp(samples[:, 1]) == 0.0 and np.ptp(samples[:, 0]) > 0.0
 
 
+def test_fault_channel_swapped():
+    bench = _current_after("channel_swapped", 103)
+    swapped = bench.daq.block(100)[0]
+    bench.clear()
+    assert (swapped[:, [0, 1, 3, 2, 4]] == bench.daq.block(100)[0]).all()
+    with pytest.raises(ValueError, match="no channel 105"):
+        bench.inject("channel_swapped", 105)
+
+
+def test_fault_channel_sinks():
+    bench = powered()
+    bench.advance(0.5)
+    before_V = bench.daq.block(100)[0][:, 2].mean()
+    bench.inject("channel_sinks", 103)
+    bench.advance(2.55)
+    assert bench.daq.block(100)[0][:, 2].mean() == pytest.approx(0.81 * before_V, rel=0.01)
+
+
 def test_fault_channel_saturated():
     assert (_current_after("channel_saturated", 103).daq.block(10)[0][:, 2] > 1e30).all()
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sma_actuator.plant.loads import Spring, Weight
-from sma_actuator.safety.alive import SEEN, WINDOW, WINDOWS, Following, Liveliness, Repeats
+from sma_actuator.safety.alive import SEEN, WINDOW, WINDOWS, Following, Liveliness, LoadAlive, Repeats
 from sma_actuator.safety.faults import FAULTS
 
 LSB_V, SAMPLES = 20.0 / 2**16, 50
@@ -212,8 +212,9 @@ class TestWhatALoadDoes:
     @pytest.mark.parametrize(
         ("shown", "known"),
         [
-            ((-0.5, -0.5, -0.5), -0.5),  # however soft
-            ((0.5, 0.5, 0.5), math.nan),  # one that grows with the length is no spring
+            ((-26.0, -26.0, -26.0), -26.0),  # however soft
+            ((-24.0, 24.0, 0.5), 0.0),  # what is within the noise is none: a weight's
+            ((26.0, 26.0, 26.0), math.nan),  # one that grows with the length is no spring
             ((-300.0, -300.0, -500.0), -300.0),  # alike within a factor of two
             ((-300.0, -300.0, -650.0), math.nan),
             ((-200.0, -300.0, -300.0, -300.0), -300.0),  # the last three count
@@ -308,6 +309,52 @@ class TestWhatALoadDoes:
             wire.at_m, wire.load_N = wire.at_m + 1.2e-3, wire.load_N - 0.36
             wire.to(wire.at_m - 0.3e-3, -300.0)
         assert math.isnan(wire.following.stiffness_N_m)
+
+
+class TestWhatIsSuspect:
+    """A load that changes by itself while the displacement sensor bears the position out, until three motions have
+    shown what it does."""
+
+    @pytest.fixture
+    def wire(self):
+        wire, self.alive = Swung(), LoadAlive()
+        self.alive.following = wire.following
+        wire.swing(-300.0, -300.0, -300.0)
+        assert not self.alive.is_suspect(False)
+        return wire
+
+    def change(self, wire):
+        wire.load_N += 2.0
+        wire.step()
+
+    def test_it_is_until_its_law_is_known(self, wire):
+        self.change(wire)
+        assert self.alive.is_suspect(False)
+        wire.swing(-200.0, -200.0)
+        assert self.alive.is_suspect(True)
+        wire.swing(-200.0, -200.0)
+        assert not self.alive.is_suspect(True)
+
+    @pytest.mark.parametrize(("before", "now", "suspect"), [(False, True, True), (True, False, False)])
+    def test_not_where_the_sensor_contradicted_before(self, wire, before, now, suspect):
+        self.alive.is_suspect(before)
+        self.change(wire)
+        assert self.alive.is_suspect(now) == suspect
+
+    @pytest.mark.parametrize(
+        ("stiffness_N_m", "suspect"), [(300.0, True), (40.0, True), (20.0, False), (-100.0, False)]
+    )
+    def test_one_that_turns_round_has_changed(self, wire, stiffness_N_m, suspect):
+        wire.step()
+        wire.to(wire.at_m + wire.way_m, stiffness_N_m)
+        wire.to(wire.at_m - 0.3 * wire.way_m, stiffness_N_m, 1)
+        assert self.alive.is_suspect(False) == suspect
+
+    def test_what_was_seen_of_it_once_is_not_seen_again(self, wire):
+        self.change(wire)
+        assert wire.following.changed
+        wire.step()
+        assert not wire.following.changed
 
 
 @pytest.mark.parametrize("load", [Weight(0.98), Spring(400.0, 0.6)], ids=str)

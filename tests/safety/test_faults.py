@@ -217,6 +217,7 @@ SCENARIOS = {
         only_dither_is_left_of_the_load, lambda rig: setattr(rig, "reading_of", lambda reading: reading)
     ),
     "reference_doubted": lie_about_readings(lambda r: replace(r, lvdt_current_A=2.4)),
+    "position_contradicted": lie_about_readings(lambda r: replace(r, lvdt_current_A=0.03)),
     "current_drifts": Scenario(another_sense_resistor, lambda rig: setattr(rig, "reading_of", lambda reading: reading)),
     "voltage_drifts": Scenario(
         another_scale_of_the_voltages,
@@ -267,6 +268,7 @@ LATCHING = [name for name, fault in FAULTS.items() if fault.latches or fault.act
 PASSING = [
     "ambient_doubted",
     "reference_doubted",
+    "position_contradicted",
     "reading_not_finite",
     "estimate_invalid",
     "setpoint_not_finite",

@@ -7,10 +7,11 @@ from operator import eq
 
 from sma_actuator.base.signals import MEASURABLE, Quality, Reading
 from sma_actuator.safety.alive import FOLLOWS, RARE, SEEN, SWING, WINDOW, LoadAlive, Repeats
-from sma_actuator.safety.formula import parameter_value
+from sma_actuator.safety.formula import longest, parameter_value
 from sma_actuator.safety.records import MOVING, NEVER_READ, Action, Step, guard
 from sma_actuator.safety.timing import ONE_STEP, RATE, READING_TIMEOUT, TWO_STEPS
 
+from .estimate import APART_s, contradicted_m
 from .wire import seems_open
 
 #: Share of the load at wire.max_stress that a load may differ by though nothing moves.
@@ -202,8 +203,10 @@ def readings_repeat(step: Step) -> str:
     f"to and fro, by "
     f"{100 * SWING:g} % of the full stroke or more with less than {100 * FOLLOWS:g} % of the change of load that "
     f"belonged to such motions "
-    "so far (a spring's; a dead weight's does not change; of a load that changes by itself it is seen anew)",
-    within=(WINDOW + 10) / RATE,
+    "so far (a spring's; a dead weight's does not change; of a load that changes by itself it is seen anew). Or, where "
+    "a displacement sensor is fitted: it contradicts the position (as in position_contradicted) since the load changed "
+    "by itself, before three motions have shown what that load does",
+    within=longest((WINDOW + 10) / RATE, APART_s + TWO_STEPS),
     action=Action.OFF,
     latches=True,
 )
@@ -224,7 +227,11 @@ def load_dead(step: Step) -> str:
     elif step.driven and step.settled and step.estimate.quality <= Quality.INDETERMINATE_HOT:
         wire = config.wire
         swing_m, noise_N = SWING * wire.full_stroke_m, NOISE_SHARE * wire.max_stress * wire.area_m2
-        why = alive.following.step(step.estimate.displacement_m, step.signals.load_N, swing_m, noise_N)
+        place_m, contradicted = step.estimate.displacement_m, not isnan(contradicted_m(step))
+        why = alive.following.step(place_m, step.signals.load_N, swing_m, noise_N)
+        alone = alive.is_suspect(contradicted) and contradicted
+        if step.memory.lasts_s("load_dead", alone, step.now_s) >= APART_s:
+            why = f"since it changed by itself the displacement sensor contradicts the position, {place_m * 1e3:.3g} mm"
     else:
         alive.following.pause()
     if why:
@@ -247,8 +254,8 @@ def reference_doubted(step: Step) -> str:
     place_m, length_m = step.signals.reference_displacement_m, step.config.wire.length
     if step.reading is None:
         return ""
-    if isnan(step.reading.lvdt_current_A) and step.config.instruments.daq.lvdt_channel:
-        return "it reads no number, and instruments.daq.lvdt_channel says that there is one"
+    if nothing := step.gives_no_number(step.reading.lvdt_current_A, "lvdt_channel"):
+        return nothing
     if not abs(place_m) > length_m:
         return ""
     return f"{place_m * 1e3:.3g} mm, of a wire of {length_m * 1e3:g} mm"

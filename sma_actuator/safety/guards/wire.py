@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import isnan
-
 from sma_actuator.base.signals import Quality
 from sma_actuator.safety.formula import longest, parameter_value
 from sma_actuator.safety.records import Action, Step, guard
@@ -166,7 +164,5 @@ def heat_loss_wrong(step: Step) -> str:
 )
 def ambient_doubted(step: Step) -> str:
     """The ambient sensor is not believed."""
-    reads_nothing = step.reading is not None and isnan(step.signals.ambient_temperature_C)
-    if reads_nothing and step.config.instruments.daq.ambient_temperature_channel:
-        return "it reads no number, and instruments.daq.ambient_temperature_channel says that there is one"
-    return step.heat.ambient.doubt
+    nothing = step.gives_no_number(step.signals.ambient_temperature_C, "ambient_temperature_channel")
+    return nothing or step.heat.ambient.doubt
