@@ -20,7 +20,7 @@ it does not wait for the wire with an ever larger answer, and ``paced`` says so.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, isfinite, nan
+from math import copysign, exp, isfinite, nan
 
 from sma_actuator.base.parameters import parameter
 from sma_actuator.base.signals import Estimate, Signals
@@ -92,14 +92,8 @@ class FeedForwardPid(PidController):
         self._full_m = sections.wire.full_stroke_m
         self.landing = Landing(sections)
         self.heat, self.wanted = self.landing.heat, self.landing.wanted
-        self._way = 0  #: 1: heating towards the temperature wanted, -1: cooling, 0: there, or about there
         self._long = False  #: the way is so long that the wire is seen to arrive
         self._seen = self._soon = (nan, nan)  #: position and temperature of the last step, and when a command acts
-        self._led_C = nan  #: temperature of a wire that is given nothing but what is asked for here
-        self._asked_A = 0.0  #: what the heat asks for
-        self._wearing_off_A = 0.0
-        self._paced_m = nan
-        self.paced = False
         super().__init__(gains, supply.bias_current, supply.max_current)
         self.braking = 1.0 - gains.feed_forward
 
@@ -120,9 +114,10 @@ class FeedForwardPid(PidController):
             return
         self.paced, self._paced_m = False, position_m
         self.landing.begin(position_m)
-        self._led_C, self._way = self.heat.content_C, 0
+        self._led_C = self.heat.content_C  #: temperature of a wire that is given nothing but what is asked for here
+        self._way = 0  #: 1: heating towards the temperature wanted, -1: cooling, 0: there, or about there
         share = self.gains.feed_forward
-        self._asked_A = self._asks_A(position_m, position_m)
+        self._asked_A = self._asks_A(position_m, position_m)  #: what the heat asks for
         self.integral_A = (1.0 - share) * output_A
         self._wearing_off_A = share * (output_A - self._asked_A)
 
@@ -150,12 +145,13 @@ class FeedForwardPid(PidController):
     def _look_ahead(self, position_m: float) -> None:
         """Where the wire will be, and how warm, when what is asked for now acts."""
         before, self._seen = self._seen, (position_m, self.heat.temperature_C)
-        soon = [now + OWN_PERIODS * (now - old) for now, old in zip(self._seen, before, strict=True)]
-        self._soon = (soon[0], soon[1]) if isfinite(sum(soon)) else self._seen
+        (now_m, now_C), (then_m, then_C) = self._seen, before
+        soon = now_m + OWN_PERIODS * (now_m - then_m), now_C + OWN_PERIODS * (now_C - then_C)
+        self._soon = soon if isfinite(sum(soon)) else self._seen
 
     def _lead(self, current_A: float, dt_s: float) -> None:
         """Warm the wire that is given nothing but what is asked for here."""
-        if isfinite(self._led_C) and self.heat.resistance_Ohm > 0.0:
+        if self.heat.known:
             self._led_C = self.heat.after_C(self._led_C, self.heat.resistance_Ohm * current_A**2, dt_s)
 
     def _asks_A(self, position_m: float, setpoint_m: float) -> float:
@@ -183,14 +179,14 @@ class FeedForwardPid(PidController):
                 self._way = 0
                 led_C = wanted_C
             elif self._long:
-                return self._highest_A if self._way > 0 else self.bias_A
+                return self._highest_A if self._way == 1 else self.bias_A
             self._led_C = led_C - self.heat.latent_K * self.heat.share
         return self._holds_A(wanted_C, (wanted_C - led_C) / self.gains.heating_time)
 
     def _is_there(self, position_m: float, setpoint_m: float, wanted_C: float) -> bool:
         """Whether the way is at its end; what then holds the wire is the integral's where it is otherwise than
         reckoned."""
-        if self._way > 0 and self.landing.landed:
+        if self._way == 1 and self.landing.landed:
             return True
         beyond_K = self._way * (self.heat.temperature_C - wanted_C)
         if not self._long:
@@ -207,7 +203,7 @@ class FeedForwardPid(PidController):
 
     def _pace(self, position_m: float, setpoint_m: float, dt_s: float, limit_A: float) -> float:
         """The setpoint, or how far towards it the wire can be by now."""
-        if not (self.gains.feed_forward > 0.0 and self.heat.resistance_Ohm > 0.0):
+        if not (self.gains.feed_forward > 0.0 and self.heat.known):
             self._paced_m, self.paced = setpoint_m, False
             return setpoint_m
         per_share_J = self.heat.capacity_J_K * (self.heat.latent_K - self.wanted.slope_K)
@@ -219,7 +215,7 @@ class FeedForwardPid(PidController):
         if not abs(ahead_m) > most_m:
             self._paced_m = setpoint_m
         else:
-            self._paced_m += most_m if ahead_m > 0.0 else -most_m
+            self._paced_m += copysign(most_m, ahead_m)
             if (position_m - self._paced_m) * ahead_m > 0.0:  # the wire is faster
                 self._paced_m = position_m if (setpoint_m - position_m) * ahead_m > 0.0 else setpoint_m
         self.paced = abs(setpoint_m - self._paced_m) > SHAPED * self._full_m

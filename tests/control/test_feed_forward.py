@@ -1,18 +1,18 @@
 """Feed-forward: what the wire's heat asks for, given ahead of the PID; without it the PID, bit for bit."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 from rig import Rig
 
-from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.parameters import ConfigError, declaration_of
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Branch, Estimate, Quality, Signals
 from sma_actuator.config import Config, read_parameter_file
-from sma_actuator.control.feed_forward import FeedForwardPid
-from sma_actuator.control.heat import Wanted
+from sma_actuator.control.feed_forward import FeedForwardPid, FeedForwardPidParameters
+from sma_actuator.control.heat import Landing, Wanted
 from sma_actuator.control.pid import PidController
 from sma_actuator.control.setpoints import sine
 from sma_actuator.plant.loads import Weight
@@ -208,3 +208,168 @@ def test_what_is_not_finite_changes_nothing(config):
 def test_without_the_temperatures_of_the_wire_it_is_refused_in_a_sentence():
     with pytest.raises(ConfigError, match="transformation_heating.*identify the model"):
         Config.from_mapping({**mapping(), "calibration": {}})
+
+
+class Definition:
+    """The law, said once more: what it asks for, on which way it is, and how far the setpoint is led."""
+
+    def __init__(self, gains, sections):
+        self.landing, self.gains = Landing(sections), gains
+        self.bias_A, self.most_A = sections.supply.bias_current, sections.supply.max_current
+        self.full_m = sections.wire.full_stroke_m
+        self.pid = PidController(gains, self.bias_A, self.most_A)
+        self.pid.braking = 1.0 - gains.feed_forward
+        self.before, self.way, self.long = None, 0, False
+        self.led_C, self.asked_A, self.leaving_A = None, 0.0, 0.0
+
+    def sense(self, *said):
+        self.landing.heat.sense(*said)
+
+    def reset(self, position_m, output_A):
+        self.pid.reset(position_m, output_A)
+        self.led_m, self.paced, self.way = position_m, False, 0
+        self.landing.begin(position_m)
+        self.led_C = self.landing.heat.content_C if math.isfinite(self.landing.heat.content_C) else None
+        self.asked_A = self.asks_A(position_m, position_m)
+        self.pid.integral_A = (1.0 - self.gains.feed_forward) * output_A
+        self.leaving_A = self.gains.feed_forward * (output_A - self.asked_A)
+
+    def set_gains(self, gains):
+        self.leaving_A += (self.gains.feed_forward - gains.feed_forward) * self.asked_A
+        self.pid.set_gains(gains)
+        self.pid.integral_A += (gains.feed_forward - self.gains.feed_forward) * gains.kd * self.pid.velocity_m_s
+        self.pid.braking, self.gains = 1.0 - gains.feed_forward, gains
+
+    def step(self, position_m, setpoint_m, dt_s, limit_A):
+        if not (math.isfinite(position_m + setpoint_m) and 1e-6 <= dt_s <= 1e6 and limit_A >= self.bias_A):
+            return self.pid.step(position_m, setpoint_m, dt_s, limit_A)
+        heat = self.landing.heat
+        now = (position_m, heat.temperature_C)
+        self.soon = tuple(n + 1.5 * (n - b) for n, b in zip(now, self.before or now, strict=True))
+        self.before = now
+        limit_A = max(min(limit_A, self.landing.limit_A(position_m, setpoint_m, dt_s)), self.bias_A)
+        asks_A = self.asks_A(position_m, setpoint_m)
+        self.asked_A += (asks_A - self.asked_A) * (1.0 if self.long else dt_s / (0.15 + dt_s))
+        if self.led_C is not None and heat.resistance_Ohm > 0.0:
+            self.led_C = heat.after_C(self.led_C, heat.resistance_Ohm * min(self.asked_A, limit_A) ** 2, dt_s)
+        self.leaving_A *= math.exp(-dt_s)
+        self.pid.ahead_A = self.gains.feed_forward * self.asked_A + self.leaving_A
+        return self.pid.step(position_m, self.leads_m(position_m, setpoint_m, dt_s, limit_A), dt_s, limit_A)
+
+    def holds_A(self, temperature_C, rate_K_s=0.0):
+        return float(np.clip(self.landing.heat.holds_A(temperature_C, rate_K_s), self.bias_A, self.most_A))
+
+    def asks_A(self, position_m, setpoint_m):
+        heat = self.landing.heat
+        if not heat.known:
+            return self.bias_A
+        latent_K = heat.latent_K * heat.share
+        self.led_C = heat.content_C if self.led_C is None else self.led_C
+        wanted_C = self.landing.wanted_C(setpoint_m)
+        is_C = self.led_C + latent_K
+        if not self.way and abs(wanted_C - is_C) > 4.0:
+            self.way, self.long = (1 if wanted_C > heat.temperature_C else -1), False
+            self.leaving_A += self.gains.feed_forward * self.pid.integral_A
+            self.pid.integral_A *= 1.0 - self.gains.feed_forward
+        if self.way:
+            is_C, left_m = heat.temperature_C, self.way * (position_m - setpoint_m)
+            if abs(left_m) > 0.03 * self.full_m:
+                self.long, self.leaving_A = True, 0.0
+                self.way *= 1 if left_m > 0.0 else -1
+            if self.arrives(position_m, setpoint_m, wanted_C):
+                self.way, is_C = 0, wanted_C
+            elif self.long:
+                return self.most_A if self.way == 1 else self.bias_A
+            self.led_C = is_C - latent_K
+        return self.holds_A(wanted_C, (wanted_C - is_C) / self.gains.heating_time)
+
+    def arrives(self, position_m, setpoint_m, wanted_C):
+        if self.way == 1 and self.landing.landed:
+            return True
+        beyond_K = self.way * (self.landing.heat.temperature_C - wanted_C)
+        if not self.long:
+            return beyond_K > -0.5 or self.way * (setpoint_m - position_m) > 0.01 * self.full_m
+        if self.way * (self.soon[0] - setpoint_m) > 0.0:
+            return beyond_K > 25.0
+        self.pid.integral_A += self.gains.feed_forward * (self.holds_A(self.soon[1]) - self.holds_A(wanted_C))
+        return True
+
+    def leads_m(self, position_m, setpoint_m, dt_s, limit_A):
+        heat = self.landing.heat
+        if not (self.gains.feed_forward > 0.0 and heat.resistance_Ohm > 0.0):
+            self.led_m, self.paced = setpoint_m, False
+            return setpoint_m
+        heating_W = heat.resistance_Ohm * (self.bias_A if setpoint_m > self.led_m else limit_A) ** 2
+        losing_W = heat.loss_W_K * (heat.temperature_C - heat.ambient_C)
+        stroke_J = heat.capacity_J_K * (heat.latent_K - self.landing.wanted.slope_K)
+        most_m = 1.3 * abs(losing_W - heating_W) / stroke_J * heat.stroke_m * dt_s
+        ahead_m = setpoint_m - self.led_m
+        if abs(ahead_m) <= most_m:
+            self.led_m = setpoint_m
+        else:
+            self.led_m += math.copysign(most_m, ahead_m)
+            if (position_m - self.led_m) * ahead_m > 0.0:
+                self.led_m = position_m if (setpoint_m - position_m) * ahead_m > 0.0 else setpoint_m
+        self.paced = abs(setpoint_m - self.led_m) > 0.005 * self.full_m
+        return self.led_m
+
+
+def scene(law, config, seed, count=400):
+    """Currents and paces of a wire that goes where currents take it, noisily, and is sent to and fro: by jumps, in
+    small steps and ramps, with limits, other gains, and before anything is known of its heat."""
+    random, share, said = np.random.default_rng(seed), 0.7, []
+    place_m, setpoint_m, gains = 0.003, 0.003, config.controller
+    gains = replace(gains, kd=float(random.choice([0.0, 40.0])), feed_forward=float(random.choice([1.0, 0.6, 0.3])))
+    law.set_gains(gains)
+    ramp_m, current_A, time_s = 0.0, 0.15, 0.0
+    if random.random() < 0.8:
+        law.sense(*_seen(0.0, place_m, current_A))
+    law.reset(place_m, current_A)
+    for number in range(count):
+        period_s = 0.05 * (1.0 + 0.2 * random.standard_normal() * (random.random() < 0.1))
+        time_s += period_s
+        kind = random.random()
+        if kind < 0.03:
+            setpoint_m, ramp_m = float(random.uniform(0.0006, 0.0034)), 0.0
+        elif kind < 0.06:
+            setpoint_m += float(random.normal(0.0, 1.5e-4))
+        elif kind < 0.08:
+            ramp_m = float(random.normal(0.0, 3e-5))
+        elif kind < 0.085:
+            gains = replace(gains, feed_forward=float(random.choice([1.0, 0.8, 0.2])))
+            law.set_gains(gains)
+        elif kind < 0.09:
+            law.reset(place_m, current_A)
+        setpoint_m = float(np.clip(setpoint_m + ramp_m, 0.0005, 0.0035))
+        settles = 1.1 - current_A / 0.25 if current_A < 0.25 else -0.2
+        share = float(np.clip(share + (settles - share) * period_s * random.uniform(0.5, 2.0), 0.0, 1.0))
+        place_m = 0.0004 + 0.003 * share + float(random.normal(0.0, 2e-6))
+        law.sense(*_seen(time_s, place_m, current_A))
+        limit_A = float(random.choice([0.4, 0.3, 0.12])) if random.random() < 0.1 else 0.4
+        bad = number % 97 == 96
+        current_A = law.step(math.nan if bad else place_m, setpoint_m, period_s, limit_A)
+        said.append((current_A, law.paced))
+    return said
+
+
+def _seen(time_s, place_m, current_A):
+    power_W = 4.8 * current_A**2
+    return (
+        Signals(time_s, 4.8, current_A, power_W, 0.98, 53.7e6, math.nan, 22.0),
+        Estimate(time_s, place_m, 0.02, 0.0, Branch.HEATING, Quality.DETERMINATE),
+    )
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_by_its_definition(config, seed):
+    said = scene(FeedForwardPid(config.controller, config), config, seed)
+    wanted = scene(Definition(config.controller, config), config, seed)
+    assert [paced for _, paced in said] == [paced for _, paced in wanted]
+    assert [current_A for current_A, _ in said] == pytest.approx([current_A for current_A, _ in wanted], abs=1e-9)
+
+
+def test_its_parameters_are_live_and_bounded():
+    declared = {field.name: (field.default, declaration_of(field)) for field in fields(FeedForwardPidParameters)}
+    for name, wanted in {"feed_forward": (1.0, 0.0, 1.0), "heating_time": (0.5, 0.05, 60.0)}.items():
+        usual, said = declared[name]
+        assert (usual, said.lo, said.hi, said.live) == (*wanted, True)
