@@ -17,7 +17,7 @@ def warm_up(config: Config) -> Output:
     Loading the kernels takes some tenths of a second, and compiling them, once on a machine, many seconds, which the
     loop would miss in its first step with current.
     """
-    actuator = Actuator(config)
+    actuator, sensor, place_m = Actuator(config), config.reference_sensor, 0.0
     current_A, circuit, safety = config.supply.bias_current, config.circuit, config.safety
     ambient_C = config.thermal.ambient_temperature
     wire_Ohm = math.sqrt(safety.resistance_min * safety.resistance_max)
@@ -29,9 +29,12 @@ def warm_up(config: Config) -> Output:
         is_on = number > 1
         flows_A = current_A * less if is_on else 0.0
         voltages_V = (flows_A * total_Ohm, flows_A * circuit.reference_resistance, load_V * less)
-        reading = Reading(now_s, *voltages_V, lvdt_current_A=0.0, ambient_temperature_C=ambient_C)
+        lvdt_A = (place_m - sensor.offset) / sensor.slope if sensor.fitted else 0.0
+        reading = Reading(now_s, *voltages_V, lvdt_current_A=lvdt_A, ambient_temperature_C=ambient_C)
         supply = SupplyState(now_s, current_A, is_on, flows_A * total_Ohm, flows_A)
         output = actuator.step(now_s, reading, supply)
+        if math.isfinite(output.estimate.displacement_m):
+            place_m = output.estimate.displacement_m  # no other sensor contradicts it
         if number == 0:
             actuator.enable(now_s, True)
     return output
