@@ -373,3 +373,50 @@ def test_its_parameters_are_live_and_bounded():
     for name, wanted in {"feed_forward": (1.0, 0.0, 1.0), "heating_time": (0.5, 0.05, 60.0)}.items():
         usual, said = declared[name]
         assert (usual, said.lo, said.hi, said.live) == (*wanted, True)
+
+
+@pytest.mark.parametrize(
+    ("dt_s", "limit_A"), [(1e-6, 0.4), (0.9e-6, 0.4), (1e6, 0.4), (1e6 + 0.5, 0.4), (0.05, 0.05), (0.05, 0.049)]
+)
+def test_at_the_ends_of_what_is_a_step_it_is_one_or_none(config, dt_s, limit_A):
+    laws = FeedForwardPid(config.controller, config), Definition(config.controller, config)
+    for law in laws:
+        law.sense(*_seen(0.0, 0.003, 0.15))
+        law.reset(0.003, 0.15)
+        law.step(0.003, 0.003, 0.05, 0.4)
+    assert laws[0].step(0.0029, 0.0015, dt_s, limit_A) == laws[1].step(0.0029, 0.0015, dt_s, limit_A)
+    for place_m in (0.0028, 0.0026, 0.0024):
+        assert laws[0].step(place_m, 0.0015, 0.05, 0.4) == pytest.approx(laws[1].step(place_m, 0.0015, 0.05, 0.4))
+
+
+class TestShaped:
+    """A setpoint far from where the wire is has been asked for."""
+
+    @pytest.fixture
+    def law(self, config):
+        law = FeedForwardPid(config.controller, config)
+        law.sense(*_seen(0.0, 0.001, 0.2))
+        law.reset(0.001, 0.2)
+        law.step(0.001, 0.0032, 0.05, 0.4)
+        assert law.paced
+        return law
+
+    def test_it_is_so_no_more_where_the_law_begins_anew(self, law):
+        law.reset(0.001, 0.2)
+        assert not law.paced
+
+    def test_nor_where_nothing_is_given_ahead_and_again_from_where_that_has_come(self, law, config):
+        law.set_gains(replace(config.controller, feed_forward=0.0))
+        law.step(0.001, 0.0032, 0.05, 0.4)
+        assert not law.paced
+        law.set_gains(config.controller)
+        law.step(0.001, 0.0032, 0.05, 0.4)
+        assert not law.paced
+
+
+def test_live_surroundings_arrive_in_its_heat(config):
+    law = FeedForwardPid(config.controller, config)
+    law.update(config.replace({"thermal.ambient_temperature": 31.0}))
+    signals, estimate = _seen(0.0, 0.002, 0.2)
+    law.sense(replace(signals, ambient_temperature_C=math.nan), estimate)
+    assert law.heat.ambient_C == 31.0

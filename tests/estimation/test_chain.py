@@ -3,6 +3,7 @@
 import dataclasses
 import itertools
 import json
+import math
 import os
 import subprocess
 import sys
@@ -15,8 +16,11 @@ import pytest
 from sma_actuator.base.parameters import walk
 from sma_actuator.base.share import shared_file
 from sma_actuator.base.signals import Quality, Signals
+from sma_actuator.bench.bench import VirtualBench
+from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply
 from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.estimation.chain import Chain
+from sma_actuator.estimation.circuit import signals_from_reading, without_undriven
 
 
 @pytest.fixture
@@ -320,3 +324,66 @@ def test_a_live_parameter_arrives_in_the_estimate(make_config, name):
     for field in ("displacement_m", "velocity_m_s"):
         np.testing.assert_array_equal(getattr(found, field), getattr(wanted, field))
     assert (found.displacement_m != stale.displacement_m).any() or (found.velocity_m_s != stale.velocity_m_s).any()
+
+
+def measured(wire, seconds=60.0):
+    """What a wire of the bench shows that is heated far and cools again, with all that may be wrong with a sample:
+    nothing measured, a sensor of the surroundings that lies or is none, a load beyond what was calibrated."""
+    config = Config.from_mapping(read_parameter_file(shared_file(f"config/{wire}.yaml")))
+    bench = VirtualBench.from_name("flexinol", seed=3, like=config.wire)
+    supply, daq = InProcessSupply(bench, config), InProcessDaq(bench, config)
+    supply.open(), daq.open()
+    supply.set_output(True)
+    rows: list[tuple[float, ...]] = []
+    for number in range(round(seconds / 0.05)):
+        turn = math.sin(2.0 * math.pi * number / 400.0)
+        supply.set_current(config.supply.max_current * max(0.15, 0.9 * turn))
+        bench.advance(bench.time_s + 0.05)
+        rows.append(dataclasses.astuple(without_undriven(signals_from_reading(daq.read_block(), config), 0.05)))
+    arrays = Signals(*np.array(rows).T)
+    stress_Pa = np.where(np.arange(len(rows)) % 100 > 90, 20.0, 1.0) * arrays.stress_Pa
+    stress_Pa[200:230] = 0.0
+    arrays = dataclasses.replace(
+        arrays,
+        stress_Pa=stress_Pa,
+        load_N=stress_Pa * config.wire.area_m2,
+        resistance_Ohm=np.where(np.arange(len(rows)) % 37 == 36, 1e3, arrays.resistance_Ohm),
+        power_W=np.where(np.arange(len(rows)) % 53 == 52, nan, arrays.power_W),
+        ambient_temperature_C=np.choose(np.arange(len(rows)) // 80 % 3, (24.0, nan, 70.0)),
+        tare_N=np.full(len(rows), 0.02),
+    )
+    return config, arrays
+
+
+@pytest.fixture(scope="module", params=["flexinol", "furukawa", "coil"])
+def seen(request):
+    return measured(request.param)
+
+
+EFFECTS = {
+    "none": {},
+    "of the circuit": {"lead_resistance": {"resistance": 0.05}},
+    "that last": LASTING,
+    "of the heat": {"self_heating": {"temperature_coefficient": 2e-4}},
+}
+
+
+@pytest.mark.parametrize("effects", EFFECTS)
+def test_one_by_one_and_in_pieces_all_samples_give_the_same(seen, effects):
+    config, arrays = seen
+    config = Config.from_mapping({**config.to_mapping(), "effects": EFFECTS[effects]})
+    one, pieces, whole = Chain(config), Chain(config), Chain(config)
+    at_once = whole.run(arrays)
+    in_pieces = [pieces.run(some(arrays, slice(k, k + 61))) for k in range(0, len(arrays.time_s), 61)]
+    names = ("displacement_m", "strain", "velocity_m_s", "branch", "quality", "uncertainty_m")
+    for name in names:
+        together = np.concatenate([getattr(each, name) for each in in_pieces])
+        np.testing.assert_array_equal(together, getattr(at_once, name), name)
+    for i in range(len(arrays.time_s)):
+        signals_, estimate = one.step(sample(arrays, i))
+        for name in names:
+            np.testing.assert_array_equal(getattr(estimate, name), getattr(at_once, name)[i], f"{name} of {i}")
+        for field in dataclasses.fields(Signals):
+            shown = np.broadcast_to(getattr(at_once.signals, field.name), len(arrays.time_s))[i]
+            assert getattr(signals_, field.name) == pytest.approx(shown, nan_ok=True, rel=1e-12), f"{field.name} of {i}"
+    assert len(set(at_once.quality)) >= 3

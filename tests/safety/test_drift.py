@@ -143,6 +143,16 @@ def test_what_was_noted_outlives_a_pause_and_is_forgotten_when_asked():
     assert apart(lambda _: 0.2, lambda _: 0.21, 5.0, currents, 20.0) is None
 
 
+@pytest.mark.parametrize("apart", [CurrentsApart, VoltagesApart])
+def test_after_a_pause_means_are_taken_of_what_comes_then(apart):
+    two = apart()
+    for step in range(60):
+        said = two.step(PERIOD_s * step, 0.2, 0.2, 0.2 + 1e-3 * (step % 2), SHARE)
+    assert not math.isnan(said[0])
+    two.pause()
+    assert math.isnan(two.step(PERIOD_s * 60, 0.2, 0.2, 0.2, SHARE)[0])
+
+
 def test_nothing_is_said_before_a_window_and_its_lag_are_full():
     """Of a current that moves; one that stands is noted once it is seen to stand."""
     for wanted_A, seconds, said in ((lambda t: 0.1 + 0.1 * t, WINDOW_s, False), (lambda _: 0.1, LAG_s, True)):
