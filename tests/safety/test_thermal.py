@@ -12,6 +12,7 @@ from sma_actuator.safety.thermal import (
     LATENT_K,
     LEAST_SLOPE_1_K,
     LOSING_TIMES,
+    MOST_SLOPE_1_K,
     Ambient,
     AMBIENT_FALL_K_s,
     HeatBalance,
@@ -20,6 +21,7 @@ from sma_actuator.safety.thermal import (
     Thermometer,
     WireHeat,
     derated_limit_A,
+    most_contracted_Ohm,
     transforms_at_C,
 )
 
@@ -439,3 +441,22 @@ def test_at_its_limit_and_without_a_word_of_its_resistance_a_wire_is_let_cool_un
         heat.step(heat.power_limit_W(1.05, parameters), 0.05, math.nan, parameters)
         assert heat.at_most_C < 195.0
     assert heat.at_most_C > 193.0
+
+
+class TestTheMostThatAContractedWireShows:
+    """At 200 °C, of one that showed 4.4 Ω at 90 °C: its resistance rises by a thousandth a kelvin at most."""
+
+    @pytest.fixture
+    def at_most(self, config):
+        return lambda **known: most_contracted_Ohm(
+            replace(config.calibration.hot_end, **known), replace(config.thermal, max_temperature=200.0)
+        )
+
+    @pytest.mark.parametrize(("temperature_C", "times"), [(90.0, 1.0 + MOST_SLOPE_1_K * 110.0), (210.0, 1.0)])
+    def test_it_follows_from_the_largest_of_any_load(self, at_most, temperature_C, times):
+        shown_Ohm = at_most(contracted_resistance=(4.3, 4.4, 4.2), contracted_temperature=temperature_C)
+        assert shown_Ohm == pytest.approx(times * 4.4)
+
+    @pytest.mark.parametrize("known", [{}, {"contracted_resistance": (4.4,)}, {"contracted_temperature": 90.0}])
+    def test_where_nobody_knows_it_may_be_any(self, at_most, known):
+        assert at_most(**known) == math.inf
