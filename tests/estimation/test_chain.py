@@ -19,8 +19,9 @@ from sma_actuator.base.signals import Quality, Signals
 from sma_actuator.bench.bench import VirtualBench
 from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply
 from sma_actuator.config import Config, read_parameter_file
-from sma_actuator.estimation.chain import Chain
+from sma_actuator.estimation.chain import Chain, _velocity, stresses_inside_Pa
 from sma_actuator.estimation.circuit import signals_from_reading, without_undriven
+from sma_actuator.estimation.effects import EFFECTS as KNOWN
 
 
 @pytest.fixture
@@ -135,7 +136,7 @@ def test_velocity_is_the_slope_of_a_steady_motion(config):
 _WITHOUT_NUMBA = """
 import json, sys
 from sma_actuator.config import Config
-from sma_actuator.estimation.chain import Chain
+from sma_actuator.estimation.chain import Chain, _velocity, stresses_inside_Pa
 from sma_actuator.base.jit import COMPILED
 from test_chain import signals
 
@@ -364,7 +365,10 @@ EFFECTS = {
     "none": {},
     "of the circuit": {"lead_resistance": {"resistance": 0.05}},
     "that last": LASTING,
-    "of the heat": {"self_heating": {"temperature_coefficient": 2e-4}},
+    "of the heat": {
+        "self_heating": {"temperature_coefficient": 2e-4},
+        "heat_loss": {"change": 0.3, "time_constant": 2.0, "heat_loss": 5e-3},
+    },
 }
 
 
@@ -374,7 +378,9 @@ def test_one_by_one_and_in_pieces_all_samples_give_the_same(seen, effects):
     config = Config.from_mapping({**config.to_mapping(), "effects": EFFECTS[effects]})
     one, pieces, whole = Chain(config), Chain(config), Chain(config)
     at_once = whole.run(arrays)
-    in_pieces = [pieces.run(some(arrays, slice(k, k + 61))) for k in range(0, len(arrays.time_s), 61)]
+    bad = np.flatnonzero(at_once.quality == Quality.INVALID)
+    ends = sorted({0, *bad, *(bad + 1), len(arrays.time_s)})  # some begin and end with what is no sample
+    in_pieces = [pieces.run(some(arrays, slice(*piece))) for piece in itertools.pairwise(ends)]
     names = ("displacement_m", "strain", "velocity_m_s", "branch", "quality", "uncertainty_m")
     for name in names:
         together = np.concatenate([getattr(each, name) for each in in_pieces])
@@ -387,3 +393,56 @@ def test_one_by_one_and_in_pieces_all_samples_give_the_same(seen, effects):
             shown = np.broadcast_to(getattr(at_once.signals, field.name), len(arrays.time_s))[i]
             assert getattr(signals_, field.name) == pytest.approx(shown, nan_ok=True, rel=1e-12), f"{field.name} of {i}"
     assert len(set(at_once.quality)) >= 3
+    cooled = "heat_loss" in EFFECTS[effects]
+    good = at_once.quality != Quality.INVALID
+    assert np.array_equal(at_once.heat_W[good], at_once.signals.power_W[good]) != cooled
+
+
+@pytest.mark.parametrize(("wire", "knows"), [("flexinol", False), ("coil", True)])
+def test_a_model_with_a_heat_balance_knows_the_ends(wire, knows):
+    assert Chain(Config.load(shared_file(f"config/{wire}.yaml"))).knows_the_ends == knows
+
+
+def test_a_twentieth_of_the_calibrated_stresses_lies_within_reach_on_either_side():
+    assert stresses_inside_Pa((10e6, 110e6)) == pytest.approx((5e6, 115e6))
+
+
+def test_a_log_is_judged_from_its_own_beginning_and_as_its_sensor_shows_it(make_config):
+    config = Config.from_mapping(make_config())
+    later = dataclasses.replace(signals(50), time_s=signals(50).time_s + 100.0)
+    judged = Chain(config, {"reference_drift": KNOWN["reference_drift"](offset=2e-4)}).judge(later)
+    np.testing.assert_allclose(judged.elapsed_s, later.time_s - 100.0)
+    np.testing.assert_allclose(judged.shown_m, judged.displacement_m + 2e-4)
+
+
+class TestVelocity:
+    """Of a position a second ago at 1 mm, that moved by 0.5 mm/s, with a low-pass of a second."""
+
+    @pytest.fixture
+    def state(self):
+        return np.array([10.0, 1e-3, 0.5e-3])
+
+    @pytest.mark.parametrize("step_s", [1.0, 0.5])
+    def test_it_comes_to_the_difference_quotient(self, state, step_s):
+        wanted = 0.5e-3 + (1e-3 - 0.5e-3 * step_s) / (1.0 + step_s)
+        assert _velocity(10.0 + step_s, 2e-3, state, 1.0) == pytest.approx(wanted)
+        assert list(state) == pytest.approx([10.0 + step_s, 2e-3, wanted])
+
+    @pytest.mark.parametrize("step_s", [-1.0, -0.5])
+    def test_it_goes_on_from_a_clock_that_was_set_back(self, state, step_s):
+        assert _velocity(10.0 + step_s, 2e-3, state, 1.0) == 0.5e-3
+        assert list(state) == [10.0 + step_s, 2e-3, 0.5e-3]
+
+    def test_in_no_time_nothing_moves(self, state):
+        assert _velocity(10.0, 2e-3, state, 1.0) == 0.5e-3
+        assert list(state) == [10.0, 1e-3, 0.5e-3]
+
+    def test_a_position_that_is_none_leaves_no_trace(self, state):
+        assert _velocity(11.0, nan, state, 1.0) == 0.0
+        assert list(state) == [10.0, 1e-3, 0.5e-3]
+
+    @pytest.mark.parametrize(("at_s", "place_m"), [(nan, 1e-3), (10.0, nan)])
+    def test_after_one_it_begins_anew(self, at_s, place_m):
+        state = np.array([at_s, place_m, 0.5e-3])
+        assert _velocity(11.0, 2e-3, state, 1.0) == 0.0
+        assert list(state) == [11.0, 2e-3, 0.0]
