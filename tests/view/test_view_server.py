@@ -22,7 +22,7 @@ from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.logs.bench_log import read_bench_log
 from sma_actuator.ros.named_signals import named_signals
 from sma_actuator.view import logs
-from sma_actuator.view.server import Desk, ViewServer
+from sma_actuator.view.server import MOST_ASKED, MOST_WAITING, Desk, ViewServer, _Page
 from sma_actuator.view.watched import COLUMNS, Refused
 
 HOST = "127.0.0.1"
@@ -210,6 +210,104 @@ def test_what_cannot_be_meant_is_answered_and_not_done(text):
         await socket.close()
 
     with_server(work)
+
+
+class Held(StillWire):
+    """A node that answers no setpoint until it may."""
+
+    def __init__(self):
+        super().__init__()
+        self.may = asyncio.Event()
+
+    async def send_setpoint(self, position_m):
+        await self.may.wait()
+        return await super().send_setpoint(position_m)
+
+
+def test_a_page_that_asks_too_much_at_once_is_told_so_and_may_stop_and_ask_again_later():
+    async def work(client, server, wire, held):
+        socket = await client.ws_connect(f"/live?node={held.node}", headers=headers_of(client, server))
+        for number in range(MOST_ASKED + 1):
+            await socket.send_json({"id": number, "do": "setpoint", "position_m": 1e-3 * number})
+        answer = await told(socket, "answer")
+        assert (answer["id"], answer["ok"]) == (MOST_ASKED, False) and "too much" in answer["sentence"]
+        assert (await asked(socket, "stop", do="stop"))["ok"]
+        held.may.set()
+        answered = [(await told(socket, "answer"))["id"] for _ in range(MOST_ASKED)]
+        assert sorted(answered) == list(range(MOST_ASKED))
+        assert (await asked(socket, 99, do="setpoint", position_m=0.002))["ok"]
+        await socket.close()
+
+    held = Held()
+    held.node = "/held"
+    with_server(work, others=[held])
+
+
+def test_an_answer_that_ros_owes_is_no_success():
+    async def work(client, server, wire):
+        async def late(_):
+            raise TimeoutError
+
+        wire.enable = late
+        socket = await client.ws_connect("/live", headers=headers_of(client, server))
+        answer = await asked(socket, 1, do="enable")
+        assert not answer["ok"] and answer["sentence"] == "ROS did not answer in time"
+        await socket.close()
+
+    with_server(work)
+
+
+def test_what_a_page_does_not_take_displaces_the_oldest():
+    async def work():
+        page = _Page()
+        for number in range(MOST_WAITING + 5):
+            page.tell(str(number))
+        assert list(page.waiting) == [str(number) for number in range(5, MOST_WAITING + 5)]
+        assert page.more.is_set()
+
+    asyncio.run(work())
+    assert (MOST_ASKED, MOST_WAITING) == (20, 100)
+
+
+class TestGainsThatAreSaved:
+    """From the node into the parameter file."""
+
+    @pytest.fixture
+    def saved(self, tmp_path):
+        def save(live, angle_range_rad=None, named=True):
+            file = tmp_path / "wire.yaml"
+            file.write_bytes(shared_file("config/flexinol.yaml").read_bytes())
+            tables = shared_file("config/flexinol.tables.npz")
+            (tmp_path / tables.name).write_bytes(tables.read_bytes())
+
+            async def work(client, server, wire):
+                wire.live = {name: {"value": value} for name, value in live.items()}
+                wire.angle_range_rad = angle_range_rad
+                socket = await client.ws_connect("/live", headers=headers_of(client, server))
+                answer = await asked(socket, 1, do="save")
+                await socket.close()
+                return answer
+
+            return with_server(work, file=file if named else None), Config.load(file).controller
+
+        return save
+
+    def test_those_that_have_changed_are_written(self, saved):
+        answer, law = saved({"controller.kp": 123.0, "controller.ki": 320.0, "safety.load_spike": 9.0})
+        assert answer["ok"] and "kp 123 (before: kp 400)" in answer["sentence"]
+        assert (law.kp, law.ki) == (123.0, 320.0)
+
+    def test_where_none_has_that_is_said(self, saved):
+        answer, _ = saved({"controller.kp": 400.0, "controller.type": "pid"})
+        assert answer["ok"] and answer["sentence"].endswith("has these gains already")
+
+    def test_those_of_a_joint_are_not(self, saved):
+        answer, law = saved({"controller.kp": 123.0}, angle_range_rad=(-1.0, 1.0))
+        assert not answer["ok"] and law.kp == 400.0
+
+    def test_nor_any_without_a_file(self, saved):
+        answer, _ = saved({"controller.kp": 123.0}, named=False)
+        assert not answer["ok"] and "--config FILE" in answer["sentence"]
 
 
 @pytest.mark.parametrize("name", ["x" * 5000, "ä" * 150 + ".csv", "\n" * 201])
