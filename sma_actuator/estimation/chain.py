@@ -281,8 +281,7 @@ class Chain:
         if frame is not None:
             frame = self._act(self._at_resistance, frame)
             resistance_Ohm, heat_W = float(frame.resistance_Ohm[0]), float(frame.power_W[0])
-        started = self._started
-        if not started:
+        if not self._started:
             self._start(signals.time_s, resistance_Ohm, stress_Pa, power_W)
         heating = self._branch.step(signals.time_s, resistance_Ohm, power_W)
         displacement_m, uncertainty_m, seen = self._observe(signals, resistance_Ohm, heating, heat_W)
@@ -295,8 +294,6 @@ class Chain:
         if frame is not None:
             frame.heating, frame.displacement_m = np.array([heating]), np.array([displacement_m])
             displacement_m = float(self._act(self._at_displacement, frame).displacement_m[0])
-        if not started:
-            self._velocity_state[:] = signals.time_s, displacement_m, 0.0
         velocity_m_s = _velocity(signals.time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s)
         self._last = Estimate(
             signals.time_s,
@@ -385,8 +382,7 @@ class Chain:
             frame = self._act(self._at_resistance, frame)
             resistance_Ohm, heat_W = (np.ascontiguousarray(v) for v in (frame.resistance_Ohm, frame.power_W))
             out["heat_W"][good] = heat_W
-        started = self._started
-        if not started:
+        if not self._started:
             self._start(time_s[0], resistance_Ohm[0], stress_Pa[0], power_W[0])
         heating = self._branch.run(time_s, resistance_Ohm, power_W)
         in_reach_Pa = np.clip(stress_Pa, *self._stress_Pa)
@@ -411,8 +407,6 @@ class Chain:
             displacement_m = np.ascontiguousarray(self._act(self._at_displacement, frame).displacement_m)
             if "shown_m" in out:
                 shown_m = self._act(self._shown, frame).displacement_m
-        if not started:
-            self._velocity_state[:] = time_s[0], displacement_m[0], 0.0
         velocity_m_s, quality = np.empty(len(time_s)), np.empty(len(time_s), dtype=np.int64)
         _velocity_all(time_s, displacement_m, self._velocity_state, self._velocity_time_constant_s, velocity_m_s)
         _quality_all(displacement_m, stress_Pa, contracted, self._bounds, quality)
@@ -480,4 +474,5 @@ class Chain:
         else:
             self._thermal.reset()
         self._branch.reset(time_s, resistance_Ohm, power_W)
+        self._velocity_state[:] = nan  # it begins with the first displacement
         self._started = True

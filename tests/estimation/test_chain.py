@@ -19,7 +19,7 @@ from sma_actuator.base.signals import Quality, Signals
 from sma_actuator.bench.bench import VirtualBench
 from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply
 from sma_actuator.config import Config, read_parameter_file
-from sma_actuator.estimation.chain import Chain, _velocity, stresses_inside_Pa
+from sma_actuator.estimation.chain import Chain, _quality, _velocity, stresses_inside_Pa
 from sma_actuator.estimation.circuit import signals_from_reading, without_undriven
 from sma_actuator.estimation.effects import EFFECTS as KNOWN
 
@@ -136,7 +136,7 @@ def test_velocity_is_the_slope_of_a_steady_motion(config):
 _WITHOUT_NUMBA = """
 import json, sys
 from sma_actuator.config import Config
-from sma_actuator.estimation.chain import Chain, _velocity, stresses_inside_Pa
+from sma_actuator.estimation.chain import Chain, _quality, _velocity, stresses_inside_Pa
 from sma_actuator.base.jit import COMPILED
 from test_chain import signals
 
@@ -446,3 +446,39 @@ class TestVelocity:
         state = np.array([at_s, place_m, 0.5e-3])
         assert _velocity(11.0, 2e-3, state, 1.0) == 0.0
         assert list(state) == [11.0, 2e-3, 0.0]
+
+
+@pytest.mark.parametrize(("wire", "slack"), [("flexinol", 0.0), ("coil", 0.05)])
+def test_an_estimate_counts_inside_the_working_range_and_of_the_whole_range_a_twentieth_beyond(wire, slack):
+    config = Config.load(shared_file(f"config/{wire}.yaml"))
+    model = config.model.build(config.wire)
+    low_m, high_m = model.stroke_m if slack else model.displacement_range_m
+    slack_m = slack * (high_m - low_m)
+    assert Chain(config)._bounds[2:] == pytest.approx([low_m - slack_m, high_m + slack_m])
+
+
+@pytest.mark.parametrize(
+    ("place_m", "stress_Pa", "contracted", "quality"),
+    [
+        (1e-3, 5.0, False, Quality.DETERMINATE),
+        (nan, 5.0, False, Quality.INVALID),
+        (1e-3, 0.9, False, Quality.OUTSIDE_CALIBRATION),
+        (1e-3, 9.1, True, Quality.OUTSIDE_CALIBRATION),
+        (1e-3, 5.0, True, Quality.INDETERMINATE_HOT),
+        (0.4e-3, 5.0, False, Quality.INDETERMINATE_HOT),
+        (2.1e-3, 5.0, False, Quality.INDETERMINATE_COLD),
+        *((place_m, stress_Pa, False, Quality.DETERMINATE) for place_m in (0.5e-3, 2e-3) for stress_Pa in (1.0, 9.0)),
+    ],
+)
+def test_quality_of_one_between_bounds_that_count_as_inside(place_m, stress_Pa, contracted, quality):
+    assert _quality(place_m, stress_Pa, contracted, np.array([1.0, 9.0, 0.5e-3, 2e-3])) == quality
+
+
+@pytest.mark.parametrize("wire", ["flexinol", "coil"])
+def test_after_a_reset_a_contracted_wire_is_one_of_which_nothing_is_known(wire):
+    config, arrays = measured(wire)
+    hot = int(np.nanargmax(np.where(np.arange(len(arrays.time_s)) < 400, arrays.power_W, nan))) + 20
+    chain, after = Chain(config), some(arrays, slice(hot, None))
+    chain.run(some(arrays, slice(0, hot)))
+    chain.reset()
+    np.testing.assert_array_equal(chain.run(after).displacement_m, Chain(config).run(after).displacement_m)
