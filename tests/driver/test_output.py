@@ -258,3 +258,17 @@ def test_a_supply_that_does_not_obey_beside_the_loop_leaves_off_asked(rig):
     assert output.known is Known.NOT_CONFIRMED and output.off_is_asked
     rig.supply.does.clear()
     assert rig.said(lambda: output.write(ON, None)) == ["off"]
+
+
+def test_after_an_off_that_was_read_back_no_current_is_what_it_is_known_to_be_told(rig):
+    rig.output.switch_off()
+    assert rig.said(lambda: rig.output.write(Command(0.0, True), None)) == ["on"]
+
+
+def test_once_a_cut_is_noted_off_is_said_again_for_what_came_last_is_not_known(rig):
+    rig.output.cut(loop_hung, "it hangs")
+    rig.output.switch_off()
+    assert rig.output.known is Known.OFF
+    rig.output.take_cut()
+    assert rig.output.known is Known.FOUND_OFF
+    assert rig.said(lambda: rig.output.write(OFF, None)) == ["off"]
