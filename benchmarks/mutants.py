@@ -54,10 +54,12 @@ TRIED = Path(__file__).with_name("mutants_tried.json")
 KNOWN = ROOT / "out" / "mutants_known.json"
 PAGE = ROOT / "docs" / "mutants.md"
 #: A mutated source, and the tests that are there to judge it.
-_GUARDS = ("tests/safety/test_guard_edges.py", "tests/test_docs.py")
+_GUARDS = ("tests/safety/test_guard_edges.py", "tests/safety/test_contradicted.py", "tests/test_docs.py")
 _DRIVER = (
     "tests/driver/test_output.py",
     *(f"tests/driver/test_driver_{name}.py" for name in ("edges", "steps", "on_bench", "thread")),
+    "tests/driver/test_slow_instruments.py",
+    "tests/driver/test_late_answers.py",
 )
 TARGETS = {
     **{f"safety/guards/{name}": _GUARDS for name in ("program", "supply", "readings", "estimate", "setpoints", "wire")},
