@@ -11,6 +11,8 @@ balances from above: else a limit that provides for any heat loss would not let 
 than the parameters say would be held for a hot one.  A second thermometer reads the same resistance by what was
 identified of this very wire: at which temperature it has transformed so far (:func:`transforms_at_C`).
 
+What a step makes of all this lies in rows of numbers, so that one kernel does it.
+
 Nothing is known of a wire when an actuator begins: it may come from another that was ended while
 the wire was hot.  So it starts as hot as a wire may be and cools by the balance, which takes a few
 of the wire's time constants; meanwhile it may be driven with less current.
@@ -19,9 +21,10 @@ of the wire's time constants; meanwhile it may be driven with less current.
 from __future__ import annotations
 
 import math
-from collections import deque
+from math import exp, expm1, inf, isfinite, nan
 
 from sma_actuator.base.calibration import Calibration, HotEndSection, interpolated
+from sma_actuator.base.jit import Floats, floats, jit
 from sma_actuator.base.sections import ThermalParameters
 
 #: The hottest that a wire may be is aimed at with this distance, for noise and a resistance that rises.
@@ -52,6 +55,17 @@ HOTTEST_AMBIENT_C = 100.0
 AMBIENT_FALL_K_s = 0.1
 
 
+@jit
+def _after_C(
+    temperature_C: float, power_W: float, dt_s: float, ambient_C: float, heat_capacity_J_K: float, heat_loss_W_K: float
+) -> float:
+    """See :meth:`HeatBalance.step`."""
+    if not (isfinite(power_W) and 0.0 <= dt_s < inf and isfinite(ambient_C)):
+        return temperature_C
+    settled_C = ambient_C + power_W / heat_loss_W_K
+    return settled_C + (temperature_C - settled_C) * exp(-dt_s * heat_loss_W_K / heat_capacity_J_K)
+
+
 class HeatBalance:
     """Temperature of a wire, stepped exactly for power that is constant over the step."""
 
@@ -68,11 +82,7 @@ class HeatBalance:
         Exact: ``T ← T_∞ + (T − T_∞) exp(−h dt / C)`` with ``T_∞ = T_amb + P/h``.  Arguments that
         are not finite leave the temperature as it is: a gap in the readings cannot cool the wire.
         """
-        if not (math.isfinite(power_W) and 0.0 <= dt_s < math.inf and math.isfinite(ambient_C)):
-            return self.temperature_C
-        settled_C = ambient_C + power_W / heat_loss_W_K
-        decay = math.exp(-dt_s * heat_loss_W_K / heat_capacity_J_K)
-        self.temperature_C = settled_C + (self.temperature_C - settled_C) * decay
+        self.temperature_C = _after_C(self.temperature_C, power_W, dt_s, ambient_C, heat_capacity_J_K, heat_loss_W_K)
         return self.temperature_C
 
 
@@ -123,6 +133,45 @@ class Ambient:
         return ""
 
 
+#: What a thermometer remembers: the resistance, smooth, and the load of then; how long ago that is; the least
+#: resistance since the wire was certainly not hotter than it transforms at.
+_SHOWN_Ohm, _LOAD_N, _GAP_s, _LEAST_Ohm = range(4)
+_THERMOMETER = 4
+
+
+@jit
+def _hottest_C(
+    state: Floats,
+    first: int,
+    resistance_Ohm: float,
+    load_N: float,
+    dt_s: float,
+    at_most_C: float,
+    transformed_C: float,
+    contracted_Ohm: float,
+) -> float:
+    """See :meth:`Thermometer.step`; its memory begins at the ``first`` of ``state``."""
+    gap_s = state[first + _GAP_s] + dt_s
+    if not isfinite(resistance_Ohm):
+        state[first + _GAP_s] = gap_s
+        return inf
+    shown_Ohm, least_Ohm, was_N = state[first + _SHOWN_Ohm], state[first + _LEAST_Ohm], state[first + _LOAD_N]
+    if not (isfinite(shown_Ohm) and gap_s < LONG_AGO_s):
+        shown_Ohm, least_Ohm = resistance_Ohm, nan
+    elif abs(load_N - was_N) > OTHER_LOAD * abs(was_N):
+        least_Ohm += resistance_Ohm - shown_Ohm
+        shown_Ohm = resistance_Ohm
+    shown_Ohm -= expm1(-gap_s / SMOOTH_s) * (resistance_Ohm - shown_Ohm)
+    if at_most_C < transformed_C or shown_Ohm > contracted_Ohm:
+        least_Ohm = shown_Ohm
+    least_Ohm = min(least_Ohm, shown_Ohm)
+    state[first + _SHOWN_Ohm], state[first + _LOAD_N] = shown_Ohm, load_N
+    state[first + _GAP_s], state[first + _LEAST_Ohm] = 0.0, least_Ohm
+    if not least_Ohm > 0.0:  # not known; or of no wire, as where the leads alone are measured
+        return inf
+    return transformed_C + (shown_Ohm - least_Ohm) / (LEAST_SLOPE_1_K * least_Ohm)
+
+
 class Thermometer:
     """How hot the wire can be at most by its resistance, whatever heat it loses.
 
@@ -132,12 +181,9 @@ class Thermometer:
     either longer again or hotter by what that makes of its austenite's resistance.  Both are counted as the second.
     """
 
-    __slots__ = ("_gap_s", "_least_Ohm", "_load_N", "_shown_Ohm")
-
     def __init__(self) -> None:
-        self._shown_Ohm = self._load_N = math.nan  #: the resistance, smooth, and the load of then
-        self._gap_s = 0.0  #: since then
-        self._least_Ohm = math.nan  #: since the wire was certainly not hotter than it transforms at
+        self._state = floats(_THERMOMETER)
+        _begin_thermometer(self._state, 0)
 
     def step(
         self,
@@ -153,23 +199,12 @@ class Thermometer:
         ``at_most_C``: what was known before.  Resistance that comes with another load says nothing of heat.  A wire
         that has contracted shows no more than ``contracted_Ohm``, however hot it may be.
         """
-        self._gap_s += dt_s
-        if not math.isfinite(resistance_Ohm):
-            return math.inf
-        gap_s, self._gap_s = self._gap_s, 0.0
-        if not (math.isfinite(self._shown_Ohm) and gap_s < LONG_AGO_s):
-            self._shown_Ohm, self._least_Ohm = resistance_Ohm, math.nan
-        elif abs(load_N - self._load_N) > OTHER_LOAD * abs(self._load_N):
-            self._least_Ohm += resistance_Ohm - self._shown_Ohm
-            self._shown_Ohm = resistance_Ohm
-        self._load_N = load_N
-        self._shown_Ohm -= math.expm1(-gap_s / SMOOTH_s) * (resistance_Ohm - self._shown_Ohm)
-        if at_most_C < transformed_C or self._shown_Ohm > contracted_Ohm:
-            self._least_Ohm = self._shown_Ohm
-        self._least_Ohm = min(self._least_Ohm, self._shown_Ohm)
-        if not self._least_Ohm > 0.0:  # not known; or of no wire, as where the leads alone are measured
-            return math.inf
-        return transformed_C + (self._shown_Ohm - self._least_Ohm) / (LEAST_SLOPE_1_K * self._least_Ohm)
+        return _hottest_C(self._state, 0, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, contracted_Ohm)
+
+
+def _begin_thermometer(state: Floats, first: int) -> None:
+    for each in (_SHOWN_Ohm, _LOAD_N, _LEAST_Ohm):
+        state[first + each] = nan
 
 
 def most_contracted_Ohm(hot_end: HotEndSection, parameters: ThermalParameters) -> float:
@@ -202,6 +237,37 @@ def transforms_at_C(
     return highest_C if math.isfinite(highest_C) else math.inf
 
 
+#: What of shown loss is remembered: time, heat that flowed and rise by time, all in all; when the last stretch began;
+#: how many have begun; then the heat and the rise at which each of the last began.
+_TIME_s, _FLOWED_J, _RISE_K_s, _MARKED_s, _MARKED, _MARKS = range(6)
+_SHOWN_LOSS = _MARKS + 2 * LOSING_TIMES
+
+
+@jit
+def _shown_W_K(
+    state: Floats, first: int, power_W: float, dt_s: float, rise_K: float, capacity_J_K: float, loss_W_K: float
+) -> float:
+    """See :meth:`ShownLoss.step`; its memory begins at the ``first`` of ``state``."""
+    if not 0.0 < dt_s < inf:
+        dt_s = 0.0
+    state[first + _TIME_s] += dt_s
+    state[first + _FLOWED_J] += dt_s * (power_W if isfinite(power_W) else 0.0)
+    state[first + _RISE_K_s] += dt_s * rise_K
+    flowed_J, rise_K_s = state[first + _FLOWED_J], state[first + _RISE_K_s]
+    stayed_J = capacity_J_K * (rise_K + LATENT_K)
+    shown_W_K, marked = 0.0, int(state[first + _MARKED])
+    for k in range(first + _MARKS, first + _MARKS + 2 * min(marked + 1, LOSING_TIMES), 2):
+        over_K_s = rise_K_s - state[k + 1]
+        if over_K_s > 0.0:
+            shown_W_K = max(shown_W_K, (flowed_J - state[k] - stayed_J) / over_K_s)
+    if state[first + _TIME_s] - state[first + _MARKED_s] >= capacity_J_K / loss_W_K:
+        marked += 1  # the first stretch begins with nothing
+        at = first + _MARKS + 2 * (marked % LOSING_TIMES)
+        state[at], state[at + 1] = flowed_J, rise_K_s
+        state[first + _MARKED_s], state[first + _MARKED] = state[first + _TIME_s], float(marked)
+    return shown_W_K
+
+
 class ShownLoss:
     """How much heat a wire loses at the least, by what flowed into it and did not make it hotter than it can be.
 
@@ -210,32 +276,55 @@ class ShownLoss:
     every stretch up to now: the one that shows most counts.
     """
 
-    __slots__ = ("_flowed_J", "_marked_s", "_marks", "_rise_K_s", "_time_s")
-
     def __init__(self) -> None:
-        self._time_s = self._flowed_J = self._rise_K_s = 0.0  #: all in all
-        self._marked_s = 0.0
-        #: Both as they were when each stretch began.
-        self._marks: deque[tuple[float, float]] = deque([(0.0, 0.0)], maxlen=LOSING_TIMES)
+        self._state = floats(_SHOWN_LOSS)
 
     def step(self, power_W: float, dt_s: float, rise_K: float, parameters: ThermalParameters) -> float:
         """Take note of the power in the wire alone, 0 or NaN where none was measured, and how much hotter than the
         coldest surroundings it can be [K]; the heat loss [W/K], 0 where nothing is known yet."""
-        if not 0.0 < dt_s < math.inf:
-            dt_s = 0.0
-        self._time_s += dt_s
-        self._flowed_J += dt_s * (power_W if math.isfinite(power_W) else 0.0)
-        self._rise_K_s += dt_s * rise_K
-        stayed_J = parameters.heat_capacity * (rise_K + LATENT_K)
-        shown_W_K = 0.0
-        for flowed_J, rise_K_s in self._marks:
-            over_K_s = self._rise_K_s - rise_K_s
-            if over_K_s > 0.0:
-                shown_W_K = max(shown_W_K, (self._flowed_J - flowed_J - stayed_J) / over_K_s)
-        if self._time_s - self._marked_s >= parameters.heat_capacity / parameters.heat_loss:
-            self._marked_s = self._time_s
-            self._marks.append((self._flowed_J, self._rise_K_s))
-        return shown_W_K
+        return _shown_W_K(self._state, 0, power_W, dt_s, rise_K, parameters.heat_capacity, parameters.heat_loss)
+
+
+#: Where in the memory of a wire's heat both thermometers and the shown loss begin.
+_BY_ITSELF, _BY_ITS_OWN, _SHOWN = 0, _THERMOMETER, 2 * _THERMOMETER
+
+
+@jit
+def _heat_step(
+    state: Floats,
+    likely_C: float,
+    most_C: float,
+    guessed_K: float,
+    cools: bool,
+    power_W: float,
+    dt_s: float,
+    ambient_C: float,
+    resistance_Ohm: float,
+    load_N: float,
+    contracted_Ohm: float,
+    wire_W: float,
+    transforms_C: float,
+    capacity_J_K: float,
+    loss_W_K: float,
+    margin: float,
+    transformed_C: float,
+    max_C: float,
+    coldest_C: float,
+) -> tuple[float, float, float, bool, float]:
+    """See :meth:`WireHeat.step`."""
+    likely_C = _after_C(likely_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K)
+    guessed_K *= exp(-max(dt_s, 0.0) * loss_W_K / capacity_J_K)
+    at_most_C = _after_C(most_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / margin)
+    shown_C = _hottest_C(state, _BY_ITSELF, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, contracted_Ohm)
+    # Where the heat balance calls it hotter than it is known to transform at, one of them errs: the hotter counts.
+    own_C = min(transformed_C, max(transforms_C, likely_C))
+    own_C = _hottest_C(state, _BY_ITS_OWN, resistance_Ohm, load_N, dt_s, at_most_C, own_C, contracted_Ohm)
+    most_C = min(at_most_C, shown_C, own_C)
+    likely_C = min(likely_C, shown_C)
+    at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
+    shown_W_K = _shown_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
+    least_loss_W_K = max(loss_W_K / margin, SUDDENLY * shown_W_K)
+    return likely_C, most_C, guessed_K, most_C >= transformed_C and (cools or at_its_limit), least_loss_W_K
 
 
 class WireHeat:
@@ -248,24 +337,17 @@ class WireHeat:
 
     def __init__(self, parameters: ThermalParameters):
         self.ambient = Ambient(parameters)
-        self._thermometer, self._own = Thermometer(), Thermometer()
         self.cools = True  #: nothing is known of it yet
-        self._likely = HeatBalance(parameters.max_temperature)
+        #: The temperature with the heat loss of the parameters, and no more than its resistance says.
+        self.temperature_C = parameters.max_temperature
+        #: The same with the least heat loss that the wire may have.
+        self.at_most_C = parameters.max_temperature
         #: How much of ``temperature_C`` is a guess: what the balance began with, as much of it as has not cooled away.
         self.guessed_K = parameters.max_temperature - parameters.ambient_temperature
-        self._most = HeatBalance(parameters.max_temperature)
-        self._shown_loss = ShownLoss()
         self._least_loss_W_K = parameters.heat_loss / parameters.heat_loss_margin
-
-    @property
-    def temperature_C(self) -> float:
-        """The temperature with the heat loss of the parameters, and no more than its resistance says."""
-        return self._likely.temperature_C
-
-    @property
-    def at_most_C(self) -> float:
-        """The temperature with the least heat loss that the wire may have, and no more than its resistance says."""
-        return self._most.temperature_C
+        self._state = floats(_SHOWN + _SHOWN_LOSS)
+        _begin_thermometer(self._state, _BY_ITSELF)
+        _begin_thermometer(self._state, _BY_ITS_OWN)
 
     def step(
         self,
@@ -286,24 +368,27 @@ class WireHeat:
         ``wire_W``: the power without that in its leads; ``transforms_C``: what this wire is known to have at that
         resistance at the most (:func:`transforms_at_C`).
         """
-        ambient_C = self.ambient.step(ambient_read_C, dt_s, parameters)
-        loss_W_K, capacity_J_K = parameters.heat_loss, parameters.heat_capacity
-        self._likely.step(power_W, dt_s, ambient_C, capacity_J_K, loss_W_K)
-        self.guessed_K *= math.exp(-max(dt_s, 0.0) * loss_W_K / capacity_J_K)
-        self._most.step(power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / parameters.heat_loss_margin)
-        at_most_C, transformed_C = self._most.temperature_C, parameters.transformed_temperature
-        shown_C = self._thermometer.step(resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, contracted_Ohm)
-        # Where the heat balance calls it hotter than it is known to transform at, one of them errs: the hotter counts.
-        own_C = min(transformed_C, max(transforms_C, self._likely.temperature_C))
-        own_C = self._own.step(resistance_Ohm, load_N, dt_s, at_most_C, own_C, contracted_Ohm)
-        self._most.temperature_C = min(at_most_C, shown_C, own_C)
-        self._likely.temperature_C = min(self._likely.temperature_C, shown_C)
-        most_C = self._most.temperature_C
-        at_its_limit = most_C > parameters.max_temperature - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
-        coldest_C = parameters.ambient_temperature - parameters.ambient_tolerance
-        shown_W_K = self._shown_loss.step(wire_W, dt_s, most_C - coldest_C, parameters)
-        self._least_loss_W_K = max(loss_W_K / parameters.heat_loss_margin, SUDDENLY * shown_W_K)
-        self.cools = most_C >= transformed_C and (self.cools or at_its_limit)
+        self.temperature_C, self.at_most_C, self.guessed_K, self.cools, self._least_loss_W_K = _heat_step(
+            self._state,
+            self.temperature_C,
+            self.at_most_C,
+            self.guessed_K,
+            self.cools,
+            power_W,
+            dt_s,
+            self.ambient.step(ambient_read_C, dt_s, parameters),
+            resistance_Ohm,
+            load_N,
+            contracted_Ohm,
+            wire_W,
+            transforms_C,
+            parameters.heat_capacity,
+            parameters.heat_loss,
+            parameters.heat_loss_margin,
+            parameters.transformed_temperature,
+            parameters.max_temperature,
+            parameters.ambient_temperature - parameters.ambient_tolerance,
+        )
 
     def power_limit_W(self, horizon_s: float, parameters: ThermalParameters) -> float:
         """Power that may flow on for ``horizon_s`` without anybody looking and leave the wire below max_temperature.

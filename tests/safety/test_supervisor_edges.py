@@ -228,8 +228,7 @@ class TestHeat:
     def test_leaves_the_bias_where_the_temperature_is_not_a_number(self, make):
         supervisor = make()
         assert supervisor.limit_A() == MAX_A
-        for balance in (supervisor.heat._likely, supervisor.heat._most):
-            balance.temperature_C = NAN
+        supervisor.heat.temperature_C = supervisor.heat.at_most_C = NAN
         assert supervisor.limit_A() == BIAS_A
         assert supervisor.gate(MAX_A, True, {})[0] == Command(BIAS_A, True)
 

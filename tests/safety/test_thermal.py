@@ -93,7 +93,7 @@ def test_a_wire_of_which_nothing_is_known_counts_as_hot_as_it_may_be(parameters)
 @pytest.mark.parametrize("horizon_s", [0.1, 1.05, 60.0, math.inf])
 def test_the_power_limit_takes_the_wire_to_its_limit_at_the_horizon_and_no_further(parameters, at_most_C, horizon_s):
     heat = WireHeat(parameters)
-    heat._most.temperature_C, heat.cools = at_most_C, False
+    heat.at_most_C, heat.cools = at_most_C, False
     power_W = heat.power_limit_W(horizon_s, parameters)
     heat.step(power_W, min(horizon_s, 1e6), math.nan, parameters)
     assert heat.at_most_C == pytest.approx(195.0)
