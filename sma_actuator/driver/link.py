@@ -45,6 +45,7 @@ class Link:
         self._now_s = now_s
         self._timeout_s = timeout_s
         self._waits = 0.0, math.nan, timeout_s  #: how long so far; since when, if now; how long at the most
+        self._began_s = self._ended_s = math.nan  #: when it was last asked, and had answered or not
         self._owed = self._owed_since_s = math.nan  #: which answer is late, and since when it is waited for
         self.detail = NOT_ASKED  #: why it does not answer
         self.fault = f"{name}_lost"  #: what that is
@@ -62,11 +63,13 @@ class Link:
     def _waited_for(self, question: Callable[[], Any], most_s: float) -> Any:
         """Its answer.  What lasts longer than ``most_s`` is not the instrument's: the program stood still, or its
         library does."""
-        self._waits = self._waits[0], self._now_s(), most_s
+        so_far_s, self._began_s = self._waits[0], self._now_s()
+        self._waits = so_far_s, self._began_s, most_s
         try:
             return question()
         finally:
-            self._waits = self.waited_s(), math.nan, most_s
+            self._ended_s = self._now_s()
+            self._waits = so_far_s + min(self._ended_s - self._began_s, most_s), math.nan, most_s
 
     def ask(self, question: Callable[[], Any], most_s: float | None = None) -> Any:
         """Answer of the instrument, or None where it has none: then it is ``late``, or does not answer any more.
@@ -75,21 +78,20 @@ class Link:
         """
         if not self.answers:
             return None
-        began_s = self._now_s()
         try:
             answer = self._waited_for(question, self._timeout_s if most_s is None else most_s)
         except InstrumentLate as error:
             if error.asked_s != self._owed:
-                self._owed, self._owed_since_s = error.asked_s, began_s
+                self._owed, self._owed_since_s = error.asked_s, self._began_s
                 self.late_answers += 1
             self.late, self.detail = True, str(error)
             self._note_answer(self._owed_since_s)
             return None
         except InstrumentError as error:
-            self._note_answer(began_s)
+            self._note_answer(self._began_s)
             self.lose(error)
             return None
-        self._note_answer(self._owed_since_s if self.late and answer is not None else began_s)
+        self._note_answer(self._owed_since_s if self.late and answer is not None else self._began_s)
         if answer is not None:  # what was only told did not wait for what it owes
             self.late = False
         self._wait_s, self._next_attempt_s = 0.0, -math.inf  # where it is lost, the first attempt is made at once
@@ -105,8 +107,7 @@ class Link:
                 break
 
     def _note_answer(self, since_s: float) -> None:
-        now_s = self._now_s()
-        self.slowest.note(now_s, now_s - since_s)
+        self.slowest.note(self._ended_s, self._ended_s - since_s)
 
     def lose(self, error: InstrumentError) -> None:
         """It does not answer any more."""

@@ -112,11 +112,13 @@ class Loop:
         state: SupplyState | None = None
         if self.daq.answers or not answered:  # else it has just been lost, and off waits for no other answer
             state = self.supply.ask(self._supply_instrument.read_back)
-        self._asking_s.append((read_s - began_s, self._clock.now_s() - read_s))
+        now_s = self._clock.now_s()
+        self._asking_s.append((read_s - began_s, now_s - read_s))
         if self.output.off_is_asked:  # the supply may have said what it is since then
             self._requests.run_calls()
             state = self.supply.ask(self._supply_instrument.read_back)
-        now_s, so_far = self._clock.now_s(), self._waited_so_far()
+            now_s = self._clock.now_s()
+        so_far = self._waited_so_far()
         waited, self._waited = so_far.since(self._waited), so_far
         self.output.seen(state)
         self._check_a_setting(now_s)

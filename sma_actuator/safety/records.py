@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from math import inf, isnan, nan
 from typing import Generic, ParamSpec
 
+from sma_actuator.base.record import record
 from sma_actuator.base.signals import Command, Estimate, Reading, Signals, SupplyState
 
 from .alive import LoadAlive, Repeats
@@ -160,7 +161,7 @@ class Memory:
         return self.owed[name]
 
 
-@dataclass(frozen=True, slots=True)
+@record(frozen=True, slots=True)
 class Waited:
     """How long the loop has waited for its instruments [s]: for each question no longer than its answer may take."""
 
