@@ -22,7 +22,12 @@ AFTER_A_FAULT = "; ~/clear_fault, then ~/enable"
 #: And of one that passes when its instrument answers again.
 AFTER_A_LOSS = "; ~/enable once it answers again"
 _BRANCHES, _QUALITIES = (tuple(each.name.lower() for each in kind) for kind in (Branch, Quality))
-_WORDS_OF_MODE = {Mode.OFF: "off", Mode.HOLD: "holding", Mode.TRACKING: "tracking", Mode.TUNING: "tuning"}
+_WORDS_OF_MODE = {
+    Mode.OFF.value: "off",
+    Mode.HOLD.value: "holding",
+    Mode.TRACKING.value: "tracking",
+    Mode.TUNING.value: "tuning",
+}
 
 
 def without_advice(message: str) -> str:
@@ -92,7 +97,7 @@ def status_of(
     """The status of a step with these faults and limits."""
     fault = supervisor.latched
     mode = commanding.mode
-    words = _WORDS_OF_MODE[mode]
+    words = _WORDS_OF_MODE[mode._value_]  # a member of an enumeration is a key that takes long to look up
     if tuner.running is not None:
         words += f" ({tuner.words})"
     if fault is not None:
@@ -113,7 +118,7 @@ def status_of(
     return Status(
         mode=mode,
         fault=fault.name if fault is not None else "",
-        limits=tuple([limit.name for limit in shown]),
+        limits=tuple([limit.name for limit in shown]) if shown else (),
         message=words,
         values={
             "displacement_m": estimate.displacement_m if known else nan,

@@ -255,10 +255,17 @@ class Calibration:
     def share_of_stroke(self, displacement_m: Any, stress_Pa: Any) -> Any:
         """How far a displacement lies between the contracted (0) and the cold wire (1) at a stress; of numbers or
         arrays."""
-        line = interpolated if isinstance(stress_Pa, float) else np.interp
-        hot_m = line(stress_Pa, self.hot_end.contracted_stress, self.hot_end.contracted_displacement)
-        cold_m = line(stress_Pa, self.rest.cold_stress, self.rest.cold_displacement)
+        hot_m, cold_m = self.ends_m(stress_Pa)
         return (displacement_m - hot_m) / (cold_m - hot_m)
+
+    def ends_m(self, stress_Pa: Any) -> tuple[Any, Any]:
+        """The displacements of the contracted and of the cold wire at a stress, straight between those that were
+        measured."""
+        line = interpolated if isinstance(stress_Pa, float) else np.interp
+        return (
+            line(stress_Pa, self.hot_end.contracted_stress, self.hot_end.contracted_displacement),
+            line(stress_Pa, self.rest.cold_stress, self.rest.cold_displacement),
+        )
 
     def share_by_resistance(self, resistance_Ohm: Any, stress_Pa: Any) -> Any:
         """The same by the resistance, which is that share's measure but for hysteresis and a third phase."""

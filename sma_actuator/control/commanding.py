@@ -61,6 +61,7 @@ class Event(enum.Enum):
 
 _DRIVEN = tuple(state for state in State if state is not State.OFF)
 _MOVING = (State.TRACKING, State.FOLLOWING)
+_MODES = {State.OFF: Mode.OFF, State.TUNING: Mode.TUNING, **dict.fromkeys(_MOVING, Mode.TRACKING)}
 #: (event, the states in which it does something, the state after it, the states from which the controller begins anew).
 #: In any other state an event does nothing.
 TRANSITIONS: tuple[tuple[Event, tuple[State, ...], State, tuple[State, ...]], ...] = (
@@ -81,9 +82,18 @@ class Commanding:
     """The state, and what goes with it: setpoint, trajectories and why a setpoint is lost."""
 
     def __init__(self) -> None:
-        self.state = State.OFF
         self.anew = False  #: the controller is to begin from the present position and current
+        self._become(State.OFF)
         self._forget()
+
+    def _become(self, state: State) -> None:
+        """Be in a state, and know what follows from it: who steps a wire asks many times, and it changes seldom."""
+        self.state = state
+        self.is_driven = state is not State.OFF  #: whether current is to flow
+        self.is_tuned = state is State.TUNING  #: whether a tuning has the wire
+        #: Whether the controller has a position to reach; else the bias current is all that is wanted.
+        self.wants_position = state not in (State.OFF, State.LOST_AT_BIAS)
+        self.mode = _MODES.get(state, Mode.HOLD)  #: the state as the status tells it
 
     def _forget(self) -> None:
         self.lost = ""  #: why the setpoint counts as lost
@@ -97,8 +107,9 @@ class Commanding:
         """Go where the table says; whether it says anything."""
         if (self.state, event) not in _NEXT:
             return False
-        self.state, anew = _NEXT[self.state, event]
-        self.anew = self.state is not State.OFF and (self.anew or anew)
+        state, anew = _NEXT[self.state, event]
+        self._become(state)
+        self.anew = self.is_driven and (self.anew or anew)
         return True
 
     # --- what has happened -------------------------------------------------------------------------
@@ -187,30 +198,6 @@ class Commanding:
         self._heard_s, self._awaited, self.lost = now_s, None, ""
 
     # --- what is wanted now ------------------------------------------------------------------------
-
-    @property
-    def mode(self) -> Mode:
-        """The state as the status tells it."""
-        if self.state is State.OFF:
-            return Mode.OFF
-        if self.state is State.TUNING:
-            return Mode.TUNING
-        return Mode.TRACKING if self.state in _MOVING else Mode.HOLD
-
-    @property
-    def is_tuned(self) -> bool:
-        """Whether a tuning has the wire."""
-        return self.state is State.TUNING
-
-    @property
-    def is_driven(self) -> bool:
-        """Whether current is to flow."""
-        return self.state is not State.OFF
-
-    @property
-    def wants_position(self) -> bool:
-        """Whether the controller has a position to reach; else the bias current is all that is wanted."""
-        return self.state not in (State.OFF, State.LOST_AT_BIAS)
 
     def position_m(self, now_s: float) -> float:
         """Where the wire should be; NaN where that is not known (yet)."""

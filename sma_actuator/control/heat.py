@@ -108,7 +108,7 @@ class Heat:
         self.temperature_C = self.ambient_C = thermal.ambient_temperature
         self.content_C = nan  #: the heat content, as the temperature that goes with it at no share of the stroke
         self.share = 1.0
-        self.stress_Pa = 0.0
+        self.load(0.0)
         self.resistance_Ohm = nan
         self._time_s = nan
         #: Between these a setpoint turns, whatever the load: one that stands still must not turn with its noise.
@@ -132,6 +132,11 @@ class Heat:
         """From the contracted to the cold wire, whatever the load."""
         return self._ends_m[1] - self._ends_m[0]
 
+    def load(self, stress_Pa: float) -> None:
+        """Carry a load, which says between which displacements it moves."""
+        self.stress_Pa = stress_Pa
+        self._loaded_ends_m = self._calibration.ends_m(stress_Pa)
+
     def sense(self, signals: Signals, estimate: Estimate) -> None:
         """Keep the balance; also while nothing is driven."""
         ambient_C = signals.ambient_temperature_C
@@ -139,7 +144,7 @@ class Heat:
             ambient_C = self._usual_C
         self.ambient_C = ambient_C
         if isfinite(signals.stress_Pa):
-            self.stress_Pa = signals.stress_Pa
+            self.load(signals.stress_Pa)
         if signals.resistance_Ohm > 0.0:
             self.resistance_Ohm = signals.resistance_Ohm
         if isfinite(estimate.displacement_m):
@@ -162,7 +167,8 @@ class Heat:
 
     def share_at(self, position_m: float) -> float:
         """Which share of the stroke a position is at the present stress."""
-        return float(self._calibration.share_of_stroke(position_m, self.stress_Pa))
+        hot_m, cold_m = self._loaded_ends_m
+        return (position_m - hot_m) / (cold_m - hot_m)
 
     def share_between_ends(self, position_m: float) -> float:
         """The same, whatever the stress."""

@@ -172,7 +172,8 @@ class Supervisor:
         if invalid:
             self.latch(command_invalid, invalid)
             return _OFF, limits
-        max_A, limit_A, derated_A = self.config.supply.max_current, self.limit_A(), self._derated_A()
+        max_A, derated_A = self.config.supply.max_current, self._derated_A()
+        limit_A = min(derated_A, self._stress_cap_A)
         if late:
             limits.add(ANSWER_LATE)
         if late or (faults and any(fault.action is Action.BIAS for fault in faults)):

@@ -70,9 +70,9 @@ def daq_lost(step: Step) -> str:
 )
 def reading_saturated(step: Step) -> str:
     """A channel is at the end of the converter's range."""
-    bound_V = step.config.safety.channel_max_voltage
-    if step.raw is None or are_inside(step.raw, bound_V):
+    if step.raw is None or step.raw is step.reading:  # one that is usable is inside, and finite
         return ""
+    bound_V = step.config.safety.channel_max_voltage
     for name, value in zip(CHANNELS, voltages(step.raw), strict=True):
         if value <= -bound_V or value >= bound_V:
             return f"{name}: {value:g} V; the channel ends at ±{bound_V:g} V (safety.channel_max_voltage)"
@@ -89,7 +89,7 @@ def reading_saturated(step: Step) -> str:
 )
 def reading_not_finite(step: Step) -> str:
     """A channel is NaN or infinite."""
-    if step.raw is None:
+    if step.raw is None or step.raw is step.reading:
         return ""
     values = (step.raw.time_s, *voltages(step.raw))
     if isfinite(sum(values)):
