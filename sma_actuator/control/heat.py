@@ -216,11 +216,12 @@ class Landing:
 
     def limit_A(self, position_m: float, setpoint_m: float, dt_s: float) -> float:
         """The most that may flow; ∞ where the wire is on no such way."""
-        heat, wanted_C = self.heat, self.wanted_C(setpoint_m)
+        heat = self.heat
+        self.wanted.move(heat.share_between_ends(setpoint_m))
         jump_m, self._setpoint_m = setpoint_m - self._setpoint_m, setpoint_m
         if abs(jump_m) > self._jump_m:
             self._lands, self._landed_s = position_m - setpoint_m > self._jump_m, 0.0
-            self._there_C = wanted_C
+            self._there_C = self.wanted_C(setpoint_m)
         if not (self._lands and heat.known):
             return inf
         share = min(max(heat.share_at(setpoint_m), 0.0), 1.0)

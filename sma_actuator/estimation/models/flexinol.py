@@ -147,6 +147,17 @@ def advance(
 
 
 @jit
+def _limits(
+    resistance: float, stress: float, a_h: np.ndarray, b_h: np.ndarray, a_c: np.ndarray, b_c: np.ndarray
+) -> tuple[float, float]:
+    """δ on both asymptotes."""
+    return (
+        _polynomial(a_h, stress) * resistance + _polynomial(b_h, stress),
+        _polynomial(a_c, stress) * resistance + _polynomial(b_c, stress),
+    )
+
+
+@jit
 def advance_all(
     resistance: np.ndarray,
     stress: np.ndarray,
@@ -215,6 +226,8 @@ class FlexinolModel:
 
     def limits_m(self, resistance_Ohm: Value, stress_Pa: Value) -> tuple[Value, Value]:
         """Heating and cooling asymptote at R and σ, (δ_H, δ_C) [m]; floats or arrays."""
+        if isinstance(resistance_Ohm, float) and isinstance(stress_Pa, float):
+            return _limits(resistance_Ohm, stress_Pa, *self._coefficients[:4])  # type: ignore[return-value]
         a_h, b_h, a_c, b_c = self._asymptotes
         return (
             _at(stress_Pa, a_h) * resistance_Ohm + _at(stress_Pa, b_h),
