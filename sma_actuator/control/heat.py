@@ -117,6 +117,8 @@ class Heat:
             float(np.mean(sections.calibration.rest.cold_displacement)),
         )
 
+        self.stroke_m = self._ends_m[1] - self._ends_m[0]  #: from the contracted to the cold wire, whatever the load
+
     def update(self, sections: LawSections) -> None:
         """Take over live parameters; the memory stays."""
         thermal = sections.thermal
@@ -126,11 +128,6 @@ class Heat:
     def known(self) -> bool:
         """Whether it was measured yet."""
         return self.resistance_Ohm > 0.0 and isfinite(self.content_C)
-
-    @property
-    def stroke_m(self) -> float:
-        """From the contracted to the cold wire, whatever the load."""
-        return self._ends_m[1] - self._ends_m[0]
 
     def load(self, stress_Pa: float) -> None:
         """Carry a load, which says between which displacements it moves."""

@@ -238,6 +238,8 @@ class Loop:
     @property
     def lost_instruments(self) -> dict[str, str]:
         """Instruments that do not answer, and why; also the control loop itself, where it hangs."""
+        if self.supply.answers and self.daq.answers and not self.watchman.hung:
+            return {}
         lost = {link.name: link.detail for link in self.links if not link.answers}
         if self.output.known.may_flow and "supply" in lost:
             lost["supply"] += f"; {self.output.words}"

@@ -47,20 +47,13 @@ class Known(enum.Enum):
     TOLD_ON = enum.auto()  #: it was told to be on
     READ_ON = enum.auto()  #: and says so itself
 
-    @property
-    def is_off(self) -> bool:
-        """Whether it was read back as off, and told nothing else since."""
-        return self in (Known.FOUND_OFF, Known.OFF)
-
-    @property
-    def is_on(self) -> bool:
-        """Whether it was told to be on, and nothing else since."""
-        return self in (Known.TOLD_ON, Known.READ_ON)
-
-    @property
-    def may_flow(self) -> bool:
-        """Whether it was told to be on, and since then not read back as off."""
-        return self.is_on or self is Known.NOT_CONFIRMED
+    def __init__(self, number: int):
+        #: Whether it was read back as off, and told nothing else since.
+        self.is_off = self.name in ("FOUND_OFF", "OFF")
+        #: Whether it was told to be on, and nothing else since.
+        self.is_on = self.name in ("TOLD_ON", "READ_ON")
+        #: Whether it was told to be on, and since then not read back as off.
+        self.may_flow = self.is_on or self.name == "NOT_CONFIRMED"
 
 
 class SupplyOutput:

@@ -46,7 +46,7 @@ def test_a_channel_at_either_end_of_its_range_is_not_used(config, channel, sign)
 
 
 def test_whatever_the_limits_say_no_more_than_max_current_passes(config, monkeypatch):
-    monkeypatch.setattr(Supervisor, "limit_A", lambda self: math.inf)
+    monkeypatch.setattr(Supervisor, "_derated_A", lambda self: math.inf)
     command, _ = Supervisor(config).gate(1e6, True, {})
     assert command == Command(config.supply.max_current, True)
 
