@@ -227,7 +227,7 @@ class FlexinolModel:
     def limits_m(self, resistance_Ohm: Value, stress_Pa: Value) -> tuple[Value, Value]:
         """Heating and cooling asymptote at R and σ, (δ_H, δ_C) [m]; floats or arrays."""
         if isinstance(resistance_Ohm, float) and isinstance(stress_Pa, float):
-            return _limits(resistance_Ohm, stress_Pa, *self._coefficients[:4])  # type: ignore[return-value]
+            return _limits(resistance_Ohm, stress_Pa, *self._coefficients[:4])
         a_h, b_h, a_c, b_c = self._asymptotes
         return (
             _at(stress_Pa, a_h) * resistance_Ohm + _at(stress_Pa, b_h),
