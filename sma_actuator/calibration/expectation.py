@@ -25,6 +25,7 @@ import numpy as np
 
 from sma_actuator.base.calibration import ExpectationSection
 from sma_actuator.base.jit import jit
+from sma_actuator.base.remembered import Remembered
 from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain, Estimates
@@ -71,13 +72,26 @@ class Expectation:
         self._white = np.zeros((FEATURES, FEATURES))
         self._white[np.tril_indices(FEATURES)] = known.expected_white
         self._floor_m = known.floor / 100 * config.wire.full_stroke_m
+        self._remembered = Remembered()
 
     def residual_m(self, found: Estimates, rows: np.ndarray | slice, ambient_counts: bool = False) -> np.ndarray:
         """Measured less estimated displacement that is no news, of some of n samples.
 
         ``ambient_counts``: with the surroundings as they are logged, not as they were at the calibration.
         """
-        return _evaluate(self._seen(found, rows, ambient_counts), self._weights_m)
+        decides = [
+            found.time_s,
+            found.heat_W,
+            found.resistance_Ohm,
+            found.signals.stress_Pa,
+            found.model_m,
+            found.branch,
+        ]
+        decides += [np.arange(len(found.time_s))[rows]]
+        decides += [np.asarray(found.signals.ambient_temperature_C)] if ambient_counts else []
+        return self._remembered.of(
+            lambda: _evaluate(self._seen(found, rows, ambient_counts), self._weights_m), *decides
+        )
 
     def floor_m(self, found: Estimates, rows: np.ndarray | slice) -> np.ndarray:
         """How far off that is in the mean where it was not fitted, of some of n samples."""
@@ -233,7 +247,7 @@ _UNITS = _units()
 def _evaluate(z: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """The regression at ``z`` (n, FEATURES)."""
     out = np.empty(len(z))
-    _sum(np.ascontiguousarray(z), *_UNITS, weights, out)
+    _sum(np.ascontiguousarray(z.T), *_UNITS, weights, out)
     return out
 
 
@@ -241,17 +255,22 @@ def _evaluate(z: np.ndarray, weights: np.ndarray) -> np.ndarray:
 def _sum(
     z: np.ndarray, which: np.ndarray, steep: np.ndarray, shift: np.ndarray, weights: np.ndarray, out: np.ndarray
 ) -> None:
-    features = z.shape[1]
-    for i in range(len(z)):
-        value = weights[0]
-        for j in range(features):
-            value += weights[1 + j] * z[i, j]
-        for k in range(len(which)):
-            inner = shift[k]
-            for j in range(which.shape[1]):
-                inner += steep[k, j] * z[i, which[k, j]]
-            value += weights[1 + features + k] * inner / (1.0 + abs(inner))
-        out[i] = value
+    """``z``: (FEATURES, n), so that the innermost loops go over neighbours, which a processor takes several at a
+    time."""
+    features, n = z.shape
+    out[:] = weights[0]
+    for j in range(features):
+        for i in range(n):
+            out[i] += weights[1 + j] * z[j, i]
+    inner = np.empty(n)
+    for k in range(len(which)):
+        inner[:] = shift[k]
+        for j in range(which.shape[1]):
+            of = z[which[k, j]]
+            for i in range(n):
+                inner[i] += steep[k, j] * of[i]
+        for i in range(n):
+            out[i] += weights[1 + features + k] * inner[i] / (1.0 + abs(inner[i]))
 
 
 def _basis(z: np.ndarray) -> np.ndarray:

@@ -211,7 +211,7 @@ class Chain:
         slack_m = 0.0 if self._thermal is None else STROKE_MARGIN * (high_m - low_m)
         self._bounds = np.array([*self._stress_Pa, low_m - slack_m, high_m + slack_m])
         self._resistances_Ohm = config.safety.resistance_min, config.safety.resistance_max
-        self._velocity_state = np.zeros(3)
+        self._velocity_state = np.full(3, nan)
         self._effects = [
             (e, np.empty(e.STATES)) for e in in_order(config.effects.active if effects is None else effects).values()
         ]
@@ -251,6 +251,7 @@ class Chain:
         """Forget where on its loop the wire is: the next good sample is taken for a wire at rest on its cooling
         curve."""
         self._started = False
+        self._velocity_state[:] = nan  # it begins with the first displacement
         self._hot_end.reset()
         for effect, state in self._effects:
             effect.forget_the_loop(state)
@@ -382,25 +383,10 @@ class Chain:
             frame = self._act(self._at_resistance, frame)
             resistance_Ohm, heat_W = (np.ascontiguousarray(v) for v in (frame.resistance_Ohm, frame.power_W))
             out["heat_W"][good] = heat_W
-        if not self._started:
-            self._start(time_s[0], resistance_Ohm[0], stress_Pa[0], power_W[0])
-        heating = self._branch.run(time_s, resistance_Ohm, power_W)
-        in_reach_Pa = np.clip(stress_Pa, *self._stress_Pa)
-        uncertainty_m, seen = np.full(len(time_s), nan), np.ones(len(time_s), dtype=np.bool_)
-        if self._thermal is None:
-            model_m = self._model.run(resistance_Ohm, in_reach_Pa, heating)
-        else:
-            ambient_C = np.broadcast_to(signals.ambient_temperature_C, good.shape)[good]
-            doubtful = ~(np.abs(ambient_C - self._usual_C) <= self._tolerance_K)
-            ambient_C = np.where(doubtful, nan, ambient_C)
-            model_m, uncertainty_m, seen = self._thermal.observe_all(
-                time_s, resistance_Ohm, in_reach_Pa, heating, heat_W, ambient_C
-            )
-        contracted = np.zeros(len(time_s), dtype=np.bool_)
-        if self._asks_hot_end:
-            ambient_C = np.broadcast_to(signals.ambient_temperature_C, good.shape)[good]
-            contracted = self._hot_end.run(time_s, resistance_Ohm, stress_Pa, heat_W, ambient_C)
-            model_m = np.where(contracted, np.minimum(model_m, self._hot_end.displacement_m(stress_Pa)), model_m)
+        ambient_C = np.broadcast_to(signals.ambient_temperature_C, good.shape)[good]
+        heating, model_m, uncertainty_m, seen, contracted = self._follow(
+            time_s, resistance_Ohm, stress_Pa, power_W, heat_W, ambient_C
+        )
         displacement_m = shown_m = model_m
         if frame is not None:
             frame.heating, frame.displacement_m = heating, model_m
@@ -425,6 +411,35 @@ class Chain:
             held["shown_m"] = shown_m
         for name, values in held.items():
             out[name][known] = values[latest[known]]
+
+    def _follow(
+        self,
+        time_s: np.ndarray,
+        resistance_Ohm: np.ndarray,
+        stress_Pa: np.ndarray,
+        power_W: np.ndarray,
+        heat_W: np.ndarray,
+        ambient_C: np.ndarray,
+    ) -> tuple[np.ndarray, ...]:
+        """What branch, strain model and hot end make of n good samples: whether heating, δ, half of its 95 % interval,
+        whether the calibration has seen the like, and whether the wire is contracted as far as it goes."""
+        if not self._started:
+            self._start(time_s[0], resistance_Ohm[0], stress_Pa[0], power_W[0])
+        heating = self._branch.run(time_s, resistance_Ohm, power_W)
+        in_reach_Pa = np.clip(stress_Pa, *self._stress_Pa)
+        if self._thermal is None:
+            model_m = self._model.run(resistance_Ohm, in_reach_Pa, heating)
+            uncertainty_m, seen = np.full(len(time_s), nan), np.ones(len(time_s), dtype=np.bool_)
+        else:
+            doubtful = ~(np.abs(ambient_C - self._usual_C) <= self._tolerance_K)
+            model_m, uncertainty_m, seen = self._thermal.observe_all(
+                time_s, resistance_Ohm, in_reach_Pa, heating, heat_W, np.where(doubtful, nan, ambient_C)
+            )
+        contracted = np.zeros(len(time_s), dtype=np.bool_)
+        if self._asks_hot_end:
+            contracted = self._hot_end.run(time_s, resistance_Ohm, stress_Pa, heat_W, ambient_C)
+            model_m = np.where(contracted, np.minimum(model_m, self._hot_end.displacement_m(stress_Pa)), model_m)
+        return heating, model_m, uncertainty_m, seen, contracted
 
     # --- small print --------------------------------------------------------------------------------
 
@@ -474,5 +489,4 @@ class Chain:
         else:
             self._thermal.reset()
         self._branch.reset(time_s, resistance_Ohm, power_W)
-        self._velocity_state[:] = nan  # it begins with the first displacement
         self._started = True

@@ -15,6 +15,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from sma_actuator.base.calibration import Calibration
+from sma_actuator.base.remembered import Remembered
 from sma_actuator.config import Config
 from sma_actuator.estimation.chain import Chain, Judged, place_of
 from sma_actuator.estimation.effects import Effect, Effects
@@ -48,6 +49,7 @@ class Evidence:
         self.calibration = Calibration() if beyond_floor else config.calibration
         self.place = place_of(config)
         self.full_stroke_m = config.wire.full_stroke_m
+        self._followed = Remembered()
         self.logs = Prepared(logs, self.config, lambda: self.chain({}))
         self.unit, self.units = self.logs.units(self.independent_s)
         self.of_displacement = self._residual(config)
@@ -117,7 +119,7 @@ class Evidence:
 
     def chain(self, effects: Mapping[str, Effect]) -> Chain:
         """The model's chain with ``effects`` beside those that it has."""
-        return Chain(self.config, {**self.base, **effects})
+        return FollowedAnew(self.config, {**self.base, **effects}, self._followed)
 
     def through(self, chain: Chain) -> list[Prediction]:
         """Every log through a chain.  Between two logs of a session nobody saw the wire: only its position is
@@ -264,3 +266,23 @@ def limited(z: np.ndarray) -> np.ndarray:
         z,
         np.sign(z) * np.sqrt(np.maximum(LIMITS.linear_from * (2.0 * size - LIMITS.linear_from), 0.0)),
     )
+
+
+class FollowedAnew(Chain):
+    """A chain that is asked for whole logs alone, each from the beginning of its loop.
+
+    Most steps of a fit leave the wire's readings as they were, and with them what branch and strain model make of
+    these, which is remembered.
+    """
+
+    def __init__(self, config: Config, effects: Mapping[str, Effect], remembered: Remembered):
+        super().__init__(config, effects)
+        self._remembered = remembered
+
+    def _follow(self, *readings: np.ndarray) -> tuple[np.ndarray, ...]:
+        if self._started:
+            raise ValueError("a log is followed from its beginning: forget the loop before it")
+        follow = super()._follow
+        found = self._remembered.of(lambda: follow(*readings), *readings)
+        self._started = True
+        return found

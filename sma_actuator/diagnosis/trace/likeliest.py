@@ -374,7 +374,7 @@ def likeliest(
     for _ in range(STEPS):  # a search ends within a jump; what is likelier beyond it shows over the whole width
         further = problem.clipped(found.u + search.step(found.rows, found.slopes, found.u))
         at = problem.residual(further)
-        if search.cost(at, further) >= search.cost(found.rows, found.u):
+        if search.cost(found.rows, found.u) - search.cost(at, further) < ENOUGH[1]:
             break
         found = search.across(further, at)
     return found

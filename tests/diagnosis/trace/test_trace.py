@@ -320,6 +320,23 @@ def test_a_candidate_goes_through_the_whole_recursion_as_in_the_node(clean, conf
         chain.reset()  # the next log of the session
 
 
+def test_what_readings_say_is_remembered_and_comes_out_the_same(clean):
+    """An effect behind the strain model leaves its readings as they were; one of the circuit does not."""
+    asked = [
+        {},
+        {"slip": EFFECTS["slip"](length=1e-4, time=60.0)},
+        {"lead_resistance": EFFECTS["lead_resistance"](resistance=0.1)},
+    ]
+    for effects in (*asked, *asked):
+        chain = Chain(clean.config, effects)
+        for found, of_it in zip(clean.predict(effects), clean.through(chain), strict=True):
+            np.testing.assert_array_equal(found.shown_m, of_it.shown_m)
+    chain = clean.chain({})
+    chain.judge(clean.logs.seen[0][0])
+    with pytest.raises(ValueError, match="from its beginning"):
+        chain.judge(clean.logs.seen[0][0])
+
+
 def test_every_quantity_that_may_give_an_effect_away_is_looked_at(clean):
     """A tell-tale is refused at registration where it is none of these; here none of these is missing."""
     found = quantities(clean, clean.predict({}))
