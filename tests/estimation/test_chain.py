@@ -257,7 +257,7 @@ def test_what_the_chain_drops_no_later_stage_sees(make_config, name):
     """Live and judged alike: impossible samples leave the memory of wire and mechanism as it was."""
     strong = {
         "self_heating": {"temperature_coefficient": 5e-4, "onset": 10.0},
-        "rate": {"displacement_per_rate": 1e-3, "relaxation_time": 0.2},
+        "rate": {"relaxation_time": 0.2},
         **LASTING,
     }
     config = Config.from_mapping(make_config(effects={name: strong[name]}))

@@ -9,6 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+SLOWEST_s = 0.5  #: between two readings that show when the joint moves
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scales:
@@ -79,3 +81,10 @@ def size(name: str, limit: float, typical: float, low: float | None = None) -> F
 def shape(name: str, low: float, high: float, *starts: float, other_at: tuple[str, ...] = ()) -> Free:
     """A parameter that alone changes nothing, with the values from which a fit starts."""
     return Free(name, low, high, 1.0, tuple(min(max(start, low), high) for start in starts), other_at=other_at)
+
+
+def too_slow(scales: Scales, what: str) -> str:
+    """Why such readings do not show it; empty where they do."""
+    if scales.period_s > SLOWEST_s:
+        return f"one reading in {scales.period_s:.2g} s is too slow to show {what}"
+    return ""

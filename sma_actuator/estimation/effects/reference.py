@@ -14,17 +14,9 @@ from sma_actuator.base.parameters import parameter
 
 from .effect import EFFECTS, Effect
 from .frame import Frame, Place
-from .free import Free, Scales, shape, size
+from .free import Free, Scales, shape, size, too_slow
 
 PAST = 1024  #: samples that a late channel is behind at the most: 10 s at 100 Hz
-SLOWEST_s = 0.5  #: between two readings that show when the joint moves
-
-
-def _too_slow(scales: Scales, what: str) -> str:
-    """Why such readings do not show it; empty where they do."""
-    if scales.period_s > SLOWEST_s:
-        return f"one reading in {scales.period_s:.2g} s is too slow to show {what}"
-    return ""
 
 
 @EFFECTS.register("reference_lag")
@@ -51,7 +43,7 @@ class ReferenceLag(Effect):
     @classmethod
     def untestable(cls, scales: Scales) -> str:
         """Why logs could not show it."""
-        return _too_slow(scales, "a lag")
+        return too_slow(scales, "a lag")
 
 
 @EFFECTS.register("reference_gain")
@@ -144,7 +136,7 @@ class ChannelDelay(Effect):
     @classmethod
     def untestable(cls, scales: Scales) -> str:
         """Why logs could not show it."""
-        return _too_slow(scales, "a delay")
+        return too_slow(scales, "a delay")
 
 
 @EFFECTS.register("current_feedthrough")

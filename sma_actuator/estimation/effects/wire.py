@@ -12,13 +12,12 @@ from sma_actuator.base.parameters import parameter
 
 from .effect import EFFECTS, Effect
 from .frame import Frame, Place, count_cycles, incompleteness
-from .free import Free, Scales, shape, size
+from .free import Free, Scales, shape, size, too_slow
 
 FEWEST_CYCLES = 6  #: that show a drift with their number
 #: Young's modulus of such a wire, between the 28 GPa of martensite and the 75 GPa of austenite (Dynalloy, technical
 #: characteristics of Flexinol).
 ELASTIC_MODULUS_Pa = 40e9
-RATE_WINDOW_s = 0.3  #: a rate is the slope over this lag, so that noise of single samples does not show
 
 
 def _rise_K(
@@ -463,9 +462,10 @@ class MinorLoopMemory(Effect):
 @EFFECTS.register("rate")
 @dataclass(frozen=True, slots=True)
 class Rate(Effect):
-    """The loop opens with the rate: δ lags behind what R says, in proportion to dR/dt, or by relaxing towards it.
+    """The loop opens with the rate: δ relaxes towards what R says.
 
-    What the load stretches elastically comes at once; that tells a wire that lags from a sensor that does.
+    What the load stretches elastically comes at once; that tells a wire that lags from a sensor that does, and nothing
+    else: it has no more freedom than such a sensor, so where the load stands the two are as likely.
     """
 
     PART = "wire"
@@ -473,31 +473,27 @@ class Rate(Effect):
     REMEDY = "Nothing to repair: drive more slowly, or let the extended model take it off."
     TELL_TALE = "resistance_rate_Ohm_s"
     LASTS = False  # logs of a calibration are all driven alike: what it takes off them says nothing of others
-    STATES = 4
-    displacement_per_rate: float = parameter(0.0, "shift of δ against dR/dt", "m·s/Ω", -10.0, 10.0)
-    relaxation_time: float = parameter(0.0, "time constant with which δ follows", "s", 0.0, 100.0)
+    STATES = 2
+    relaxation_time: float = parameter(1e-3, "time constant with which δ follows", "s", 1e-6, 1e3)
 
     def at_displacement(self, frame: Frame, state: np.ndarray, place: Place) -> None:
-        """Relax, and add the shift."""
-        slope = (frame.resistance_Ohm - frame.lag(frame.resistance_Ohm, state[:2], RATE_WINDOW_s)) / RATE_WINDOW_s
-        displacement_m = frame.displacement_m
-        if self.relaxation_time > 0.0:
-            elastic_m = place.length_m / (place.area_m2 * ELASTIC_MODULUS_Pa) * frame.load_N
-            displacement_m = frame.lag(displacement_m - elastic_m, state[2:], self.relaxation_time) + elastic_m
-        frame.displacement_m = displacement_m - self.displacement_per_rate * slope
+        """Relax."""
+        elastic_m = place.length_m / (place.area_m2 * ELASTIC_MODULUS_Pa) * frame.load_N
+        frame.displacement_m = frame.lag(frame.displacement_m - elastic_m, state, self.relaxation_time) + elastic_m
 
     def forget_the_loop(self, state: np.ndarray) -> None:
-        """The displacement that relaxes starts anew; the resistance, which was measured, goes on."""
-        state[2:] = np.nan
+        """The displacement that relaxes starts anew."""
+        state[:] = np.nan
 
     @classmethod
     def free(cls, scales: Scales) -> list[Free]:
-        """What a fit may vary."""
-        slope = scales.stroke_m / scales.resistance_range_Ohm
-        return [
-            size("displacement_per_rate", 2.0 * slope, 0.1 * slope),
-            shape("relaxation_time", 1e-3, 5.0, 1e-2, 0.2),
-        ]
+        """What a fit may vary: as of a sensor that lags."""
+        return [shape("relaxation_time", 1e-3, 5.0, 0.1, 0.5)]
+
+    @classmethod
+    def untestable(cls, scales: Scales) -> str:
+        """Why logs could not show it."""
+        return too_slow(scales, "a lag")
 
 
 @EFFECTS.register("first_pulse_set")

@@ -33,7 +33,7 @@ STRONG = {
     "fatigue": {"displacement": 2e-4, "cold_share": 0.5, "resistance": 0.004, "exponent": 0.5},
     "creep": {"compliance": 3e-4, "time_constant": 5.0},
     "minor_loop_memory": {"after_heating": 5e-4, "after_cooling": 4e-4, "fading": 0.2, "relaxation_time": 0.3},
-    "rate": {"displacement_per_rate": 1e-3, "relaxation_time": 0.2},
+    "rate": {"relaxation_time": 0.2},
     "slip": {"length": 3e-4, "time": 7.0},
     "backlash": {"width": 5e-4},
     "reference_lag": {"time_constant": 0.5},
@@ -289,7 +289,7 @@ def test_a_wire_that_lags_stretches_at_once_where_it_is_elastic_and_a_sensor_tha
     stretched_m = 2e-3 + elastic_m
     just_after = np.searchsorted(time_s, 1.0)
     for name, share in (("rate", 1.0), ("reference_lag", 1.0 - math.exp(-0.01 / 0.2))):
-        parameter = {"rate": {"displacement_per_rate": 0.0}, "reference_lag": {"time_constant": 0.2}}[name]
+        parameter = {"rate": {"relaxation_time": 0.2}, "reference_lag": {"time_constant": 0.2}}[name]
         _, frame = Stages(build(name, **parameter)).through(arrays, stretched_m)
         np.testing.assert_allclose(frame.displacement_m[just_after] - 2e-3, share * elastic_m[-1], rtol=1e-6)
 
