@@ -11,12 +11,11 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 
 from .bounded import Refused, bound
 from .publishing import tell
-from .quiet import QuietExecutor
 
 #: Between two failures of the executor, so that one that does not pass leaves the processor to the control loop.
 PAUSE_s = 0.01
@@ -78,9 +77,9 @@ def spin(
 ) -> None:
     """Run the callbacks of one node until its context is shut down; ``on_error`` gets what raises in between.
 
-    ``turn`` is called after those that were ready at once, and after ``longest_wait_s`` without any.
+    ``turn`` is called after each of them, and after ``longest_wait_s`` without any.
     """
-    executor = QuietExecutor(context=node.context)
+    executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
     while node.context.ok():
         try:

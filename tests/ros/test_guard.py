@@ -106,7 +106,7 @@ def spun(monkeypatch, *ends, **more):
     node = SimpleNamespace(shut_down=False)
     node.context = SimpleNamespace(ok=lambda: not node.shut_down)
     executor = Executor(ends, node)
-    monkeypatch.setattr(guard, "QuietExecutor", lambda context: executor if context is node.context else None)
+    monkeypatch.setattr(guard, "SingleThreadedExecutor", lambda context: executor if context is node.context else None)
     monkeypatch.setattr(guard.time, "sleep", paused_s.append)
     guard.spin(node, told.append, lambda: turns.append(1), **more)
     assert executor.nodes == [node]
