@@ -43,15 +43,26 @@ class Needed(NamedTuple):
     latent_W: float  #: the same for the rise that the latent heat of the whole stroke would make
 
 
+class Lag(NamedTuple):
+    """How a wire's rise follows its power: by itself, and with near surroundings that take a share of it."""
+
+    time_constant_s: float
+    near_share: float = 0.0
+    near_s: float = 1.0
+
+
 class Reach:
     """Follows how the wire follows; ``floor_m`` is the shortest setpoint that makes sense now."""
 
-    def __init__(self, full_stroke_m: float, thermal_time_constant_s: float):
+    def __init__(self, full_stroke_m: float, thermal_time_constant_s: float, lag: Lag | None = None):
+        """``lag``: what is known of it beyond the time constant."""
+        self._lag = lag or Lag(thermal_time_constant_s)
         self._motion_m = MOTION * full_stroke_m
         self._back_off_m = BACK_OFF * full_stroke_m
         self._time_constant_s = thermal_time_constant_s
         self._patience_s = max(PATIENCE_s, PATIENCE_TIMES * thermal_time_constant_s)
         self._held_W = 0.0  #: the power that would hold the present temperature, of a wire that began cold
+        self._near_W = 0.0  #: so much of it the near surroundings hold
         self._slow_share = nan  #: of the stroke, through the same lag
         self._now_s = nan
         self.forget()
@@ -97,14 +108,17 @@ class Reach:
 
     def _keep_heat(self, now_s: float, power_W: float, heat: Needed | None) -> bool:
         """Keep the heat balance; whether the wire is hotter than a heating one is where it seems to be."""
-        lag = -expm1((self._now_s - now_s) / self._time_constant_s) if now_s > self._now_s else 0.0
+        dt_s = max(now_s - self._now_s, 0.0) if isfinite(self._now_s) else 0.0
         self._now_s = now_s
-        self._held_W += lag * (power_W - self._held_W)
+        own = 1.0 - self._lag.near_share
+        gained = -expm1(-dt_s / (own * self._lag.time_constant_s))
+        self._held_W += gained * (own * power_W - (self._held_W - self._near_W))
+        self._near_W -= expm1(-dt_s / self._lag.near_s) * (self._lag.near_share * self._held_W - self._near_W)
         if heat is None or not isfinite(heat.share):
             return False
         if not isfinite(self._slow_share):
             self._slow_share = heat.share
-        self._slow_share += lag * (heat.share - self._slow_share)
+        self._slow_share -= expm1(-dt_s / self._time_constant_s) * (heat.share - self._slow_share)
         # What has transformed of late took latent heat, which the balance leaves out.
         return self._held_W + heat.latent_W * (heat.share - self._slow_share) > heat.there_W + heat.beyond_W
 
