@@ -181,6 +181,21 @@ def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config:
     )
 
 
+def how_long(experiments: Sequence[Experiment], found: Sequence[Estimates], config: Config) -> ExpectationSection:
+    """Of a model that says itself how far off it may be: how long its errors last, and nothing else.
+
+    Arguments as of :func:`learn`.
+    """
+    rows = []
+    for number, (experiment, estimates) in enumerate(zip(experiments, found, strict=True)):
+        residual_m = experiment.displacement_m - estimates.displacement_m
+        good = np.isfinite(residual_m)
+        rows.append((estimates.time_s[good], residual_m[good], np.full(int(good.sum()), number)))
+    return ExpectationSection(
+        independent_time=correlation_time_s(*(np.concatenate(c) for c in zip(*rows, strict=True)))
+    )
+
+
 def _usual_C(config: Config) -> float:
     """Temperature of the surroundings at the calibration."""
     known_C = config.calibration.ambient_temperature

@@ -20,13 +20,10 @@ from . import expectation, hot_end, interval, power, rest
 from .training import change_while_measured_m
 
 
-def calibration_of(
-    experiments: Sequence[Experiment], config: Config, at_rest: bool = True, fresh_percent: float = 0.0
-) -> Calibration:
+def calibration_of(experiments: Sequence[Experiment], config: Config, at_rest: bool = True) -> Calibration:
     """The section ``calibration`` for a model and its own logs.
 
-    ``at_rest``: with what a resting wire shows; left out for models of wires of any size.  ``fresh_percent``: error of
-    the model on logs left out, where it is not what it leaves on these, which it learned.
+    ``at_rest``: with what a resting wire shows; left out for models of wires of any size.
     """
     known = _of_the_wire(experiments, config) if at_rest else Calibration()
     config = dataclasses.replace(config, calibration=known)  # the hot end that the node will know decides errors too
@@ -42,11 +39,12 @@ def calibration_of(
     if not at_rest:
         return known
     range_m = config.model.build(config.wire).displacement_range_m
-    expected = expectation.learn(experiments, found, config)
+    # What a model leaves on logs that it has learned by heart is no measure of others; it says itself how sure it is.
+    learn = expectation.how_long if Chain(config).says_how_sure else expectation.learn
     return dataclasses.replace(
         known,
         interval=interval.learn(experiments, estimates, range_m, full_m),
-        expectation=dataclasses.replace(expected, floor=max(expected.floor, fresh_percent)),
+        expectation=learn(experiments, found, config),
     )
 
 

@@ -236,6 +236,11 @@ class Chain:
         return self._model.displacement_range_m
 
     @property
+    def says_how_sure(self) -> bool:
+        """Whether the model itself says how far off every one of its samples may be."""
+        return self._thermal is not None
+
+    @property
     def knows_the_ends(self) -> bool:
         """Whether the model follows the wire to both ends of its stroke at any load."""
         return self._thermal is not None

@@ -135,9 +135,7 @@ def identify(
     config = Config.for_tools(mapping)
     notes += within_what_is_seen(mapping, experiments)
     config = Config.for_tools(mapping)
-    mapping["calibration"] = to_mapping(
-        calibration_of(experiments, config, at_rest=not fitter.any_size, fresh_percent=fitted.fresh_percent)
-    )
+    mapping["calibration"] = to_mapping(calibration_of(experiments, config, at_rest=not fitter.any_size))
     config = Config.for_tools(mapping)
     model = config.model.build(bench.wire)
     full_stroke_m, unseen = bench.wire.full_stroke_m, fitted.unseen

@@ -11,8 +11,12 @@ from characterised import Characterised, virtual_rig
 
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Quality, Signals
+from sma_actuator.calibration.rest import SPREAD
 from sma_actuator.characterise.programs import partial_cycles, square_pulses
 from sma_actuator.config import Config
+from sma_actuator.diagnosis.trace import Evidence
+from sma_actuator.diagnosis.trace.hypotheses import Rows
+from sma_actuator.diagnosis.trace.witnesses.residual import INTERVAL
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.identify import IdentificationError, identify
 from sma_actuator.identify.fitters.fitting import predict
@@ -204,3 +208,18 @@ def test_a_wire_in_a_tube_is_found_to_have_warm_surroundings_and_a_bare_one_hard
     found = identify(sleeved.logs, sleeved.mapping, "whole_range").mapping["model"]
     assert found["near_surroundings"][0] == pytest.approx(3.0 / 4.7, abs=0.15)
     assert whole.mapping["model"]["near_surroundings"][0] < 0.2
+
+
+def test_a_trace_trusts_it_as_far_as_it_trusts_itself(whole, unseen):
+    """What it leaves on logs that it has learned by heart is no measure of others; its interval is, live as in a
+    trace."""
+    assert not whole.config.calibration.expectation.known
+    assert whole.config.calibration.expectation.independent_time > 0.0
+    evidence = Evidence(unseen, whole.config)
+    for t, compared, floor_m in zip(
+        evidence.logs.experiments, evidence.logs.compared, evidence.of_displacement.floor_m, strict=True
+    ):
+        half_m = Chain(whole.config).run(t.signals).uncertainty_m[compared]
+        np.testing.assert_allclose(floor_m * SPREAD * INTERVAL, half_m)
+    held = Rows(evidence)
+    assert held.nothing().log_evidence > held.something_else().log_evidence

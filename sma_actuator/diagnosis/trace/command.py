@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -132,11 +131,7 @@ def run(args: argparse.Namespace) -> int:
         if args.calibration:
             remembers = FITTERS[config.model_type].remembers
             experiments = make_experiments(read_logs(args.calibration, reading, console.print), config, remembers)
-            # What such a model leaves on logs that it has learned is no measure of others; what identify found on
-            # others is.
-            known_percent = config.calibration.expectation.floor
-            fresh_percent = known_percent if remembers and math.isfinite(known_percent) else 0.0
-            mapping["calibration"] = to_mapping(calibration_of(experiments, config, fresh_percent=fresh_percent))
+            mapping["calibration"] = to_mapping(calibration_of(experiments, config))
             config = Config.for_tools(mapping, str(args.config))
         logs = read_logs(args.logs, reading, console.print)
         evidence = Evidence(logs, config, args.beyond_floor)

@@ -66,8 +66,8 @@ class Evidence:
 
     def _residual(self, config: Config) -> Residual:
         """The witness of the displacement, with its floor."""
-        self.of_displacement = found = Residual(self.logs, self.unit, config, self.calibration, self.place)
-        found.learn_the_load(self.chain({}))
+        found = Residual(self.logs, self.unit, config, self.calibration, self.place, self.chain({}))
+        self.of_displacement = found
         if self.beyond_floor:
             found.take_typical(self.predict({}))
         else:

@@ -49,9 +49,6 @@ class Fitted:
     notes: list[str] = field(default_factory=list)  #: what the user should know
     #: How it does on cycles that its fits have not seen; None: nobody looked.
     unseen: Unseen | None = None
-    fresh_percent: float = (
-        0.0  #: mean absolute error on logs left out, of a model that learns its own by heart, % of full stroke
-    )
     bounds: list[str] = field(default_factory=list)  #: a sentence for every bound that binds
     beside: str = ""  #: how it compares with the thesis's model of the alloy
     rather: bool = False  #: whether that is the better one for these logs
@@ -137,7 +134,6 @@ def _whole_range(experiments: Sequence[Experiment], bench: BenchConfig, asked: A
         found.coefficients,
         how=found,
         unseen=found.unseen,
-        fresh_percent=found.held_out.logs_percent,
         bounds=found.bounds,
         beside=beside,
         rather=rather,

@@ -20,6 +20,7 @@ from .witness import Prediction
 
 #: Floor of a model whose file does not say how good it was, % of full stroke.
 FLOOR_percent = 1.5
+INTERVAL = 1.96  #: half of a 95 % interval over the standard deviation
 
 
 class Residual:
@@ -28,40 +29,51 @@ class Residual:
     names = ("residual",)
 
     def __init__(
-        self, logs: Prepared, unit: Sequence[np.ndarray], config: Config, calibration: Calibration, place: Place
+        self,
+        logs: Prepared,
+        unit: Sequence[np.ndarray],
+        config: Config,
+        calibration: Calibration,
+        place: Place,
+        chain: Chain,
     ):
-        """It knows no floor until :meth:`take_floor` or :meth:`take_typical`."""
+        """It knows no floor until :meth:`take_floor` or :meth:`take_typical`.
+
+        ``chain``: of the model as it is.
+        """
         self.logs, self.calibration, self._place = logs, calibration, place
         self._full_stroke_m = config.wire.full_stroke_m
-        self.expectation = Expectation(config) if calibration.expectation.known else None
+        self._says_how_sure = chain.says_how_sure
+        expected = calibration.expectation.known and not self._says_how_sure
+        #: What the calibration expects; a model that says itself how sure it is has left nothing to expect.
+        self.expectation = Expectation(config) if expected else None
         #: Of every log, for the model as it is: how far it is from half the way to one whose load was always what it
         #: is.
-        self._always_so_m: list[np.ndarray] = []
+        self._always_so_m = [always_so_m(signals, chain) for signals, _ in logs.seen] if expected else []
         self.floor_m: list[np.ndarray] = []
         self.row_units = np.concatenate([each[rows] for each, rows in zip(unit, logs.compared, strict=True)])
         self.row_names = np.zeros(len(self.row_units), dtype=int)
-
-    def learn_the_load(self, chain: Chain) -> None:
-        """What the model, as it is, would say if the load had always been so, where the calibration expects
-        anything."""
-        if self.expectation is not None:
-            self._always_so_m = [always_so_m(signals, chain) for signals, _ in self.logs.seen]
 
     def take_floor(self, judgements: Sequence[Judged], kept: Sequence[np.ndarray | slice]) -> None:
         """Mean absolute size of what is left beside what is expected [m], of every sample compared.
 
         That of the model as it is, whatever effect is looked for: all candidates are held against the same measure.
         """
-        c = self.calibration
-        if self.expectation is None:
-            percent = max(c.error, c.largest_error) if c.known else FLOOR_percent
-            self.floor_m = [np.full(len(rows), percent / 100 * self._full_stroke_m) for rows in self.logs.compared]
-            return
         self.floor_m = []
         for i, (p, here_kept, rows) in enumerate(zip(judgements, kept, self.logs.compared, strict=True)):
             here = np.arange(len(p.time_s))[here_kept][rows]
-            floor_m = np.hypot(self.expectation.floor_m(p, here), self._always_so_m[i][here])
+            floor_m = self._floor_m(i, p, here)
             self.floor_m.append(np.hypot(floor_m, SINCE_THEN_WITHIN * self._changed_m(p)[here]))
+
+    def _floor_m(self, number: int, found: Judged, here: np.ndarray) -> np.ndarray:
+        """The same of a wire that did not change while it was calibrated, of the samples ``here`` of a log."""
+        if self._says_how_sure:
+            return found.uncertainty_m[here] / (INTERVAL * SPREAD)
+        if self.expectation is None:
+            c = self.calibration
+            percent = max(c.error, c.largest_error) if c.known else FLOOR_percent
+            return np.full(len(here), percent / 100 * self._full_stroke_m)
+        return np.hypot(self.expectation.floor_m(found, here), self._always_so_m[number][here])
 
     def take_typical(self, predictions: Sequence[Prediction]) -> None:
         """As a floor, what the model as it is leaves: for what is looked for in that itself."""
@@ -71,11 +83,12 @@ class Residual:
     def expected_m(self, number: int, found: Judged, here: np.ndarray, ambient_counts: bool) -> np.ndarray:
         """Residual that is no news, of n samples of a log; known at the samples ``here``, with straight lines between
         them."""
+        since_m = SINCE_THEN * self._changed_m(found)
         if self.expectation is None:
-            return np.zeros(len(found.time_s))
+            return since_m
         usual_m = self.expectation.residual_m(found, here, ambient_counts)
         expected_m = np.interp(found.time_s, found.time_s[here], usual_m)
-        return expected_m + self._always_so_m[number] + SINCE_THEN * self._changed_m(found)
+        return expected_m + self._always_so_m[number] + since_m
 
     def _changed_m(self, found: Judged) -> np.ndarray:
         """How far the wire moved while it was calibrated, where it is now, of n samples: the hot end most."""
