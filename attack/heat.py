@@ -51,7 +51,7 @@ PULSES, PULSE_s = 2, 15.0
 #: Shares of the largest stress at which nothing else stops a contraction (safety.stress_limit_fraction).
 STRESSES = {"a light load": 0.1, "a middle load": 0.4, "the largest load": 0.99}
 ASKED, WANTED = 0.985, 0.98  #: shares of the stroke
-#: Heated for half a minute: a wire that must be hot shows by then what heat it loses (safety.thermal.ShownLoss).
+#: Heated for half a minute: a wire that must be hot shows by then what heat it loses (safety.thermal.shown_loss_W_K).
 HOLD_s, SOON_s = 630.0, 30.0
 #: Sections that `init` derives, and what is asked for.
 _DERIVED = ("supply", "thermal", "controller", "estimator", "safety")

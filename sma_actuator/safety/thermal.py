@@ -6,7 +6,7 @@ parameters, and with the least that the wire may have (``thermal.heat_loss_margi
 hangs in a tube loses its heat more slowly than one in the open.  What limits the current is the
 second.
 
-The wire is a thermometer beside it, which knows nothing of heat loss (:class:`Thermometer`).  What it says bounds both
+The wire is a thermometer beside it, which knows nothing of heat loss (:func:`hottest_C`).  What it says bounds both
 balances from above: else a limit that provides for any heat loss would not let a wire contract, and one that loses more
 than the parameters say would be held for a hot one.  A second thermometer reads the same resistance by what was
 identified of this very wire: at which temperature it has transformed so far (:func:`transforms_at_C`).
@@ -136,11 +136,11 @@ class Ambient:
 #: What a thermometer remembers: the resistance, smooth, and the load of then; how long ago that is; the least
 #: resistance since the wire was certainly not hotter than it transforms at.
 _SHOWN_Ohm, _LOAD_N, _GAP_s, _LEAST_Ohm = range(4)
-_THERMOMETER = 4
+THERMOMETER = 4
 
 
 @jit
-def _hottest_C(
+def hottest_C(
     state: Floats,
     first: int,
     resistance_Ohm: float,
@@ -150,7 +150,17 @@ def _hottest_C(
     transformed_C: float,
     contracted_Ohm: float,
 ) -> float:
-    """See :meth:`Thermometer.step`; its memory begins at the ``first`` of ``state``."""
+    """How hot the wire can be at most [°C] by its resistance, NaN where none was measured, whatever heat it loses.
+
+    A wire that transforms shows less resistance the hotter it gets; one that has contracted, and is austenite
+    all through, shows more.  So one that shows the least since it was certainly no hotter than any wire transforms at
+    (``transformed_C``) is no hotter than that; and one that shows more than the least is either longer again or hotter
+    by what that makes of its austenite's resistance.  Both are counted as the second.
+
+    ``at_most_C``: what was known before.  Resistance that comes with another load says nothing of heat.  A wire
+    that has contracted shows no more than ``contracted_Ohm``, however hot it may be.  What is remembered begins at the
+    ``first`` of ``state`` (:func:`begin_thermometer`).
+    """
     gap_s = state[first + _GAP_s] + dt_s
     if not isfinite(resistance_Ohm):
         state[first + _GAP_s] = gap_s
@@ -172,37 +182,8 @@ def _hottest_C(
     return transformed_C + (shown_Ohm - least_Ohm) / (LEAST_SLOPE_1_K * least_Ohm)
 
 
-class Thermometer:
-    """How hot the wire can be at most by its resistance, whatever heat it loses.
-
-    A wire that transforms shows less resistance the hotter it gets; one that has contracted, and is austenite
-    all through, shows more.  So one that shows the least since it was certainly no hotter than any wire transforms at
-    (``thermal.transformed_temperature``) is no hotter than that; and one that shows more than the least is
-    either longer again or hotter by what that makes of its austenite's resistance.  Both are counted as the second.
-    """
-
-    def __init__(self) -> None:
-        self._state = floats(_THERMOMETER)
-        _begin_thermometer(self._state, 0)
-
-    def step(
-        self,
-        resistance_Ohm: float,
-        load_N: float,
-        dt_s: float,
-        at_most_C: float,
-        transformed_C: float,
-        contracted_Ohm: float,
-    ) -> float:
-        """Take note of a resistance, NaN where none was measured; the hottest that the wire can be [°C].
-
-        ``at_most_C``: what was known before.  Resistance that comes with another load says nothing of heat.  A wire
-        that has contracted shows no more than ``contracted_Ohm``, however hot it may be.
-        """
-        return _hottest_C(self._state, 0, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, contracted_Ohm)
-
-
-def _begin_thermometer(state: Floats, first: int) -> None:
+def begin_thermometer(state: Floats, first: int) -> None:
+    """Nothing is known yet."""
     for each in (_SHOWN_Ohm, _LOAD_N, _LEAST_Ohm):
         state[first + each] = nan
 
@@ -240,14 +221,22 @@ def transforms_at_C(
 #: What of shown loss is remembered: time, heat that flowed and rise by time, all in all; when the last stretch began;
 #: how many have begun; then the heat and the rise at which each of the last began.
 _TIME_s, _FLOWED_J, _RISE_K_s, _MARKED_s, _MARKED, _MARKS = range(6)
-_SHOWN_LOSS = _MARKS + 2 * LOSING_TIMES
+SHOWN_LOSS = _MARKS + 2 * LOSING_TIMES
 
 
 @jit
-def _shown_W_K(
+def shown_loss_W_K(
     state: Floats, first: int, power_W: float, dt_s: float, rise_K: float, capacity_J_K: float, loss_W_K: float
 ) -> float:
-    """See :meth:`ShownLoss.step`; its memory begins at the ``first`` of ``state``."""
+    """How much heat a wire loses at the least [W/K], by what flowed into it and did not make it hotter than it can be.
+
+    Of what flowed over a stretch of time, what may have stayed is taken off, to warm the wire from the coldest
+    surroundings and to transform it; the rest was lost, at no higher a temperature than it had at most.  That holds of
+    every stretch up to now: the one that shows most counts, 0 where nothing is known yet.
+
+    ``power_W``: in the wire alone, 0 or NaN where none was measured; ``rise_K``: how much hotter than the coldest
+    surroundings it can be.  What is remembered begins at the ``first`` of ``state``, with zeros.
+    """
     if not 0.0 < dt_s < inf:
         dt_s = 0.0
     state[first + _TIME_s] += dt_s
@@ -268,25 +257,8 @@ def _shown_W_K(
     return shown_W_K
 
 
-class ShownLoss:
-    """How much heat a wire loses at the least, by what flowed into it and did not make it hotter than it can be.
-
-    Of what flowed over a stretch of time, what may have stayed is taken off, to warm the wire from the coldest
-    surroundings and to transform it; the rest was lost, at no higher a temperature than it had at most.  That holds of
-    every stretch up to now: the one that shows most counts.
-    """
-
-    def __init__(self) -> None:
-        self._state = floats(_SHOWN_LOSS)
-
-    def step(self, power_W: float, dt_s: float, rise_K: float, parameters: ThermalParameters) -> float:
-        """Take note of the power in the wire alone, 0 or NaN where none was measured, and how much hotter than the
-        coldest surroundings it can be [K]; the heat loss [W/K], 0 where nothing is known yet."""
-        return _shown_W_K(self._state, 0, power_W, dt_s, rise_K, parameters.heat_capacity, parameters.heat_loss)
-
-
 #: Where in the memory of a wire's heat both thermometers and the shown loss begin.
-_BY_ITSELF, _BY_ITS_OWN, _SHOWN = 0, _THERMOMETER, 2 * _THERMOMETER
+_BY_ITSELF, _BY_ITS_OWN, _SHOWN = 0, THERMOMETER, 2 * THERMOMETER
 
 
 @jit
@@ -315,14 +287,14 @@ def _heat_step(
     likely_C = _after_C(likely_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K)
     guessed_K *= exp(-max(dt_s, 0.0) * loss_W_K / capacity_J_K)
     at_most_C = _after_C(most_C, power_W, dt_s, ambient_C, capacity_J_K, loss_W_K / margin)
-    shown_C = _hottest_C(state, _BY_ITSELF, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, contracted_Ohm)
+    shown_C = hottest_C(state, _BY_ITSELF, resistance_Ohm, load_N, dt_s, at_most_C, transformed_C, contracted_Ohm)
     # Where the heat balance calls it hotter than it is known to transform at, one of them errs: the hotter counts.
     own_C = min(transformed_C, max(transforms_C, likely_C))
-    own_C = _hottest_C(state, _BY_ITS_OWN, resistance_Ohm, load_N, dt_s, at_most_C, own_C, contracted_Ohm)
+    own_C = hottest_C(state, _BY_ITS_OWN, resistance_Ohm, load_N, dt_s, at_most_C, own_C, contracted_Ohm)
     most_C = min(at_most_C, shown_C, own_C)
     likely_C = min(likely_C, shown_C)
     at_its_limit = most_C > max_C - HEADROOM_K - AT_LIMIT_K and at_most_C < shown_C
-    shown_W_K = _shown_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
+    shown_W_K = shown_loss_W_K(state, _SHOWN, wire_W, dt_s, most_C - coldest_C, capacity_J_K, loss_W_K)
     least_loss_W_K = max(loss_W_K / margin, SUDDENLY * shown_W_K)
     return likely_C, most_C, guessed_K, most_C >= transformed_C and (cools or at_its_limit), least_loss_W_K
 
@@ -345,9 +317,9 @@ class WireHeat:
         #: How much of ``temperature_C`` is a guess: what the balance began with, as much of it as has not cooled away.
         self.guessed_K = parameters.max_temperature - parameters.ambient_temperature
         self._least_loss_W_K = parameters.heat_loss / parameters.heat_loss_margin
-        self._state = floats(_SHOWN + _SHOWN_LOSS)
-        _begin_thermometer(self._state, _BY_ITSELF)
-        _begin_thermometer(self._state, _BY_ITS_OWN)
+        self._state = floats(_SHOWN + SHOWN_LOSS)
+        begin_thermometer(self._state, _BY_ITSELF)
+        begin_thermometer(self._state, _BY_ITS_OWN)
 
     def step(
         self,

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from sma_actuator.base.calibration import Calibration, HotEndSection, PowerSection, RestSection
+from sma_actuator.base.jit import floats
 from sma_actuator.config import Config
 from sma_actuator.safety.thermal import (
     CAPACITY_WITHIN,
@@ -13,15 +14,18 @@ from sma_actuator.safety.thermal import (
     LEAST_SLOPE_1_K,
     LOSING_TIMES,
     MOST_SLOPE_1_K,
+    SHOWN_LOSS,
+    THERMOMETER,
     Ambient,
     AMBIENT_FALL_K_s,
     HeatBalance,
     LONG_AGO_s,
-    ShownLoss,
-    Thermometer,
     WireHeat,
+    begin_thermometer,
     derated_limit_A,
+    hottest_C,
     most_contracted_Ohm,
+    shown_loss_W_K,
     transforms_at_C,
 )
 
@@ -194,11 +198,12 @@ class TestThermometer:
 
     @pytest.fixture
     def shown_C(self):
-        thermometer = Thermometer()
+        state = floats(THERMOMETER)
+        begin_thermometer(state, 0)
 
         def run(resistance_Ohm, at_most_C=170.0, seconds=2.0, load_N=1.0, contracted_Ohm=math.inf):
             for _ in range(round(seconds / 0.05)):
-                found_C = thermometer.step(resistance_Ohm, load_N, 0.05, at_most_C, 150.0, contracted_Ohm)
+                found_C = hottest_C(state, 0, resistance_Ohm, load_N, 0.05, at_most_C, 150.0, contracted_Ohm)
             return found_C
 
         return run
@@ -255,14 +260,27 @@ class TestThermometer:
         assert heat.at_most_C > 160.0
 
 
+@pytest.fixture
+def begin_to_lose(parameters):
+    """Makes a wire of which no heat is known to be lost: tell it of power, time and rise."""
+
+    def begun():
+        state = floats(SHOWN_LOSS)
+        return lambda power_W, dt_s, rise_K: shown_loss_W_K(
+            state, 0, power_W, dt_s, rise_K, parameters.heat_capacity, parameters.heat_loss
+        )
+
+    return begun
+
+
 class TestShownLoss:
     """Against a wire that warms, transforms and loses heat, and can be 150 °C hot at the most for all that is known."""
 
     COLD_C, MOST_C, DT_s = 9.0, 150.0, 0.05
 
-    def shown_W_K(self, parameters, loss_W_K, power_W, seconds, unmeasured=0.0):
+    def shown_W_K(self, parameters, begin_to_lose, loss_W_K, power_W, seconds, unmeasured=0.0):
         """What is shown at every step, and the wire's temperature; the loss may be a function of time."""
-        shown, out, warm_C, transformed = ShownLoss(), [], self.COLD_C, 0.0
+        shown, out, warm_C, transformed = begin_to_lose(), [], self.COLD_C, 0.0
         for step in range(round(seconds / self.DT_s)):
             time_s = step * self.DT_s
             loss = loss_W_K(time_s) if callable(loss_W_K) else loss_W_K
@@ -273,55 +291,57 @@ class TestShownLoss:
                 warm_C += joule / parameters.heat_capacity
             assert warm_C <= self.MOST_C, "what is promised to it"
             seen_W = math.nan if step % 10 < 10 * unmeasured else power_W
-            out.append(shown.step(seen_W, self.DT_s, self.MOST_C - self.COLD_C, parameters))
+            out.append(shown(seen_W, self.DT_s, self.MOST_C - self.COLD_C))
         return out
 
     @pytest.mark.parametrize("share", [0.3, 1.0, 3.0])
-    def test_it_is_never_more_than_the_wire_loses_and_nears_it(self, parameters, share):
+    def test_it_is_never_more_than_the_wire_loses_and_nears_it(self, parameters, begin_to_lose, share):
         loss_W_K = share * parameters.heat_loss
-        found = self.shown_W_K(parameters, loss_W_K, 0.99 * loss_W_K * (self.MOST_C - self.COLD_C), 300.0)
+        found = self.shown_W_K(
+            parameters, begin_to_lose, loss_W_K, 0.99 * loss_W_K * (self.MOST_C - self.COLD_C), 300.0
+        )
         assert found[0] == 0.0
         assert max(found) <= loss_W_K
         assert found[-1] > 0.99 * loss_W_K - 0.2 * parameters.heat_loss
 
-    def test_what_was_not_measured_was_not_lost(self, parameters):
+    def test_what_was_not_measured_was_not_lost(self, parameters, begin_to_lose):
         power_W = parameters.heat_loss * 140.0
         assert (
-            self.shown_W_K(parameters, parameters.heat_loss, power_W, 100.0, unmeasured=0.5)[-1]
+            self.shown_W_K(parameters, begin_to_lose, parameters.heat_loss, power_W, 100.0, unmeasured=0.5)[-1]
             < 0.4 * parameters.heat_loss
         )
 
-    def test_a_wire_that_may_be_hotter_has_shown_less(self, parameters):
-        shown = ShownLoss()
-        steady = [shown.step(0.5, 0.05, 100.0, parameters) for _ in range(4000)][-1]
-        assert [shown.step(0.5, 0.05, 190.0, parameters) for _ in range(400)][-1] < 0.7 * steady
+    def test_a_wire_that_may_be_hotter_has_shown_less(self, parameters, begin_to_lose):
+        shown = begin_to_lose()
+        steady = [shown(0.5, 0.05, 100.0) for _ in range(4000)][-1]
+        assert [shown(0.5, 0.05, 190.0) for _ in range(400)][-1] < 0.7 * steady
 
-    def test_each_stretch_up_to_now_counts_for_itself(self, parameters):
+    def test_each_stretch_up_to_now_counts_for_itself(self, parameters, begin_to_lose):
         """Cold for an hour before, it shows what it loses as soon as one that is begun with."""
         rise_K = 100.0
-        rested, begun = ShownLoss(), ShownLoss()
+        rested, begun = begin_to_lose(), begin_to_lose()
         for _ in range(7200):
-            rested.step(0.0, 0.5, 20.0, parameters)
+            rested(0.0, 0.5, 20.0)
         for seconds in range(1, 20):
-            found = [each.step(parameters.heat_loss * 150.0, 1.0, rise_K, parameters) for each in (rested, begun)]
+            found = [each(parameters.heat_loss * 150.0, 1.0, rise_K) for each in (rested, begun)]
             most_W_K = parameters.heat_loss * (150.0 - 2.0 * (rise_K + LATENT_K) / seconds) / rise_K
             if seconds > 4:
                 assert found[0] > 0.7 * most_W_K > 0.0
             assert found[1] <= most_W_K * (1.0 + 1e-9) or found[1] == 0.0 or seconds > 2 * LOSING_TIMES
 
-    def test_a_stretch_is_forgotten(self, parameters):
-        shown, power_W = ShownLoss(), parameters.heat_loss * 150.0
+    def test_a_stretch_is_forgotten(self, parameters, begin_to_lose):
+        shown, power_W = begin_to_lose(), parameters.heat_loss * 150.0
         for _ in range(100):
-            shown.step(power_W, 1.0, 100.0, parameters)
-        after = [shown.step(0.0, 1.0, 100.0, parameters) for _ in range(2 * LOSING_TIMES + 2)]
+            shown(power_W, 1.0, 100.0)
+        after = [shown(0.0, 1.0, 100.0) for _ in range(2 * LOSING_TIMES + 2)]
         assert after[0] > 0.8 * parameters.heat_loss
         assert after[-1] == 0.0
 
     @pytest.mark.parametrize("dt_s", [0.0, -1.0, math.nan, math.inf])
-    def test_time_that_is_none_shows_nothing(self, parameters, dt_s):
-        shown = ShownLoss()
-        before = [shown.step(parameters.heat_loss * 150.0, 1.0, 100.0, parameters) for _ in range(20)][-1]
-        assert 0.9 * before < shown.step(1e6, dt_s, 100.0, parameters) <= before
+    def test_time_that_is_none_shows_nothing(self, parameters, begin_to_lose, dt_s):
+        shown = begin_to_lose()
+        before = [shown(parameters.heat_loss * 150.0, 1.0, 100.0) for _ in range(20)][-1]
+        assert 0.9 * before < shown(1e6, dt_s, 100.0) <= before
 
 
 class TestOwnThermometer:
