@@ -306,8 +306,8 @@ def markdown() -> str:
             "set`):"
         ),
         (
-            "those with *lower* or *higher* guard the wire, and while current may flow they can only be made so, "
-            "which is stricter. What is looser"
+            "*either* way, or, of what bounds what a wrong command or reading may do, while current may flow only "
+            "*lower*, *higher* or to a *later* choice, which is stricter. What is looser"
         ),
         "than the node began with stands in the log and, as `loosened`, in `~/status` and `/diagnostics`.",
         (
@@ -365,7 +365,7 @@ def _row(field: dataclasses.Field) -> str:
         else f"{lo:g} … {hi:g}"
     )
     unit = declaration.unit if declaration.unit != "1" else ""
-    live = (declaration.stricter or "yes") if declaration.live else ""
+    live = f"{declaration.live}, 0 least" if declaration.zero_is_never else declaration.live
     return f"| `{field.name}` | {default} | {unit} | {span} | {live} | {declaration.description} |"
 
 

@@ -1,23 +1,33 @@
 """Every parameter that is declared live arrives: a running actuator goes on as one that had the new value from its
-start."""
+start; and one that is declared to guard guards more where its declaration says so."""
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from math import nan
 from pathlib import Path
 from typing import Any
 
+import hypothesis.strategies as st
 import pytest
+from hypothesis import given
 from rig import Rig
 
-from sma_actuator.base.parameters import walk
+from sma_actuator.base.parameters import Declaration, declaration_of, parameter, walk
 from sma_actuator.base.signals import Estimate, Output
-from sma_actuator.config import Config
+from sma_actuator.config import Config, read_parameter_file
+from sma_actuator.control import CONTROL_LAWS
+from sma_actuator.control.pair import PairParameters
 from sma_actuator.plant.loads import Weight
 
 SHIPPED = [Path(__file__).parents[1] / "config" / f"{model}.yaml" for model in ("flexinol", "furukawa")]
-LIVE = sorted({name for path in SHIPPED for name, _, declared, _ in walk(Config.load(path)) if declared.live})
+LIVE = {name: declared for path in SHIPPED for name, _, declared, _ in walk(Config.load(path)) if declared.live}
+JOINT = PairParameters.from_mapping(read_parameter_file(Path(__file__).parents[1] / "config" / "pair.yaml", "joint"))
+GUARDING = {
+    name: declared
+    for name, declared in {**LIVE, **{f"joint {n}": d for n, _, d, _ in walk(JOINT)}}.items()
+    if declared.stricter
+}
 #: A pause without current, after which a wire is certainly cold, whatever was believed before.
 PAUSE_s = 3600.0
 
@@ -249,11 +259,10 @@ SITUATIONS = [
 ]
 
 
-def life(config: Config, situation: Situation, told: Config | None = None, while_driven: bool = False) -> list[str]:
-    """What one actuator says from when it is driven; ``told`` is what it is told meanwhile.
-
-    As text, which shows every digit and in which one NaN is as good as another.
-    """
+def outputs_of(
+    config: Config, situation: Situation, told: Config | None = None, while_driven: bool = False
+) -> list[Output]:
+    """What one actuator gives from when it is driven; ``told`` is what it is told meanwhile."""
     rig = Rig(config.to_mapping())
     if told is not None and not while_driven:
         rig.actuator.update(told)
@@ -267,7 +276,21 @@ def life(config: Config, situation: Situation, told: Config | None = None, while
     if told is not None and while_driven:
         rig.actuator.update(told)
     situation.lives_through(rig)
-    return [repr(situation.seen(output)) for output in rig.outputs]
+    return rig.outputs
+
+
+def life(config: Config, situation: Situation, **told: Any) -> list[str]:
+    """The same as text, which shows every digit and in which one NaN is as good as another."""
+    return [repr(situation.seen(output)) for output in outputs_of(config, situation, **told)]
+
+
+def harm(outputs: list[Output]) -> tuple[float, float, float]:
+    """How much was let happen: current that flowed; where that is the same, faults not told; then heat not feared."""
+    return (
+        sum(output.command.current_A for output in outputs if output.command.output_on),
+        -sum(bool(output.status.fault) for output in outputs),
+        -sum(float(output.status.values["temperature_at_most_C"]) for output in outputs),
+    )
 
 
 @pytest.mark.parametrize("situation", SITUATIONS, ids=lambda s: f"{s.name}-{s.lives_through.__name__}".strip("<>"))
@@ -282,3 +305,63 @@ def test_a_live_parameter_arrives(situation):
 
 def test_every_live_parameter_has_a_situation_in_which_it_matters():
     assert {situation.name for situation in SITUATIONS} == set(LIVE)
+
+
+@pytest.mark.parametrize("name", sorted(set(GUARDING) & set(LIVE)))
+def test_what_is_declared_stricter_lets_less_happen(name):
+    """In no situation more current, fewer warnings or less caution; and in one of them less."""
+    less = []
+    for situation in (each for each in SITUATIONS if each.name == name):
+        looser = Config.load(SHIPPED[0]).replace(situation.given)
+        stricter = looser.replace({name: situation.new})
+        value = next(value for n, value, _, _ in walk(looser) if n == name)
+        if LIVE[name].loosens(value, situation.new):
+            looser, stricter = stricter, looser
+        done, could = harm(outputs_of(stricter, situation)), harm(outputs_of(looser, situation))
+        assert done <= could
+        less.append(done < could)
+    assert any(less)
+
+
+#: Gains, filters, goals, and what tells heating from cooling: neither way bounds what a wrong command or reading does.
+EITHER = {
+    "controller.derivative_time_constant",
+    "controller.feed_forward",
+    "controller.heating_time",
+    "controller.kd",
+    "controller.ki",
+    "controller.kp",
+    "estimator.heating_power",
+    "estimator.heating_power_hysteresis",
+    "estimator.resistance_deadband",
+    "estimator.thermal_time_constant",
+    "estimator.velocity_time_constant",
+    "joint cocontraction",
+    "joint tension_gain",
+    "joint tension_integral_time",
+}
+
+
+def test_whatever_is_live_guards_one_way_or_is_known_not_to_guard():
+    joint = {f"joint {name}" for name, _, declared, _ in walk(JOINT) if declared.live}
+    laws = {f"controller.{f.name}" for law in CONTROL_LAWS.values() for f in fields(law) if declaration_of(f).live}
+    assert (joint | laws | set(LIVE)) - set(GUARDING) == EITHER
+
+
+@given(data=st.data())
+@pytest.mark.parametrize("name", sorted(GUARDING))
+def test_of_any_two_values_one_is_stricter(name, data):
+    """So whatever is set, it is known whether that loosens: nothing is as strict as another value, nor stricter than
+    itself, and 0 is the loosest where it stands for never."""
+    declared: Declaration = GUARDING[name]
+    values = st.sampled_from(declared.choices) if declared.choices else st.floats(declared.lo, declared.hi)
+    one, other = data.draw(values), data.draw(values)
+    assert not declared.loosens(one, one) and not declared.optional
+    assert declared.loosens(one, other) != declared.loosens(other, one) or one == other
+    if declared.zero_is_never and one:
+        assert declared.loosens(one, 0.0) and not declared.loosens(0.0, one)
+
+
+def test_a_live_parameter_that_does_not_say_which_way_guards_is_refused_where_it_is_declared():
+    with pytest.raises(ValueError, match="live=True; one of '', 'lower', 'higher', 'later', 'either' is wanted"):
+        parameter(1.0, "gain", live=True)

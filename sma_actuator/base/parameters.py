@@ -11,7 +11,7 @@ import dataclasses
 import difflib
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping, Set
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from .errors import UserError
 from .registry import Registry
@@ -19,6 +19,11 @@ from .registry import Registry
 _REQUIRED = object()
 _MOST_UNKNOWN = 20  #: unknown parameters of a section that are named
 _NOT_GIVEN = object()
+
+#: Whether a parameter may be changed while the wire is driven, and which way.  What bounds what a wrong command or
+#: reading may do, or for how long, guards: while current may flow it becomes only stricter.  So every live parameter
+#: says which values guard more, of choices the later ones, or that either way guards the same: gains, filters, goals.
+Live = Literal["", "lower", "higher", "later", "either"]
 
 
 class ConfigError(UserError, ValueError):
@@ -38,14 +43,31 @@ class Declaration:
     lo: float = -math.inf
     hi: float = math.inf
     choices: tuple[str, ...] = ()
-    live: bool = False  #: may be changed while the wire is driven
+    live: Live = ""  #: whether it may be changed while the wire is driven, and then which value guards more
     optional: bool = False  #: NaN, "" or an empty list stand for "not given"
     hint: str = ""  #: what a value outside the range usually means
-    stricter: Literal["", "lower", "higher"] = ""  #: of what guards the wire, which value guards it more
+    zero_is_never: bool = False  #: of a bound: 0 stands for none, and guards least
+
+    @property
+    def stricter(self) -> str:
+        """Of what guards, which values guard more, in words; "" of all else."""
+        if self.live == "later":
+            return f"later in {', '.join(self.choices)}"
+        if self.live in ("lower", "higher"):
+            return f"{self.live}, never 0" if self.zero_is_never else self.live
+        return ""
 
     def loosens(self, before: Any, after: Any) -> bool:
-        """Whether the wire is guarded less after a change: while current may flow, that is no live change."""
-        return bool(self.stricter) and (after > before if self.stricter == "lower" else after < before)
+        """Whether less is guarded after a change: while current may flow, that is no live change."""
+        return bool(self.stricter) and self._guards(after) < self._guards(before)
+
+    def _guards(self, value: Any) -> float:
+        """How much a value guards, in whatever unit."""
+        if self.live == "later":
+            return self.choices.index(value)
+        if self.zero_is_never and value == 0:
+            return -math.inf
+        return float(value if self.live == "higher" else -value)
 
 
 def parameter(
@@ -55,13 +77,17 @@ def parameter(
     lo: float = -math.inf,
     hi: float = math.inf,
     choices: tuple[str, ...] = (),
-    live: bool = False,
+    live: Live = "",
     optional: bool = False,
     hint: str = "",
-    stricter: Literal["", "lower", "higher"] = "",
+    zero_is_never: bool = False,
 ) -> Any:
     """Declare one parameter as a dataclass field; without ``default`` it must be given."""
-    declaration = Declaration(description, unit, lo, hi, tuple(choices), live, optional, hint, stricter)
+    if live not in get_args(Live):
+        raise ValueError(
+            f"live={live!r}; one of {', '.join(map(repr, get_args(Live)))} is wanted: which value guards more"
+        )
+    declaration = Declaration(description, unit, lo, hi, tuple(choices), live, optional, hint, zero_is_never)
     metadata = {"parameter": declaration}
     if default is _REQUIRED:
         return dataclasses.field(metadata=metadata, kw_only=True)
@@ -325,13 +351,17 @@ def walk(instance: Any, prefix: str = "") -> Iterator[tuple[str, Any, Declaratio
 
 
 def loosened(before: Any, after: Any) -> list[tuple[str, str, Declaration]]:
-    """Name, "old → new" and declaration of every parameter of a section that guards the wire less than ``before``."""
+    """Name, "old → new" and declaration of every parameter of a section that guards less than ``before``."""
     old = {name: value for name, value, declaration, _ in walk(before) if declaration.stricter}
     return [
-        (name, f"{old[name]:g} → {value:g}", declaration)
+        (name, f"{_brief_value(old[name])} → {_brief_value(value)}", declaration)
         for name, value, declaration, _ in walk(after)
         if name in old and declaration.loosens(old[name], value)
     ]
+
+
+def _brief_value(value: Any) -> str:
+    return value if isinstance(value, str) else f"{value:g}"
 
 
 def to_mapping(instance: Any) -> dict[str, Any]:

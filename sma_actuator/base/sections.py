@@ -72,7 +72,7 @@ class Wire:
     full_stroke: float = parameter(
         nan, "the same as a displacement; it counts before the strain", "m", 1e-6, 20.0, optional=True
     )
-    max_stress: float = parameter(175e6, "stress the wire must never see", "Pa", 1e6, 1e9, live=True, stricter="lower")
+    max_stress: float = parameter(175e6, "stress the wire must never see", "Pa", 1e6, 1e9, live="lower")
 
     def contradictions(self) -> list[str]:
         """What of the form is missing or does not fit it: sentences, each beginning with a parameter's name."""
@@ -209,8 +209,7 @@ class Loop:
         "1",
         1,
         10000,
-        live=True,
-        stricter="lower",
+        live="lower",
     )
     realtime: Realtime = section(Realtime, "real time")
 
@@ -283,11 +282,10 @@ class ThermalParameters:
         "1",
         1.0,
         1000.0,
-        live=True,
-        stricter="higher",
+        live="higher",
     )
     ambient_temperature: float = parameter(
-        24.0, "temperature of the surroundings where none is measured", "°C", -60.0, 100.0, live=True, stricter="higher"
+        24.0, "temperature of the surroundings where none is measured", "°C", -60.0, 100.0, live="higher"
     )
     ambient_tolerance: float = parameter(
         15.0,
@@ -296,8 +294,7 @@ class ThermalParameters:
         "K",
         0.0,
         100.0,
-        live=True,
-        stricter="lower",
+        live="lower",
     )
     ambient_stuck_time: float = parameter(
         600.0,
@@ -306,8 +303,7 @@ class ThermalParameters:
         "s",
         1.0,
         1e6,
-        live=True,
-        stricter="lower",
+        live="lower",
     )
     transformed_temperature: float = parameter(
         150.0,
@@ -316,8 +312,7 @@ class ThermalParameters:
         "°C",
         40.0,
         400.0,
-        live=True,
-        stricter="higher",
+        live="higher",
     )
     derate_temperature: float = parameter(
         180.0,
@@ -325,9 +320,8 @@ class ThermalParameters:
         "°C",
         40.0,
         400.0,
-        live=True,
-        stricter="lower",
+        live="lower",
     )
     max_temperature: float = parameter(
-        200.0, "temperature that the wire must never have", "°C", 40.0, 400.0, live=True, stricter="lower"
+        200.0, "temperature that the wire must never have", "°C", 40.0, 400.0, live="lower"
     )

@@ -60,10 +60,10 @@ class FeedForwardPidParameters(PidParameters):
         "1",
         0.0,
         1.0,
-        live=True,
+        live="either",
     )
     heating_time: float = parameter(
-        0.5, "time in which the wire is to be as warm as the setpoint wants it", "s", 0.05, 60.0, live=True
+        0.5, "time in which the wire is to be as warm as the setpoint wants it", "s", 0.05, 60.0, live="either"
     )
 
     def mismatches(self, sections: LawSections) -> list[str]:

@@ -37,7 +37,7 @@ class ControllerParameters:
     """What every control law has: how setpoints are followed, and what happens when they stop."""
 
     setpoint_rate_limit: float = parameter(
-        0.01, "fastest change of the setpoint the controller follows", "m/s", 1e-6, 10.0, live=True
+        0.01, "fastest change of the setpoint the controller follows", "m/s", 1e-6, 10.0, live="lower"
     )
     setpoint_timeout: float = parameter(
         0.0,
@@ -45,7 +45,8 @@ class ControllerParameters:
         "s",
         0.0,
         3600.0,
-        live=True,
+        live="lower",
+        zero_is_never=True,
     )
     joint_command_timeout: float = parameter(
         0.5,
@@ -53,7 +54,7 @@ class ControllerParameters:
         "s",
         0.02,
         3600.0,
-        live=True,
+        live="lower",
     )
     arming_distance: float = parameter(
         0.05,
@@ -61,10 +62,10 @@ class ControllerParameters:
         "1",
         0.0,
         1.0,
-        live=True,
+        live="lower",
     )
     on_setpoint_loss: str = parameter(
-        "hold", "what to do when the setpoint is lost", choices=("hold", "bias", "off"), live=True
+        "hold", "what to do when the setpoint is lost", choices=("hold", "bias", "off"), live="later"
     )
 
     def build(self, sections: LawSections) -> ControlLaw:

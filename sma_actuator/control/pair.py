@@ -77,7 +77,7 @@ class PairParameters:
         unit="N",
         lo=1e-3,
         hi=1e4,
-        live=True,
+        live="either",
     )
     least_cocontraction: float = parameter(
         description="the least that can be asked for: what both wires' models were identified above, and no slack",
@@ -86,13 +86,18 @@ class PairParameters:
         hi=1e4,
     )
     tension_gain: float = parameter(
-        5e-4, "by how much both wires are asked to be shorter for each newton that lacks", "m/N", 0.0, 0.1, live=True
+        5e-4,
+        "by how much both wires are asked to be shorter for each newton that lacks",
+        "m/N",
+        0.0,
+        0.1,
+        live="either",
     )
     tension_integral_time: float = parameter(
-        2.0, "time in which the same is asked for once more, while it lacks", "s", 0.05, 1e3, live=True
+        2.0, "time in which the same is asked for once more, while it lacks", "s", 0.05, 1e3, live="either"
     )
     angle_rate_limit: float = parameter(
-        1.0, "fastest change of the angle that is followed", "rad/s", 1e-4, 1e3, live=True
+        1.0, "fastest change of the angle that is followed", "rad/s", 1e-4, 1e3, live="lower"
     )
     joint_command_timeout: float = parameter(
         0.5,
@@ -100,7 +105,8 @@ class PairParameters:
         "s",
         0.0,
         3600.0,
-        live=True,
+        live="lower",
+        zero_is_never=True,
     )
 
     @classmethod

@@ -31,17 +31,17 @@ UNREST = 0.01
 class PidParameters(ControllerParameters):
     """Gains of the PID."""
 
-    kp: float = parameter(description="proportional gain", unit="A/m", lo=0.0, hi=1e6, live=True)
-    ki: float = parameter(0.0, "integral gain", "A/(m·s)", 0.0, 1e6, live=True)
-    kd: float = parameter(0.0, "derivative gain, on the estimate", "A·s/m", 0.0, 1e6, live=True)
-    derivative_time_constant: float = parameter(0.1, "low-pass of the derivative", "s", 0.0, 10.0, live=True)
+    kp: float = parameter(description="proportional gain", unit="A/m", lo=0.0, hi=1e6, live="either")
+    ki: float = parameter(0.0, "integral gain", "A/(m·s)", 0.0, 1e6, live="either")
+    kd: float = parameter(0.0, "derivative gain, on the estimate", "A·s/m", 0.0, 1e6, live="either")
+    derivative_time_constant: float = parameter(0.1, "low-pass of the derivative", "s", 0.0, 10.0, live="either")
     tuning_current: float = parameter(
         0.9,
         "share of supply.max_current that flows at the most while the gains are tuned",
         "1",
         0.1,
         1.0,
-        live=True,
+        live="lower",
     )
 
     def build(self, sections: LawSections) -> ControlLaw:

@@ -32,9 +32,9 @@ class EstimatorParameters:
     branch_decision: str = parameter(
         "heat_balance", "how heating is told from cooling", choices=("heat_balance", "power", "resistance_rate")
     )
-    heating_power: float = parameter(0.2, "wire power above which it is heating (power)", "W", 1e-6, 1e3, live=True)
+    heating_power: float = parameter(0.2, "wire power above which it is heating (power)", "W", 1e-6, 1e3, live="either")
     heating_power_hysteresis: float = parameter(
-        0.1, "half-width of the band around the power that decides, as a fraction of it", "1", 0.0, 0.9, live=True
+        0.1, "half-width of the band around the power that decides, as a fraction of it", "1", 0.0, 0.9, live="either"
     )
     thermal_time_constant: float = parameter(
         5.0,
@@ -42,7 +42,7 @@ class EstimatorParameters:
         "s",
         0.01,
         600.0,
-        live=True,
+        live="either",
     )
     resistance_deadband: float = parameter(
         2e-3,
@@ -50,9 +50,9 @@ class EstimatorParameters:
         "Ω",
         0.0,
         10.0,
-        live=True,
+        live="either",
     )
-    velocity_time_constant: float = parameter(0.1, "low-pass of the published velocity", "s", 0.0, 10.0, live=True)
+    velocity_time_constant: float = parameter(0.1, "low-pass of the published velocity", "s", 0.0, 10.0, live="either")
 
 
 @jit

@@ -9,6 +9,7 @@ until the next step of the joint.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from math import isfinite
 from typing import Any, Protocol
@@ -73,7 +74,9 @@ class JointNode(Node):
         self._said: tuple[Any, ...] = (Mode.OFF, "")
         self.log = Log(self)
         self._pair = PairDriver(parameters, [wire.config for wire in wires], wires, self._take_output)
-        self._declared = NodeParameters(self, parameters, lambda changed, _: self._pair.update(changed))
+        self._declared = NodeParameters(
+            self, parameters, lambda changed, _: self._pair.update(changed), flows=lambda: self._pair.is_driven
+        )
         self._commands = Commands(self, self)
         self._telling: Telling[JointOutput] = Telling(self, self, JOINT)
         offer(self, [Service("~/clear_fault", Trigger, self._on_clear_fault)])
@@ -203,4 +206,5 @@ class JointNode(Node):
     def statuses(self, output: JointOutput | None) -> list[DiagnosticStatus]:
         """The status."""
         status = output.status if output is not None else Status(Mode.OFF, message="no reading has come yet")
+        status = replace(status, values={**status.values, **self._declared.key_values()})
         return [diagnostic_status_from(self.get_fully_qualified_name(), self.config.joint_name, status)]

@@ -35,6 +35,10 @@ class OneWire(Protocol):
         """The parameters as they are now."""
 
     @property
+    def parameter_values(self) -> dict[str, str]:
+        """What the status says of the parameters."""
+
+    @property
     def state(self) -> str:
         """Of its life."""
 

@@ -34,7 +34,7 @@ class NodeParameters(Generic[Parameters]):
     """Declares ``config`` on ``node`` and holds it as it changes; ``on_change(config, names)`` is told of every change.
 
     A request may want hundreds to be set, one after another: ``alive`` is called before each.  While current ``flows``
-    no change is taken that guards the wire less; at other times it is, and the log says so.
+    no change is taken that guards less; at other times it is, and the log says so.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class NodeParameters(Generic[Parameters]):
         else:
             if self._flows():
                 problems += [
-                    f"{name}: {change} guards the wire less; while the output is on it can only be made "
+                    f"{name}: {change} guards less; while the output is on it can only be made "
                     f"{declaration.stricter}: switch it off first, ~/enable false"
                     for name, change, declaration in loosened(self.config, changed)
                 ]
@@ -102,19 +102,20 @@ class NodeParameters(Generic[Parameters]):
         if changes:
             before, self.config = self.config, self.config.replace(changes)
             for name, change, _ in loosened(before, self.config):
-                self._log.warning(f"{name}: {change} guards the wire less")
+                self._log.warning(f"{name}: {change} guards less")
             self._on_change(self.config, list(changes))
 
-    @property
-    def loosened(self) -> str:
-        """What guards the wire less than when the node began, or ""."""
-        return "; ".join(f"{name}: {change}" for name, change, _ in loosened(self._begun_with, self.config))
+    def key_values(self) -> dict[str, str]:
+        """For the status: what guards less than when the node began, where anything does."""
+        words = "; ".join(f"{name}: {change}" for name, change, _ in loosened(self._begun_with, self.config))
+        return {"loosened": words} if words else {}
 
 
 def _constraints(declaration: Declaration) -> str:
-    if declaration.choices:
-        return f"one of {', '.join(declaration.choices)}"
-    return f"while the output is on, it can only be made {declaration.stricter}" if declaration.stricter else ""
+    stricter = f"while the output is on, it can only be made {declaration.stricter}" if declaration.stricter else ""
+    return "; ".join(
+        filter(None, (f"one of {', '.join(declaration.choices)}" if declaration.choices else "", stricter))
+    )
 
 
 def _descriptor(declaration: Declaration, kind: str) -> ParameterDescriptor:
@@ -124,7 +125,7 @@ def _descriptor(declaration: Declaration, kind: str) -> ParameterDescriptor:
         additional_constraints=_constraints(declaration),
         read_only=not declaration.live,
         # So that a wrong type comes to our own check, which answers in a sentence.
-        dynamic_typing=declaration.live,
+        dynamic_typing=bool(declaration.live),
     )
     finite = math.isfinite(declaration.lo) and math.isfinite(declaration.hi) and not declaration.optional
     if finite and kind == "float":

@@ -125,7 +125,7 @@ class Spoken:
     def _key_values(self) -> dict[str, float | str]:
         """Key values of the node and the loop, for diagnostics."""
         wire = self._wire
-        values: dict[str, float | str] = {"lifecycle": wire.state}
+        values: dict[str, float | str] = {"lifecycle": wire.state, **wire.parameter_values}
         if wire.driver is not None:
             statistics = wire.driver.statistics()
             values |= {name: getattr(statistics, name) for name in _OF_THE_LOOP}

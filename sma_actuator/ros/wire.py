@@ -97,6 +97,11 @@ class SmaActuatorNode(LifecycleNode):
         return self._parameters_of_wire.config
 
     @property
+    def parameter_values(self) -> dict[str, str]:
+        """What the status says of the parameters."""
+        return self._parameters_of_wire.key_values()
+
+    @property
     def state(self) -> str:
         """Of its life."""
         return str(self._state_machine.current_state[1])

@@ -26,19 +26,15 @@ class SafetyParameters:
         "1",
         0.01,
         0.99,
-        live=True,
-        stricter="higher",
+        live="higher",
     )
-    load_min: float = parameter(
-        -0.5, "load below which the load cell is implausible", "N", -1e4, 1e4, live=True, stricter="higher"
-    )
+    load_min: float = parameter(-0.5, "load below which the load cell is implausible", "N", -1e4, 1e4, live="higher")
     load_spike: float = parameter(
         description="change of load from one reading to the next that is a spike",
         unit="N",
         lo=1e-3,
         hi=1e5,
-        live=True,
-        stricter="lower",
+        live="lower",
     )
     channel_max_voltage: float = parameter(10.0, "voltage at which a DAQ channel saturates", "V", 0.01, 1e3)
     stuck_time: float = parameter(
@@ -47,8 +43,7 @@ class SafetyParameters:
         "s",
         0.05,
         3600.0,
-        live=True,
-        stricter="lower",
+        live="lower",
     )
     current_disagreement: float = parameter(
         0.02,
@@ -56,8 +51,7 @@ class SafetyParameters:
         "A",
         1e-4,
         5.0,
-        live=True,
-        stricter="lower",
+        live="lower",
     )
     voltage_disagreement: float = parameter(
         0.5,
@@ -66,20 +60,16 @@ class SafetyParameters:
         "V",
         1e-3,
         60.0,
-        live=True,
-        stricter="lower",
+        live="lower",
     )
-    disagreement_time: float = parameter(
-        0.5, "time such a difference must last", "s", 0.0, 60.0, live=True, stricter="lower"
-    )
+    disagreement_time: float = parameter(0.5, "time such a difference must last", "s", 0.0, 60.0, live="lower")
     least_noise: float = parameter(
         0.5,
         "share of the least noise that the load cell has had in this run below which it counts as dead; 0: never",
         "1",
         0.0,
         0.9,
-        live=True,
-        stricter="higher",
+        live="higher",
     )
     current_drift: float = parameter(
         0.015,
@@ -88,8 +78,7 @@ class SafetyParameters:
         "1",
         1e-3,
         1.0,
-        live=True,
-        stricter="lower",
+        live="lower",
     )
     voltage_drift: float = parameter(
         0.015,
@@ -97,11 +86,10 @@ class SafetyParameters:
         "1",
         1e-3,
         1.0,
-        live=True,
-        stricter="lower",
+        live="lower",
     )
     reading_timeout: float = parameter(
-        0.5, "age of the last good reading that is a fault", "s", 0.01, 60.0, live=True, stricter="lower"
+        0.5, "age of the last good reading that is a fault", "s", 0.01, 60.0, live="lower"
     )
     setpoint_flood_rate: float = parameter(
         1000.0,
@@ -109,8 +97,7 @@ class SafetyParameters:
         "Hz",
         1.0,
         1e6,
-        live=True,
-        stricter="lower",
+        live="lower",
     )
     stress_limit_fraction: float = parameter(
         0.9,
@@ -118,11 +105,10 @@ class SafetyParameters:
         "1",
         0.1,
         1.0,
-        live=True,
-        stricter="lower",
+        live="lower",
     )
     outside_calibration_time: float = parameter(
-        5.0, "time outside the model's calibration that is a fault", "s", 0.0, 3600.0, live=True, stricter="lower"
+        5.0, "time outside the model's calibration that is a fault", "s", 0.0, 3600.0, live="lower"
     )
 
 

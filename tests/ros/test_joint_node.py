@@ -10,7 +10,8 @@ from processes import SOON_s, wait_until
 pytest.importorskip("rclpy")
 
 from diagnostic_msgs.msg import DiagnosticStatus
-from rcl_interfaces.srv import ListParameters
+from rcl_interfaces.msg import Parameter, ParameterValue
+from rcl_interfaces.srv import ListParameters, SetParameters
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
@@ -90,6 +91,10 @@ def test_a_joint_is_turned_by_commands_and_a_fault_of_one_wire_switches_both_off
 
     answer = client.call("/joint/list_parameters", ListParameters)
     assert {"pulley_radius", "tension_limit"} <= set(answer.result.names)
+    longer = Parameter(name="joint_command_timeout", value=ParameterValue(type=3, double_value=5.0))
+    request = SetParameters.Request(parameters=[longer])
+    (result,) = client.call("/joint/set_parameters", SetParameters, request).results
+    assert not result.successful and "joint_command_timeout: 0.5 → 5 guards less" in result.reason
 
     commander.cancel()
     lost = status_of(client, "joint", lambda s: s.fault == "setpoint_stale")
@@ -127,6 +132,9 @@ def test_a_joint_is_turned_by_commands_and_a_fault_of_one_wire_switches_both_off
     wait_until(lambda: bench.current_A(0) == bench.current_A(1) == 0.0)
     for name in ("joint", *NAMES):
         assert status_of(client, name, lambda s: s.mode.value == "off").fault == ""
+    (result,) = client.call("/joint/set_parameters", SetParameters, request).results
+    assert result.successful, result.reason
+    status_of(client, "joint", lambda s: s.values.get("loosened") == "joint_command_timeout: 0.5 → 5")
     node.popen.send_signal(signal.SIGTERM)
     assert node.popen.wait(SOON_s) == 0
 

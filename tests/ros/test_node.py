@@ -280,7 +280,8 @@ class TestParameters:
         assert diameter.description == "diameter of the wire [m]"
         assert diameter.read_only and not kp.read_only and model.read_only
         assert (diameter.floating_point_range[0].from_value, diameter.floating_point_range[0].to_value) == (10e-6, 2e-3)
-        assert loss.additional_constraints == "one of hold, bias, off"
+        stricter = "while the output is on, it can only be made later in hold, bias, off"
+        assert loss.additional_constraints == f"one of hold, bias, off; {stricter}"
 
     def test_a_gain_changes_while_it_runs_and_a_whole_number_will_do(self, client_of_running_node):
         (result,) = _set(client_of_running_node, controller__kp=300)
@@ -289,6 +290,21 @@ class TestParameters:
             f"{ASKED}/get_parameters", GetParameters, GetParameters.Request(names=["controller.kp"])
         ).values[0]
         assert (value.type, value.double_value) == (3, 300.0)
+
+    def test_what_guards_less_than_the_node_began_with_is_shown_until_it_is_as_it_was(self, client_of_running_node):
+        """Here the output is off; while it is on, it is refused (test_node_parameters.py)."""
+        client = client_of_running_node
+        for value, shown in ((30.0, "safety.stuck_time: 2 → 30"), (2.0, None)):
+            (result,) = _set(client, safety__stuck_time=value)
+            assert result.successful, result.reason
+            _status(client, lambda s, shown=shown: s.values.get("loosened") == shown, name=ASKED)
+            client.next(
+                "/diagnostics",
+                DiagnosticArray,
+                lambda m, shown=shown: (
+                    m.status[0].name == ASKED and {v.key: v.value for v in m.status[0].values}.get("loosened") == shown
+                ),
+            )
 
     @pytest.mark.parametrize(
         ("name", "value", "sentence"),

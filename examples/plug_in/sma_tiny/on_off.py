@@ -15,7 +15,7 @@ class OnOffParameters(ControllerParameters):
     """The section ``controller`` with ``type: on_off``."""
 
     band: float = parameter(
-        1e-4, "distance from the setpoint within which nothing is switched", "m", 0.0, 1.0, live=True
+        1e-4, "distance from the setpoint within which nothing is switched", "m", 0.0, 1.0, live="either"
     )
 
     def build(self, sections: LawSections) -> OnOff:
