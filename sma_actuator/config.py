@@ -19,9 +19,11 @@ from sma_actuator.base.commands import NODE_NAME
 from sma_actuator.base.packed import unpacked
 from sma_actuator.base.parameter_file import files_beside, read_parameter_file, read_sections
 from sma_actuator.base.parameters import (
+    LONGEST_NAME,
     ConfigError,
     declaration_of,
     from_mapping,
+    longest,
     parameter,
     refuse,
     section,
@@ -62,8 +64,8 @@ class BenchConfig:
     wait_for_instruments: bool = parameter(
         True, "with autostart: look again while the instruments are not there; else the node ends with a sentence"
     )
-    joint_name: str = parameter("sma_joint", "name in the published JointState")
-    frame_id: str = parameter("sma_base", "frame of the published load")
+    joint_name: str = parameter("sma_joint", "name in the published JointState", hi=LONGEST_NAME)
+    frame_id: str = parameter("sma_base", "frame of the published load", hi=LONGEST_NAME)
     wire: Wire = section(Wire, "the wire")
     circuit: Circuit = section(Circuit, "measuring circuit")
     load_cell: LoadCell = section(LoadCell, "load cell calibration")
@@ -357,13 +359,11 @@ def _row(field: dataclasses.Field) -> str:
     if declaration.optional and (field.default in ("", ()) or field.default != field.default):
         default = "none"
     lo, hi = declaration.lo, declaration.hi
-    span = (
-        ", ".join(declaration.choices)
-        if declaration.choices
-        else ""
-        if math.isinf(lo) and math.isinf(hi)
-        else f"{lo:g} … {hi:g}"
-    )
+    span = "" if math.isinf(lo) and math.isinf(hi) else f"{lo:g} … {hi:g}"
+    if declaration.choices:
+        span = ", ".join(declaration.choices)
+    elif "str" in str(field.type):
+        span = f"{longest(declaration)} characters"
     unit = declaration.unit if declaration.unit != "1" else ""
     live = f"{declaration.live}, 0 least" if declaration.zero_is_never else declaration.live
     return f"| `{field.name}` | {default} | {unit} | {span} | {live} | {declaration.description} |"

@@ -19,6 +19,10 @@ from .registry import Registry
 _REQUIRED = object()
 _MOST_UNKNOWN = 20  #: unknown parameters of a section that are named
 _NOT_GIVEN = object()
+#: Characters of a text: PATH_MAX of Linux, as some name a file.
+LONGEST_LINE = 4096
+#: Characters of a name: NAME_MAX of Linux; topics of ROS 2 with a name in them have as many at the most.
+LONGEST_NAME = 255
 
 #: Whether a parameter may be changed while the wire is driven, and which way.  What bounds what a wrong command or
 #: reading may do, or for how long, guards: while current may flow it becomes only stricter.  So every live parameter
@@ -41,7 +45,7 @@ class Declaration:
     description: str
     unit: str = ""
     lo: float = -math.inf
-    hi: float = math.inf
+    hi: float = math.inf  #: of a text, how many characters it may have
     choices: tuple[str, ...] = ()
     live: Live = ""  #: whether it may be changed while the wire is driven, and then which value guards more
     optional: bool = False  #: NaN, "" or an empty list stand for "not given"
@@ -152,30 +156,39 @@ def check(name: str, value: Any, declaration: Declaration, kind: str) -> tuple[A
                 return value, problem
             items.append(converted)
         if not items and not declaration.optional:
-            return value, f"{name}: the list is empty; {_wanted(declaration)}"
+            return value, f"{name}: the list is empty; {_wanted(declaration, inner)}"
         return tuple(items), ""
+    if kind == "str":
+        return value, _problem_of_text(name, value, declaration)
     if kind == "bool":
         return (value, "") if isinstance(value, bool) else (value, f"{name}: {_shown(value)} is not true or false")
-    if kind == "str":
-        if not isinstance(value, str):
-            return value, f"{name}: {_shown(value)} is not text"
-        if not value.isprintable() and not declaration.choices:  # what is no choice says which there are
-            return (
-                value,
-                (
-                    f"{name}: {_shown(value)} holds what cannot be printed, as the end of a line; one line of text is "
-                    f"wanted"
-                ),
-            )
-        if declaration.choices and value not in declaration.choices and not (declaration.optional and value == ""):
-            return value, f"{name}: {_shown(value)} is not one of {', '.join(declaration.choices)}"
-        return value, ""
     return _check_number(name, value, declaration, kind)
+
+
+def _problem_of_text(name: str, value: Any, declaration: Declaration) -> str:
+    if not isinstance(value, str):
+        return f"{name}: {_shown(value)} is not text"
+    if declaration.optional and value == "":
+        return ""
+    if declaration.choices:
+        known = ", ".join(declaration.choices)
+        return "" if value in declaration.choices else f"{name}: {_shown(value)} is not one of {known}"
+    wanted = _wanted(declaration, "str")
+    if not value.isprintable():
+        return f"{name}: {_shown(value)} holds what cannot be printed, as the end of a line; {wanted}"
+    if not value.strip():
+        return f"{name}: is empty; {wanted}"
+    return f"{name}: {_shown(value)} is too long; {wanted}" if len(value) > longest(declaration) else ""
+
+
+def longest(declaration: Declaration) -> int:
+    """How many characters a text may have."""
+    return int(min(declaration.hi, LONGEST_LINE))
 
 
 def _check_number(name: str, value: Any, declaration: Declaration, kind: str) -> tuple[Any, str]:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        text = f"{name}: {_shown(value)} is not a number; {_wanted(declaration)}"
+        text = f"{name}: {_shown(value)} is not a number; {_wanted(declaration, kind)}"
         if isinstance(value, str) and _is_number(value):
             text += f" (YAML reads {value} as text: write it with a decimal point, 1.0e-6)"
         return value, text
@@ -187,10 +200,10 @@ def _check_number(name: str, value: Any, declaration: Declaration, kind: str) ->
         return number, ""
     if not (math.isfinite(number) and declaration.lo <= number <= declaration.hi):
         hint = f"; {declaration.hint}" if declaration.hint else ""
-        return value, f"{name}: {number:g} is outside its range; {_wanted(declaration)}{hint}"
+        return value, f"{name}: {number:g} is outside its range; {_wanted(declaration, kind)}{hint}"
     if kind == "int":
         if int(value) != value:
-            return value, f"{name}: {value!r} is not a whole number; {_wanted(declaration)}"
+            return value, f"{name}: {value!r} is not a whole number; {_wanted(declaration, kind)}"
         return int(value), ""
     return number, ""
 
@@ -205,9 +218,13 @@ def _brief(name: str) -> str:
     return name if len(name) <= 80 else f"{name[:60]}…"
 
 
-def _wanted(declaration: Declaration) -> str:
+def _wanted(declaration: Declaration, kind: str) -> str:
     if declaration.choices:
         return f"one of {', '.join(declaration.choices)} is wanted ({declaration.description})"
+    if "str" in kind:
+        return f"one line of at most {longest(declaration)} characters is wanted ({declaration.description})"
+    if kind == "bool":
+        return f"true or false is wanted ({declaration.description})"
     unit = f" {declaration.unit}" if declaration.unit not in ("", "1") else ""
     lo, hi = declaration.lo, declaration.hi
     if math.isinf(lo) and math.isinf(hi):
@@ -267,7 +284,7 @@ def from_mapping(cls: type, mapping: Mapping[str, Any], prefix: str = "") -> tup
             values[name], problem = check(f"{prefix}{name}", given, declaration_of(field), str(field.type))
             found = [problem] if problem else []
         elif _is_required(field):
-            found = [f"{prefix}{name}: missing; {_wanted(declaration_of(field))}"]
+            found = [f"{prefix}{name}: missing; {_wanted(declaration_of(field), str(field.type))}"]
         problems += found
     if problems:
         return None, problems

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from math import copysign, hypot, inf, isfinite, nan
 from typing import Any
 
-from sma_actuator.base.parameters import from_mapping, parameter, refuse, to_mapping
+from sma_actuator.base.parameters import LONGEST_NAME, from_mapping, parameter, refuse, to_mapping
 from sma_actuator.base.signals import JointEstimate
 
 #: Tension below which a wire counts as slack, and its displacement says nothing of the joint: some times a load cell's
@@ -53,9 +53,10 @@ SIGNS = (1.0, -1.0)
 class PairParameters:
     """A joint that two wires turn."""
 
-    joint_name: str = parameter("sma_joint", "name in the published JointState")
+    joint_name: str = parameter("sma_joint", "name in the published JointState", hi=LONGEST_NAME)
     wires: tuple[str, ...] = parameter(
-        description="names of the two wires' nodes; as the first contracts, the joint turns to positive angles"
+        description="names of the two wires' nodes; as the first contracts, the joint turns to positive angles",
+        hi=LONGEST_NAME,
     )
     pulley_radius: float = parameter(
         description="radius of the pulley", unit="m", lo=1e-4, hi=1.0, hint="metres are wanted: 4 mm is 0.004"

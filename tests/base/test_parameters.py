@@ -1,13 +1,23 @@
 """A parameter is checked as it was declared, and every refusal names it and says what would be right."""
 
 import math
+import re
 from dataclasses import dataclass
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sma_actuator.base.parameters import Declaration, check, from_mapping, parameter, to_mapping, typed_section, walk
+from sma_actuator.base.parameters import (
+    LONGEST_NAME,
+    Declaration,
+    check,
+    from_mapping,
+    parameter,
+    to_mapping,
+    typed_section,
+    walk,
+)
 from sma_actuator.base.registry import Registry
 
 LENGTH = Declaration("length of the wire", "m", 0.0, 1.0)
@@ -38,12 +48,42 @@ ANYTHING = st.one_of(
         ("abc", "tuple[str, ...]", "a: 'abc' is not a list"),
         (1, "bool", "a: 1 is not true or false"),
         (1, "str", "a: 1 is not text"),
-        ("a\nb", "str", "a: 'a\\nb' holds what cannot be printed, as the end of a line; one line of text is wanted"),
-        ("a\0", "str", "a: 'a\\x00' holds what cannot be printed, as the end of a line; one line of text is wanted"),
+        ("a\nb", "str", "a: 'a\\nb' holds what cannot be printed, as the end of a line; one line of at most"),
+        ("a\0", "str", "a: 'a\\x00' holds what cannot be printed, as the end of a line; one line of at most"),
     ],
 )
 def test_a_wrong_value_is_refused_with_its_name_and_what_is_wanted(value, kind, words):
     assert words in check("a", value, LENGTH, kind)[1]
+
+
+NAME = Declaration("name of the joint", hi=LONGEST_NAME)
+
+
+@pytest.mark.parametrize(
+    "value", ["", " ", "\n", "joint\r", "joint\0", "\ud800", "j" * 256, "j" * 5000, None, ["joint"]]
+)
+def test_a_name_is_one_line_that_says_something_and_has_a_length(value):
+    problem = check("joint_name", value, NAME, "str")[1]
+    assert re.match("joint_name: (is empty|.* is too long|.* cannot be printed.*|.* is not text)", problem)
+    assert (
+        value is None
+        or type(value) is list
+        or problem.endswith("one line of at most 255 characters is wanted (name of the joint)")
+    )
+    assert len(problem) < 250
+    assert check("joint_name", "j" * 255, NAME, "str") == ("j" * 255, "")
+
+
+def test_a_name_that_is_not_given_is_asked_for_as_text():
+    @dataclass(frozen=True)
+    class Named:
+        name: "str" = parameter(description="name of the joint")
+        goes: "bool" = parameter(description="it goes")
+
+    assert from_mapping(Named, {})[1] == [
+        "name: missing; one line of at most 4096 characters is wanted (name of the joint)",
+        "goes: missing; true or false is wanted (it goes)",
+    ]
 
 
 @given(ANYTHING, st.sampled_from(["float", "int", "bool", "str", "tuple[float, ...]", "tuple[str, ...]"]))

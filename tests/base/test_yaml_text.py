@@ -5,7 +5,8 @@ import time
 
 import pytest
 
-from sma_actuator.base.parameters import ConfigError
+from sma_actuator.base.parameters import ConfigError, walk
+from sma_actuator.base.share import shared_file
 from sma_actuator.base.yaml_text import DEEPEST_LEVEL, LONGEST_TEXT, parse_yaml, read_yaml
 from sma_actuator.config import Config
 from sma_actuator.diagnosis.forward.wire import read_wire
@@ -111,6 +112,20 @@ def test_only_a_list_is_a_list(make_config, value):
 def test_a_name_is_one_line_that_can_be_printed(make_config, name):
     with pytest.raises(ConfigError, match=r"^joint_name: .* holds what cannot be printed"):
         Config.from_mapping(make_config(joint_name=name))
+
+
+TEXTS = sorted(
+    name
+    for name, _, declared, kind in walk(Config.load(shared_file("config/flexinol.yaml")))
+    if kind == "str" and not declared.choices and not name.endswith(".type")
+)
+
+
+@pytest.mark.parametrize("value", ["\r", "x" * 5000, ["x"]], ids=["a line's end", "long", "list"])
+@pytest.mark.parametrize("name", TEXTS)
+def test_every_text_of_the_parameters_is_one_line_that_somebody_may_read(make_config, name, value):
+    with pytest.raises(ConfigError, match=rf"^{name}: .{{1,300}}$"):
+        Config.from_mapping(make_config(**{name: value}))
 
 
 def test_a_file_of_the_longest_length_is_read_within_seconds():
