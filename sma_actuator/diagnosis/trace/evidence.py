@@ -8,6 +8,7 @@ weighted by how well they repeated there; that one needs no model: a spring is s
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -71,9 +72,20 @@ class Evidence:
         if self.beyond_floor:
             found.take_typical(self.predict({}))
         else:
-            judgements, kept = zip(*self._judgements(self.chain({})), strict=True)
-            found.take_floor(judgements, kept)
+            found.take_floor(*self._where({}))
         return found
+
+    def _where(self, effects: Mapping[str, Effect]) -> tuple[list[Judged], list[np.ndarray | slice]]:
+        """What a chain with some effects makes of every log, and which samples of it count."""
+        judgements, kept = zip(*self._judgements(self.chain(effects)), strict=True)
+        return list(judgements), list(kept)
+
+    def held_where(self, effects: Mapping[str, Effect]) -> Evidence:
+        """The same logs, with the floor of where the wire was if these effects have happened."""
+        out = copy.copy(self)
+        out.of_displacement = copy.copy(self.of_displacement)
+        out.of_displacement.take_floor(*self._where(effects))
+        return out
 
     def _rows(self) -> None:
         """Which unit each row of the residual belongs to, and its weight."""
@@ -153,16 +165,16 @@ class Evidence:
         """What the reference sensor should show of every log by the model as it is, if the load were so many times
         less."""
         chain, out = self.chain({}), []
-        for signals, kept in self.logs.seen:
-            chain.reset() if self.logs.one_session else chain.begin_session()
+        for (signals, kept), begins in zip(self.logs.seen, self.logs.begins, strict=True):
+            chain.begin_session() if begins else chain.reset()
             load_N, stress_Pa = signals.load_N / lighter, signals.stress_Pa / lighter
             out.append(chain.judge(dataclasses.replace(signals, load_N=load_N, stress_Pa=stress_Pa)).shown_m[kept])
         return out
 
     def _judgements(self, chain: Chain) -> Iterator[tuple[Judged, np.ndarray | slice]]:
         """What a chain makes of every log, and which samples of it count."""
-        for signals, kept in self.logs.seen:
-            chain.reset() if self.logs.one_session else chain.begin_session()
+        for (signals, kept), begins in zip(self.logs.seen, self.logs.begins, strict=True):
+            chain.begin_session() if begins else chain.reset()
             yield chain.judge(signals), kept
 
     def residual(self, effects: Mapping[str, Effect]) -> np.ndarray:

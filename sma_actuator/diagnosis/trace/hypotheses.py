@@ -178,6 +178,12 @@ def singles(
     return list(_tried(rows, [((*beside, c), known) for c in candidates], jobs, progress, "effects"))
 
 
+def again(rows: Rows, found: Sequence[Hypothesis], jobs: int, progress: Progress) -> list[Hypothesis]:
+    """Effects that were found by other rows of the same logs, from where they were likeliest there."""
+    calls = [(one.fitted.candidates, one.fitted.values) for one in found]
+    return list(_tried(rows, calls, jobs, progress, "effects again"))
+
+
 def _tried(rows: Rows, calls: Sequence[tuple], jobs: int, progress: Progress, what: str) -> Iterator[Hypothesis]:
     """:meth:`Rows.effects` with each of some arguments."""
     with spread(jobs) as run:

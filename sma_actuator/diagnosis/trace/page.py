@@ -192,10 +192,10 @@ def _some(n: int) -> slice:
 def _residual(page: Page, evidence: Evidence, tracing: Tracing) -> None:
     drawing, axes = figure(1, 1, width_in=10.0)
     ax = axes[0, 0]
-    offset_s = 0.0
+    offset_s, one_session = 0.0, len(evidence.logs.sessions) == 1
     for i, experiment in enumerate(evidence.logs.experiments):
         time_s = experiment.signals.time_s - (
-            evidence.logs.start_s if evidence.logs.one_session else experiment.signals.time_s[0] - offset_s
+            evidence.logs.start_s if one_session else experiment.signals.time_s[0] - offset_s
         )
         offset_s = float(time_s[-1]) * 1.02
         few = _some(len(time_s))
@@ -203,9 +203,7 @@ def _residual(page: Page, evidence: Evidence, tracing: Tracing) -> None:
             error_m = evidence.logs.measured_m[i] - tracing.predictions[which][i].shown_m
             label = style["label"] if i == 0 else None
             ax.plot(time_s[few], error_m[few] * _MM, lw=0.7, color=style["color"], label=label)
-    ax.set(
-        xlabel="time [s]" + ("" if evidence.logs.one_session else ", log after log"), ylabel="measured − estimated [mm]"
-    )
+    ax.set(xlabel="time [s]" + ("" if one_session else ", log after log"), ylabel="measured − estimated [mm]")
     ax.legend()
     page.figure(drawing, "What the model leaves over time, before and after what was found.", zoom=True)
 

@@ -25,14 +25,16 @@ COMPARED = 4_000  #: … and so many of them at the most are compared with the m
 
 
 class Prepared:
-    """Logs of one wire, in the order of their clocks.
+    """Logs of one wire: of one session in the order of their clocks, else as they are given, session after session.
 
     Raises BenchLogError: no reference, another wire, a channel that does not move, less than a cycle.
     """
 
     def __init__(self, logs: Sequence[BenchLog], config: Config, chain: Callable[[], Chain]):
         """``chain``: makes a chain of the model as it is, which drops what it cannot judge."""
-        logs = sorted(logs, key=lambda log: float(log["time_s"][0]))
+        by_clock = sorted(logs, key=lambda log: float(log["time_s"][0]))
+        if all(log["time_s"][0] > before["time_s"][-1] for before, log in itertools.pairwise(by_clock)):
+            logs = by_clock
         thin = max(1, math.ceil(sum(map(len, logs)) / LARGEST))
         whole = [piece for log in logs for piece in sessions(make_experiment(log, config))]
         good = [_judged(experiment, chain()) for experiment in whole]
@@ -54,10 +56,10 @@ class Prepared:
         self.seen = [_thinned(experiment, rows, thin) for experiment, rows in zip(whole, good, strict=True)]
         #: Displacement by the reference sensor, of every log.
         self.measured_m = [np.ascontiguousarray(t.displacement_m) for t in self.experiments]
-        starts = [t.signals.time_s[0] for t in self.experiments]
-        ends = [t.signals.time_s[-1] for t in self.experiments]
-        #: One session where the logs follow each other on one clock; else each log is one.
-        self.one_session = all(end < start for end, start in zip(ends, starts[1:], strict=False))
+        starts = [float(t.signals.time_s[0]) for t in self.experiments]
+        ends = [float(t.signals.time_s[-1]) for t in self.experiments]
+        #: Of every log, whether a session begins with it; else its clock goes on from the one before it.
+        self.begins = [i == 0 or start <= ends[i - 1] for i, start in enumerate(starts)]
         every = max(1, math.ceil(sum(map(len, self.measured_m)) / COMPARED))
         #: Samples of every log that a residual is made of: neighbours say the same.
         self.compared = [np.arange(every // 2, len(m), every) for m in self.measured_m]
@@ -95,12 +97,16 @@ class Prepared:
         return float(self.experiments[0].signals.time_s[0])
 
     @property
+    def sessions(self) -> list[list[int]]:
+        """Numbers of the logs of each session."""
+        number = np.cumsum(self.begins)
+        return [[int(i) for i in np.flatnonzero(number == k)] for k in range(1, int(number[-1]) + 1)]
+
+    @property
     def duration_s(self) -> float:
         """Length of the longest session."""
-        first, last = self.experiments[0].signals.time_s[0], self.experiments[-1].signals.time_s[-1]
-        return (
-            float(last - first) if self.one_session else max(float(np.ptp(t.signals.time_s)) for t in self.experiments)
-        )
+        time_s = [t.signals.time_s for t in self.experiments]
+        return max(float(time_s[on[-1]][-1] - time_s[on[0]][0]) for on in self.sessions)
 
 
 def _judged(experiment: Experiment, chain: Chain) -> np.ndarray:

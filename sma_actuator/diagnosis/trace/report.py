@@ -43,7 +43,7 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
     out: dict[str, Any] = {
         "verdict": tracing.verdict,
         "sentence": sentence(tracing, left.depends, alternatives) + _trained_first(evidence.changed_percent),
-        "effects": _effects(evidence, tracing),
+        "effects": _effects(tracing),
         "alternatives": alternatives,
         "names": tracing.names,
         "probable": tracing.probabilities.by_name,
@@ -62,7 +62,7 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
         # Every unit weighs the same.
         "news_before_pct_stroke": float(tracing.news_percent["before"].mean()),
         "news_after_pct_stroke": float(tracing.news_percent["after"].mean()),
-        "floor_pct_stroke": evidence.floor_percent,
+        "floor_pct_stroke": tracing.evidence.floor_percent,
         "excess_explained": tracing.share,
         "loss_after_over_calibration": _ratio(float(tracing.losses["after"].mean()), tracing.expected_loss),
         "floor_from_calibration": bool(evidence.calibration.known),
@@ -70,12 +70,12 @@ def summary(evidence: Evidence, tracing: Tracing, model_file: Path | None = None
         "residual_before": _anatomy(at_first),
         "residual_after": _anatomy(left),
         "notes": []
-        if evidence.logs.one_session or len(evidence.logs.experiments) == 1
+        if len(evidence.logs.sessions) == 1
         else [
             (
-                "the logs do not follow each other on one clock: each counts as a session, and what changes from one "
-                "to the next (a slip, a drift) cannot show; where they are one session, let time_s go on from log to "
-                "log"
+                f"these logs are {len(evidence.logs.sessions)} sessions, each where the clock does not go on from the "
+                "log before it: what changes from one to the next (a slip, a drift) cannot show; where they are one, "
+                "let time_s go on from log to log"
             )
         ],
         "model_file": str(model_file) if model_file else None,
@@ -230,11 +230,11 @@ def _witnesses(tracing: Tracing) -> list[dict[str, Any]]:
     return out
 
 
-def _effects(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
+def _effects(tracing: Tracing) -> list[dict[str, Any]]:
     if tracing.fit is None or tracing.verdict != "traced":
         return []
     found = tracing.fit
-    shares = _shares(evidence, tracing)
+    shares = _shares(tracing)
     out = []
     for name in found.names:
         declared = {f.name: declaration_of(f) for f in dataclasses.fields(EFFECTS[name])}  # type: ignore[arg-type]
@@ -261,11 +261,12 @@ def _effects(evidence: Evidence, tracing: Tracing) -> list[dict[str, Any]]:
     return out
 
 
-def _shares(evidence: Evidence, tracing: Tracing) -> dict[str, float]:
+def _shares(tracing: Tracing) -> dict[str, float]:
     """What each effect takes off the excess loss: of several, what is lost when it alone is left out of the fit."""
     found = tracing.chosen.fitted
     if len(found.candidates) == 1:
         return {found.candidates[0].name: float(tracing.share)}
+    evidence = tracing.evidence
     all_, covariance = evidence.losses(found.rows).mean(), Rows(evidence).usual
     lost = {}
     for c in found.candidates:

@@ -15,7 +15,7 @@ from sma_actuator.logs.errors import BenchLogError
 from .candidates import Candidate, candidate, scales_of, untestable
 from .evidence import Evidence
 from .fitting import Fit, fit_of
-from .hypotheses import Hypothesis, Progress, Rows, pairs, singles
+from .hypotheses import Hypothesis, Progress, Rows, again, pairs, singles
 from .limits import LIMITS
 from .probability import NO_NAMES, Probabilities, weighed
 from .witnesses import Prediction
@@ -27,6 +27,7 @@ MOST_MISSING = 3  #: effects that a model may lack from its beginning; many toge
 class Tracing:
     """The result."""
 
+    evidence: Evidence  #: the logs, as they were held against what is usual in the end
     verdict: str  #: none, traced or unexplained
     names: list[str]  #: the smallest set of names among which what has happened is probably enough, where traced
     probabilities: Probabilities
@@ -85,10 +86,12 @@ def trace(
     if evidence.beyond_floor and not only:
         weighed_before = _lacking(rows, candidates, jobs, progress)
     elif only:
-        together = rows.effects(candidates)
+        rows, (together,) = _held_where_it_was(rows, [rows.effects(candidates)], jobs, progress)
         weighed_before = [*_without_a_name(rows, [together]), (1.0 - LIMITS.nothing - LIMITS.rare, together)]
     else:
-        weighed_before = _all(rows, candidates, jobs, progress)
+        alone = singles(rows, candidates, jobs, progress)
+        rows, alone = _held_where_it_was(rows, alone, jobs, progress)
+        weighed_before = _all(rows, alone, jobs, progress)
     beside = [n for n in explain if n not in {c.name for c in candidates} and n not in reasons]
     scales = scales_of(evidence)
     reasons |= untestable(beside, scales)
@@ -116,9 +119,23 @@ def _without_a_name(rows: Rows, alone: Sequence[Hypothesis]) -> list[tuple[float
     return found
 
 
-def _all(rows: Rows, candidates: Sequence[Candidate], jobs: int, progress: Progress) -> list[tuple[float, Hypothesis]]:
+def _held_where_it_was(
+    rows: Rows, alone: Sequence[Hypothesis], jobs: int, progress: Progress
+) -> tuple[Rows, list[Hypothesis]]:
+    """The same effects, held against the floor of where the wire was by the likeliest of them.
+
+    How far a model is usually off depends on the place, and what has happened may make it mistake that: a resistance
+    that is off by a lead has the floor of another one.  All are held against the same floor, so none can buy its rest.
+    """
+    best = max(alone, key=lambda one: -np.inf if one.why_none else one.log_evidence, default=None)
+    if best is None or best.why_none or best.log_evidence < rows.nothing().log_evidence:
+        return rows, list(alone)
+    rows = Rows(rows.evidence.held_where(best.fitted.effects))
+    return rows, again(rows, alone, jobs, progress)
+
+
+def _all(rows: Rows, alone: Sequence[Hypothesis], jobs: int, progress: Progress) -> list[tuple[float, Hypothesis]]:
     """Everything, each with its probability before the logs."""
-    alone = singles(rows, candidates, jobs, progress)
     each = (1.0 - LIMITS.nothing - 2.0 * LIMITS.rare) / max(len(alone), 1)
     return [*_without_a_name(rows, alone), *((each, one) for one in alone), *pairs(rows, alone, jobs, progress)]
 
@@ -164,6 +181,7 @@ def _concluded(
         names = [n for n in probabilities.best if n not in NO_NAMES]
         verdict = "traced" if names else "none"
     result = Tracing(
+        evidence=evidence,
         verdict=verdict,
         names=names,
         probabilities=probabilities,

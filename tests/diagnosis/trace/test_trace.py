@@ -498,13 +498,34 @@ def test_the_proposed_experiment_tells_two_explanations_apart(clean):
     assert found.duration_s > 0.0
 
 
+def test_the_floor_is_that_of_the_place_where_the_wire_was(wire, config, clean):
+    """And not of the one where a lead error makes the model believe it was: there it may be much surer of itself."""
+    evidence = Evidence(session(wire[0], {"lead_resistance": 0.05}), config)
+    true = evidence.held_where({"lead_resistance": EFFECTS["lead_resistance"](resistance=0.05)})
+    mistaken_m, true_m, usual_m = (np.concatenate(e.of_displacement.floor_m) for e in (evidence, true, clean))
+    assert np.abs(true_m / usual_m - 1.0).mean() < 0.2 * np.abs(mistaken_m / usual_m - 1.0).mean()
+    found = trace(evidence, only=["lead_resistance"], jobs=1)
+    held_m = np.concatenate(found.evidence.of_displacement.floor_m)
+    assert np.abs(held_m / true_m - 1.0).mean() < 0.02  # a branch that turns a sample earlier moves few
+
+
 def test_logs_with_clocks_of_their_own_are_sessions_of_their_own(wire, config):
     logs = session(wire[0])
     restarted = [
         dataclasses.replace(log, columns={**log.columns, "time_s": log["time_s"] - log["time_s"][0]}) for log in logs
     ]
-    assert Evidence(logs, config).logs.one_session
-    assert not Evidence(restarted, config).logs.one_session
+    assert Evidence(logs[::-1], config).logs.sessions == [[0, 1]]  # in the order of their clock
+    assert Evidence(restarted, config).logs.sessions == [[0], [1]]
+
+
+def test_several_sessions_of_several_logs_are_told_by_their_clocks(wire, config):
+    """A slip is one time after each session began, and not after each log did."""
+    logs = session(wire[0])
+    found = Evidence([*logs, *logs], config)
+    assert found.logs.sessions == [[0, 1], [2, 3]]
+    begin_s = [float(p.elapsed_s[0]) for p in found.predict({})]
+    assert begin_s[0] == begin_s[2] == 0.0 < begin_s[1] == begin_s[3]
+    assert found.logs.duration_s == Evidence(logs, config).logs.duration_s
 
 
 # --- bad input -----------------------------------------------------------------------------------

@@ -55,10 +55,7 @@ class Residual:
         self.row_names = np.zeros(len(self.row_units), dtype=int)
 
     def take_floor(self, judgements: Sequence[Judged], kept: Sequence[np.ndarray | slice]) -> None:
-        """Mean absolute size of what is left beside what is expected [m], of every sample compared.
-
-        That of the model as it is, whatever effect is looked for: all candidates are held against the same measure.
-        """
+        """Mean absolute size of what is left beside what is expected [m], of every sample compared."""
         self.floor_m = []
         for i, (p, here_kept, rows) in enumerate(zip(judgements, kept, self.logs.compared, strict=True)):
             here = np.arange(len(p.time_s))[here_kept][rows]

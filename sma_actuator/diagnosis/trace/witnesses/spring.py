@@ -51,9 +51,8 @@ class Springs:
 
 def _springs(logs: Prepared) -> list[list[int]]:
     """Numbers of the logs in which the wire pulls a spring; those of one session together."""
-    every = list(range(len(logs.experiments)))
     found = []
-    for on in [every] if logs.one_session else [[i] for i in every]:
+    for on in logs.sessions:
         load_N = np.concatenate([logs.experiments[i].signals.load_N for i in on])
         measured_m = np.concatenate([logs.measured_m[i] for i in on])
         changes = np.subtract(*np.percentile(load_N, (99.0, 1.0))) > LOADS_DIFFER * abs(np.median(load_N))
