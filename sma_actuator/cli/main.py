@@ -16,7 +16,7 @@ import os
 import signal
 import sys
 
-from sma_actuator.base.errors import UserError
+from sma_actuator.base.errors import UserError, printable
 from sma_actuator.base.interrupts import asking_signals, raised_signals
 from sma_actuator.base.streams import keep_standard_streams
 
@@ -128,9 +128,18 @@ def run(args: argparse.Namespace) -> int:
         return 141
     except BaseException as error:
         if (number := _interrupted_by(error)) is None:
+            if isinstance(error, OSError) and error.errno and not args.verbose:
+                print(f"sma-actuator {args.command}: {_denied(error)}", file=sys.stderr)
+                return 1
             raise
         print(f"sma-actuator {args.command}: interrupted", file=sys.stderr)
         return 128 + number
+
+
+def _denied(error: OSError) -> str:
+    """What the operating system refused, as a folder that cannot be made or a disk that is full."""
+    words = f"{error.filename}: {error.strerror}" if error.filename is not None else f"{error.strerror}"
+    return f"{printable(words)} (-v: where)"
 
 
 def _interrupted_by(error: BaseException | None) -> int | None:

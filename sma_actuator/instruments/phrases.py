@@ -17,8 +17,9 @@ from typing import Any, Self
 
 #: What stands in for the placeholders when a file is checked.
 _TRIAL = {"channel": 1, "value": 0.5, "channels": "101,102", "samples": 50, "readings": 100}
-#: How a value is to be written, with a width that no line has, or one that is a value itself.
-_TOO_WIDE = re.compile(r"\d{3}|[{}]")
+#: How a value may be written: sign, zeros, width and decimals that a line has, and a kind that instruments read; no
+#: percent, no marks between thousands.
+_WRITTEN = re.compile(r"[+-]?0?\d{0,2}(\.\d{1,2})?[deEfgG]?", re.ASCII)
 _YES = {"on", "yes", "true"}
 _YAMLS_WORDS = {True: "yes", False: "no"}  #: what YAML makes of the bare words as keys
 _NO = {"off", "no", "false"}  #: not the empty answer: it proves nothing
@@ -246,14 +247,20 @@ def _wrong_placeholders(name: str, texts: tuple[str, ...], allowed: Collection[s
     """The placeholders that stand in texts; what is wrong with them goes to ``problems``."""
     seen: set[str] = set()
     for text in texts:
+        if not text.isprintable():
+            problems.append(f"{name}: {text!r} holds what cannot be printed, as the end of a line; one line is wanted")
         try:
-            parsed = [(field, how or "") for _, field, how, _ in string.Formatter().parse(text) if field is not None]
+            parsed = [
+                (field, f"!{turned}" if turned else how or "")
+                for _, field, how, turned in string.Formatter().parse(text)
+                if field is not None
+            ]
         except ValueError as error:
             problems.append(f"{name}: '{text}' cannot be filled in ({error})")
             continue
         used = {field for field, _ in parsed}
         for field, how in parsed:
-            if _TOO_WIDE.search(how):
+            if not _WRITTEN.fullmatch(how):
                 problems.append(
                     f"{name}: '{{{field}:{how}}}' is no way to write a number; one as {{{field}:.3f}} is wanted"
                 )

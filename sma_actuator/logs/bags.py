@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from sma_actuator.base.errors import named
 from sma_actuator.base.parameters import ConfigError
 
 from .bench_log import COLUMNS, BenchLog, log_of
@@ -101,8 +102,7 @@ def _series(
     for column, (topic, _) in wanted.items():
         if topic not in present:
             raise BenchLogError(
-                f"{path}: topic {topic} (for {column}) is not recorded; recorded are "
-                f"{', '.join(sorted(present)) or 'none'}"
+                f"{path}: topic {topic} (for {column}) is not recorded; recorded are {named(sorted(present)) or 'none'}"
             )
     connections = [c for c in reader.connections if c.topic in {topic for topic, _ in wanted.values()}]
     for connection, stamp_ns, raw in reader.messages(connections=connections):
@@ -131,7 +131,7 @@ def _log_of_signals(reader: Any, path: Path) -> BenchLog:
     ]
     topics = sorted({c.topic for c in connections})
     if len(topics) != 1:
-        recorded = ", ".join(sorted({c.topic for c in reader.connections})) or "none"
+        recorded = named(sorted({c.topic for c in reader.connections})) or "none"
         what = f"{len(topics)} nodes' signals are" if topics else "no node's ~/signals is"
         raise BenchLogError(
             f"{path}: {what} recorded (recorded are {recorded}); name a topic for every column, as "

@@ -19,6 +19,7 @@ from typing import IO, Any, Protocol
 
 import numpy as np
 
+from sma_actuator.base.errors import named
 from sma_actuator.base.sections import SupplyParameters
 from sma_actuator.base.signals import Reading, Signals
 from sma_actuator.estimation.circuit import CircuitSections, signals_from_reading, without_undriven
@@ -384,7 +385,7 @@ def _missing_column(alternatives: tuple[str, ...], log: BenchLog) -> str:
     if near:
         written = next(u for u in unknown if u.lower() == near[0][0])
         return f"column {near[0][1]} is missing; '{written}' is near it, rename it if it is that, in that unit"
-    return f"column {wanted} is missing (or holds no number); found {', '.join(log.columns)}"
+    return f"column {wanted} is missing (or holds no number); found {named(log.columns)}"
 
 
 def _missing_electrical(log: BenchLog) -> str:

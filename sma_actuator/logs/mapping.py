@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from sma_actuator.base.errors import named
 from sma_actuator.base.yaml_text import read_yaml, yaml_of
 
 from .bench_log import COLUMNS, ELECTRICAL, LOAD, REFERENCE
@@ -185,7 +186,7 @@ class ColumnMap:
             others = f" (or {', '.join(repr(n) for n in found[1:])})" if len(found) > 1 else ""
             words.append(f"--map '{ours}={found[0]}'{unit}{others}")
         raise BenchLogError(
-            f"{table.source}: line 1: the columns are {', '.join(table.columns)}; say which is which, perhaps: "
+            f"{table.source}: line 1: the columns are {named(table.columns)}; say which is which, perhaps: "
             f"{' '.join(words)}"
         )
 

@@ -16,9 +16,11 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
+
+from sma_actuator.base.errors import named, one_line
 
 from .errors import BenchLogError
 from .fields import (
@@ -38,6 +40,9 @@ CHUNK_BYTES = 8_000_000
 #: That a log may take in memory, whatever it takes on disk: an hour of forty columns at 800 Hz.  Looked at before it is
 #: read, for a few bytes can stand for any number of numbers in every format that packs.
 LARGEST_B = 1_000_000_000
+#: What any file may stand for, and how many times its own size one that stands for more: measured numbers pack to a
+#: third of what they take, those of few digits and columns that stand still to a tenth.
+SMALL_B, MOST_TIMES = 50_000_000, 100
 #: What was asked of the actuator or happened to it before its row, in words; text, where all others are numbers.
 EVENT_COLUMN = "event"
 _SEPARATORS = (b",", b";", b"\t")
@@ -67,11 +72,22 @@ class Table:
         default_factory=dict
     )  #: columns of text, with one of them, or "" of what was not read
 
+    def __post_init__(self) -> None:
+        # Names and words of others: none of them commands the terminal on which they are shown.
+        self._set("columns", {one_line(name): column for name, column in self.columns.items()})
+        self._set("units", {one_line(name): one_line(unit) for name, unit in self.units.items()})
+        self._set("texts", {row: one_line(text) for row, text in self.texts.items()})
+        self._set("notes", tuple(map(one_line, self.notes)))
+        self._set("left_out", {one_line(name): one_line(text) for name, text in self.left_out.items()})
+
+    def _set(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name, value)
+
 
 def holds_text(left_out: Mapping[str, str]) -> str:
     """What to say of columns that were wanted as numbers: each by its name, and such as what."""
     shown = {name: f" such as '{text.strip()[:40]}'" if text else "" for name, text in left_out.items()}
-    return ", ".join(f"'{name}' holds text{such}" for name, such in shown.items())
+    return named(f"'{name}' holds text{such}" for name, such in shown.items())
 
 
 def refuse_larger(path: Path, size_B: float) -> None:
@@ -80,10 +96,16 @@ def refuse_larger(path: Path, size_B: float) -> None:
         raise BenchLogError(
             f"{path}: takes more than {LARGEST_B / 1e9:g} GB where it is unpacked; cut the log into parts"
         )
+    if size_B > max(SMALL_B, MOST_TIMES * path.stat().st_size):
+        raise BenchLogError(
+            f"{path}: {path.stat().st_size} bytes that stand for {size_B / 1e6:.0f} MB; no log packs so well"
+        )
 
 
 def read_text(path: Path, progress: Progress | None = None) -> Table:
     """The table of a text file.  Raises BenchLogError naming file, line and column."""
+    if path.exists() and not path.is_file():  # a pipe would be awaited, a device never ends
+        raise BenchLogError(f"{path}: is no file; a log (CSV) is wanted")
     try:
         with path.open("rb") as raw:
             return _parse(_as_utf8(raw, path), path, progress)
@@ -278,6 +300,10 @@ def _parse(stream: BinaryIO, path: Path, progress: Progress | None) -> Table:
         end = len(block) < CHUNK_BYTES
         block = rest + block
         cut = len(block) if end else block.rfind(b"\n") + 1
+        if len(block) - cut > _LONGEST_LINE_B:
+            raise BenchLogError(
+                f"{path}: has a line of more than {_LONGEST_LINE_B // 1_000_000} MB; a log (CSV) is wanted"
+            )
         block, rest = block[:cut], block[cut:]
         parsed = parser.parse(block, row=filled)
         parsed[np.abs(parsed) >= _OVERFLOW] = np.nan

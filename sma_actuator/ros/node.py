@@ -24,12 +24,11 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 
 import rclpy
-from rclpy.exceptions import InvalidNodeNameException
+from rclpy.exceptions import NameValidationException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
-from rclpy.validate_node_name import validate_node_name
 
-from sma_actuator.base.commands import NODE_NAME
+from sma_actuator.base.commands import NODE_NAME, NODES_NAMES, is_node_name
 from sma_actuator.base.interrupts import noted_signals
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.streams import keep_standard_streams, unblockable_streams
@@ -84,6 +83,8 @@ def main(arguments: list[str] | None = None) -> int:
                 time.sleep(SIGNAL_INTERVAL_s)  # a signal does not end a sleep; it need not, it is short
         except ConfigError as error:
             fatal += error.problems
+        except NameValidationException as error:  # of a node that ROS 2 renames
+            fatal.append(f"--ros-args: {str(error).splitlines()[0]} {NODES_NAMES}")
         finally:
             sentences = list(fatal)  # what comes after this is a consequence of ending
             sentences += _stop(nodes, joints, threads, switch)
@@ -97,6 +98,8 @@ def begin_ros(arguments: list[str]) -> None:
 
     Raises ConfigError where ROS 2 does not understand the arguments.
     """
+    if broken := [argument for argument in arguments if not _is_text(argument)]:
+        raise ConfigError(f"--ros-args: {broken[0]!r} is no text")
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except rclpy_implementation.UnknownROSArgsError as error:
@@ -112,6 +115,11 @@ def begin_ros(arguments: list[str]) -> None:
         rclpy.try_shutdown()
         without = ["--ros-args", *arguments[1:], "--disable-external-lib-logs"]
         rclpy.init(args=without, signal_handler_options=SignalHandlerOptions.NO)
+
+
+def _is_text(argument: str) -> bool:
+    """Whether it can be written as UTF-8, which bytes of a file's name that are none cannot."""
+    return argument == argument.encode(errors="ignore").decode()
 
 
 def named(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str], list[str]]:
@@ -135,13 +143,8 @@ def named(arguments: list[str]) -> tuple[ros_arguments.RosArguments, list[str], 
     args = parser.parse_args(ros.user)
     names = [*args.nodes, *args.joints]
     for name in names:
-        try:
-            validate_node_name(name)
-        except InvalidNodeNameException:
-            raise ConfigError(
-                f"--nodes, --joints: {name[:60]!r} is no name of a node: letters, digits and _ are wanted, no digit "
-                "first, 255 characters at the most"
-            ) from None
+        if not is_node_name(name):
+            raise ConfigError(f"--nodes, --joints: {name[:60]!r} is no name of a node: {NODES_NAMES}")
     if len(set(names)) != len(names):
         raise ConfigError(f"--nodes, --joints: a name stands twice in {', '.join(names)}")
     if len(names) > 1 and ros.renames_node:

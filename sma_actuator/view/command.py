@@ -12,7 +12,7 @@ import socket
 import time
 from pathlib import Path
 
-from sma_actuator.base.commands import NODE_NAME
+from sma_actuator.base.commands import NODE_NAME, namespace, node_name
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import Interrupts, noted_signals
 from sma_actuator.base.options import number_within
@@ -33,11 +33,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--node",
         nargs="+",
+        type=node_name,
         default=[NODE_NAME],
         metavar="NAME",
         help=f"names of nodes, of wires and of joints, a tab for each (default {NODE_NAME})",
     )
-    parser.add_argument("--namespace", default="/", metavar="NS", help="namespace of the nodes (default %(default)s)")
+    parser.add_argument(
+        "--namespace", type=namespace, default="/", metavar="NS", help="namespace of the nodes (default %(default)s)"
+    )
     parser.add_argument(
         "--port", type=number_within(0, 65535, int), default=PORT, help="0: any that is free (default %(default)s)"
     )
@@ -65,8 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Serve until a signal comes; 0 then."""
     host = _address(args.host)
-    names = dict.fromkeys(name.strip("/") for name in args.node)
-    nodes = ["/".join(["", *filter(None, [args.namespace.strip("/"), name])]) for name in names]
+    nodes = [f"{args.namespace.rstrip('/')}/{name}" for name in dict.fromkeys(args.node)]
     try:
         (_run_foxglove if args.foxglove else _run_page)(nodes, host, args)
     except ModuleNotFoundError as error:

@@ -11,6 +11,7 @@ import sys
 
 import pytest
 
+from sma_actuator.base.share import shared_file
 from sma_actuator.cli.main import COMMANDS, main
 
 
@@ -50,6 +51,30 @@ def test_what_a_user_can_mend_is_one_sentence_and_code_1(words, sentence, capsys
     assert code == 1
     assert sentence in error
     assert "Traceback" not in error
+
+
+@pytest.mark.parametrize("command", [["watch"], ["stop"], ["status"], ["call", "tare_load"], ["view"]])
+@pytest.mark.parametrize("name", ["a b", "", "/", "9", "a//b", "a" * 201, "a\n", "\x1b[2J", "\udcff"])
+def test_a_name_that_no_node_has_is_refused_before_ros_is_joined(command, name, capsys):
+    for option in ("--node", "--namespace"):
+        if option == "--namespace" and not name.strip("/"):
+            continue  # which is the usual one
+        with pytest.raises(SystemExit) as ended:
+            main([*command, option, name])
+        error = capsys.readouterr().err
+        assert ended.value.code == 2 and "\x1b" not in error
+        assert "letters, digits and _ are wanted, no digit first, 200 characters at the most" in error
+
+
+def test_what_the_system_refuses_is_a_sentence_and_with_v_says_where(flexinol, tmp_path, capsys):
+    """Here a file where a folder is wanted; as well a disk that is full, or a folder of another user."""
+    (tmp_path / "file").touch()
+    log, config = flexinol.folder / "pulses_0.600N.csv", shared_file("config/flexinol.yaml")
+    words = ["replay", str(log), "--config", str(config), "--csv", str(tmp_path / "file" / "a.csv")]
+    assert main(words) == 1
+    assert f"sma-actuator replay: {tmp_path / 'file'}: " in capsys.readouterr().err
+    with pytest.raises(OSError):
+        main([*words, "-v"])
 
 
 def sma_actuator(*words, **environment):

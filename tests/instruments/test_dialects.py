@@ -347,10 +347,16 @@ def test_an_unknown_dialect_names_its_neighbour():
         (lambda d: d["commands"].update(set_current="CURR {value:{nothing}}"), "set_current: .* is no way to write a"),
         (lambda d: d.update(identity="a{99999999999999}"), "identity: a regular expression"),
         (lambda d: d.update(identity="(" * 5000), "identity: a regular expression"),
-        (lambda d: d["commands"].update(set_current="CURR {value:.4q}"), "commands.set_current: .*cannot be filled in"),
+        *(
+            (
+                lambda d, way=way: d["commands"].update(set_current=f"CURR {{value{way}}},(@{{channel}})"),
+                r"set_current: '\{value:.*\}' is no way to write a",
+            )
+            for way in (":.4q", ":%", ":,", ":_", ":n", "!r", "!a:>9", ":*^9", ":٣", ":s")
+        ),
         (
-            lambda d: d["commands"].update(set_current="CURR {value:.4q},(@{channel})"),
-            "set_current: .*cannot be filled in",
+            lambda d: d["commands"].update(set_current="CURR {value:.4f}\nOUTP ON"),
+            "set_current: .* holds what cannot be printed",
         ),
         (lambda d: d["commands"].update(clear_trips=["CLE", 7]), "commands.clear_trips: .* is neither"),
         (lambda d: d["commands"].update(clear_trips=["CLE", ""]), "commands.clear_trips: .* is neither"),

@@ -1,15 +1,19 @@
 """Files of a few bytes that stand for gigabytes are refused before they are unpacked, whatever their format."""
 
+import os
 import re
 import struct
 import tracemalloc
 import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from sma_actuator.cli.main import main
 from sma_actuator.logs import tables
 from sma_actuator.logs.bags import log_from_bag
+from sma_actuator.logs.bench_log import check_bench_log, read_bench_log
 from sma_actuator.logs.errors import BenchLogError
 from sma_actuator.logs.formats import read_table
 
@@ -103,6 +107,99 @@ def test_what_takes_more_memory_than_a_log_may_is_refused_before_it_is_unpacked(
         assert tracemalloc.get_traced_memory()[1] < 4 * NUMBERS
     finally:
         tracemalloc.stop()
+
+
+def wide_styles(path):
+    plain = path.with_name("styled.xlsx")
+    excel(plain, b"")
+    with zipfile.ZipFile(plain) as old, zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as new:
+        for each in old.infolist():
+            text = old.read(each)
+            if each.filename == "xl/styles.xml":
+                text = re.sub(rb"(<cellXfs[^>]*>)", rb"\1" + b"<xf/>" * 2_000_000, text)
+            new.writestr(each, text)
+
+
+def test_styles_of_a_workbook_are_counted_as_the_objects_that_they_become(tmp_path):
+    """Not packed at all, 10 MB of them, and 1.3 GB as openpyxl reads them."""
+    wide_styles(tmp_path / "a.xlsx")
+    with pytest.raises(BenchLogError, match=r"a\.xlsx: takes more than 1 GB"):
+        read_table(tmp_path / "a.xlsx")
+
+
+SMALL = [
+    (hdf5, ".h5"), (hdf5_chunk, ".h5"), (matlab, ".mat"), (parquet, ".parquet"), (excel_blanks, ".xlsx"),
+    (blank_lines, ".csv"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("write", "ending"), SMALL, ids=[write.__name__ for write, _ in SMALL])
+def test_a_few_bytes_do_not_stand_for_a_large_log(tmp_path, monkeypatch, write, ending):
+    """Below what a log may take, and yet hundreds of times what the file has."""
+    path = tmp_path / f"bomb{ending}"
+    write(path)
+    monkeypatch.setattr(tables, "SMALL_B", BOUND_B)
+    with pytest.raises(BenchLogError, match=r"bomb\.\w+: \d+ bytes that stand for \d+ MB; no log packs so well"):
+        read_table(path)
+
+
+def test_measured_numbers_that_are_packed_are_read(tmp_path, monkeypatch):
+    """Those of a converter of 12 bits, beside a column that stands still, as well as gzip packs them."""
+    h5py = pytest.importorskip("h5py")
+    noise = np.random.default_rng(1).normal(size=100_000)
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        for name, values in {
+            "time_s": np.arange(1e5),
+            "R": np.round(4000 + noise) / 1000,
+            "I": np.full(100_000, 0.05),
+        }.items():
+            file.create_dataset(name, data=values, chunks=(1000,), compression="gzip", shuffle=True, compression_opts=9)
+    monkeypatch.setattr(tables, "SMALL_B", 0)
+    times = 2_400_000 / (tmp_path / "a.h5").stat().st_size
+    assert list(read_table(tmp_path / "a.h5").columns) == ["I", "R", "time_s"] and times > 4.0
+
+
+def test_a_line_without_an_end_is_refused_and_not_kept(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("time_s,R\n1,2\n")
+    with path.open("r+b") as file:
+        file.truncate(200_000_000)  # zeros that take no room on the disk
+    tracemalloc.start()
+    try:
+        with pytest.raises(BenchLogError, match=r"a\.csv: has a line of more than 1 MB"):
+            read_table(path)
+        assert tracemalloc.get_traced_memory()[1] < 60_000_000
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("place", ["pipe", "device"])
+def test_what_is_no_file_is_not_waited_for(tmp_path, place):
+    path = tmp_path / "a.csv" if place == "pipe" else Path("/dev/zero")
+    if place == "pipe":
+        os.mkfifo(path)
+    with pytest.raises(BenchLogError, match="is no file; a log"):
+        read_table(path)
+
+
+def test_names_and_words_of_a_file_do_not_command_the_terminal(tmp_path, capsys):
+    path = tmp_path / "a.csv"
+    rows = "".join(f"{k},2,[/x]\x1b[2J\n" for k in range(20))
+    path.write_text("time_s,\x1b]0;mine\x07,[/bold]\x1b[31m\n" + rows, newline="")
+    table = read_table(path)
+    assert list(table.columns) == ["time_s", r"\x1b]0;mine\x07"]
+    assert table.notes == (r"column '[/bold]\x1b[31m' holds text and is left out",)
+    assert main(["check-log", str(path)]) == 1
+    said = "".join(capsys.readouterr())
+    assert r"\x1b]0;mine\x07" in said and "\x1b" not in said
+
+
+def test_a_file_of_thousands_of_columns_has_twenty_of_them_named(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(",".join(f"c{k}" + 99 * "c" for k in range(1000)) + "\n" + ",".join(1000 * "1") + "\n")
+    with pytest.raises(BenchLogError, match=r"found c0c+… \(101 characters\), c1c.* and 980 more") as refused:
+        check_bench_log(read_bench_log(path))
+    assert len(str(refused.value)) < 3000
 
 
 def test_matlabs_structures_are_read_as_ever(tmp_path):

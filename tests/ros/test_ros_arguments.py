@@ -1,5 +1,8 @@
 """Parameter files and -p are read before rclpy sees them, so that nothing in them is lost."""
 
+import subprocess
+import sys
+
 import pytest
 
 from sma_actuator.base import parameter_file
@@ -93,7 +96,7 @@ def test_what_cannot_be_read_is_refused_in_a_sentence(arguments, sentence):
     assert sentence in str(refusal.value)
 
 
-@pytest.mark.parametrize("name", ["a-b", "9a", "a b", "a\nb", "", "a" * 300, "Ω", "a/b"])
+@pytest.mark.parametrize("name", ["a-b", "9a", "a b", "a\nb", "", "a" * 201, "Ω", "a/b", "\udcff"])
 def test_a_name_that_ros_does_not_allow_gets_a_sentence(name):
     pytest.importorskip("rclpy")
     from sma_actuator.ros.node import named
@@ -108,6 +111,7 @@ def test_a_name_that_ros_does_not_allow_gets_a_sentence(name):
         (["-r", "__node:=a-b"], "ROS 2 refuses them: Couldn't parse remap rule: '-r __node:=a-b'"),
         (["-r", "__ns:=9/a"], "ROS 2 refuses them: Couldn't parse remap rule: '-r __ns:=9/a'"),
         (["--log-level", "much"], "ROS 2 refuses them: Couldn't parse log level: '--log-level much'"),
+        (["-r", "__node:=\udcff"], "'__node:=.udcff' is no text"),
         (["--nonsense"], r"ROS 2 does not know \['--nonsense'\]"),
     ],
 )
@@ -117,6 +121,17 @@ def test_arguments_that_ros_does_not_understand_get_a_sentence(arguments, senten
 
     with pytest.raises(ConfigError, match=sentence):
         begin_ros(["--ros-args", *arguments])
+
+
+def test_a_name_too_long_for_the_topics_of_a_node_gets_a_sentence():
+    pytest.importorskip("rclpy")
+    file = shared_file("config/flexinol.yaml")
+    named = ["-r", f"__node:={'a' * 240}", "--params-file", str(file)]
+    code = "import sys; from sma_actuator.ros.node import main; sys.exit(main(sys.argv[1:]))"
+    arguments = [sys.executable, "-c", code, "--ros-args", *named]
+    ended = subprocess.run(arguments, capture_output=True, text=True, timeout=60)
+    assert ended.returncode == 1 and "Traceback" not in ended.stderr
+    assert "sma_actuator_node: --ros-args: Invalid service name" in ended.stderr
 
 
 def test_sixteen_coils_with_their_tables_stand_in_one_file_that_is_read_once(file, monkeypatch):

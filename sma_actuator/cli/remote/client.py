@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from sma_actuator.base.commands import NODE_NAME, as_commands
+from sma_actuator.base.commands import NODE_NAME, as_commands, namespace, node_name
 from sma_actuator.base.errors import UserError
 from sma_actuator.base.interrupts import Interrupts, noted_signals
 from sma_actuator.base.options import number_within
@@ -31,8 +31,12 @@ _TURN_s = 0.01  #: a signal, and a service that is found, are looked for this of
 
 def add_node_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare which node is meant, and how long it may take to answer."""
-    parser.add_argument("--node", default=NODE_NAME, metavar="NAME", help="name of the node (default %(default)s)")
-    parser.add_argument("--namespace", default="/", metavar="NS", help="namespace of the node (default %(default)s)")
+    parser.add_argument(
+        "--node", type=node_name, default=NODE_NAME, metavar="NAME", help="name of the node (default %(default)s)"
+    )
+    parser.add_argument(
+        "--namespace", type=namespace, default="/", metavar="NS", help="namespace of the node (default %(default)s)"
+    )
     parser.add_argument(
         "--patience",
         type=number_within(0.0),
@@ -46,7 +50,7 @@ class Named:
     """The node that the options of a command name."""
 
     def __init__(self, args: argparse.Namespace):
-        self.name, self.namespace = args.node.strip("/"), "/" + args.namespace.strip("/")
+        self.name, self.namespace = args.node, args.namespace
         self.full_name = f"{self.namespace.rstrip('/')}/{self.name}"
 
     @property
