@@ -13,7 +13,6 @@ from sma_actuator.control.law import ControlLaw, SensingLaw
 from sma_actuator.control.tuning import Sample
 from sma_actuator.estimation.chain import Chain
 from sma_actuator.estimation.ends import Ends
-from sma_actuator.estimation.models.whole_range import TIME_CONSTANT_s, WholeRangeCoefficients
 from sma_actuator.safety.guards.setpoints import no_motion, setpoint_stale
 from sma_actuator.safety.limits import (
     CURRENT_BIAS,
@@ -23,7 +22,7 @@ from sma_actuator.safety.limits import (
     SETPOINT_RATE,
     SETPOINT_REACH,
 )
-from sma_actuator.safety.reach import BEYOND_K, Lag, Needed, Reach
+from sma_actuator.safety.reach import BEYOND_K, Needed, Reach
 from sma_actuator.safety.records import Limit
 from sma_actuator.safety.supervisor import Supervisor
 
@@ -66,9 +65,7 @@ class Following:
         self._ends = Ends(config, chain.displacement_range_m, chain.knows_the_ends)
         self.short_m, self.long_m = chain.displacement_range_m  #: where it can be held at its load and limits
         self._beyond = ""  #: at which end the setpoint is held
-        self._reach = Reach(
-            config.wire.full_stroke_m, config.thermal.heat_capacity / config.thermal.heat_loss, _lag_of(config.model)
-        )
+        self._reach = Reach(config.wire.full_stroke_m, config.thermal.balance)
         self._controlled_s = nan  #: when the law was last stepped
 
     def update(self, config: Config) -> None:
@@ -193,10 +190,3 @@ class Following:
         if controller.at_bias:
             limits.add(CURRENT_BIAS)
         return wanted_A
-
-
-def _lag_of(model: object) -> Lag | None:
-    """What a model knows of surroundings that warm up with the wire; None where it knows of none."""
-    if not isinstance(model, WholeRangeCoefficients) or not model.near_surroundings[0] > 0.0:
-        return None
-    return Lag(model.thermal[TIME_CONSTANT_s], *model.near_surroundings)

@@ -9,6 +9,7 @@ from functools import cached_property
 from math import nan
 from typing import Any
 
+from .balance import Balance
 from .parameters import parameter, section
 
 #: The over-voltage trip sits this much above the compliance voltage, so that noise does not trip it.
@@ -284,6 +285,14 @@ class ThermalParameters:
         1000.0,
         live="higher",
     )
+    near_share: float = parameter(
+        0.0,
+        "share of the wire's rise that near surroundings which warm up with it take in balance: a tube, a coating",
+        "1",
+        0.0,
+        0.9,
+    )
+    near_time: float = parameter(1.0, "time constant with which they follow the wire", "s", 1e-3, 1e4)
     ambient_temperature: float = parameter(
         24.0, "temperature of the surroundings where none is measured", "°C", -60.0, 100.0, live="higher"
     )
@@ -325,3 +334,8 @@ class ThermalParameters:
     max_temperature: float = parameter(
         200.0, "temperature that the wire must never have", "°C", 40.0, 400.0, live="lower"
     )
+
+    @property
+    def balance(self) -> Balance:
+        """By what the wire's temperature follows its power."""
+        return Balance(self.heat_capacity / self.heat_loss, self.near_share, self.near_time)

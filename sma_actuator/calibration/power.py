@@ -2,8 +2,8 @@
 
 With the share X of the stroke (0 contracted, 1 cold) and λ the latent heat over the heat capacity, the balance
 ``C dT/dt = P − h (T − T_ambient) + λ C dX/dt`` has the solution ``T = u + λ (X − X̄)``, where u and X̄ are
-``P/h + T_ambient`` and X through the wire's thermal lag.  On either branch the temperature is a curve of X, shifted in
-proportion to the stress, so that the curves, the shifts and λ come out of one linear fit.
+``P/h + T_ambient`` and X through the wire's thermal lag, near surroundings and all.  On either branch the temperature
+is a curve of X, shifted in proportion to the stress, so that the curves, the shifts and λ come out of one linear fit.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
+from sma_actuator.base.balance import followed
 from sma_actuator.base.calibration import Calibration, PowerSection
 from sma_actuator.base.sections import ThermalParameters
 from sma_actuator.base.signals import Signals
 from sma_actuator.config import Config
-from sma_actuator.estimation.lag import lagged
 from sma_actuator.logs.experiments import Experiment
 
 SHARES = np.linspace(0.0, 1.0, 11)  #: where the curves have a value, between them they are straight
@@ -48,13 +48,12 @@ def learn(experiments: Sequence[Experiment], config: Config, calibration: Calibr
         signals = experiment.signals
         share = _share(experiment, calibration)
         settled_C = _settled_C(signals, signals.power_W, thermal)
-        lag_s = thermal.heat_capacity / thermal.heat_loss
-        warm_C, slow = (lagged(signals.time_s, v, lag_s) for v in (settled_C, share))
+        warm_C, fresh = _lagged(signals.time_s, settled_C, share, thermal)
         rate_1_s = np.gradient(share, signals.time_s)
         inside = (share > 0.03) & (share < 0.97) & np.isfinite(experiment.stress_Pa + warm_C + share)
         for branch, moving in enumerate((rate_1_s > _MOVES_1_s, rate_1_s < -_MOVES_1_s)):
             here = inside & moving & (experiment.driven if branch else ~experiment.driven)
-            rows.append(_rows(branch, share[here], experiment.stress_Pa[here], (share - slow)[here]))
+            rows.append(_rows(branch, share[here], experiment.stress_Pa[here], fresh[here]))
             wanted.append(warm_C[here])
     if not rows:
         return PowerSection()
@@ -138,16 +137,15 @@ def warmer_K(
     And how far ahead of its thermal lag the share of the stroke was, which says how much of that rests on the latent
     heat.  ``heat_W``: what heats it.
     """
-    lag_s = thermal.heat_capacity / thermal.heat_loss
     settled_C = _settled_C(signals, heat_W, thermal)
-    warm_C, slow = (lagged(signals.time_s, v, lag_s) for v in (settled_C, share))
+    warm_C, fresh = _lagged(signals.time_s, settled_C, share, thermal)
     places = np.linspace(0.0, 1.0, len(curves.transformation_heating))
     warmer, ahead = np.empty(len(found)), np.empty(len(found))
     for i, (heating, rows) in enumerate(found):
         curve_C = curves.transformation_heating if heating else curves.transformation_cooling
         there_C = np.interp(share[rows], places, curve_C)
         there_C = there_C + curves.transformation_shift[heating] * signals.stress_Pa[rows]
-        ahead[i] = np.mean((share - slow)[rows])
+        ahead[i] = np.mean(fresh[rows])
         warmer[i] = np.mean(warm_C[rows] - there_C) + curves.latent_rise * ahead[i]
     return warmer, ahead
 
@@ -157,6 +155,17 @@ def _settled_C(signals: Signals, heat_W: np.ndarray, thermal: ThermalParameters)
     read_C = np.broadcast_to(signals.ambient_temperature_C, np.shape(signals.time_s))
     settled_C = np.where(np.isfinite(read_C), read_C, thermal.ambient_temperature)
     return settled_C + np.nan_to_num(heat_W) / thermal.heat_loss
+
+
+def _lagged(
+    time_s: np.ndarray, settled_C: np.ndarray, share: np.ndarray, thermal: ThermalParameters
+) -> tuple[np.ndarray, np.ndarray]:
+    """u [°C] and X − X̄ of a log."""
+    nothing = np.zeros(len(time_s))
+    return (
+        followed(time_s, settled_C, nothing, thermal.balance),
+        followed(time_s, nothing, share, thermal.balance),
+    )
 
 
 def _rows(branch: int, share: np.ndarray, stress_Pa: np.ndarray, latent: np.ndarray) -> np.ndarray:

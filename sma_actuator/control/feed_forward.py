@@ -207,7 +207,7 @@ class FeedForwardPid(PidController):
             self._paced_m, self.paced = setpoint_m, False
             return setpoint_m
         per_share_J = self.heat.capacity_J_K * (self.heat.latent_K - self.wanted.slope_K)
-        lost_W = self.heat.loss_W_K * (self.heat.temperature_C - self.heat.ambient_C)
+        lost_W = self.heat.loses_W(self.heat.temperature_C)
         current_A = self.bias_A if setpoint_m > self._paced_m else limit_A
         rate_1_s = abs(lost_W - self.heat.resistance_Ohm * current_A**2) / per_share_J
         most_m = PACE_MARGIN * rate_1_s * self.heat.stroke_m * dt_s

@@ -14,6 +14,7 @@ from math import exp, inf, isfinite, nan, sqrt
 
 import numpy as np
 
+from sma_actuator.base.balance import gains
 from sma_actuator.base.signals import Estimate, Signals
 
 from .law import LawSections
@@ -103,10 +104,12 @@ class Heat:
         thermal = sections.thermal
         self._calibration = sections.calibration
         self.loss_W_K, self.capacity_J_K = thermal.heat_loss, thermal.heat_capacity
+        self._balance = thermal.balance
         self.update(sections)
         self.latent_K = sections.calibration.power.latent_rise
         self.temperature_C = self.ambient_C = thermal.ambient_temperature
         self.content_C = nan  #: the heat content, as the temperature that goes with it at no share of the stroke
+        self.near_K = 0.0  #: how warm its near surroundings are
         self.share = 1.0
         self.load(0.0)
         self.resistance_Ohm = nan
@@ -148,19 +151,30 @@ class Heat:
             self.share = min(max(self.share_at(estimate.displacement_m), 0.0), 1.0)
         step_s = signals.time_s - self._time_s
         self._time_s = signals.time_s
+        power_W = max(0.0, signals.power_W)
         if not isfinite(self.content_C):
-            self.content_C = self._settles_C(max(0.0, signals.power_W))
+            rise_K = power_W / self.loss_W_K
+            self.content_C = self.ambient_C + rise_K - self.latent_K * self.share
+            self.near_K = self._balance.near_share * rise_K
         elif step_s > 0.0:
-            self.content_C = self.after_C(self.content_C, max(0.0, signals.power_W), step_s)
+            wire_K, near_K = self._gains_K(self.content_C, power_W, step_s)
+            self.content_C += wire_K
+            self.near_K += near_K
         self.temperature_C = self.content_C + self.latent_K * self.share
 
-    def _settles_C(self, power_W: float) -> float:
-        return self.ambient_C + power_W / self.loss_W_K - self.latent_K * self.share
-
     def after_C(self, content_C: float, power_W: float, step_s: float) -> float:
-        """What a heat content has become of after a time with a power, where the wire is now."""
-        settles_C = self._settles_C(power_W)
-        return settles_C + (content_C - settles_C) * exp(-step_s * self.loss_W_K / self.capacity_J_K)
+        """What a heat content has become of after a time with a power, where the wire is now and as warm as it is
+        there."""
+        return content_C + self._gains_K(content_C, power_W, step_s)[0]
+
+    def _gains_K(self, content_C: float, power_W: float, step_s: float) -> tuple[float, float]:
+        rise_K = content_C + self.latent_K * self.share - self.ambient_C
+        return gains(rise_K, self.near_K, power_W / self.loss_W_K, step_s, *self._balance)
+
+    def loses_W(self, temperature_C: float) -> float:
+        """What the wire loses at a temperature, as warm as it is around it now."""
+        rise_K = temperature_C - self.ambient_C - self.near_K
+        return self.loss_W_K * rise_K / (1.0 - self._balance.near_share)
 
     def share_at(self, position_m: float) -> float:
         """Which share of the stroke a position is at the present stress."""
@@ -173,7 +187,7 @@ class Heat:
 
     def holds_A(self, temperature_C: float, rate_K_s: float = 0.0) -> float:
         """The current that holds a temperature, and changes it at a rate."""
-        power_W = self.loss_W_K * (temperature_C - self.ambient_C) + self.capacity_J_K * rate_K_s
+        power_W = self.loses_W(temperature_C) + self.capacity_J_K * rate_K_s
         return sqrt(max(power_W, 0.0) / self.resistance_Ohm)
 
 

@@ -15,6 +15,8 @@ from __future__ import annotations
 from math import expm1, inf, isfinite, nan
 from typing import NamedTuple
 
+from sma_actuator.base.balance import Balance, gains
+
 #: Time without motion that counts, and the same in the wire's thermal time constants: the longer of the two.
 PATIENCE_s, PATIENCE_TIMES = 0.8, 0.3
 #: Share of the full stroke that is motion, and the distance from the setpoint at which it is wanted.
@@ -43,24 +45,15 @@ class Needed(NamedTuple):
     latent_W: float  #: the same for the rise that the latent heat of the whole stroke would make
 
 
-class Lag(NamedTuple):
-    """How a wire's rise follows its power: by itself, and with near surroundings that take a share of it."""
-
-    time_constant_s: float
-    near_share: float = 0.0
-    near_s: float = 1.0
-
-
 class Reach:
     """Follows how the wire follows; ``floor_m`` is the shortest setpoint that makes sense now."""
 
-    def __init__(self, full_stroke_m: float, thermal_time_constant_s: float, lag: Lag | None = None):
-        """``lag``: what is known of it beyond the time constant."""
-        self._lag = lag or Lag(thermal_time_constant_s)
+    def __init__(self, full_stroke_m: float, balance: Balance):
+        self._balance = balance
         self._motion_m = MOTION * full_stroke_m
         self._back_off_m = BACK_OFF * full_stroke_m
-        self._time_constant_s = thermal_time_constant_s
-        self._patience_s = max(PATIENCE_s, PATIENCE_TIMES * thermal_time_constant_s)
+        self._time_constant_s = balance.time_constant_s
+        self._patience_s = max(PATIENCE_s, PATIENCE_TIMES * balance.time_constant_s)
         self._held_W = 0.0  #: the power that would hold the present temperature, of a wire that began cold
         self._near_W = 0.0  #: so much of it the near surroundings hold
         self._slow_share = nan  #: of the stroke, through the same lag
@@ -110,10 +103,9 @@ class Reach:
         """Keep the heat balance; whether the wire is hotter than a heating one is where it seems to be."""
         dt_s = max(now_s - self._now_s, 0.0) if isfinite(self._now_s) else 0.0
         self._now_s = now_s
-        own = 1.0 - self._lag.near_share
-        gained = -expm1(-dt_s / (own * self._lag.time_constant_s))
-        self._held_W += gained * (own * power_W - (self._held_W - self._near_W))
-        self._near_W -= expm1(-dt_s / self._lag.near_s) * (self._lag.near_share * self._held_W - self._near_W)
+        wire_W, near_W = gains(self._held_W, self._near_W, power_W, dt_s, *self._balance)
+        self._held_W += wire_W
+        self._near_W += near_W
         if heat is None or not isfinite(heat.share):
             return False
         if not isfinite(self._slow_share):

@@ -1,5 +1,6 @@
 """Landing: a wire that is heated to a setpoint that has jumped gets the heat that it takes there, and no more."""
 
+import dataclasses
 import math
 
 import pytest
@@ -64,6 +65,19 @@ def test_a_wire_that_is_heated_far_gets_what_it_lacks_over_its_next_period_and_a
     power_W += thermal.heat_loss * (heat.temperature_C - 24.0)
     assert limit_A == pytest.approx(math.sqrt(power_W / 4.8))
     assert limit_A > 2.0 * config.supply.max_current
+
+
+def test_what_holds_a_wire_in_a_tube_becomes_less_as_the_tube_warms_up(config):
+    """At first it loses its heat to a cool tube, and 2.5 times as much of it; in the end as in the open."""
+    thermal = dataclasses.replace(config.thermal, near_share=0.6, near_time=4.0)
+    landing = Landing(dataclasses.replace(config, thermal=thermal))
+    sensed(landing, 0.0, 0.0)
+    heat, needed_W = landing.heat, thermal.heat_loss * (60.0 - 24.0)
+    assert heat.resistance_Ohm * heat.holds_A(60.0) ** 2 == pytest.approx(needed_W / (1.0 - 0.6))
+    for i in range(1, 1200):
+        sensed(landing, i * DT_s, heat.resistance_Ohm * heat.holds_A(60.0) ** 2)
+    assert heat.temperature_C == pytest.approx(60.0, abs=0.1)
+    assert heat.resistance_Ohm * heat.holds_A(60.0) ** 2 == pytest.approx(needed_W, rel=0.01)
 
 
 @pytest.mark.parametrize("power_W", [1.0, 3.0])

@@ -4,9 +4,10 @@ import math
 
 import pytest
 
+from sma_actuator.base.balance import Balance
 from sma_actuator.safety.guards.setpoints import no_motion
 from sma_actuator.safety.limits import SETPOINT_REACH
-from sma_actuator.safety.reach import BACK_OFF, Lag, Needed, Reach
+from sma_actuator.safety.reach import BACK_OFF, Needed, Reach
 
 STROKE_m, TAU_s, STEP_s = 4e-3, 2.0, 0.05
 FULL_W = 0.8
@@ -18,7 +19,7 @@ class Wire:
     """A wire that stands where it is put, and a `Reach` that looks at it."""
 
     def __init__(self, position_m=2e-3, tau_s=TAU_s):
-        self.reach = Reach(STROKE_m, tau_s)
+        self.reach = Reach(STROKE_m, Balance(tau_s))
         self.now_s, self.position_m, self.load_N = 0.0, position_m, 1.0
 
     def run(self, seconds, wanted_m=1e-3, power_W=FULL_W, at_max=True, at_limit=True, heat=HALF_WAY):
@@ -215,7 +216,7 @@ def test_what_heats_the_leads_is_no_heat_of_the_wire(make_rig, monkeypatch):
 def test_a_wire_in_a_tube_that_is_still_warming_up_is_at_no_end():
     """After eight seconds of power a bare wire is as warm as it gets; in a tube of 64 % it is not for eighteen."""
     bare, sleeved = Wire(), Wire()
-    sleeved.reach = Reach(STROKE_m, TAU_s, Lag(TAU_s, near_share=0.64, near_s=2.0 * TAU_s))
+    sleeved.reach = Reach(STROKE_m, Balance(TAU_s, near_share=0.64, near_s=2.0 * TAU_s))
     assert bare.run(8.0, heat=None) > -math.inf
     assert sleeved.run(8.0, heat=None) == -math.inf
     assert sleeved.run(30.0, heat=None) > -math.inf

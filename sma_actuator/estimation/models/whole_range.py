@@ -32,6 +32,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sma_actuator.base.balance import gains
 from sma_actuator.base.jit import jit
 from sma_actuator.base.parameters import parameter
 from sma_actuator.base.sections import ThermalParameters, Wire
@@ -153,11 +154,18 @@ def features(
     """
     step = max(time - state[_TIME], 0.0)
     temperature = state[_HEAT] + thermal[LATENT_K_Ohm] * state[_RESISTANCE] + thermal[LATENT_K] * state[_SHARE]
-    rise = temperature - ambient
-    loss = (1.0 + thermal[LOSS_GROWTH_1_K] * max(rise, 0.0)) / (1.0 - thermal[NEAR_SHARE])
-    gained = 1.0 - exp(-step * loss / thermal[TIME_CONSTANT_s])
-    state[_HEAT] += gained * (power / thermal[HEAT_LOSS_W_K] / loss - (rise - state[_NEAR]))
-    state[_NEAR] += (1.0 - exp(-step / thermal[NEAR_TIME_s])) * (thermal[NEAR_SHARE] * rise - state[_NEAR])
+    wire, near = gains(
+        temperature - ambient,
+        state[_NEAR],
+        power / thermal[HEAT_LOSS_W_K],
+        step,
+        thermal[TIME_CONSTANT_s],
+        thermal[NEAR_SHARE],
+        thermal[NEAR_TIME_s],
+        thermal[LOSS_GROWTH_1_K],
+    )
+    state[_HEAT] += wire
+    state[_NEAR] += near
     state[_TIME] = time
     state[_RESISTANCE] = resistance
     apparent = state[_HEAT] + thermal[APPARENT_K_Ohm] * resistance
@@ -604,6 +612,14 @@ class WholeRangeCoefficients:
         return WholeRangeModel(self)
 
 
+def known_of(thermal: ThermalParameters) -> np.ndarray:
+    """What is known of a wire before the model sees a log: of such wires, and of its own near surroundings."""
+    known = KNOWN.copy()
+    if thermal.near_share > 0.0:
+        known[NEAR:] = thermal.near_share, thermal.near_time * thermal.heat_loss / thermal.heat_capacity
+    return known
+
+
 def thermal_numbers(known: np.ndarray, thermal: ThermalParameters, span_Ohm: float) -> np.ndarray:
     """The heat balance for the kernels, from numbers in units of what is known; ``span_Ohm``: range of the
     resistance."""
@@ -625,5 +641,5 @@ def thermal_numbers(known: np.ndarray, thermal: ThermalParameters, span_Ohm: flo
 
 
 def usual_heat_balance(thermal: ThermalParameters, span_Ohm: float) -> np.ndarray:
-    """The heat balance as far as it is known of such wires before a log is seen."""
-    return thermal_numbers(KNOWN, thermal, span_Ohm)
+    """The heat balance as far as it is known before the model sees a log."""
+    return thermal_numbers(known_of(thermal), thermal, span_Ohm)

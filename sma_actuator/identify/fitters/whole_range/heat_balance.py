@@ -1,17 +1,16 @@
 """The heat balance of a wire, fitted together with one learner: each number is drawn to what is known of such wires.
 
-It is searched for with the air beginning at the wire, and then on from there with near surroundings that warm up, which
-the logs must ask for.
+The near surroundings are drawn to what the contracted wire showed of them (:mod:`sma_actuator.identify.measured`);
+where it showed none, there are none.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
-from sma_actuator.estimation.models.whole_range import KNOWN, NEAR
+from sma_actuator.estimation.models.whole_range import NEAR, known_of
 
 from .data import Data
 from .learner import Learner, robust, solve
@@ -33,40 +32,13 @@ NAMES = (
     "the shift of the narrow loop with stress",
 )
 _PRIOR_WEIGHT = 3.0
-#: Where the search begins that lets the near surroundings warm up: half of the rise, as slowly as the wire.
-_BEGINS_NEAR = (0.5, 1.0)
-#: They are taken where they leave so much of the cost: two numbers more are worth ln(n) by Schwarz's criterion, of
-#: n = 60 errors, which the ten minutes of a calibration have in them at ten seconds each.
-_WORTH_IT = 0.87
-
-
-class _Found(NamedTuple):
-    """The end of one search."""
-
-    cost: float
-    known: np.ndarray
-    centre: np.ndarray
-    scale: np.ndarray
-    weights: np.ndarray  #: of the learner
 
 
 def heat_balance(data: Data, progress: Callable[[float], None]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The heat balance, fitted together with one learner; then centre and scale of the features."""
-    plain = _search(data, KNOWN, NEAR, None, lambda share: progress(0.5 * share))
-    start = KNOWN.copy()
-    start[NEAR:] = _BEGINS_NEAR
-    near = _search(data, start, len(start), plain.weights, lambda share: progress(0.5 + 0.5 * share))
-    # What wants to be quicker than anything about a wire can be is no surroundings but another fault of the balance.
-    slow = near.known[-1] > LEAST[-1]
-    found = near if slow and near.cost < _WORTH_IT * plain.cost else plain
-    return found.known, found.centre, found.scale
-
-
-def _search(
-    data: Data, start: np.ndarray, free: int, learned: np.ndarray | None, progress: Callable[[float], None]
-) -> _Found:
-    """From ``start``, of whose numbers the first ``free`` may move, with a learner that begins at weights or afresh."""
-    known = start.copy()
+    before = known_of(data.thermal)
+    known = before.copy()
+    free = len(known) if known[NEAR] > 0.0 else NEAR  #: so many of its numbers may move
     rows = data.rows[data.measured]
     target = data.displacement[rows]
     seen = data.features(known)[data.scaling_rows]
@@ -77,12 +49,10 @@ def _search(
         return (data.features(numbers, measured=True)[rows] - centre) / scale
 
     def cost_of(error: np.ndarray, weights: np.ndarray, numbers: np.ndarray) -> float:
-        off = (numbers - KNOWN) / _UNSURE
+        off = (numbers - before) / _UNSURE
         return robust(error) + float(learner.shrinkage @ weights**2) + _PRIOR_WEIGHT * float(off @ off)
 
     z = scaled(known)
-    if learned is not None:
-        learner.weights = learned
     weights, damping = learner.start(z, target), 1e-2
     value, jacobian = learner.jacobian(weights, z)
     cost = cost_of(target - value, weights, known)
@@ -95,7 +65,7 @@ def _search(
             moved[k] += 1e-3 * _UNSURE[k]
             columns.append((learner.value(weights, scaled(moved)) - value) / 1e-3)
         slopes = np.column_stack([jacobian, *columns])
-        pull = stiffness * np.concatenate([weights, ((known - KNOWN) / _UNSURE)[:free]])
+        pull = stiffness * np.concatenate([weights, ((known - before) / _UNSURE)[:free]])
         for _ in range(6):
             step = _step(slopes, target - value, pull, stiffness, damping, known[:free])
             tried, numbers = weights + step[:-free], known.copy()
@@ -109,7 +79,7 @@ def _search(
             break
         weights, known, z, cost, damping = tried, numbers, new_z, new_cost, max(damping / 5.0, 1e-9)
         value, jacobian = learner.jacobian(weights, z)
-    return _Found(cost, known, centre, scale, weights)
+    return known, centre, scale
 
 
 def _step(
