@@ -96,7 +96,8 @@ SETPOINT_REACH = Limit(
     "setpoint_reach",
     "no further contraction: no more heat moves the wire",
     "Ask for positions that the wire can hold under this load, where its resistance tells where it is",
-    f"all of supply.max_current in a wire that is warm from it ({100 * WARM:g} % of what it will be), or all that the "
+    f"all of supply.max_current in a wire that is warm from it ({100 * WARM:g} % of what it will be) and further than "
+    f"{100 * MOTION:g} % of the full stroke from the setpoint, or all that the "
     f"limits leave in one that is {BEYOND_K:g} K hotter than it has contracted at this stress (by the calibration and "
     f"the heat balance), and for the longer of {PATIENCE_s:g} s and {PATIENCE_TIMES:g} of its time constants not "
     f"{100 * MOTION:g} % of the full stroke of motion towards the setpoint; the shortest setpoint is then "

@@ -93,7 +93,8 @@ class Reach:
             self.tries = 0
         # Backing off in vain cools a wire that was warm; it need not become it once more.
         warm = self.tries > 0 or self._held_W > WARM * power_W
-        no_use = (at_limit and ample) or (at_max and warm)
+        # As near as it is wanted all the current may hold it there; that it is too much only its heat can say.
+        no_use = (at_limit and ample) or (at_max and warm and position_m - aim_m > self._motion_m)
         if not (no_use and position_m > aim_m and position_m > self._from_m - self._motion_m):
             self._since_s, self._from_m = now_s, position_m
         elif now_s - self._since_s >= self._patience_s:

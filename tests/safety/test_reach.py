@@ -13,6 +13,8 @@ STROKE_m, TAU_s, STEP_s = 4e-3, 2.0, 0.05
 FULL_W = 0.8
 #: Half contracted, at 0.45 W; 0.05 W more are too much.
 HALF_WAY = Needed(0.5, 0.45, 0.05, 0.3)
+#: The same of one that takes all the current there is.
+ALL_OF_IT = Needed(0.5, 0.8, 0.05, 0.3)
 
 
 class Wire:
@@ -45,6 +47,20 @@ def test_full_current_in_a_wire_that_is_warm_from_it_and_stands_is_an_end():
     wire.run(10.0, wanted_m=3e-3)
     assert wire.ended() == pytest.approx(0.8, abs=0.11)
     assert wire.reach.floor_m == pytest.approx(wire.position_m + BACK_OFF * STROKE_m)
+
+
+@pytest.mark.parametrize("heat", [ALL_OF_IT, None])
+def test_a_setpoint_that_is_as_near_as_it_is_wanted_is_not_out_of_reach(heat):
+    """A wire that takes all the current to be held 0.9 % of the stroke from it, and one that stands 1.1 % from it."""
+    near = Wire()
+    assert near.never_ends(60.0, wanted_m=near.position_m - 0.009 * STROKE_m, heat=heat)
+    assert near.ended(wanted_m=near.position_m - 0.011 * STROKE_m, heat=heat) < 2.0
+
+
+def test_but_it_is_where_the_wire_is_much_hotter_than_it_need_be_there():
+    near = Wire()
+    near.run(10.0, wanted_m=near.position_m)
+    assert near.ended(wanted_m=near.position_m - 0.009 * STROKE_m) == pytest.approx(0.8, abs=0.11)
 
 
 @pytest.mark.parametrize("heat", [HALF_WAY, None])
