@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,13 +12,14 @@ import numpy as np
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.config import Config, require_calibrated
 from sma_actuator.estimation.circuit import resistance_and_current
+from sma_actuator.estimation.models.whole_range import WholeRangeModel
 from sma_actuator.logs.bench_log import BenchLog, signals_from_log
 
 from . import programs
 from .calibration import Line, fit_line
 from .following import ModelFollower
 from .operators import Operator
-from .plan import Part
+from .plan import OUTERMOST, Part
 from .programs import Program, held_currents, hold, partial_cycles, square_pulses
 from .rig import Rig
 
@@ -170,11 +171,27 @@ def followed(part: Part, rig: Rig, operator: Operator, logs: Mapping[str, BenchL
             f"--follow: {p['model']} does not say where the wire ends; identify it from logs of full pulses"
         )
     low_m, high_m = _ends_m(config, p.get("load_N", p.get("preload_N")), p.get("stiffness_N_m", 0.0))
-    positions_m = [low_m + share * (high_m - low_m) for share in p["shares"]]
+    held_m = positions_m(config, p["shares"], low_m, high_m)
     _apply_load(part, operator)
-    program = programs.followed(ModelFollower(config), positions_m, p["dwell_s"], p["period_s"])
+    program = programs.followed(ModelFollower(config), held_m, p["dwell_s"], p["period_s"])
     log = _record(rig, part, program, progress)
-    return Outcome({part.name: log}, {"positions_m": positions_m})
+    return Outcome({part.name: log}, {"positions_m": held_m})
+
+
+def positions_m(config: Config, shares: Sequence[float], low_m: float, high_m: float) -> list[float]:
+    """The positions of the second round between where the wire is contracted and cold.
+
+    Shares of the way; where the model says how unsure it is at a place, shares of its doubt along the way.
+    """
+    model = config.model.build(config.wire)
+    first, last = OUTERMOST
+    way = np.linspace(first, last, 181)
+    doubt = np.ones(len(way))
+    if isinstance(model, WholeRangeModel):
+        doubt = model.doubt(low_m + way * (high_m - low_m))
+    grown = np.concatenate(([0.0], np.cumsum(doubt[1:] + doubt[:-1])))
+    along = (np.array(shares) - first) / (last - first)
+    return [float(low_m + share * (high_m - low_m)) for share in np.interp(along, grown / grown[-1], way)]
 
 
 def _ends_m(config: Config, load_N: float, stiffness_N_m: float) -> tuple[float, float]:

@@ -193,7 +193,8 @@ def _second_round(config, options: PlanOptions) -> list[Part]:
 
 
 def followed_shares(number: int) -> list[float]:
-    """The positions of the second round's log of this number, as shares of the stroke from contracted to cold.
+    """The positions of the second round's log of this number, as shares of the stroke from contracted to cold, or of
+    the model's doubt along it.
 
     Each log has others, in another order.  Where a position is always come to from the same one, a model learns that
     one history of it, and logs left out, which have it too, do not show what it makes of any other.

@@ -1,6 +1,8 @@
 """A wire driven by its own model while it is characterised, and what identify makes of that; and of a file that `init`
 wrote."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from characterised import virtual_rig
@@ -8,6 +10,8 @@ from characterised import virtual_rig
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.share import shared_file
 from sma_actuator.characterise import PlanOptions, characterise, make_plan
+from sma_actuator.characterise.parts import positions_m
+from sma_actuator.characterise.plan import followed_shares
 from sma_actuator.config import Config, bench_from_mapping, read_parameter_file, write_parameter_file
 from sma_actuator.derived import derived, with_derived, without_derived
 from sma_actuator.logs.bench_log import read_bench_log
@@ -69,6 +73,22 @@ def test_a_coil_gets_the_time_that_it_takes_and_a_spring_as_soft_as_it_moves_far
     raised_Pa = spring["stiffness_N_m"] * bench.wire.full_stroke_m / bench.wire.area_m2
     assert 30e6 < raised_Pa < 70e6, "as on a wire: 44 MPa"
     assert spring["dwell_s"] == pytest.approx(6.0 * bench.thermal.heat_capacity / bench.thermal.heat_loss)
+
+
+def test_positions_are_held_where_the_model_is_unsure():
+    """Of a model whose interval is four times as wide about 0.7 of the stroke half of the positions are there."""
+    config = Config.load(shared_file("config/coil.yaml"))
+    low_m, high_m = config.model.stroke
+    shares = followed_shares(0)
+    for width, there in ((1.0, 3), (4.0, 6)):
+        wide = [width if 0.6 <= place <= 0.8 else 1.0 for place in np.linspace(0.0, 1.0, 41)]
+        unsure = dataclasses.replace(config.model, intervals=(*np.ones(41), *wide))
+        held = positions_m(dataclasses.replace(config, model=unsure), shares, low_m, high_m)
+        place = (np.array(held) - low_m) / (high_m - low_m)
+        assert np.count_nonzero((place > 0.58) & (place < 0.82)) == pytest.approx(there, abs=1)
+        assert place.min() > 0.05 and place.max() < 0.95
+    thesis = Config.load(NODE)
+    assert positions_m(thesis, [0.25, 0.5], 0.0, 4e-3) == pytest.approx([1e-3, 2e-3])
 
 
 def test_no_two_of_its_logs_hold_the_same_positions_in_the_same_order():

@@ -449,6 +449,13 @@ class WholeRangeModel:
         """Forget the past: the next sample is that of a wire at rest, in balance with its power."""
         self._state[:] = nan
 
+    def doubt(self, displacement_m: np.ndarray) -> np.ndarray:
+        """How wide the interval of an estimate is at a place, on the branch where it is wider, over the learners'
+        spread."""
+        n = self._numbers
+        places_m = np.linspace(n.limits[_LOWEST], n.limits[_HIGHEST], n.widths.shape[1])
+        return np.interp(displacement_m, places_m, n.widths.max(axis=0))
+
     def observe(
         self, time_s: float, resistance_Ohm: float, stress_Pa: float, heating: bool, power_W: float, ambient_C: float
     ) -> tuple[float, float, bool]:
