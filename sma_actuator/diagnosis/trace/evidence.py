@@ -80,8 +80,18 @@ class Evidence:
         judgements, kept = zip(*self._judgements(self.chain(effects)), strict=True)
         return list(judgements), list(kept)
 
+    def held_anywhere(self) -> Evidence:
+        """The same logs, with one floor wherever the wire was."""
+        out = copy.copy(self)
+        out.of_displacement = copy.copy(self.of_displacement)
+        out.of_displacement.take_one_floor()
+        return out
+
     def held_where(self, effects: Mapping[str, Effect]) -> Evidence:
-        """The same logs, with the floor of where the wire was if these effects have happened."""
+        """The same logs, with the floor of where the wire was if these effects have happened; what a model leaves
+        beyond it has one everywhere."""
+        if self.beyond_floor:
+            return self
         out = copy.copy(self)
         out.of_displacement = copy.copy(self.of_displacement)
         out.of_displacement.take_floor(*self._where(effects))

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -166,30 +166,20 @@ def _likelihood(covariance: Covariance, rows: np.ndarray) -> tuple[float, np.nda
     return covariance.log_likelihood(float(np.sum(by_row))), by_row
 
 
-def singles(
+def fitted(
     rows: Rows,
-    candidates: Sequence[Candidate],
+    calls: Sequence[tuple[Sequence[Candidate], Mapping[str, Mapping[str, float]] | None]],
     jobs: int,
     progress: Progress,
-    beside: Sequence[Candidate] = (),
-    known: Mapping[str, Mapping[str, float]] | None = None,
+    what: str,
 ) -> list[Hypothesis]:
-    """Each of some effects alone, or ``beside`` others whose parameters are ``known``."""
-    return list(_tried(rows, [((*beside, c), known) for c in candidates], jobs, progress, "effects"))
-
-
-def again(rows: Rows, found: Sequence[Hypothesis], jobs: int, progress: Progress) -> list[Hypothesis]:
-    """Effects that were found by other rows of the same logs, from where they were likeliest there."""
-    calls = [(one.fitted.candidates, one.fitted.values) for one in found]
-    return list(_tried(rows, calls, jobs, progress, "effects again"))
-
-
-def _tried(rows: Rows, calls: Sequence[tuple], jobs: int, progress: Progress, what: str) -> Iterator[Hypothesis]:
-    """:meth:`Rows.effects` with each of some arguments."""
+    """:meth:`Rows.effects` of some effects each, with what is known of their parameters."""
+    found = []
     with spread(jobs) as run:
         for number, one in enumerate(run([(rows.effects, call) for call in calls]), 1):
             progress(what, number / len(calls))
-            yield one
+            found.append(one)
+    return found
 
 
 def pairs(rows: Rows, alone: Sequence[Hypothesis], jobs: int, progress: Progress) -> list[tuple[float, Hypothesis]]:
@@ -213,7 +203,7 @@ def pairs(rows: Rows, alone: Sequence[Hypothesis], jobs: int, progress: Progress
         for _, first, other in sketched
         if first is ranked[0] and any(c.scanned for c in other.fitted.candidates) and (first, other) not in better
     ]
-    out = _tried(rows, [_together(*two) for two in better], jobs, progress, "pairs")
+    out = fitted(rows, [_together(*two) for two in better], jobs, progress, "pairs")
     return [(LIMITS.rare / math.comb(len(alone), 2), one) for one in out]
 
 

@@ -15,7 +15,7 @@ from sma_actuator.logs.errors import BenchLogError
 from .candidates import Candidate, candidate, scales_of, untestable
 from .evidence import Evidence
 from .fitting import Fit, fit_of
-from .hypotheses import Hypothesis, Progress, Rows, again, pairs, singles
+from .hypotheses import Hypothesis, Progress, Rows, fitted, pairs
 from .limits import LIMITS
 from .probability import NO_NAMES, Probabilities, weighed
 from .witnesses import Prediction
@@ -82,15 +82,14 @@ def trace(
     a cluster.  Raises BenchLogError where an effect of ``only`` cannot be fitted on these logs.
     """
     candidates, reasons = _field(evidence, only, without)
-    rows = Rows(evidence)
     if evidence.beyond_floor and not only:
+        rows = Rows(evidence)
         weighed_before = _lacking(rows, candidates, jobs, progress)
     elif only:
-        rows, (together,) = _held_where_it_was(rows, [rows.effects(candidates)], jobs, progress)
+        rows, (together,) = _alone(evidence, [candidates], jobs, progress)
         weighed_before = [*_without_a_name(rows, [together]), (1.0 - LIMITS.nothing - LIMITS.rare, together)]
     else:
-        alone = singles(rows, candidates, jobs, progress)
-        rows, alone = _held_where_it_was(rows, alone, jobs, progress)
+        rows, alone = _alone(evidence, [(c,) for c in candidates], jobs, progress)
         weighed_before = _all(rows, alone, jobs, progress)
     beside = [n for n in explain if n not in {c.name for c in candidates} and n not in reasons]
     scales = scales_of(evidence)
@@ -119,19 +118,23 @@ def _without_a_name(rows: Rows, alone: Sequence[Hypothesis]) -> list[tuple[float
     return found
 
 
-def _held_where_it_was(
-    rows: Rows, alone: Sequence[Hypothesis], jobs: int, progress: Progress
+def _alone(
+    evidence: Evidence, candidates: Sequence[Sequence[Candidate]], jobs: int, progress: Progress
 ) -> tuple[Rows, list[Hypothesis]]:
-    """The same effects, held against the floor of where the wire was by the likeliest of them.
+    """Each of some effects, held against the floor of where the wire was by the likeliest of them.
 
     How far a model is usually off depends on the place, and what has happened may make it mistake that: a resistance
-    that is off by a lead has the floor of another one.  All are held against the same floor, so none can buy its rest.
+    that is off by a lead has the floor of another one.  So effects are looked for with one floor everywhere, and then
+    all are held against that of where the likeliest has the wire: the same for all, so none can buy its rest.
     """
-    best = max(alone, key=lambda one: -np.inf if one.why_none else one.log_evidence, default=None)
-    if best is None or best.why_none or best.log_evidence < rows.nothing().log_evidence:
-        return rows, list(alone)
-    rows = Rows(rows.evidence.held_where(best.fitted.effects))
-    return rows, again(rows, alone, jobs, progress)
+    anywhere = Rows(evidence.held_anywhere())
+    found = fitted(anywhere, [(each, None) for each in candidates], jobs, progress, "effects")
+    best = max(found, key=lambda one: -np.inf if one.why_none else one.log_evidence, default=None)
+    if best is not None and not best.why_none and best.log_evidence > anywhere.nothing().log_evidence:
+        evidence = evidence.held_where(best.fitted.effects)
+    rows = Rows(evidence)
+    known = [(one.fitted.candidates, one.fitted.values) for one in found]
+    return rows, fitted(rows, known, jobs, progress, "effects again")
 
 
 def _all(rows: Rows, alone: Sequence[Hypothesis], jobs: int, progress: Progress) -> list[tuple[float, Hypothesis]]:
@@ -156,7 +159,7 @@ def _lacking(
         def said(_: str, share: float, which: str = f"effect {number}") -> None:
             progress(which, share)
 
-        tried = singles(rows, more, jobs, said, has, known)
+        tried = fitted(rows, [((*has, c), known) for c in more], jobs, said, "effects")
         found += [((1.0 - LIMITS.nothing) * before / max(len(more), 1), one) for one in tried if not one.why_none]
     return found
 

@@ -3,6 +3,7 @@ history."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -71,6 +72,11 @@ class Residual:
             percent = max(c.error, c.largest_error) if c.known else FLOOR_percent
             return np.full(len(here), percent / 100 * self._full_stroke_m)
         return np.hypot(self.expectation.floor_m(found, here), self._always_so_m[number][here])
+
+    def take_one_floor(self) -> None:
+        """Take the floor's root mean square everywhere."""
+        typical_m = math.sqrt(np.mean(np.concatenate(self.floor_m) ** 2))
+        self.floor_m = [np.full(len(rows), typical_m) for rows in self.logs.compared]
 
     def take_typical(self, predictions: Sequence[Prediction]) -> None:
         """As a floor, what the model as it is leaves: for what is looked for in that itself."""
