@@ -72,10 +72,8 @@ TARGETS = {
         *_GUARDS,
         *(f"tests/safety/test_{name}.py" for name in ("thermal", "limits", "hot_end")),
     ),
-    **{
-        f"driver/{name}": _DRIVER
-        for name in ("driver", "link", "loop", "output", "requests", "statistics", "warm_up", "watchman")
-    },
+    **{f"driver/{name}": _DRIVER for name in ("driver", "link", "loop", "output", "requests", "warm_up", "watchman")},
+    "driver/statistics": ("tests/driver/test_statistics.py", *_DRIVER),
     "instruments/scpi": ("tests/instruments",),
     "instruments/supply": ("tests/instruments",),
     **{f"instruments/{name}": ("tests/instruments",) for name in ("session", "byte_streams", "claim")},
@@ -91,7 +89,10 @@ TARGETS = {
         )
         for name in ("actuator", "following", "measured", "offered", "said", "tuner")
     },
-    **{f"pair/{name}": ("tests/driver/test_pair.py",) for name in ("driver", "fit", "stepped")},
+    **{
+        f"pair/{name}": ("tests/driver/test_pair.py", "tests/driver/test_pair_edges.py")
+        for name in ("driver", "fit", "stepped")
+    },
     "estimation/hot_end": ("tests/estimation/test_hot_end_seen.py",),
     "estimation/chain": ("tests/estimation/test_chain.py",),
     "safety/alive": ("tests/safety/test_alive.py",),

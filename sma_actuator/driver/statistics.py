@@ -19,13 +19,13 @@ class LoopStatistics:
 
     steps: int
     overruns: int  #: deadlines that passed while a step was still busy
+    late_answers: int  #: of the instruments, that came after their time-out or not at all
+    slowest_answer_s: float  #: of the last minute, whatever was asked for
     period_mean_s: float = math.nan
     period_p99_s: float = math.nan
     period_max_s: float = math.nan
     busy_mean_s: float = math.nan  #: time from a step's deadline to the command being with the supply
     busy_max_s: float = math.nan
-    late_answers: int = 0  #: of the instruments, that came after their time-out or not at all
-    slowest_answer_s: float = 0.0  #: of the last minute, whatever was asked for
 
 
 class Slowest:
@@ -88,17 +88,15 @@ class Deadlines:
         periods_s = self._periods_s[np.isfinite(self._periods_s)]
         busy_s = self._busy_s[np.isfinite(self._busy_s)]
         if not len(periods_s):
-            return LoopStatistics(
-                self.steps, self.overruns, late_answers=late_answers, slowest_answer_s=slowest_answer_s
-            )
+            return LoopStatistics(self.steps, self.overruns, late_answers, slowest_answer_s)
         return LoopStatistics(
             self.steps,
             self.overruns,
+            late_answers,
+            slowest_answer_s,
             float(periods_s.mean()),
             float(np.quantile(periods_s, 0.99)),
             float(periods_s.max()),
             float(busy_s.mean()),
             float(busy_s.max()),
-            late_answers,
-            slowest_answer_s,
         )

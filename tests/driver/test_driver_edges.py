@@ -5,6 +5,7 @@ import itertools
 import pytest
 from stand_ins import StandInDaq, StandInSupply
 
+from sma_actuator.base.signals import Mode
 from sma_actuator.bench.bench import VirtualBench
 from sma_actuator.bench.in_process import InProcessDaq, InProcessSupply, VirtualClock
 from sma_actuator.config import Config
@@ -105,6 +106,17 @@ def test_disabling_says_off_at_once_and_not_with_the_next_step(rig):
     assert supply.told == ["off"]
     assert not bench.supply.output_on
     assert bench.supply.current_A == 0.0
+
+
+def test_a_motion_that_is_held_ends_in_the_next_step_where_the_wire_is(rig):
+    driver, _, _ = rig
+    _driven(driver)
+    driver.offer_setpoint(0.002)
+    assert driver.run_for(0.5).status.mode is Mode.TRACKING
+    driver.hold()
+    held = driver.run_for(0.05)
+    assert held.status.mode is Mode.HOLD and driver.refusals() == []
+    assert driver.run_for(1.0).setpoint_m == held.setpoint_m == pytest.approx(held.estimate.displacement_m, abs=1e-4)
 
 
 def test_an_output_that_was_switched_on_by_another_is_switched_off(rig):

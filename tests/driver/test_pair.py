@@ -13,6 +13,7 @@ from sma_actuator.bench.joint import JointBench
 from sma_actuator.config import Config, read_parameter_file
 from sma_actuator.control.pair import PairParameters
 from sma_actuator.pair import PairDriver, SteppedPair
+from sma_actuator.pair.fit import mismatches
 from sma_actuator.plant.joint import Joint
 from sma_actuator.safety.faults import FAULTS
 
@@ -23,16 +24,18 @@ NAMES = ("left", "right")
 class Rig:
     """A joint of the bench, its pair, and what both wires have put out."""
 
-    def __init__(self, **changes):
+    def __init__(self, rates=(20.0, 20.0), **changes):
         parameters = {**read_parameter_file(FILE, "joint"), "joint_command_timeout": 0.0, **changes}
         self.parameters = PairParameters.from_mapping(parameters)
-        self.configs = [Config.load(FILE, name) for name in NAMES]
+        self.configs = [
+            Config.load(FILE, name).replace({"loop.rate": rate}) for name, rate in zip(NAMES, rates, strict=True)
+        ]
         at_zero_m = self.parameters.displacement_at_zero
         joint = Joint(self.parameters.pulley_radius, at_zero_m, self.parameters.series_stiffness)
         self.stand = JointBench.from_name("flexinol", joint, seed=1)
         benches, configs = self.stand.benches, self.configs
-        instruments = [(InProcessSupply(b, c), InProcessDaq(b, c)) for b, c in zip(benches, configs, strict=True)]
-        self.pair = SteppedPair(self.parameters, configs, instruments, VirtualClock(benches[0]))
+        self.instruments = [(InProcessSupply(b, c), InProcessDaq(b, c)) for b, c in zip(benches, configs, strict=True)]
+        self.pair = SteppedPair(self.parameters, configs, self.instruments, VirtualClock(benches[0]))
         self.highest_N = 0.0
 
     def run(self, seconds):
@@ -296,3 +299,40 @@ def test_the_shipped_file_is_the_shipped_wire_twice():
         for instrument, port in (("supply", 5025), ("daq", 5026)):
             own["instruments"][instrument]["resource"] = f"TCPIP::127.0.0.1::{port + 2 * number}::SOCKET"
         assert read_parameter_file(FILE, name) == own, "run: python benchmarks/coefficients.py"
+
+
+def test_what_the_wires_bear_and_were_identified_on_suits_the_joint_to_the_last_bit():
+    configs = [Config.load(FILE, name) for name in NAMES]
+    safety, wire, model = configs[0].safety, configs[0].wire, configs[0].model.build(configs[0].wire)
+    most_N = safety.stress_limit_fraction * wire.max_stress * wire.area_m2
+    least_N = model.stress_range_Pa[0] * wire.area_m2
+    given = {**read_parameter_file(FILE, "joint"), "cocontraction": 1.2 * least_N}
+
+    def found(tension_limit, least_cocontraction):
+        changes = {"tension_limit": tension_limit, "least_cocontraction": least_cocontraction}
+        return [words.split(":")[0] for words in mismatches(PairParameters.from_mapping(given | changes), configs)]
+
+    assert found(most_N, least_N) == []
+    assert found(math.nextafter(most_N, math.inf), least_N) == 2 * ["tension_limit"]
+    assert found(most_N, math.nextafter(least_N, 0.0)) == 2 * ["least_cocontraction"]
+
+
+def test_a_pair_has_two_wires_whatever_is_handed_over():
+    rig = Rig()
+    with pytest.raises(ValueError, match=r"zip\(\)"):
+        mismatches(rig.parameters, [*rig.configs, rig.configs[0]])
+    instruments = [*rig.instruments, rig.instruments[0]]
+    with pytest.raises(ValueError, match=r"zip\(\)"):
+        SteppedPair(rig.parameters, rig.configs, instruments, VirtualClock(rig.stand.benches[0]))
+
+
+def test_a_stepped_pair_steps_as_often_as_its_faster_wire_and_leaves_both_off():
+    rig = Rig(rates=(20.0, 10.0))
+    rig.run(0.5)
+    with rig.pair as pair:
+        rig.switch_on()
+        before = len(pair.outputs)
+        pair.run_for(1.0)
+        assert len(pair.outputs) - before == rig.configs[0].loop.rate == 20.0
+        assert rig.on == [True, True]
+    assert rig.on == [False, False]
