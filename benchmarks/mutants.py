@@ -60,6 +60,7 @@ _DRIVER = (
     *(f"tests/driver/test_driver_{name}.py" for name in ("edges", "steps", "on_bench", "thread")),
     "tests/driver/test_slow_instruments.py",
     "tests/driver/test_late_answers.py",
+    "tests/driver/test_who_held_it_up.py",
 )
 TARGETS = {
     **{f"safety/guards/{name}": _GUARDS for name in ("program", "supply", "readings", "estimate", "setpoints", "wire")},

@@ -15,6 +15,7 @@ from sma_actuator.driver import CURRENT_RESOLUTION_A, NOT_ASKED, CHECK_PERIOD_s,
 from sma_actuator.instruments import InstrumentLost, InstrumentUnreachable, LimitsNotHeld, OutputStaysOn
 from sma_actuator.safety.faults import FAULTS
 from sma_actuator.safety.guards.program import loop_hung
+from sma_actuator.safety.records import Waited
 
 RATE_Hz, PERIOD_s = 8.0, 0.125  #: so that times are sums without rounding
 NAN = math.nan
@@ -691,6 +692,28 @@ class TestWatchman:
         turns = iter([False, False, True])
         watchman.watch(lambda: next(turns))
         assert self.slept_s == [0.05, rests_s]
+
+    def test_what_was_waited_for_before_it_last_showed_life_is_nobodys_fault_now(self, make):
+        """An instrument that was slow for a minute, and all the time answered, did not hold this step up."""
+        rig = make(QUICK_WATCHMAN)
+        rig.drive()
+        rig.driver._loop.watchman._waited = lambda: Waited(daq_s=60.0)
+        rig.steps(1)
+        rig.driver._loop.watchman.alive_s = rig.clock.s
+        rig.clock.s += 0.6
+        self.look(rig)
+        assert rig.status.fault == "loop_hung" and "waiting for" not in rig.status.message
+
+    def test_rests_no_longer_where_nothing_flows(self, make):
+        """A control thread that goes on may want its eyes at once."""
+        rig = make(QUICK_WATCHMAN)
+        rig.steps(2)
+        watchman = rig.driver._loop.watchman
+        watchman.alive_s = rig.clock.s
+        rig.clock.s += 0.6
+        turns = iter([False, False, True])
+        watchman.watch(lambda: next(turns))
+        assert watchman.hung and self.slept_s == [0.05, 0.05]
 
     def test_says_that_off_is_not_confirmed_where_it_is_not(self, make):
         rig = make(QUICK_WATCHMAN)
