@@ -32,8 +32,8 @@ PROBE = 0.5
 STRIDES, SIZES = (2.0, 4.0), (-3.0, 3.0)
 APART = 0.3  #: in the optimiser's units: shapes nearer to each other lead to the same end
 STEPS, SHORTER = 8, (1.0, 0.3, 0.1)
+LITTLE, ENDS = 2, 4  #: steps from each of so many starts, before it is gone on from where the best of them leads
 ENOUGH = 0.002, 0.2  #: share of the squares, and squares, below which a step was the last
-PROMISING = 0.7  #: of what the first start took off in the end: another that takes off so much at once is gone from too
 TRIED = 100  #: times of something that happens once …
 BESIDE_IT = (-0.02, -0.01, -0.005, -0.002, 0.002, 0.005, 0.01, 0.02)  #: in the length of the logs, looked at in the end
 MOST_TIMES, TIMES_APART = 4, 0.03  #: … of which so many are tried, so far apart, in the length of the logs
@@ -72,6 +72,14 @@ class Problem:
         """Whether two starts lead, as far as can be known, to different ends: another shape, or another sign of a
         size."""
         return bool(np.any((u * other)[self.is_size] < 0.0) or np.any(np.abs(u - other)[~self.is_size] > APART))
+
+    def apart(self, starts: Sequence[tuple[float, np.ndarray, dict]]) -> list[tuple[float, np.ndarray, dict]]:
+        """The cheapest of some starts that lead to different ends, and when; at most a few."""
+        kept: list[tuple[float, np.ndarray, dict]] = []
+        for start in starts:
+            if all(start[2] != other[2] or self.differ(start[1], other[1]) for other in kept):
+                kept.append(start)
+        return kept[:ENDS]
 
     def clipped(self, u: np.ndarray) -> np.ndarray:
         """The same within what is possible."""
@@ -279,14 +287,14 @@ class _Search:
                     found.append((self.cost(p.residual(there), there), there, time))
         return sorted(found, key=lambda start: start[0])
 
-    def descend(self, u: np.ndarray, time: dict) -> tuple[float, np.ndarray, np.ndarray]:
+    def descend(self, u: np.ndarray, time: dict, steps: int = STEPS) -> tuple[float, np.ndarray, np.ndarray]:
         """Cost, parameters and rows after steps from ``u``."""
         p = self.problem
         p.scanned |= time
         u = p.clipped(u)
         rows = p.residual(u)
         cost = self.cost(rows, u)
-        for _ in range(STEPS):
+        for _ in range(steps):
             step = self.step(rows, p.jacobian(u, rows), u)
             for share in SHORTER:
                 there = p.clipped(u + share * step)
@@ -350,14 +358,10 @@ def likeliest(
         elif c.scanned:
             times = [{c.name: {c.scanned: time_s}} for time_s in _scan(search, c, u)]
             problem.scanned |= times[0]
-    nothing = search.cost(problem.residual(u), u) if new.any() else np.inf
     starts = search.starts(u, new, times) if new.any() else [(0.0, u, {})]
-    first, time = starts[0][1:]
-    ends = [(*search.descend(first, time), time)]
-    other = next((s for s in starts[1:] if s[2] != time or problem.differ(s[1], first)), None)
-    if other is not None and nothing - other[0] > PROMISING * (nothing - ends[0][0]):
-        ends.append((*search.descend(*other[1:]), other[2]))
+    ends = [(*search.descend(start, when, LITTLE), when) for _, start, when in problem.apart(starts)]
     cost, u, rows, time = min(ends, key=lambda end: end[0])
+    cost, u, rows = search.descend(u, time)
     for name, when in time.items():
         # The size is known now, so the time may be another beside the one that the scan found.
         ((what, time_s),) = when.items()

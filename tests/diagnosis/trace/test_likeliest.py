@@ -108,6 +108,26 @@ def test_a_shape_is_found_from_whichever_start_leads_there():
     assert found.values["contact_drift"]["resistance"] == pytest.approx(0.08, rel=0.15)
 
 
+def test_a_start_that_promises_less_may_lead_further():
+    """One shape takes off two thirds of the squares at once and then no more, another a third, and in the end all."""
+    hidden, beside_it = np.zeros(N), np.zeros(N)
+    hidden[0] = beside_it[1] = 1.0
+
+    class TwoValleys:
+        """Rows that a short time constant nearly explains, and a certain long one."""
+
+        def residual(self, effects):
+            drift = effects["contact_drift"]
+            tau = math.log(drift.time_constant)
+            angle = 0.6 + 0.2 * (tau / 2.0) ** 2 if tau < 2.0 else 0.4 * (tau - math.log(100.0))
+            return 30.0 * hidden - drift.resistance / 0.01 * (math.cos(angle) * hidden + math.sin(angle) * beside_it)
+
+    slow = Free("time_constant", 0.3, 9000.0, 1.0, (1.0, 1000.0))
+    c = Candidate("contact_drift", (size("resistance", 1.0, 0.01, 0.0), slow), {})
+    found = likeliest(TwoValleys(), [c], Covariance())
+    assert found.values["contact_drift"]["time_constant"] == pytest.approx(100.0, rel=0.1)
+
+
 def test_one_more_effect_is_sketched_with_the_shape_that_it_has_beside_the_first_one():
     """A drift that has to take a lead's part too comes at once alone, and late beside it."""
     time_s = np.linspace(0.0, 60.0, N)
