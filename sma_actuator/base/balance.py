@@ -3,9 +3,8 @@
 What a current makes of a wire that is held is what it loses, I² R = h ΔT.  Everything that keeps a wire's temperature
 keeps it by :func:`gains` (the supervisor's guard has its own, which is to err hot: :mod:`sma_actuator.safety.thermal`).
 
-Between a wire and the air may lie near
-surroundings, a tube, a coating, the clamps, which warm up with it and keep it warm afterwards: in balance they take a
-share a of its rise x.  With s, how warm they are,
+Between a wire and the air may lie near surroundings, a tube, a coating, the clamps, which warm up with it and keep it
+warm afterwards: in balance they take a share a of its rise x.  With s, how warm they are,
 
     C dx/dt = P − h (x − s) / (1 − a),     ds/dt = (a x − s) / τ_s.
 

@@ -181,10 +181,10 @@ def learn(experiments: Sequence[Experiment], found: Sequence[Estimates], config:
     )
 
 
-def how_long(experiments: Sequence[Experiment], found: Sequence[Estimates], config: Config) -> ExpectationSection:
+def how_long(experiments: Sequence[Experiment], found: Sequence[Estimates]) -> ExpectationSection:
     """Of a model that says itself how far off it may be: how long its errors last, and nothing else.
 
-    Arguments as of :func:`learn`.
+    ``found``: what the model's chain makes of each log.
     """
     rows = []
     for number, (experiment, estimates) in enumerate(zip(experiments, found, strict=True)):

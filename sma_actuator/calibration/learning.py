@@ -38,13 +38,17 @@ def calibration_of(experiments: Sequence[Experiment], config: Config, at_rest: b
     known = dataclasses.replace(known, error=float(np.mean(errors)), largest_error=max(errors))
     if not at_rest:
         return known
-    range_m = config.model.build(config.wire).displacement_range_m
+    chain = Chain(config)
     # What a model leaves on logs that it has learned by heart is no measure of others; it says itself how sure it is.
-    learn = expectation.how_long if Chain(config).says_how_sure else expectation.learn
+    expected = (
+        expectation.how_long(experiments, found)
+        if chain.says_how_sure
+        else expectation.learn(experiments, found, config)
+    )
     return dataclasses.replace(
         known,
-        interval=interval.learn(experiments, estimates, range_m, full_m),
-        expectation=learn(experiments, found, config),
+        interval=interval.learn(experiments, estimates, chain.displacement_range_m, full_m),
+        expectation=expected,
     )
 
 

@@ -82,8 +82,7 @@ class Evidence:
 
     def held_anywhere(self) -> Evidence:
         """The same logs, with one floor wherever the wire was."""
-        out = copy.copy(self)
-        out.of_displacement = copy.copy(self.of_displacement)
+        out = self._with_its_own_floor()
         out.of_displacement.take_one_floor()
         return out
 
@@ -92,9 +91,14 @@ class Evidence:
         beyond it has one everywhere."""
         if self.beyond_floor:
             return self
+        out = self._with_its_own_floor()
+        out.of_displacement.take_floor(*self._where(effects))
+        return out
+
+    def _with_its_own_floor(self) -> Evidence:
+        """A copy that may take another."""
         out = copy.copy(self)
         out.of_displacement = copy.copy(self.of_displacement)
-        out.of_displacement.take_floor(*self._where(effects))
         return out
 
     def _rows(self) -> None:

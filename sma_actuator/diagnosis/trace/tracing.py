@@ -155,11 +155,7 @@ def _lacking(
         has = best.found.candidates if best.found else ()
         more = [c for c in candidates if c not in has]
         known = best.found.values if best.found else None
-
-        def said(_: str, share: float, which: str = f"effect {number}") -> None:
-            progress(which, share)
-
-        tried = fitted(rows, [((*has, c), known) for c in more], jobs, said, "effects")
+        tried = fitted(rows, [((*has, c), known) for c in more], jobs, progress, f"effect {number}")
         found += [((1.0 - LIMITS.nothing) * before / max(len(more), 1), one) for one in tried if not one.why_none]
     return found
 

@@ -75,12 +75,13 @@ class Residual:
 
     def take_one_floor(self) -> None:
         """Take the floor's root mean square everywhere."""
-        typical_m = math.sqrt(np.mean(np.concatenate(self.floor_m) ** 2))
-        self.floor_m = [np.full(len(rows), typical_m) for rows in self.logs.compared]
+        self._take_everywhere(_rms(self.floor_m))
 
     def take_typical(self, predictions: Sequence[Prediction]) -> None:
         """As a floor, what the model as it is leaves: for what is looked for in that itself."""
-        typical_m = np.sqrt(np.mean(np.concatenate(self.news_m(predictions)) ** 2)) / SPREAD
+        self._take_everywhere(_rms(self.news_m(predictions)) / SPREAD)
+
+    def _take_everywhere(self, typical_m: float) -> None:
         self.floor_m = [np.full(len(rows), typical_m) for rows in self.logs.compared]
 
     def expected_m(self, number: int, found: Judged, here: np.ndarray, ambient_counts: bool) -> np.ndarray:
@@ -119,3 +120,7 @@ class Residual:
                 for news_m, floor_m in zip(self.news_m(predictions), self.floor_m, strict=True)
             ]
         )
+
+
+def _rms(values: Sequence[np.ndarray]) -> float:
+    return math.sqrt(np.mean(np.concatenate(values) ** 2))
