@@ -35,6 +35,8 @@ from .units import UNITS, Unit, unit_in_words, unit_of
 
 _MISSPELT = 0.86  #: likeness above which a name is one of ours with a slip in it
 _SECTIONS = ("columns", "units", "offsets")
+#: Words of a displacement that grows as the wire shortens, where ours grows as it lengthens.
+_CONTRACTS = frozenset({"contraction", "shortening", "kontraktion", "verkurzung", "contraccion", "contrazione"})
 #: Words in other people's headers, without accents → what the column may be.
 _HINTS: dict[str, frozenset[str]] = {
     ours: frozenset(words.split())
@@ -47,9 +49,9 @@ _HINTS: dict[str, frozenset[str]] = {
         "power_W": "power p watt watts leistung puissance potencia potenza vermogen 功率 電力 전력",
         "load_N": "load force f weight tension mass kraft last masse gewicht zugkraft effort charge fuerza carga peso "
         "forza carico forca kracht 力 载荷 荷重 拉力 张力 하중",
-        "displacement_m": "displacement disp position pos x lvdt stroke extension strain contraction elongation "
-        "weg dehnung auslenkung verschiebung hub deplacement course allongement deformation desplazamiento posicion "
-        "spostamento posizione deslocamento verplaatsing 位移 变形 変位 변위",
+        "displacement_m": f"{' '.join(_CONTRACTS)} displacement disp position pos x lvdt stroke extension strain "
+        "elongation weg dehnung auslenkung verschiebung hub deplacement course allongement deformation desplazamiento "
+        "posicion spostamento posizione deslocamento verplaatsing 位移 变形 変位 변위",
     }.items()
 }
 #: Shares that are taken for what they are shares of: (theirs, our unit) → what to say.
@@ -167,8 +169,6 @@ class ColumnMap:
         missing += [] if any(name in columns for name in LOAD) else ["load_N"]
         missing += [] if any(name in columns for name in REFERENCE) else ["displacement_m"]
         free = [name for name in columns if name not in COLUMNS]
-        if any(difflib.get_close_matches(name.lower(), COLUMNS, cutoff=_MISSPELT) for name in free):
-            return  # check_bench_log names the column that is nearly ours
         proposals = {ours: _likeliest_first(ours, free) for ours in missing}
         for ours, found in proposals.items():  # what is the likeliest of one is none of another that has something else
             firsts = {each[0] for other, each in proposals.items() if other != ours and len(each) == 1}
@@ -177,12 +177,16 @@ class ColumnMap:
         for ours, found in proposals.items():
             found += [] if found else [n for n in unnamed if unit_in(n, _own_unit(ours))]
         proposals = {ours: found for ours, found in proposals.items() if found}
-        if not proposals or set(missing) == {"displacement_m"}:
-            return  # then check_bench_log says what is missing
+        misspelt = any(difflib.get_close_matches(name.lower(), COLUMNS, cutoff=_MISSPELT) for name in free)
+        if not proposals or set(missing) == {"displacement_m"} or (misspelt and len(proposals) == 1):
+            return  # then check_bench_log says what is missing, and which column is nearly that
         words = []
         for ours, found in proposals.items():
-            guess = unit_in(found[0], _own_unit(ours))
-            unit = f" --unit {ours}={guess}" if guess and guess != _own_unit(ours) else ""
+            own = _own_unit(ours)
+            guess = unit_in(found[0], own) or own
+            if ours == "displacement_m" and _says(found[0], _CONTRACTS):
+                guess = f"-{guess}"
+            unit = f" --unit {ours}={guess}" if guess != own else ""
             others = f" (or {', '.join(repr(n) for n in found[1:])})" if len(found) > 1 else ""
             words.append(f"--map '{ours}={found[0]}'{unit}{others}")
         raise BenchLogError(
@@ -244,8 +248,12 @@ def _likeliest_first(ours: str, free: Sequence[str]) -> list[str]:
 
 
 def _means(theirs: str, ours: str) -> bool:
+    return _says(theirs, _HINTS[ours])
+
+
+def _says(theirs: str, words: frozenset[str]) -> bool:
     plain = "".join(c for c in unicodedata.normalize("NFKD", theirs.lower()) if not unicodedata.combining(c))
-    return not _HINTS[ours].isdisjoint([plain, *re.split(r"[\W\d_]+", plain)])
+    return not words.isdisjoint([plain, *re.split(r"[\W\d_]+", plain)])
 
 
 def column_map(

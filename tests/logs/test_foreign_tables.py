@@ -144,6 +144,15 @@ def test_the_map_that_is_proposed_is_the_right_one_in_other_languages(names, wor
     np.testing.assert_allclose(log[words[1]], 0.98)
 
 
+@pytest.mark.parametrize("name", ["contraction_mm", "Verkürzung [mm]", "Contraction (mm)"])
+def test_a_column_that_counts_contraction_is_proposed_with_its_sign_beside_names_that_are_nearly_ours(name, tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(lines(",", point, ["time", "voltage", "current", "load", name])), encoding="utf-8")
+    with pytest.raises(BenchLogError, match="perhaps: --map 'time_s=time' ") as refused:
+        read_logs([path], ReadingOptions())
+    assert f"--map 'displacement_m={name}' --unit displacement_m=-mm" in str(refused.value)
+
+
 class TestExcel:
     """Sheets, by their cells."""
 
