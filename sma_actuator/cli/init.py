@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
 from rich.table import Table
 
 from sma_actuator.base.parameter_file import read_parameter_file
@@ -271,33 +272,22 @@ def run(args: argparse.Namespace) -> int:
     console = notes(args)
     mapping = read_parameter_file(args.start) if args.start else {}
     answers = _answers(args)
+    if "wire.length" in answers and _get(mapping, "wire.form") is None:  # who says the size says the form too
+        answers.setdefault("wire.form", "wire")
     asked = {question.name for question in QUESTIONS}
     for name in [name for name in answers if name not in asked]:
         _put(mapping, name, _value(name, answers.pop(name)))
     for name, text in answers.items():  # before anything is asked
         if text not in ("", None) and not isinstance(text, list):
             _value(name, text)
-    asking = Asking(questions(), answers)
-    given = set()
-    told = False
-    for question in QUESTIONS:
-        if question.of and question.of not in given and question.name not in answers:
-            continue
-        if _get(mapping, question.name) is None and question.when(mapping):
-            if not told and not asking.answered(question.name):
-                asking.say("numbers may have a unit: 100mm, 0.15 mm, 400mA; a lone ? explains the question")
-                told = True
-            answer = _answer(question, asking)
-            if answer is not None:
-                _put(mapping, question.name, answer)
-                given.add(question.name)
+    given = _asked(mapping, answers, args.start, console)
     _without_watchdog(mapping)
     comments = dict.fromkeys(given, "given")
     found = derived(mapping)
     for name, each in found.items():
         if _get(mapping, name) is None:
             _put(mapping, name, each.value)
-        if name not in given and _get(mapping, name) == each.value:
+        if name not in comments and _get(mapping, name) == each.value:
             comments[name] = each.why
     mapping = _in_order(mapping)
     bench = config_from_mapping(mapping)
@@ -317,6 +307,33 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _asked(mapping: dict[str, Any], answers: Mapping[str, Any], start: Path | None, console: Console) -> set[str]:
+    """Put what was answered into ``mapping``: what it lacks, and what somebody says although it stands there; their
+    names."""
+    asking = Asking(questions(), answers)
+    asked: set[str] = set()
+    changed: set[str] = set()
+    told = False
+    for question in QUESTIONS:
+        if question.of and question.of not in asked and question.name not in answers:
+            continue
+        stands = _get(mapping, question.name)
+        if stands is not None and answers.get(question.name) not in (None, "", []):
+            _put(mapping, question.name, value := _answer(question, asking))
+            if value != stands:
+                changed.add(question.name)
+                console.print(f"{question.name}: {value}, instead of the {stands} of {start}")
+        elif stands is None and question.when(mapping):
+            if not told and not asking.answered(question.name):
+                asking.say("numbers may have a unit: 100mm, 0.15 mm, 400mA; a lone ? explains the question")
+                told = True
+            answer = _answer(question, asking)
+            if answer is not None:
+                _put(mapping, question.name, answer)
+                asked.add(question.name)
+    return asked | changed
+
+
 def _answers(args: argparse.Namespace) -> dict[str, Any]:
     """What was answered before anything is asked, in a file and in words."""
     answers = read_answers(args.answers)
@@ -325,8 +342,6 @@ def _answers(args: argparse.Namespace) -> dict[str, Any]:
         if not equals or "." not in name:
             raise ConfigError(f"--set {word}: SECTION.PARAMETER=VALUE is wanted, as wire.length=0.1")
         answers[name] = text
-    if "wire.length" in answers:  # who says the size says the form too
-        answers.setdefault("wire.form", "wire")
     return answers
 
 

@@ -252,6 +252,16 @@ def test_limits_and_gains_that_were_derived_drive_the_wire(tmp_path):
         assert abs(away_m) < 0.03 * rig.config.wire.full_stroke_m
 
 
+def test_what_is_said_overrules_the_file_that_it_starts_from(tmp_path, capsys):
+    out, elsewhere = tmp_path / "wire.yaml", "TCPIP::192.168.0.9::5025::SOCKET"
+    words = ["init", "--start", str(shared_file("config/flexinol.yaml")), "--set", "thermal.ambient_temperature=24"]
+    assert main([*words, "--set", f"instruments.supply.resource={elsewhere}", "--out", str(out)]) == 0
+    before, after = read_parameter_file(shared_file("config/flexinol.yaml")), read_parameter_file(out)
+    assert after["instruments"]["supply"]["resource"] == elsewhere
+    assert after["instruments"]["daq"] == before["instruments"]["daq"], "nothing else is asked anew"
+    assert f"{elsewhere}, instead of the TCPIP::127.0.0.1::5025::SOCKET of" in " ".join(capsys.readouterr().err.split())
+
+
 @pytest.mark.parametrize(
     "name", [f"{wire}{kind}" for wire in ("flexinol", "furukawa") for kind in ("", "_bench", "_normalised")]
 )
