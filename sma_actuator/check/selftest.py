@@ -16,7 +16,7 @@ import numpy as np
 
 from sma_actuator.base.balance import holding_A
 from sma_actuator.base.calibration import through
-from sma_actuator.base.signals import Reading
+from sma_actuator.base.signals import Reading, SupplyState
 from sma_actuator.config import BenchConfig, Config
 from sma_actuator.derived import not_survived
 from sma_actuator.estimation.circuit import signals_from_reading
@@ -139,9 +139,23 @@ class SelfTest:
 
     def _look_up(self) -> None:
         if self._feeding:
-            self._supply.read_back()  # every word feeds the watchdog
+            self._flows()
         if self._aborted.is_set() or self._interrupted():
             self._end("abort", "ended before its time: asked to")
+
+    def _flows(self) -> SupplyState:
+        """What the supply reads back while current flows, which feeds its watchdog."""
+        state = self._supply.read_back()
+        if "WDOG" in state.tripped:
+            self._end(
+                "watchdog",
+                "the supply's watchdog cut meanwhile: this computer stood still for longer than "
+                f"supply.watchdog_timeout, {self._config.supply.watchdog_timeout:g} s; look again "
+                "when it has less to do",
+            )
+        if state.tripped:
+            self._end("bias", f"the supply's protection tripped at the bias current ({state.tripped})")
+        return state
 
     def _blocks(self) -> Iterator[Reading]:
         """Readings at the loop's rate."""
@@ -273,7 +287,7 @@ class SelfTest:
 
     def _load(self, values: dict[str, np.ndarray]) -> None:
         cell, wire = self._config.load_cell, self._config.wire
-        self._load_N = math.nan
+        self._load_N = self._cold_Ohm = math.nan
         if not cell.calibrated:
             self._say(
                 "load cell", "not told: it has no calibration yet; `sma-actuator characterise` makes it", Level.WARNING
@@ -302,6 +316,10 @@ class SelfTest:
         else:
             self._say("load cell", f"the load is {load_N:.3g} N and pulls")
         self._load_N = load_N
+        # While nothing flows: a first curve is slow, and meanwhile nobody would feed the watchdog.
+        rest = self._config.calibration.rest
+        if rest.cold_resistance:
+            self._cold_Ohm = float(through(rest.cold_stress, rest.cold_resistance, load_N / wire.area_m2))
 
     def _displacement(self) -> None:
         """Is it measured, where a model is still to be made?"""
@@ -319,10 +337,8 @@ class SelfTest:
         self._feeding = True
         self._supply.set_output(True)
         self._wait(SETTLING_s)
-        values, state = self._read(), self._supply.read_back()
+        values, state = self._read(), self._flows()
         self._step()
-        if state.tripped:
-            self._end("bias", f"the supply's protection tripped at the bias current ({state.tripped})")
         for name in ("supply_voltage_V", "reference_voltage_V", "load_cell_voltage_V"):
             if np.ptp(values[name]) == 0.0:
                 self._end(
@@ -413,12 +429,10 @@ class SelfTest:
         return resistance_Ohm
 
     def _leads(self, resistance_Ohm: float) -> None:
-        calibration, config = self._config.calibration, self._config
-        if not (calibration.rest.cold_resistance and math.isfinite(self._load_N)):
+        config, cold_Ohm = self._config, self._cold_Ohm
+        if not math.isfinite(cold_Ohm):
             self._say("leads", "not told: no calibration says what the cold wire has", Level.WARNING)
             return
-        stress_Pa = self._load_N / config.wire.area_m2
-        cold_Ohm = float(through(calibration.rest.cold_stress, calibration.rest.cold_resistance, stress_Pa))
         more_Ohm = resistance_Ohm - cold_Ohm
         if abs(more_Ohm) <= CALIBRATION_SHARE * cold_Ohm:
             self._say("leads", f"{more_Ohm:+.3f} Ω beside the calibration at cold rest ({cold_Ohm:.4g} Ω)")
@@ -439,6 +453,7 @@ class SelfTest:
             self._supply.set_current(more_A)
             self._wait(2.0 / config.loop.rate + config.loop.samples_per_block / config.loop.sample_rate)
             reading = self._daq.read_block()
+            self._flows()
         finally:
             self._supply.set_current(config.supply.bias_current)
         signals = signals_from_reading(reading, config)
@@ -476,6 +491,7 @@ class SelfTest:
                 Level.WARNING,
             )
             return
+        self._flows()
         self._feeding = False
         silent_s = self._clock.now_s()
         bias_V = config.supply.bias_current * config.circuit.reference_resistance

@@ -24,6 +24,7 @@ class Stand:
         self.setup = Setup(wire_in_world(wire), load=Weight(load_N))
         self.faults = {}
         self.after_opening = lambda bench: None
+        self.stands_still_s = 0.0  # this computer, while current flows
         self.reads_back = InProcessSupply.reads_back
         mistake(self)
         self.bench = VirtualBench(self.setup, seed=3)
@@ -34,8 +35,10 @@ class Stand:
         genuine, self.most_A = supply.set_current, 0.0
 
         def set_current(current_A):
-            self.most_A = max(self.most_A, current_A)
             genuine(current_A)
+            if current_A > self.most_A > 0.0:  # more than the bias
+                self.bench.advance(self.bench.time_s + self.stands_still_s)
+            self.most_A = max(self.most_A, current_A)
 
         supply.set_current = set_current
         supply.reads_back = self.reads_back
@@ -118,6 +121,14 @@ def test_each_mistake_gets_its_own_sentence_and_the_output_is_off_afterwards(mis
     assert stand.test.off_confirmed
     assert not stand.bench.supply.output_on
     assert stand.bench.supply.current_A == 0.0
+
+
+def test_a_computer_that_stands_still_while_current_flows_is_no_bad_contact():
+    stand = Stand(lambda stand: setattr(stand, "stands_still_s", 1.5))
+    (sentence,) = stand.wrong
+    assert "this computer stood still for longer than supply.watchdog_timeout, 1 s" in sentence
+    assert [each.part for each in stand.found[-2:]] == ["watchdog", "output"], "nothing is concluded from no current"
+    assert stand.test.off_confirmed
 
 
 def test_a_wire_without_a_model_is_looked_at_too_before_it_is_heated(tmp_path, capsys):
