@@ -7,10 +7,12 @@ link never leads out of the folder.
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import json
 import os
 import stat
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,6 +21,11 @@ from sma_actuator.base.parameters import ConfigError
 from .files import write_atomically
 
 Files = dict[str, int]  #: name → inode, oldest first
+#: A list of the most files that there may be, of the longest names, takes half of it.
+LARGEST_B = 100_000_000
+#: Another recorder keeps the lock while it writes the list; who keeps it longer is none.
+LOCKED_s = 2.0
+_LOOK_s = 0.01  #: between two looks whether it is free
 
 
 class Manifest:
@@ -33,11 +40,11 @@ class Manifest:
     def changing(self) -> Iterator[Files]:
         """The files, to be changed: kept afterwards, and locked meanwhile against other processes.
 
-        Raises OSError where the list cannot be written, ConfigError where it is not one.
+        Raises OSError where the list cannot be written, or somebody keeps it locked; ConfigError where it is not one.
         """
         handle = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY)
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX)
+            _lock(handle)
             files = self._read()
             before = dict(files)
             yield files
@@ -51,12 +58,15 @@ class Manifest:
         if not os.path.lexists(self.path):
             return {}
         try:
-            with os.fdopen(os.open(self.path, os.O_RDONLY | os.O_NOFOLLOW), "rb") as stream:
-                data = json.load(stream)
+            # Not awaited where somebody has put a pipe in its place.
+            with os.fdopen(os.open(self.path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as stream:
+                found = os.fstat(stream.fileno())
+                text = stream.read() if stat.S_ISREG(found.st_mode) and found.st_size <= LARGEST_B else b""
+            data = json.loads(text)
             files = data["files"]
             if data["recorder"] == self._recorder and all(isinstance(inode, int) for inode in files.values()):
                 return dict(files)
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
             pass
         raise ConfigError(
             f"recorder.folder: {self.path} is not the list of the files that the recorder '{self._recorder}' wrote; "
@@ -78,3 +88,17 @@ class Manifest:
             (self._folder / name).unlink()
         files.pop(name, None)
         return own
+
+
+def _lock(handle: int) -> None:
+    """Lock an open folder against other processes.  Raises OSError where one of them does not let it go."""
+    until_s = time.monotonic() + LOCKED_s
+    while True:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            if time.monotonic() >= until_s:
+                raise OSError(errno.EWOULDBLOCK, "another process keeps it locked") from None
+            time.sleep(_LOOK_s)
+        else:
+            return

@@ -171,12 +171,15 @@ class BenchLogRecorder:
 
     def close(self, timeout_s: float = 5.0) -> None:
         """Write what is queued, complete the file and end the thread.  May be called twice."""
+        waiting = 0
         if self._thread.is_alive():
+            waiting = self.waiting_rows
             with contextlib.suppress(queue.Full):
                 self._queue.put(_STOP, timeout=timeout_s)
             self._thread.join(timeout_s)
-        if self.lost_rows:
-            _log.warning("%s: %d rows of the bench log are lost", self._name, self.lost_rows)
+        lost = self.lost_rows + (waiting if self._thread.is_alive() else 0)  # nobody waits for the disk any more
+        if lost:
+            _log.warning("%s: %d rows of the bench log are lost", self._name, lost)
 
     # --- in the recorder's thread -----------------------------------------------------------------
 

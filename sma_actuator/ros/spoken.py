@@ -61,7 +61,11 @@ class Spoken:
         """What of an output is said in words."""
         status, driver = output.status, self._wire.driver
         lost = driver.lost_instruments if driver is not None else ()
-        return (status.mode, status.fault, status.limits, output.health.state, *lost)
+        return (status.mode, status.fault, status.limits, output.health.state, self._words_of_the_log(), *lost)
+
+    def _words_of_the_log(self) -> str:
+        recorder = self._wire.recorder
+        return recorder.words if recorder is not None else ""
 
     def note(self, output: Output) -> None:
         """Keep of an output what a later one would hide, in the control thread."""
@@ -83,7 +87,7 @@ class Spoken:
                 self._health = output.health.state
                 level = WARNING if self._health is Health.DUE else INFO
                 wire.log.say(level, f"model health: {output.health.words}")
-        words = wire.recorder.words if wire.recorder is not None else ""
+        words = self._words_of_the_log()
         if words != self._log:
             self._log = words
             wire.log.say(WARNING if words else INFO, words or "the bench log is written")

@@ -2,6 +2,7 @@
 
 import dataclasses
 import errno
+import fcntl
 import fnmatch
 import json
 import math
@@ -22,8 +23,10 @@ from waiting import wait_until
 from sma_actuator.base.parameters import ConfigError
 from sma_actuator.base.signals import Branch, Command, Estimate, Mode, Output, Quality, Reading, Signals, Status
 from sma_actuator.config import Config
+from sma_actuator.logs import manifest as manifest_module
 from sma_actuator.logs import recorder as recorder_module
 from sma_actuator.logs.bench_log import read_bench_log
+from sma_actuator.logs.manifest import LARGEST_B
 from sma_actuator.logs.recorder import ESTIMATE_COLUMNS, BenchLogRecorder
 
 
@@ -286,11 +289,50 @@ def test_a_part_that_is_a_link_leads_nowhere(config, tmp_path):
     assert (folder / "left_20200101_000000_1_0001.csv.part").is_symlink()
 
 
-def test_a_file_in_the_place_of_the_list_is_refused(config, tmp_path):
+def _text(path):
+    path.write_text("{}")
+
+
+def _nested(path):
+    path.write_text("[" * 100_000)
+
+
+def _huge(path):
+    path.touch()
+    os.truncate(path, LARGEST_B + 1)
+
+
+@pytest.mark.parametrize("put", [_text, _nested, _huge, os.mkfifo, Path.mkdir], ids=lambda put: put.__name__)
+def test_what_stands_in_the_place_of_the_list_is_refused(config, tmp_path, put):
+    """A pipe was awaited, for ever; deep nesting ended in a traceback."""
     (tmp_path / "logs").mkdir()
-    (tmp_path / "logs" / ".left.manifest.json").write_text("{}")
+    put(tmp_path / "logs" / ".left.manifest.json")
     with pytest.raises(ConfigError, match=r"left.manifest.json is not the list of the files"):
         BenchLogRecorder(config(), "left")
+
+
+@pytest.fixture
+def lock(tmp_path):
+    """A handle by which somebody has locked the folder of the logs."""
+    (tmp_path / "logs").mkdir()
+    handle = os.open(tmp_path / "logs", os.O_RDONLY)
+    fcntl.flock(handle, fcntl.LOCK_EX)
+    yield handle
+    os.close(handle)
+
+
+def test_a_folder_that_somebody_keeps_locked_is_refused(config, lock, monkeypatch):
+    monkeypatch.setattr(manifest_module, "LOCKED_s", 0.05)
+    with pytest.raises(ConfigError, match=r"logs cannot be written \(another process keeps it locked\)"):
+        BenchLogRecorder(config())
+
+
+def test_a_folder_that_another_recorder_lets_go_is_waited_for(config, lock, monkeypatch):
+    monkeypatch.setattr(manifest_module.time, "sleep", lambda _: fcntl.flock(lock, fcntl.LOCK_UN))
+    recorder = BenchLogRecorder(config())
+    _record(recorder, range(3))
+    recorder.close()
+    assert recorder.lost_rows == 0 and recorder.words == ""
 
 
 # --- what somebody does to the file that is being written ------------------------------------------
@@ -479,6 +521,28 @@ def test_a_disk_that_does_not_answer_holds_nothing_up_and_is_said(config, monkey
     wait_until(lambda: not recorder.problem, what="the rest")
     recorder.close()
     assert recorder.lost_rows == 0
+
+
+def test_rows_that_wait_for_such_a_disk_at_the_end_are_counted(config, monkeypatch, caplog):
+    release = threading.Event()
+    recorder = BenchLogRecorder(config())
+    monkeypatch.setattr(BenchLogRecorder, "_write", lambda *_: release.wait(20.0))
+    _record(recorder, range(20))
+    recorder.close(timeout_s=0.05)
+    release.set()
+    assert "20 rows of the bench log are lost" in caplog.text
+    recorder.close()
+
+
+def test_the_list_replaced_by_a_pipe_ends_the_log_with_a_sentence(recorded):
+    recorder, part = recorded
+    listed = part.with_name(".sma_actuator.manifest.json")
+    listed.unlink()
+    os.mkfifo(listed)
+    part.unlink()
+    wait_until(lambda: recorder.problem, what="a word")
+    assert f"{listed} is not the list of the files" in recorder.problem
+    assert recorder.lost_rows == 167
 
 
 def test_what_the_writer_stumbles_over_does_not_end_it(config, monkeypatch):
