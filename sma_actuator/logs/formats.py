@@ -19,7 +19,17 @@ from sma_actuator.base.parameters import ConfigError
 
 from .errors import BenchLogError
 from .fields import decimal_mark, find_table, is_number, number, seconds_between, trimmed
-from .tables import CHUNK_BYTES, EVENT_COLUMN, SEARCHED_LINES, Progress, Table, holds_text, read_text, refuse_larger
+from .tables import (
+    CHUNK_BYTES,
+    EVENT_COLUMN,
+    SEARCHED_LINES,
+    Progress,
+    Table,
+    holds_text,
+    read_text,
+    refuse_larger,
+    unpacking,
+)
 
 #: What a cell of a sheet takes until it is a number of a column, a Python object and a place in a row; a row takes as
 #: much as four.
@@ -27,7 +37,6 @@ _CELL_B, _ROW_CELLS = 40, 4
 #: What a byte of a book takes that is not read row by row, but becomes objects, all of it: of its texts, whose shortest
 #: take 20 bytes, and of all else: styles of five bytes were measured to take 130 times as much.
 _TEXTS_B, _WHOLE_B = 20, 150
-_TEXTS = "xl/sharedStrings.xml"
 #: Of MATLAB's level 5: its header, the tag of an element, the type of one that is packed, and what a byte of text
 #: becomes.
 _MATLAB_HEADER_B, _MATLAB_TAG_B, _MATLAB_PACKED, _CHARACTER_B = 128, 8, 15, 4
@@ -49,7 +58,8 @@ def read_table(path: Path, progress: Progress | None = None, sheet: str = "") ->
     if not path.is_file():
         raise BenchLogError(f"{path}: cannot be read (no such file)")
     try:
-        return _excel(path, sheet) if reader is _excel else reader(path)
+        with unpacking(path):
+            return _excel(path, sheet) if reader is _excel else reader(path)
     except ModuleNotFoundError as error:
         raise ConfigError(
             f"{path}: reading {path.suffix} needs the Python package '{error.name}' (extra 'formats')"
@@ -64,10 +74,8 @@ def read_table(path: Path, progress: Progress | None = None, sheet: str = "") ->
 def _excel(path: Path, wanted: str = "") -> Table:
     import openpyxl
 
-    with zipfile.ZipFile(path) as packed:
-        takes_B = sum(_times(each.filename) * each.file_size for each in packed.infolist())
-    refuse_larger(path, takes_B)
-    book = openpyxl.load_workbook(path, read_only=True, data_only=True)
+    _look_at_excel(path)
+    book = openpyxl.load_workbook(path, read_only=True, data_only=True, keep_links=False)
     try:
         cells = 0
         sheets: dict[str, list[tuple[Any, ...]]] = {}
@@ -90,11 +98,30 @@ def _excel(path: Path, wanted: str = "") -> Table:
     return _table(path, columns, {n: u.strip("[]() ") for n, u in units.items() if u}, f"sheet '{sheet}'", first + 1)
 
 
-def _times(part: str) -> int:
-    """How many times its size a part of a book takes; pictures are not looked at."""
-    if part.startswith("xl/worksheets/"):
-        return 1
-    return _TEXTS_B if part == _TEXTS else _WHOLE_B if part.endswith((".xml", ".rels")) else 0
+def _look_at_excel(path: Path) -> None:
+    """Refuse a book whose parts take too much, each as what the book says that it is: its name is anybody's choice."""
+    from openpyxl.packaging.manifest import Manifest
+    from openpyxl.xml.constants import ARC_CONTENT_TYPES
+    from openpyxl.xml.functions import fromstring
+
+    with zipfile.ZipFile(path) as packed:
+        refuse_larger(path, _WHOLE_B * packed.getinfo(ARC_CONTENT_TYPES).file_size)
+        kinds: dict[str, set[str]] = {}
+        for said in Manifest.from_tree(fromstring(packed.read(ARC_CONTENT_TYPES))).Override:
+            if said.ContentType.endswith("xml"):
+                kinds.setdefault(said.PartName[1:], set()).add(said.ContentType)
+        parts = [(each.filename, each.file_size) for each in packed.infolist()]
+    refuse_larger(path, sum(_times(name, kinds.get(name, set())) * size_B for name, size_B in parts))
+
+
+def _times(part: str, kinds: set[str]) -> int:
+    """How many times its size a part of a book takes, of which the book says that it is XML of these kinds."""
+    from openpyxl.xml.constants import SHARED_STRINGS, WORKSHEET_TYPE
+
+    others = kinds - {WORKSHEET_TYPE}
+    if part.endswith(".rels") or others:
+        return _TEXTS_B if others == {SHARED_STRINGS} else _WHOLE_B
+    return _WHOLE_B if part.endswith(".xml") and not (kinds or part.startswith("xl/worksheets/")) else 1
 
 
 def _sheet_of(path: Path, sheets: Mapping[str, Sequence[Any]], tables: Mapping[str, Any], wanted: str) -> str:

@@ -1,7 +1,12 @@
 """Files of a few bytes that stand for gigabytes are refused before they are unpacked, whatever their format."""
 
+import contextlib
+import json
 import os
 import re
+import resource
+import shutil
+import sqlite3
 import struct
 import tracemalloc
 import zipfile
@@ -127,6 +132,37 @@ def test_styles_of_a_workbook_are_counted_as_the_objects_that_they_become(tmp_pa
         read_table(tmp_path / "a.xlsx")
 
 
+def renamed_texts(path, name):
+    """A book whose texts stand in a part of another name, as the book says."""
+    from openpyxl.xml.constants import SHARED_STRINGS
+
+    plain = path.with_name("texts.xlsx")
+    excel(plain, b"")
+    said = f'<Override PartName="/{name}" ContentType="{SHARED_STRINGS}"/></Types>'.encode()
+    with zipfile.ZipFile(plain) as old, zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as new:
+        for each in old.infolist():
+            new.writestr(each, old.read(each).replace(b"</Types>", said))
+        new.writestr(name, b"<sst>" + b"<si><t>a</t></si>" * 1_000_000 + b"</sst>")
+
+
+@pytest.mark.parametrize("name", ["xl/strings.bin", "xl/media/picture.png", "xl/worksheets/strings.xml"])
+def test_texts_of_a_workbook_are_counted_whatever_their_part_is_called(tmp_path, name):
+    """826 kB of them in a part called strings.bin were 340 MB of XML, and were read for minutes."""
+    pytest.importorskip("openpyxl")
+    renamed_texts(tmp_path / "a.xlsx", name)
+    with pytest.raises(BenchLogError, match=r"a\.xlsx: \d+ bytes that stand for 3\d\d MB"):
+        read_table(tmp_path / "a.xlsx")
+
+
+@pytest.mark.parametrize("name", ["xl/media/picture.png", "xl/vbaProject.bin"])
+def test_pictures_and_macros_of_a_workbook_are_none_of_its_log(tmp_path, name):
+    excel(tmp_path / "book.xlsx", b'<row r="2"><c r="A2"><v>1</v></c><c r="B2"><v>2</v></c></row>')
+    shutil.copy(tmp_path / "book.xlsx", tmp_path / "a.xlsx")
+    with zipfile.ZipFile(tmp_path / "a.xlsx", "a") as book:
+        book.writestr(name, os.urandom(2_000_000))
+    assert list(read_table(tmp_path / "a.xlsx").columns) == ["time_s", "resistance_Ohm"]
+
+
 #: The others have files as long as what they stand for.
 SMALL = [each for each in BOMBS if each[0] not in (tdms, wide_text)]
 
@@ -230,6 +266,67 @@ def test_a_chunk_of_a_recording_that_claims_to_be_huge_is_not_unpacked(tmp_path)
     path.write_bytes(b"\x89MCAP0\r\n" + struct.pack("<BQ", 1, 8) + bytes(8) + struct.pack("<BQ", 6, len(chunk)) + chunk)
     with pytest.raises(BenchLogError, match=r"bomb\.mcap: takes more than 1 GB"):
         log_from_bag(path, {})
+
+
+_TOPICS = """
+CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT, offered_qos_profiles TEXT);
+INSERT INTO topics VALUES (1, '/a/signals', 'sensor_msgs/msg/JointState', 'cdr', '');
+CREATE TABLE schema(schema_version INTEGER, ros_distro TEXT);
+INSERT INTO schema VALUES (3, 'jazzy');
+"""
+
+
+def recording(folder, messages, packed=""):
+    """A recording of one topic in SQLite; ``messages``: statements that make the table of its messages and fill it."""
+    pytest.importorskip("rosbags")
+    folder.mkdir()
+    with contextlib.closing(sqlite3.connect(folder / "x_0.db3")) as database:
+        database.executescript(_TOPICS + messages)
+    name = "x_0.db3.zstd" if packed == "file" else "x_0.db3"
+    topic = {"name": "/a/signals", "type": "sensor_msgs/msg/JointState", "serialization_format": "cdr"}
+    counted = [{"topic_metadata": {**topic, "offered_qos_profiles": ""}, "message_count": 1}]
+    said = {
+        "version": 5, "storage_identifier": "sqlite3", "relative_file_paths": [name], "duration": {"nanoseconds": 1},
+        "starting_time": {"nanoseconds_since_epoch": 0}, "message_count": 1, "topics_with_message_count": counted,
+        "compression_format": "zstd" if packed else "", "compression_mode": packed,
+    }  # fmt: skip
+    (folder / "metadata.yaml").write_text(json.dumps({"rosbag2_bagfile_information": said}))
+    return folder
+
+
+_MESSAGES = "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB{});"
+
+
+def test_messages_that_a_recording_computes_are_not_read(tmp_path):
+    """4 kB of them took 10 GB, and minutes."""
+    computed = _MESSAGES.format(" AS (zeroblob(900000000))") + "INSERT INTO messages VALUES (1, 1, 1);"
+    with pytest.raises(BenchLogError, match=r"x_0\.db3: column 'data' of its table 'messages' is computed"):
+        log_from_bag(recording(tmp_path / "bag", computed), {})
+
+
+@pytest.mark.parametrize("packed", ["message", "file"])
+def test_what_a_recording_does_not_say_of_its_size_is_bounded(tmp_path, monkeypatch, packed):
+    """183 kB took 7 GB of memory, or as much of the disk."""
+    pytest.importorskip("rosbags")
+    from rosbags.rosbag2.reader import zstd
+
+    limits = resource.getrlimit(resource.RLIMIT_AS), resource.getrlimit(resource.RLIMIT_FSIZE)
+    monkeypatch.setattr(tables, "UNPACKING_B", 100_000_000)
+    bomb = zstd.compress(bytes(300_000_000))
+    folder = recording(
+        tmp_path / "bag", f"{_MESSAGES.format('')} INSERT INTO messages VALUES (1, 1, 1, x'{bomb.hex()}');", packed
+    )
+    (folder / "x_0.db3.zstd").write_bytes(bomb)
+    with pytest.raises(BenchLogError, match=r"bag: takes more than 0\.1 GB where it is unpacked; cut the log"):
+        log_from_bag(folder, {})
+    assert (resource.getrlimit(resource.RLIMIT_AS), resource.getrlimit(resource.RLIMIT_FSIZE)) == limits
+
+
+def test_a_pipe_in_the_place_of_a_recording_is_not_waited_for(tmp_path):
+    pytest.importorskip("rosbags")
+    os.mkfifo(tmp_path / "a.mcap")
+    with pytest.raises(BenchLogError, match=r"a\.mcap: is no file; a recording is wanted"):
+        log_from_bag(tmp_path / "a.mcap", {})
 
 
 def test_words_in_every_row_of_a_parquet_file_are_stored_once_and_not_multiplied(tmp_path):
