@@ -46,6 +46,7 @@ class NodeParameters(Generic[Parameters]):
         flows: Callable[[], bool] = lambda: False,
     ):
         self.config = self._begun_with = config
+        self._key_values: dict[str, str] = {}
         self._on_change, self._alive, self._flows = on_change, alive, flows
         self._log = node.get_logger()
         self._declarations: dict[str, tuple[Declaration, str]] = {}
@@ -103,12 +104,13 @@ class NodeParameters(Generic[Parameters]):
             before, self.config = self.config, self.config.replace(changes)
             for name, change, _ in loosened(before, self.config):
                 self._log.warning(f"{name}: {change} guards less")
+            words = "; ".join(f"{name}: {change}" for name, change, _ in loosened(self._begun_with, self.config))
+            self._key_values = {"loosened": words} if words else {}
             self._on_change(self.config, list(changes))
 
     def key_values(self) -> dict[str, str]:
         """For the status: what guards less than when the node began, where anything does."""
-        words = "; ".join(f"{name}: {change}" for name, change, _ in loosened(self._begun_with, self.config))
-        return {"loosened": words} if words else {}
+        return self._key_values
 
 
 def _constraints(declaration: Declaration) -> str:
